@@ -1,0 +1,51 @@
+# Two commands on a fresh machine with Python >= 3.11: make study, make test. The environment is made on the way.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+# A strict editable installation links every file, so it is redone when a file comes or goes, and when pyproject.toml
+# changes; the check sum of the list of files is part of the stamp's name.
+FILES := $(shell find filippov models analysis -type f ! -path '*/__pycache__/*' | LC_ALL=C sort | cksum | cut -d' ' -f1)
+INSTALL := $(BIN)/python -m pip install --quiet --config-settings editable_mode=strict --editable
+
+.PHONY: study test lint docs wheel-test clean
+.DELETE_ON_ERROR:
+
+study: $(VENV)/.use-$(FILES)
+	$(BIN)/filippov study hunting -o results/hunting
+
+test: $(VENV)/.use-$(FILES)
+	$(BIN)/python -m pytest $(PYTEST)
+
+# mypy sees filippov.models and filippov.analysis where the installation links them (the folder on the path that the
+# .pth file names), and the rest in the checkout.
+lint: $(VENV)/.develop-$(FILES)
+	$(BIN)/ruff check .
+	$(BIN)/mypy --strict -p filippov -p filippov.models -p filippov.analysis
+
+docs: $(VENV)/.develop-$(FILES)
+	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
+
+wheel-test: $(VENV)/.develop-$(FILES)
+	$(BIN)/python tests/check_wheel.py
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info docs/_build docs/jupyter_execute .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+$(VENV)/.use-$(FILES): $(VENV)/.made pyproject.toml
+	rm -rf $(VENV)/.use-* build/__editable__.*
+	$(INSTALL) '.[plots,progress,tests]'
+	touch $@
+
+$(VENV)/.develop-$(FILES): $(VENV)/.use-$(FILES)
+	rm -f $(VENV)/.develop-*
+	rm -rf build/__editable__.*
+	$(INSTALL) '.[plots,progress,tests,lint,docs]'
+	touch $@
+
+$(VENV)/.made:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
+	  echo "'$(PYTHON)' is no Python 3.11 or later; name one: make PYTHON=python3.12 ..." >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	touch $@

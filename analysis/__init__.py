@@ -1,0 +1,1 @@
+"""Analysis of any system: sections, event maps, equilibria, stability, bifurcations."""

@@ -1,0 +1,61 @@
+"""Filippov differential inclusions: x' in { f(t, x, s; p) : s_i in Sgn(h_i(t, x; p)) }."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+# In a checkout the packages filippov.models and filippov.analysis lie beside this folder, not in it.
+_above = Path(__file__).resolve().parent.parent
+_beside = all((_above / name / "__init__.py").is_file() for name in ("models", "analysis"))
+if _beside and not (_above / "filippov" / "models").exists():
+    __path__.append(str(_above))
+
+_SYMBOLS = [
+    "Abs",
+    "Heaviside",
+    "Max",
+    "Min",
+    "Piecewise",
+    "cos",
+    "exp",
+    "log",
+    "pi",
+    "sign",
+    "sin",
+    "sqrt",
+    "states",
+    "t",
+    "tan",
+    "tanh",
+]
+
+# Public name -> module; imported when first used, so that `import filippov` costs nothing.
+_EXPORTS: dict[str, str] = {
+    **dict.fromkeys(_SYMBOLS, "filippov.symbols"),
+    **dict.fromkeys(("ModelError", "NonUniqueError", "SolveError", "UsageError"), "filippov.errors"),
+    **dict.fromkeys(("Parameter", "parameters"), "filippov.parameter"),
+    **dict.fromkeys(("Band", "Exact", "Hysteresis", "Smooth"), "filippov.comparator"),
+    "EventKind": "filippov.status",
+    "Problem": "filippov.problem",
+    "Solution": "filippov.solution",
+    "Status": "filippov.status",
+    "Surface": "filippov.surface",
+    "System": "filippov.system",
+    "solve": "filippov.solver",
+}
+
+__all__ = sorted(_EXPORTS)  # noqa: PLE0605
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _EXPORTS:
+        raise AttributeError(f"module 'filippov' has no attribute {name!r}")
+    value = getattr(importlib.import_module(_EXPORTS[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_EXPORTS})

@@ -1,0 +1,364 @@
+"""The event loop: one trajectory, mode by mode, until its end or until something needs the general path.
+
+Contract (clauses E1-E9 of docs/event-loop): the field of a segment is smooth, the mode is the memory; an
+accepted step is searched for its first event; the event is landed on by a real step; simple ones are decided in
+`resolve`, everything else returns GENERAL with the state at the event and the surfaces that are hit.
+"""
+
+from filippov._kernels.codes import (CAUSE, CHUNK_DONE, CLOCK_SIZE, COUNT_SIZE, EVENTS, EVENTS_FULL, EVENT_BUDGET, EVENT_ROOM, FIELD_CALLS, GENERAL, GRAZING, KINK, KINDS, MAX_STEP, MIN_STEP, NONE, NOTHING, NOT_FINITE, NO_SLIDING, OBSERVER, REACHED, RECORDS, RECORDS_FULL, RECORD_ROOM, REJECTED, RELATIVE, ROOT, RTOL, STEP, STEPS, STEP_BUDGET, STOPPED, STORE, SURFACE, T, TOUCH, T_END, T_START, USER_ERROR, ZENO)
+from filippov._kernels.control import (creep_off, error_norm, finite, first_step, guard_state, is_rough, mark_hits, suspicious, time_to_surface)
+from filippov._kernels.field import (clear_ranges, field, project, set_mode)
+from filippov._kernels.land import (EPS, land)
+from filippov._kernels.language import Indices, NAN, Vector, kernel, shift, shift_indices, truncate
+from filippov._kernels.layout import COLUMNS, MULTIPLIER
+from filippov._kernels.locate import (dense_output, locate)
+from filippov._kernels.model import (DEGREE_DENSE, END_IN_ERROR, I_CALLS, I_SLIDING, M, N, ORDER, P, ROLE, ROUGH, STAGES, WIDTH, W_ATTRACT, W_BEFORE, W_COEF, W_DIRECTION, W_END, W_F, W_H, W_K, W_MULT, W_RADIUS, W_START, W_TOUCH, W_XE, W_Y, extra_stages, radii, stages)
+from filippov._kernels.resolve import (resolve_exit, resolve_root)
+
+ZENO_STREAK = 6
+
+
+@kernel
+def record_event(
+    events: Vector, marks: Indices, count: Indices, t: float, x: Vector, i: int, kind: int, m: Vector, multiplier: float,
+    residual: float, w: Vector,
+) -> None:  # fmt: skip
+    """Append one event: floats (t, multiplier, |h|, x) and integers (surface, kind, mode before, mode after)."""
+    event = shift(events, count[EVENTS] * (3 + N))
+    mark = shift_indices(marks, count[EVENTS] * (2 + 2 * M))
+    event[0], event[1], event[2] = t, multiplier, residual
+    for j in range(N):
+        event[3 + j] = x[j]
+    mark[0], mark[1] = i, kind
+    for j in range(M):
+        mark[2 + j] = truncate(w[W_BEFORE + j])
+        mark[2 + M + j] = truncate(m[j])
+    count[EVENTS] += 1
+
+
+@kernel
+def zeno_remaining(zeno: Vector, t: float, floor: float) -> float:
+    """Time left to the accumulation that shrinking intervals of one surface point to, or -1 without one."""
+    interval, previous = abs(t - zeno[0]), zeno[1]
+    zeno[2] = zeno[2] + 1.0 if 0.0 < interval < 0.9999 * previous else 0.0
+    zeno[0], zeno[1] = t, interval
+    if zeno[2] < ZENO_STREAK:
+        return -1.0
+    remaining = interval * interval / (previous - interval)
+    return remaining if remaining < floor else -1.0
+
+
+@kernel
+def store_step(count: Indices, t: float, step: float, rec: Vector, rec_coef: Vector, w: Vector) -> None:
+    """Keep the dense output of the step that starts at t."""
+    n = count[RECORDS]
+    rec[3 * n], rec[3 * n + 1], rec[3 * n + 2] = t, step, float(count[EVENTS])
+    size = (DEGREE_DENSE + 1) * N
+    for a in range(size):
+        rec_coef[n * size + a] = w[W_COEF + a]
+    count[RECORDS] = n + 1
+
+
+@kernel
+def shrink_invalid(clock: Vector, m: Vector, step: float, w: Vector) -> tuple[float, int]:
+    """Step after an invalid stage: towards the nearest surface ahead if there is one, else a quarter.
+
+    The surface is returned where it is one rounding away, -1 otherwise.
+    """
+    wait, surface = time_to_surface(m, w)
+    reach = max(abs(clock[T]), 1e-3 * abs(clock[T_END] - clock[T_START]))
+    if surface >= 0 and wait <= 16.0 * EPS * reach:
+        return 0.0, surface
+    if surface >= 0 and wait < 4.0 * abs(step):
+        return min(0.5 * abs(step), 0.9 * wait), -1
+    return 0.25 * abs(step), -1
+
+
+@kernel
+def renew_state(
+    t: float, x: Vector, p: Vector, m: Vector, order: Indices, rtol: float, atol: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """Field, guards and radii at the start of a segment; a code of `advance`, REACHED where all is well."""
+    set_mode(m, iw)
+    code = field(t, x, p, m, shift(w, W_K), w, iw, ctx)
+    if code == 0:
+        code = guard_state(t, x, p, m, shift(w, W_K), shift(w, W_START), w, ctx)
+    if code == 0:
+        code = radii(t, x, p, shift(w, W_RADIUS), ctx)
+    if code != 0:
+        return NO_SLIDING if code == 2 else USER_ERROR
+    if not finite(shift(w, W_K), N) or not finite(shift(w, W_START), 2 * M):
+        return NOT_FINITE
+    for i in range(M):
+        # The driver marks sliding that repels in the direction of integration by a negative order.
+        w[W_ATTRACT + i] = -w[W_DIRECTION] if m[i] == 0.0 and order[i] < 0 else w[W_DIRECTION]
+    # Closer to 0 than the integration is accurate, a least value of a guard cannot be told from a touching.
+    for i in range(M):
+        w[W_TOUCH + i] = 0.0
+        if ROLE[i] != KINK and WIDTH[i] == 0.0:
+            w[W_TOUCH + i] = rtol * guard_scale(i, t, x, w)
+            for j in range(N):
+                w[W_TOUCH + i] += atol[j] * abs(w[W_G + i * N + j])
+    return REACHED
+
+
+@kernel
+def rough_start(
+    t: float, x: Vector, p: Vector, m: Vector, order: Indices, tiny: float, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """Creep off a surface left tangentially where its field is rough: the surface, -1 for none, -2 on failure."""
+    if ROUGH:
+        for i in range(M):
+            if order[i] >= 2 and m[i] != 0.0 and ROLE[i] != OBSERVER:
+                if is_rough(t, x, p, m, i, w, iw, ctx):
+                    return i if creep_off(t, x, p, m, tiny, w, iw, ctx) == 0 else -2
+    return -1
+
+
+@kernel
+def event_at_end(t: float, start: float, m: Vector, order: Indices, w: Vector) -> int:
+    """The surface whose guard vanishes within rounding after the end of the run, -1 if none: clause E4."""
+    for i in range(M):
+        rate = m[i] * w[W_END + 2 * i + 1]
+        if rate < 0.0 and order[i] == 0:
+            wait = -(m[i] * w[W_END + 2 * i] + WIDTH[i]) / rate
+            if wait <= 1e-12 * max(abs(t), abs(t - start)):
+                return i
+    return -1
+
+
+@kernel
+def advance(
+    clock: Vector, count: Indices, x: Vector, m: Vector, order: Indices, hit: Indices, lam: Vector, p: Vector,
+    atol: Vector, stop: Indices, zeno: Vector, rec: Vector, rec_coef: Vector, events: Vector,
+    marks: Indices, w: Vector, iw: Indices, ctx: Indices,
+) -> int:  # fmt: skip
+    """Run one trajectory from (clock[T], x, m) towards clock[T_END]; returns why it came back (see `codes`).
+
+    Everything is updated in place. `order[i]`: how often guard i vanishes at the start; `lam`: multipliers of
+    the sliding surfaces; `stop[i, kind]`: events until a terminal one; `hit`: the surfaces met where the general
+    path is needed; `w`, `iw`: scratch (see `layout`).
+    """
+    y, xe, f, last_k = shift(w, W_Y), shift(w, W_XE), shift(w, W_F), shift(w, W_K + (STAGES - 1) * N)
+    direction = 1.0 if clock[T_END] >= clock[T] else -1.0
+    w[W_DIRECTION] = direction
+    rtol = clock[RTOL]
+    steps_left = count[STEP_BUDGET]
+    renew = True
+    grow = 6.0
+    for i in range(M):
+        w[W_MULT + i * COLUMNS + MULTIPLIER] = lam[i]
+    iw[I_CALLS] = 0
+    code = REACHED
+    while True:
+        t = clock[T]
+        remaining = clock[T_END] - t
+        if remaining * direction <= 0.0:
+            break
+        if count[EVENTS] + M >= count[EVENT_ROOM]:
+            code = EVENTS_FULL
+            break
+        if count[STORE] != 0 and count[RECORDS] >= count[RECORD_ROOM]:
+            code = RECORDS_FULL
+            break
+        if steps_left <= 0:
+            code = CHUNK_DONE
+            break
+        steps_left -= 1
+        if renew:
+            code = renew_state(t, x, p, m, order, rtol, atol, w, iw, ctx)
+            if code != REACHED:
+                break
+            renew = False
+            tiny = direction * 1e-10 * min(abs(remaining), clock[STEP] if clock[STEP] > 0.0 else 1.0)
+            surface = rough_start(t, x, p, m, order, tiny, w, iw, ctx)
+            if surface == -2:
+                code = USER_ERROR
+                break
+            if surface >= 0:
+                clock[T] = t + tiny
+                clock[STEP] = abs(tiny)
+                clock[RELATIVE] = float(surface) + 1.0
+                order[surface] = 0
+                renew = True
+                continue
+        if clock[STEP] <= 0.0:
+            limit = min(abs(remaining), clock[MAX_STEP])
+            failed, length = first_step(t, x, p, m, shift(w, W_K), rtol, atol, limit, direction, w, iw, ctx)
+            if failed == 1:
+                code = USER_ERROR
+                break
+            clock[STEP] = length
+        step = direction * min(clock[STEP], clock[MAX_STEP])
+        last = abs(step) >= abs(remaining) * (1.0 - 1e-12)
+        if last:
+            step = remaining
+        elif abs(step) <= 4.0 * EPS * abs(t) or abs(step) < 1e-300:
+            code = MIN_STEP
+            break
+        clear_ranges(w, iw)
+        failed = stages(t, x, p, m, step, y, w, iw, ctx)
+        if failed == 0 and END_IN_ERROR:
+            failed = field(t + step, y, p, m, last_k, w, iw, ctx)
+        relative = truncate(clock[RELATIVE]) - 1
+        error = NAN
+        if failed == 0:
+            error = error_norm(x, y, step, rtol, atol, relative, w)
+        if error > 1.0 and error < 1e300:
+            count[REJECTED] += 1
+            clock[STEP] = abs(step) * max(0.2, 0.9 * error ** (-1.0 / float(ORDER)))
+            grow = 1.0
+            continue
+        te = clock[T_END] if last else t + step
+        if error <= 1.0:
+            if iw[I_SLIDING] > 0:
+                failed = project(te, y, p, m, shift(w, W_H), w, iw, ctx)
+            if failed == 0 and (iw[I_SLIDING] > 0 or not END_IN_ERROR):
+                failed = field(te, y, p, m, last_k, w, iw, ctx)
+            if failed == 0:
+                failed = guard_state(te, y, p, m, last_k, shift(w, W_END), w, ctx)
+        if failed == 1:
+            code = USER_ERROR
+            break
+        cause, surface, theta, slope = NOTHING, -1, 2.0, 0.0
+        length, dense_length, residual = step, step, 0.0
+        if failed != 0 or not (error <= 1.0) or not finite(last_k, N) or not finite(y, N):
+            count[REJECTED] += 1
+            length, surface = shrink_invalid(clock, m, step, w)
+            grow = 2.0
+            clock[STEP] = length
+            if surface < 0:
+                if length <= 4.0 * EPS * abs(t) or length < 1e-300:
+                    code = NO_SLIDING if failed == 2 else NOT_FINITE
+                    break
+                continue
+            # The surface is one rounding away: the motion has arrived, without a step across.
+            cause = ROOT
+            clock[STEP] = abs(step)
+            te = t
+            for j in range(N):
+                xe[j] = x[j]
+        else:
+            factor = 6.0 if error == 0.0 else min(grow, 0.9 * error ** (-1.0 / float(ORDER)))
+            proposal = abs(step) * max(0.2, factor)
+            clock[STEP] = max(clock[STEP], proposal) if last else proposal
+            grow = 6.0
+            count[STEPS] += 1
+            look = suspicious(step, m, order, w, iw)
+            if look or count[STORE] != 0:
+                failed = extra_stages(t, x, p, m, step, w, iw, ctx)
+                dense_output(x, step, w)
+            if look and failed == 0:
+                cause, surface, theta, slope = locate(t, p, m, order, step, w, iw, ctx)
+            if failed == 1 or cause == -1:
+                code = USER_ERROR
+                break
+            if cause == NOTHING and last:
+                surface = event_at_end(te, clock[T_START], m, order, w)
+                if surface >= 0:
+                    cause, theta = ROOT, 1.0
+            if cause == NOTHING:
+                if count[STORE] != 0:
+                    store_step(count, t, step, rec, rec_coef, w)
+                for j in range(N):
+                    x[j] = y[j]
+                    w[W_K + j] = last_k[j]
+                for i in range(M):
+                    w[W_START + 2 * i] = w[W_END + 2 * i]
+                    w[W_START + 2 * i + 1] = w[W_END + 2 * i + 1]
+                    if m[i] != 0.0:
+                        order[i] = 0
+                if relative >= 0 and m[relative] * w[W_END + 2 * relative + 1] <= 0.0:
+                    clock[RELATIVE] = 0.0
+                clock[T] = te
+                continue
+            failed, length, dense_length, residual = land(
+                t, x, p, m, cause, surface, step, theta, slope, xe, w, iw, ctx
+            )
+            if failed == 1:
+                code = USER_ERROR
+                break
+            te = clock[T_END] if last and theta >= 1.0 else t + length
+            if (te - clock[T_END]) * direction > 0.0:
+                te = clock[T_END]
+            if count[STORE] != 0 and te != t:
+                failed = field(t + dense_length, xe, p, m, last_k, w, iw, ctx)
+                failed = extra_stages(t, x, p, m, dense_length, w, iw, ctx)
+                dense_output(x, dense_length, w)
+                store_step(count, t, dense_length, rec, rec_coef, w)
+        # An event on `surface` at (te, xe).
+        for i in range(M):
+            w[W_BEFORE + i] = m[i]
+        failed = field(te, xe, p, m, f, w, iw, ctx)
+        if failed == 1 or guard_state(te, xe, p, m, f, shift(w, W_END), w, ctx) != 0:
+            code = USER_ERROR
+            break
+        count[SURFACE], count[CAUSE] = surface, cause
+        hits = mark_hits(te, xe, m, order, cause, surface, step, hit, w)
+        multiplier = w[W_MULT + surface * COLUMNS + MULTIPLIER] if m[surface] == 0.0 else NAN
+        kind = NONE
+        if failed == 0 and hits == 1:
+            if cause == TOUCH:
+                kind = GRAZING
+            elif cause == ROOT:
+                kind = resolve_root(te, xe, p, m, order, surface, w[W_END + 2 * surface + 1] * direction, w, iw, ctx)
+            else:
+                kind = resolve_exit(m, order, cause, surface, slope, w, iw)
+        if kind == -1:
+            code = USER_ERROR
+            break
+        clock[T] = te
+        for j in range(N):
+            x[j] = xe[j]
+        if kind == NONE:
+            code = GENERAL
+            break
+        for i in range(M):
+            if i != surface and m[i] != 0.0:
+                order[i] = 0
+        if kind == GRAZING:
+            order[surface] = 2
+        if m[surface] == 0.0:
+            multiplier = w[W_MULT + surface * COLUMNS + MULTIPLIER]
+        record_event(events, marks, count, te, x, surface, kind, m, multiplier, residual, w)
+        renew = True
+        clock[RELATIVE] = 0.0
+        if stop[surface * KINDS + kind] > 0:
+            stop[surface * KINDS + kind] -= 1
+            if stop[surface * KINDS + kind] == 0:
+                code = STOPPED
+                break
+        if ROLE[surface] != OBSERVER and kind != GRAZING:
+            floor = max(1e-9 * abs(te - clock[T_START]), 1e3 * EPS * abs(te))
+            if zeno_remaining(shift(zeno, 3 * surface), te, floor) >= 0.0:
+                code = ZENO
+                break
+    count[FIELD_CALLS] += iw[I_CALLS]
+    for i in range(M):
+        lam[i] = w[W_MULT + i * COLUMNS + MULTIPLIER]
+    return code
+
+
+@kernel
+def ensemble(
+    trajectories: int, clocks: Vector, counts: Indices, xs: Vector, ms: Vector, orders: Indices, hits: Indices,
+    lams: Vector, ps: Vector, atol: Vector, stops: Indices, zenos: Vector, events: Vector,
+    marks: Indices, codes: Indices, w: Vector, iw: Indices, ctx: Indices,
+) -> int:  # fmt: skip
+    """`advance` for many trajectories, one after the other; nothing is kept but where each ended."""
+    for q in range(trajectories):
+        count = shift_indices(counts, q * COUNT_SIZE)
+        code = EVENTS_FULL
+        while code == EVENTS_FULL:
+            code = advance(
+                shift(clocks, q * CLOCK_SIZE), count, shift(xs, q * N), shift(ms, q * M), shift_indices(orders, q * M),
+                shift_indices(hits, q * M), shift(lams, q * M), shift(ps, q * P), atol,
+                shift_indices(stops, q * M * KINDS), shift(zenos, q * M * 3), w, w, events, marks, w, iw, ctx,
+            )  # fmt: skip
+            if code == EVENTS_FULL:
+                count[EVENT_BUDGET] -= count[EVENTS]
+                count[EVENTS] = 0
+                if count[EVENT_BUDGET] <= 0:
+                    break
+        codes[q] = code
+    return 0

@@ -1,0 +1,157 @@
+"""Root isolation of polynomials of degree 8 in Bernstein form, and a small linear solve.
+
+All coefficients of one sign prove that there is no root, one change of sign proves exactly one (Lane & Riesenfeld
+1981); subdivision at the middle decides the rest, down to 2**-DEPTH of the interval.
+"""
+
+from filippov._kernels.language import Vector, kernel, shift
+from filippov._kernels.tables import BINOMIAL, DEGREE, DEPTH, NODES, NO_ROOT, RESOLUTION, SIMPLE_ROOT, TOUCHING
+
+
+@kernel
+def bernstein_value(c: Vector, degree: int, u: float, work: Vector) -> float:
+    """Value at u in [0, 1] by de Casteljau, which is stable up to both ends."""
+    for j in range(degree + 1):
+        work[j] = c[j]
+    for r in range(degree):
+        for j in range(degree - r):
+            work[j] = (1.0 - u) * work[j] + u * work[j + 1]
+    return work[0]
+
+
+@kernel
+def deflate(c: Vector, order: int) -> int:
+    """Divide out a root of the given order at 0, in place; returns the degree that is left."""
+    degree = DEGREE - order
+    for j in range(degree + 1):
+        c[j] = c[j + order] * BINOMIAL[DEGREE * NODES + j + order] / BINOMIAL[degree * NODES + j]
+    return degree
+
+
+@kernel
+def bracketed_root(c: Vector, degree: int, work: Vector) -> float:
+    """The one root of c in [0, 1], c[0] > 0 >= c[degree]: regula falsi (Illinois) with bisection beside it."""
+    lo, hi = 0.0, 1.0
+    f_lo, f_hi = c[0], c[degree]
+    if f_hi == 0.0:
+        return 1.0
+    side = 0
+    for iteration in range(80):
+        u = (lo * f_hi - hi * f_lo) / (f_hi - f_lo)
+        if not (lo < u < hi) or iteration % 8 == 7:
+            u = 0.5 * (lo + hi)
+        f = bernstein_value(c, degree, u, work)
+        if f > 0.0:
+            lo, f_lo = u, f
+            if side == 1:
+                f_hi *= 0.5
+            side = 1
+        elif f < 0.0:
+            hi, f_hi = u, f
+            if side == -1:
+                f_lo *= 0.5
+            side = -1
+        else:
+            return u
+        if hi - lo <= 1e-15:
+            break
+    return hi
+
+
+@kernel
+def halve(row: Vector, right: Vector, left: Vector, degree: int, work: Vector) -> None:
+    """de Casteljau at 1/2: both halves of a polynomial; `right` may be `row` itself."""
+    for j in range(degree + 1):
+        work[j] = row[j]
+    left[0] = work[0]
+    right[degree] = work[degree]
+    for r in range(1, degree + 1):
+        for j in range(degree - r + 1):
+            work[j] = 0.5 * (work[j] + work[j + 1])
+        left[r] = work[0]
+        right[degree - r] = work[degree - r]
+
+
+@kernel
+def first_root(
+    c: Vector, degree: int, touch: float, stack: Vector, bounds: Vector, work: Vector
+) -> tuple[int, float]:
+    """First place in [0, 1] where the polynomial c, positive at the start, stops being positive: (kind, u).
+
+    SIMPLE_ROOT where it changes sign, TOUCHING where it has a least value in [0, touch] inside without changing
+    sign at the resolution, NO_ROOT otherwise. Scratch: `stack` (DEPTH + 3) * NODES, `bounds` (DEPTH + 3) * 2.
+    """
+    for j in range(degree + 1):
+        stack[j] = c[j]
+    bounds[0], bounds[1] = 0.0, 1.0
+    top = 1
+    falling = False
+    while top > 0:
+        top -= 1
+        row = shift(stack, top * NODES)
+        lo, hi = bounds[2 * top], bounds[2 * top + 1]
+        least = row[0]
+        changes = 0
+        for j in range(1, degree + 1):
+            if row[j] < least:
+                least = row[j]
+            if (row[j] > 0.0) != (row[j - 1] > 0.0):
+                changes += 1
+        if least > touch:
+            falling = False
+            continue
+        width = hi - lo
+        if row[0] <= 0.0:
+            return SIMPLE_ROOT, lo
+        if changes == 1:
+            return SIMPLE_ROOT, lo + width * bracketed_root(row, degree, work)
+        if least > 0.0 and width <= RESOLUTION:
+            # No root here; a least value inside the piece, or on the seam to the one before, is a touching.
+            falls, rises = row[1] < row[0], row[degree] > row[degree - 1]
+            if (falls or falling) and rises:
+                return TOUCHING, (0.5 * (lo + hi) if falls else lo)
+            falling = falls and row[degree] <= touch
+            continue
+        if top + 2 > DEPTH:
+            return TOUCHING, 0.5 * (lo + hi)
+        middle = 0.5 * (lo + hi)
+        halve(row, row, shift(stack, (top + 1) * NODES), degree, work)
+        bounds[2 * top], bounds[2 * top + 1] = middle, hi
+        bounds[2 * top + 2], bounds[2 * top + 3] = lo, middle
+        top += 2
+    return NO_ROOT, 2.0
+
+
+@kernel
+def solve_linear(a: Vector, b: Vector, n: int, stride: int) -> bool:
+    """Solve a y = b in place by elimination with row pivoting; False where a is singular."""
+    for k in range(n):
+        pivot, best = k, abs(a[k * stride + k])
+        for i in range(k + 1, n):
+            if abs(a[i * stride + k]) > best:
+                pivot, best = i, abs(a[i * stride + k])
+        size = 0.0
+        for j in range(k, n):
+            size = max(size, abs(a[pivot * stride + j]))
+        if not (best > 1e-14 * size):
+            return False
+        if pivot != k:
+            for j in range(n):
+                held = a[k * stride + j]
+                a[k * stride + j] = a[pivot * stride + j]
+                a[pivot * stride + j] = held
+            held = b[k]
+            b[k] = b[pivot]
+            b[pivot] = held
+        for i in range(k + 1, n):
+            factor = a[i * stride + k] / a[k * stride + k]
+            if factor != 0.0:
+                for j in range(k + 1, n):
+                    a[i * stride + j] -= factor * a[k * stride + j]
+                b[i] -= factor * b[k]
+    for k in range(n - 1, -1, -1):
+        total = b[k]
+        for j in range(k + 1, n):
+            total -= a[k * stride + j] * b[j]
+        b[k] = total / a[k * stride + k]
+    return True

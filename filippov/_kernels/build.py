@@ -1,0 +1,151 @@
+"""Compile a system's unit and keep its object code in a per-user cache folder.
+
+A unit is one LLVM module: the source of one system, the method's stages, and the kernel files. Its file is named by
+a digest of all of these sources, of the versions of llvmlite and Python and of the processor, so that no stale
+code can be found; it carries its own checksum, so that a truncated one is compiled anew.
+"""
+
+import ast
+import ctypes
+import hashlib
+import os
+import platform
+import tempfile
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from filippov._kernels import codes, layout, tables
+from filippov._kernels.compiler import Constant, Unit, add_kernels, compile_unit, load_object
+from filippov._kernels.layout import Layout
+from filippov._kernels.method import method_constants, method_source
+from filippov._kernels.tableaus import TABLEAUS
+
+_FOLDER = Path(__file__).parent
+_FILES = ("elementary", "bernstein", "field", "land", "locate", "control", "resolve", "advance", "probe")
+EXPORTED = {"advance": 18, "ensemble": 18, "probe": 10, "rhs": 7, "guards": 6, "gradients": 7, "radii": 5}
+_MAGIC = b"filippov unit 1\n"
+_lock = threading.Lock()
+_loaded: dict[str, "Compiled"] = {}
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """Machine code of one system with one method: entry points to call with addresses, and the scratch they need."""
+
+    functions: Mapping[str, Any]
+    layout: Layout
+    engine: object
+
+
+def cache_folder() -> Path:
+    """Where compiled units are kept: $FILIPPOV_CACHE, else `filippov` in the user's cache folder."""
+    named = os.environ.get("FILIPPOV_CACHE")
+    if named:
+        return Path(named)
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "filippov"
+
+
+@cache
+def _toolchain() -> bytes:
+    """All that a unit depends on besides the system."""
+    parts = [path.read_bytes() for path in sorted(_FOLDER.glob("*.py"))]
+    parts += [version("llvmlite").encode(), platform.machine().encode()]
+    from llvmlite import binding
+
+    parts += [binding.get_host_cpu_name().encode(), binding.get_host_cpu_features().flatten().encode()]
+    return b"\0".join(hashlib.sha256(part).digest() for part in parts)
+
+
+@cache
+def _shared() -> tuple[dict[str, Constant], tuple[str, ...]]:
+    """Constants and texts that are the same in every unit."""
+    constants: dict[str, Constant] = {"NAN": float("nan"), "INF": float("inf")}
+    for module in (codes, tables, layout):
+        for name, value in vars(module).items():
+            if name.isupper() and isinstance(value, int | float | list):
+                constants[name] = value
+    texts = []
+    for name in _FILES:
+        text = (_FOLDER / f"{name}.py").read_text(encoding="utf-8")
+        texts.append(text)
+        for node in ast.parse(text).body:
+            if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant | ast.Tuple):
+                names = node.targets[0].elts if isinstance(node.targets[0], ast.Tuple) else node.targets
+                values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value]
+                for target, value in zip(names, values, strict=True):
+                    if isinstance(target, ast.Name) and isinstance(value, ast.Constant):
+                        constants[target.id] = value.value  # type: ignore[assignment]
+    return constants, tuple(texts)
+
+
+def _compile(source: str, constants: Mapping[str, Constant], method: str, place: Layout) -> bytes:
+    tableau = TABLEAUS[method]
+    shared, texts = _shared()
+    unit = Unit()
+    unit.constants.update(shared)
+    unit.constants.update(place.constants)
+    unit.constants.update(method_constants(tableau))
+    for text in (source, method_source(tableau), *texts):
+        add_kernels(unit, text)
+    return compile_unit(unit, constants, tuple(EXPORTED))
+
+
+def _read(path: Path) -> bytes | None:
+    """Object code from the cache, None where it is missing or damaged."""
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return None
+    head = len(_MAGIC) + 32
+    code = data[head:]
+    if data[: len(_MAGIC)] != _MAGIC or hashlib.sha256(code).digest() != data[len(_MAGIC) : head]:
+        return None
+    return code
+
+
+def _write(path: Path, code: bytes) -> None:
+    """Whole or not at all; a cache that cannot be written is only slower."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(_MAGIC + hashlib.sha256(code).digest() + code)
+        os.replace(temporary, path)
+    except OSError:
+        return
+
+
+def build(source: str, constants: Mapping[str, Constant], method: str) -> Compiled:
+    """The compiled unit of a system: its kernel source, its constants (N, M, ROLE ...) and a method's name."""
+    n, m = int(constants["N"]), int(constants["M"])  # type: ignore[arg-type]
+    place = layout.layout(n, m, bool(constants["AFFINE"]), TABLEAUS[method])
+    text = repr((source, sorted(constants.items()), method)).encode()
+    name = hashlib.sha256(_toolchain() + text).hexdigest()[:32]
+    with _lock:
+        if name in _loaded:
+            return _loaded[name]
+        path = cache_folder() / f"{name}.unit"
+        code = _read(path)
+        if code is None:
+            code = _compile(source, constants, method, place)
+            _write(path, code)
+        engine = load_object(code)
+        functions = {}
+        for function, arguments in EXPORTED.items():
+            kinds = [ctypes.c_void_p] * arguments
+            if function == "ensemble":
+                kinds[0] = ctypes.c_int64  # type: ignore[assignment]
+            elif function != "advance":
+                kinds[0] = ctypes.c_double  # type: ignore[assignment]
+            if function == "probe":
+                kinds[1] = ctypes.c_double  # type: ignore[assignment]
+            address = engine.get_function_address(function)
+            functions[function] = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds)(address)
+        _loaded[name] = Compiled(functions, place, engine)
+        return _loaded[name]

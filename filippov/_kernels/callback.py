@@ -1,0 +1,210 @@
+"""Plain Python functions behind the compiled loop: called by address, checked, and their errors kept for the user."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov._kernels.generate import Generated, unit_constants
+from filippov.errors import ModelError
+from filippov.surface import Surface
+
+_FIELD = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *([ctypes.c_void_p] * 5))
+_GUARD = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *([ctypes.c_void_p] * 4))
+
+SOURCE = """
+@kernel
+def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
+    return call_field(ctx[0], t, x, p, s, m, out)
+
+@kernel
+def guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
+    return call_guard(ctx[1], t, x, p, m, out)
+
+@kernel
+def gradients(t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices) -> int:
+    code = call_guard(ctx[2], t, x, p, m, g)
+    for i in range(M):
+        gt[i] = g[M * N + i]
+    return code
+
+@kernel
+def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:
+    return call_guard(ctx[3], t, x, p, p, out)
+"""
+
+
+def callback_unit(n: int, parameters: int, surfaces: tuple[Surface, ...]) -> Generated:
+    """The unit of any system of this size that is given by plain functions."""
+    linear = [surface.linear for surface in surfaces]
+    return Generated(SOURCE, unit_constants(n, parameters, surfaces, linear, len(surfaces) < 2, True))
+
+
+class Callbacks:
+    """The user's functions as C addresses. An exception in one stops the loop and is kept in `error`."""
+
+    def __init__(
+        self, field: Callable[..., Any], surfaces: tuple[Surface, ...], n: int, record: Callable[[Any], Any]
+    ) -> None:
+        self.field, self.surfaces, self.n, self.record = field, surfaces, n, record
+        self.error: BaseException | None = None
+        self.values: tuple[float, ...] | None = None
+        self.p: Any = None
+        self._constant: dict[int, npt.NDArray[np.float64]] = {}
+        self._handles = [
+            _FIELD(self._rhs),
+            _GUARD(self._guarded(self._guards)),
+            _GUARD(self._guarded(self._gradients)),
+            _GUARD(self._guarded(self._radii)),
+        ]
+        addresses = [ctypes.cast(handle, ctypes.c_void_p).value or 0 for handle in self._handles]
+        self.context = np.array(addresses, dtype=np.int64)
+
+    def parameters(self, p: npt.NDArray[np.float64]) -> None:
+        """Set the record that the user's functions see."""
+        self.p = self.record(p)
+        self._constant.clear()
+
+    def _state(self, address: int) -> npt.NDArray[np.float64]:
+        x = np.empty(self.n)
+        ctypes.memmove(x.ctypes.data, address, 8 * self.n)
+        x.flags.writeable = False
+        return x
+
+    def _rhs(self, t: float, x: int, p: int, s: int, m: int, out: int) -> int:
+        try:
+            signs = np.empty(max(len(self.surfaces), 1))
+            ctypes.memmove(signs.ctypes.data, s, 8 * len(self.surfaces))
+            signs = signs[: len(self.surfaces)]
+            signs.flags.writeable = False
+            value = checked_vector(self.field(t, self._state(x), self.p, signs), self.n, signs)
+            ctypes.memmove(out, value.ctypes.data, 8 * self.n)
+        except BaseException as error:
+            self.error = named_write(error, "field")
+            return 1
+        return 0
+
+    def _guarded(self, function: Callable[[float, int], npt.NDArray[np.float64]]) -> Callable[..., int]:
+        def call(t: float, x: int, p: int, m: int, out: int) -> int:
+            try:
+                value = function(t, x)
+                ctypes.memmove(out, value.ctypes.data, 8 * value.size)
+            except BaseException as error:
+                self.error = error
+                return 1
+            return 0
+
+        return call
+
+    def _h(self, i: int, t: float, x: npt.NDArray[np.float64]) -> float:
+        surface = self.surfaces[i]
+        try:
+            return checked_number(surface.h(t, x, self.p), surface.name)
+        except ValueError as error:
+            raise named_write(error, f"surface {surface.name!r}") from None
+
+    def _guards(self, t: float, x: int) -> npt.NDArray[np.float64]:
+        state = self._state(x)
+        return np.array([self._h(i, t, state) for i in range(len(self.surfaces))])
+
+    def _gradients(self, t: float, x: int) -> npt.NDArray[np.float64]:
+        m, n = len(self.surfaces), self.n
+        out = np.zeros(m * n + m)
+        state = self._state(x)
+        for i, surface in enumerate(self.surfaces):
+            if surface.linear and i in self._constant:
+                row = self._constant[i]
+            elif surface.gradient is not None:
+                value = checked_vector(surface.gradient(t, state, self.p), n, None, f"gradient of {surface.name!r}")
+                row = np.append(value, self._slope(i, t, state, n))
+            else:
+                row = np.array([self._slope(i, t, state, j) for j in range(n + 1)])
+            if surface.linear:
+                self._constant[i] = row
+            out[i * n : (i + 1) * n] = row[:n]
+            out[m * n + i] = row[n]
+        return out
+
+    def _slope(self, i: int, t: float, x: npt.NDArray[np.float64], j: int) -> float:
+        """dh_i/dx_j (dh_i/dt for j = n): central differences of order 4, error about 1e-12 for smooth h."""
+        at = t if j == self.n else float(x[j])
+        reach = 2e-3 * max(abs(at), 1e-3 * float(np.max(np.abs(x), initial=0.0)), 1e-6 if at == 0.0 else 0.0)
+        reach = max(reach, 1e-9)
+        total = 0.0
+        for weight, place in ((8.0, 1.0), (-8.0, -1.0), (-1.0, 2.0), (1.0, -2.0)):
+            moved = at + place * reach
+            if j == self.n:
+                total += weight * self._h(i, moved, x)
+            else:
+                y = x.copy()
+                y[j] = moved
+                y.flags.writeable = False
+                total += weight * self._h(i, t, y)
+        return total / (12.0 * reach)
+
+    def _radii(self, t: float, x: int) -> npt.NDArray[np.float64]:
+        state = self._state(x)
+        ends = []
+        for surface in self.surfaces:
+            for end in surface.radius:
+                value = end(t, state, self.p) if callable(end) else end
+                ends.append(checked_number(value, surface.name))
+        return np.array(ends)
+
+
+def named_write(error: BaseException, name: str) -> BaseException:
+    """The error itself, or a clearer one where the user's function wrote into the state."""
+    if isinstance(error, ValueError) and "read-only" in str(error):
+        return ModelError(f"{name}: the function writes into its argument. Arguments are read-only; write to a copy.")
+    return error
+
+
+def checked_vector(
+    value: Any, n: int, signs: npt.NDArray[np.float64] | None, what: str = "field"
+) -> npt.NDArray[np.float64]:
+    """A float64 vector of length n, or a ModelError that says what was returned instead."""
+    mode = "" if signs is None else " in mode " + "".join("+" if s > 0 else "-" for s in signs)
+    if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == (n,):
+        return np.ascontiguousarray(value)
+    if value is None:
+        raise ModelError(f"{what}{mode} returned None, expected {n} numbers. Is a return missing?")
+    try:
+        array = np.asarray(value)
+    except (ValueError, TypeError):
+        array = np.asarray(None)
+    if array.shape != (n,):
+        raise ModelError(f"{what}{mode} returned {_shape(value, array)}, expected {n} numbers.")
+    if array.dtype.kind == "c":
+        raise ModelError(f"{what}{mode} returned complex numbers, expected {n} real ones.")
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        raise ModelError(f"{what}{mode} returned masked entries, expected {n} numbers.")
+    try:
+        return np.ascontiguousarray(array, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ModelError(f"{what}{mode} returned entries of type {array.dtype}, expected {n} numbers.") from None
+
+
+def checked_number(value: Any, name: str) -> float:
+    """A float, or a ModelError naming the surface; conditions (booleans) are refused."""
+    if isinstance(value, float):
+        return value
+    array = np.asarray(value)
+    if array.shape != ():
+        raise ModelError(
+            f"surface {name!r}: h returned shape {array.shape}, expected a float. "
+            "Return h(t, x, p)[0], or declare one Surface per component."
+        )
+    if array.dtype.kind not in "fiu":
+        raise ModelError(
+            f"surface {name!r}: h returned {value!r}, expected a real number that varies continuously. "
+            "A condition has no sign change to locate: return the difference of its two sides."
+        )
+    return float(array)
+
+
+def _shape(value: Any, array: npt.NDArray[Any]) -> str:
+    return f"shape {array.shape}" if array.dtype != object or array.shape else repr(value)[:80]

@@ -1,0 +1,31 @@
+"""Integer codes and array positions shared by the compiled loop and the Python side that drives it.
+
+The loop talks to Python through flat arrays only; these names say what stands where. The file is part of
+every compiled unit, so it holds nothing but integer constants.
+"""
+
+# Positions in `clock` (float64): what the loop reads and leaves behind about time.
+T, T_END, STEP, RTOL, MAX_STEP, T_START, RELATIVE = 0, 1, 2, 3, 4, 5, 6
+CLOCK_SIZE = 7
+
+# Positions in `count` (int64): work done, room left in the buffers, and what stopped the loop.
+FIELD_CALLS, STEPS, REJECTED, EVENTS, RECORDS, STEP_BUDGET, EVENT_BUDGET = 0, 1, 2, 3, 4, 5, 6
+SURFACE, CAUSE, STORE, EVENT_ROOM, RECORD_ROOM = 7, 8, 9, 10, 11
+COUNT_SIZE = 12
+
+# What `advance` returns.
+REACHED, RECORDS_FULL, EVENTS_FULL, CHUNK_DONE, STOPPED = 0, 1, 2, 3, 4
+GENERAL, ZENO, NOT_FINITE, MIN_STEP, USER_ERROR, NO_SLIDING = 5, 6, 7, 8, 9, 10
+
+# Roles of a surface.
+SWITCHING, KINK, OBSERVER = 0, 1, 2
+
+# Kinds of event; also the columns of `stop`, which counts down to a terminal event.
+NONE, CROSSING_UP, CROSSING_DOWN, ENTRY, EXIT_UP, EXIT_DOWN, GRAZING = 0, 1, 2, 3, 4, 5, 6
+KINDS = 7
+
+# What `locate` found: the guard itself, the upper or lower bound of a multiplier, a touching of the surface.
+NOTHING, ROOT, UPPER, LOWER, TOUCH = 0, 1, 2, 3, 4
+
+# What is kept of each step: nothing, or its dense output.
+KEEP_NOTHING, KEEP_DENSE = 0, 2

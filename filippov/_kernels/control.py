@@ -1,0 +1,215 @@
+"""Step control: error norm, first step, and the tests that say whether a step needs a closer look."""
+
+from filippov._kernels.codes import ROOT
+from filippov._kernels.field import field
+from filippov._kernels.land import EPS, guard_scale
+from filippov._kernels.language import Indices, Vector, kernel, shift, sqrt
+from filippov._kernels.layout import COLUMNS, LEAST, MOST, SLOPE
+from filippov._kernels.model import ALL_LINEAR, M, N, ORDER, WIDTH, error_terms, gradients, guards, rhs
+from filippov._kernels.model import I_CALLS, I_SLIDING, W_ATTRACT, W_CREEP, W_END, W_F, W_G, W_GT, W_H, W_MULT, W_RADIUS, W_START, W_TOUCH
+from filippov._kernels.model import W_XM, W_Y
+from filippov._kernels.tables import GAUSS_A, GAUSS_B, GAUSS_C
+
+
+@kernel
+def combine(square5: float, square3: float, step: float, n: float) -> float:
+    """The norm of the error from its one or two estimates (Hairer, Norsett & Wanner 1993, II.10)."""
+    if square5 == 0.0 and square3 == 0.0:
+        return 0.0
+    if ORDER == 8:
+        return abs(step) * square5 / sqrt((square5 + 0.01 * square3) * n)
+    return abs(step) * sqrt(square5 / n)
+
+
+@kernel
+def error_norm(x: Vector, y: Vector, step: float, rtol: float, atol: Vector, relative: int, w: Vector) -> float:
+    """Root mean square of the local error over atol + rtol |x|; of the guard `relative` over rtol |h| as well."""
+    square5, square3 = 0.0, 0.0
+    guard5, guard3, rise = 0.0, 0.0, 0.0
+    for i in range(N):
+        e5, e3 = error_terms(i, w)
+        if relative >= 0:
+            guard5 += w[W_G + relative * N + i] * e5
+            guard3 += w[W_G + relative * N + i] * e3
+            rise += w[W_G + relative * N + i] * (y[i] - x[i])
+        scale = atol[i] + rtol * max(abs(x[i]), abs(y[i]))
+        square5 += (e5 / scale) ** 2
+        square3 += (e3 / scale) ** 2
+    norm = combine(square5, square3, step, float(N))
+    if relative >= 0:
+        scale = rtol * abs(rise) + 1e-300
+        norm = max(norm, combine((guard5 / scale) ** 2, (guard3 / scale) ** 2, step, 1.0))
+    return norm
+
+
+@kernel
+def first_step(
+    t: float, x: Vector, p: Vector, m: Vector, f: Vector, rtol: float, atol: Vector, limit: float, direction: float,
+    w: Vector, iw: Indices, ctx: Indices,
+) -> tuple[int, float]:  # fmt: skip
+    """A first step from two field values (Hairer, Norsett & Wanner 1993, section II.4)."""
+    y, f1 = shift(w, W_Y), shift(w, W_F)
+    d0, d1 = 0.0, 0.0
+    for i in range(N):
+        scale = atol[i] + rtol * abs(x[i])
+        d0 += (x[i] / scale) ** 2
+        d1 += (f[i] / scale) ** 2
+    d0, d1 = sqrt(d0 / float(N)), sqrt(d1 / float(N))
+    h0 = 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
+    h0 = min(h0, limit)
+    for i in range(N):
+        y[i] = x[i] + direction * h0 * f[i]
+    code = field(t + direction * h0, y, p, m, f1, w, iw, ctx)
+    if code != 0:
+        return code, h0
+    d2 = 0.0
+    for i in range(N):
+        d2 += ((f1[i] - f[i]) / (atol[i] + rtol * abs(x[i]))) ** 2
+    d2 = sqrt(d2 / float(N)) / h0
+    if not (d2 < 1e300):
+        return 0, h0 * 1e-3
+    h1 = max(1e-6, h0 * 1e-3)
+    if d1 > 1e-15 or d2 > 1e-15:
+        h1 = (0.01 / max(d1, d2)) ** (1.0 / float(ORDER))
+    return 0, min(100.0 * h0, h1, limit)
+
+
+@kernel
+def finite(x: Vector, n: int) -> bool:
+    """Whether every entry is a number."""
+    total = 0.0
+    for i in range(n):
+        total += x[i] * 0.0
+    return total == 0.0
+
+
+@kernel
+def suspicious(step: float, m: Vector, order: Indices, w: Vector, iw: Indices) -> bool:
+    """Whether a guard may vanish in the step: no if it keeps clear of 0 by more than it bends.
+
+    For linear guards the test is on the cubic through both ends of the step; it is skipped for others, which
+    are always sampled. Multipliers are judged by their range over the stages.
+    """
+    for i in range(M):
+        if m[i] == 0.0:
+            mult = shift(w, W_MULT + i * COLUMNS)
+            spread = mult[MOST] - mult[LEAST]
+            below, above = mult[LEAST] - spread, mult[MOST] + spread
+            if not (above < w[W_RADIUS + 2 * i + 1] and below > w[W_RADIUS + 2 * i]):
+                return True
+            if iw[I_SLIDING] == 1 and (w[W_ATTRACT + i] < 0.0 or not (mult[SLOPE] < 0.0)):
+                return True
+            continue
+        if not ALL_LINEAR or order[i] > 0:
+            return True
+        h0, h1 = m[i] * w[W_START + 2 * i] + WIDTH[i], m[i] * w[W_END + 2 * i] + WIDTH[i]
+        d0, d1 = m[i] * w[W_START + 2 * i + 1] * step, m[i] * w[W_END + 2 * i + 1] * step
+        bend = abs(h1 - h0 - d0) + abs(2.0 * (h1 - h0) - d0 - d1)
+        least = min(h0, h1, h0 + d0 / 3.0, h1 - d1 / 3.0)
+        if not (least > bend + w[W_TOUCH + i]):
+            return True
+    return False
+
+
+@kernel
+def guard_state(
+    t: float, x: Vector, p: Vector, m: Vector, f: Vector, state: Vector, w: Vector, ctx: Indices
+) -> int:
+    """Guards and their rates along f, in turn, into `state`."""
+    h = shift(w, W_H)
+    if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
+        return 1
+    for i in range(M):
+        total = w[W_GT + i]
+        for j in range(N):
+            total += w[W_G + i * N + j] * f[j]
+        state[2 * i], state[2 * i + 1] = h[i], total
+    return 0
+
+
+@kernel
+def is_rough(t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, iw: Indices, ctx: Indices) -> bool:
+    """Whether the field off surface i is not Lipschitz in h_i at 0 (a power below 1): clause E8."""
+    y, f0, f1 = shift(w, W_Y), shift(w, W_XM), shift(w, W_F)
+    size = 0.0
+    for j in range(N):
+        size += w[W_G + i * N + j] ** 2
+    if size == 0.0 or rhs(t, x, p, m, m, f0, ctx) != 0:
+        return False
+    iw[I_CALLS] += 3
+    near, far, noise = 0.0, 0.0, 0.0
+    for q in range(2):
+        reach = m[i] * (1e-7 if q == 0 else 1e-11) / size
+        for j in range(N):
+            y[j] = x[j] + reach * w[W_G + i * N + j]
+        if rhs(t, y, p, m, m, f1, ctx) != 0:
+            return False
+        far = near
+        near = 0.0
+        for j in range(N):
+            near = max(near, abs(w[W_G + i * N + j] * (f1[j] - f0[j])))
+            noise = max(noise, EPS * abs(w[W_G + i * N + j] * f0[j]))
+    # A Lipschitz field changes ten thousand times less over ten thousand times less.
+    return near > 2e-4 * far + 1e2 * noise
+
+
+@kernel
+def creep_off(
+    t: float, x: Vector, p: Vector, m: Vector, length: float, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """A first tiny step off a surface where the field is not Lipschitz: Picard iteration on 3 Gauss nodes.
+
+    The relative error it leaves in h decays like 1/t, so the step may be rough as long as it is tiny.
+    """
+    at, f = shift(w, W_CREEP), shift(w, W_CREEP + 3 * N)
+    for q in range(3):
+        for j in range(N):
+            at[q * N + j] = x[j]
+    for _ in range(80):
+        for q in range(3):
+            code = field(t + GAUSS_C[q] * length, shift(at, q * N), p, m, shift(f, q * N), w, iw, ctx)
+            if code != 0:
+                return code
+        for q in range(3):
+            for j in range(N):
+                total = 0.0
+                for r in range(3):
+                    total += GAUSS_A[3 * q + r] * f[r * N + j]
+                at[q * N + j] = x[j] + length * total
+    for j in range(N):
+        for r in range(3):
+            x[j] += length * GAUSS_B[r] * f[r * N + j]
+    return 0
+
+
+@kernel
+def time_to_surface(m: Vector, w: Vector) -> tuple[float, int]:
+    """Shortest time in which a guard reaches 0 at its present rate, and its surface (-1 if none approaches)."""
+    best, surface = 1e300, -1
+    for i in range(M):
+        rate = m[i] * w[W_START + 2 * i + 1]
+        if rate < 0.0:
+            wait = -(m[i] * w[W_START + 2 * i] + WIDTH[i]) / rate
+            if wait < best:
+                best, surface = max(wait, 0.0), i
+    return best, surface
+
+
+@kernel
+def mark_hits(
+    t: float, x: Vector, m: Vector, order: Indices, cause: int, i: int, step: float, hit: Indices, w: Vector
+) -> int:
+    """Mark every surface whose guard vanishes at the event within rounding of time and space; returns how many."""
+    total = 0
+    for j in range(M):
+        hit[j] = 0
+        if j == i:
+            hit[j] = cause
+        elif m[j] != 0.0 and order[j] == 0:
+            near = 8.0 * EPS * guard_scale(j, t, x, w)
+            near += abs(w[W_END + 2 * j + 1]) * 32.0 * EPS * max(abs(t), abs(step))
+            if abs(m[j] * w[W_END + 2 * j] + WIDTH[j]) <= near:
+                hit[j] = ROOT
+        if hit[j] != 0:
+            total += 1
+    return total

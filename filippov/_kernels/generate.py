@@ -1,0 +1,235 @@
+"""Kernel source of a symbolic system: field, guards, gradients and radii with common subexpressions shared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import sympy
+from sympy import Expr, Symbol
+from sympy.printing.str import StrPrinter
+
+from filippov._kernels.compiler import Constant
+from filippov.errors import ModelError
+from filippov.surface import Surface
+from filippov.symbolic import Select, SymbolicForm, convex
+from filippov.symbols import t
+
+_ROLES = {"switching": 0, "kink": 1, "observer": 2}
+_FUNCTIONS = {
+    sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan", sympy.exp: "exp", sympy.log: "log", sympy.tanh: "tanh",
+    sympy.sinh: "sinh", sympy.cosh: "cosh", sympy.asin: "asin", sympy.acos: "acos", sympy.atan: "atan",
+    sympy.asinh: "asinh", sympy.acosh: "acosh", sympy.atanh: "atanh", sympy.atan2: "atan2", sympy.Abs: "fabs",
+    sympy.floor: "floor", sympy.ceiling: "ceil", sympy.erf: "erf", sympy.sign: "sign_of",
+}  # fmt: skip
+
+
+class _Printer(StrPrinter):  # type: ignore[misc]
+    """Expressions in the kernel language, powers by the cheapest means."""
+
+    def __init__(self, names: dict[Symbol, str]) -> None:
+        super().__init__()
+        self.names = names
+
+    def _print_Symbol(self, e: Symbol) -> str:
+        return self.names.get(e, e.name)
+
+    def _print_Integer(self, e: sympy.Integer) -> str:
+        return f"{float(int(e))!r}" if abs(int(e)) < 2**53 else repr(float(e))
+
+    def _print_Rational(self, e: sympy.Rational) -> str:
+        return f"({float(int(e.p))!r} / {float(int(e.q))!r})"
+
+    def _print_Float(self, e: sympy.Float) -> str:
+        return f"({float(e)!r})"
+
+    def _print_NumberSymbol(self, e: Expr) -> str:
+        return f"({float(e)!r})"
+
+    _print_Pi = _print_Exp1 = _print_NumberSymbol
+
+    def _print_Add(self, e: Expr, order: str | None = None) -> str:
+        return "(" + " + ".join(self._print(a) for a in e.as_ordered_terms()) + ")"
+
+    def _print_Mul(self, e: Expr) -> str:
+        above, below = [], []
+        for factor in e.as_ordered_factors():
+            if factor.is_Pow and factor.exp.is_Integer and factor.exp < 0:
+                below.append(self._print(sympy.Pow(factor.base, -factor.exp)))
+            elif factor.is_Pow and factor.exp == -sympy.S.Half:
+                below.append(self._print(sympy.sqrt(factor.base)))
+            else:
+                above.append(self._print(factor))
+        text = "(" + (" * ".join(above) or "1.0") + ")"
+        return f"({text} / ({' * '.join(below)}))" if below else text
+
+    def _print_Pow(self, e: Expr) -> str:
+        base, exponent = self._print(e.base), e.exp
+        if exponent.is_Integer and 0 < abs(int(exponent)) <= 4:
+            if not e.base.is_Symbol and abs(int(exponent)) > 2:
+                return f"power({base}, {float(int(exponent))!r})"
+            product = "(" + " * ".join([base] * abs(int(exponent))) + ")"
+            return product if exponent > 0 else f"(1.0 / {product})"
+        if exponent == sympy.S.Half:
+            return f"sqrt({base})"
+        if exponent == -sympy.S.Half:
+            return f"(1.0 / sqrt({base}))"
+        if e.base == sympy.E:
+            return f"exp({self._print(exponent)})"
+        kind = "power" if exponent.is_number else "power_of"
+        return f"{kind}({base}, {self._print(exponent)})"
+
+    def _print_Select(self, e: Expr) -> str:
+        c, plus, minus = (self._print(a) for a in e.args)
+        return f"({plus} if {c} > 0.0 else {minus})"
+
+    def _print_Min(self, e: Expr) -> str:
+        return f"min({', '.join(self._print(a) for a in e.args)})"
+
+    def _print_Max(self, e: Expr) -> str:
+        return f"max({', '.join(self._print(a) for a in e.args)})"
+
+    def _print_Heaviside(self, e: Expr) -> str:
+        return f"(0.5 + 0.5 * sign_of({self._print(e.args[0])}))"
+
+    def _print_Function(self, e: Expr) -> str:
+        name = _FUNCTIONS.get(e.func)
+        if name is None:
+            raise ModelError(
+                f"the function {e.func} is not known to the compiled loop. Known: "
+                f"{', '.join(sorted(set(_FUNCTIONS.values())))}, sqrt, powers, Min, Max. Write it with these, or "
+                "give the system as plain functions."
+            )
+        return f"{name}({', '.join(self._print(a) for a in e.args)})"
+
+    def __getattr__(self, name: str) -> object:
+        if name.startswith("_print_") and any(name == f"_print_{f.__name__}" for f in _FUNCTIONS):
+            return self._print_Function
+        raise AttributeError(name)
+
+
+@dataclass(frozen=True)
+class Generated:
+    """Kernel source and constants of a system, ready for `build`."""
+
+    source: str
+    constants: dict[str, Constant]
+
+
+def _assign(printer: _Printer, results: Sequence[tuple[str, Expr]], prefix: str) -> list[str]:
+    """Statements that store the expressions, their common parts named once."""
+    names = sympy.numbered_symbols(prefix, cls=sympy.Dummy)
+    shared, reduced = sympy.cse([e for _, e in results], symbols=names)
+    lines = []
+    for number, (symbol, expression) in enumerate(shared):
+        printer.names[symbol] = f"{prefix}{number}"
+        lines.append(f"    {prefix}{number} = {printer._print(expression)}")
+    lines += [f"    {target} = {printer._print(e)}" for (target, _), e in zip(results, reduced, strict=True)]
+    return lines
+
+
+def _names(form: SymbolicForm) -> dict[Symbol, str]:
+    names: dict[Symbol, str] = {t: "t"}
+    names |= {x: f"x[{i}]" for i, x in enumerate(form.x)}
+    names |= {p: f"p[{i}]" for i, p in enumerate(form.p)}
+    names |= {s: f"s[{i}]" for i, s in enumerate(form.s)}
+    names |= {a: f"a{i}" for i, a in enumerate(form.a)}
+    return names
+
+
+def _sizes(form: SymbolicForm, printer: _Printer, used: set[Symbol], clamp: bool) -> list[str]:
+    """|h_i| of the surfaces whose size is used; 0 beyond the surface, where the field need not be defined."""
+    needed = set(used)
+    for a, h in reversed(list(zip(form.a, form.h, strict=True))):
+        if a in needed:
+            needed |= h.free_symbols & set(form.a)
+    lines = []
+    for i, (a, h) in enumerate(zip(form.a, form.h, strict=True)):
+        if a in needed:
+            product = f"m[{i}] * {printer._print(h)}"
+            lines.append(f"    a{i} = " + (f"max({product}, 0.0)" if clamp else product))
+    return lines
+
+
+def _gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[Expr]]:
+    """Total derivatives of each h by the states and by t, through the sizes of earlier surfaces."""
+    by = (*form.x, t)
+    rows: list[list[Expr]] = []
+    for i, h in enumerate(form.h):
+        row = []
+        for j, q in enumerate(by):
+            total = h.diff(q)
+            for k in range(i):
+                if h.has(form.a[k]):
+                    total += h.diff(form.a[k]) * modes[k] * rows[k][j]
+            row.append(total)
+        rows.append(row)
+    return rows
+
+
+def jointly_affine(form: SymbolicForm) -> bool:
+    """Whether the field is a constant plus a sum of terms in one sign each."""
+    free = set(form.s)
+    for f in form.field:
+        g = convex(f, free)
+        for s in form.s:
+            if g.has(s) and sympy.expand(g.diff(s)).free_symbols & free:
+                return False
+    return True
+
+
+def rough(form: SymbolicForm) -> bool:
+    """Whether the field holds a power of a size |h| that may lie below 1."""
+    for f in form.field:
+        for power in f.atoms(sympy.Pow):
+            if power.base.free_symbols & set(form.a) and not power.exp.is_Integer:
+                if not (power.exp.is_number and power.exp >= 1):
+                    return True
+    return False
+
+
+def generate(form: SymbolicForm, surfaces: tuple[Surface, ...]) -> Generated:
+    """Kernel source of a symbolic system; see `filippov._kernels.model` for the interface."""
+    n, m = len(form.x), len(form.h)
+    modes = tuple(sympy.Dummy(f"m{i}") for i in range(m))
+    printer = _Printer(_names(form) | {q: f"m[{i}]" for i, q in enumerate(modes)})
+    rows = _gradients(form, modes)
+    used: set[Symbol] = set().union(*(f.free_symbols for f in form.field)) & set(form.a)
+    lines = ["@kernel", "def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:"]
+    lines += _sizes(form, printer, used, clamp=True)
+    lines += _assign(printer, [(f"out[{i}]", f) for i, f in enumerate(form.field)], "c")
+    lines += ["    return 0", "", "@kernel"]
+    lines += ["def guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:"]
+    inside: set[Symbol] = set().union(*(h.free_symbols for h in form.h)) & set(form.a) if m else set()
+    lines += _sizes(form, printer, inside, clamp=False)
+    lines += _assign(printer, [(f"out[{i}]", h) for i, h in enumerate(form.h)], "c")
+    lines += ["    return 0", "", "@kernel"]
+    lines += ["def gradients(t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices) -> int:"]
+    slopes = {a for row in rows for e in row for a in e.free_symbols & set(form.a)}
+    lines += _sizes(form, printer, slopes, clamp=False)
+    targets = [(f"g[{i * n + j}]", rows[i][j]) for i in range(m) for j in range(n)]
+    lines += _assign(printer, targets + [(f"gt[{i}]", rows[i][n]) for i in range(m)], "c")
+    lines += ["    return 0", "", "@kernel", "def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:"]
+    ends = [(f"out[{2 * i + side}]", sympy.sympify(form.radius[i][side])) for i in range(m) for side in (0, 1)]
+    lines += _assign(printer, ends, "c")
+    lines += ["    return 0", ""]
+    varying = {t, *form.x, *form.a}
+    linear = [not any(e.free_symbols & varying for e in row) for row in rows]
+    return Generated("\n".join(lines), unit_constants(n, len(form.p), surfaces, linear, jointly_affine(form), rough(form)))
+
+
+def unit_constants(
+    n: int, parameters: int, surfaces: tuple[Surface, ...], linear: Sequence[bool], affine: bool, is_rough: bool
+) -> dict[str, Constant]:
+    """The constants of `filippov._kernels.model` that belong to the system."""
+    return {
+        "N": n,
+        "M": len(surfaces),
+        "P": parameters,
+        "AFFINE": affine,
+        "ROUGH": is_rough,
+        "ROLE": [_ROLES[surface.kind] for surface in surfaces] or [0],
+        "LINEAR": [int(flag) for flag in linear] or [1],
+        "WIDTH": [float(surface.width) for surface in surfaces] or [0.0],
+        "ALL_LINEAR": all(linear),
+    }

@@ -1,0 +1,114 @@
+"""Land on a located event: a real step of the integrator to it, then Newton steps short enough to be exact.
+
+The dense output only says where to go; the state at the event comes from the method itself, so |h| there is at
+rounding level and not at the interpolant's.
+"""
+
+from filippov._kernels.codes import ROOT, SWITCHING, UPPER
+from filippov._kernels.field import field, project
+from filippov._kernels.language import Indices, Vector, kernel, shift
+from filippov._kernels.locate import guard_rows
+from filippov._kernels.model import I_SLIDING, W_F, W_G, W_GT, W_H, W_ROW, W_XM
+from filippov._kernels.model import M, N, ROLE, WIDTH, gradients, guards, stages
+
+EPS = 2.220446049250313e-16
+
+
+@kernel
+def guard_scale(i: int, t: float, x: Vector, w: Vector) -> float:
+    """Size of the terms of h_i, from its gradient: what rounding in h_i is measured by."""
+    total = abs(w[W_GT + i] * t)
+    for j in range(N):
+        total += abs(w[W_G + i * N + j] * x[j])
+    return total
+
+
+@kernel
+def project_on(t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, ctx: Indices) -> int:
+    """Newton steps along the gradient onto one surface."""
+    h = shift(w, W_H)
+    for _ in range(2):
+        if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
+            return 1
+        size = 0.0
+        for j in range(N):
+            size += w[W_G + i * N + j] ** 2
+        if h[i] == 0.0 or size == 0.0:
+            return 0
+        for j in range(N):
+            x[j] -= h[i] * w[W_G + i * N + j] / size
+    return guards(t, x, p, m, h, ctx)
+
+
+@kernel
+def land(
+    t: float,
+    x: Vector,
+    p: Vector,
+    m: Vector,
+    cause: int,
+    i: int,
+    step: float,
+    theta: float,
+    slope: float,
+    xe: Vector,
+    w: Vector,
+    iw: Indices,
+    ctx: Indices,
+) -> tuple[int, float, float, float]:
+    """Step from (t, x) to the event on surface i near theta; its state goes to xe.
+
+    Returns (code, step taken to the event, step of its dense output, |guard| left).
+    """
+    h, f, xm, row = shift(w, W_H), shift(w, W_F), shift(w, W_XM), shift(w, W_ROW)
+    length = theta * step
+    dense_length = length
+    code = stages(t, x, p, m, length, xe, w, iw, ctx)
+    value, last = 0.0, 1e300
+    for attempt in range(12):
+        if code != 0:
+            return code, length, dense_length, value
+        te = t + length
+        if cause == ROOT:
+            if guards(te, xe, p, m, h, ctx) != 0 or gradients(te, xe, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
+                return 1, length, dense_length, value
+            value = h[i] + m[i] * WIDTH[i]
+            if abs(value) <= EPS * guard_scale(i, te, xe, w):
+                break
+            code = field(te, xe, p, m, f, w, iw, ctx)
+            change = w[W_GT + i]
+            for j in range(N):
+                change += w[W_G + i * N + j] * f[j]
+        else:
+            code = guard_rows(te, xe, p, m, row, w, iw, ctx)
+            value = row[i] if cause == UPPER else row[M + i]
+            change = slope / step
+        if code != 0 or change == 0.0 or value == 0.0:
+            break
+        delta = -value / change
+        # Newton must not leave the step by more than it can trust the slope.
+        if (length + delta) / step > 1.001:
+            delta = step - length
+        if (length + delta) / step < 0.0:
+            delta = -0.5 * length
+        if abs(delta) <= 2.0 * EPS * abs(te) or (attempt > 2 and abs(value) >= last):
+            break
+        last = abs(value)
+        if abs(delta) > 1e-5 * abs(step):
+            length += delta
+            dense_length = length
+            code = stages(t, x, p, m, length, xe, w, iw, ctx)
+            continue
+        for j in range(N):
+            xm[j] = xe[j] + 0.5 * delta * f[j]
+        code = field(te + 0.5 * delta, xm, p, m, f, w, iw, ctx)
+        for j in range(N):
+            xe[j] += delta * f[j]
+        length += delta
+    if code == 0:
+        if cause == ROOT and WIDTH[i] == 0.0 and ROLE[i] == SWITCHING:
+            code = project_on(t + length, xe, p, m, i, w, ctx)
+            value = h[i]
+        if iw[I_SLIDING] > 0 and project(t + length, xe, p, m, h, w, iw, ctx) != 0:
+            code = 1
+    return code, length, dense_length, abs(value)

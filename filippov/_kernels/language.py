@@ -1,0 +1,70 @@
+"""The small language of the kernel files: typed Python that `compiler` turns into machine code.
+
+A kernel is a function on numbers and flat arrays with every parameter annotated: `float`, `int`, `bool`,
+`Vector` (doubles) or `Indices` (64-bit integers). Allowed are assignments, `if`, `while`, `for ... in range`,
+`break`, `continue`, `return` of a number or a tuple of numbers, arithmetic, comparisons, and calls of other
+kernels and of the functions below. Matrices are flat, row by row. Run by Python itself a kernel gives the
+same numbers, only slower, which is how its parts are tested.
+"""
+
+import math
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+Vector = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+Function = TypeVar("Function", bound=Callable[..., object])
+
+NAN, INF = math.nan, math.inf
+
+
+def kernel(function: Function) -> Function:
+    """Mark a function to be compiled."""
+    return function
+
+
+def reassociate(function: Function) -> Function:
+    """Mark a kernel whose sums may be re-associated and contracted, for speed."""
+    return function
+
+
+def shift(array: Vector, offset: int) -> Vector:
+    """The array from an offset on, as a view."""
+    return array[offset:]
+
+
+def shift_indices(array: Indices, offset: int) -> Indices:
+    """The integer array from an offset on, as a view."""
+    return array[offset:]
+
+
+def truncate(value: float) -> int:
+    """The integer part."""
+    return int(value)
+
+
+def sqrt(value: float) -> float:
+    """The square root, NaN below 0."""
+    return math.sqrt(value) if value >= 0.0 else math.nan
+
+
+def power(base: float, exponent: float) -> float:
+    """base**exponent with NaN where C's pow gives NaN."""
+    try:
+        value = base**exponent
+    except (OverflowError, ZeroDivisionError):
+        return math.inf
+    return value if isinstance(value, float) else math.nan
+
+
+def call_field(address: int, t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector) -> int:
+    """Call a user's field by its address (compiled code only)."""
+    raise RuntimeError("call_field exists in compiled code only")
+
+
+def call_guard(address: int, t: float, x: Vector, p: Vector, m: Vector, out: Vector) -> int:
+    """Call a user's switching functions, gradients or radii by address (compiled code only)."""
+    raise RuntimeError("call_guard exists in compiled code only")

@@ -1,0 +1,68 @@
+"""Where everything of one trajectory's scratch stands: offsets into one array of doubles and one of integers."""
+
+from dataclasses import dataclass
+
+from filippov._kernels.tables import DEGREE, DEPTH, NODES
+from filippov._kernels.tableaus import Tableau
+
+SPLITS, CHECKS = 10, 2
+MULTIPLIER, LEAST, MOST, RATE_PLUS, RATE_MINUS, SLOPE, COLUMNS = 0, 1, 2, 3, 4, 5, 6
+MOST_ENUMERATED = 6
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Constants of a unit and the sizes of its scratch arrays."""
+
+    constants: dict[str, int]
+    doubles: int
+    integers: int
+    powers: int
+
+
+def layout(n: int, m: int, affine: bool, tableau: Tableau) -> Layout:
+    """Offsets W_... (doubles) and I_... (integers) for n states and m surfaces."""
+    vertices = m + 1 if affine else 2 ** min(m, MOST_ENUMERATED) + 1
+    side = max(m, 1)
+    powers = len(tableau.dense[0])
+    sizes = {
+        "S": m,
+        "G": m * n,
+        "GT": m,
+        "VERT": max(vertices, 2) * n,
+        "RATE": max(vertices, 2) * side,
+        "MAT": side * side,
+        "VEC": side,
+        "MULT": m * COLUMNS,
+        "K": (tableau.stages + len(tableau.extra)) * n,
+        "COEF": powers * n,
+        "Y": n,
+        "STAGE": n,
+        "XE": n,
+        "F": n,
+        "XM": n,
+        "H": m,
+        "BEFORE": m,
+        "ROW": 2 * m,
+        "START": 2 * m,
+        "END": 2 * m,
+        "RADIUS": 2 * m,
+        "TOUCH": m,
+        "ATTRACT": m,
+        "DIRECTION": 1,
+        "CREEP": 6 * n,
+        "NODE": NODES * 2 * m,
+        "CHECK": CHECKS * 2 * m,
+        "C": NODES,
+        "WORK": NODES,
+        "STACK": (DEPTH + 3) * NODES,
+        "BOUNDS": (DEPTH + 3) * 2,
+        "PIECES": (4 * SPLITS + 8) * 3,
+    }
+    constants: dict[str, int] = {"SIDE": side, "DEGREE": DEGREE, "NODES": NODES}
+    position = 0
+    for name, size in sizes.items():
+        constants[f"W_{name}"] = position
+        position += size
+    constants |= {"I_SLIDING": 0, "I_LIST": 1, "I_CALLS": m + 1}
+    return Layout(constants, position, m + 2, powers)

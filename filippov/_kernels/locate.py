@@ -1,0 +1,190 @@
+"""Root isolation: the first event of a step on the step's dense output.
+
+Guards of surfaces off which the motion runs are h_i itself; a sliding surface has two, the rates at the ends of
+its set of signs (one surface) or the distance of its multiplier from them (several). Each is written so that
+it is positive while the mode lasts; the event is where it stops being positive.
+
+Resolution. Linear guards are polynomials of the dense output and are isolated on the whole step. Others are
+sampled at 9 Chebyshev points, checked at two more, and the step is halved (at most SPLITS times) until the
+polynomial stands for the guard to 1e-7 of its size: what is narrower than 2**-SPLITS of a step is not seen.
+"""
+
+from filippov._kernels.bernstein import bernstein_value, deflate, first_root
+from filippov._kernels.codes import LOWER, NOTHING, ROOT, TOUCH, UPPER
+from filippov._kernels.field import field
+from filippov._kernels.language import Indices, Vector, kernel, shift
+from filippov._kernels.layout import CHECKS, COLUMNS, MULTIPLIER, RATE_MINUS, RATE_PLUS, SPLITS
+from filippov._kernels.model import ALL_LINEAR, DEGREE_DENSE, DENSE, EXTRA, LINEAR, M, N, STAGES, WIDTH, guards, radii
+from filippov._kernels.model import I_LIST, I_SLIDING, W_ATTRACT, W_BOUNDS, W_C, W_CHECK, W_COEF, W_F, W_H, W_K, W_MULT
+from filippov._kernels.model import W_NODE, W_PIECES, W_RADIUS, W_STACK, W_TOUCH, W_WORK, W_XM
+from filippov._kernels.tables import DEGREE, NODES, POSITION, TO_BERNSTEIN, TOUCHING
+
+CHECK_FIRST, CHECK_APART = 0.3137, 0.4218
+
+
+@kernel
+def dense_output(x: Vector, step: float, w: Vector) -> None:
+    """x(theta) = sum_j coef[j] theta**j on the step, theta in [0, 1], from the stages in the scratch."""
+    for i in range(N):
+        w[W_COEF + i] = x[i]
+    for j in range(1, DEGREE_DENSE + 1):
+        for i in range(N):
+            total = 0.0
+            for r in range(STAGES + EXTRA):
+                total += DENSE[r * (DEGREE_DENSE + 1) + j] * w[W_K + r * N + i]
+            w[W_COEF + j * N + i] = step * total
+
+
+@kernel
+def dense_value(theta: float, out: Vector, w: Vector) -> None:
+    """The dense output at theta (Horner)."""
+    for i in range(N):
+        value = w[W_COEF + DEGREE_DENSE * N + i]
+        for j in range(DEGREE_DENSE - 1, -1, -1):
+            value = value * theta + w[W_COEF + j * N + i]
+        out[i] = value
+
+
+@kernel
+def sliding_guards(out: Vector, w: Vector, iw: Indices) -> None:
+    """Rows i and M + i of out: positive while the multiplier of sliding surface i stays inside its set."""
+    for c in range(iw[I_SLIDING]):
+        i = iw[I_LIST + c]
+        lo, hi = w[W_RADIUS + 2 * i], w[W_RADIUS + 2 * i + 1]
+        mult = shift(w, W_MULT + i * COLUMNS)
+        if iw[I_SLIDING] == 1:
+            plus, minus = w[W_ATTRACT + i] * mult[RATE_PLUS], w[W_ATTRACT + i] * mult[RATE_MINUS]
+            out[i] = -0.5 * ((1.0 + hi) * plus + (1.0 - hi) * minus)
+            out[M + i] = 0.5 * ((1.0 + lo) * plus + (1.0 - lo) * minus)
+        else:
+            out[i] = hi - mult[MULTIPLIER]
+            out[M + i] = mult[MULTIPLIER] - lo
+
+
+@kernel
+def guard_rows(t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices) -> int:
+    """All guards at one point, positive while the mode lasts."""
+    h = shift(w, W_H)
+    if guards(t, x, p, m, h, ctx) != 0:
+        return 1
+    for i in range(M):
+        out[i] = m[i] * h[i] + WIDTH[i]
+        out[M + i] = 1.0
+    if iw[I_SLIDING] > 0:
+        code = field(t, x, p, m, shift(w, W_F), w, iw, ctx)
+        if code != 0:
+            return code
+        if radii(t, x, p, shift(w, W_RADIUS), ctx) != 0:
+            return 1
+        sliding_guards(out, w, iw)
+    return 0
+
+
+@kernel
+def sample(
+    t: float, step: float, lo: float, width: float, p: Vector, m: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """Guards on one piece of the step: at the Chebyshev points, and where they are to be checked."""
+    x = shift(w, W_XM)
+    for q in range(NODES):
+        theta = lo + width * POSITION[q]
+        dense_value(theta, x, w)
+        code = guard_rows(t + theta * step, x, p, m, shift(w, W_NODE + q * 2 * M), w, iw, ctx)
+        if code != 0:
+            return code
+    if not ALL_LINEAR or iw[I_SLIDING] > 0:
+        for q in range(CHECKS):
+            theta = lo + width * (CHECK_FIRST + CHECK_APART * q)
+            dense_value(theta, x, w)
+            code = guard_rows(t + theta * step, x, p, m, shift(w, W_CHECK + q * 2 * M), w, iw, ctx)
+            if code != 0:
+                return code
+    return 0
+
+
+@kernel
+def to_polynomial(row: int, judged: bool, w: Vector) -> bool:
+    """Bernstein coefficients of one guard on the sampled piece; False where they do not stand for it."""
+    c = shift(w, W_C)
+    largest = 0.0
+    for a in range(NODES):
+        total = 0.0
+        for b in range(NODES):
+            total += TO_BERNSTEIN[a * NODES + b] * w[W_NODE + b * 2 * M + row]
+        c[a] = total
+        largest = max(largest, abs(w[W_NODE + a * 2 * M + row]))
+    # The ends are samples themselves: rounding in the transform must not move them off zero.
+    c[0] = w[W_NODE + row]
+    c[DEGREE] = w[W_NODE + DEGREE * 2 * M + row]
+    if judged:
+        for q in range(CHECKS):
+            u = CHECK_FIRST + CHECK_APART * q
+            miss = bernstein_value(c, DEGREE, u, shift(w, W_WORK)) - w[W_CHECK + q * 2 * M + row]
+            if abs(miss) > 1e-7 * largest:
+                return False
+    return True
+
+
+@kernel
+def locate(
+    t: float, p: Vector, m: Vector, order: Indices, step: float, w: Vector, iw: Indices, ctx: Indices
+) -> tuple[int, int, float, float]:
+    """The first event in (0, 1] of the step: (cause, surface, theta, slope of the guard by theta).
+
+    order[i]: how often guard i vanishes at the start of the step (the root it starts from is divided out).
+    A least value of a guard below W_TOUCH is a touching. Cause -1: the user's code failed; -2: no sliding.
+    """
+    c, work, pieces = shift(w, W_C), shift(w, W_WORK), shift(w, W_PIECES)
+    pieces[0], pieces[1], pieces[2] = 0.0, 1.0, 0.0
+    waiting = 1
+    while waiting > 0:
+        waiting -= 1
+        piece = shift(pieces, 3 * waiting)
+        lo, hi, depth = piece[0], piece[1], piece[2]
+        width = hi - lo
+        code = sample(t, step, lo, width, p, m, w, iw, ctx)
+        if code != 0:
+            return -code, 0, 0.0, 0.0
+        resolved = True
+        best, surface, cause, slope = 2.0, -1, NOTHING, 0.0
+        for row in range(2 * M):
+            i = row if row < M else row - M
+            if row >= M and m[i] != 0.0:
+                continue
+            judged = depth < SPLITS and (m[i] == 0.0 or LINEAR[i] == 0)
+            if not to_polynomial(row, judged, w):
+                resolved = False
+                break
+            degree = DEGREE
+            allowed = w[W_TOUCH + i] if m[i] != 0.0 else 0.0
+            if lo == 0.0 and m[i] != 0.0 and order[i] > 0:
+                degree = deflate(c, order[i])
+                allowed = 0.0
+            least, most = c[0], c[0]
+            for a in range(1, degree + 1):
+                least = min(least, c[a])
+                most = max(most, c[a])
+            # A guard that is zero throughout says nothing: its surface is a first integral of the motion.
+            if least > allowed or (least == 0.0 and most == 0.0):
+                continue
+            kind, u = first_root(c, degree, allowed, shift(w, W_STACK), shift(w, W_BOUNDS), work)
+            if kind == 0 or u >= best:
+                continue
+            best, surface = u, i
+            if kind == TOUCHING:
+                cause = TOUCH
+            elif m[i] != 0.0:
+                cause = ROOT
+            else:
+                cause = UPPER if row < M else LOWER
+            upper, lower = min(1.0, u + 1e-4), max(0.0, u - 1e-4)
+            slope = bernstein_value(c, degree, upper, work) - bernstein_value(c, degree, lower, work)
+            slope /= (upper - lower) * width
+        if not resolved:
+            middle = 0.5 * (lo + hi)
+            piece[0], piece[1], piece[2] = middle, hi, depth + 1.0
+            piece[3], piece[4], piece[5] = lo, middle, depth + 1.0
+            waiting += 2
+        elif cause != NOTHING:
+            return cause, surface, lo + width * best, slope
+    return NOTHING, -1, 2.0, 0.0

@@ -1,0 +1,48 @@
+"""Source text of the method's part of a compiled unit: stages and error terms with the tableau written out."""
+
+from filippov._kernels.compiler import Constant
+from filippov._kernels.tableaus import Row, Tableau
+
+_SIGNATURE = "t: float, x: Vector, p: Vector, m: Vector"
+_SCRATCH = "w: Vector, iw: Indices, ctx: Indices"
+
+
+def _sum(row: Row) -> str:
+    return " + ".join(f"{value!r} * w[W_K + {stage} * N + i]" for stage, value in row.items())
+
+
+def _stage(row: Row, node: float, target: int) -> list[str]:
+    return [
+        "    for i in range(N):",
+        f"        w[W_STAGE + i] = x[i] + step * ({_sum(row)})",
+        f"    code = field(t + {node!r} * step, shift(w, W_STAGE), p, m, shift(w, W_K + {target} * N), w, iw, ctx)",
+        "    if code != 0:",
+        "        return code",
+    ]
+
+
+def method_source(tableau: Tableau) -> str:
+    """The functions `stages`, `extra_stages` and `error_terms` of the interface in `model`."""
+    lines = ["@reassociate", f"def stages({_SIGNATURE}, step: float, y: Vector, {_SCRATCH}) -> int:"]
+    for target, (row, node) in enumerate(zip(tableau.main, tableau.main_nodes, strict=False), start=1):
+        lines += _stage(row, node, target)
+    lines += ["    for i in range(N):", f"        y[i] = x[i] + step * ({_sum(tableau.main[-1])})", "    return 0"]
+    lines += ["", "", "@reassociate", f"def extra_stages({_SIGNATURE}, step: float, {_SCRATCH}) -> int:"]
+    for offset, (row, node) in enumerate(zip(tableau.extra, tableau.extra_nodes, strict=True)):
+        lines += _stage(row, node, tableau.stages + offset)
+    lines += ["    return 0", "", "", "@reassociate", "def error_terms(i: int, w: Vector) -> tuple[float, float]:"]
+    estimates = [f"({_sum(row)})" for row in tableau.errors] + ["0.0"]
+    lines += [f"    return {estimates[0]}, {estimates[1]}", "", ""]
+    return "\n".join(lines)
+
+
+def method_constants(tableau: Tableau) -> dict[str, Constant]:
+    """The constants of the interface in `model` that belong to the method."""
+    return {
+        "STAGES": tableau.stages,
+        "EXTRA": len(tableau.extra),
+        "DEGREE_DENSE": len(tableau.dense[0]) - 1,
+        "ORDER": tableau.order,
+        "END_IN_ERROR": tableau.end_in_error,
+        "DENSE": [value for row in tableau.dense for value in row],
+    }

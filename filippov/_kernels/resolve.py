@@ -1,0 +1,101 @@
+"""The simple events, decided in the loop: one surface, rates clear of zero. All else is the general path's.
+
+For a surface reached from side sigma with rates h'(+) and h'(-) of the two fields there: both carry on, cross;
+both point to it, slide; a rate within CLEAR_RATE of zero on its own scale, a second surface, or a surface met
+while sliding on another, is left to `filippov.modes`.
+"""
+
+from filippov._kernels.codes import CROSSING_DOWN, CROSSING_UP, ENTRY, EXIT_DOWN, EXIT_UP, NONE, SWITCHING, UPPER
+from filippov._kernels.language import Indices, Vector, kernel, shift
+from filippov._kernels.layout import COLUMNS, MULTIPLIER, RATE_MINUS, RATE_PLUS
+from filippov._kernels.model import I_CALLS, I_SLIDING, W_ATTRACT, W_DIRECTION, W_F, W_G, W_GT, W_MULT, W_RADIUS, W_S
+from filippov._kernels.model import M, N, ROLE, WIDTH, gradients, rhs
+
+CLEAR_RATE = 1e-6
+
+
+@kernel
+def side_rates(
+    t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, iw: Indices, ctx: Indices
+) -> tuple[int, float, float, float]:
+    """h_i' in the direction of integration under the fields at s_i = +1 and -1: (code, +, -, scale of the terms)."""
+    s, f = shift(w, W_S), shift(w, W_F)
+    before = m[i]
+    m[i] = 0.0
+    code = gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx)
+    plus, minus, scale = w[W_GT + i], w[W_GT + i], abs(w[W_GT + i])
+    for side in range(2):
+        for j in range(M):
+            s[j] = m[j]
+        s[i] = 1.0 if side == 0 else -1.0
+        code = max(code, rhs(t, x, p, s, m, f, ctx))
+        size = 0.0
+        for j in range(N):
+            term = w[W_G + i * N + j] * f[j]
+            size += abs(term)
+            if side == 0:
+                plus += term
+            else:
+                minus += term
+        scale = max(scale, size)
+    m[i] = before
+    iw[I_CALLS] += 2
+    return code, w[W_DIRECTION] * plus, w[W_DIRECTION] * minus, scale
+
+
+@kernel
+def resolve_root(
+    t: float, x: Vector, p: Vector, m: Vector, order: Indices, i: int, rate: float, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """Mode after reaching surface i alone; returns the kind of event, NONE if it is not simple, -1 on failure."""
+    sigma = m[i]
+    kind = CROSSING_DOWN if sigma * w[W_DIRECTION] > 0.0 else CROSSING_UP
+    if ROLE[i] != SWITCHING or WIDTH[i] > 0.0:
+        size = abs(w[W_GT + i])
+        for j in range(N):
+            size += abs(w[W_G + i * N + j] * w[W_F + j])
+        if not (-sigma * rate > CLEAR_RATE * size):
+            return NONE
+        m[i] = -sigma
+        order[i] = 1 if WIDTH[i] == 0.0 else 0
+        return kind
+    if iw[I_SLIDING] > 0:
+        return NONE
+    code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
+    if code != 0:
+        return -1
+    clear = CLEAR_RATE * scale
+    lo, hi = w[W_RADIUS + 2 * i], w[W_RADIUS + 2 * i + 1]
+    at_hi = 0.5 * ((1.0 + hi) * plus + (1.0 - hi) * minus)
+    at_lo = 0.5 * ((1.0 + lo) * plus + (1.0 - lo) * minus)
+    here = plus if sigma > 0.0 else minus
+    beyond = minus if sigma > 0.0 else plus
+    if not (-sigma * here > clear) or abs(at_hi) <= clear or abs(at_lo) <= clear or not (abs(beyond) > clear):
+        return NONE
+    if at_hi < 0.0 and at_lo > 0.0:
+        m[i] = 0.0
+        order[i] = 0
+        w[W_MULT + i * COLUMNS + MULTIPLIER] = -(plus + minus) / (plus - minus)
+        return ENTRY
+    if sigma * beyond < 0.0:
+        m[i] = -sigma
+        order[i] = 1
+        return kind
+    return NONE
+
+
+@kernel
+def resolve_exit(m: Vector, order: Indices, cause: int, i: int, slope: float, w: Vector, iw: Indices) -> int:
+    """Mode after the multiplier of the only sliding surface reached an end of its set; NONE if not simple."""
+    mult = shift(w, W_MULT + i * COLUMNS)
+    spread = w[W_ATTRACT + i] * (mult[RATE_MINUS] - mult[RATE_PLUS])
+    if iw[I_SLIDING] != 1 or not (spread > 0.0) or not (slope < -CLEAR_RATE * spread):
+        return NONE
+    side = 1.0 if cause == UPPER else -1.0
+    end = w[W_RADIUS + 2 * i + 1] if cause == UPPER else w[W_RADIUS + 2 * i]
+    if abs(mult[MULTIPLIER] - end) > 1e-6 * (1.0 + abs(end)):
+        return NONE
+    m[i] = side
+    # At the end of Filippov's own set the slip field starts tangent to the surface; beyond it, with a jump.
+    order[i] = 2 if abs(end - side) <= 1e-12 else 1
+    return EXIT_UP if side > 0.0 else EXIT_DOWN

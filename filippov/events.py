@@ -1,0 +1,145 @@
+"""Events of a run, and the ones at which it is to stop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import overload
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.errors import UsageError
+from filippov.names import unknown
+from filippov.status import EventKind, mode_text
+
+Mode = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Event:
+    """One event on one surface.
+
+    t           time
+    surface     name of the surface; index: its number
+    kind        EventKind
+    before      mode before it in the direction of integration, after: the mode then taken
+    x           state at the event (after it: x_after, which differs at a reset only)
+    multiplier  value of the surface's sign in sliding, where the motion slides before or after; else NaN
+    residual    |h| at the event (for an exit: the guard of the multiplier)
+    group       events with the same number happen at the same instant and are one set
+    note        what is special: two-fold, ambiguous corner, repelling sliding, ...
+    sense       +1 in a run forwards in time, -1 backwards
+    """
+
+    t: float
+    surface: str
+    index: int
+    kind: EventKind
+    before: Mode
+    after: Mode
+    x: npt.NDArray[np.float64]
+    multiplier: float
+    residual: float
+    group: int
+    note: str = ""
+    x_after: npt.NDArray[np.float64] | None = None
+    sense: int = 1
+
+    @property
+    def direction(self) -> int:
+        """+1 where the surface is left or crossed towards h > 0 in true time, -1 towards h < 0, else 0."""
+        if self.kind is EventKind.CROSSING:
+            return self.after[self.index] * self.sense
+        return self.after[self.index] if self.kind is EventKind.EXIT else 0
+
+    def __str__(self) -> str:
+        arrow = f"{mode_text(self.before)} -> {mode_text(self.after)}"
+        note = f" ({self.note})" if self.note else ""
+        return f"t = {self.t:.12g}  {self.kind} on '{self.surface}'  {arrow}{note}"
+
+
+class Events(Sequence[Event]):
+    """The events of a run in the order of integration."""
+
+    def __init__(self, items: Sequence[Event] = ()) -> None:
+        self._items = list(items)
+
+    @overload
+    def __getitem__(self, item: int) -> Event: ...
+    @overload
+    def __getitem__(self, item: slice) -> Events: ...
+    def __getitem__(self, item: int | slice) -> Event | Events:
+        return Events(self._items[item]) if isinstance(item, slice) else self._items[item]
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __iter__(self) -> Iterator[Event]:
+        return iter(self._items)
+
+    def __repr__(self) -> str:
+        return "\n".join(str(event) for event in self._items) or "no events"
+
+    @property
+    def t(self) -> npt.NDArray[np.float64]:
+        """Times of the events."""
+        return np.array([event.t for event in self._items])
+
+    @property
+    def x(self) -> npt.NDArray[np.float64]:
+        """States at the events, one row an event."""
+        return np.array([event.x for event in self._items])
+
+    def of(self, surface: str | None = None, kind: EventKind | str | None = None, direction: int = 0) -> Events:
+        """The events on one surface, of one kind, in one direction (0: either)."""
+        wanted = None if kind is None else EventKind(kind)
+        return Events(
+            [
+                event
+                for event in self._items
+                if (surface is None or event.surface == surface)
+                and (wanted is None or event.kind is wanted)
+                and (direction == 0 or event.direction == direction)
+            ]
+        )
+
+
+_COLUMNS = {
+    "crossing": (1, 2),
+    "crossing up": (1,),
+    "crossing down": (2,),
+    "sliding entry": (3,),
+    "sliding exit": (4, 5),
+    "sliding exit up": (4,),
+    "sliding exit down": (5,),
+    "grazing": (6,),
+}
+STOP_KINDS = tuple(_COLUMNS)
+
+
+@dataclass(frozen=True)
+class Stop:
+    """End the run at the count-th event of a kind on a surface.
+
+    kind    "crossing", "crossing up", "crossing down", "sliding entry", "sliding exit", "sliding exit up",
+            "sliding exit down" or "grazing"; directions are in true time
+    count   1, 2, ...
+
+    Raises UsageError.
+    """
+
+    surface: str
+    kind: str = "crossing"
+    count: int = 1
+
+    def __post_init__(self) -> None:
+        if self.kind not in _COLUMNS:
+            raise UsageError(unknown("kind of event", self.kind, _COLUMNS))
+        if isinstance(self.count, bool) or not isinstance(self.count, int) or self.count < 1:
+            raise UsageError(f"Stop: count is {self.count!r}, expected 1, 2, ...")
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """The kernel's numbers for this kind."""
+        return _COLUMNS[self.kind]

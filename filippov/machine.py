@@ -1,0 +1,112 @@
+"""A system with one method as machine code, with the parameter values and user functions of one run."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov._kernels import codes
+from filippov._kernels.build import Compiled, build
+from filippov._kernels.callback import Callbacks, callback_unit
+from filippov._kernels.generate import Generated, generate
+from filippov._kernels.tables import NODES
+from filippov.errors import ModelError
+from filippov.system import System
+
+Array = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+
+@lru_cache(maxsize=256)
+def _generated(system: System) -> Generated:
+    assert system.symbolic is not None
+    return generate(system.symbolic, system.surfaces)
+
+
+class Machine:
+    """The compiled functions of a system. Each run makes its own: scratch and callbacks are not shared."""
+
+    def __init__(self, system: System, method: str, p: Array) -> None:
+        self.system = system
+        self.p = np.ascontiguousarray(p, dtype=np.float64)
+        self.n, self.m = system.dimension, len(system.surfaces)
+        self.callbacks: Callbacks | None = None
+        if system.symbolic is not None:
+            unit = _generated(system)
+            self.context = np.zeros(4, dtype=np.int64)
+        else:
+            unit = callback_unit(self.n, len(system.parameters), system.surfaces)
+            assert system.field is not None
+            self.callbacks = Callbacks(system.field, system.surfaces, self.n, system.parameters.record)
+            self.callbacks.parameters(self.p)
+            self.context = self.callbacks.context
+        self.compiled: Compiled = build(unit.source, unit.constants, method)
+        self.w = np.zeros(self.compiled.layout.doubles)
+        self.iw = np.zeros(self.compiled.layout.integers, dtype=np.int64)
+        self.roles = tuple(surface.kind for surface in system.surfaces)
+        self.widths = tuple(surface.width for surface in system.surfaces)
+        self.affine = bool(unit.constants["AFFINE"])
+        self.calls = 0
+
+    def call(self, name: str, *arguments: Any) -> int:
+        """Call a compiled function; arrays go by address, numbers as they are. Raises what the user's code raised."""
+        passed = [a.ctypes.data if isinstance(a, np.ndarray) else a for a in arguments]
+        code = int(self.compiled.functions[name](*passed))
+        self.raise_error()
+        return code
+
+    def raise_error(self) -> None:
+        """Raise what a user function raised, unchanged."""
+        if self.callbacks is not None and self.callbacks.error is not None:
+            error, self.callbacks.error = self.callbacks.error, None
+            raise error
+
+    def rhs(self, t: float, x: Array, signs: Array, mode: Array) -> Array:
+        """The vertex field at the given signs, with the sizes |h| of a mode."""
+        out = np.empty(self.n)
+        self.calls += 1
+        self.call("rhs", float(t), x, self.p, signs, mode, out, self.context)
+        return out
+
+    def guards(self, t: float, x: Array, mode: Array) -> Array:
+        """All switching functions."""
+        out = np.empty(self.m)
+        self.call("guards", float(t), x, self.p, mode, out, self.context)
+        return out
+
+    def gradients(self, t: float, x: Array, mode: Array) -> tuple[Array, Array]:
+        """dh/dx, shape (m, n), and dh/dt, shape (m,)."""
+        g, gt = np.zeros((self.m, self.n)), np.zeros(self.m)
+        spare = np.zeros(self.m * self.n + self.m)
+        self.call("gradients", float(t), x, self.p, mode, spare, gt, self.context)
+        g[:] = spare[: self.m * self.n].reshape(self.m, self.n)
+        return g, gt
+
+    def radii(self, t: float, x: Array) -> Array:
+        """The set of each sign at h = 0, shape (m, 2)."""
+        out = np.empty((self.m, 2))
+        self.call("radii", float(t), x, self.p, out, self.context)
+        if not np.all(out[:, 0] <= -1 + 1e-12) or not np.all(out[:, 1] >= 1 - 1e-12):
+            i = int(np.argmax((out[:, 0] > -1 + 1e-12) | (out[:, 1] < 1 - 1e-12)))
+            raise ModelError(
+                f"surface {self.system.surfaces[i].name!r}: its set at h = 0 is [{out[i, 0]:g}, {out[i, 1]:g}] at "
+                f"t = {t:g}, expected one that holds [-1, 1]. Check the radius with these parameters."
+            )
+        return out
+
+    def probe(self, t: float, step: float, x: Array, mode: Array, guess: Array) -> tuple[int, Array, Array, Array]:
+        """(code, field, multipliers, guards along a trial step) of a mode; guards have shape (NODES, 2, m)."""
+        out = np.zeros(self.n + NODES * 2 * self.m)
+        lam = np.array(guess, dtype=np.float64)
+        code = self.call("probe", float(t), float(step), x, mode, self.p, lam, out, self.w, self.iw, self.context)
+        return code, out[: self.n], lam, out[self.n :].reshape(NODES, 2, self.m)
+
+
+def address(array: npt.NDArray[Any]) -> int:
+    """Address of an array's data."""
+    return int(array.ctypes.data)
+
+

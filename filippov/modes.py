@@ -1,0 +1,235 @@
+"""Which modes can follow at a point on surfaces: the inclusion's own answer, for any number of surfaces (U1, U2).
+
+A candidate gives each surface met a sign, or 0 for sliding. It is consistent if the motion of that mode does what
+the mode says: leaves each surface to the side of its sign (first non-vanishing derivative of h), and holds each
+sliding surface with a multiplier inside its set (at an end of the set: one that moves inwards). All consistent
+candidates are returned; one means that the solution goes on uniquely.
+
+Sources: Filippov 1988, section 10; Dieci & Lopez 2012, section 3; di Bernardo et al. 2008, chapter 5.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from filippov._kernels.tables import NODES, POSITION
+from filippov.events import Mode
+from filippov.machine import Array, Machine
+from filippov.status import mode_text
+
+CLEAR = 1e-6
+VANISHING = 1e-9
+_MONOMIAL = np.linalg.inv(np.vander(np.array(POSITION), NODES, increasing=True))
+
+
+@dataclass(frozen=True)
+class Successor:
+    """A consistent next mode.
+
+    order        how often each guard met vanishes along the motion; -1 marks sliding that repels
+    multipliers  value of the sign of every sliding surface (0 elsewhere)
+    field        the field of the mode at the point
+    margin       least rate, on its own scale, by which the mode is consistent; 0 for a tangential one
+    """
+
+    mode: Mode
+    order: tuple[int, ...]
+    multipliers: tuple[float, ...]
+    field: tuple[float, ...]
+    margin: float
+
+    def __str__(self) -> str:
+        sliding = [f"{v:.6g}" for v, m in zip(self.multipliers, self.mode, strict=True) if m == 0]
+        return mode_text(self.mode) + (f" (multipliers {', '.join(sliding)})" if sliding else "")
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where the modes are asked for: the machine, time and state, direction of time, a trial step, the last mode."""
+
+    machine: Machine
+    t: float
+    x: Array
+    direction: float
+    step: float
+    guess: Array
+
+    def gradients(self, mode: Array) -> tuple[Array, Array]:
+        """dh/dx and dh/dt with the sizes of a mode."""
+        return self.machine.gradients(self.t, self.x, mode)
+
+
+def first_derivative(values: Array, scale: float) -> tuple[int, float]:
+    """Order and sign of the first power of theta that the guard does not lack: (0, 0.0) if it is zero throughout."""
+    largest = float(np.max(np.abs(values[1:])))
+    if not np.isfinite(largest) or largest <= 64 * np.finfo(float).eps * scale:
+        return 0, 0.0
+    powers = _MONOMIAL @ values
+    for order in range(1, NODES - 1):
+        if abs(powers[order]) > VANISHING * largest:
+            return order, float(np.sign(powers[order]))
+    return 0, 0.0
+
+
+def multiplier_guesses(point: Point, sliding: Sequence[int]) -> list[Array]:
+    """Starting points of Newton's method that find every root of the multi-affine equations in the box."""
+    m = point.machine.m
+    guesses = [np.array(point.guess)]
+    if len(sliding) == 1 or point.machine.affine:
+        return guesses
+    levels = (0.0, -0.9, 0.9) if len(sliding) <= 3 else (0.0, 0.9)
+    for values in itertools.product(levels, repeat=len(sliding)):
+        guess = np.zeros(m)
+        guess[list(sliding)] = values
+        guesses.append(guess)
+    return guesses
+
+
+def _sliding_solutions(point: Point, mode: Array, sliding: Sequence[int]) -> list[tuple[Array, Array]]:
+    """All (multipliers, field) of a mode with sliding surfaces."""
+    found: list[tuple[Array, Array]] = []
+    for guess in multiplier_guesses(point, sliding):
+        code, field, lam, _ = point.machine.probe(point.t, 0.0, point.x, mode, guess)
+        if code != 0 or not np.all(np.isfinite(lam)) or not np.all(np.isfinite(field)):
+            continue
+        if all(np.max(np.abs(lam - known)[list(sliding)]) > 1e-8 for known, _ in found):
+            found.append((lam, field.copy()))
+    return found
+
+
+def _inside(point: Point, mode: Array, lam: Array, radii: Array, sliding: Sequence[int]) -> bool | None:
+    """Whether every multiplier is in its set; None where one stands at an end and its motion must decide."""
+    undecided = False
+    for i in sliding:
+        low, high = radii[i]
+        near = 1e-7 * (1.0 + high - low)
+        if not low - near <= lam[i] <= high + near:
+            return False
+        if lam[i] < low + near or lam[i] > high - near:
+            undecided = True
+    return None if undecided else True
+
+
+def _moves_inwards(point: Point, mode: Array, lam: Array, radii: Array, sliding: Sequence[int]) -> bool:
+    """Follow a trial step of the sliding mode: multipliers at an end of their set must not leave it."""
+    code, _, _, rows = point.machine.probe(point.t, point.step, point.x, mode, lam)
+    if code != 0:
+        return False
+    for i in sliding:
+        low, high = radii[i]
+        near = 1e-7 * (1.0 + high - low)
+        for side, at_end in ((0, lam[i] > high - near), (1, lam[i] < low + near)):
+            if at_end:
+                values = rows[:, side, i] - rows[0, side, i]
+                _, sign = first_derivative(values, float(np.max(np.abs(rows[:, :, i]))))
+                # Rows are written for sliding that attracts; one that repels has both of them negative.
+                if sign * _attraction(rows, i) < 0:
+                    return False
+    return True
+
+
+def _attraction(rows: Array, i: int) -> float:
+    return 1.0 if rows[-1, 0, i] + rows[-1, 1, i] >= 0 else -1.0
+
+
+def _repels(point: Point, mode: Array, i: int) -> bool:
+    """Whether sliding on surface i alone is left at the slightest push, in the direction of integration."""
+    g, gt = point.gradients(mode)
+    rates = []
+    for sign in (1.0, -1.0):
+        signs = np.where(mode == 0, sign, mode)
+        rates.append(gt[i] + g[i] @ point.machine.rhs(point.t, point.x, signs, mode))
+    return bool(point.direction * (rates[0] - rates[1]) > 0)
+
+
+def _leaves(
+    point: Point, mode: Array, lam: Array, field: Array, free: Sequence[int], tangent: Sequence[int]
+) -> tuple[dict[int, int], float] | None:
+    """Orders with which the surfaces off which the mode runs are left, None where one is not left to its side."""
+    g, gt = point.gradients(mode)
+    orders: dict[int, int] = {}
+    margin = np.inf
+    unclear = []
+    for i in free:
+        terms = np.append(g[i] * field, gt[i])
+        scale = float(np.sum(np.abs(terms)))
+        rate = float(np.sum(terms)) * mode[i] * point.direction
+        if rate < -CLEAR * scale:
+            return None
+        if rate > CLEAR * scale and i not in tangent:
+            orders[i] = 1
+            margin = min(margin, rate / scale)
+        else:
+            unclear.append(i)
+    if unclear:
+        code, _, _, rows = point.machine.probe(point.t, point.step, point.x, mode, lam)
+        if code != 0:
+            return None
+        for i in unclear:
+            size = float(np.sum(np.abs(g[i] * point.x)) + abs(gt[i] * point.t))
+            order, sign = first_derivative(rows[:, 0, i] - rows[0, 0, i], size)
+            if sign < 0:
+                return None
+            orders[i] = order
+            margin = 0.0
+    return orders, float(margin)
+
+
+def successors(point: Point, base: Mode, met: Sequence[int], tangent: Sequence[int] = ()) -> list[Successor]:
+    """All consistent next modes at a point that lies on the surfaces `met`; the others keep their sign in `base`.
+
+    tangent: surfaces known to be met tangentially, whose first derivative is rounding.
+    """
+    choices: list[tuple[int, ...]] = []
+    for i in met:
+        slides = point.machine.roles[i] == "switching" and point.machine.widths[i] == 0.0
+        choices.append((1, -1, 0) if slides else (1, -1))
+    radii = point.machine.radii(point.t, point.x)
+    found: list[Successor] = []
+    for signs in itertools.product(*choices):
+        mode = np.array(base, dtype=float)
+        mode[list(met)] = signs
+        sliding = [i for i in range(point.machine.m) if mode[i] == 0]
+        free = [i for i in met if mode[i] != 0]
+        for lam, field in _sliding_solutions(point, mode, sliding):
+            inside = _inside(point, mode, lam, radii, sliding)
+            if inside is False:
+                continue
+            left = _leaves(point, mode, lam, field, free, tangent)
+            if left is None or (inside is None and not _moves_inwards(point, mode, lam, radii, sliding)):
+                continue
+            orders, margin = left
+            order = [orders.get(i, 0) for i in range(point.machine.m)]
+            if len(sliding) == 1 and _repels(point, mode, sliding[0]):
+                order[sliding[0]] = -1
+            found.append(
+                Successor(
+                    tuple(int(v) for v in mode),
+                    tuple(order),
+                    tuple(float(v) if mode[i] == 0 else 0.0 for i, v in enumerate(lam)),
+                    tuple(float(v) for v in field),
+                    margin if inside else 0.0,
+                )
+            )
+    return _without_released_sticking(found, radii)
+
+
+def _without_released_sticking(found: list[Successor], radii: Array) -> list[Successor]:
+    """U4: where the set at h = 0 is wider than [-1, 1], sticking goes before the slip it is ambiguous with."""
+    kept = []
+    for candidate in found:
+        beaten = any(
+            other is not candidate
+            and all(
+                b == a or (b == 0 and max(-radii[i, 0], radii[i, 1]) > 1 + 1e-12)
+                for i, (a, b) in enumerate(zip(candidate.mode, other.mode, strict=True))
+            )
+            for other in found
+        )
+        if not beaten:
+            kept.append(candidate)
+    return kept

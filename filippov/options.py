@@ -1,0 +1,170 @@
+"""Options of a run, checked: every one is refused by name with what was given, what is expected and what to do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov._kernels.tableaus import TABLEAUS
+from filippov.errors import UsageError
+from filippov.events import Stop
+from filippov.names import unknown
+from filippov.system import System
+
+METHODS = ("DOP853", "DP5")
+SMALLEST_RTOL = 100 * np.finfo(float).eps
+
+
+@dataclass(frozen=True)
+class Options:
+    """Method, tolerances, budgets and policies of a run, after checking."""
+
+    method: str = "DOP853"
+    rtol: float = 1e-9
+    atol: npt.NDArray[np.float64] | float = 1e-12
+    first_step: float | None = None
+    max_step: float = math.inf
+    max_steps: int = 10_000_000
+    max_events: int = 100_000
+    max_time: float = math.inf
+    nonunique: str | Callable[..., Any] = "raise"
+    on_graze: str = "continue"
+    zeno: str = "stop"
+    stop: tuple[Stop, ...] = ()
+    dense_output: bool = True
+
+    def __post_init__(self) -> None:
+        if self.method not in TABLEAUS:
+            raise UsageError(unknown("method", self.method, METHODS))
+        positive("rtol", self.rtol)
+        if self.rtol < SMALLEST_RTOL:
+            raise UsageError(f"rtol is {self.rtol:g}, expected at least {SMALLEST_RTOL:.2g} (100 roundings).")
+        atol = np.asarray(number_array("atol", self.atol))
+        if not np.all(np.isfinite(atol)) or np.any(atol < 0):
+            raise UsageError(f"atol is {self.atol}, expected numbers >= 0.")
+        if self.first_step is not None:
+            positive("first_step", self.first_step)
+        positive("max_step", self.max_step, infinite=True)
+        positive("max_time", self.max_time, infinite=True)
+        for name in ("max_steps", "max_events"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise UsageError(f"{name} is {value!r}, expected a whole number of at least 1.")
+        choice("nonunique", self.nonunique, ("raise", "stick", "slip"), or_function=True)
+        choice("on_graze", self.on_graze, ("continue", "error"))
+        choice("zeno", self.zeno, ("stop", "continue"))
+        for item in self.stop:
+            if not isinstance(item, Stop):
+                raise UsageError(f"stop holds {item!r}, expected Stop(surface, kind, count).")
+
+    def tolerances(self, system: System) -> npt.NDArray[np.float64]:
+        """One absolute tolerance a state."""
+        atol = np.asarray(self.atol, dtype=float)
+        if atol.ndim and atol.shape != (system.dimension,):
+            raise UsageError(
+                f"atol has shape {atol.shape}, expected one number or {system.dimension} "
+                f"(states: {', '.join(system.states)})."
+            )
+        return np.ascontiguousarray(np.broadcast_to(atol, (system.dimension,)), dtype=float)
+
+
+def positive(name: str, value: object, infinite: bool = False) -> float:
+    """A number > 0, or a UsageError naming the option."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
+        raise UsageError(f"{name} is {value!r}, expected a number > 0.")
+    if not value > 0 or (math.isinf(value) and not infinite):
+        raise UsageError(f"{name} is {value!r}, expected a {'' if infinite else 'finite '}number > 0.")
+    return float(value)
+
+
+def choice(name: str, value: object, known: tuple[str, ...], or_function: bool = False) -> None:
+    """One of the known words (or a function), or a UsageError."""
+    if or_function and callable(value):
+        return
+    if not isinstance(value, str) or value not in known:
+        raise UsageError(unknown(f"value of {name}:", value, known))
+
+
+def number_array(name: str, value: object) -> npt.NDArray[np.float64]:
+    """Real numbers as float64, or a UsageError."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise UsageError(f"{name} is {value!r}, expected numbers.") from None
+    if array.dtype.kind not in "fiu":
+        raise UsageError(f"{name} is {value!r} (type {array.dtype}), expected real numbers.")
+    return array.astype(np.float64)
+
+
+def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
+    """The initial state as a float64 vector: a sequence in the order of the states, or a mapping by name."""
+    if isinstance(x0, dict):
+        names = [str(getattr(key, "name", key)) for key in x0]
+        for name in names:
+            if name not in system.states:
+                raise UsageError(unknown("state", name, system.states))
+        missing = [name for name in system.states if name not in names]
+        if missing:
+            raise UsageError(f"x0 has no value for {', '.join(missing)}; expected one for each of {system.states}.")
+        values = dict(zip(names, x0.values(), strict=True))
+        x0 = [values[name] for name in system.states]
+    array = number_array("x0", x0)
+    if array.shape != (system.dimension,):
+        raise UsageError(
+            f"x0 has shape {array.shape}, expected {system.dimension} numbers (states: {', '.join(system.states)})."
+        )
+    for name, value in zip(system.states, array, strict=True):
+        if not math.isfinite(value):
+            raise UsageError(f"x0: state {name!r} is {value}, expected a finite number.")
+    return np.array(array)
+
+
+def check_span(t_span: Any) -> tuple[float, float]:
+    """Two finite times."""
+    try:
+        start, end = t_span
+    except (TypeError, ValueError):
+        raise UsageError(f"t_span is {t_span!r}, expected (t0, t1).") from None
+    values = []
+    for name, value in (("t0", start), ("t1", end)):
+        if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
+            raise UsageError(f"t_span: {name} is {value!r}, expected a number.")
+        if not math.isfinite(value):
+            raise UsageError(f"t_span: {name} is {value}, expected a finite number.")
+        values.append(float(value))
+    return values[0], values[1]
+
+
+def check_times(t_eval: Any, span: tuple[float, float]) -> npt.NDArray[np.float64]:
+    """Output times inside the span, in the direction of integration, each once."""
+    times = number_array("t_eval", t_eval)
+    if times.ndim != 1:
+        raise UsageError(f"t_eval has shape {times.shape}, expected one dimension.")
+    low, high = min(span), max(span)
+    outside = ~((times >= low) & (times <= high))
+    if np.any(outside):
+        i = int(np.argmax(outside))
+        raise UsageError(f"t_eval[{i}] = {times[i]} lies outside t_span = {span}.")
+    steps = np.diff(times) * (1.0 if span[1] >= span[0] else -1.0)
+    if np.any(steps <= 0):
+        i = int(np.argmax(steps <= 0))
+        raise UsageError(
+            f"t_eval[{i}] = {times[i]} and t_eval[{i + 1}] = {times[i + 1]} are not in the order of integration; "
+            "sort them and drop repeated ones."
+        )
+    return times
+
+
+def check_stops(stops: Sequence[Stop] | Stop, system: System) -> tuple[Stop, ...]:
+    """Stops whose surfaces the system has."""
+    items = (stops,) if isinstance(stops, Stop) else tuple(stops)
+    names = [surface.name for surface in system.surfaces]
+    for item in items:
+        if isinstance(item, Stop) and item.surface not in names:
+            raise UsageError(unknown("surface", item.surface, names))
+    return items

@@ -1,0 +1,149 @@
+"""One run of the compiled loop: its arrays, and the steps and events it hands over."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov._kernels import codes
+from filippov.events import Event, Mode, Stop
+from filippov.machine import Array, Machine
+from filippov.options import Options
+from filippov.status import EventKind
+
+_KINDS = {
+    codes.CROSSING_UP: EventKind.CROSSING,
+    codes.CROSSING_DOWN: EventKind.CROSSING,
+    codes.ENTRY: EventKind.ENTRY,
+    codes.EXIT_UP: EventKind.EXIT,
+    codes.EXIT_DOWN: EventKind.EXIT,
+    codes.GRAZING: EventKind.GRAZING,
+}
+_EVENT_ROOM, _RECORD_ROOM = 256, 512
+
+
+class Run:
+    """State and buffers of one trajectory; `advance` moves it on and collects what came out."""
+
+    def __init__(self, machine: Machine, x0: Array, span: tuple[float, float], options: Options) -> None:
+        n, m = machine.n, machine.m
+        self.machine, self.options = machine, options
+        self.x = np.array(x0)
+        self.mode = np.ones(m)
+        self.order = np.zeros(m, dtype=np.int64)
+        self.hit = np.zeros(m, dtype=np.int64)
+        self.lam = np.zeros(m)
+        self.clock = np.zeros(codes.CLOCK_SIZE)
+        self.clock[codes.T] = self.clock[codes.T_START] = span[0]
+        self.clock[codes.T_END] = span[1]
+        self.clock[codes.RTOL], self.clock[codes.MAX_STEP] = options.rtol, options.max_step
+        self.clock[codes.STEP] = options.first_step or 0.0
+        self.count = np.zeros(codes.COUNT_SIZE, dtype=np.int64)
+        self.count[codes.STORE] = int(options.dense_output)
+        self.count[codes.EVENT_ROOM], self.count[codes.RECORD_ROOM] = _EVENT_ROOM + m, _RECORD_ROOM
+        self.atol = options.tolerances(machine.system)
+        self.stop = np.zeros((m, codes.KINDS), dtype=np.int64)
+        self.zeno = np.zeros((m, 3))
+        powers = machine.compiled.layout.powers
+        self.record = np.zeros((_RECORD_ROOM, 3))
+        self.coef = np.zeros((_RECORD_ROOM, powers, n))
+        self.found = np.zeros((_EVENT_ROOM + m, 3 + n))
+        self.marks = np.zeros((_EVENT_ROOM + m, 2 + 2 * m), dtype=np.int64)
+        self.events: list[Event] = []
+        self.steps: list[tuple[Array, Array]] = []
+        self.direction = 1.0 if span[1] >= span[0] else -1.0
+        self._arrays = [
+            a.ctypes.data
+            for a in (
+                self.clock, self.count, self.x, self.mode, self.order, self.hit, self.lam, machine.p, self.atol,
+                self.stop, self.zeno, self.record, self.coef, self.found, self.marks, machine.w, machine.iw,
+                machine.context,
+            )
+        ]  # fmt: skip
+
+    @property
+    def t(self) -> float:
+        """Time reached."""
+        return float(self.clock[codes.T])
+
+    @property
+    def signs(self) -> Mode:
+        """The mode as integers."""
+        return tuple(int(v) for v in self.mode)
+
+    def watch(self, stops: tuple[Stop, ...]) -> None:
+        """Set the events at which to stop."""
+        names = [surface.name for surface in self.machine.system.surfaces]
+        for item in stops:
+            for column in item.columns:
+                self.stop[names.index(item.surface), column] = item.count
+
+    def advance(self, steps: int) -> int:
+        """Run the compiled loop for at most so many steps; returns its code. User errors are raised."""
+        self.count[codes.STEP_BUDGET] = steps
+        code = int(self.machine.compiled.functions["advance"](*self._arrays))
+        self.collect()
+        self.machine.raise_error()
+        return code
+
+    def collect(self) -> None:
+        """Move what the buffers hold to the lists."""
+        records, events = int(self.count[codes.RECORDS]), int(self.count[codes.EVENTS])
+        if records:
+            table = self.record[:records].copy()
+            table[:, 2] += len(self.events)
+            self.steps.append((table, self.coef[:records].copy()))
+            self.count[codes.RECORDS] = 0
+        m = self.machine.m
+        for row, mark in zip(self.found[:events], self.marks[:events].tolist(), strict=True):
+            self.add_event(
+                float(row[0]), mark[0], _KINDS[mark[1]], tuple(mark[2 : 2 + m]), tuple(mark[2 + m :]), row[3:].copy(),
+                float(row[1]), float(row[2]),
+            )  # fmt: skip
+        self.count[codes.EVENTS] = 0
+
+    def add_event(
+        self, t: float, index: int, kind: EventKind, before: Mode, after: Mode, x: Array, multiplier: float,
+        residual: float, note: str = "", together: bool = False, x_after: Array | None = None,
+    ) -> None:  # fmt: skip
+        """Append an event; `together` puts it into the set of the one before."""
+        group = self.events[-1].group + (0 if together else 1) if self.events else 0
+        name = self.machine.system.surfaces[index].name
+        x.flags.writeable = False
+        self.events.append(
+            Event(
+                t, name, index, kind, before, after, x, multiplier, residual, group, note, x_after, int(self.direction)
+            )
+        )
+
+    def count_down(self, index: int, kind: EventKind, direction: int) -> bool:
+        """Count an event found by the general path against the stops; True where the run is to end."""
+        column = {
+            EventKind.CROSSING: codes.CROSSING_UP if direction > 0 else codes.CROSSING_DOWN,
+            EventKind.ENTRY: codes.ENTRY,
+            EventKind.EXIT: codes.EXIT_UP if direction > 0 else codes.EXIT_DOWN,
+            EventKind.GRAZING: codes.GRAZING,
+            EventKind.RESET: codes.NONE,
+        }[kind]
+        if self.stop[index, column] > 0:
+            self.stop[index, column] -= 1
+            return bool(self.stop[index, column] == 0)
+        return False
+
+    def put(self, mode: Mode, order: tuple[int, ...], multipliers: tuple[float, ...]) -> None:
+        """Take up a mode."""
+        self.mode[:] = mode
+        self.order[:] = order
+        self.lam[:] = multipliers
+        self.clock[codes.RELATIVE] = 0.0
+
+    def calls(self) -> int:
+        """Field calls so far."""
+        return int(self.count[codes.FIELD_CALLS]) + self.machine.calls
+
+    def scales(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """|h| and the size of its terms, for every surface at the present point."""
+        machine = self.machine
+        h = np.abs(machine.guards(self.t, self.x, self.mode))
+        g, gt = machine.gradients(self.t, self.x, self.mode)
+        return h, np.sum(np.abs(g * self.x), axis=1) + np.abs(gt * self.t)

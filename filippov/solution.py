@@ -1,0 +1,198 @@
+"""The result of a run: scipy's names, and the segments, modes and events behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov._kernels import codes
+from filippov.errors import UsageError
+from filippov.events import Events, Mode
+from filippov.interpolant import Interpolant
+from filippov.machine import Machine
+from filippov.names import unknown
+from filippov.problem import Problem
+from filippov.run import Run
+from filippov.status import Status, mode_text
+
+if TYPE_CHECKING:
+    import networkx
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One stretch of the motion in one mode, from t0 to t1 in the direction of integration."""
+
+    t0: float
+    t1: float
+    mode: Mode
+
+    @property
+    def dwell(self) -> float:
+        """Length of the stretch in time."""
+        return abs(self.t1 - self.t0)
+
+    def __str__(self) -> str:
+        return f"{mode_text(self.mode)} [{self.t0:.9g}, {self.t1:.9g}]"
+
+
+class Solution:
+    """A solved problem.
+
+    t, y        times (k,) and states (n, k): at t_eval, else at the ends of the steps
+    sol         dense output sol(t, side="-"), None without dense_output
+    t_events, y_events   times and states of the events, one list a surface
+    events      all events in order; segments: stretches of one mode; modes: their modes
+    status, message, success   how the run ended
+    nfev, njev, nlu, steps, rejected   work done
+    problem     what was solved
+    """
+
+    njev = 0
+    nlu = 0
+
+    def __init__(
+        self, problem: Problem, run: Run, start_mode: Mode, status: Status, message: str, t_eval: Array | None
+    ) -> None:
+        self.problem, self.status, self.message = problem, status, message
+        self.start_mode = start_mode
+        self.events = Events(run.events)
+        self.options = run.options
+        self.nfev = run.calls()
+        self.steps, self.rejected = int(run.count[codes.STEPS]), int(run.count[codes.REJECTED])
+        self.t_end, self.x_end, self.end_mode = run.t, run.x.copy(), run.signs
+        self.end_multipliers = run.lam.copy()
+        self.sol = self._interpolant(run)
+        self.t, self.y = self._samples(t_eval)
+
+    @property
+    def success(self) -> bool:
+        """Whether the run did what it was asked to do."""
+        return self.status.ok
+
+    @property
+    def system(self) -> Any:
+        """The system that was solved."""
+        return self.problem.system
+
+    def _interpolant(self, run: Run) -> Interpolant | None:
+        if not run.options.dense_output:
+            return None
+        n = run.machine.n
+        span = (self.problem.t_span[0], run.t)
+        if not run.steps:
+            coef = np.zeros((1, 2, n))
+            coef[0, 0] = run.x
+            return Interpolant(np.array([span[0]]), np.ones(1), coef, span)
+        table = np.concatenate([table for table, _ in run.steps])
+        coef = np.concatenate([coef for _, coef in run.steps])
+        return Interpolant(table[:, 0].copy(), table[:, 1].copy(), coef, span)
+
+    def _samples(self, t_eval: Array | None) -> tuple[Array, Array]:
+        if self.sol is None:
+            times = np.array([self.problem.t_span[0], *(e.t for e in self.events), self.t_end])
+            states = np.array([self.problem.x0, *(e.x for e in self.events), self.x_end])
+            keep = np.append(True, np.diff(times) != 0)
+            return times[keep], states[keep].T.copy()
+        if t_eval is not None:
+            direction = self.sol.direction
+            reached = t_eval[(t_eval - self.t_end) * direction <= 0]
+            return reached, self.sol(reached).reshape(len(self.problem.x0), len(reached))
+        times = np.append(self.sol.start, self.t_end)
+        times = times[np.append(True, np.diff(times) != 0)]
+        states = self.sol(times, side="+").reshape(len(self.problem.x0), len(times))
+        states[:, -1] = self.x_end
+        return times, states
+
+    @cached_property
+    def segments(self) -> tuple[Segment, ...]:
+        """The stretches of one mode; their lengths add up to the span."""
+        out: list[Segment] = []
+        begin, mode = self.problem.t_span[0], self.start_mode
+        for event in self.events:
+            if event.after == mode:
+                continue
+            if event.t != begin:
+                out.append(Segment(begin, event.t, mode))
+            begin, mode = event.t, event.after
+        if not out or begin != self.t_end:
+            out.append(Segment(begin, self.t_end, mode))
+        return tuple(out)
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Modes of the segments, as text."""
+        return tuple(mode_text(segment.mode) for segment in self.segments)
+
+    @property
+    def t_events(self) -> list[Array]:
+        """Times of the events of each surface."""
+        return [self.events.of(surface.name).t for surface in self.system.surfaces]
+
+    @property
+    def y_events(self) -> list[Array]:
+        """States at the events of each surface, one row an event."""
+        return [self.events.of(surface.name).x for surface in self.system.surfaces]
+
+    def mode_at(self, t: float, side: str = "-") -> Mode:
+        """The mode at a time; at an event the one before it for "-", after it for "+"."""
+        low, high = sorted((self.problem.t_span[0], self.t_end))
+        if not low <= t <= high:
+            raise UsageError(f"mode_at was asked for t = {t}, outside the solved span [{low}, {high}].")
+        first, last = (self.segments, reversed(self.segments))
+        for segment in first if side == "-" else last:
+            if min(segment.t0, segment.t1) <= t <= max(segment.t0, segment.t1):
+                return segment.mode
+        return self.end_mode
+
+    def multiplier(self, surface: str, t: Any) -> Array:
+        """Value of a surface's sign: +-1 off it, the multiplier of Filippov's combination while sliding."""
+        names = [s.name for s in self.system.surfaces]
+        if surface not in names:
+            raise UsageError(unknown("surface", surface, names))
+        if self.sol is None:
+            raise UsageError("the multiplier needs the dense output; solve without dense_output=False.")
+        i = names.index(surface)
+        machine = Machine(self.problem.system, self.options.method, self.problem.p)
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        out = np.empty(times.size)
+        for k, time in enumerate(times):
+            mode = np.array(self.mode_at(float(time)), dtype=float)
+            out[k] = mode[i]
+            if mode[i] == 0:
+                _, _, lam, _ = machine.probe(float(time), 0.0, self.sol(float(time)), mode, np.zeros(len(names)))
+                out[k] = lam[i]
+        return out if np.ndim(t) else out[0]
+
+    def dwell_times(self) -> Mapping[str, float]:
+        """Total time in each mode."""
+        total: dict[str, float] = {}
+        for segment in self.segments:
+            name = mode_text(segment.mode)
+            total[name] = total.get(name, 0.0) + segment.dwell
+        return total
+
+    def mode_graph(self) -> networkx.MultiDiGraph:
+        """The transitions that were observed, with counts and dwell times (see `filippov.graph`)."""
+        from filippov.graph import observed_graph
+
+        return observed_graph(self)
+
+    def plot(self, **options: Any) -> Any:
+        """Time response with sliding phases marked (see `filippov.plotting`)."""
+        from filippov.plotting import plot_solution
+
+        return plot_solution(self, **options)
+
+    def __repr__(self) -> str:
+        return (
+            f"Solution({self.status.value} at t = {self.t_end:.9g}; {len(self.events)} events, "
+            f"{len(self.segments)} segments, {self.steps} steps, {self.nfev} field calls)"
+        )

@@ -1,0 +1,319 @@
+"""Solve an inclusion exactly: mode by mode, event by event."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from filippov._kernels import codes
+from filippov.errors import NonUniqueError, SolveError, UsageError
+from filippov.events import Mode, Stop
+from filippov.machine import Machine
+from filippov.modes import Point, Successor, successors
+from filippov.names import check_known
+from filippov.options import Options, check_span, check_state, check_stops, check_times
+from filippov.problem import Problem
+from filippov.run import Run
+from filippov.solution import Solution
+from filippov.status import EventKind, Status, mode_text
+from filippov.system import System
+from filippov.zeno import Limit, accumulation
+
+_CHUNK = 20_000
+_SLOW_CHUNK = 500
+_OPTIONS = (
+    "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique", "on_graze",
+    "zeno", "stop", "dense_output",
+)  # fmt: skip
+
+
+def solve(
+    system: System | Problem,
+    x0: Any = None,
+    t_span: Any = None,
+    *,
+    parameters: Mapping[str, float] | None = None,
+    t_eval: Any = None,
+    throw: bool = False,
+    progress: Callable[[float, float], None] | None = None,
+    **options: Any,
+) -> Solution:
+    """Solve x' in { f(t, x, s; p) : s_i in Sgn(h_i) } from x0 over t_span.
+
+    system      System, or a Problem that holds x0, t_span and parameters
+    x0          one number a state, in order or as a mapping by name
+    t_span      (t0, t1); t1 < t0 integrates backwards
+    parameters  values by name; the others keep their defaults
+    t_eval      times of the solution's t and y; default: the ends of all steps
+    throw       raise SolveError (carrying the partial solution) where the run ends early
+    progress    called now and then with (t, t1)
+    method      "DOP853" (order 8) or "DP5" (order 5)
+    rtol, atol  relative and absolute tolerance of a step; atol may be one number a state
+    first_step, max_step         bounds of the step
+    max_steps, max_events, max_time   budgets (max_time in seconds); each ends in a named status
+    nonunique   where several modes can follow: "raise" (end with NON_UNIQUE), "stick" (most sliding), "slip" (least
+                sliding), or a function from the list of candidates to the one to take
+    on_graze    "continue", or "error" to end at a touching of a surface
+    zeno        "stop" at an accumulation of events, or "continue" in the limit mode
+    stop        Stop(surface, kind, count) or several: terminal events
+    dense_output  keep the interpolants that sol(t) needs
+
+    Returns a Solution; see its `status` and `message`. Raises ModelError, UsageError for bad input, and whatever a
+    function of the user raises. Source: event-driven integration after Piiroinen & Kuznetsov 2008 and Dieci & Lopez
+    2012; see the page on the event loop.
+    """
+    problem = _problem(system, x0, t_span, parameters)
+    check_known("option", options, _OPTIONS, UsageError)
+    if "stop" in options:
+        options["stop"] = check_stops(options["stop"], problem.system)
+    checked = Options(**options)
+    times = None if t_eval is None else check_times(t_eval, problem.t_span)
+    if times is not None and not checked.dense_output:
+        raise UsageError("t_eval needs the dense output; drop dense_output=False.")
+    machine = Machine(problem.system, checked.method, problem.p)
+    loop = _Loop(Run(machine, problem.x0, problem.t_span, checked), progress)
+    status, message = loop.go()
+    solution = Solution(problem, loop.run, loop.start_mode, status, message, times)
+    if throw and not status.ok:
+        kind = NonUniqueError if status is Status.NON_UNIQUE else SolveError
+        raise kind(solution.message, solution)
+    return solution
+
+
+def _problem(
+    system: System | Problem, x0: Any, t_span: Any, parameters: Mapping[str, float] | None
+) -> Problem:
+    if isinstance(system, Problem):
+        changes = {"x0": x0, "t_span": t_span, "parameters": parameters}
+        return system.remake(**{name: value for name, value in changes.items() if value is not None})
+    if not isinstance(system, System):
+        raise UsageError(f"solve was given {type(system).__name__}, expected a System or a Problem.")
+    if x0 is None or t_span is None:
+        raise UsageError("solve needs x0 and t_span: solve(system, x0=(...), t_span=(t0, t1)).")
+    return Problem(system, check_state(x0, system), check_span(t_span), parameters or {})
+
+
+class _Loop:
+    """Drive the compiled loop and decide what it leaves open."""
+
+    def __init__(self, run: Run, progress: Callable[[float, float], None] | None) -> None:
+        self.run, self.progress = run, progress
+        self.options = run.options
+        self.started = time.monotonic()
+        self.start_mode: Mode = ()
+        self.stalled = 0
+
+    def go(self) -> tuple[Status, str]:
+        """Run to the end; returns how it ended and a sentence."""
+        run = self.run
+        try:
+            ended = self._start()
+            while ended is None:
+                ended = self._step()
+        except KeyboardInterrupt:
+            run.collect()
+            return Status.INTERRUPTED, self._sentence(Status.INTERRUPTED)
+        return ended
+
+    def _sentence(self, status: Status, detail: str = "") -> str:
+        where = f"stopped at t = {self.run.t:.12g} in mode {mode_text(self.run.signs)}"
+        return f"{where}: {detail + ' ' if detail else ''}{status.advice}"
+
+    def _end(self, status: Status, detail: str = "") -> tuple[Status, str]:
+        if status.ok:
+            return status, f"{detail + ' ' if detail else ''}{status.advice}"
+        return status, self._sentence(status, detail)
+
+    def _start(self) -> tuple[Status, str] | None:
+        """Mode at the initial state: by the sign of h off a surface, by classification on one (E4)."""
+        run = self.run
+        run.watch(self.options.stop)
+        run.mode[:] = 1.0
+        h = run.machine.guards(run.t, run.x, run.mode)
+        for i, value in enumerate(h):
+            if not np.isfinite(value):
+                name = run.machine.system.surfaces[i].name
+                return self._end(Status.NOT_FINITE, f"surface {name!r} has h = {value} at the initial state.")
+        # Sizes |h| inside other guards follow the signs found so far.
+        run.mode[:] = np.where(h < 0, -1.0, 1.0)
+        h = run.machine.guards(run.t, run.x, run.mode)
+        sizes, scale = run.scales()
+        run.mode[:] = np.where(h < 0, -1.0, 1.0)
+        met = [i for i in range(run.machine.m) if sizes[i] <= 8 * np.finfo(float).eps * scale[i]]
+        self.start_mode = run.signs
+        if run.t == run.clock[codes.T_END]:
+            return self._end(Status.SUCCESS)
+        if met:
+            ended = self._classify(met, (), start=True)
+            if ended is not None:
+                return ended
+        self.start_mode = run.signs
+        return None
+
+    def _step(self) -> tuple[Status, str] | None:
+        run, options = self.run, self.options
+        chunk = _SLOW_CHUNK if run.machine.callbacks is not None else _CHUNK
+        taken = int(run.count[codes.STEPS] + run.count[codes.REJECTED])
+        code = run.advance(max(1, min(chunk, options.max_steps - taken)))
+        if len(run.events) >= options.max_events:
+            return self._end(Status.MAX_EVENTS)
+        if code == codes.REACHED:
+            return self._end(Status.SUCCESS)
+        if code == codes.STOPPED:
+            return self._end(Status.STOPPED, f"Stopped at t = {run.t:.12g}: {run.events[-1]}.")
+        if code in (codes.RECORDS_FULL, codes.EVENTS_FULL, codes.CHUNK_DONE):
+            return self._budgets()
+        if code == codes.GENERAL:
+            return self._general()
+        if code == codes.ZENO:
+            return self._zeno()
+        failures = {codes.NOT_FINITE: Status.NOT_FINITE, codes.MIN_STEP: Status.MIN_STEP}
+        status = failures.get(code, Status.NO_SLIDING)
+        return self._end(status, f"state {_state_text(run)}.")
+
+    def _budgets(self) -> tuple[Status, str] | None:
+        run, options = self.run, self.options
+        if int(run.count[codes.STEPS] + run.count[codes.REJECTED]) >= options.max_steps:
+            return self._end(Status.MAX_STEPS)
+        if time.monotonic() - self.started > options.max_time:
+            return self._end(Status.TIMEOUT)
+        if self.progress is not None:
+            self.progress(run.t, float(run.clock[codes.T_END]))
+        return None
+
+    def _general(self) -> tuple[Status, str] | None:
+        """Events the compiled loop does not decide: corners, tangencies, several surfaces at once."""
+        run = self.run
+        hit = [i for i in range(run.machine.m) if run.hit[i] != 0]
+        sizes, scale = run.scales()
+        near = [i for i in range(run.machine.m) if sizes[i] <= 8 * np.finfo(float).eps * scale[i]]
+        sliding = [i for i in range(run.machine.m) if run.mode[i] == 0]
+        met = sorted({*hit, *near, *sliding})
+        before = run.t
+        ended = self._classify(met, hit, start=False)
+        # The same place again and again means that the classification and the motion disagree.
+        self.stalled = self.stalled + 1 if self.events_at(before) > 4 * (run.machine.m + 1) else 0
+        if ended is None and self.stalled > 3:
+            return self._end(Status.NO_CONTINUATION, f"events do not leave the state {_state_text(run)}.")
+        return ended if ended is not None else self._budgets()
+
+    def events_at(self, t: float) -> int:
+        """How many of the last events happened at one time."""
+        count = 0
+        for event in reversed(self.run.events):
+            if event.t != t:
+                break
+            count += 1
+        return count
+
+    def _point(self) -> Point:
+        run = self.run
+        t_end = float(run.clock[codes.T_END])
+        _, field, _, _ = run.machine.probe(run.t, 0.0, run.x, run.mode, run.lam)
+        size = float(np.max(np.abs(run.x), initial=0.0)) + 1e-3
+        speed = float(np.max(np.abs(field), initial=0.0)) + 1e-300
+        hint = float(run.clock[codes.STEP]) or np.inf
+        step = min(hint, 1e-2 * size / speed, abs(t_end - run.t) or np.inf, run.options.max_step)
+        if not np.isfinite(step):
+            step = 1e-3
+        return Point(run.machine, run.t, run.x.copy(), run.direction, run.direction * step, run.lam.copy())
+
+    def _classify(self, met: Sequence[int], hit: Sequence[int], start: bool) -> tuple[Status, str] | None:
+        """Find the modes that can follow on the surfaces met, choose one, take it up, record the events."""
+        run = self.run
+        before = run.signs
+        candidates = successors(self._point(), before, met)
+        if not candidates:
+            names = ", ".join(repr(run.machine.system.surfaces[i].name) for i in met)
+            return self._end(Status.NO_CONTINUATION, f"at state {_state_text(run)} on {names}.")
+        note = ""
+        chosen = candidates[0]
+        if len(candidates) > 1:
+            picked = self._choose(candidates, before, hit)
+            if picked is None:
+                listing = "; ".join(str(candidate) for candidate in candidates)
+                names = ", ".join(repr(run.machine.system.surfaces[i].name) for i in met)
+                return self._end(
+                    Status.NON_UNIQUE, f"at state {_state_text(run)} on {names} can follow: {listing}."
+                )
+            chosen = picked
+            note = f"one of {len(candidates)}: " + "; ".join(str(candidate) for candidate in candidates)
+        return self._take(chosen, before, hit, note, start)
+
+    def _choose(self, candidates: list[Successor], before: Mode, hit: Sequence[int]) -> Successor | None:
+        # A surface that was only touched: the motion goes on where it was.
+        off = [i for i in hit if before[i] != 0]
+        if off and len(off) == len(hit):
+            same = [c for c in candidates if c.mode == before]
+            if same:
+                return same[0]
+        policy = self.options.nonunique
+        if callable(policy):
+            picked = policy(list(candidates))
+            if picked is None or isinstance(picked, Successor):
+                return picked
+            raise UsageError(f"nonunique returned {picked!r}, expected one of the candidates it was given, or None.")
+        if policy == "raise":
+            return None
+        counts = [sum(v == 0 for v in c.mode) for c in candidates]
+        wanted = max(counts) if policy == "stick" else min(counts)
+        fitting = [c for c, n in zip(candidates, counts, strict=True) if n == wanted]
+        return fitting[0] if len(fitting) == 1 else None
+
+    def _take(
+        self, chosen: Successor, before: Mode, hit: Sequence[int], note: str, start: bool
+    ) -> tuple[Status, str] | None:
+        run = self.run
+        run.put(chosen.mode, chosen.order, chosen.multipliers)
+        if start:
+            return None
+        ended: tuple[Status, str] | None = None
+        together = False
+        residual, _ = run.scales()
+        for i in range(run.machine.m):
+            kind = _kind(before[i], chosen.mode[i], i in hit)
+            if kind is None:
+                continue
+            multiplier = chosen.multipliers[i] if chosen.mode[i] == 0 else float("nan")
+            run.add_event(
+                run.t, i, kind, before, chosen.mode, run.x.copy(), multiplier, float(residual[i]), note, together
+            )
+            together = True
+            if run.count_down(i, kind, run.events[-1].direction):
+                ended = self._end(Status.STOPPED, f"Stopped at t = {run.t:.12g}: {run.events[-1]}.")
+            if kind is EventKind.GRAZING and self.options.on_graze == "error":
+                ended = self._end(Status.GRAZING, f"{run.events[-1]}.")
+        return ended
+
+    def _zeno(self) -> tuple[Status, str] | None:
+        """Events accumulate: name the limit, and stop there or go on in the limit mode."""
+        run = self.run
+        limit: Limit = accumulation(run)
+        detail = (
+            f"events accumulate at t = {limit.t:.12g} (error about {limit.error:.1g}), state "
+            f"{np.array2string(limit.x, precision=9)}."
+        )
+        if self.options.zeno == "stop":
+            return self._end(Status.ZENO, detail)
+        run.clock[codes.T] = limit.t
+        run.x[:] = limit.x
+        run.zeno[:] = 0.0
+        return self._classify(limit.surfaces, limit.surfaces, start=False) or self._budgets()
+
+
+def _kind(before: int, after: int, hit: bool) -> EventKind | None:
+    if before == after:
+        return EventKind.GRAZING if hit and before != 0 else None
+    if after == 0:
+        return EventKind.ENTRY
+    return EventKind.EXIT if before == 0 else EventKind.CROSSING
+
+
+def _state_text(run: Run) -> str:
+    return ", ".join(f"{name} = {v:.9g}" for name, v in zip(run.machine.system.states, run.x, strict=True))
+
+
+__all__ = ["Stop", "solve"]

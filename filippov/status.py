@@ -1,0 +1,88 @@
+"""Outcomes of a run and kinds of event: every outcome carries its common causes and what to do."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Status(StrEnum):
+    """How a run ended. `advice` says why that commonly happens and what to do about it."""
+
+    SUCCESS = "success"
+    STOPPED = "stopped"
+    MAX_STEPS = "max_steps"
+    MAX_EVENTS = "max_events"
+    TIMEOUT = "timeout"
+    INTERRUPTED = "interrupted"
+    ZENO = "zeno"
+    NON_UNIQUE = "non_unique"
+    NO_CONTINUATION = "no_continuation"
+    NO_SLIDING = "no_sliding"
+    NOT_FINITE = "not_finite"
+    MIN_STEP = "min_step"
+    GRAZING = "grazing"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the run did what it was asked to do."""
+        return self in (Status.SUCCESS, Status.STOPPED)
+
+    @property
+    def advice(self) -> str:
+        """Common causes, and the fix for each."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Status.SUCCESS: "The end of t_span was reached.",
+    Status.STOPPED: "A terminal event was reached.",
+    Status.MAX_STEPS: (
+        "The budget of steps is used up. Common causes: a stiff field under an explicit method, or a tolerance below "
+        "what double precision can give. Raise max_steps, or loosen rtol."
+    ),
+    Status.MAX_EVENTS: (
+        "The budget of events is used up. Common causes: a fast periodic motion over a long span. Raise max_events."
+    ),
+    Status.TIMEOUT: "The time allowed by max_time is used up. Raise it, or shorten t_span.",
+    Status.INTERRUPTED: "The run was interrupted; what it had computed is kept.",
+    Status.ZENO: (
+        "Events accumulate at a finite time. The estimated limit is in the message; pass zeno='continue' to go on in "
+        "the limit mode."
+    ),
+    Status.NON_UNIQUE: (
+        "Several continuations satisfy the inclusion from this point: its solution is a set. Choose one with "
+        "nonunique='stick', 'slip' or a function of the candidates."
+    ),
+    Status.NO_CONTINUATION: (
+        "No mode is consistent at this point. Common causes: a tangency of higher order than the classification "
+        "resolves, or a field that is discontinuous where no surface is declared."
+    ),
+    Status.NO_SLIDING: (
+        "No multipliers hold the motion on its surfaces. Common causes: surfaces that the signs do not act on, or "
+        "two surfaces whose gradients are parallel here."
+    ),
+    Status.NOT_FINITE: (
+        "The field is not a finite number here. Common causes: a solution that grows without bound in finite time, a "
+        "division by zero, or a field that is not defined for this state."
+    ),
+    Status.MIN_STEP: (
+        "The step fell below the spacing of t. Common causes: a field that is discontinuous where no surface is "
+        "declared, a singularity, or a large t with a fast motion (shift the origin of time)."
+    ),
+    Status.GRAZING: "The motion touches a surface and on_graze='error' was asked for.",
+}
+
+
+class EventKind(StrEnum):
+    """What happens at an event: named for the surface it happens on."""
+
+    CROSSING = "crossing"
+    ENTRY = "sliding entry"
+    EXIT = "sliding exit"
+    GRAZING = "grazing"
+    RESET = "reset"
+
+
+def mode_text(mode: tuple[int, ...]) -> str:
+    """A mode as text: '+0-' for (1, 0, -1); '.' where there is no surface."""
+    return "".join("+0-"[1 - m] for m in mode) or "."

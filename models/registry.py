@@ -1,0 +1,179 @@
+"""Models by name: those of this package and those that others register.
+
+Other people's models are entry points of the group `filippov.models`, each a Model or a function that returns
+a System. One that cannot be loaded does not hide the others: `broken()` has its traceback.
+Names are known without importing any model.
+"""
+
+from __future__ import annotations
+
+import importlib
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING, Any
+
+from filippov.errors import ModelError, UsageError
+from filippov.names import closest
+
+if TYPE_CHECKING:
+    from filippov.system import System
+
+GROUP = "filippov.models"
+
+# Name -> module that registers it when it is imported.
+BUILT_IN: dict[str, str] = {
+    "hunting": "mass",
+    "hunting_coulomb": "mass",
+    "hunting_static": "mass",
+    "hunting_switch": "switch",
+    "hunting_karnopp": "karnopp",
+    "hunting_lugre": "lugre",
+    "pendulum": "pendulum",
+    "belt": "belt",
+    "belt_static": "belt",
+    "belt_stribeck": "belt",
+    "two_blocks": "two_blocks",
+    "oscillator": "oscillator",
+    "oscillator_forced": "oscillator",
+    "relay": "relay",
+    "relay_aperiodic": "relay",
+    "relay_two_slides": "relay",
+    "sliding_mode": "sliding_mode",
+    "twisting": "sliding_mode",
+    "thermostat": "thermostat",
+    "switching_predator": "ecology",
+    "threshold_harvest": "ecology",
+    "buck": "buck",
+    "buck_hysteresis": "buck",
+    "two_gene": "gene",
+}
+
+
+@dataclass(frozen=True)
+class Invariant:
+    """A quantity function(t, x, p) -> float that keeps its value along a solution.
+
+    mode   the mode in which it does, as text such as "0" or "+-"; None for every mode
+    """
+
+    name: str
+    function: Callable[[float, Any, Any], float]
+    mode: str | None = None
+
+
+@dataclass(frozen=True)
+class Model:
+    """A named system with an initial state and a time span to start from.
+
+    build        keyword arguments -> System
+    x0           default initial state, shape (n,)
+    t_span       default (t0, t1)
+    description  one sentence
+    source       where the equations and numbers are from
+    invariants   quantities that solutions conserve
+    """
+
+    name: str
+    build: Callable[..., System]
+    x0: tuple[float, ...]
+    t_span: tuple[float, float]
+    description: str
+    source: str
+    invariants: tuple[Invariant, ...] = ()
+
+
+_models: dict[str, Model] = {}
+_broken: dict[str, str] = {}
+
+
+def register(model: Model) -> Model:
+    """Enter a model under its name and return it; ModelError if another one has the name."""
+    owner = BUILT_IN.get(model.name)
+    own = getattr(model.build, "__module__", None) or getattr(
+        getattr(model.build, "func", None), "__module__", ""
+    )
+    known = _models.get(model.name)
+    if (owner is not None and own != f"{GROUP}.{owner}") or (known is not None and known != model):
+        raise ModelError(f"a model named {model.name!r} is registered already. Give this one another name.")
+    return _models.setdefault(model.name, model)
+
+
+def names() -> tuple[str, ...]:
+    """Return every name: this package's, registered ones, then plug-ins not known to be broken."""
+    return tuple(dict.fromkeys([*BUILT_IN, *_models, *(n for n in _plug_ins() if n not in _broken)]))
+
+
+def get(name: str) -> Model:
+    """Return a model; UsageError with a suggestion for an unknown name, ModelError for a broken plug-in."""
+    if name in _models:
+        return _models[name]
+    if name in BUILT_IN:
+        importlib.import_module(f"{GROUP}.{BUILT_IN[name]}")
+        return _models[name]
+    if name in _plug_ins():
+        return _load(name)
+    hint = closest(str(name), names())
+    raise UsageError(f"unknown model {name!r}; {hint + ' ' if hint else ''}known: {', '.join(names())}")
+
+
+def broken() -> dict[str, str]:
+    """Load every plug-in; return the name and the traceback of each that could not be loaded."""
+    for name in _plug_ins():
+        if name not in _models and name not in _broken:
+            try:
+                _load(name)
+            except ModelError:
+                continue
+    return dict(_broken)
+
+
+@cache
+def _plug_ins() -> dict[str, EntryPoint]:
+    found: dict[str, EntryPoint] = {}
+    for point in entry_points(group=GROUP):
+        if point.name in BUILT_IN or point.name in found:
+            other = found[point.name].value if point.name in found else "this package"
+            _broken[f"{point.name} ({point.value})"] = (
+                f"the name {point.name!r} is taken by {other}; rename one of the entry points."
+            )
+        else:
+            found[point.name] = point
+    return found
+
+
+def _load(name: str) -> Model:
+    """Import a plug-in; ModelError, with the cause, if that fails in any way."""
+    point = _plug_ins()[name]
+    try:
+        model = _as_model(name, point.load())
+    except (Exception, SystemExit) as error:
+        _broken[name] = "".join(traceback.format_exception(error))
+        raise ModelError(
+            f"the plug-in {name!r} ({point.value}) could not be loaded: {type(error).__name__}: {error}. "
+            f"Repair or remove it; filippov.models.broken() has the traceback."
+        ) from error
+    _broken.pop(name, None)
+    return register(model)
+
+
+def _as_model(name: str, loaded: object) -> Model:
+    if isinstance(loaded, Model):
+        return replace(loaded, name=name)
+    if not callable(loaded):
+        raise ModelError(f"it is {loaded!r}, expected a Model or a function that returns a System.")
+    system = loaded()
+    states = getattr(system, "states", None)
+    if not isinstance(states, tuple):
+        raise ModelError(f"it returned {system!r}, expected a System.")
+    summary = (loaded.__doc__ or "").strip().splitlines()
+    return Model(
+        name=name,
+        build=loaded,
+        x0=(0.0,) * len(states),
+        t_span=(0.0, 10.0),
+        description=summary[0] if summary else f"the plug-in {name}",
+        source=getattr(loaded, "__module__", "") or "",
+    )

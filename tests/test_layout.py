@@ -1,0 +1,184 @@
+"""The layout of the project: floors, sizes, forbidden calls, packages."""
+
+import ast
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDERS = {"filippov": "filippov", "filippov.models": "models", "filippov.analysis": "analysis"}
+
+# A module imports only from lower floors. A package in TOGETHER stands for all its modules.
+FLOORS: dict[str, float] = {
+    "filippov.errors": 0, "filippov.status": 0, "filippov.types": 0,
+    "filippov.names": 0.1,
+    "filippov.symbols": 0.2, "filippov.parameter": 0.2, "filippov.check": 0.2,
+    "filippov.surface": 1, "filippov.comparator": 1,
+    "filippov.symbolic": 1.1,
+    "filippov.table": 1.2,
+    "filippov.extract": 1.3, "filippov.kinds": 1.3,
+    "filippov.assemble": 1.4, "filippov.regularize": 1.4,
+    "filippov.system": 1.5,
+    "filippov.problem": 2,
+    "filippov._kernels": 2.5,
+    "filippov.modes": 3,
+    "filippov.events": 4, "filippov.solution": 4.1, "filippov.solve": 4.2,
+    "filippov.graph": 5, "filippov.storage": 5,
+    "filippov.sweep": 6,
+    "filippov.plotting": 7,
+    "filippov": 8,
+    "filippov.models": 9,
+    "filippov.analysis.budget": 9, "filippov.analysis.polynomial": 9, "filippov.analysis.section": 9,
+    "filippov.analysis.inequalities": 9.01, "filippov.analysis.routh_array": 9.01,
+    "filippov.analysis.routh_result": 9.02, "filippov.analysis.routh_text": 9.03,
+    "filippov.analysis.routh_hurwitz": 9.1, "filippov.analysis.equilibria": 9.1,
+    "filippov.analysis.saltation": 9.2, "filippov.analysis.event_map": 9.3,
+    "filippov.analysis.orbit": 9.4, "filippov.analysis.stability": 9.4,
+    "filippov.analysis.continuation": 9.5,
+    "filippov.analysis.bifurcation": 9.6, "filippov.analysis.regions": 9.6,
+    "filippov.analysis.comparison": 9.7, "filippov.analysis.describing_function": 9.7,
+    "filippov.analysis": 9.9,
+    "filippov.report": 10, "filippov.cli": 11, "filippov.__main__": 12,
+}  # fmt: skip
+
+# Methods that hand over to a floor above; the import must stand inside the function.
+LATE: set[tuple[str, str]] = {
+    ("filippov.solution", "filippov.graph"),
+    ("filippov.solution", "filippov.plotting"),
+    ("filippov.solution", "filippov.storage"),
+}
+
+# Packages whose modules may import each other: the order among them is their own affair, circles are not.
+TOGETHER = ("filippov._kernels", "filippov.models")
+
+BUILTINS = {"eval", "exec", "compile", "__import__"}
+PARSERS = {"sympify", "parse_expr"}
+FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal", "yaml"}
+EXCEPTIONS: set[tuple[str, str]] = {
+    ("filippov.check", "sympify"),  # of numbers only, after an isinstance test
+}
+
+
+def module_name(path: Path) -> str:
+    for package, folder in FOLDERS.items():
+        if path.is_relative_to(ROOT / folder):
+            parts = path.relative_to(ROOT / folder).with_suffix("").parts
+            return ".".join((package, *(parts[:-1] if parts[-1] == "__init__" else parts)))
+    raise AssertionError(path)
+
+
+SOURCES = {module_name(path): path for folder in FOLDERS.values() for path in (ROOT / folder).rglob("*.py")}
+TREES = {name: ast.parse(path.read_text(encoding="utf-8"), str(path)) for name, path in SOURCES.items()}
+EVERY_MODULE = pytest.mark.parametrize("module", sorted(SOURCES))
+
+
+def floor(module: str) -> float:
+    name = module
+    while name not in FLOORS or (name == "filippov" and module != "filippov"):
+        name = name.rpartition(".")[0]
+        assert name, f"{module} stands on no floor: add it to FLOORS in tests/test_layout.py"
+    if name != module:  # an unlisted module must belong to a package whose modules share a floor
+        assert name in TOGETHER, f"{module} stands on no floor: add it to FLOORS in tests/test_layout.py"
+    return FLOORS[name]
+
+
+def imported(module: str) -> list[tuple[str, int, bool]]:
+    """(project module, line, inside a function) for every import in the file."""
+    late = {
+        id(inner)
+        for outer in ast.walk(TREES[module])
+        if isinstance(outer, ast.FunctionDef | ast.AsyncFunctionDef)
+        for inner in ast.walk(outer)
+    }
+    found = []
+    for node in ast.walk(TREES[module]):
+        names: list[str] = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                package = module if SOURCES[module].name == "__init__.py" else module.rpartition(".")[0]
+                parents = package.split(".")[: len(package.split(".")) - node.level + 1]
+                base = ".".join([*parents, *([base] if base else [])])
+            names = [f"{base}.{a.name}" if f"{base}.{a.name}" in SOURCES else base for a in node.names]
+        for name in names:
+            if name.split(".")[0] in {"models", "analysis"}:
+                pytest.fail(f"{module}:{node.lineno} imports the bare name {name}; write filippov.{name}")
+            if name.split(".")[0] == "filippov":
+                found.append((name, node.lineno, id(node) in late))
+    return found
+
+
+@EVERY_MODULE
+def test_imports_only_from_lower_floors(module: str) -> None:
+    for name, line, late in imported(module):
+        same = any(module.startswith(p) and name.startswith(p) for p in TOGETHER)
+        allowed = same or floor(name) < floor(module) or (late and (module, name) in LATE)
+        assert allowed, f"{module}:{line} (floor {floor(module)}) imports {name} (floor {floor(name)})"
+
+
+@EVERY_MODULE
+def test_models_and_analysis_know_only_filippov(module: str) -> None:
+    own = next((p for p in ("filippov.models", "filippov.analysis") if module.startswith(p)), None)
+    other = {"filippov.models": "filippov.analysis", "filippov.analysis": "filippov.models"}
+    for name, line, _ in imported(module) if own else []:
+        assert not name.startswith(other[own or ""]), f"{module}:{line} imports {name}"
+
+
+def test_no_import_circle() -> None:
+    done: set[str] = set()
+
+    def visit(module: str, path: tuple[str, ...]) -> None:
+        assert module not in path, f"import circle: {' -> '.join((*path[path.index(module):], module))}"
+        if module in done:
+            return
+        for name, _, late in imported(module):
+            if name in SOURCES and not late and name != "filippov":
+                visit(name, (*path, module))
+        done.add(module)
+
+    for module in SOURCES:
+        visit(module, ())
+
+
+@pytest.mark.parametrize("folder", ["filippov", "models", "analysis", "tests", "docs"])
+def test_no_file_over_500_lines(folder: str) -> None:
+    for path in (ROOT / folder).rglob("*.py"):
+        lines = len(path.read_text(encoding="utf-8").splitlines())
+        assert lines <= 500, f"{path.relative_to(ROOT)} has {lines} lines; split it, one noun a file"
+
+
+def evaluators(node: ast.AST) -> list[str]:
+    """Names in this node that turn text or files into code."""
+    if isinstance(node, ast.Call):
+        if isinstance(node.func, ast.Name):
+            return [node.func.id] if node.func.id in BUILTINS | PARSERS else []
+        return [node.func.attr] if isinstance(node.func, ast.Attribute) and node.func.attr in PARSERS else []
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names if alias.name.split(".")[0] in FORBIDDEN_MODULES]
+    if isinstance(node, ast.ImportFrom):
+        module = node.module or ""
+        names = [alias.name for alias in node.names if alias.name in PARSERS]
+        return [*names, module] if module.split(".")[0] in FORBIDDEN_MODULES else names
+    return []
+
+
+@EVERY_MODULE
+def test_nothing_evaluates_text_as_code(module: str) -> None:
+    for node in ast.walk(TREES[module]):
+        for name in evaluators(node):
+            line = getattr(node, "lineno", 0)
+            assert (module, name) in EXCEPTIONS, f"{module}:{line} uses {name}: text is never evaluated"
+
+
+def test_packages_listed_are_the_folders() -> None:
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        settings = tomllib.load(file)["tool"]["setuptools"]
+    found = {name for name, path in SOURCES.items() if path.name == "__init__.py"}
+    assert set(settings["packages"]) == found
+    assert len(settings["packages"]) == len(found)
+    assert settings["package-dir"] == FOLDERS
+    without = {path.parent for path in SOURCES.values()} - {SOURCES[name].parent for name in found}
+    assert not without, f"folders with Python files and no __init__.py: {sorted(map(str, without))}"
