@@ -79,7 +79,7 @@ def multiplier_guesses(point: Point, sliding: Sequence[int]) -> list[Array]:
     """Starting points of Newton's method that find every root of the multi-affine equations in the box."""
     m = point.machine.m
     guesses = [np.array(point.guess)]
-    if len(sliding) == 1 or point.machine.affine:
+    if len(sliding) <= 1 or point.machine.affine:
         return guesses
     levels = (0.0, -0.9, 0.9) if len(sliding) <= 3 else (0.0, 0.9)
     for values in itertools.product(levels, repeat=len(sliding)):

@@ -97,7 +97,7 @@ class FrictionLaw(ABC):
         return blend + self.viscous(v, p)
 
     def radius(self, p: ParameterNamespace) -> Sides:
-        """Return (lo, hi): the multipliers s whose blend (1 + s)/2 g+(0) - (1 - s)/2 g-(0) is -Fs- and Fs+."""
+        """Return (lo, hi): the multipliers s at which (1 + s)/2 g+(0) - (1 - s)/2 g-(0) is -Fs- and Fs+."""
         (plus, minus), (up, down) = self.slip(sympy.S.Zero, p), self.static(p)
         if (plus, minus) == (up, down):
             return -sympy.S.One, sympy.S.One

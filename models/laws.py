@@ -139,7 +139,5 @@ class Hyperbolic(FrictionLaw):
         """g = Fc + (Fs - Fc)/(1 + gamma |v|) + eta v^2."""
         names = ("Fs", "Fc", "gamma", "eta")
         levels = zip(*(sides(p, name) for name in names), strict=True)
-        plus, minus = (
-            Fc + (Fs - Fc) / (1 + gamma * speed) + eta * speed**2 for Fs, Fc, gamma, eta in levels
-        )
+        plus, minus = (Fc + (Fs - Fc) / (1 + gamma * speed) + eta * speed**2 for Fs, Fc, gamma, eta in levels)
         return plus, minus

@@ -8,6 +8,7 @@ Names are known without importing any model.
 from __future__ import annotations
 
 import importlib
+import sys
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -91,12 +92,10 @@ _broken: dict[str, str] = {}
 
 def register(model: Model) -> Model:
     """Enter a model under its name and return it; ModelError if another one has the name."""
-    owner = BUILT_IN.get(model.name)
-    own = getattr(model.build, "__module__", None) or getattr(
-        getattr(model.build, "func", None), "__module__", ""
-    )
-    known = _models.get(model.name)
-    if (owner is not None and own != f"{GROUP}.{owner}") or (known is not None and known != model):
+    owner = f"{GROUP}.{BUILT_IN[model.name]}" if model.name in BUILT_IN else None
+    if owner is not None and owner not in sys.modules:
+        importlib.import_module(owner)
+    if _models.get(model.name, model) != model:
         raise ModelError(f"a model named {model.name!r} is registered already. Give this one another name.")
     return _models.setdefault(model.name, model)
 
@@ -148,15 +147,15 @@ def _load(name: str) -> Model:
     """Import a plug-in; ModelError, with the cause, if that fails in any way."""
     point = _plug_ins()[name]
     try:
-        model = _as_model(name, point.load())
+        model = register(_as_model(name, point.load()))
     except (Exception, SystemExit) as error:
         _broken[name] = "".join(traceback.format_exception(error))
         raise ModelError(
             f"the plug-in {name!r} ({point.value}) could not be loaded: {type(error).__name__}: {error}. "
-            f"Repair or remove it; filippov.models.broken() has the traceback."
+            "Repair or remove it; filippov.models.broken() has the traceback."
         ) from error
     _broken.pop(name, None)
-    return register(model)
+    return model
 
 
 def _as_model(name: str, loaded: object) -> Model:

@@ -91,6 +91,9 @@ def slide_one(t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector,
     for j in range(N):
         minus += w[W_G + i * N + j] * w[W_VERT + j]
         plus += w[W_G + i * N + j] * w[W_VERT + N + j]
+    # Both rates alike and not zero: the sign does not act on the surface, nothing holds the motion on it.
+    if abs(plus - minus) < 1e-9 * (abs(plus) + abs(minus)):
+        return 2
     value = w[W_MULT + i * COLUMNS + MULTIPLIER]
     if plus != minus:
         value = -(plus + minus) / (plus - minus)

@@ -34,6 +34,8 @@ class _Printer(StrPrinter):  # type: ignore[misc]
     def _print_Symbol(self, e: Symbol) -> str:
         return self.names.get(e, e.name)
 
+    _print_Dummy = _print_Symbol
+
     def _print_Integer(self, e: sympy.Integer) -> str:
         return f"{float(int(e))!r}" if abs(int(e)) < 2**53 else repr(float(e))
 

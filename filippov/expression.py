@@ -1,0 +1,110 @@
+"""Expressions from text, safely: numbers, known names, + - * / **, comparisons and listed functions; nothing else."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.errors import ModelError
+from filippov.names import unknown
+from filippov.symbols import t
+
+LONGEST = 20_000
+DEEPEST = 60
+LARGEST_POWER = 64
+_FUNCTIONS: dict[str, Any] = {
+    name: getattr(sympy, name)
+    for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "sinh", "cosh", "asin", "acos", "atan", "atan2",
+                 "Abs", "sign", "Heaviside", "Min", "Max")
+} | {"abs": sympy.Abs, "ln": sympy.log, "min": sympy.Min, "max": sympy.Max}  # fmt: skip
+_CONSTANTS = {"pi": sympy.pi, "t": t}
+_NUMBER = re.compile(r"[0-9.]+([eE][+-]?[0-9]+)?")
+
+
+def parse_expression(text: str, names: Mapping[str, Expr | Symbol | float] | None = None) -> Expr:
+    """The sympy expression that a text stands for.
+
+    names: what other names mean (states, parameters); they go before the constants pi and t. Decimal numbers are
+    read exactly (0.1 is 1/10). Raises ModelError for anything outside the language, for text longer than LONGEST,
+    nesting deeper than DEEPEST and powers beyond LARGEST_POWER.
+    """
+    if not isinstance(text, str):
+        raise ModelError(f"expression is {text!r}, expected text.")
+    if len(text) > LONGEST:
+        raise ModelError(f"expression has {len(text)} characters, expected at most {LONGEST}.")
+    try:
+        tree = ast.parse(text.strip(), mode="eval")
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise ModelError(f"cannot read the expression {text[:80]!r}: it is not a formula.") from None
+    return _Reader(text, dict(_CONSTANTS) | dict(names or {})).read(tree.body, 0)
+
+
+class _Reader:
+    def __init__(self, text: str, names: Mapping[str, Any]) -> None:
+        self.text, self.names = text, names
+
+    def refuse(self, node: ast.AST, why: str) -> ModelError:
+        piece = ast.get_source_segment(self.text.strip(), node) or type(node).__name__
+        return ModelError(f"expression {self.text[:80]!r}: {piece[:60]!r} {why}.")
+
+    def read(self, node: ast.expr, depth: int) -> Any:
+        if depth > DEEPEST:
+            raise ModelError(f"expression {self.text[:80]!r} is nested deeper than {DEEPEST}.")
+        if isinstance(node, ast.Constant):
+            return self.number(node)
+        if isinstance(node, ast.Name):
+            if node.id not in self.names:
+                raise ModelError(unknown("name", node.id, self.names))
+            value = self.names[node.id]
+            return value if isinstance(value, sympy.Basic) else sympy.Float(value)
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
+            value = self.read(node.operand, depth + 1)
+            return -value if isinstance(node.op, ast.USub) else value
+        if isinstance(node, ast.BinOp):
+            return self.binary(node, depth)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
+            if node.func.id not in _FUNCTIONS:
+                raise ModelError(unknown("function", node.func.id, _FUNCTIONS))
+            return self.apply(node, [self.read(argument, depth + 1) for argument in node.args])
+        raise self.refuse(node, "is not allowed; use numbers, names, + - * / ** and functions")
+
+    def number(self, node: ast.Constant) -> Expr:
+        if isinstance(node.value, bool) or not isinstance(node.value, int | float):
+            raise self.refuse(node, "is not a number")
+        source = ast.get_source_segment(self.text.strip(), node) or repr(node.value)
+        if not _NUMBER.fullmatch(source) or len(source) > 60 or abs(node.value) > 1e300:
+            raise self.refuse(node, "is not a decimal number of reasonable size")
+        if node.value and abs(node.value) < 1e-300:
+            raise self.refuse(node, "is too small a number")
+        return sympy.Rational(source)
+
+    def binary(self, node: ast.BinOp, depth: int) -> Any:
+        left, right = self.read(node.left, depth + 1), self.read(node.right, depth + 1)
+        if isinstance(node.op, ast.Add):
+            return left + right
+        if isinstance(node.op, ast.Sub):
+            return left - right
+        if isinstance(node.op, ast.Mult):
+            return left * right
+        if isinstance(node.op, ast.Div):
+            if right.is_zero:
+                raise self.refuse(node, "divides by zero")
+            return left / right
+        if isinstance(node.op, ast.Pow):
+            if right.is_number and not abs(right) <= LARGEST_POWER:
+                raise self.refuse(node, f"has an exponent beyond {LARGEST_POWER}")
+            if left.is_number and left.is_Rational and left.p.bit_length() + left.q.bit_length() > 4096:
+                raise self.refuse(node, "is too large a number")
+            return left**right
+        raise self.refuse(node, "uses an operator that is not allowed; use + - * / **")
+
+    def apply(self, node: ast.Call, values: list[Any]) -> Any:
+        try:
+            return _FUNCTIONS[node.func.id](*values)  # type: ignore[attr-defined]
+        except (TypeError, ValueError):
+            raise self.refuse(node, "has the wrong number or kind of arguments") from None

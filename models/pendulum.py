@@ -1,0 +1,50 @@
+"""A pendulum with dry friction in its pivot: q' = w, m l^2 w' in -m g l sin q - F(w)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from filippov.models.friction import SMALLEST, FrictionLaw, declare
+from filippov.models.laws import Coulomb
+from filippov.models.registry import Invariant, Model, register
+from filippov.parameter import parameters
+from filippov.symbols import sin, states
+from filippov.system import System
+
+LAW = Coulomb(Fc=0.5)
+
+
+def pendulum(friction: FrictionLaw = LAW, m: float = 1.0, l: float = 1.0, g: float = 9.81) -> System:
+    """Return the pendulum; the law's forces are moments [N m] here and its velocity is w [rad/s].
+
+    friction   Coulomb(Fc=0.5) by default
+    m, l, g    bob [kg], length [m], gravity [m/s^2]
+    """
+    p = parameters(
+        **declare("m", m, "kg", "mass of the bob", SMALLEST),
+        **declare("l", l, "m", "length", SMALLEST),
+        **declare("g", g, "m/s^2", "gravity"),
+        **friction.parameters(),
+    )
+    q, w = states("q w")
+    moment = p.m * p.g * p.l * sin(q) + friction.force(w, p)
+    return System(
+        {q: w, w: -moment / (p.m * p.l**2)}, surfaces=friction.surfaces(w, p, "pivot"), parameters=p
+    )
+
+
+def _angle(t: float, x: Any, p: Any) -> float:
+    return float(x[0])
+
+
+MODEL = register(
+    Model(
+        "pendulum",
+        pendulum,
+        (1.0, 0.0),
+        (0.0, 10.0),
+        "Pendulum with Coulomb friction in the pivot: stops within the dead band.",
+        "textbook, for instance Leine & Nijmeijer 2004; numbers chosen here",
+        (Invariant("angle in stick", _angle, "0"),),
+    )
+)
