@@ -31,7 +31,6 @@ class Machine:
 
     def __init__(self, system: System, method: str, p: Array) -> None:
         self.system = system
-        self.p = np.ascontiguousarray(p, dtype=np.float64)
         self.n, self.m = system.dimension, len(system.surfaces)
         self.callbacks: Callbacks | None = None
         if system.symbolic is not None:
@@ -41,15 +40,26 @@ class Machine:
             unit = callback_unit(self.n, len(system.parameters), system.surfaces)
             assert system.field is not None
             self.callbacks = Callbacks(system.field, system.surfaces, self.n, system.parameters.record)
-            self.callbacks.parameters(self.p)
+            self.callbacks.parameters(p)
             self.context = self.callbacks.context
+        self.unit = unit
         self.compiled: Compiled = build(unit.source, unit.constants, method)
+        self.p = self.derived(p)
         self.w = np.zeros(self.compiled.layout.doubles)
         self.iw = np.zeros(self.compiled.layout.integers, dtype=np.int64)
         self.roles = tuple(surface.kind for surface in system.surfaces)
         self.widths = tuple(surface.width for surface in system.surfaces)
         self.affine = bool(unit.constants["AFFINE"])
         self.calls = 0
+
+    def derived(self, values: Array) -> Array:
+        """Parameters, one row a set, with room for what the compiled field derives from them; one set is derived."""
+        width = int(self.unit.constants["P"])  # type: ignore[arg-type]
+        rows = np.zeros((*values.shape[:-1], width))
+        rows[..., : values.shape[-1]] = values
+        if rows.ndim == 1:
+            self.compiled.functions["derive"](rows.ctypes.data)
+        return rows
 
     def call(self, name: str, *arguments: Any) -> int:
         """Call a compiled function; arrays go by address, numbers as they are. Raises what the user's code raised."""

@@ -11,7 +11,7 @@ Sources: Filippov 1988, section 10; Dieci & Lopez 2012, section 3; di Bernardo e
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,7 @@ from filippov.status import mode_text
 
 CLEAR = 1e-6
 VANISHING = 1e-9
+TRIALS, SHORTER = 12, 4.0
 _MONOMIAL = np.linalg.inv(np.vander(np.array(POSITION), NODES, increasing=True))
 
 
@@ -30,7 +31,8 @@ _MONOMIAL = np.linalg.inv(np.vander(np.array(POSITION), NODES, increasing=True))
 class Successor:
     """A consistent next mode.
 
-    order        how often each guard met vanishes along the motion; -1 marks sliding that repels
+    order        how often each guard met vanishes along the motion; for sliding 2 where the multiplier starts at an
+                 end of its set, and negative (-1, -2) where it repels
     multipliers  value of the sign of every sliding surface (0 elsewhere)
     field        the field of the mode at the point
     margin       least rate, on its own scale, by which the mode is consistent; 0 for a tangential one
@@ -64,15 +66,36 @@ class Point:
 
 
 def first_derivative(values: Array, scale: float) -> tuple[int, float]:
-    """Order and sign of the first power of theta that the guard does not lack: (0, 0.0) if it is zero throughout."""
+    """Order and coefficient of the first power of theta that the guard does not lack: (0, 0.0) if it is zero throughout."""
     largest = float(np.max(np.abs(values[1:])))
     if not np.isfinite(largest) or largest <= 64 * np.finfo(float).eps * scale:
         return 0, 0.0
     powers = _MONOMIAL @ values
     for order in range(1, NODES - 1):
         if abs(powers[order]) > VANISHING * largest:
-            return order, float(np.sign(powers[order]))
+            return order, float(powers[order])
     return 0, 0.0
+
+
+def leading_term(
+    point: Point, mode: Array, lam: Array, pick: Callable[[Array], Array], scale: float
+) -> tuple[int, float] | None:
+    """Order and sign of the first power of time in a guard along the motion of a mode; None where it cannot be followed.
+
+    pick: the guard out of the rows of `Machine.probe`. The trial step is shortened until two lengths agree on the
+    term, so that what a polynomial on a long step makes up is not taken for a derivative.
+    """
+    step, last = point.step, (-1, 0.0)
+    for _ in range(TRIALS):
+        code, _, _, rows = point.machine.probe(point.t, step, point.x, mode, lam)
+        if code != 0:
+            return None
+        values = pick(rows)
+        order, size = first_derivative(values - values[0], scale)
+        if order == last[0] and (order == 0 or 0.8 < size * SHORTER**order / last[1] < 1.25):
+            return order, float(np.sign(size))
+        last, step = (order, size), step / SHORTER
+    return last[0], float(np.sign(last[1]))
 
 
 def multiplier_guesses(point: Point, sliding: Sequence[int]) -> list[Array]:
@@ -116,18 +139,16 @@ def _inside(point: Point, mode: Array, lam: Array, radii: Array, sliding: Sequen
 
 def _moves_inwards(point: Point, mode: Array, lam: Array, radii: Array, sliding: Sequence[int]) -> bool:
     """Follow a trial step of the sliding mode: multipliers at an end of their set must not leave it."""
-    code, _, _, rows = point.machine.probe(point.t, point.step, point.x, mode, lam)
-    if code != 0:
-        return False
     for i in sliding:
         low, high = radii[i]
         near = 1e-7 * (1.0 + high - low)
         for side, at_end in ((0, lam[i] > high - near), (1, lam[i] < low + near)):
             if at_end:
-                values = rows[:, side, i] - rows[0, side, i]
-                _, sign = first_derivative(values, float(np.max(np.abs(rows[:, :, i]))))
+                code, _, _, rows = point.machine.probe(point.t, point.step, point.x, mode, lam)
                 # Rows are written for sliding that attracts; one that repels has both of them negative.
-                if sign * _attraction(rows, i) < 0:
+                scale = float(np.max(np.abs(rows[:, :, i])))
+                term = leading_term(point, mode, lam, lambda r, k=(side, i): r[:, k[0], k[1]], scale)
+                if code != 0 or term is None or term[1] * _attraction(rows, i) < 0:
                     return False
     return True
 
@@ -165,17 +186,13 @@ def _leaves(
             margin = min(margin, rate / scale)
         else:
             unclear.append(i)
-    if unclear:
-        code, _, _, rows = point.machine.probe(point.t, point.step, point.x, mode, lam)
-        if code != 0:
+    for i in unclear:
+        size = float(np.sum(np.abs(g[i] * point.x)) + abs(gt[i] * point.t))
+        term = leading_term(point, mode, lam, lambda rows, i=i: rows[:, 0, i], size)
+        if term is None or term[1] < 0:
             return None
-        for i in unclear:
-            size = float(np.sum(np.abs(g[i] * point.x)) + abs(gt[i] * point.t))
-            order, sign = first_derivative(rows[:, 0, i] - rows[0, 0, i], size)
-            if sign < 0:
-                return None
-            orders[i] = order
-            margin = 0.0
+        orders[i] = term[0]
+        margin = 0.0
     return orders, float(margin)
 
 
@@ -204,8 +221,10 @@ def successors(point: Point, base: Mode, met: Sequence[int], tangent: Sequence[i
                 continue
             orders, margin = left
             order = [orders.get(i, 0) for i in range(point.machine.m)]
+            for i in sliding if inside is None else ():
+                order[i] = 2
             if len(sliding) == 1 and _repels(point, mode, sliding[0]):
-                order[sliding[0]] = -1
+                order[sliding[0]] = -max(order[sliding[0]], 1)
             found.append(
                 Successor(
                     tuple(int(v) for v in mode),
@@ -223,7 +242,7 @@ def _without_released_sticking(found: list[Successor], radii: Array) -> list[Suc
     kept = []
     for candidate in found:
         beaten = any(
-            other is not candidate
+            other.mode != candidate.mode
             and all(
                 b == a or (b == 0 and max(-radii[i, 0], radii[i, 1]) > 1 + 1e-12)
                 for i, (a, b) in enumerate(zip(candidate.mode, other.mode, strict=True))

@@ -71,6 +71,14 @@ class Run:
         """The mode as integers."""
         return tuple(int(v) for v in self.mode)
 
+    def begin(self) -> int:
+        """Find the initial mode in compiled code; GENERAL where it is not simple."""
+        machine = self.machine
+        return machine.call(
+            "begin", self.t, self.direction, self.x, machine.p, self.mode, self.order, self.lam, machine.w, machine.iw,
+            machine.context,
+        )  # fmt: skip
+
     def watch(self, stops: tuple[Stop, ...]) -> None:
         """Set the events at which to stop."""
         names = [surface.name for surface in self.machine.system.surfaces]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +23,8 @@ from filippov.status import Status, mode_text
 
 if TYPE_CHECKING:
     import networkx
+
+    from filippov.system import System
 
 Array = npt.NDArray[np.float64]
 
@@ -190,6 +193,25 @@ class Solution:
         from filippov.plotting import plot_solution
 
         return plot_solution(self, **options)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the solution to a file; it appears complete or not at all (see `filippov.storage`)."""
+        from filippov.storage import save
+
+        return save(self, path)
+
+    @classmethod
+    def load(cls, path: str | Path, system: System | None = None) -> Solution:
+        """Read what `save` wrote; a system of plain functions has to be given again."""
+        from filippov.storage import load
+
+        return load(path, system)
+
+    def to_xarray(self) -> Any:
+        """An xarray.Dataset: every state over t, every event over `event` (see `filippov.tables`)."""
+        from filippov.tables import dataset
+
+        return dataset(self)
 
     def __repr__(self) -> str:
         return (

@@ -104,7 +104,7 @@ class _Loop:
         self.options = run.options
         self.started = time.monotonic()
         self.start_mode: Mode = ()
-        self.stalled = 0
+        self.stalled, self.general_t = 0, np.inf
 
     def go(self) -> tuple[Status, str]:
         """Run to the end; returns how it ended and a sentence."""
@@ -131,23 +131,16 @@ class _Loop:
         """Mode at the initial state: by the sign of h off a surface, by classification on one (E4)."""
         run = self.run
         run.watch(self.options.stop)
-        run.mode[:] = 1.0
-        h = run.machine.guards(run.t, run.x, run.mode)
-        for i, value in enumerate(h):
+        code = run.begin()
+        self.start_mode = run.signs
+        for i, value in enumerate(run.machine.guards(run.t, run.x, run.mode)):
             if not np.isfinite(value):
                 name = run.machine.system.surfaces[i].name
                 return self._end(Status.NOT_FINITE, f"surface {name!r} has h = {value} at the initial state.")
-        # Sizes |h| inside other guards follow the signs found so far.
-        run.mode[:] = np.where(h < 0, -1.0, 1.0)
-        h = run.machine.guards(run.t, run.x, run.mode)
-        sizes, scale = run.scales()
-        run.mode[:] = np.where(h < 0, -1.0, 1.0)
-        met = [i for i in range(run.machine.m) if sizes[i] <= 8 * np.finfo(float).eps * scale[i]]
-        self.start_mode = run.signs
         if run.t == run.clock[codes.T_END]:
             return self._end(Status.SUCCESS)
-        if met:
-            ended = self._classify(met, (), start=True)
+        if code == codes.GENERAL:
+            ended = self._classify(self._near(), (), start=True)
             if ended is not None:
                 return ended
         self.start_mode = run.signs
@@ -188,26 +181,22 @@ class _Loop:
         """Events the compiled loop does not decide: corners, tangencies, several surfaces at once."""
         run = self.run
         hit = [i for i in range(run.machine.m) if run.hit[i] != 0]
-        sizes, scale = run.scales()
-        near = [i for i in range(run.machine.m) if sizes[i] <= 8 * np.finfo(float).eps * scale[i]]
+        near = self._near()
         sliding = [i for i in range(run.machine.m) if run.mode[i] == 0]
         met = sorted({*hit, *near, *sliding})
-        before = run.t
-        ended = self._classify(met, hit, start=False)
         # The same place again and again means that the classification and the motion disagree.
-        self.stalled = self.stalled + 1 if self.events_at(before) > 4 * (run.machine.m + 1) else 0
-        if ended is None and self.stalled > 3:
+        moved = abs(run.t - self.general_t) > 64 * np.finfo(float).eps * abs(run.t)
+        self.stalled = 0 if moved else self.stalled + 1
+        self.general_t = run.t
+        ended = self._classify(met, hit, start=False)
+        if ended is None and self.stalled > 4 * (run.machine.m + 1):
             return self._end(Status.NO_CONTINUATION, f"events do not leave the state {_state_text(run)}.")
         return ended if ended is not None else self._budgets()
 
-    def events_at(self, t: float) -> int:
-        """How many of the last events happened at one time."""
-        count = 0
-        for event in reversed(self.run.events):
-            if event.t != t:
-                break
-            count += 1
-        return count
+    def _near(self) -> list[int]:
+        """Surfaces that the present point lies on, to rounding."""
+        sizes, scale = self.run.scales()
+        return [i for i in range(self.run.machine.m) if sizes[i] <= 8 * np.finfo(float).eps * scale[i]]
 
     def _point(self) -> Point:
         run = self.run

@@ -64,7 +64,7 @@ MODEL = register(
         "buck",
         buck,
         (0.0, 0.0),
-        (0.0, 4e-3),
+        (0.0, 2e-3),
         "Buck converter under sliding-mode control.",
         "Utkin, Guldner, Shi 1999; numbers chosen here",
         (Invariant("(y - Vref) exp(c t) on the line", _decay, "0"),),
@@ -75,7 +75,7 @@ HYSTERESIS = register(
         "buck_hysteresis",
         buck_hysteresis,
         (0.0, 0.0),
-        (0.0, 4e-3),
+        (0.0, 2e-3),
         "Buck converter, its switch a relay with hysteresis.",
         "Tan, Lai, Tse 2012; numbers chosen here",
     )

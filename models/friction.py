@@ -80,6 +80,12 @@ class FrictionLaw(ABC):
 
     # -- what follows from them ------------------------------------------------------------------------
 
+    @property
+    def dry(self) -> bool:
+        """Whether the law has a dry part; a level whose value is 0 counts as one."""
+        speed = Symbol("_speed", nonnegative=True)
+        return not all(g.is_zero for g in self.slip(speed, parameters(**self.parameters())))
+
     def pieces(self, v: Expr, speed: Expr, p: ParameterNamespace) -> Sides:
         """Return F for v > 0 and for v < 0, smooth in v and in speed, which stands for |v|."""
         (plus, minus), (b_plus, b_minus) = self.slip(speed, p), self.viscosity(p)
@@ -105,9 +111,7 @@ class FrictionLaw(ABC):
 
     def surfaces(self, v: Expr, p: ParameterNamespace, name: str = "velocity") -> tuple[Surface, ...]:
         """Return the surface v = 0 with its stiction set; none for a law without a dry part."""
-        if all(g.is_zero for g in self.slip(Abs(v), p)):
-            return ()
-        return (Surface(name, v, radius=self.radius(p)),)
+        return (Surface(name, v, radius=self.radius(p)),) if self.dry else ()
 
     def curve(self, v: npt.ArrayLike, values: Mapping[str, float] | None = None) -> npt.NDArray[np.float64]:
         """Return F(v) for an array of velocities, NaN at v = 0, where the force is the set `levels`."""

@@ -2,12 +2,14 @@
 
     w = v for |v| > DV, else 0                    x' = w, z' = x, u = P (x + D w + I z)
     |v| > DV                                      m v' = -u - F(v)
-    |v| <= DV, -Fs+ <= u <= Fs-                      v' = 0               friction cancels u
+    |v| <= DV, -Fs+ <= u <= Fs-                     v' = -alpha v          stuck: friction cancels u
     |v| <= DV, u outside                          m v' = -u + Fs-  (u > Fs-),  -u - Fs+  (u < -Fs+)
 
-Karnopp's state is the momentum m v: within the band it keeps the value with which the band was entered, and
-the velocity w that the rest of the model sees is 0. After break-away it moves until it leaves the band,
-during which x stands still. That delay and the jump of w by DV are the errors of the model.
+w is the velocity that the rest of the model sees, exactly 0 within the band, so x does not drift in stick.
+The state v is Karnopp's momentum over m. It is brought to 0 in stick; with alpha = 0, Karnopp's own form, it
+keeps the value +-DV with which the band was entered, on the edge of the band, where the motion is tangent to
+the edge throughout. After break-away v moves until it leaves the band, while x stands still: that delay and
+the jump of w by DV are the errors of the model.
 Sources: Karnopp 1985; Leine 2000, section 5.2.
 """
 
@@ -27,18 +29,24 @@ from filippov.system import System
 
 @dataclass(frozen=True)
 class Karnopp:
-    """Band half-width DV [m/s] > 0.
+    """Band half-width DV [m/s] > 0 and rate alpha [1/s] >= 0 at which the state v goes to 0 in stick.
 
     Its surfaces are "band upper" (v - DV), "band lower" (v + DV), "effort upper" (u0 - Fs-) and "effort
     lower" (u0 + Fs+), u0 = u at w = 0.
     """
 
     DV: float = 1e-4
+    alpha: float = 100.0
 
     def system(self, plant: ControlledMass = REFERENCE) -> System:
-        """Return the band model of a plant as an ordinary System, with DV as a parameter."""
+        """Return the band model of a plant as an ordinary System, with DV and alpha as parameters.
+
+        Raises ModelError for a law without dry friction.
+        """
+        plant.check_dry("Karnopp")
         x, v, z, p, tail = plant.parts(
-            **declare("DV", self.DV, "m/s", "half-width of the zero-velocity band", SMALLEST)
+            **declare("DV", self.DV, "m/s", "half-width of the zero-velocity band", SMALLEST),
+            **declare("alpha", self.alpha, "1/s", "rate of the hidden velocity in stick"),
         )
         u = plant.controller.effort(x, v, z, p)
         rest = plant.controller.effort(x, sympy.S.Zero, z, p)
@@ -50,7 +58,7 @@ class Karnopp:
             ((-u - minus) / p.m, v < -p.DV),
             ((-rest + down) / p.m, rest > down),
             ((-rest - up) / p.m, rest < -up),
-            (0, True),
+            (-p.alpha * v, True),
         )
         return System(
             {x: Piecewise((v, v > p.DV), (v, v < -p.DV), (0, True)), v: acceleration, **tail},
@@ -64,9 +72,9 @@ class Karnopp:
         )
 
 
-def hunting_karnopp(DV: float = 1e-4) -> System:
+def hunting_karnopp(DV: float = 1e-4, alpha: float = 100.0) -> System:
     """Return Karnopp's model of the reference system."""
-    return Karnopp(DV).system()
+    return Karnopp(DV, alpha).system()
 
 
 MODEL = register(

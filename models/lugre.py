@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 from sympy import Abs, sign
 
-from filippov.errors import ModelError
 from filippov.models.friction import declare
 from filippov.models.mass import REFERENCE, SOURCE, ControlledMass
 from filippov.models.registry import Model, register
@@ -34,16 +33,13 @@ class LuGre:
 
     def system(self, plant: ControlledMass = REFERENCE) -> System:
         """Return the model of a plant, states x, v, (z,) w; ModelError for a law without dry friction."""
+        plant.check_dry("LuGre")
         x, v, z, p, tail = plant.parts(
             **declare("sigma0", self.sigma0, "N/m", "bristle stiffness"),
             **declare("sigma1", self.sigma1, "N s/m", "bristle damping"),
         )
         (w,) = states("w")
         plus, minus = plant.friction.slip(Abs(v), p)
-        if plus.is_zero or minus.is_zero:
-            raise ModelError(
-                f"the law {plant.friction} has no dry friction, which the LuGre model divides by."
-            )
         g = plus if plus == minus else ((1 + sign(v)) * plus + (1 - sign(v)) * minus) / 2
         rate = v - p.sigma0 * Abs(v) * w / g
         u = plant.controller.effort(x, v, z, p)

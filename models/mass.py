@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import sympy
 from sympy import Expr, Symbol
 
+from filippov.errors import ModelError
 from filippov.models.controllers import PID, Controller
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Coulomb, StaticCoulomb, Stribeck
@@ -56,6 +57,14 @@ class ControlledMass:
             return Parts(x, v, sympy.S.Zero, p, {})
         (z,) = states("z")
         return Parts(x, v, z, p, {z: x})
+
+    def check_dry(self, model: str) -> None:
+        """Raise ModelError if the law has no dry friction, for which `model` stands in."""
+        if not self.friction.dry:
+            raise ModelError(
+                f"the law {self.friction} has no dry friction, which the {model} model stands in for. "
+                "Use controlled_mass(...), or a law with a dry part."
+            )
 
     def system(self) -> System:
         """Return the inclusion x' = v, m v' in -u - F(v), z' = x (z with a PID controller only)."""

@@ -33,7 +33,11 @@ class Switch:
     alpha: float = 100.0
 
     def system(self, plant: ControlledMass = REFERENCE) -> System:
-        """Return the band model of a plant as an ordinary System, with eta and alpha as parameters."""
+        """Return the band model of a plant as an ordinary System, with eta and alpha as parameters.
+
+        Raises ModelError for a law without dry friction.
+        """
+        plant.check_dry("Switch")
         x, v, z, p, tail = plant.parts(
             **declare("eta", self.eta, "m/s", "half-width of the stick band", SMALLEST),
             **declare("alpha", self.alpha, "1/s", "acceleration coefficient in the stick band"),

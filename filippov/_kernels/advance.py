@@ -5,14 +5,14 @@ accepted step is searched for its first event; the event is landed on by a real 
 `resolve`, everything else returns GENERAL with the state at the event and the surfaces that are hit.
 """
 
-from filippov._kernels.codes import (CAUSE, CHUNK_DONE, CLOCK_SIZE, COUNT_SIZE, EVENTS, EVENTS_FULL, EVENT_BUDGET, EVENT_ROOM, FIELD_CALLS, GENERAL, GRAZING, KINK, KINDS, MAX_STEP, MIN_STEP, NONE, NOTHING, NOT_FINITE, NO_SLIDING, OBSERVER, REACHED, RECORDS, RECORDS_FULL, RECORD_ROOM, REJECTED, RELATIVE, ROOT, RTOL, STEP, STEPS, STEP_BUDGET, STOPPED, STORE, SURFACE, T, TOUCH, T_END, T_START, USER_ERROR, ZENO)
-from filippov._kernels.control import (creep_off, error_norm, finite, first_step, guard_state, is_rough, mark_hits, suspicious, time_to_surface)
+from filippov._kernels.codes import (CAUSE, CHUNK_DONE, CLOCK_SIZE, COUNT_SIZE, EVENTS, EVENTS_FULL, EVENT_BUDGET, EVENT_ROOM, FIELD_CALLS, GENERAL, GRAZING, KINK, KINDS, MAX_STEP, MIN_STEP, NONE, NOTHING, NOT_FINITE, NO_SLIDING, OBSERVER, REACHED, RECORDS, RECORDS_FULL, RECORD_ROOM, REJECTED, RELATIVE, ROUGH_FROM, ROUGH_SPAN, ROOT, RTOL, STEP, STEPS, STEP_BUDGET, STOPPED, STORE, SURFACE, T, TOUCH, T_END, T_START, USER_ERROR, ZENO)
+from filippov._kernels.control import (creep_off, error_norm, finite, first_step, guard_state, is_rough, mark_hits, step_factor, suspicious, time_to_surface)
 from filippov._kernels.field import (clear_ranges, field, project, set_mode)
 from filippov._kernels.land import (EPS, land)
 from filippov._kernels.language import Indices, NAN, Vector, kernel, shift, shift_indices, truncate
 from filippov._kernels.layout import COLUMNS, MULTIPLIER
 from filippov._kernels.locate import (dense_output, locate)
-from filippov._kernels.model import (DEGREE_DENSE, END_IN_ERROR, I_CALLS, I_SLIDING, M, N, ORDER, P, ROLE, ROUGH, STAGES, WIDTH, W_ATTRACT, W_BEFORE, W_COEF, W_DIRECTION, W_END, W_F, W_H, W_K, W_MULT, W_RADIUS, W_START, W_TOUCH, W_XE, W_Y, extra_stages, radii, stages)
+from filippov._kernels.model import (DEGREE_DENSE, END_IN_ERROR, I_CALLS, I_SLIDING, M, N, P, ROLE, ROUGH, STAGES, WIDTH, W_ATTRACT, W_BEFORE, W_COEF, W_DIRECTION, W_END, W_F, W_H, W_K, W_MULT, W_RADIUS, W_START, W_TOUCH, W_XE, W_Y, extra_stages, radii, stages)
 from filippov._kernels.resolve import (resolve_exit, resolve_root)
 
 ZENO_STREAK = 6
@@ -104,14 +104,30 @@ def renew_state(
 
 @kernel
 def rough_start(
-    t: float, x: Vector, p: Vector, m: Vector, order: Indices, tiny: float, w: Vector, iw: Indices, ctx: Indices
-) -> int:
+    clock: Vector, t: float, x: Vector, p: Vector, m: Vector, order: Indices, direction: float, w: Vector, iw: Indices,
+    ctx: Indices,
+) -> int:  # fmt: skip
     """Creep off a surface left tangentially where its field is rough: the surface, -1 for none, -2 on failure."""
     if ROUGH:
         for i in range(M):
             if order[i] >= 2 and m[i] != 0.0 and ROLE[i] != OBSERVER:
                 if is_rough(t, x, p, m, i, w, iw, ctx):
-                    return i if creep_off(t, x, p, m, tiny, w, iw, ctx) == 0 else -2
+                    span = clock[STEP]
+                    if span <= 0.0:
+                        size, speed = 0.0, 1e-300
+                        for j in range(N):
+                            size = max(size, abs(x[j]))
+                            speed = max(speed, abs(w[W_K + j]))
+                        span = 0.1 * size / speed
+                    span = min(span, abs(clock[T_END] - t))
+                    tiny = direction * 1e-8 * span
+                    if creep_off(t, x, p, m, tiny, w, iw, ctx) != 0:
+                        return -2
+                    clock[T] = t + tiny
+                    clock[STEP] = abs(tiny)
+                    clock[RELATIVE] = float(i) + 1.0
+                    clock[ROUGH_FROM], clock[ROUGH_SPAN] = t, span
+                    return i
     return -1
 
 
@@ -146,6 +162,7 @@ def advance(
     steps_left = count[STEP_BUDGET]
     renew = True
     grow = 6.0
+    trend = 1e-300
     for i in range(M):
         w[W_MULT + i * COLUMNS + MULTIPLIER] = lam[i]
     iw[I_CALLS] = 0
@@ -170,15 +187,12 @@ def advance(
             if code != REACHED:
                 break
             renew = False
-            tiny = direction * 1e-10 * min(abs(remaining), clock[STEP] if clock[STEP] > 0.0 else 1.0)
-            surface = rough_start(t, x, p, m, order, tiny, w, iw, ctx)
+            trend = 1e-300
+            surface = rough_start(clock, t, x, p, m, order, direction, w, iw, ctx)
             if surface == -2:
                 code = USER_ERROR
                 break
             if surface >= 0:
-                clock[T] = t + tiny
-                clock[STEP] = abs(tiny)
-                clock[RELATIVE] = float(surface) + 1.0
                 order[surface] = 0
                 renew = True
                 continue
@@ -203,10 +217,13 @@ def advance(
         relative = truncate(clock[RELATIVE]) - 1
         error = NAN
         if failed == 0:
-            error = error_norm(x, y, step, rtol, atol, relative, w)
+            slack = 1.0
+            if relative >= 0:
+                slack = max(1.0, clock[ROUGH_SPAN] / abs(t + step - clock[ROUGH_FROM]))
+            error = error_norm(x, y, step, rtol, atol, relative, slack, w)
         if error > 1.0 and error < 1e300:
             count[REJECTED] += 1
-            clock[STEP] = abs(step) * max(0.2, 0.9 * error ** (-1.0 / float(ORDER)))
+            clock[STEP] = abs(step) * max(0.2, step_factor(error))
             grow = 1.0
             continue
         te = clock[T_END] if last else t + step
@@ -239,7 +256,11 @@ def advance(
             for j in range(N):
                 xe[j] = x[j]
         else:
-            factor = 6.0 if error == 0.0 else min(grow, 0.9 * error ** (-1.0 / float(ORDER)))
+            factor = 6.0 if error == 0.0 else step_factor(error)
+            # Gustafsson's prediction: an error that grows from step to step will go on growing.
+            predicted = factor * factor * abs(step) / trend
+            trend = abs(step) * min(factor, 3.0)
+            factor = min(grow, factor, predicted)
             proposal = abs(step) * max(0.2, factor)
             clock[STEP] = max(clock[STEP], proposal) if last else proposal
             grow = 6.0
@@ -266,9 +287,11 @@ def advance(
                 for i in range(M):
                     w[W_START + 2 * i] = w[W_END + 2 * i]
                     w[W_START + 2 * i + 1] = w[W_END + 2 * i + 1]
-                    if m[i] != 0.0:
+                    if m[i] != 0.0 or order[i] > 0:
                         order[i] = 0
-                if relative >= 0 and m[relative] * w[W_END + 2 * relative + 1] <= 0.0:
+                    elif order[i] == -2:
+                        order[i] = -1
+                if relative >= 0 and abs(te - clock[ROUGH_FROM]) > clock[ROUGH_SPAN]:
                     clock[RELATIVE] = 0.0
                 clock[T] = te
                 continue
@@ -329,7 +352,7 @@ def advance(
                 code = STOPPED
                 break
         if ROLE[surface] != OBSERVER and kind != GRAZING:
-            floor = max(1e-9 * abs(te - clock[T_START]), 1e3 * EPS * abs(te))
+            floor = max(1e-7 * abs(te - clock[T_START]), 1e3 * EPS * abs(te))
             if zeno_remaining(shift(zeno, 3 * surface), te, floor) >= 0.0:
                 code = ZENO
                 break
@@ -337,28 +360,3 @@ def advance(
     for i in range(M):
         lam[i] = w[W_MULT + i * COLUMNS + MULTIPLIER]
     return code
-
-
-@kernel
-def ensemble(
-    trajectories: int, clocks: Vector, counts: Indices, xs: Vector, ms: Vector, orders: Indices, hits: Indices,
-    lams: Vector, ps: Vector, atol: Vector, stops: Indices, zenos: Vector, events: Vector,
-    marks: Indices, codes: Indices, w: Vector, iw: Indices, ctx: Indices,
-) -> int:  # fmt: skip
-    """`advance` for many trajectories, one after the other; nothing is kept but where each ended."""
-    for q in range(trajectories):
-        count = shift_indices(counts, q * COUNT_SIZE)
-        code = EVENTS_FULL
-        while code == EVENTS_FULL:
-            code = advance(
-                shift(clocks, q * CLOCK_SIZE), count, shift(xs, q * N), shift(ms, q * M), shift_indices(orders, q * M),
-                shift_indices(hits, q * M), shift(lams, q * M), shift(ps, q * P), atol,
-                shift_indices(stops, q * M * KINDS), shift(zenos, q * M * 3), w, w, events, marks, w, iw, ctx,
-            )  # fmt: skip
-            if code == EVENTS_FULL:
-                count[EVENT_BUDGET] -= count[EVENTS]
-                count[EVENTS] = 0
-                if count[EVENT_BUDGET] <= 0:
-                    break
-        codes[q] = code
-    return 0

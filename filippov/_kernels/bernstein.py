@@ -109,7 +109,9 @@ def first_root(
             # No root here; a least value inside the piece, or on the seam to the one before, is a touching.
             falls, rises = row[1] < row[0], row[degree] > row[degree - 1]
             if (falls or falling) and rises:
-                return TOUCHING, (0.5 * (lo + hi) if falls else lo)
+                # The vertex of the parabola with the slopes of both ends.
+                fall, rise = row[0] - row[1], row[degree] - row[degree - 1]
+                return TOUCHING, (lo + width * fall / (fall + rise) if falls else lo)
             falling = falls and row[degree] <= touch
             continue
         if top + 2 > DEPTH:

@@ -26,8 +26,20 @@ from filippov._kernels.method import method_constants, method_source
 from filippov._kernels.tableaus import TABLEAUS
 
 _FOLDER = Path(__file__).parent
-_FILES = ("elementary", "bernstein", "field", "land", "locate", "control", "resolve", "advance", "probe")
-EXPORTED = {"advance": 18, "ensemble": 18, "probe": 10, "rhs": 7, "guards": 6, "gradients": 7, "radii": 5}
+_FILES = ("elementary", "bernstein", "field", "land", "locate", "control", "resolve", "advance", "probe", "start", "ensemble")
+# Arguments of the entry points: d double, i integer, a address of an array.
+EXPORTED = {
+    "advance": "a" * 18,
+    "ensemble": "ii" + "a" * 17,
+    "begin": "dd" + "a" * 8,
+    "probe": "dd" + "a" * 8,
+    "rhs": "d" + "a" * 6,
+    "guards": "d" + "a" * 5,
+    "gradients": "d" + "a" * 6,
+    "radii": "d" + "a" * 4,
+    "derive": "a",
+}
+_KINDS = {"d": ctypes.c_double, "i": ctypes.c_int64, "a": ctypes.c_void_p}
 _MAGIC = b"filippov unit 1\n"
 _lock = threading.Lock()
 _loaded: dict[str, "Compiled"] = {}
@@ -138,13 +150,7 @@ def build(source: str, constants: Mapping[str, Constant], method: str) -> Compil
         engine = load_object(code)
         functions = {}
         for function, arguments in EXPORTED.items():
-            kinds = [ctypes.c_void_p] * arguments
-            if function == "ensemble":
-                kinds[0] = ctypes.c_int64  # type: ignore[assignment]
-            elif function != "advance":
-                kinds[0] = ctypes.c_double  # type: ignore[assignment]
-            if function == "probe":
-                kinds[1] = ctypes.c_double  # type: ignore[assignment]
+            kinds = [_KINDS[letter] for letter in arguments]
             address = engine.get_function_address(function)
             functions[function] = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds)(address)
         _loaded[name] = Compiled(functions, place, engine)

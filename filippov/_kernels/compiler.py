@@ -71,14 +71,14 @@ def add_kernels(unit: Unit, text: str) -> None:
         if not isinstance(node, ast.FunctionDef):
             continue
         marks = {mark.id for mark in node.decorator_list if isinstance(mark, ast.Name)}
-        if "kernel" not in marks and "reassociate" not in marks:
+        if "kernel" not in marks and "contract" not in marks:
             continue
         arguments = [_annotation(a.annotation, f"{node.name}({a.arg})") for a in node.args.args]
         kind = ir.FunctionType(_result(node.returns, node.name), arguments)
         function = ir.Function(unit.module, kind, node.name)
         function.linkage = "internal"
         function.attributes.add("nounwind")
-        flags = ("reassoc", "contract", "nsz") if "reassociate" in marks else ()
+        flags = ("contract",) if "contract" in marks else ()
         unit.kernels[node.name] = Kernel(node, function, flags)
 
 
@@ -281,6 +281,7 @@ class _Body:
     def value_Call(self, node: ast.Call) -> ir.Value:
         name = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
         values = [self.value(argument) for argument in node.args]
+        name = "exponential" if name == "exp" else name
         if name in self.unit.kernels:
             target = self.unit.kernels[name].function
             if len(values) != len(target.args):
@@ -295,6 +296,14 @@ class _Body:
             return self.intrinsic("llvm.fabs", [self.double(values[0])])
         if name == "sqrt":
             return self.intrinsic("llvm.sqrt", [self.double(values[0])])
+        if name == "rint":
+            return self.intrinsic("llvm.rint", [self.double(values[0])])
+        if name == "two_to":
+            # The bits of 2**n, |n| < 1023.
+            bits = self.b.shl(self.b.add(values[0], ir.Constant(LONG, 1023)), ir.Constant(LONG, 52))
+            return self.b.bitcast(bits, DOUBLE)
+        if name == "fma":
+            return self.intrinsic("llvm.fma", [self.double(v) for v in values])
         if name == "float":
             return self.double(values[0])
         if name == "truncate":
@@ -454,7 +463,7 @@ def target_machine() -> binding.TargetMachine:
     target = binding.Target.from_default_triple()
     features = binding.get_host_cpu_features().flatten()
     return target.create_target_machine(
-        cpu=binding.get_host_cpu_name(), features=features, opt=3, jit=True, reloc="default", codemodel="jitdefault"
+        cpu=binding.get_host_cpu_name(), features=features, opt=3, jit=True, reloc="pic", codemodel="small"
     )
 
 

@@ -22,8 +22,10 @@ def combine(square5: float, square3: float, step: float, n: float) -> float:
 
 
 @kernel
-def error_norm(x: Vector, y: Vector, step: float, rtol: float, atol: Vector, relative: int, w: Vector) -> float:
-    """Root mean square of the local error over atol + rtol |x|; of the guard `relative` over rtol |h| as well."""
+def error_norm(
+    x: Vector, y: Vector, step: float, rtol: float, atol: Vector, relative: int, slack: float, w: Vector
+) -> float:
+    """Root mean square of the local error over atol + rtol |x|; of the guard `relative` over rtol |h| slack as well."""
     square5, square3 = 0.0, 0.0
     guard5, guard3, rise = 0.0, 0.0, 0.0
     for i in range(N):
@@ -32,14 +34,22 @@ def error_norm(x: Vector, y: Vector, step: float, rtol: float, atol: Vector, rel
             guard5 += w[W_G + relative * N + i] * e5
             guard3 += w[W_G + relative * N + i] * e3
             rise += w[W_G + relative * N + i] * (y[i] - x[i])
-        scale = atol[i] + rtol * max(abs(x[i]), abs(y[i]))
-        square5 += (e5 / scale) ** 2
-        square3 += (e3 / scale) ** 2
+        scale = 1.0 / (atol[i] + rtol * max(abs(x[i]), abs(y[i])))
+        square5 += (e5 * scale) ** 2
+        square3 += (e3 * scale) ** 2
     norm = combine(square5, square3, step, float(N))
     if relative >= 0:
-        scale = rtol * abs(rise) + 1e-300
+        scale = rtol * slack * abs(rise) + 1e-300
         norm = max(norm, combine((guard5 / scale) ** 2, (guard3 / scale) ** 2, step, 1.0))
     return norm
+
+
+@kernel
+def step_factor(error: float) -> float:
+    """0.9 error**(-1/order), without pow where the order is 8."""
+    if ORDER == 8:
+        return 0.9 / sqrt(sqrt(sqrt(error)))
+    return 0.9 * error ** (-1.0 / float(ORDER))
 
 
 @kernel
@@ -159,7 +169,8 @@ def creep_off(
 ) -> int:
     """A first tiny step off a surface where the field is not Lipschitz: Picard iteration on 3 Gauss nodes.
 
-    The relative error it leaves in h decays like 1/t, so the step may be rough as long as it is tiny.
+    A relative error in h decays like 1/t from there on, so the step may be rough as long as it is tiny; for the
+    same reason `slack` lets the steps that follow be as much less accurate as they are closer to the surface.
     """
     at, f = shift(w, W_CREEP), shift(w, W_CREEP + 3 * N)
     for q in range(3):

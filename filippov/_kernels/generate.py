@@ -10,6 +10,7 @@ from sympy import Expr, Symbol
 from sympy.printing.str import StrPrinter
 
 from filippov._kernels.compiler import Constant
+from filippov._kernels.hoist import Hoisted
 from filippov.errors import ModelError
 from filippov.surface import Surface
 from filippov.symbolic import Select, SymbolicForm, convex
@@ -27,9 +28,9 @@ _FUNCTIONS = {
 class _Printer(StrPrinter):  # type: ignore[misc]
     """Expressions in the kernel language, powers by the cheapest means."""
 
-    def __init__(self, names: dict[Symbol, str]) -> None:
+    def __init__(self, names: dict[Symbol, str], sizes: set[Symbol]) -> None:
         super().__init__()
-        self.names = names
+        self.names, self.sizes = names, set(sizes)
 
     def _print_Symbol(self, e: Symbol) -> str:
         return self.names.get(e, e.name)
@@ -58,7 +59,7 @@ class _Printer(StrPrinter):  # type: ignore[misc]
         for factor in e.as_ordered_factors():
             if factor.is_Pow and factor.exp.is_Integer and factor.exp < 0:
                 below.append(self._print(sympy.Pow(factor.base, -factor.exp)))
-            elif factor.is_Pow and factor.exp == -sympy.S.Half:
+            elif factor.is_Pow and factor.exp == -sympy.S.Half and not factor.free_symbols & self.sizes:
                 below.append(self._print(sympy.sqrt(factor.base)))
             else:
                 above.append(self._print(factor))
@@ -67,6 +68,8 @@ class _Printer(StrPrinter):  # type: ignore[misc]
 
     def _print_Pow(self, e: Expr) -> str:
         base, exponent = self._print(e.base), e.exp
+        if e.base.free_symbols & self.sizes and not exponent.is_Integer:
+            return f"size_power({base}, {self._print(exponent)})"
         if exponent.is_Integer and 0 < abs(int(exponent)) <= 4:
             if not e.base.is_Symbol and abs(int(exponent)) > 2:
                 return f"power({base}, {float(int(exponent))!r})"
@@ -125,6 +128,8 @@ def _assign(printer: _Printer, results: Sequence[tuple[str, Expr]], prefix: str)
     lines = []
     for number, (symbol, expression) in enumerate(shared):
         printer.names[symbol] = f"{prefix}{number}"
+        if expression.free_symbols & printer.sizes:
+            printer.sizes.add(symbol)
         lines.append(f"    {prefix}{number} = {printer._print(expression)}")
     lines += [f"    {target} = {printer._print(e)}" for (target, _), e in zip(results, reduced, strict=True)]
     return lines
@@ -139,18 +144,17 @@ def _names(form: SymbolicForm) -> dict[Symbol, str]:
     return names
 
 
-def _sizes(form: SymbolicForm, printer: _Printer, used: set[Symbol], clamp: bool) -> list[str]:
-    """|h_i| of the surfaces whose size is used; 0 beyond the surface, where the field need not be defined."""
+def _sizes(form: SymbolicForm, printer: _Printer, used: set[Symbol]) -> list[str]:
+    """|h_i| = mode_i h_i of the surfaces whose size is used: smooth across the surface, 0 while sliding on it."""
     needed = set(used)
     for a, h in reversed(list(zip(form.a, form.h, strict=True))):
         if a in needed:
             needed |= h.free_symbols & set(form.a)
-    lines = []
-    for i, (a, h) in enumerate(zip(form.a, form.h, strict=True)):
-        if a in needed:
-            product = f"m[{i}] * {printer._print(h)}"
-            lines.append(f"    a{i} = " + (f"max({product}, 0.0)" if clamp else product))
-    return lines
+    return [
+        f"    a{i} = m[{i}] * {printer._print(h)}"
+        for i, (a, h) in enumerate(zip(form.a, form.h, strict=True))
+        if a in needed
+    ]
 
 
 def _gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[Expr]]:
@@ -194,30 +198,39 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...]) -> Generated:
     """Kernel source of a symbolic system; see `filippov._kernels.model` for the interface."""
     n, m = len(form.x), len(form.h)
     modes = tuple(sympy.Dummy(f"m{i}") for i in range(m))
-    printer = _Printer(_names(form) | {q: f"m[{i}]" for i, q in enumerate(modes)})
+    printer = _Printer(_names(form) | {q: f"m[{i}]" for i, q in enumerate(modes)}, set(form.a))
     rows = _gradients(form, modes)
+    hoisted = Hoisted(form.p)
+    field = [hoisted(f) for f in form.field]
+    derived = list(hoisted.derived.items())
+    printer.names |= {symbol: f"p[{len(form.p) + k}]" for k, (_, symbol) in enumerate(derived)}
     used: set[Symbol] = set().union(*(f.free_symbols for f in form.field)) & set(form.a)
-    lines = ["@kernel", "def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:"]
-    lines += _sizes(form, printer, used, clamp=True)
-    lines += _assign(printer, [(f"out[{i}]", f) for i, f in enumerate(form.field)], "c")
+    lines = ["@contract", "def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:"]
+    lines += _sizes(form, printer, used)
+    lines += _assign(printer, [(f"out[{i}]", f) for i, f in enumerate(field)], "c")
     lines += ["    return 0", "", "@kernel"]
     lines += ["def guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:"]
     inside: set[Symbol] = set().union(*(h.free_symbols for h in form.h)) & set(form.a) if m else set()
-    lines += _sizes(form, printer, inside, clamp=False)
+    lines += _sizes(form, printer, inside)
     lines += _assign(printer, [(f"out[{i}]", h) for i, h in enumerate(form.h)], "c")
     lines += ["    return 0", "", "@kernel"]
     lines += ["def gradients(t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices) -> int:"]
     slopes = {a for row in rows for e in row for a in e.free_symbols & set(form.a)}
-    lines += _sizes(form, printer, slopes, clamp=False)
+    lines += _sizes(form, printer, slopes)
     targets = [(f"g[{i * n + j}]", rows[i][j]) for i in range(m) for j in range(n)]
     lines += _assign(printer, targets + [(f"gt[{i}]", rows[i][n]) for i in range(m)], "c")
     lines += ["    return 0", "", "@kernel", "def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:"]
     ends = [(f"out[{2 * i + side}]", sympy.sympify(form.radius[i][side])) for i in range(m) for side in (0, 1)]
     lines += _assign(printer, ends, "c")
-    lines += ["    return 0", ""]
+    lines += ["    return 0", "", "@kernel", "def derive(p: Vector) -> int:"]
+    targets = [(f"p[{len(form.p) + k}]", e) for k, (e, _) in enumerate(derived)]
+    lines += [*_assign(printer, targets, "c"), "    return 0", ""]
     varying = {t, *form.x, *form.a}
     linear = [not any(e.free_symbols & varying for e in row) for row in rows]
-    return Generated("\n".join(lines), unit_constants(n, len(form.p), surfaces, linear, jointly_affine(form), rough(form)))
+    constants = unit_constants(
+        n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), rough(form)
+    )
+    return Generated("\n".join(lines), constants)
 
 
 def unit_constants(

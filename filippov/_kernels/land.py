@@ -4,7 +4,7 @@ The dense output only says where to go; the state at the event comes from the me
 rounding level and not at the interpolant's.
 """
 
-from filippov._kernels.codes import ROOT, SWITCHING, UPPER
+from filippov._kernels.codes import ROOT, SWITCHING, TOUCH, UPPER
 from filippov._kernels.field import field, project
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.locate import guard_rows
@@ -66,8 +66,8 @@ def land(
     code = stages(t, x, p, m, length, xe, w, iw, ctx)
     value, last = 0.0, 1e300
     for attempt in range(12):
-        if code != 0:
-            return code, length, dense_length, value
+        if code != 0 or cause == TOUCH:
+            break
         te = t + length
         if cause == ROOT:
             if guards(te, xe, p, m, h, ctx) != 0 or gradients(te, xe, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:

@@ -26,8 +26,8 @@ def kernel(function: Function) -> Function:
     return function
 
 
-def reassociate(function: Function) -> Function:
-    """Mark a kernel whose sums may be re-associated and contracted, for speed."""
+def contract(function: Function) -> Function:
+    """Mark a kernel whose products may be fused with the sums they go into: faster, and one rounding less."""
     return function
 
 
@@ -49,6 +49,21 @@ def truncate(value: float) -> int:
 def sqrt(value: float) -> float:
     """The square root, NaN below 0."""
     return math.sqrt(value) if value >= 0.0 else math.nan
+
+
+def rint(value: float) -> float:
+    """The nearest whole number, ties to even."""
+    return float(np.rint(value))
+
+
+def two_to(exponent: int) -> float:
+    """2**exponent, |exponent| < 1023."""
+    return math.ldexp(1.0, exponent)
+
+
+def fma(a: float, b: float, c: float) -> float:
+    """a b + c (rounded once in compiled code)."""
+    return a * b + c
 
 
 def power(base: float, exponent: float) -> float:

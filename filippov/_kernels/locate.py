@@ -15,11 +15,12 @@ from filippov._kernels.field import field
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import CHECKS, COLUMNS, MULTIPLIER, RATE_MINUS, RATE_PLUS, SPLITS
 from filippov._kernels.model import ALL_LINEAR, DEGREE_DENSE, DENSE, EXTRA, LINEAR, M, N, STAGES, WIDTH, guards, radii
-from filippov._kernels.model import I_LIST, I_SLIDING, W_ATTRACT, W_BOUNDS, W_C, W_CHECK, W_COEF, W_F, W_H, W_K, W_MULT
-from filippov._kernels.model import W_NODE, W_PIECES, W_RADIUS, W_STACK, W_TOUCH, W_WORK, W_XM
+from filippov._kernels.model import I_LIST, I_SLIDING, W_ATTRACT, W_BOUNDS, W_C, W_CHECK, W_COEF, W_F, W_G, W_GT, W_H
+from filippov._kernels.model import W_K, W_MULT, W_NODE, W_PIECES, W_RADIUS, W_STACK, W_TOUCH, W_WORK, W_XM, W_Y
 from filippov._kernels.tables import DEGREE, NODES, POSITION, TO_BERNSTEIN, TOUCHING
 
 CHECK_FIRST, CHECK_APART = 0.3137, 0.4218
+EPS = 2.220446049250313e-16
 
 
 @kernel
@@ -126,12 +127,36 @@ def to_polynomial(row: int, judged: bool, w: Vector) -> bool:
 
 
 @kernel
+def order_at_start(c: Vector, spread: float) -> int:
+    """How often a multiplier's guard vanishes at the start of its segment: 0 where it starts off the end of its set."""
+    if abs(c[0]) > 1e-6 * spread:
+        return 0
+    largest = 0.0
+    for a in range(1, NODES):
+        largest = max(largest, abs(c[a]))
+    order = 1
+    while order < DEGREE - 1 and abs(c[order]) <= 1e-9 * largest:
+        order += 1
+    return order
+
+
+@kernel
+def rounding(t: float, step: float, i: int, w: Vector) -> float:
+    """What guard i cannot be told from 0 by on this step: some roundings of its terms."""
+    total = abs(w[W_GT + i]) * max(abs(t), abs(t + step))
+    for j in range(N):
+        total += abs(w[W_G + i * N + j]) * max(abs(w[W_COEF + j]), abs(w[W_Y + j]))
+    return 8.0 * EPS * total
+
+
+@kernel
 def locate(
     t: float, p: Vector, m: Vector, order: Indices, step: float, w: Vector, iw: Indices, ctx: Indices
 ) -> tuple[int, int, float, float]:
     """The first event in (0, 1] of the step: (cause, surface, theta, slope of the guard by theta).
 
-    order[i]: how often guard i vanishes at the start of the step (the root it starts from is divided out).
+    order[i]: how often guard i vanishes at the start of the step (the root it starts from is divided out); for a
+    sliding surface +-2 says that its multiplier starts at an end of its set.
     A least value of a guard below W_TOUCH is a touching. Cause -1: the user's code failed; -2: no sliding.
     """
     c, work, pieces = shift(w, W_C), shift(w, W_WORK), shift(w, W_PIECES)
@@ -160,6 +185,14 @@ def locate(
             if lo == 0.0 and m[i] != 0.0 and order[i] > 0:
                 degree = deflate(c, order[i])
                 allowed = 0.0
+            elif lo == 0.0 and m[i] == 0.0 and abs(order[i]) == 2:
+                degree = deflate(c, order_at_start(c, abs(w[W_NODE + i]) + abs(w[W_NODE + M + i])))
+            elif allowed > 0.0:
+                # A dip below 0 no deeper than rounding is a touching, not two crossings.
+                dip = rounding(t, step, i, w)
+                allowed += dip
+                for a in range(NODES):
+                    c[a] += dip
             least, most = c[0], c[0]
             for a in range(1, degree + 1):
                 least = min(least, c[a])

@@ -15,7 +15,10 @@ def _stage(row: Row, node: float, target: int) -> list[str]:
     return [
         "    for i in range(N):",
         f"        w[W_STAGE + i] = x[i] + step * ({_sum(row)})",
-        f"    code = field(t + {node!r} * step, shift(w, W_STAGE), p, m, shift(w, W_K + {target} * N), w, iw, ctx)",
+        "    if iw[I_SLIDING] == 0:",
+        f"        code = rhs(t + {node!r} * step, shift(w, W_STAGE), p, m, m, shift(w, W_K + {target} * N), ctx)",
+        "    else:",
+        f"        code = field(t + {node!r} * step, shift(w, W_STAGE), p, m, shift(w, W_K + {target} * N), w, iw, ctx)",
         "    if code != 0:",
         "        return code",
     ]
@@ -23,14 +26,15 @@ def _stage(row: Row, node: float, target: int) -> list[str]:
 
 def method_source(tableau: Tableau) -> str:
     """The functions `stages`, `extra_stages` and `error_terms` of the interface in `model`."""
-    lines = ["@reassociate", f"def stages({_SIGNATURE}, step: float, y: Vector, {_SCRATCH}) -> int:"]
+    lines = ["@contract", f"def stages({_SIGNATURE}, step: float, y: Vector, {_SCRATCH}) -> int:"]
     for target, (row, node) in enumerate(zip(tableau.main, tableau.main_nodes, strict=False), start=1):
         lines += _stage(row, node, target)
+    lines += ["    if iw[I_SLIDING] == 0:", f"        iw[I_CALLS] += {len(tableau.main) - 1}"]
     lines += ["    for i in range(N):", f"        y[i] = x[i] + step * ({_sum(tableau.main[-1])})", "    return 0"]
-    lines += ["", "", "@reassociate", f"def extra_stages({_SIGNATURE}, step: float, {_SCRATCH}) -> int:"]
+    lines += ["", "", "@contract", f"def extra_stages({_SIGNATURE}, step: float, {_SCRATCH}) -> int:"]
     for offset, (row, node) in enumerate(zip(tableau.extra, tableau.extra_nodes, strict=True)):
         lines += _stage(row, node, tableau.stages + offset)
-    lines += ["    return 0", "", "", "@reassociate", "def error_terms(i: int, w: Vector) -> tuple[float, float]:"]
+    lines += ["    return 0", "", "", "@contract", "def error_terms(i: int, w: Vector) -> tuple[float, float]:"]
     estimates = [f"({_sum(row)})" for row in tableau.errors] + ["0.0"]
     lines += [f"    return {estimates[0]}, {estimates[1]}", "", ""]
     return "\n".join(lines)

@@ -4,7 +4,7 @@ The kernel files import these names so that they read and check as ordinary modu
 generated source of one system, which defines the same names, followed by the text of the kernel files
 (see `build`). The trivial system is x' = 0 without a surface.
 
-N, M, P: numbers of states, surfaces and parameters (M at least 1 in array shapes).
+N, M, P: numbers of states, surfaces, and parameters with what is derived from them.
 ROLE[i], LINEAR[i], WIDTH[i]: what surface i is, whether its guard is linear in (t, x), and the half width of
 its hysteresis. AFFINE: the field is jointly affine in the signs. DENSE: powers of the dense output.
 """
@@ -28,7 +28,7 @@ kernel = njit(cache=True, error_model="numpy")
 
 @kernel
 def rhs(t, x, p, s, m, out, ctx):
-    """The field at signs s (every entry +1 or -1) with |h_i| = max(m_i h_i, 0); nonzero return: the user's code failed."""
+    """The field at signs s (every entry +1 or -1) with |h_i| = m_i h_i; nonzero return: the user's code failed."""
     out[0] = 0.0
     return 0
 

@@ -42,3 +42,5 @@ GAUSS_A: list[float] = [
 ]  # fmt: skip
 GAUSS_C: list[float] = [0.5 - _ROOT / 10, 0.5, 0.5 + _ROOT / 10]
 GAUSS_B: list[float] = [5 / 18, 4 / 9, 5 / 18]
+# 2**(j/64), correctly rounded: 2**(j/64) is the 64th root of 2**j.
+EXP2: list[float] = [2.0 ** (j / 64) for j in range(64)]

@@ -1,0 +1,200 @@
+"""0 in F(x; p): equilibria of smooth modes, pseudo-equilibria of sliding modes, and sets of both.
+
+In a mode the signs are numbers, except s_i in [lo_i, hi_i] where the mode slides on surface i. There f(x, s) = 0
+and h_i(x) = 0 are solved for x AND s; what stays free parameterises a set. Source: Filippov 1988, section 19.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.analysis.branches import Branch, DegenerateError, Elimination, UnsolvedError
+from filippov.analysis.budget import Clock, OutOfBudgetError
+from filippov.analysis.equilibria_numeric import NumericMode, numeric_equilibria
+from filippov.analysis.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet
+from filippov.analysis.existence import Existence, ModeProblem
+from filippov.analysis.polynomial import exact
+from filippov.errors import UsageError
+from filippov.symbolic import SymbolicForm
+from filippov.symbols import t as TIME
+from filippov.system import System
+
+MOST_MODES = 243
+SOME_TIME = sympy.Rational(7313, 10000)
+
+
+def equilibria(
+    system: System,
+    parameters: Mapping[Any, float] | None = None,
+    *,
+    modes: Sequence[str] | None = None,
+    t: float | None = None,
+    box: Mapping[str, tuple[float, float]] | None = None,
+    budget: float = 10.0,
+) -> Equilibria:
+    """Return the points and sets with 0 in F(x; p).
+
+    parameters  values that decide which exist, the defaults where not given; formulas stay in the symbols
+    modes       those to search, such as ["0"]; every mode by default (at most 243, else up to one sliding)
+    t           the time at which a system that depends on it is frozen
+    box         (least, greatest) by state where a numerical search is needed, +-10 by default
+    budget      seconds
+
+    A mode whose equations cannot be solved in formulas is searched numerically from many starts, which may miss
+    equilibria and is noted. A system of plain functions is always searched so. Raises UsageError, ModelError.
+    """
+    p = system.parameters.resolve(parameters)
+    numbers = tuple(zip(system.parameters.names, p.tolist(), strict=True))
+    clock = Clock(budget)
+    ranges = _ranges(system, box)
+    chosen, notes = _modes(system, modes)
+    found: list[EquilibriumPoint | EquilibriumSet] = []
+    for k, mode in enumerate(chosen):
+        try:
+            if system.symbolic is None:
+                search = NumericMode.of_functions(system, mode, p, 0.0 if t is None else t)
+                more, said = numeric_equilibria(search, ranges, clock)
+            else:
+                more, said = _symbolic(system, system.symbolic, mode, numbers, t, ranges, clock)
+        except OutOfBudgetError as error:
+            notes.append(f"stopped after {k} of {len(chosen)} modes: {error}. Give a larger budget.")
+            break
+        notes += [note for note in said if note not in notes]
+        found += more
+    found = _without_doubles(found)
+    if system.symbolic is None and t is None and chosen:
+        notes.append("plain functions were searched numerically, at t = 0.")
+    return Equilibria(
+        tuple(e for e in found if isinstance(e, EquilibriumPoint)),
+        tuple(e for e in found if isinstance(e, EquilibriumSet)),
+        numbers,
+        tuple(notes),
+    )
+
+
+def mode_signs(system: System, mode: str) -> tuple[int, ...]:
+    """Return a mode text as integers; UsageError if it does not fit."""
+    table = {"+": 1, "-": -1, "0": 0}
+    if len(mode) != len(system.surfaces) or any(c not in table for c in mode):
+        raise UsageError(f"mode {mode!r}: expected {len(system.surfaces)} characters, each of + - 0.")
+    return tuple(table[c] for c in mode)
+
+
+def _modes(system: System, modes: Sequence[str] | None) -> tuple[list[str], list[str]]:
+    if modes is not None:
+        for mode in modes:
+            mode_signs(system, mode)
+        return list(dict.fromkeys(modes)), []
+    # The field does not jump on a kink, so what lies on it is found in the modes beside it.
+    signs = {"switching": "+0-", "kink": "+-", "observer": "+"}
+    options = [signs[s.kind] if s.width == 0 else "+-" for s in system.surfaces]
+    total = 1
+    for option in options:
+        total *= len(option)
+    every = ("".join(m) for m in itertools.product(*options))
+    if total <= MOST_MODES:
+        return sorted(every, key=lambda m: m.count("0")), []
+    note = f"{total} modes are too many: those that slide on two or more surfaces were left out. Give modes=[...]."
+    few = (m for m in itertools.islice(every, 100_000) if m.count("0") <= 1)
+    return list(itertools.islice(few, MOST_MODES)), [note]
+
+
+def _ranges(system: System, box: Mapping[str, tuple[float, float]] | None) -> list[tuple[float, float]]:
+    ranges = [(-10.0, 10.0)] * system.dimension
+    for name, (low, high) in (box or {}).items():
+        if not low < high:
+            raise UsageError(f"box of {name!r} is ({low}, {high}), expected (least, greatest).")
+        ranges[system.state_index(name)] = (float(low), float(high))
+    return ranges
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """The equations of a mode with some parameters replaced by their values, and why."""
+
+    put: dict[Symbol, Expr]
+    degenerate: tuple[str, ...]
+
+
+def _symbolic(
+    system: System,
+    form: SymbolicForm,
+    mode: str,
+    numbers: tuple[tuple[str, float], ...],
+    t: float | None,
+    ranges: list[tuple[float, float]],
+    clock: Clock,
+) -> tuple[list[EquilibriumPoint | EquilibriumSet], list[str]]:
+    problem = ModeProblem.of(system, form, mode)
+    values = {q: exact(v) for q, (_, v) in zip(form.p, numbers, strict=True)}
+    put: dict[Symbol, Expr] = {} if t is None else {TIME: exact(t)}
+    degenerate: tuple[str, ...] = ()
+    if t is None and problem.has(TIME):
+        zero = {q: v for q, v in values.items() if v == 0 and problem.put({q: v}).has(TIME) != problem.has(TIME)}
+        put |= zero
+        degenerate = tuple(f"{q} = 0" for q in zero)
+    notes: list[str] = []
+    numeric = False
+    for _ in range(len(form.p) + 2):
+        current = problem.put(put)
+        search = Elimination(current.x, current.sliding, {**values, TIME: SOME_TIME}, clock, numeric)
+        try:
+            branches = search.solve(current.equations)
+            break
+        except DegenerateError as error:
+            names = {q: v for q, v in values.items() if error.expression.has(q)}
+            zero = {q: v for q, v in names.items() if v == 0} or names
+            if error.expression.has(TIME) or not zero:
+                branches = []
+                break
+            degenerate += tuple(f"{q} = {v}" for q, v in zero.items())
+            put |= zero
+        except UnsolvedError:
+            if numeric:
+                fallback = NumericMode.of_expressions(current.put(values).put({TIME: exact(t or 0.0)}))
+                more, said = numeric_equilibria(fallback, ranges, clock)
+                return more, said
+            numeric = True
+            put |= values
+    still, moving = _apart(branches)
+    if moving:
+        notes.append(
+            f"mode {mode!r}: what balances the field moves with the time t and is no equilibrium. "
+            "Give t=... to freeze the system."
+        )
+    existence = Existence(current, {**values, **put}, degenerate, exact=not numeric)
+    return [e for branch in still for e in existence.of(branch)], notes
+
+
+def _apart(branches: list[Branch]) -> tuple[list[Branch], list[Branch]]:
+    moving = [b for b in branches if any(e.has(TIME) for e in b.values())]
+    return [b for b in branches if b not in moving], moving
+
+
+def _without_doubles(
+    found: list[EquilibriumPoint | EquilibriumSet],
+) -> list[EquilibriumPoint | EquilibriumSet]:
+    """Leave out a point that is an end of a set, and what the two sides of a kink or a surface both have."""
+    kept: list[EquilibriumPoint | EquilibriumSet] = []
+    places: list[tuple[float, ...]] = []
+    formulas = set()
+    for e in found:
+        if isinstance(e, EquilibriumSet) and (e.x, e.domain) not in formulas:
+            formulas.add((e.x, e.domain))
+            places += [end.value for end in e.ends]
+            kept.append(e)
+    for e in found:
+        if isinstance(e, EquilibriumPoint) and not any(_near(e.value, place) for place in places):
+            places.append(e.value)
+            kept.append(e)
+    return kept
+
+
+def _near(x: Sequence[float], y: Sequence[float]) -> bool:
+    return all(abs(a - b) <= 1e-9 * max(1.0, abs(a)) for a, b in zip(x, y, strict=True))

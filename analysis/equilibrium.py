@@ -1,0 +1,109 @@
+"""Equilibria of a differential inclusion, 0 in F(x): points, and sets such as those where dry friction holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import sympy
+from sympy import Expr, Symbol
+
+PointKind = Literal["equilibrium", "pseudo-equilibrium", "boundary equilibrium"]
+
+
+@dataclass(frozen=True)
+class EquilibriumPoint:
+    """x with 0 in F(x).
+
+    mode         sign of each surface, 0 where the point lies on it
+    states       names, in the order of x
+    x            one expression in the parameters a state; a number where it was found numerically
+    multipliers  (surface, s) for each surface that the point lies on: f(x, s) = 0
+    value        x at the parameter values, floats
+    s_value      the multipliers at the parameter values
+    kind         "equilibrium" of a smooth mode, "pseudo-equilibrium" on a switching surface, or "boundary
+                 equilibrium": a multiplier is at an end of its set, or the point lies on a kink
+    conditions   inequalities in the parameters under which it exists
+    exact        whether x holds for all parameters near the values
+    degenerate   the special parameter values on which the result rests, such as "I = 0"
+    """
+
+    mode: str
+    states: tuple[str, ...]
+    x: tuple[Expr, ...]
+    multipliers: tuple[tuple[str, Expr], ...]
+    value: tuple[float, ...]
+    s_value: tuple[float, ...]
+    kind: PointKind
+    conditions: tuple[Any, ...] = ()
+    exact: bool = True
+    degenerate: tuple[str, ...] = ()
+
+    @property
+    def dimension(self) -> int:
+        """0."""
+        return 0
+
+
+@dataclass(frozen=True)
+class EquilibriumSet:
+    """{x(c) : c in a domain} with 0 in F(x), all in one mode.
+
+    mode         as for a point
+    x            one expression in `free` and the parameters a state
+    multipliers  (surface, s) for each surface that the set lies on
+    free         the symbols c: multipliers where possible, else states
+    domain       (least, greatest) for each of `free`, in the parameters; -oo and oo where it is unbounded
+    bounds       the domain at the parameter values
+    ends         end points (dimension 1) or corners (more) that exist
+    conditions   inequalities in `free` and the parameters that bound the set
+    exact, degenerate   as for a point
+    """
+
+    mode: str
+    states: tuple[str, ...]
+    x: tuple[Expr, ...]
+    multipliers: tuple[tuple[str, Expr], ...]
+    free: tuple[Symbol, ...]
+    domain: tuple[tuple[Expr, Expr], ...]
+    bounds: tuple[tuple[float, float], ...]
+    ends: tuple[EquilibriumPoint, ...]
+    conditions: tuple[Any, ...] = ()
+    exact: bool = True
+    degenerate: tuple[str, ...] = ()
+
+    @property
+    def dimension(self) -> int:
+        """Number of free symbols."""
+        return len(self.free)
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the domain is finite at the parameter values."""
+        return all(abs(b) < float("inf") for pair in self.bounds for b in pair)
+
+    def at(self, *c: Any) -> tuple[Expr, ...]:
+        """x at values of the free symbols, in order."""
+        put = dict(zip(self.free, map(sympy.S, c), strict=True))
+        return tuple(e.subs(put) for e in self.x)
+
+
+@dataclass(frozen=True)
+class Equilibria:
+    """All that were found, with the parameter values at which existence was decided.
+
+    notes   what was not searched or not decided, one sentence each
+    """
+
+    points: tuple[EquilibriumPoint, ...]
+    sets: tuple[EquilibriumSet, ...]
+    parameters: tuple[tuple[str, float], ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __iter__(self) -> Iterator[EquilibriumPoint | EquilibriumSet]:
+        yield from self.sets
+        yield from self.points
+
+    def __len__(self) -> int:
+        return len(self.sets) + len(self.points)
