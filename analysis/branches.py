@@ -52,7 +52,7 @@ class Elimination:
         return (*self.states, *self.multipliers)
 
     def solve(self, equations: Sequence[Expr]) -> list[Branch]:
-        """Return the branches on which all equations are 0; unknowns that are no key of one are free in it."""
+        """Return the branches on which all equations are 0; unknowns that are no key of one are free."""
         self.found = []
         self._step(list(equations), {})
         return [b for b in self._different() if self._holds(b, equations)]
@@ -179,7 +179,7 @@ class Elimination:
             if polynomial.degree() > 2:
                 return None
         try:
-            roots = within(min(self.clock.remaining(), 5.0), lambda: sympy.solve(equation, unknown))
+            roots = within(min(self.clock.remaining(), 1.0), lambda: sympy.solve(equation, unknown))
         except OutOfBudgetError:
             self.clock.check()
             return None

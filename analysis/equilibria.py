@@ -1,19 +1,20 @@
 """0 in F(x; p): equilibria of smooth modes, pseudo-equilibria of sliding modes, and sets of both.
 
-In a mode the signs are numbers, except s_i in [lo_i, hi_i] where the mode slides on surface i. There f(x, s) = 0
-and h_i(x) = 0 are solved for x AND s; what stays free parameterises a set. Source: Filippov 1988, section 19.
+In a mode the signs are numbers, except s_i in [lo_i, hi_i] where the mode slides on surface i. There
+f(x, s) = 0 and h_i(x) = 0 are solved for x AND s; what stays free parameterises a set.
+Source: Filippov 1988, section 19.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import sympy
 from sympy import Expr, Symbol
 
+from filippov import symbols
 from filippov.analysis.branches import Branch, DegenerateError, Elimination, UnsolvedError
 from filippov.analysis.budget import Clock, OutOfBudgetError
 from filippov.analysis.equilibria_numeric import NumericMode, numeric_equilibria
@@ -22,10 +23,10 @@ from filippov.analysis.existence import Existence, ModeProblem
 from filippov.analysis.polynomial import exact
 from filippov.errors import UsageError
 from filippov.symbolic import SymbolicForm
-from filippov.symbols import t as TIME
 from filippov.system import System
 
 MOST_MODES = 243
+FORMULAS = 3.0  # seconds a mode, before it is searched numerically
 SOME_TIME = sympy.Rational(7313, 10000)
 
 
@@ -46,8 +47,9 @@ def equilibria(
     box         (least, greatest) by state where a numerical search is needed, +-10 by default
     budget      seconds
 
-    A mode whose equations cannot be solved in formulas is searched numerically from many starts, which may miss
-    equilibria and is noted. A system of plain functions is always searched so. Raises UsageError, ModelError.
+    A mode whose equations cannot be solved in formulas is searched numerically from many starts, which may
+    miss equilibria and is noted. A system of plain functions is always searched so. Raises UsageError,
+    ModelError.
     """
     p = system.parameters.resolve(parameters)
     numbers = tuple(zip(system.parameters.names, p.tolist(), strict=True))
@@ -100,7 +102,9 @@ def _modes(system: System, modes: Sequence[str] | None) -> tuple[list[str], list
     every = ("".join(m) for m in itertools.product(*options))
     if total <= MOST_MODES:
         return sorted(every, key=lambda m: m.count("0")), []
-    note = f"{total} modes are too many: those that slide on two or more surfaces were left out. Give modes=[...]."
+    note = (
+        f"{total} modes are too many: those that slide on several surfaces were left out. Give modes=[...]."
+    )
     few = (m for m in itertools.islice(every, 100_000) if m.count("0") <= 1)
     return list(itertools.islice(few, MOST_MODES)), [note]
 
@@ -114,14 +118,6 @@ def _ranges(system: System, box: Mapping[str, tuple[float, float]] | None) -> li
     return ranges
 
 
-@dataclass(frozen=True)
-class _Attempt:
-    """The equations of a mode with some parameters replaced by their values, and why."""
-
-    put: dict[Symbol, Expr]
-    degenerate: tuple[str, ...]
-
-
 def _symbolic(
     system: System,
     form: SymbolicForm,
@@ -133,31 +129,34 @@ def _symbolic(
 ) -> tuple[list[EquilibriumPoint | EquilibriumSet], list[str]]:
     problem = ModeProblem.of(system, form, mode)
     values = {q: exact(v) for q, (_, v) in zip(form.p, numbers, strict=True)}
-    put: dict[Symbol, Expr] = {} if t is None else {TIME: exact(t)}
+    put: dict[Symbol, Expr] = {} if t is None else {symbols.t: exact(t)}
     degenerate: tuple[str, ...] = ()
-    if t is None and problem.has(TIME):
-        zero = {q: v for q, v in values.items() if v == 0 and problem.put({q: v}).has(TIME) != problem.has(TIME)}
+    if t is None and problem.has(symbols.t):
+        zero = {q: v for q, v in values.items() if v == 0 and not problem.put({q: v}).has(symbols.t)}
         put |= zero
         degenerate = tuple(f"{q} = 0" for q in zero)
     notes: list[str] = []
     numeric = False
+    branches: list[Branch] = []
     for _ in range(len(form.p) + 2):
         current = problem.put(put)
-        search = Elimination(current.x, current.sliding, {**values, TIME: SOME_TIME}, clock, numeric)
+        part = Clock(min(FORMULAS, clock.remaining() / 2))
+        search = Elimination(current.x, current.sliding, {**values, symbols.t: SOME_TIME}, part, numeric)
         try:
             branches = search.solve(current.equations)
             break
         except DegenerateError as error:
             names = {q: v for q, v in values.items() if error.expression.has(q)}
             zero = {q: v for q, v in names.items() if v == 0} or names
-            if error.expression.has(TIME) or not zero:
+            if error.expression.has(symbols.t) or not zero:
                 branches = []
                 break
             degenerate += tuple(f"{q} = {v}" for q, v in zero.items())
             put |= zero
-        except UnsolvedError:
+        except (UnsolvedError, OutOfBudgetError):
+            clock.check()
             if numeric:
-                fallback = NumericMode.of_expressions(current.put(values).put({TIME: exact(t or 0.0)}))
+                fallback = NumericMode.of_expressions(current.put(values).put({symbols.t: exact(t or 0.0)}))
                 more, said = numeric_equilibria(fallback, ranges, clock)
                 return more, said
             numeric = True
@@ -173,7 +172,7 @@ def _symbolic(
 
 
 def _apart(branches: list[Branch]) -> tuple[list[Branch], list[Branch]]:
-    moving = [b for b in branches if any(e.has(TIME) for e in b.values())]
+    moving = [b for b in branches if any(e.has(symbols.t) for e in b.values())]
     return [b for b in branches if b not in moving], moving
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -56,9 +56,7 @@ class NumericMode:
             lambda y: np.array([float(e) for e in f(y)]),
             lambda y: np.array([float(e) for e in g(y)]),
             tuple(b.strict for b in problem.bounds),
-            tuple(
-                (_limit(low, -1.0), _limit(high, 1.0)) for low, high in problem.limits
-            ),
+            tuple((_limit(low, -1.0), _limit(high, 1.0)) for low, high in problem.limits),
         )
 
     @classmethod
@@ -123,7 +121,7 @@ class NumericMode:
 def numeric_equilibria(
     search: NumericMode, ranges: list[tuple[float, float]], clock: Clock
 ) -> tuple[list[EquilibriumPoint | EquilibriumSet], list[str]]:
-    """Return what Newton's method finds from 48 starts in the ranges, and notes on what it may have missed."""
+    """Return what Newton's method finds from 48 starts in the ranges, and notes on what may be missed."""
     from scipy.optimize import least_squares
     from scipy.stats import qmc
 
@@ -132,7 +130,8 @@ def numeric_equilibria(
     starts = [box.mean(axis=1), *(box[:, 0] + (0.003 + 0.99 * cube) * (box[:, 1] - box[:, 0]))]
     found: list[EquilibriumPoint | EquilibriumSet] = []
     places: list[Array] = []
-    notes = [f"mode {search.mode!r} was searched numerically in {_box_text(search, ranges)}; some may be missed."]
+    where = _box_text(search, ranges)
+    notes = [f"mode {search.mode!r} was searched numerically in {where}; some may be missed."]
     for start in starts:
         clock.check()
         try:
@@ -162,7 +161,8 @@ def numeric_equilibria(
         if point is None:
             continue
         if len(null):
-            notes.append(f"mode {search.mode!r}: {point.value} lies on a set of dimension {len(null)}, not traced.")
+            text = f"{point.value} lies on a set of dimension {len(null)}, which is not traced."
+            notes.append(f"mode {search.mode!r}: {text}")
             return [*found, point], notes
         found.append(point)
     return found, notes
@@ -221,7 +221,7 @@ def _line(search: NumericMode, y: Array, direction: Array) -> EquilibriumSet | N
     formulas[lead] = c
     ends = []
     for end in (low, high) if np.isfinite(low) and np.isfinite(high) else ():
-        point = _point(NumericMode(**{**vars(search), "strict": (False,) * len(search.strict)}), origin + end * slope)
+        point = _point(replace(search, strict=(False,) * len(search.strict)), origin + end * slope)
         if point is not None:
             ends.append(point)
     domain = tuple(sympy.oo * s if not np.isfinite(e) else _rounded(e) for e, s in ((low, -1), (high, 1)))

@@ -1,4 +1,4 @@
-"""Equilibria of a differential inclusion, 0 in F(x): points, and sets such as those where dry friction holds."""
+"""Equilibria of an inclusion, 0 in F(x): points, and sets such as those that dry friction holds."""
 
 from __future__ import annotations
 

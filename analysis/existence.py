@@ -106,7 +106,9 @@ def multiplier_symbol(system: System, i: int, alone: bool, taken: set[str]) -> S
 
 def at_rest(expression: Expr) -> Expr:
     """0**e -> 0 for symbolic e: a power of |h| whose exponent is no number is taken to be positive."""
-    zero_powers = {q: sympy.S.Zero for q in expression.atoms(sympy.Pow) if q.base.is_zero and q.exp.free_symbols}
+    zero_powers = {
+        q: sympy.S.Zero for q in expression.atoms(sympy.Pow) if q.base.is_zero and q.exp.free_symbols
+    }
     return expression.subs(zero_powers) if zero_powers else expression
 
 
@@ -133,8 +135,7 @@ class Existence:
         return [self._loose(e) for e in sets]
 
     def _loose(self, found: EquilibriumSet) -> EquilibriumPoint:
-        inner = [0.0 if a == -b else a if b == float("inf") else b if a == -float("inf") else (a + b) / 2 for a, b in found.bounds]
-        at = dict(zip(found.free, map(sympy.Float, inner), strict=True))
+        at = {q: sympy.Float(_between(*pair)) for q, pair in zip(found.free, found.bounds, strict=True)}
         s_value = (self.number(e.subs(at)) for _, e in found.multipliers)
         return EquilibriumPoint(
             found.mode,
@@ -191,7 +192,8 @@ class Existence:
         open_bounds = [b for b in bounds if b.g.has(*free)]
         if len(free) == 1:
             return [
-                self._set(branch, free, (pair,), open_bounds) for pair in self._intervals(open_bounds, free[0])
+                self._set(branch, free, (pair,), open_bounds)
+                for pair in self._intervals(open_bounds, free[0])
             ]
         domain = tuple(self._box(q, open_bounds) for q in free)
         return [self._set(branch, free, domain, open_bounds)]
@@ -244,7 +246,7 @@ class Existence:
         for (a, low), (b, high) in itertools.pairwise(marks):
             if b - a <= TOLERANCE:
                 continue
-            middle = 0.0 if a == -b else b - FAR if a == -float("inf") else a + FAR if b == float("inf") else (a + b) / 2
+            middle = _between(a, b, FAR)
             inside = True
             for bound in bounds:
                 g = self.number(bound.g.subs(c, sympy.Float(middle, 30)))
@@ -291,6 +293,15 @@ class Existence:
             return None
         real, imaginary = value.as_real_imag()
         return float(real) if abs(imaginary) < TOLERANCE else None
+
+
+def _between(low: float, high: float, far: float = 1.0) -> float:
+    """A point inside an interval that may be unbounded."""
+    if low == -high:
+        return 0.0
+    if low == -float("inf"):
+        return high - far
+    return low + far if high == float("inf") else (low + high) / 2
 
 
 def _as_float(number: float | None, expression: Expr) -> float:

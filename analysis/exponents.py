@@ -1,4 +1,4 @@
-"""Powers |h|**e at h = 0: slope 0 for e > 1, finite for e = 1, infinite for 0 < e < 1, told apart for symbolic e."""
+"""Powers |h|**e at h = 0: slope 0 for e > 1, finite for e = 1, infinite for 0 < e < 1, for symbolic e too."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class SizePower:
 
 @dataclass(frozen=True)
 class ExponentCase:
-    """One case of the exponents: where it holds, what it puts for symbols, and the slope of each power at 0."""
+    """One case of the exponents: where it holds, what it puts for symbols, the slope of each power at 0."""
 
     condition: Any
     put: tuple[tuple[Symbol, Expr], ...]

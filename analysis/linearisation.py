@@ -4,9 +4,10 @@ Beside a surface, h -> 0+ (side +) or 0- (side -):
 
     f(x* + y, +-1) = f(x*, +-1) + A y + B |h|**e + ...
 
-with a constant jump part, a linear part A, and B where a power of |h| has an infinite slope at 0 (0 < e < 1).
-While sliding, J = (1 - G (C G)^-1 C) df/dx with C = dh/dx and G = df/ds (f = 0 at an equilibrium, so nothing else
-contributes). Source: Filippov 1988, section 19; the one-sided expansion: Hensen & van de Molengraft 2002, section 3.
+with a constant jump part, a linear part A, and B where a power of |h| has an infinite slope at 0 (0 < e <
+1). While sliding, J = (1 - G (C G)^-1 C) df/dx with C = dh/dx and G = df/ds (f = 0 at an equilibrium, so
+nothing else contributes). Source: Filippov 1988, section 19; the one-sided expansion: Hensen & van de
+Molengraft 2002, section 3.
 """
 
 from __future__ import annotations
@@ -31,7 +32,6 @@ from filippov.analysis.exponents import (
 )
 from filippov.errors import ModelError
 from filippov.symbolic import SymbolicForm, convex
-from filippov.symbols import t as TIME
 from filippov.system import System
 
 
@@ -46,6 +46,7 @@ class SlipLinearisation:
     matrix       A, in the parameters and the free symbols of a set; None where it is not determined
     singular     (exponent e, B) where B |h|**e has an infinite slope at 0, else None
     validity     where the linear part is one, a sentence
+    neglected    (exponent e, scale c) of each power (|h|/c)**e of slope 0 at h = 0 that it leaves out
     """
 
     mode: str
@@ -55,6 +56,7 @@ class SlipLinearisation:
     matrix: sympy.Matrix | None
     singular: tuple[Expr, tuple[Expr, ...]] | None
     validity: str
+    neglected: tuple[tuple[Expr, Expr], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -151,7 +153,10 @@ def _slip(
         h.append(g.xreplace(sizes).subs(put))
         sizes[a] = own[a] if i in on else signs[i] * h[-1]
     field = [convex(f.xreplace(fixed), set()).xreplace(sizes).subs(put) for f in form.field]
-    names = {d: sympy.Symbol(f"|h{i + 1}|" if len(form.h) > 1 else "|h|") for i, d in zip(on, own.values(), strict=True)}
+    names = {
+        d: sympy.Symbol(f"|h{i + 1}|" if len(form.h) > 1 else "|h|")
+        for i, d in zip(on, own.values(), strict=True)
+    }
     rows = {own[form.a[i]]: signs[i] * sympy.Matrix([[h[i].diff(x) for x in form.x]]) for i in on}
     try:
         powers = size_powers(field, list(own.values()))
@@ -174,30 +179,35 @@ def _case(
 ) -> SlipLinearisation:
     put = dict(case.put)
     marks = {
-        p.power: Dummy(f"w{k}") for k, (p, slope) in enumerate(zip(powers, case.slopes, strict=True)) if slope != "finite"
+        p.power: Dummy(f"w{k}")
+        for k, (p, slope) in enumerate(zip(powers, case.slopes, strict=True))
+        if slope != "finite"
     }
     marked = sympy.Matrix([f.xreplace(marks).subs(put) for f in field])
     rest = {**dict.fromkeys(rows, sympy.S.Zero), **dict.fromkeys(marks.values(), sympy.S.Zero)}
     place = {x: e.subs(put) for x, e in point.items()}
-    matrix: sympy.Matrix | None = marked.jacobian(form.x)
+    linear = marked.jacobian(form.x)
     for size, row in rows.items():
-        matrix += marked.diff(size) * row.subs(put)
-    matrix = _at(matrix.subs(rest), place)
-    if matrix.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+        linear += marked.diff(size) * row.subs(put)
+    matrix: sympy.Matrix | None = _at(linear.subs(rest), place)
+    if matrix is not None and matrix.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
         matrix = None
     jump = tuple(_at(marked.subs(rest), place))
     singular = None
     for p, slope in zip(powers, case.slopes, strict=True):
         if slope == "infinite":
-            b = _at(marked.diff(marks[p.power]).subs(rest), place) / p.scale**p.exponent.subs(put)
+            b = _at(marked.diff(marks[p.power]).subs(rest), place) / p.scale ** p.exponent.subs(put)
             singular = p.exponent.subs(put), tuple(short(e) for e in b)
             break
-    return SlipLinearisation(mode, case.condition, case, jump, matrix, singular, _validity(powers, case))
+    neglected = tuple(
+        (p.exponent, p.scale) for p, slope in zip(powers, case.slopes, strict=True) if slope == "zero"
+    )
+    validity = _validity(powers, case, neglected)
+    return SlipLinearisation(mode, case.condition, case, jump, matrix, singular, validity, neglected)
 
 
-def _validity(powers: list[SizePower], case: ExponentCase) -> str:
+def _validity(powers: list[SizePower], case: ExponentCase, neglected: tuple[tuple[Expr, Expr], ...]) -> str:
     """Where the linear part stands for the field, as a sentence."""
-    neglected = [(p.exponent, p.scale) for p, slope in zip(powers, case.slopes, strict=True) if slope == "zero"]
     if "infinite" in case.slopes:
         return "none: the slope of the field at the surface is infinite"
     scales = ", ".join(str(p.scale) for p in powers)
@@ -218,8 +228,8 @@ def _named(text: str, names: Mapping[Symbol, Symbol]) -> str:
 
 
 def _at(matrix: sympy.Matrix, point: Mapping[Symbol, Expr]) -> sympy.Matrix:
-    """A matrix at a point, each entry shortened; time, if any is left, stays a symbol."""
-    return matrix.subs(point).applyfunc(lambda e: short(at_rest(e))).subs({TIME: TIME})
+    """A matrix at a point, each entry shortened."""
+    return matrix.subs(point).applyfunc(lambda e: short(at_rest(e)))
 
 
 def characteristic_polynomial(matrix: sympy.Matrix) -> tuple[Expr, ...]:

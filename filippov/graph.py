@@ -17,6 +17,7 @@ from itertools import groupby
 from typing import Any
 
 import networkx as nx
+import numpy as np
 import sympy
 
 from filippov.errors import UsageError
@@ -28,6 +29,7 @@ from filippov.symbols import t
 from filippov.system import System
 
 LARGEST = 81
+SAMPLES = 48
 _SIGNS = {"+": 1, "0": 0, "-": -1}
 
 
@@ -176,7 +178,7 @@ def _modes(given: str | Mode | Iterable[str | Mode] | None, system: System) -> l
     """Checked modes, each once, from one mode or several."""
     m = len(system.surfaces)
     if given is None:
-        return [_somewhere(system)]
+        return _scattered(system)
     if isinstance(given, str) or (isinstance(given, tuple) and all(isinstance(v, int) for v in given)):
         given = [given]
     return list(dict.fromkeys(_mode(item, m) for item in given))
@@ -193,12 +195,19 @@ def _mode(given: Any, m: int) -> Mode:
     return tuple(int(v) for v in entries if v is not None)
 
 
-def _somewhere(system: System) -> Mode:
-    """The mode at an arbitrary state, with the default parameters: one that exists."""
+def _scattered(system: System) -> list[Mode]:
+    """The modes at some scattered states, with the default parameters at t = 0: modes that exist."""
     form = system.symbolic
     if form is None:
-        return (1,) * len(system.surfaces)
-    point = {x: sympy.Float(0.7 + 0.31 * k) for k, x in enumerate(form.x)}
-    point |= {q: sympy.Float(q.parameter.default) for q in form.p} | {t: sympy.S.Zero}
-    values = [sympy.N(h.xreplace(point)) for h in form.plain_h()]
-    return tuple(-1 if v.is_negative else 1 for v in values)
+        return []
+    fixed = {q: sympy.Float(q.parameter.default) for q in form.p} | {t: sympy.S.Zero}
+    h = [g.xreplace(fixed) for g in form.plain_h()]
+    random = np.random.default_rng(0)
+    found: list[Mode] = []
+    for k in range(SAMPLES):
+        point = random.normal(scale=(1.0, 0.1, 10.0)[k % 3], size=len(form.x))
+        values = [sympy.N(g.xreplace(dict(zip(form.x, map(sympy.Float, point), strict=True)))) for g in h]
+        mode = tuple(-1 if v.is_negative else 1 for v in values)
+        if mode not in found and all(v.is_finite for v in values):
+            found.append(mode)
+    return found or [(1,) * len(h)]

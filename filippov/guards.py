@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import sympy
@@ -83,6 +84,10 @@ class Guards:
         self.form = _with_values(system.symbolic, _numbers(system, values))
         self.names = tuple(surface.name for surface in system.surfaces)
         self.labels = {s: Symbol(f"s[{n}]", real=True) for s, n in zip(self.form.s, self.names, strict=True)}
+        # Each mode is looked at from all its neighbours.
+        self.vertex = lru_cache(None)(self.form.at_mode)
+        self.rates = lru_cache(None)(self.form.rates)
+        self.h = lru_cache(None)(self.form.h_at_mode)
         self._multipliers: dict[Mode, dict[Symbol, Expr] | None] = {}
 
     def multipliers(self, mode: Mode) -> dict[Symbol, Expr] | None:
@@ -95,7 +100,7 @@ class Guards:
         sliding = [i for i, m in enumerate(mode) if m == 0]
         if not sliding:
             return {}
-        rates = self.form.rates(mode)
+        rates = self.rates(mode)
         unknown = [self.form.s[i] for i in sliding]
         equations = sympy.Matrix([rates[i] for i in sliding])
         matrix = equations.jacobian(unknown)
@@ -107,14 +112,14 @@ class Guards:
             return None
         at_zero = equations.xreplace(dict.fromkeys(unknown, sympy.S.Zero))
         solved = matrix.LUsolve(-at_zero)
-        on = self._on([self.form.h_at_mode(mode)[i] for i in sliding])
+        on = self._on([self.h(mode)[i] for i in sliding])
         return {s: sympy.factor_terms(_settled(v, on)) for s, v in zip(unknown, solved, strict=True)}
 
     def field(self, mode: Mode) -> tuple[Expr, ...]:
         """x' of a mode, with multipliers put in and surfaces used: on v = 0 the expressions hold no v."""
         solved = self.multipliers(mode) or self.labels
-        on = self._on([h for h, m in zip(self.form.h_at_mode(mode), mode, strict=True) if m == 0])
-        return tuple(_settled(f.xreplace(solved), on) for f in self.form.at_mode(mode))
+        on = self._on([h for h, m in zip(self.h(mode), mode, strict=True) if m == 0])
+        return tuple(_settled(f.xreplace(solved), on) for f in self.vertex(mode))
 
     def transitions(self, mode: Mode) -> Iterator[Transition]:
         """The ways out of a mode, on one surface each; the ones whose guard cannot hold are left out."""
@@ -174,9 +179,9 @@ class Guards:
         others = self._others(mode, i, bound)
         if rate is None or others is None:
             return None
-        field = [f.xreplace(others) for f in self.form.at_mode(mode)]
+        field = [f.xreplace(others) for f in self.vertex(mode)]
         # The guard says d/dt h = 0; used here it leaves the shorter formula.
-        h = self.form.h_at_mode(mode)[i]
+        h = self.h(mode)[i]
         for k, x in enumerate(self.form.x):
             slope = h.diff(x)
             if slope.is_number and slope.is_nonzero:
@@ -195,7 +200,7 @@ class Guards:
     def _switch(self, mode: Mode, i: int) -> Transition | None:
         up = -mode[i]
         level = sympy.Float(self.system.surfaces[i].width) * up
-        h = self.form.h_at_mode(mode)[i]
+        h = self.h(mode)[i]
         rate = self._rate(mode, i)
         if rate is None:
             return None
@@ -208,7 +213,7 @@ class Guards:
     def _made(
         self, mode: Mode, target: Mode, i: int, kind: EventKind, items: list[tuple[str, Any]], level: Any = 0
     ) -> Transition | None:
-        met = sympy.Eq(self.form.h_at_mode(mode)[i], level)
+        met = sympy.Eq(self.h(mode)[i], level)
         conditions = [met, *(c for _, c in items)]
         if any(c == sympy.false for c in conditions) or not self._reached(mode, i, level):
             return None
@@ -221,7 +226,7 @@ class Guards:
         """Whether surface i is met inside a mode: parallel surfaces fix each other's sign there."""
         if self.system.surfaces[i].width > 0:
             return True
-        h = self.form.h_at_mode(mode)
+        h = self.h(mode)
         on = self._on([h[i] - level])
         values = [_settled(h[j], on) * m for j, m in enumerate(mode) if j != i and m != 0]
         return not any(v.is_number and v.is_negative for v in values)
@@ -241,7 +246,7 @@ class Guards:
     def _rate(self, mode: Mode, i: int, bound: Expr | None = None) -> Expr | None:
         """d/dt h_i in a mode, at s_i = bound where given; None where other sliding cannot be held."""
         solved = self._others(mode, i, bound) if bound is not None else self.multipliers(mode)
-        return None if solved is None else self.form.rates(mode)[i].xreplace(solved)
+        return None if solved is None else self.rates(mode)[i].xreplace(solved)
 
     def _others(self, mode: Mode, i: int, bound: Expr) -> dict[Symbol, Expr] | None:
         """The signs of the sliding surfaces with s_i held at a bound."""
@@ -249,7 +254,7 @@ class Guards:
         own = {self.form.s[i]: bound}
         if not rest:
             return own
-        rates = self.form.rates(mode)
+        rates = self.rates(mode)
         unknown = [self.form.s[j] for j in rest]
         equations = sympy.Matrix([rates[j].xreplace(own) for j in rest])
         matrix = equations.jacobian(unknown)
@@ -261,7 +266,7 @@ class Guards:
         return own | dict(zip(unknown, solved, strict=True))
 
     def _met(self, mode: Mode, i: int) -> dict[Symbol, Expr]:
-        h = self.form.h_at_mode(mode)
+        h = self.h(mode)
         return self._on([h[i], *(h[j] for j, m in enumerate(mode) if m == 0 and j != i)])
 
     def _on(self, zero: list[Expr]) -> dict[Symbol, Expr]:

@@ -124,12 +124,12 @@ def _sliding_solutions(point: Point, mode: Array, sliding: Sequence[int]) -> lis
     return found
 
 
-def _inside(point: Point, mode: Array, lam: Array, radii: Array, sliding: Sequence[int]) -> bool | None:
+def _inside(base: Mode, lam: Array, radii: Array, sliding: Sequence[int]) -> bool | None:
     """Whether every multiplier is in its set; None where one stands at an end and its motion must decide."""
     undecided = False
     for i in sliding:
         low, high = radii[i]
-        near = 1e-7 * (1.0 + high - low)
+        near = _nearness(base, i, low, high)
         if not low - near <= lam[i] <= high + near:
             return False
         if lam[i] < low + near or lam[i] > high - near:
@@ -137,11 +137,18 @@ def _inside(point: Point, mode: Array, lam: Array, radii: Array, sliding: Sequen
     return None if undecided else True
 
 
-def _moves_inwards(point: Point, mode: Array, lam: Array, radii: Array, sliding: Sequence[int]) -> bool:
+def _nearness(base: Mode, i: int, low: float, high: float) -> float:
+    """How close to an end of its set a multiplier stands at it: as close as an exit is located, or a rounding."""
+    return (1e-7 if base[i] == 0 else 1e-13) * (1.0 + high - low)
+
+
+def _moves_inwards(
+    point: Point, base: Mode, mode: Array, lam: Array, radii: Array, sliding: Sequence[int]
+) -> bool:
     """Follow a trial step of the sliding mode: multipliers at an end of their set must not leave it."""
     for i in sliding:
         low, high = radii[i]
-        near = 1e-7 * (1.0 + high - low)
+        near = _nearness(base, i, low, high)
         for side, at_end in ((0, lam[i] > high - near), (1, lam[i] < low + near)):
             if at_end:
                 code, _, _, rows = point.machine.probe(point.t, point.step, point.x, mode, lam)
@@ -179,13 +186,13 @@ def _leaves(
         terms = np.append(g[i] * field, gt[i])
         scale = float(np.sum(np.abs(terms)))
         rate = float(np.sum(terms)) * mode[i] * point.direction
-        if rate < -CLEAR * scale:
+        if i in tangent or abs(rate) <= CLEAR * scale:
+            unclear.append(i)
+        elif rate < 0:
             return None
-        if rate > CLEAR * scale and i not in tangent:
+        else:
             orders[i] = 1
             margin = min(margin, rate / scale)
-        else:
-            unclear.append(i)
     for i in unclear:
         size = float(np.sum(np.abs(g[i] * point.x)) + abs(gt[i] * point.t))
         term = leading_term(point, mode, lam, lambda rows, i=i: rows[:, 0, i], size)
@@ -196,16 +203,15 @@ def _leaves(
     return orders, float(margin)
 
 
-def successors(point: Point, base: Mode, met: Sequence[int], tangent: Sequence[int] = ()) -> list[Successor]:
-    """All consistent next modes at a point that lies on the surfaces `met`; the others keep their sign in `base`.
-
-    tangent: surfaces known to be met tangentially, whose first derivative is rounding.
-    """
+def successors(point: Point, base: Mode, met: Sequence[int]) -> list[Successor]:
+    """All consistent next modes at a point that lies on the surfaces `met`; the others keep their sign in `base`."""
+    # Sliding is left tangentially: the rate off the surface is rounding there, whatever its size looks like.
+    tangent = [i for i in met if base[i] == 0]
     choices: list[tuple[int, ...]] = []
     for i in met:
         slides = point.machine.roles[i] == "switching" and point.machine.widths[i] == 0.0
         choices.append((1, -1, 0) if slides else (1, -1))
-    radii = point.machine.radii(point.t, point.x)
+    radii, roles = point.machine.radii(point.t, point.x), point.machine.roles
     found: list[Successor] = []
     for signs in itertools.product(*choices):
         mode = np.array(base, dtype=float)
@@ -213,13 +219,16 @@ def successors(point: Point, base: Mode, met: Sequence[int], tangent: Sequence[i
         sliding = [i for i in range(point.machine.m) if mode[i] == 0]
         free = [i for i in met if mode[i] != 0]
         for lam, field in _sliding_solutions(point, mode, sliding):
-            inside = _inside(point, mode, lam, radii, sliding)
+            inside = _inside(base, lam, radii, sliding)
             if inside is False:
                 continue
             left = _leaves(point, mode, lam, field, free, tangent)
-            if left is None or (inside is None and not _moves_inwards(point, mode, lam, radii, sliding)):
+            if left is None or (inside is None and not _moves_inwards(point, base, mode, lam, radii, sliding)):
                 continue
             orders, margin = left
+            # Nothing depends on the sign of a surface on which nothing jumps and along which the motion runs.
+            if any(roles[i] != "switching" and orders[i] == 0 and mode[i] != base[i] for i in free):
+                continue
             order = [orders.get(i, 0) for i in range(point.machine.m)]
             for i in sliding if inside is None else ():
                 order[i] = 2
@@ -234,7 +243,22 @@ def successors(point: Point, base: Mode, met: Sequence[int], tangent: Sequence[i
                     margin if inside else 0.0,
                 )
             )
-    return _without_released_sticking(found, radii)
+    return _without_released_sticking(_without_doubles(found), radii)
+
+
+def _without_doubles(found: list[Successor]) -> list[Successor]:
+    """Sliding goes before a motion along the surface that is the same: a multiplier at the end of its set."""
+    kept = []
+    for a in found:
+        double = any(
+            b.mode != a.mode
+            and all(v == u or (v == 0 and k == 0) for u, v, k in zip(a.mode, b.mode, a.order, strict=True))
+            and np.allclose(a.field, b.field, rtol=1e-9, atol=1e-9 * max(map(abs, a.field)))
+            for b in found
+        )
+        if not double:
+            kept.append(a)
+    return kept
 
 
 def _without_released_sticking(found: list[Successor], radii: Array) -> list[Successor]:

@@ -44,7 +44,7 @@ def plot_solution(
     states      names of the states to show; default all
     multiplier  name of a surface: a further panel with the value of its sign and the set it may take while
                 sliding
-    labels      labels with units, by name: {"t": "time [s]", "x": "position [m]", "multiplier": "friction / Fs"}
+    labels      labels with units, by name: {"t": "time [s]", "x": "position [m]", "multiplier": "friction"}
     points      samples over the span, at least 8 in every segment
 
     Raises UsageError for unknown names, ImportError without matplotlib.
@@ -181,13 +181,15 @@ def _mark(ax: Any, solution: Solution, a: Sequence[float], b: Sequence[float], n
 def _multiplier(
     ax: Any, solution: Solution, surface: str, pieces: Sequence[tuple[Segment, Array, Array]]
 ) -> None:
-    times, values = [], []
+    times: list[Array] = []
+    values: list[Array] = []
+    gap = np.array([np.nan])
     for segment, t, _ in pieces:
         inner = segment.t0 + (t - segment.t0) * (1 - 1e-9) + 0.5e-9 * (segment.t1 - segment.t0)
         if 0 not in segment.mode:
             inner = inner[[0, -1]]
-        times += [inner, [np.nan]]
-        values += [solution.multiplier(surface, inner), [np.nan]]
+        times += [inner, gap]
+        values += [solution.multiplier(surface, inner), gap]
     ax.axhline(1, color=GREY, linewidth=0.6, linestyle=":")
     ax.axhline(-1, color=GREY, linewidth=0.6, linestyle=":")
     ax.plot(np.concatenate(times), np.concatenate(values), color=RED)

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov._kernels import codes
+from filippov.errors import ModelError
 from filippov.events import Event, Mode, Stop
 from filippov.machine import Array, Machine
 from filippov.options import Options
@@ -103,12 +104,31 @@ class Run:
             self.steps.append((table, self.coef[:records].copy()))
             self.count[codes.RECORDS] = 0
         m = self.machine.m
+        if self.machine.callbacks is not None:
+            self._check_continuous(events)
         for row, mark in zip(self.found[:events], self.marks[:events].tolist(), strict=True):
             self.add_event(
                 float(row[0]), mark[0], _KINDS[mark[1]], tuple(mark[2 : 2 + m]), tuple(mark[2 + m :]), row[3:].copy(),
                 float(row[1]), float(row[2]),
             )  # fmt: skip
         self.count[codes.EVENTS] = 0
+
+    def _check_continuous(self, events: int) -> None:
+        """Refuse a function h that changed its sign without a zero: a jump cannot be located."""
+        machine = self.machine
+        for row, mark in zip(self.found[:events], self.marks[:events].tolist(), strict=True):
+            if mark[1] not in (codes.CROSSING_UP, codes.CROSSING_DOWN, codes.ENTRY) or row[2] == 0.0:
+                continue
+            x = row[3:].copy()
+            g, gt = machine.gradients(float(row[0]), x, self.mode)
+            reach = np.abs(x) + self.atol + 1e-9 * np.max(np.abs(x), initial=0.0)
+            width = machine.widths[mark[0]]
+            if row[2] > 1e-6 * float(np.abs(g[mark[0]]) @ reach + abs(gt[mark[0]] * row[0])) + width:
+                raise ModelError(
+                    f"surface {machine.system.surfaces[mark[0]].name!r}: h changes its sign at t = {row[0]:.9g} without "
+                    f"being 0 there (|h| = {row[2]:.3g}). h must be continuous: give the function whose zero is the "
+                    "surface, or declare a time event."
+                )
 
     def add_event(
         self, t: float, index: int, kind: EventKind, before: Mode, after: Mode, x: Array, multiplier: float,

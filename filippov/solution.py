@@ -22,7 +22,7 @@ from filippov.run import Run
 from filippov.status import Status, mode_text
 
 if TYPE_CHECKING:
-    import networkx
+    import networkx as nx
 
     from filippov.system import System
 
@@ -170,7 +170,9 @@ class Solution:
             mode = np.array(self.mode_at(float(time)), dtype=float)
             out[k] = mode[i]
             if mode[i] == 0:
-                _, _, lam, _ = machine.probe(float(time), 0.0, self.sol(float(time)), mode, np.zeros(len(names)))
+                _, _, lam, _ = machine.probe(
+                    float(time), 0.0, self.sol(float(time)), mode, np.zeros(len(names))
+                )
                 out[k] = lam[i]
         return out if np.ndim(t) else out[0]
 
@@ -182,7 +184,7 @@ class Solution:
             total[name] = total.get(name, 0.0) + segment.dwell
         return total
 
-    def mode_graph(self) -> networkx.MultiDiGraph:
+    def mode_graph(self) -> nx.MultiDiGraph:
         """The transitions that were observed, with counts and dwell times (see `filippov.graph`)."""
         from filippov.graph import observed_graph
 
@@ -208,8 +210,8 @@ class Solution:
         return load(path, system)
 
     def to_xarray(self) -> Any:
-        """An xarray.Dataset: every state over t, every event over `event` (see `filippov.tables`)."""
-        from filippov.tables import dataset
+        """An xarray.Dataset: every state over t, every event over `event` (see `filippov.export`)."""
+        from filippov.export import dataset
 
         return dataset(self)
 

@@ -22,8 +22,9 @@ from filippov.status import EventKind, Status, mode_text
 from filippov.system import System
 from filippov.zeno import Limit, accumulation
 
-_CHUNK = 20_000
-_SLOW_CHUNK = 500
+# Steps between two looks at the clock: so many at first, then what takes about _LOOK seconds.
+_CHUNK, _SLOW_CHUNK, _LONGEST_CHUNK = 2_000, 10, 1_000_000
+_LOOK = 0.05
 _OPTIONS = (
     "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique", "on_graze",
     "zeno", "stop", "dense_output",
@@ -105,6 +106,7 @@ class _Loop:
         self.started = time.monotonic()
         self.start_mode: Mode = ()
         self.stalled, self.general_t = 0, np.inf
+        self.chunk = _CHUNK if run.machine.callbacks is None else _SLOW_CHUNK
 
     def go(self) -> tuple[Status, str]:
         """Run to the end; returns how it ended and a sentence."""
@@ -131,6 +133,8 @@ class _Loop:
         """Mode at the initial state: by the sign of h off a surface, by classification on one (E4)."""
         run = self.run
         run.watch(self.options.stop)
+        if self.options.on_graze == "error":
+            run.stop[:, codes.GRAZING] = 1
         code = run.begin()
         self.start_mode = run.signs
         for i, value in enumerate(run.machine.guards(run.t, run.x, run.mode)):
@@ -148,13 +152,17 @@ class _Loop:
 
     def _step(self) -> tuple[Status, str] | None:
         run, options = self.run, self.options
-        chunk = _SLOW_CHUNK if run.machine.callbacks is not None else _CHUNK
         taken = int(run.count[codes.STEPS] + run.count[codes.REJECTED])
-        code = run.advance(max(1, min(chunk, options.max_steps - taken)))
+        begun = time.monotonic()
+        code = run.advance(max(1, min(self.chunk, options.max_steps - taken)))
+        ratio = _LOOK / max(time.monotonic() - begun, 1e-9)
+        self.chunk = int(min(max(self.chunk * min(max(ratio, 0.1), 4.0), 1), _LONGEST_CHUNK))
         if len(run.events) >= options.max_events:
             return self._end(Status.MAX_EVENTS)
         if code == codes.REACHED:
             return self._end(Status.SUCCESS)
+        if code == codes.STOPPED and self.options.on_graze == "error" and run.events[-1].kind is EventKind.GRAZING:
+            return self._end(Status.GRAZING, f"{run.events[-1]}.")
         if code == codes.STOPPED:
             return self._end(Status.STOPPED, f"Stopped at t = {run.t:.12g}: {run.events[-1]}.")
         if code in (codes.RECORDS_FULL, codes.EVENTS_FULL, codes.CHUNK_DONE):

@@ -171,8 +171,9 @@ def _arrays(solution: Solution) -> dict[str, Array]:
 
 
 def _read_header(archive: Archive) -> dict[str, Any]:
+    content = archive.read("header").tobytes()
     try:
-        header = json.loads(archive.read("header").tobytes())
+        header = json.loads(content)
     except (ValueError, RecursionError):
         raise archive.refuse("has a header that is not JSON") from None
     if not isinstance(header, dict) or header.get("format") != FORMAT:

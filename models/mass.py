@@ -18,7 +18,7 @@ from filippov.errors import ModelError
 from filippov.models.controllers import PID, Controller
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Coulomb, StaticCoulomb, Stribeck
-from filippov.models.registry import Invariant, Model, register
+from filippov.models.registry import Invariant, Model, SectionData, register
 from filippov.parameter import Parameter, ParameterNamespace, parameters
 from filippov.symbols import states
 from filippov.system import System
@@ -139,12 +139,24 @@ def _position(t: float, x: Any, p: Any) -> float:
     return float(x[0])
 
 
+# A turn starts where stick ends: v = 0 and u = Fs (u = -Fs for d < 0).
+BREAK_AWAY = "(sign(d)*{level}/P - d)/I"
+
+
+def _section(level: str) -> SectionData:
+    lift = {"x": "d", "v": "0", "z": BREAK_AWAY.format(level=level)}
+    return SectionData("velocity", "sliding entry", "x", lift, (0.0, 0.5))
+
+
 STICK = (Invariant("position in stick", _position, "0"),)
 
 
 def _model(name: str, law: FrictionLaw | None, description: str, source: str = SOURCE) -> Model:
     build = hunting if law is None else partial(controlled_mass, law)
-    return register(Model(name, build, (0.1, 0.0, 0.0), (0.0, 20.0), description, source, STICK))
+    section = _section("Fc" if isinstance(law, Coulomb) else "Fs")
+    return register(
+        Model(name, build, (0.1, 0.0, 0.0), (0.0, 20.0), description, source, STICK, section)
+    )
 
 
 HUNTING = _model("hunting", None, "PID-controlled mass with Stribeck friction: hunting limit cycles.")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -66,6 +66,23 @@ class Invariant:
 
 
 @dataclass(frozen=True)
+class SectionData:
+    """The event map a model proposes, as plain data (see `filippov.analysis.section.Section`).
+
+    surface, kind  the event that ends a turn; coordinate: the state read there
+    lift           where a turn starts: an expression a state, as text in d and the parameters
+    interval       of the coordinate that is looked at; t_max: longest turn
+    """
+
+    surface: str
+    kind: str
+    coordinate: str
+    lift: Mapping[str, str]
+    interval: tuple[float, float]
+    t_max: float = 100.0
+
+
+@dataclass(frozen=True)
 class Model:
     """A named system with an initial state and a time span to start from.
 
@@ -75,6 +92,7 @@ class Model:
     description  one sentence
     source       where the equations and numbers are from
     invariants   quantities that solutions conserve
+    section      the event map it proposes, None for none
     """
 
     name: str
@@ -84,6 +102,7 @@ class Model:
     description: str
     source: str
     invariants: tuple[Invariant, ...] = ()
+    section: SectionData | None = None
 
 
 _models: dict[str, Model] = {}

@@ -11,7 +11,7 @@ FOLDERS = {"filippov": "filippov", "filippov.models": "models", "filippov.analys
 
 # A module imports only from lower floors. A package in TOGETHER stands for all its modules.
 FLOORS: dict[str, float] = {
-    "filippov.errors": 0, "filippov.status": 0, "filippov.types": 0,
+    "filippov.errors": 0, "filippov.progress": 0, "filippov.status": 0, "filippov.types": 0,
     "filippov.names": 0.1,
     "filippov.symbols": 0.2, "filippov.parameter": 0.2, "filippov.check": 0.2,
     "filippov.surface": 1, "filippov.comparator": 1,
@@ -24,33 +24,45 @@ FLOORS: dict[str, float] = {
     "filippov._kernels": 2.5,
     "filippov.modes": 3,
     "filippov.events": 4, "filippov.solution": 4.1, "filippov.solve": 4.2,
-    "filippov.graph": 5, "filippov.storage": 5,
+    "filippov.guards": 4.9, "filippov.tree": 4.9, "filippov.archive": 4.9,
+    "filippov.stored_system": 4.95,
+    "filippov.graph": 5, "filippov.graph_io": 5, "filippov.word": 5, "filippov.storage": 5,
+    "filippov.export": 5,
     "filippov.sweep": 6,
-    "filippov.plotting": 7,
+    "filippov.style": 6.9, "filippov.plot_graph": 6.95, "filippov.plotting": 7,
+    "filippov.plot_maps": 7,
     "filippov": 8,
     "filippov.models": 9,
     "filippov.analysis.budget": 9, "filippov.analysis.polynomial": 9, "filippov.analysis.section": 9,
     "filippov.analysis.inequalities": 9.01, "filippov.analysis.routh_array": 9.01,
     "filippov.analysis.routh_result": 9.02, "filippov.analysis.routh_text": 9.03,
-    "filippov.analysis.routh_hurwitz": 9.1, "filippov.analysis.equilibria": 9.1,
+    "filippov.analysis.deadline": 9.01, "filippov.analysis.equilibrium": 9.01,
+    "filippov.analysis.rest_map": 9.01, "filippov.analysis.exponents": 9.01,
+    "filippov.analysis.routh_hurwitz": 9.1, "filippov.analysis.branches": 9.1,
+    "filippov.analysis.existence": 9.11, "filippov.analysis.equilibria_numeric": 9.12,
+    "filippov.analysis.equilibria": 9.13, "filippov.analysis.linearisation": 9.13,
+    "filippov.analysis.stability_result": 9.34, "filippov.analysis.stability_context": 9.35,
+    "filippov.analysis.stability_text": 9.35, "filippov.analysis.sliding_stability": 9.36,
+    "filippov.analysis.set_stability": 9.37,
     "filippov.analysis.saltation": 9.2, "filippov.analysis.event_map": 9.3,
     "filippov.analysis.orbit": 9.4, "filippov.analysis.stability": 9.4,
     "filippov.analysis.continuation": 9.5,
     "filippov.analysis.bifurcation": 9.6, "filippov.analysis.regions": 9.6,
     "filippov.analysis.comparison": 9.7, "filippov.analysis.describing_function": 9.7,
     "filippov.analysis": 9.9,
-    "filippov.report": 10, "filippov.cli": 11, "filippov.__main__": 12,
+    "filippov.report": 10, "filippov.configuration": 10, "filippov.commands": 10.5,
+    "filippov.cli": 11, "filippov.__main__": 12,
 }  # fmt: skip
 
 # Methods that hand over to a floor above; the import must stand inside the function.
 LATE: set[tuple[str, str]] = {
     ("filippov.solution", "filippov.graph"),
     ("filippov.solution", "filippov.plotting"),
-    ("filippov.solution", "filippov.storage"),
+    ("filippov.solution", "filippov.storage"), ("filippov.solution", "filippov.export"),
 }
 
 # Packages whose modules may import each other: the order among them is their own affair, circles are not.
-TOGETHER = ("filippov._kernels", "filippov.models")
+TOGETHER = ("filippov._kernels", "filippov.models", "filippov.commands")
 
 BUILTINS = {"eval", "exec", "compile", "__import__"}
 PARSERS = {"sympify", "parse_expr"}

@@ -5,7 +5,7 @@ accepted step is searched for its first event; the event is landed on by a real 
 `resolve`, everything else returns GENERAL with the state at the event and the surfaces that are hit.
 """
 
-from filippov._kernels.codes import (CAUSE, CHUNK_DONE, CLOCK_SIZE, COUNT_SIZE, EVENTS, EVENTS_FULL, EVENT_BUDGET, EVENT_ROOM, FIELD_CALLS, GENERAL, GRAZING, KINK, KINDS, MAX_STEP, MIN_STEP, NONE, NOTHING, NOT_FINITE, NO_SLIDING, OBSERVER, REACHED, RECORDS, RECORDS_FULL, RECORD_ROOM, REJECTED, RELATIVE, ROUGH_FROM, ROUGH_SPAN, ROOT, RTOL, STEP, STEPS, STEP_BUDGET, STOPPED, STORE, SURFACE, T, TOUCH, T_END, T_START, USER_ERROR, ZENO)
+from filippov._kernels.codes import (CAUSE, CHUNK_DONE, CLOCK_SIZE, COUNT_SIZE, EVENTS, EVENTS_FULL, EVENT_BUDGET, EVENT_ROOM, FIELD_CALLS, GENERAL, GRAZING, KINK, KINDS, MAX_STEP, MIN_STEP, NONE, NOTHING, NOT_FINITE, NO_SLIDING, OBSERVER, REACHED, RECORDS, RECORDS_FULL, RECORD_ROOM, REJECTED, RELATIVE, ROUGH_FROM, ROUGH_NOISE, ROUGH_SPAN, ROOT, RTOL, STEP, STEPS, STEP_BUDGET, STOPPED, STORE, SURFACE, T, TOUCH, T_END, T_START, USER_ERROR, ZENO)
 from filippov._kernels.control import (creep_off, error_norm, finite, first_step, guard_state, is_rough, mark_hits, step_factor, suspicious, time_to_surface)
 from filippov._kernels.field import (clear_ranges, field, project, set_mode)
 from filippov._kernels.land import (EPS, land)
@@ -13,7 +13,7 @@ from filippov._kernels.language import Indices, NAN, Vector, kernel, shift, shif
 from filippov._kernels.layout import COLUMNS, MULTIPLIER
 from filippov._kernels.locate import (dense_output, locate)
 from filippov._kernels.model import (DEGREE_DENSE, END_IN_ERROR, I_CALLS, I_SLIDING, M, N, P, ROLE, ROUGH, STAGES, WIDTH, W_ATTRACT, W_BEFORE, W_COEF, W_DIRECTION, W_END, W_F, W_H, W_K, W_MULT, W_RADIUS, W_START, W_TOUCH, W_XE, W_Y, extra_stages, radii, stages)
-from filippov._kernels.resolve import (resolve_exit, resolve_root)
+from filippov._kernels.resolve import (resolve_exit, resolve_root, side_rates)
 
 ZENO_STREAK = 6
 
@@ -121,6 +121,9 @@ def rough_start(
                         span = 0.1 * size / speed
                     span = min(span, abs(clock[T_END] - t))
                     tiny = direction * 1e-8 * span
+                    # Rounding of the rates that cancel where the surface is left: no step can do better.
+                    failed, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
+                    clock[ROUGH_NOISE] = 16.0 * EPS * max(abs(plus), abs(minus), scale) + 1e-300
                     if creep_off(t, x, p, m, tiny, w, iw, ctx) != 0:
                         return -2
                     clock[T] = t + tiny
@@ -220,7 +223,7 @@ def advance(
             slack = 1.0
             if relative >= 0:
                 slack = max(1.0, clock[ROUGH_SPAN] / abs(t + step - clock[ROUGH_FROM]))
-            error = error_norm(x, y, step, rtol, atol, relative, slack, w)
+            error = error_norm(x, y, step, rtol, atol, relative, slack, clock[ROUGH_NOISE], w)
         if error > 1.0 and error < 1e300:
             count[REJECTED] += 1
             clock[STEP] = abs(step) * max(0.2, step_factor(error))
@@ -291,7 +294,9 @@ def advance(
                         order[i] = 0
                     elif order[i] == -2:
                         order[i] = -1
-                if relative >= 0 and abs(te - clock[ROUGH_FROM]) > clock[ROUGH_SPAN]:
+                # Away from the surface, or on the way back to one, the ordinary tolerance is the right one.
+                away = relative >= 0 and abs(te - clock[ROUGH_FROM]) > clock[ROUGH_SPAN]
+                if away or (relative >= 0 and m[relative] * w[W_END + 2 * relative + 1] * direction <= 0.0):
                     clock[RELATIVE] = 0.0
                 clock[T] = te
                 continue

@@ -463,7 +463,7 @@ def target_machine() -> binding.TargetMachine:
     target = binding.Target.from_default_triple()
     features = binding.get_host_cpu_features().flatten()
     return target.create_target_machine(
-        cpu=binding.get_host_cpu_name(), features=features, opt=3, jit=True, reloc="pic", codemodel="small"
+        cpu=binding.get_host_cpu_name(), features=features, opt=3, jit=True, reloc="default", codemodel="jitdefault"
     )
 
 

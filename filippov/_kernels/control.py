@@ -23,8 +23,9 @@ def combine(square5: float, square3: float, step: float, n: float) -> float:
 
 @kernel
 def error_norm(
-    x: Vector, y: Vector, step: float, rtol: float, atol: Vector, relative: int, slack: float, w: Vector
-) -> float:
+    x: Vector, y: Vector, step: float, rtol: float, atol: Vector, relative: int, slack: float,
+    noise: float, w: Vector,
+) -> float:  # fmt: skip
     """Root mean square of the local error over atol + rtol |x|; of the guard `relative` over rtol |h| slack as well."""
     square5, square3 = 0.0, 0.0
     guard5, guard3, rise = 0.0, 0.0, 0.0
@@ -39,7 +40,7 @@ def error_norm(
         square3 += (e3 * scale) ** 2
     norm = combine(square5, square3, step, float(N))
     if relative >= 0:
-        scale = rtol * slack * abs(rise) + 1e-300
+        scale = rtol * slack * abs(rise) + noise * abs(step)
         norm = max(norm, combine((guard5 / scale) ** 2, (guard3 / scale) ** 2, step, 1.0))
     return norm
 

@@ -65,7 +65,7 @@ def land(
     dense_length = length
     code = stages(t, x, p, m, length, xe, w, iw, ctx)
     value, last = 0.0, 1e300
-    for attempt in range(12):
+    for attempt in range(48):
         if code != 0 or cause == TOUCH:
             break
         te = t + length

@@ -142,11 +142,24 @@ def order_at_start(c: Vector, spread: float) -> int:
 
 @kernel
 def rounding(t: float, step: float, i: int, w: Vector) -> float:
-    """What guard i cannot be told from 0 by on this step: some roundings of its terms."""
+    """What guard i cannot be told from 0 by on this step: the rounding of the dense output in its terms."""
     total = abs(w[W_GT + i]) * max(abs(t), abs(t + step))
     for j in range(N):
         total += abs(w[W_G + i * N + j]) * max(abs(w[W_COEF + j]), abs(w[W_Y + j]))
-    return 8.0 * EPS * total
+    return 1024.0 * EPS * total
+
+
+@kernel
+def stands_still(c: Vector, touch: float, step: float, i: int, w: Vector) -> bool:
+    """Whether guard i stays within `touch` of 0 while its terms move and cancel: a first integral but for errors."""
+    least, most = c[0], c[0]
+    for a in range(1, NODES):
+        least = min(least, c[a])
+        most = max(most, c[a])
+    moved = abs(w[W_GT + i] * step)
+    for j in range(N):
+        moved += abs(w[W_G + i * N + j] * (w[W_Y + j] - w[W_COEF + j]))
+    return most <= touch and least >= -touch and most - least <= 1e-6 * moved
 
 
 @kernel
@@ -181,6 +194,7 @@ def locate(
                 resolved = False
                 break
             degree = DEGREE
+            dip = 0.0
             allowed = w[W_TOUCH + i] if m[i] != 0.0 else 0.0
             if lo == 0.0 and m[i] != 0.0 and order[i] > 0:
                 degree = deflate(c, order[i])
@@ -189,6 +203,8 @@ def locate(
                 degree = deflate(c, order_at_start(c, abs(w[W_NODE + i]) + abs(w[W_NODE + M + i])))
             elif allowed > 0.0:
                 # A dip below 0 no deeper than rounding is a touching, not two crossings.
+                if stands_still(c, allowed, step, i, w):
+                    continue
                 dip = rounding(t, step, i, w)
                 allowed += dip
                 for a in range(NODES):
@@ -198,10 +214,10 @@ def locate(
                 least = min(least, c[a])
                 most = max(most, c[a])
             # A guard that is zero throughout says nothing: its surface is a first integral of the motion.
-            if least > allowed or (least == 0.0 and most == 0.0):
+            if least > allowed or (least >= 0.0 and most <= 2.0 * dip):
                 continue
             kind, u = first_root(c, degree, allowed, shift(w, W_STACK), shift(w, W_BOUNDS), work)
-            if kind == 0 or u >= best:
+            if kind == 0 or u >= best or (kind == TOUCHING and most <= allowed):
                 continue
             best, surface = u, i
             if kind == TOUCHING:

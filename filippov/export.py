@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ def dataset(solution: Solution) -> Any:
     UsageError for a state named t or event.
     """
     try:
-        import xarray
+        xarray: Any = importlib.import_module("xarray")
     except ImportError:
         raise ImportError(
             "to_xarray needs xarray, which is not installed: pip install filippov[tables]"

@@ -1,0 +1,151 @@
+"""The event map d -> P(d) of a section: an ordinary map to call, iterate, differentiate and find fixed points of.
+
+Source: Hensen & van de Molengraft 2002 (event map of the hunting loop); Galvanetto & Knudsen 1997.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.saltation import event_guard, flow_derivative
+from filippov.analysis.section import BoundSection, Section
+from filippov.analysis.variation import mode_field
+from filippov.ensemble import solve_many
+from filippov.events import Event
+from filippov.solution import Solution
+from filippov.solver import solve
+from filippov.status import Status
+from filippov.system import System
+
+Array = npt.NDArray[np.float64]
+# A turn takes tens of steps; one that takes this many does not return.
+MOST_STEPS = 200_000
+
+
+class EventMap:
+    """P(d): start on the section at coordinate d, follow the motion to the section's next event, read its coordinate.
+
+    order       the map is the order-th iterate (2 for orbits that come back after two turns)
+    parameters  values by name
+    rtol, atol  of every turn
+
+    Call it with a number or an array; NaN stands where the motion does not return within t_max.
+    """
+
+    def __init__(
+        self, system: System, section: Section, *, parameters: Mapping[str, float] | None = None, order: int = 1,
+        rtol: float = 1e-10, atol: float = 1e-12, method: str = "DOP853",
+    ) -> None:  # fmt: skip
+        self.system, self.section, self.order = system, section, order
+        self.bound: BoundSection = section.bind(system)
+        self.p = system.parameters.resolve(parameters)
+        self.parameters = dict(zip(system.parameters.names, self.p.tolist(), strict=True))
+        self.rtol, self.atol, self.method = rtol, atol, method
+
+    def remake(self, **changes: Any) -> EventMap:
+        """The same map with other parameters (updated by name), order or tolerances."""
+        keep: dict[str, Any] = {"order": self.order, "rtol": self.rtol, "atol": self.atol, "method": self.method}
+        parameters = {**self.parameters, **changes.pop("parameters", {})}
+        return EventMap(self.system, self.section, parameters=parameters, **{**keep, **changes})
+
+    def power(self, order: int) -> EventMap:
+        """The map's own iterate: power(2) of a first return is the second return."""
+        return self.remake(order=self.order * order)
+
+    def returns(self, d: Any) -> tuple[Array, tuple[Status, ...]]:
+        """Values of the map and how each trajectory ended; NaN with its status where it did not return."""
+        values = np.array(d, dtype=float, ndmin=1)
+        statuses = [Status.STOPPED] * values.size
+        for _ in range(self.order):
+            alive = np.isfinite(values)
+            if not np.any(alive):
+                break
+            values[alive], ended = self._turn(values[alive])
+            for position, status in zip(np.flatnonzero(alive), ended, strict=True):
+                statuses[position] = status
+        return values, tuple(statuses)
+
+    def _turn(self, d: Array) -> tuple[Array, tuple[Status, ...]]:
+        ends = solve_many(
+            self.system, self.bound.start(d, self.p), (0.0, self.section.t_max), parameters=self.parameters,
+            stop=self.section.stop, rtol=self.rtol, atol=self.atol, method=self.method, max_steps=MOST_STEPS,
+        )  # fmt: skip
+        values = ends.x[:, self.bound.index].copy()
+        rest = np.array([status is Status.SUCCESS for status in ends.status])
+        # A motion that never leaves the section rests there: its coordinate does not change.
+        resting = rest & (ends.mode[:, self.bound.surface] == 0) & (np.abs(values - d) <= 1e-15 * np.abs(d))
+        lost = np.array([status is not Status.STOPPED for status in ends.status]) & ~resting
+        values[lost] = np.nan
+        return values, ends.status
+
+    def __call__(self, d: Any) -> Any:
+        values, _ = self.returns(d)
+        return values if np.ndim(d) else float(values[0])
+
+    def iterate(self, d: float, n: int) -> Array:
+        """d, P(d), P(P(d)), ...: n + 1 numbers."""
+        out = [float(d)]
+        for _ in range(n):
+            out.append(float(self(out[-1])))
+        return np.array(out)
+
+    def orbit(self, d: float) -> tuple[Solution, ...]:
+        """The motion behind the map, one solution a turn."""
+        turns = []
+        for _ in range(self.order):
+            turns.append(self._solve(d))
+            d = float(turns[-1].x_end[self.bound.index])
+        return tuple(turns)
+
+    def _solve(self, d: float) -> Solution:
+        return solve(
+            self.system, self.bound.start(np.array([d]), self.p)[0], (0.0, self.section.t_max),
+            parameters=self.parameters, stop=self.section.stop, rtol=self.rtol, atol=self.atol, method=self.method, max_steps=MOST_STEPS,
+        )  # fmt: skip
+
+    def derivative(self, d: float) -> float:
+        """dP/dd from saltation matrices (no differences); NaN where the map does not return."""
+        slope = 1.0
+        for _ in range(self.order):
+            solution = self._solve(d)
+            if solution.status is not Status.STOPPED:
+                return float("nan")
+            change = flow_derivative(solution, before_last=True) @ self.bound.start_slope(d, self.p)
+            change = _onto_section(solution, solution.events[-1], change)
+            slope *= float(change[self.bound.index])
+            d = float(solution.x_end[self.bound.index])
+        return slope
+
+    def fixed_points(self, lo: float, hi: float, points: int = 400) -> tuple[Any, ...]:
+        """Every fixed point in [lo, hi] with kind, slope and stability (see `filippov.analysis.fixed_points`)."""
+        from filippov.analysis.fixed_points import fixed_points
+
+        return fixed_points(self, lo, hi, points)
+
+    def basins(self, lo: float, hi: float, points: int = 400) -> tuple[Any, ...]:
+        """Intervals of [lo, hi] that go to the same attractor (see `filippov.analysis.fixed_points`)."""
+        from filippov.analysis.fixed_points import basins
+
+        return basins(self, lo, hi, points)
+
+    def jumps(self, lo: float, hi: float, points: int = 400) -> tuple[Any, ...]:
+        """Places in [lo, hi] where the map is not continuous (see `filippov.analysis.fixed_points`)."""
+        from filippov.analysis.fixed_points import jumps
+
+        return jumps(self, lo, hi, points)
+
+
+def _onto_section(solution: Solution, event: Event, change: Array) -> Array:
+    """Variation of the state at the event: the variation at fixed time, moved along the motion onto the surface."""
+    system, p = solution.problem.system, solution.problem.p
+    part = mode_field(system, event.before)
+    t, x = np.array([event.t]), event.x[None, :]
+    s = part.multipliers(t, x, p)
+    field = part.part("f", t, x, s, p)[0, :, 0]
+    gradient, rate = event_guard(solution, event, field)
+    return np.asarray(change - field * (gradient @ change) / rate)
+

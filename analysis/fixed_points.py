@@ -1,0 +1,236 @@
+"""Fixed points, jumps and basins of an event map on an interval.
+
+Roots of P(d) - d are bracketed on a grid that is dense near 0 as well, pairs that a grid would step over are found
+from the extrema of P(d) - d (where the exact slope is 1), and each is polished at a tight tolerance. A change of sign
+across a jump of the map is no fixed point, and is told apart by what is left of P(d) - d.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+
+from filippov.errors import UsageError
+
+if TYPE_CHECKING:
+    from filippov.analysis.event_map import EventMap
+
+Array = npt.NDArray[np.float64]
+TIGHT = 1e-12
+LEVELS = 24
+
+
+@dataclass(frozen=True)
+class FixedPoint:
+    """A fixed point of a map.
+
+    d         coordinate; residual: |P(d) - d| there
+    kind      "equilibrium set" where the motion rests, else "limit cycle"
+    slope     dP/dd (from saltation matrices); at an equilibrium set the limit of P(d)/d for d -> 0+, which is infinite
+              where the map jumps at the set
+    stable    |slope| < 1
+    period    time of the turns together, 0 for an equilibrium set
+    note      what is special
+    """
+
+    d: float
+    kind: str
+    slope: float
+    stable: bool
+    residual: float
+    period: float
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A place where the map is not continuous: limits from below and above."""
+
+    d: float
+    below: float
+    above: float
+
+
+@dataclass(frozen=True)
+class Basin:
+    """Coordinates between lo and hi whose iterates go to the attractor at d (None: to none that was found)."""
+
+    lo: float
+    hi: float
+    attractor: float | None
+
+
+def grid(lo: float, hi: float, points: int) -> Array:
+    """Half of the points evenly over [lo, hi], half crowding at 0 where 0 lies in it or at its end."""
+    if not hi > lo or points < 8:
+        raise UsageError(f"the interval [{lo}, {hi}] with {points} points; expected lo < hi and at least 8 points.")
+    out = [np.linspace(lo, hi, points // 2)]
+    if hi > 0 >= lo:
+        out.append(np.geomspace(1e-5 * hi, hi, points // 2))
+    if lo < 0 <= hi:
+        out.append(-np.geomspace(-1e-5 * lo, -lo, points // 2))
+    merged = np.unique(np.concatenate(out))
+    return merged[merged != 0.0]
+
+
+def fixed_points(event_map: EventMap, lo: float, hi: float, points: int = 400) -> tuple[FixedPoint, ...]:
+    """All fixed points of the map in [lo, hi], in order; the equilibrium set at 0 included where it rests there."""
+    d = grid(lo, hi, points)
+    gap = event_map(d) - d
+    found: list[FixedPoint] = []
+    if lo <= 0.0 <= hi and event_map(0.0) == 0.0:
+        found.append(equilibrium_set(event_map, 1e-3 * max(abs(lo), abs(hi))))
+    fine = event_map.remake(rtol=min(event_map.rtol, TIGHT), atol=min(event_map.atol, TIGHT * 1e-2))
+    for a, b in _brackets(fine, d, gap):
+        point = _polish(fine, a, b)
+        if point is not None and all(abs(point.d - other.d) > 1e-9 * (abs(point.d) + 1e-9) for other in found):
+            found.append(point)
+    return tuple(sorted(found, key=lambda point: point.d))
+
+
+def _brackets(event_map: EventMap, d: Array, gap: Array) -> list[tuple[float, float]]:
+    """Neighbours between which P(d) - d changes sign, with the pairs found at its extrema."""
+    out: list[tuple[float, float]] = []
+    for i in range(len(d) - 1):
+        if gap[i] == 0.0 or gap[i] * gap[i + 1] < 0:
+            out.append((float(d[i]), float(d[i + 1]) if gap[i] else float(d[i])))
+    sizes = np.abs(gap)
+    for i in range(1, len(d) - 1):
+        same = gap[i - 1] * gap[i] > 0 and gap[i] * gap[i + 1] > 0
+        if same and sizes[i] <= sizes[i - 1] and sizes[i] <= sizes[i + 1]:
+            middle = extremum(event_map, float(d[i - 1]), float(d[i + 1]))
+            if middle is not None and (event_map(middle) - middle) * gap[i] < 0:
+                out += [(float(d[i - 1]), middle), (middle, float(d[i + 1]))]
+    return out
+
+
+def extremum(event_map: EventMap, a: float, b: float) -> float | None:
+    """Where the slope of the map is 1 between a and b, None if it is not."""
+    left, right = event_map.derivative(a) - 1.0, event_map.derivative(b) - 1.0
+    if not left * right < 0:
+        return None
+    return float(brentq(lambda d: event_map.derivative(d) - 1.0, a, b, xtol=1e-13 * max(abs(a), abs(b))))
+
+
+def _polish(event_map: EventMap, a: float, b: float) -> FixedPoint | None:
+    def gap(d: float) -> float:
+        return float(event_map(d)) - d
+
+    scale = max(abs(a), abs(b))
+    before, after = gap(a), gap(b)
+    if before * after > 0:
+        return None
+    d = a if before == 0.0 else float(brentq(gap, a, b, xtol=1e-15 * scale, rtol=8.9e-16))
+    left = abs(gap(d))
+    # At a jump the gap stays as it is on both sides, however close they come.
+    if left > 1e-3 * max(abs(before), abs(after)) and left > 1e-7 * scale:
+        return None
+    orbit = event_map.orbit(d)
+    slope = event_map.derivative(d)
+    period = float(sum(turn.t_end for turn in orbit))
+    return FixedPoint(d, "limit cycle", slope, bool(abs(slope) < 1.0), left, period)
+
+
+def equilibrium_slope(event_map: EventMap, reach: float, side: float = 1.0) -> tuple[float, str]:
+    """Limit of P(d)/d for d -> 0 on one side, and a note: infinite where the map jumps at 0.
+
+    It is the product of the limits over the turns of the map, each on the side to which the turn before it leads.
+    """
+    slope, notes = 1.0, []
+    for _ in range(event_map.order):
+        one, note = _one_turn_slope(event_map.remake(order=1), side * reach)
+        slope *= one
+        side = side if one > 0 else -side
+        notes.append(note)
+        if not np.isfinite(one):
+            return float(np.inf), note
+    return slope, next((note for note in notes if note), "")
+
+
+def _one_turn_slope(event_map: EventMap, reach: float) -> tuple[float, str]:
+    """Limit of P(d)/d from ratios at reach, reach/2, ..., extrapolated (Romberg) until rounding takes over.
+
+    The absolute tolerance is what rounding leaves of the starting states.
+    """
+    size = float(np.max(np.abs(event_map.bound.start(np.array([reach]), event_map.p))))
+    fine = event_map.remake(rtol=TIGHT * 0.1, atol=2.0 * float(np.finfo(float).eps) * size)
+    d = reach * 0.5 ** np.arange(LEVELS)
+    ratios = fine(d) / d
+    good = int(np.argmin(np.isfinite(ratios))) if not np.all(np.isfinite(ratios)) else LEVELS
+    d, ratios = d[:good], ratios[:good]
+    if good < 6:
+        return float("nan"), "the map does not return near the equilibrium set"
+    growth = np.abs(ratios[1:] / ratios[:-1])
+    if abs(ratios[-1]) > 10.0 and np.all(growth[-5:] > 1.05) and growth[-1] > growth[-3] - 1e-3:
+        sign = float(np.sign(ratios[-1]))
+        if np.all(growth[-3:] > 1.9):
+            return sign * np.inf, f"the map jumps at the equilibrium set: P(0+) = {float(ratios[-1] * abs(d[-1])):.9g}"
+        return sign * np.inf, "the slope of the map grows without bound at the equilibrium set"
+    table: list[Array] = [ratios]
+    for j in range(1, min(6, good - 2)):
+        previous = table[-1]
+        table.append(previous[1:] + (previous[1:] - previous[:-1]) / (2.0**j - 1.0))
+    best, error = float(ratios[-1]), np.inf
+    for column in table[1:]:
+        changes = np.abs(np.diff(column))
+        if np.min(changes) < error:
+            place = int(np.argmin(changes))
+            best, error = float(column[place + 1]), float(changes[place])
+    note = "" if error < 1e-6 * max(1.0, abs(best)) else f"slope at the equilibrium set known to {error:.1g} only"
+    return best, note
+
+
+def equilibrium_set(event_map: EventMap, reach: float) -> FixedPoint:
+    """The fixed point at 0, where the motion rests."""
+    slope, note = equilibrium_slope(event_map, reach)
+    return FixedPoint(0.0, "equilibrium set", slope, bool(abs(slope) < 1.0), 0.0, 0.0, note)
+
+
+def jumps(event_map: EventMap, lo: float, hi: float, points: int = 400) -> tuple[Jump, ...]:
+    """Places where the map jumps: intervals over which it changes much more than its slopes explain, halved down."""
+    d = grid(lo, hi, points)
+    value = event_map(d)
+    out: list[Jump] = []
+    if lo <= 0.0 < hi:
+        _, note = equilibrium_slope(event_map, 1e-3 * hi)
+        if note.startswith("the map jumps"):
+            above = float(event_map(1e-9 * hi))
+            out.append(Jump(0.0, -above if lo < 0 else 0.0, above))
+    rise = np.abs(np.diff(value))
+    usual = 20.0 * np.median(rise / np.diff(d))
+    for i in np.flatnonzero(rise > usual * np.diff(d) + 1e-9):
+        a, b, left, right = float(d[i]), float(d[i + 1]), float(value[i]), float(value[i + 1])
+        for _ in range(60):
+            middle = 0.5 * (a + b)
+            if middle in (a, b):
+                break
+            at = float(event_map(middle))
+            if abs(at - left) < abs(at - right):
+                a, left = middle, at
+            else:
+                b, right = middle, at
+        if abs(right - left) > 1e-6 * (abs(left) + abs(right)) + 1e-9:
+            out.append(Jump(0.5 * (a + b), left, right))
+    return tuple(out)
+
+
+def basins(event_map: EventMap, lo: float, hi: float, points: int = 400) -> tuple[Basin, ...]:
+    """Intervals of [lo, hi] between repelling points, each with the attractor its middle goes to."""
+    known = fixed_points(event_map, lo, hi, points)
+    attractors = [point.d for point in known if point.stable]
+    borders = [lo, *(point.d for point in known if not point.stable and lo < point.d < hi), hi]
+    out = []
+    for a, b in zip(borders[:-1], borders[1:], strict=True):
+        d, target = 0.5 * (a + b), None
+        for _ in range(2000):
+            d = float(event_map(d))
+            near = [q for q in attractors if abs(d - q) <= 1e-6 * max(abs(lo), abs(hi))]
+            if near or not np.isfinite(d):
+                target = near[0] if near else None
+                break
+        out.append(Basin(a, b, target))
+    return tuple(out)

@@ -1,0 +1,175 @@
+"""Stability of every equilibrium and equilibrium set of a system: what is decided, and by which argument."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.analysis import stability_text
+from filippov.analysis.budget import Clock, OutOfBudgetError
+from filippov.analysis.equilibria import equilibria
+from filippov.analysis.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.linearisation import characteristic_polynomial, linearise
+from filippov.analysis.polynomial import exact
+from filippov.analysis.set_stability import set_stability
+from filippov.analysis.sliding_stability import sliding_stability
+from filippov.analysis.stability_context import Context
+from filippov.analysis.stability_result import (
+    Answer,
+    EquilibriumStability,
+    SetStability,
+    StabilityResult,
+    Statement,
+)
+from filippov.errors import ModelError
+from filippov.system import System
+
+ANSWERS: dict[str, Answer] = {
+    "asymptotically stable": "asymptotically stable",
+    "marginally stable": "undecided",
+    "unstable": "unstable",
+}
+
+
+class StabilityReport(StabilityResult):
+    """The result as text, Markdown, LaTeX, JSON."""
+
+    def to_text(self) -> str:
+        """Plain text, one section an equilibrium."""
+        return stability_text.render(self, stability_text.TEXT)
+
+    def to_markdown(self) -> str:
+        """Markdown with the formulas in $...$."""
+        return stability_text.render(self, stability_text.MARKDOWN)
+
+    def to_latex(self) -> str:
+        """LaTeX sections, for a document with amsmath."""
+        return stability_text.render(self, stability_text.LATEX)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Strings, numbers, lists and dicts only."""
+        return stability_text.as_dict(self)
+
+    def to_json(self) -> str:
+        """`to_dict` as JSON."""
+        return stability_text.as_json(self)
+
+
+def stability_report(
+    system: System,
+    parameters: Mapping[Any, float] | None = None,
+    *,
+    solve_for: str | Symbol | None = None,
+    modes: Sequence[str] | None = None,
+    t: float | None = None,
+    assume: Iterable[Any] | None = None,
+    hook: SetStability | None = None,
+    budget: float = 30.0,
+) -> StabilityReport:
+    """Return the stability of all equilibria of a system of expressions.
+
+    parameters  values at which existence and verdicts are decided, the defaults where not given
+    solve_for   a parameter for which the Routh-Hurwitz conditions are solved, in formulas and in numbers
+    modes, t    as in `equilibria`
+    assume      inequalities taken to hold in the formulas; by default each parameter but
+                the one that is solved for keeps the sign of its value
+    hook        gives the slope of an event map's second iterate at a set: decides where the rest does not
+    budget      seconds
+
+    Raises ModelError for a system of plain functions or an unknown parameter.
+    """
+    form = system.symbolic
+    if form is None:
+        raise ModelError(
+            "a stability report needs the field as expressions, for it is expanded at the surfaces. Write "
+            "System({x: ..., v: ...}), or use equilibria(system), which works for plain functions too."
+        )
+    clock = Clock(budget)
+    p = system.parameters.resolve(parameters)
+    values = {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
+    symbol = None if solve_for is None else form.p[system.parameters.index(solve_for)]
+    told = tuple(_signs({q: v for q, v in values.items() if q != symbol}) if assume is None else assume)
+    found = equilibria(system, parameters, modes=modes, t=t, budget=max(budget / 2, 1e-3))
+    notes = list(found.notes)
+    items = []
+    for equilibrium in found:
+        context = Context(system, form, values, told, symbol, hook, clock)
+        try:
+            items.append(_item(context, equilibrium, t))
+        except OutOfBudgetError as error:
+            notes.append(
+                f"stopped after {len(items)} of {len(found)} equilibria: {error}. Give a larger budget."
+            )
+            break
+    names = tuple(zip(system.parameters.names, p.tolist(), strict=True))
+    surfaces = tuple(s.name for s in system.surfaces)
+    return StabilityReport(system.states, surfaces, names, told, tuple(items), tuple(notes))
+
+
+def _signs(values: Mapping[Symbol, Expr]) -> list[Any]:
+    """q > 0 or q < 0, as the value is; sympy.true where the symbol knows it already."""
+    return [r for q, v in values.items() if v != 0 and (r := q > 0 if v > 0 else q < 0) != sympy.true]
+
+
+def _item(
+    context: Context, equilibrium: EquilibriumPoint | EquilibriumSet, t: float | None
+) -> EquilibriumStability:
+    context.clock.check()
+    context = context.put_degenerate(equilibrium.degenerate, t)
+    if "0" not in equilibrium.mode:
+        return _smooth(context, equilibrium)
+    if isinstance(equilibrium, EquilibriumSet):
+        return set_stability(context, equilibrium)
+    return sliding_stability(context, equilibrium)
+
+
+def _smooth(context: Context, equilibrium: EquilibriumPoint | EquilibriumSet) -> EquilibriumStability:
+    """Jacobian and Routh-Hurwitz of a smooth mode; along a set, without the zero roots that belong to it."""
+    linear = linearise(context.system, equilibrium, values=context.put)
+    assert linear.smooth is not None
+    whole = characteristic_polynomial(linear.smooth)
+    polynomial, zeros = context.without_zeros(whole, equilibrium.dimension)
+    statements = []
+    if isinstance(equilibrium, EquilibriumSet):
+        statements.append(Statement(f"the set has dimension {equilibrium.dimension}: as many roots are 0"))
+        free = {
+            q: sympy.Rational(str(_inner(*b)))
+            for q, b in zip(equilibrium.free, equilibrium.bounds, strict=True)
+        }
+    else:
+        free = {}
+    routh = context.routh(polynomial)
+    answer: Answer = "undecided"
+    hurwitz = context.verdict(polynomial, free)
+    if zeros < equilibrium.dimension or hurwitz is None:
+        statements.append(Statement("the linear part does not decide"))
+    else:
+        answer = ANSWERS[hurwitz.value]
+        if answer == "undecided":
+            text = "the linear part has roots on the imaginary axis, so higher terms decide"
+        else:
+            text = f"all roots lie in the left half plane: the equilibrium is {hurwitz.value}"
+            if answer == "unstable":
+                text = "the linear part is unstable, and so is the equilibrium"
+        statements.append(Statement(text, "Lyapunov's first method"))
+    edges = equilibrium.kind == "boundary equilibrium" if isinstance(equilibrium, EquilibriumPoint) else False
+    if edges and answer != "unstable":
+        statements.append(
+            Statement("it lies on a kink: the Jacobian is that of one side, and both sides together decide")
+        )
+        answer = "undecided"
+    solved = context.solved(routh) if routh is not None else None
+    return EquilibriumStability(
+        equilibrium, linear, polynomial, routh, False, answer, (), answer, tuple(statements), solved
+    )
+
+
+def _inner(low: float, high: float) -> float:
+    if abs(low) == float("inf") and abs(high) == float("inf"):
+        return 0.1
+    if abs(low) == float("inf") or abs(high) == float("inf"):
+        return low + 1.0 if abs(low) < float("inf") else high - 1.0
+    return 0.45 * low + 0.55 * high

@@ -1,0 +1,184 @@
+"""The commands and their settings, as data: what `filippov --help` shows. Nothing heavy is imported here."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from filippov.commands.values import (
+    formulas,
+    named_numbers,
+    number,
+    numbers,
+    one_of,
+    pair,
+    state,
+    switch,
+    text,
+    texts,
+    tolerance,
+    whole,
+)
+from filippov.configuration import Option
+
+
+def _choice(name: str, help_text: str, *known: str, default: str | None = None) -> Option:
+    return Option(name, help_text, one_of(*known), metavar="{" + ",".join(known) + "}", default=default)
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command of the tool.
+
+    module, function   what does it: function(settings, console) -> exit code
+    needs              module without which it is not offered
+    """
+
+    name: str
+    help: str
+    module: str
+    options: tuple[Option, ...]
+    example: str
+    function: str = "run"
+    needs: str = ""
+
+    @property
+    def offered(self) -> bool:
+        """Whether its module is there."""
+        try:
+            return not self.needs or importlib.util.find_spec(self.needs) is not None
+        except ModuleNotFoundError:
+            return False
+
+    def load(self) -> Callable[..., int]:
+        """Import what does it."""
+        function: Any = getattr(importlib.import_module(f"filippov.commands.{self.module}"), self.function)
+        return function  # type: ignore[no-any-return]
+
+
+MODEL = Option(
+    "model", "a registered name (see: filippov models) or path/to/file.py:name, where name is a System, "
+    "a Problem or a function that returns a System", text, metavar="MODEL", flags=("model",),
+)  # fmt: skip
+PARAMETERS = Option(
+    "parameters", "value of a parameter, a number or a formula such as pi/2; can be repeated", named_numbers,
+    metavar="NAME=VALUE", flags=("-p",), repeat=True, default={},
+)  # fmt: skip
+COMMON = (
+    Option("config", "TOML file with settings by name; flags go before it", text, metavar="FILE.toml"),
+    Option("output", "folder for the files, made if missing", text, metavar="DIR", flags=("-o", "--output")),
+    Option("json", "write the result to stdout as one JSON document", switch, default=False),
+    Option("quiet", "no text on stderr but errors", switch, default=False),
+    Option("traceback", "show where an error arose", switch, default=False),
+)
+TOLERANCES = (
+    Option("rtol", "relative tolerance of a step", number, metavar="R"),
+    Option("atol", "absolute tolerance: one number, or one a state with commas", tolerance, metavar="A"),
+    _choice("method", "order 8 (the default) or order 5", "DOP853", "DP5"),
+)
+START = (
+    Option("x0", "initial state: x=0.1,v=0 (the others as in the model) or all in order: 0.1,0,0", state,
+           metavar="X0"),
+    Option("t_span", "first and last time, in either order", pair, metavar=("T0", "T1"), count=2),
+    Option("max_step", "longest step", number, metavar="DT"),
+    Option("first_step", "first step", number, metavar="DT"),
+    Option("max_steps", "budget of steps", whole, metavar="N"),
+    Option("max_events", "budget of events", whole, metavar="N"),
+    Option("max_time", "budget of wall-clock seconds", number, metavar="SECONDS"),
+    _choice("nonunique", "where several modes can follow: end, slide, or leave", "raise", "stick", "slip"),
+    _choice("zeno", "at an accumulation of events: end, or go on in the limit mode", "stop", "continue"),
+    Option("stop", "end at an event: SURFACE, SURFACE:KIND or SURFACE:KIND:COUNT; can be repeated", texts,
+           metavar="EVENT", repeat=True),
+)  # fmt: skip
+SECTION = (
+    Option("surface", "surface of the section, where the model proposes none", text, metavar="NAME"),
+    Option("event", "kind of event that ends a turn, such as 'sliding entry'", text, metavar="KIND"),
+    Option("coordinate", "state that is read on the section", text, metavar="STATE"),
+    Option("lift", "where a turn starts, a formula in d and parameters for each state: x=d,v=0", formulas,
+           metavar="FORMULAS"),
+    Option("t_max", "longest time of a turn", number, metavar="T"),
+)  # fmt: skip
+INTERVAL = Option("interval", "interval of the section's coordinate", pair, metavar=("LO", "HI"), count=2)
+
+_ALL = (
+    Command(
+        "simulate", "solve a model: events.csv, trajectory.csv, solution.npz, summary.json, response.png",
+        "simulate",
+        (MODEL, PARAMETERS, *START, *TOLERANCES,
+         Option("points", "equally spaced rows of trajectory.csv; default: the ends of the steps", whole,
+                metavar="N")),
+        "filippov simulate hunting -p P=20 --x0 x=0.1 --t-span 0 50 -o results/run",
+    ),
+    Command(
+        "event-map", "the event map of a section and its fixed points: map.csv, fixed_points.json, map.png",
+        "maps",
+        (MODEL, PARAMETERS, INTERVAL, *SECTION, *TOLERANCES,
+         Option("points", "samples of the map", whole, metavar="N", default=400),
+         Option("order", "iterate of the map that is taken", whole, metavar="K", default=1),
+         Option("start", "coordinate where an orbit starts", number, metavar="D"),
+         Option("iterates", "length of that orbit", whole, metavar="N", default=30)),
+        "filippov event-map hunting --order 2 --start 0.1 -o results/map",
+        function="run_event_map", needs="filippov.analysis.event_map",
+    ),
+    Command(
+        "bifurcation", "fixed points over a parameter: bifurcation.csv, .json, .png", "maps",
+        (MODEL, PARAMETERS,
+         Option("parameter", "parameter that is varied", text, metavar="NAME"),
+         Option("values", "its first and last value", pair, metavar=("LO", "HI"), count=2),
+         Option("count", "number of its values", whole, metavar="N", default=22),
+         INTERVAL, *SECTION),
+        "filippov bifurcation hunting --parameter P --values 10 31 -o results/bifurcation",
+        function="run_bifurcation", needs="filippov.analysis.bifurcation",
+    ),
+    Command(
+        "stability", "every equilibrium and equilibrium set: report.txt, .md, .tex, .json", "stability",
+        (MODEL, PARAMETERS,
+         Option("solve_for", "parameter for which the conditions are solved", text, metavar="NAME"),
+         Option("budget", "seconds of computation", number, metavar="SECONDS", default=30.0)),
+        "filippov stability hunting -p beta=1 --solve-for P",
+        needs="filippov.analysis.stability",
+    ),
+    Command(
+        "compare", "the exact inclusion against band models: comparison.csv, .json, .txt, .png", "compare",
+        (MODEL, PARAMETERS,
+         Option("widths", "band widths, with commas", numbers, metavar="ETA,ETA,..."),
+         Option("alphas", "stiffnesses of the band, with commas", numbers, metavar="ALPHA,ALPHA,..."),
+         *SECTION),
+        "filippov compare hunting --widths 1e-2,1e-4,1e-6 -o results/comparison",
+        needs="filippov.analysis.comparison",
+    ),
+    Command(
+        "graph", "the modes and transitions of a model: graph.dot, .graphml, .json, .png", "graph",
+        (MODEL, PARAMETERS,
+         _choice("kind", "what the model can do, or what a solution does", "possible", "observed",
+                 default="possible"),
+         Option("recurrent", "only the part that is not left again", switch, default=False),
+         Option("numbers", "put the parameters' values into the formulas", switch, default=False),
+         *START, *TOLERANCES),
+        "filippov graph hunting --kind observed --t-span 0 100 -o results/graph",
+    ),
+    Command(
+        "models", "list the registered models, or describe one", "models",
+        (Option("action", "what to do", one_of("list", "describe"), metavar="{list,describe}",
+                flags=("action",), default="list"),
+         Option("name", "the model to describe, as MODEL elsewhere", text, metavar="NAME", flags=("name",))),
+        "filippov models describe hunting",
+    ),
+    Command(
+        "study", "a whole study with its report", "study",
+        (Option("name", "the study: hunting", one_of("hunting"), metavar="{hunting}", flags=("name",)),
+         Option("quick", "coarser, to see whether it works", switch, default=False)),
+        "filippov study hunting -o results/hunting", needs="filippov.report",
+    ),
+    Command(
+        "doctor", "versions, the cache folder, broken plug-ins with their tracebacks", "doctor", (),
+        "filippov doctor",
+    ),
+)  # fmt: skip
+
+
+def commands() -> dict[str, Command]:
+    """The commands whose modules are there, by name."""
+    return {command.name: command for command in _ALL if command.offered}

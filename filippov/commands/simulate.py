@@ -1,0 +1,148 @@
+"""filippov simulate: one solution, its events, its picture."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from filippov.commands.console import Console
+from filippov.commands.folder import Folder
+from filippov.commands.model import load_model
+from filippov.errors import UsageError
+from filippov.events import Event, Stop
+from filippov.problem import Problem
+from filippov.solution import Solution
+from filippov.solver import solve
+from filippov.status import Status, mode_text
+
+SOLVER = (
+    "rtol", "atol", "method", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
+    "zeno",
+)  # fmt: skip
+EVENT_COLUMNS = (
+    "t", "surface", "kind", "before", "after", "direction", "multiplier", "residual", "group", "note",
+)  # fmt: skip
+SHOWN = 12
+MOST_ROWS = 200_000
+
+
+def run(settings: dict[str, Any], console: Console) -> int:
+    """Solve, write what there is, also of a run that ended early."""
+    loaded = load_model(settings["model"])
+    problem = loaded.problem(settings)
+    folder = Folder(settings["output"], console)
+    solution = solved(problem, settings, console, dense=folder.path is not None)
+    summary = summarise(loaded.name, solution)
+    states = problem.system.states
+    console.result(summary | {"events": [event_data(event, states) for event in solution.events]})
+    _tell(solution, console)
+    folder.csv("events.csv", EVENT_COLUMNS + states, (_row(event) for event in solution.events))
+    points = settings["points"]
+    if points is None and len(solution.t) > MOST_ROWS and folder.path is not None:
+        points = MOST_ROWS
+        console.say(f"trajectory.csv has {points} equally spaced rows for {len(solution.t)} steps")
+    t, y = _samples(solution, points)
+    folder.csv("trajectory.csv", ("t", *states), np.vstack([t, y]).T.tolist())
+    folder.json("summary.json", summary)
+    folder.file("solution.npz", solution.save)
+    if solution.status is not Status.INTERRUPTED:
+        folder.picture("response.png", lambda: solution.plot(title=loaded.name))
+    folder.report()
+    return exit_code(solution)
+
+
+def solved(problem: Problem, settings: Mapping[str, Any], console: Console, dense: bool) -> Solution:
+    """The solution with the solver's settings; `dense` keeps what lies between the events, for files."""
+    options = {name: settings[name] for name in SOLVER if settings.get(name) is not None}
+    stops = [parse_stop(text) for text in settings.get("stop") or ()]
+    with console.progress("simulate") as progress:
+        start = problem.t_span[0]
+        return solve(
+            problem, progress=lambda t, end: progress(abs(t - start), abs(end - start), f"t = {t:.6g}"),
+            stop=stops, dense_output=dense, **options,
+        )  # fmt: skip
+
+
+def exit_code(solution: Solution) -> int:
+    """0 for a run that did what it was asked to do, 130 for an interrupted one, else 1."""
+    if solution.status is Status.INTERRUPTED:
+        return 130
+    return 0 if solution.success else 1
+
+
+def parse_stop(text: str) -> Stop:
+    """SURFACE, SURFACE:KIND or SURFACE:KIND:COUNT."""
+    surface, *rest = (piece.strip() for piece in text.split(":"))
+    if len(rest) > 2 or (len(rest) == 2 and not rest[1].isdecimal()):
+        raise UsageError(f"--stop is {text!r}, expected SURFACE, SURFACE:KIND or SURFACE:KIND:COUNT.")
+    kind = rest[0] if rest else "crossing"
+    return Stop(surface, kind, int(rest[1]) if len(rest) == 2 else 1)
+
+
+def summarise(name: str, solution: Solution) -> dict[str, Any]:
+    """What happened, without the events themselves."""
+    problem, system = solution.problem, solution.system
+    kinds = Counter((event.surface, str(event.kind)) for event in solution.events)
+    return {
+        "model": name,
+        "parameters": dict(problem.parameters),
+        "x0": dict(zip(system.states, problem.x0.tolist(), strict=True)),
+        "t_span": list(problem.t_span),
+        "status": solution.status.value,
+        "success": solution.success,
+        "message": solution.message,
+        "t_end": solution.t_end,
+        "x_end": dict(zip(system.states, solution.x_end.tolist(), strict=True)),
+        "end_mode": mode_text(solution.end_mode),
+        "dwell_times": dict(solution.dwell_times()),
+        "event_counts": [{"surface": s, "kind": k, "count": n} for (s, k), n in kinds.items()],
+        "steps": solution.steps,
+        "rejected": solution.rejected,
+        "nfev": solution.nfev,
+        "options": {name: _option(getattr(solution.options, name)) for name in ("method", "rtol", "atol")},
+    }
+
+
+def event_data(event: Event, states: tuple[str, ...]) -> dict[str, Any]:
+    """One event by name; x holds the state, x_after the one after a reset."""
+    data = dict(zip(EVENT_COLUMNS, _row(event), strict=False))
+    data["x"] = dict(zip(states, event.x.tolist(), strict=True))
+    if event.x_after is not None:
+        data["x_after"] = dict(zip(states, event.x_after.tolist(), strict=True))
+    return data
+
+
+def _row(event: Event) -> list[Any]:
+    return [
+        float(event.t), event.surface, str(event.kind), mode_text(event.before), mode_text(event.after),
+        int(event.direction), float(event.multiplier), float(event.residual), int(event.group), event.note,
+        *event.x.tolist(),
+    ]  # fmt: skip
+
+
+def _option(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def _samples(solution: Solution, points: int | None) -> tuple[Any, Any]:
+    """Times and states for the table: equally spaced ones, else the ends of the steps."""
+    if points is None or solution.sol is None:
+        return solution.t, solution.y
+    t = np.linspace(solution.problem.t_span[0], solution.t_end, points)
+    return t, solution.sol(t).reshape(len(solution.problem.x0), points)
+
+
+def _tell(solution: Solution, console: Console) -> None:
+    for event in solution.events[:SHOWN]:
+        console.say(str(event))
+    if len(solution.events) > SHOWN:
+        console.say(f"... and {len(solution.events) - SHOWN} more events")
+    end = ", ".join(f"{n} = {v:.12g}" for n, v in zip(solution.system.states, solution.x_end, strict=True))
+    console.say(f"t = {solution.t_end:.12g}  {end}  (mode {mode_text(solution.end_mode)})")
+    if solution.success:
+        console.say(solution.message)
+    else:
+        console.warn(f"{solution.status.value}: {solution.message}")

@@ -1,0 +1,22 @@
+"""filippov study: a whole study, from the model to the report."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+from filippov.commands.console import Console
+from filippov.commands.folder import Folder
+
+
+def run(settings: dict[str, Any], console: Console) -> int:
+    """Run the study and write its report."""
+    name = settings["name"]
+    module = importlib.import_module(f"filippov.report.{name}")
+    folder = Folder(settings["output"] or f"results/{name}", console)
+    with console.progress(f"study {name}") as progress:
+        summary = module.run(Path(folder.path or "."), progress=progress, quick=settings["quick"])
+    console.result(summary)
+    console.say(f"wrote the report into {folder.path}")
+    return 0

@@ -1,0 +1,144 @@
+"""An oracle for piecewise-linear systems: matrix exponentials and bracketed roots, nothing of the package."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+Array = npt.NDArray[np.float64]
+
+
+class NotGenericError(Exception):
+    """The motion comes too close to something that two solvers may resolve differently."""
+
+
+@dataclass(frozen=True)
+class Linear:
+    """x' = A x + b + sum_i s_i B_i, s_i the sign of c_i x - d_i."""
+
+    A: Array
+    b: Array
+    B: Array
+    c: Array
+    d: Array
+
+    def affine(self, mode: tuple[int, ...]) -> tuple[Array, Array]:
+        """(A, b) of a mode; the multipliers of sliding surfaces are eliminated."""
+        offset = self.b + sum((s * row for s, row in zip(mode, self.B, strict=True)), np.zeros(len(self.b)))
+        sliding = [i for i, s in enumerate(mode) if s == 0]
+        if not sliding:
+            return self.A, offset
+        gain = self.c[sliding] @ self.B[sliding].T
+        if np.linalg.cond(gain) > 1e6:
+            raise NotGenericError
+        project = np.eye(len(self.b)) - self.B[sliding].T @ np.linalg.solve(gain, self.c[sliding])
+        return project @ self.A, project @ offset
+
+    def multipliers(self, mode: tuple[int, ...], x: Array) -> Array:
+        """The signs of all surfaces at x, those of sliding ones solved from c_i x' = 0."""
+        s = np.array(mode, dtype=float)
+        sliding = [i for i, v in enumerate(mode) if v == 0]
+        if sliding:
+            gain = self.c[sliding] @ self.B[sliding].T
+            s[sliding] = -np.linalg.solve(gain, self.c[sliding] @ (self.A @ x + self.b + self.B.T @ s))
+        return s
+
+    def flow(self, mode: tuple[int, ...], x: Array, t: float) -> Array:
+        """The state after time t in one mode."""
+        A, b = self.affine(mode)
+        n = len(x)
+        M = np.zeros((n + 1, n + 1))
+        M[:n, :n], M[:n, n] = A * t, b * t
+        return (expm(M) @ np.append(x, 1.0))[:n]
+
+    def guards(self, mode: tuple[int, ...], x: Array) -> Array:
+        """Positive while the mode lasts: s_i h_i off a surface, 1 - |multiplier| on it."""
+        h = self.c @ x - self.d
+        s = self.multipliers(mode, x)
+        return np.array([m * value if m else 1 - abs(v) for m, value, v in zip(mode, h, s, strict=True)])
+
+
+def next_mode(system: Linear, mode: tuple[int, ...], i: int, x: Array) -> tuple[int, ...]:
+    """The mode after guard i of one surface vanished at x."""
+    if mode[i] == 0:
+        side = int(np.sign(system.multipliers(mode, x)[i]))
+        return (*mode[:i], side, *mode[i + 1 :])
+    if any(m == 0 for m in mode):
+        return corner(system, mode, i, x)
+    rates = []
+    for s in (1, -1):
+        A, b = system.affine((*mode[:i], s, *mode[i + 1 :]))
+        rates.append(float(system.c[i] @ (A @ x + b)))
+    if min(abs(r) for r in rates) < 1e-4:
+        raise NotGenericError
+    if rates[0] < 0 < rates[1]:
+        return (*mode[:i], 0, *mode[i + 1 :])
+    if rates[0] * rates[1] < 0:
+        raise NotGenericError
+    return (*mode[:i], int(np.sign(rates[0])), *mode[i + 1 :])
+
+
+def corner(system: Linear, mode: tuple[int, ...], i: int, x: Array) -> tuple[int, ...]:
+    """The one consistent mode where the sliding motion of another surface reaches surface i."""
+    met = sorted({i, *(j for j, m in enumerate(mode) if m == 0)})
+    found = []
+    for code in range(3 ** len(met)):
+        signs = list(mode)
+        for j in met:
+            signs[j] = code % 3 - 1
+            code //= 3
+        trial = tuple(signs)
+        A, b = system.affine(trial)
+        rates, s = system.c @ (A @ x + b), system.multipliers(trial, x)
+        margins = [trial[j] * rates[j] if trial[j] else 1 - abs(s[j]) for j in met]
+        if min(abs(v) for v in margins) < 1e-4:
+            raise NotGenericError
+        if min(margins) > 0:
+            found.append(trial)
+    if len(found) != 1:
+        raise NotGenericError
+    return found[0]
+
+
+def first_zero(f: Callable[[float], Array], end: float, dt: float, skip: int) -> tuple[float, int] | None:
+    """The first time in (0, end] at which an entry of f falls through 0, on a grid of width dt refined by brentq."""
+    previous, past = 0.0, f(0.0)
+    for time in np.append(np.arange(dt, end, dt), end):
+        value = f(time)
+        falls = [i for i in range(len(value)) if value[i] < 0 and not (previous == 0.0 and i == skip and past[i] < 1e-9)]
+        if falls:
+            roots = [(brentq(lambda u, i=i: f(u)[i], previous, time, xtol=1e-15, rtol=1e-14), i) for i in falls if past[i] > 0]
+            if len(roots) < len(falls):
+                raise NotGenericError
+            roots.sort()
+            if len(roots) > 1 and roots[1][0] - roots[0][0] < 1e-6:
+                raise NotGenericError
+            return roots[0]
+        # Twice down and up again between two points of the grid would not be seen.
+        close = (value < 2e-3) | ((past < 2e-3) & (previous > 0.0))
+        if np.any(close & (np.arange(len(value)) != skip)) or (close[skip] if skip >= 0 and previous > 0.05 else False):
+            raise NotGenericError
+        previous, past = time, value
+    return None
+
+
+def solve_linear(system: Linear, x0: Array, end: float) -> tuple[list[tuple[float, int, tuple[int, ...]]], Array]:
+    """Events (time, surface, mode after) and the final state; NotGenericError near anything delicate."""
+    h = system.c @ x0 - system.d
+    if np.min(np.abs(h)) < 1e-3:
+        raise NotGenericError
+    mode: tuple[int, ...] = tuple(int(v) for v in np.sign(h))
+    t, x, skip = 0.0, x0, -1
+    events: list[tuple[float, int, tuple[int, ...]]] = []
+    for _ in range(30):
+        found = first_zero(lambda u, m=mode, y=x: system.guards(m, system.flow(m, y, u)), end - t, 0.01, skip)
+        if found is None:
+            return events, system.flow(mode, x, end - t)
+        wait, i = found
+        x, t = system.flow(mode, x, wait), t + wait
+        mode, skip = next_mode(system, mode, i, x), i
+        events.append((t, i, mode))
+    raise NotGenericError

@@ -1,0 +1,170 @@
+"""Figures: what is drawn is where the solution says, and matplotlib is asked for only then."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+
+import numpy as np
+import pytest
+import sympy as sp
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
+
+from filippov.errors import UsageError
+from filippov.graph import observed_graph, possible_graph
+from filippov.plotting import plot_graph, plot_phase, plot_solution
+from filippov.solution import Solution
+from filippov.solver import solve
+from filippov.symbols import states, t
+from filippov.system import System
+
+x, v, z = states("x v z")
+
+
+@pytest.fixture(autouse=True)
+def _close() -> Iterator[None]:
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def motion() -> Solution:
+    """x'' = -x - sign(x')/2 from x = 2.2: turns at t = pi, sticks at t = 2 pi in x = 0.2."""
+    return solve(System({x: v, v: -x - sp.sign(v) / 2}), (2.2, 0), (0, 10))
+
+
+def drawn(ax: Any) -> list[Any]:
+    return [line for line in ax.get_lines() if len(line.get_xdata()) > 8]
+
+
+def marks(ax: Any, label: str) -> Any:
+    return next(line for line in ax.get_lines() if line.get_label() == label)
+
+
+def test_solution_has_one_panel_a_state(motion: Solution) -> None:
+    figure = plot_solution(motion, labels={"t": "time [s]", "x": "position [m]"}, title="Coulomb")
+    assert [ax.get_ylabel() for ax in figure.axes] == ["position [m]", "v"]
+    assert figure.axes[-1].get_xlabel() == "time [s]"
+    (line,) = drawn(figure.axes[0])
+    times, values = line.get_data()
+    # First half period: x = 1/2 + 1.7 cos t.
+    first = times <= np.pi
+    assert np.allclose(values[first], 0.5 + 1.7 * np.cos(times[first]), atol=1e-8)
+    entry = marks(figure.axes[0], "sliding entry")
+    assert entry.get_xdata() == pytest.approx([2 * np.pi], abs=1e-8)
+    assert entry.get_ydata() == pytest.approx([0.2], abs=1e-8)
+    (band,) = figure.axes[0].collections
+    corners = np.asarray(band.get_paths()[0].vertices)
+    assert corners[:, 0].min() == pytest.approx(2 * np.pi, abs=1e-8)
+    assert corners[:, 0].max() == pytest.approx(10)
+    assert figure.axes[0].get_xlim() == (0, 10)
+
+
+def test_multiplier_panel(motion: Solution) -> None:
+    """While sticking the friction balances the spring: s / 2 = -x, s = -0.4."""
+    figure = plot_solution(motion, "x", multiplier="v", labels={"multiplier": "2 F"})
+    assert [ax.get_ylabel() for ax in figure.axes] == ["x", "2 F"]
+    line = max(figure.axes[1].get_lines(), key=lambda item: len(np.asarray(item.get_xdata())))
+    times, values = (np.asarray(data) for data in line.get_data())
+    assert np.allclose(values[times > 6.3], -0.4, atol=1e-7)
+    assert np.all(values[times < np.pi - 1e-6] == -1)
+
+
+def test_phase_portrait(motion: Solution) -> None:
+    ends = [(-0.5, 0.0), (0.5, 0.0)]
+    figure = plot_phase(motion, equilibrium=ends, labels={"v": "velocity [m/s]"})
+    (ax,) = figure.axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x", "velocity [m/s]")
+    assert marks(ax, "equilibria").get_xydata().tolist() == [[-0.5, 0.0], [0.5, 0.0]]
+    thick = marks(ax, "sliding")
+    assert np.allclose(thick.get_xdata(), 0.2, atol=1e-8)
+    assert np.all(np.asarray(thick.get_ydata()) == thick.get_ydata()[0])
+    assert marks(ax, "start").get_xydata().tolist() == [[2.2, 0.0]]
+    swapped = plot_phase(motion, "v", "x", equilibrium=ends[0])
+    assert marks(swapped.axes[0], "equilibria").get_xydata().tolist() == [[0.0, -0.5]]
+
+
+def test_own_figure_is_used_and_style_is_put_back(motion: Solution) -> None:
+    before = dict(mpl.rcParams)
+    own = Figure()
+    assert plot_solution(motion, figure=own) is own
+    assert plot_phase(motion, figure=Figure()).axes
+    assert motion.plot() is not own
+    assert dict(mpl.rcParams) == before
+
+
+def test_without_dense_output_and_without_extent() -> None:
+    system = System({x: v, v: -x - sp.sign(v) / 2})
+    coarse = solve(system, (2.2, 0), (0, 10), dense_output=False)
+    figure = plot_solution(coarse)
+    assert np.isin(
+        coarse.events.t, np.concatenate([line.get_xdata() for line in figure.axes[0].get_lines()])
+    ).all()
+    plot_phase(coarse)
+    plot_solution(solve(system, (2.2, 0), (1, 1)))
+    plot_solution(solve(System({x: -x}), (1,), (0, -1)))
+
+
+def test_wrong_names_are_refused(motion: Solution) -> None:
+    with pytest.raises(UsageError, match="unknown state 'w'"):
+        plot_solution(motion, ["w"])
+    with pytest.raises(UsageError, match="unknown label 'y'"):
+        plot_solution(motion, labels={"y": "m"})
+    with pytest.raises(UsageError, match="unknown surface 'w'"):
+        plot_solution(motion, multiplier="w")
+    with pytest.raises(UsageError, match="needs two states"):
+        plot_phase(solve(System({x: -x}), (1,), (0, 1)))
+    with pytest.raises(UsageError, match="rows of 2 states"):
+        plot_phase(motion, equilibrium=[[1, 2, 3]])
+    with pytest.raises(UsageError, match="points is 1"):
+        plot_solution(motion, points=1)
+
+
+def texts(ax: Any) -> list[str]:
+    return [text.get_text() for text in ax.texts]
+
+
+def test_graph_shows_every_mode_and_guard() -> None:
+    graph = possible_graph(System({x: v, v: -x - sp.sign(v) / 2, z: x + sp.cos(t)}))
+    figure = plot_graph(graph, names={"0": "stick"}, title="oscillator")
+    left, right = figure.axes
+    assert {"stick (0)", "+", "-"} <= set(texts(left))
+    lines = texts(right)
+    for a, b, values in graph.edges(data=True):
+        assert f"{a} → {b}   {values['formula']}" in lines
+    assert len(left.patches) == graph.number_of_edges()
+    figure.canvas.draw()
+
+
+def test_graph_without_list_and_of_many_surfaces(motion: Solution) -> None:
+    figure = plot_graph(observed_graph(motion), guards=False)
+    (ax,) = figure.axes
+    assert any(text.startswith("+\n1 ×") for text in texts(ax))
+    names = states("a b c d")
+    four = System({q: -sp.sign(q) + sp.cos(t) / 2 for q in names})
+    plot_graph(possible_graph(four, "++++", limit=5)).canvas.draw()
+    three = System({q: -sp.sign(q) + 2 * sp.cos(t) for q in names[:3]})
+    places = plot_graph(possible_graph(three)).axes[0].texts
+    assert len({tuple(np.round(text.get_position(), 6)) for text in places}) == len(places)
+    plot_graph(possible_graph(System({x: -x}))).canvas.draw()
+    with pytest.raises(UsageError, match="no modes"):
+        plot_graph(observed_graph(motion).subgraph([]))
+
+
+def test_without_matplotlib_the_extra_is_named(motion: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(ImportError, match=r"pip install filippov\[plots\]"):
+        plot_solution(motion)
+
+
+def test_importing_the_package_does_not_import_matplotlib() -> None:
+    code = "import sys, filippov, filippov.plotting; print('matplotlib' in sys.modules)"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "False"

@@ -1,0 +1,181 @@
+"""Properties of solutions on random piecewise-linear systems, and the oracle's answer."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from linear_oracle import Linear, NotGenericError, solve_linear
+
+from filippov import Solution, Surface, System, parameters, sign, solve, states
+
+SIZES = [(2, 1), (3, 1), (4, 1), (2, 2), (3, 2)]
+END = 3.0
+RTOL = 1e-10
+TIGHT: dict[str, Any] = {"rtol": RTOL, "atol": 1e-13}
+
+
+@cache
+def family(n: int, m: int, order: tuple[int, ...], spare: bool = False) -> System:
+    """x' = A x + b + sum_i s_i B_i as one symbolic system whose coefficients are parameters."""
+    x = states(" ".join(f"x{i}" for i in range(n)))
+    names = [f"A{i}{j}" for i in range(n) for j in range(n)] + [f"b{i}" for i in range(n)]
+    names += [f"B{k}{i}" for k in range(m) for i in range(n)] + [f"c{k}{i}" for k in range(m) for i in range(n)]
+    names += [f"d{k}" for k in range(m)]
+    p = parameters(**dict.fromkeys(names, 1.0))
+    h = [sum(getattr(p, f"c{k}{i}") * x[i] for i in range(n)) - getattr(p, f"d{k}") for k in range(m)]
+    field = {
+        x[i]: sum(getattr(p, f"A{i}{j}") * x[j] for j in range(n))
+        + getattr(p, f"b{i}")
+        + sum(getattr(p, f"B{k}{i}") * sign(h[k]) for k in range(m))
+        for i in range(n)
+    }
+    surfaces = [Surface(f"h{k}", h[k]) for k in order]
+    if spare:
+        surfaces.insert(0, Surface("never", x[0] + 1e6, kind="observer"))
+    return System(field, surfaces=surfaces)
+
+
+def values(a: Linear) -> dict[str, float]:
+    n, m = len(a.b), len(a.d)
+    out = {f"A{i}{j}": a.A[i, j] for i in range(n) for j in range(n)} | {f"b{i}": a.b[i] for i in range(n)}
+    out |= {f"B{k}{i}": a.B[k, i] for k in range(m) for i in range(n)}
+    out |= {f"c{k}{i}": a.c[k, i] for k in range(m) for i in range(n)} | {f"d{k}": a.d[k] for k in range(m)}
+    return {name: float(value) for name, value in out.items()}
+
+
+def run(a: Linear, x0: Any, span: tuple[float, float] = (0.0, END), order: tuple[int, ...] | None = None, **more: Any) -> Solution:  # fmt: skip
+    order = tuple(range(len(a.d))) if order is None else order
+    system = family(len(a.b), len(a.d), order, more.pop("spare", False))
+    return solve(system, x0, span, parameters=values(a), **(TIGHT | more))
+
+
+@st.composite
+def problems(draw: st.DrawFn) -> tuple[Linear, np.ndarray]:
+    n, m = draw(st.sampled_from(SIZES))
+    seed = draw(st.integers(0, 2**32 - 1))
+    rng = np.random.default_rng(seed)
+    c = rng.normal(size=(m, n))
+    c /= np.linalg.norm(c, axis=1)[:, None]
+    B = rng.normal(size=(m, n))
+    if draw(st.booleans()):
+        # Pull towards the surfaces, so that sliding is common.
+        B -= (np.sum(B * c, axis=1) + rng.uniform(0.5, 2, m))[:, None] * c
+    a = Linear(rng.normal(size=(n, n)) - 0.5 * np.eye(n), rng.normal(size=n), B, c, 0.3 * rng.normal(size=m))
+    return a, rng.normal(size=n)
+
+
+@st.composite
+def generic(draw: st.DrawFn) -> tuple[Linear, np.ndarray, list[Any], np.ndarray]:
+    a, x0 = draw(problems())
+    try:
+        events, final = solve_linear(a, x0, END)
+    except NotGenericError:
+        assume(False)
+    return a, x0, events, final
+
+
+@given(generic())
+def test_events_and_final_state_agree_with_the_oracle(case: tuple[Linear, np.ndarray, list[Any], np.ndarray]) -> None:
+    a, x0, events, final = case
+    got = run(a, x0)
+    assert got.success, got.message
+    sets = [e for i, e in enumerate(got.events) if i == 0 or e.group != got.events[i - 1].group]
+    assert [e.after for e in sets] == [mode for _, _, mode in events]
+    scale = 1 + np.max(np.abs(got.y))
+    np.testing.assert_allclose([e.t for e in sets], [time for time, _, _ in events], atol=1e3 * RTOL)
+    np.testing.assert_allclose(got.x_end, final, atol=1e3 * RTOL * scale)
+
+
+def same(a: Solution, b: Solution, tolerance: float = 1e-7) -> None:
+    """Both solutions describe the same motion."""
+    assert a.modes == b.modes
+    np.testing.assert_allclose(a.x_end, b.x_end, atol=tolerance * (1 + np.max(np.abs(a.x_end))))
+    np.testing.assert_allclose([e.t for e in a.events], [e.t for e in b.events], atol=tolerance)
+
+
+@given(generic())
+def test_order_of_surfaces(case: Any) -> None:
+    a, x0, _, _ = case
+    assume(len(a.d) == 2)
+    one, two = run(a, x0), run(a, x0, order=(1, 0))
+    assert [mode[::-1] for mode in two.modes] == list(one.modes)
+    np.testing.assert_allclose(one.x_end, two.x_end, atol=1e-9 * (1 + np.max(np.abs(one.x_end))))
+
+
+@given(generic(), st.sampled_from([1e-12, 1e-3, 1e5, 1e12]))
+def test_scale_of_surfaces(case: Any, factor: float) -> None:
+    a, x0, _, _ = case
+    same(run(a, x0), run(Linear(a.A, a.b, a.B, a.c * factor, a.d * factor), x0))
+
+
+@given(generic(), st.floats(-50, 50))
+def test_shift_of_time(case: Any, shift: float) -> None:
+    a, x0, _, _ = case
+    one, two = run(a, x0), run(a, x0, (shift, shift + END))
+    assert one.modes == two.modes
+    np.testing.assert_allclose(two.events.t - shift, one.events.t, atol=1e-8)
+    np.testing.assert_allclose(two.x_end, one.x_end, atol=1e-8 * (1 + np.max(np.abs(one.x_end))))
+
+
+@given(generic())
+def test_mirror(case: Any) -> None:
+    a, x0, _, _ = case
+    one, two = run(a, x0), run(Linear(a.A, -a.b, a.B, a.c, -a.d), -x0)
+    flipped = tuple(mode.translate(str.maketrans("+-", "-+")) for mode in two.modes)
+    assert flipped == one.modes
+    np.testing.assert_allclose(-two.x_end, one.x_end, atol=1e-10 * (1 + np.max(np.abs(one.x_end))))
+
+
+@given(generic(), st.floats(0.1, 0.9))
+def test_split_interval(case: Any, part: float) -> None:
+    a, x0, _, _ = case
+    one = run(a, x0)
+    middle = part * END
+    assume(all(abs(e.t - middle) > 1e-4 for e in one.events))
+    first = run(a, x0, (0, middle))
+    second = run(a, first.x_end, (middle, END))
+    assert len(first.events) + len(second.events) == len(one.events)
+    np.testing.assert_allclose(second.x_end, one.x_end, atol=1e-7 * (1 + np.max(np.abs(one.x_end))))
+
+
+@given(generic())
+def test_surface_that_never_fires(case: Any) -> None:
+    a, x0, _, _ = case
+    one, two = run(a, x0), run(a, x0, spare=True)
+    assert tuple(mode[1:] for mode in two.modes) == one.modes
+    np.testing.assert_allclose(two.x_end, one.x_end, atol=1e-9 * (1 + np.max(np.abs(one.x_end))))
+
+
+@given(problems())
+def test_invariants_of_segments(case: tuple[Linear, np.ndarray]) -> None:
+    a, x0 = case
+    got = run(a, x0)
+    assert sum(s.dwell for s in got.segments) == pytest.approx(got.t_end, abs=1e-12)
+    assert np.all(np.diff(got.t) > 0)
+    assert [s.t1 for s in got.segments[:-1]] == [s.t0 for s in got.segments[1:]]
+    for segment in got.segments:
+        inside = (got.t >= segment.t0) & (got.t <= segment.t1)
+        h = a.c @ got.y[:, inside] - a.d[:, None]
+        terms = np.abs(a.c) @ np.abs(got.y[:, inside]) + np.abs(a.d)[:, None]
+        for i, value in enumerate(segment.mode):
+            if value == 0:
+                assert np.all(np.abs(h[i]) <= 8e-16 * terms[i])
+                between = np.linspace(segment.t0, segment.t1, 7)[1:-1]
+                multiplier = got.multiplier(f"h{i}", between)
+                assert np.all(np.abs(multiplier) <= 1 + 1e-6)
+            else:
+                assert np.all(value * h[i] >= -1e-11 * terms[i])
+
+
+@given(arrays(float, 2, elements=st.floats(-2, 2)), st.floats(0.1, 3))
+def test_there_and_back_without_sliding(x0: np.ndarray, end: float) -> None:
+    a = Linear(np.array([[0.0, 1], [-1, 0]]), np.zeros(2), np.array([[0.5, 0]]), np.array([[1.0, 0]]), np.zeros(1))
+    there = run(a, x0, (0, end))
+    assume(there.success and "0" not in there.modes and np.hypot(*x0) > 0.8)
+    back = run(a, there.x_end, (end, 0))
+    assume(back.success)
+    np.testing.assert_allclose(back.x_end, x0, atol=1e-8)
