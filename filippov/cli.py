@@ -106,7 +106,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except UsageError as error:
         return _failed(USAGE, str(error), show)
     except KeyboardInterrupt:
-        return _failed(INTERRUPTED, "interrupted before there was a result", show)
+        return _failed(INTERRUPTED, "interrupted", show)
     except BrokenPipeError:
         # Whoever read stdout has left; Python would complain once more when it closes the stream.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

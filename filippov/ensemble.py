@@ -85,7 +85,7 @@ def solve_many(
     count = len(states)
     if system.symbolic is None:
         threads = 1
-    pool = max(1, min(threads or os.cpu_count() or 1, count // 16 or 1))
+    pool = max(1, min(threads or _cores(), count // 16 or 1))
     bounds = np.linspace(0, count, pool + 1).astype(int)
     if pool == 1:
         work.run(0, count)
@@ -93,6 +93,13 @@ def solve_many(
         with ThreadPoolExecutor(pool) as executor:
             list(executor.map(work.run, bounds[:-1], bounds[1:]))
     return work.result(options, stops)
+
+
+def _cores() -> int:
+    """Cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _points(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Array, Array]:

@@ -68,11 +68,12 @@ class Point:
 def first_derivative(values: Array, scale: float) -> tuple[int, float]:
     """Order and coefficient of the first power of theta that the guard does not lack: (0, 0.0) if it is zero throughout."""
     largest = float(np.max(np.abs(values[1:])))
-    if not np.isfinite(largest) or largest <= 64 * np.finfo(float).eps * scale:
+    noise = 64 * np.finfo(float).eps * scale
+    if not np.isfinite(largest) or largest <= noise:
         return 0, 0.0
     powers = _MONOMIAL @ values
     for order in range(1, NODES - 1):
-        if abs(powers[order]) > VANISHING * largest:
+        if abs(powers[order]) > max(VANISHING * largest, noise):
             return order, float(powers[order])
     return 0, 0.0
 

@@ -112,7 +112,8 @@ def plot_diagram(
     """Fixed points over a parameter: stable filled, unstable open; folds and changes of stability marked.
 
     diagram  object with parameter, values, points (for each value its fixed points), folds [(value, d)] and
-             stability_changes [value]; branches, where it has them, are drawn as lines
+             stability_changes [value]; branches are drawn as lines and period doublings among its `special`
+             as crosses, where it has them
     bounds   values of the parameter to draw as vertical lines, by what they are: {"Routh-Hurwitz": 29}
     labels   {"parameter": "P", "d": "x at the stick [m]"}
     """
@@ -130,6 +131,9 @@ def plot_diagram(
                 f"{value:.5g}", (value, d), xytext=(7, 0), textcoords="offset points", color=RED, fontsize=8,
                 va="center",
             )  # fmt: skip
+        doubled = [(q.value, q.d) for q in getattr(diagram, "special", ()) if q.kind == "period doubling"]
+        if doubled:
+            ax.plot(*np.array(doubled).T, "X", color=GREEN, markersize=7, zorder=6, label="period doubling")
         for k, value in enumerate(diagram.stability_changes):
             ax.plot(
                 value, 0.0, "*", color=PURPLE, markersize=11, zorder=6,

@@ -7,19 +7,12 @@ import numpy.typing as npt
 
 from filippov._kernels import codes
 from filippov.errors import ModelError
-from filippov.events import Event, Mode, Stop
+from filippov.event_log import EventLog
+from filippov.events import Mode, Stop
 from filippov.machine import Array, Machine
 from filippov.options import Options
 from filippov.status import EventKind
 
-_KINDS = {
-    codes.CROSSING_UP: EventKind.CROSSING,
-    codes.CROSSING_DOWN: EventKind.CROSSING,
-    codes.ENTRY: EventKind.ENTRY,
-    codes.EXIT_UP: EventKind.EXIT,
-    codes.EXIT_DOWN: EventKind.EXIT,
-    codes.GRAZING: EventKind.GRAZING,
-}
 _EVENT_ROOM, _RECORD_ROOM = 256, 512
 
 
@@ -50,7 +43,8 @@ class Run:
         self.coef = np.zeros((_RECORD_ROOM, powers, n))
         self.found = np.zeros((_EVENT_ROOM + m, 3 + n))
         self.marks = np.zeros((_EVENT_ROOM + m, 2 + 2 * m), dtype=np.int64)
-        self.events: list[Event] = []
+        names = tuple(surface.name for surface in machine.system.surfaces)
+        self.events = EventLog(names, 1 if span[1] >= span[0] else -1)
         self.steps: list[tuple[Array, Array]] = []
         self.direction = 1.0 if span[1] >= span[0] else -1.0
         self._arrays = [
@@ -103,14 +97,9 @@ class Run:
             table[:, 2] += len(self.events)
             self.steps.append((table, self.coef[:records].copy()))
             self.count[codes.RECORDS] = 0
-        m = self.machine.m
         if self.machine.callbacks is not None:
             self._check_continuous(events)
-        for row, mark in zip(self.found[:events], self.marks[:events].tolist(), strict=True):
-            self.add_event(
-                float(row[0]), mark[0], _KINDS[mark[1]], tuple(mark[2 : 2 + m]), tuple(mark[2 + m :]), row[3:].copy(),
-                float(row[1]), float(row[2]),
-            )  # fmt: skip
+        self.events.add_rows(self.found[:events], self.marks[:events])
         self.count[codes.EVENTS] = 0
 
     def _check_continuous(self, events: int) -> None:
@@ -135,14 +124,8 @@ class Run:
         residual: float, note: str = "", together: bool = False, x_after: Array | None = None,
     ) -> None:  # fmt: skip
         """Append an event; `together` puts it into the set of the one before."""
-        group = self.events[-1].group + (0 if together else 1) if self.events else 0
-        name = self.machine.system.surfaces[index].name
         x.flags.writeable = False
-        self.events.append(
-            Event(
-                t, name, index, kind, before, after, x, multiplier, residual, group, note, x_after, int(self.direction)
-            )
-        )
+        self.events.add(t, index, kind, before, after, x, multiplier, residual, note, together, x_after)
 
     def count_down(self, index: int, kind: EventKind, direction: int) -> bool:
         """Count an event found by the general path against the stops; True where the run is to end."""

@@ -66,14 +66,14 @@ class Solution:
     ) -> None:
         self.problem, self.status, self.message = problem, status, message
         self.start_mode = start_mode
-        self.events = Events(run.events)
+        self.events: Events = run.events
         self.options = run.options
         self.nfev = run.calls()
         self.steps, self.rejected = int(run.count[codes.STEPS]), int(run.count[codes.REJECTED])
         self.t_end, self.x_end, self.end_mode = run.t, run.x.copy(), run.signs
         self.end_multipliers = run.lam.copy()
         self.sol = self._interpolant(run)
-        self.t, self.y = self._samples(t_eval)
+        self.t, self.y = self._samples(run, t_eval)
 
     @property
     def success(self) -> bool:
@@ -98,10 +98,11 @@ class Solution:
         coef = np.concatenate([coef for _, coef in run.steps])
         return Interpolant(table[:, 0].copy(), table[:, 1].copy(), coef, span)
 
-    def _samples(self, t_eval: Array | None) -> tuple[Array, Array]:
+    def _samples(self, run: Run, t_eval: Array | None) -> tuple[Array, Array]:
         if self.sol is None:
-            times = np.array([self.problem.t_span[0], *(e.t for e in self.events), self.t_end])
-            states = np.array([self.problem.x0, *(e.x for e in self.events), self.x_end])
+            t, x = run.events.table()
+            times = np.concatenate(([self.problem.t_span[0]], t, [self.t_end]))
+            states = np.concatenate((self.problem.x0[None, :], x.reshape(len(t), -1), self.x_end[None, :]))
             keep = np.append(True, np.diff(times) != 0)
             return times[keep], states[keep].T.copy()
         if t_eval is not None:

@@ -13,7 +13,9 @@ from filippov.expression import parse_expression
 
 CASES: dict[str, dict[str, Any]] = {
     case["id"]: case
-    for case in json.loads((Path(__file__).parent / "data" / "cases.json").read_text(encoding="utf-8"))["cases"]
+    for case in json.loads((Path(__file__).parent / "data" / "cases.json").read_text(encoding="utf-8"))[
+        "cases"
+    ]
 }
 _WORDS = {"crossing": "cross", "sliding entry": "slide", "sliding exit": "exit", "grazing": "graze"}
 _SIGNS = {1: "+", -1: "-", 0: ""}
@@ -44,7 +46,9 @@ def case(name: str) -> Case:
     for key, value in (raw["params"] or {}).items():
         names[key] = parse_expression(value, names)
     surfaces = [Surface(f"h{i}", parse_expression(text, names)) for i, text in enumerate(raw["h"])]
-    fields = {signs: [parse_expression(text, names) for text in texts] for signs, texts in raw["fields"].items()}
+    fields = {
+        signs: [parse_expression(text, names) for text in texts] for signs, texts in raw["fields"].items()
+    }
     expected = {entry["name"]: entry for entry in raw["expected"]}
     start, end = (number(text) for text in raw["t_span"])
     return Case(

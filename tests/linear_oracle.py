@@ -1,5 +1,6 @@
 """An oracle for piecewise-linear systems: matrix exponentials and bracketed roots, nothing of the package."""
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -85,11 +86,10 @@ def corner(system: Linear, mode: tuple[int, ...], i: int, x: Array) -> tuple[int
     """The one consistent mode where the sliding motion of another surface reaches surface i."""
     met = sorted({i, *(j for j, m in enumerate(mode) if m == 0)})
     found = []
-    for code in range(3 ** len(met)):
+    for picked in itertools.product((1, -1, 0), repeat=len(met)):
         signs = list(mode)
-        for j in met:
-            signs[j] = code % 3 - 1
-            code //= 3
+        for j, value in zip(met, picked, strict=True):
+            signs[j] = value
         trial = tuple(signs)
         A, b = system.affine(trial)
         rates, s = system.c @ (A @ x + b), system.multipliers(trial, x)
@@ -108,9 +108,17 @@ def first_zero(f: Callable[[float], Array], end: float, dt: float, skip: int) ->
     previous, past = 0.0, f(0.0)
     for time in np.append(np.arange(dt, end, dt), end):
         value = f(time)
-        falls = [i for i in range(len(value)) if value[i] < 0 and not (previous == 0.0 and i == skip and past[i] < 1e-9)]
+        falls = [
+            i
+            for i in range(len(value))
+            if value[i] < 0 and not (previous == 0.0 and i == skip and past[i] < 1e-9)
+        ]
         if falls:
-            roots = [(brentq(lambda u, i=i: f(u)[i], previous, time, xtol=1e-15, rtol=1e-14), i) for i in falls if past[i] > 0]
+            roots = [
+                (brentq(lambda u, i=i: f(u)[i], previous, time, xtol=1e-15, rtol=1e-14), i)
+                for i in falls
+                if past[i] > 0
+            ]
             if len(roots) < len(falls):
                 raise NotGenericError
             roots.sort()
@@ -119,13 +127,17 @@ def first_zero(f: Callable[[float], Array], end: float, dt: float, skip: int) ->
             return roots[0]
         # Twice down and up again between two points of the grid would not be seen.
         close = (value < 2e-3) | ((past < 2e-3) & (previous > 0.0))
-        if np.any(close & (np.arange(len(value)) != skip)) or (close[skip] if skip >= 0 and previous > 0.05 else False):
+        if np.any(close & (np.arange(len(value)) != skip)) or (
+            close[skip] if skip >= 0 and previous > 0.05 else False
+        ):
             raise NotGenericError
         previous, past = time, value
     return None
 
 
-def solve_linear(system: Linear, x0: Array, end: float) -> tuple[list[tuple[float, int, tuple[int, ...]]], Array]:
+def solve_linear(
+    system: Linear, x0: Array, end: float
+) -> tuple[list[tuple[float, int, tuple[int, ...]]], Array]:
     """Events (time, surface, mode after) and the final state; NotGenericError near anything delicate."""
     h = system.c @ x0 - system.d
     if np.min(np.abs(h)) < 1e-3:

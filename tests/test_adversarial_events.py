@@ -7,7 +7,20 @@ import numpy as np
 import pytest
 from sympy import Rational, floor, sqrt
 
-from filippov import EventKind, Heaviside, ModelError, Status, Surface, System, UsageError, parameters, sign, solve, states, t
+from filippov import (
+    EventKind,
+    Heaviside,
+    ModelError,
+    Status,
+    Surface,
+    System,
+    UsageError,
+    parameters,
+    sign,
+    solve,
+    states,
+    t,
+)
 from filippov.events import Stop
 
 x, y, v = states("x y v")
@@ -154,7 +167,9 @@ def test_a10_noise_across_the_surface() -> None:
 
 
 def test_a11_stationary_zero_while_another_guard_fires() -> None:
-    system = System({x: v, v: -x - 2 * sign(v), y: 1}, surfaces=[Surface("v", v), Surface("c", y - 10, kind="observer")])
+    system = System(
+        {x: v, v: -x - 2 * sign(v), y: 1}, surfaces=[Surface("v", v), Surface("c", y - 10, kind="observer")]
+    )
     got = solve(system, (1, 0, 0), (0, 20))
     assert [event.surface for event in got.events] == ["c"]
     assert got.events[0].t == pytest.approx(10, abs=1e-12)
@@ -175,7 +190,11 @@ def test_a12_stick_to_slip_on_the_right_side(side: int) -> None:
 def test_a13_order_of_declaration(order: tuple[int, ...]) -> None:
     surfaces = [Surface("a", x), Surface("b", y), Surface("c", v)]
     system = System(
-        {x: -2 * sign(x) + Rational(1, 2) * sign(y), y: -2 * sign(y) - Rational(1, 4) * sign(v), v: 1 - 3 * sign(v)},
+        {
+            x: -2 * sign(x) + Rational(1, 2) * sign(y),
+            y: -2 * sign(y) - Rational(1, 4) * sign(v),
+            v: 1 - 3 * sign(v),
+        },
         surfaces=[surfaces[i] for i in order],
         states="x y v",
     )
@@ -349,7 +368,9 @@ def test_a30_root_in_a_plain_function() -> None:
         return [-1 - np.sqrt(z[0])] if s[0] > 0 else [-1.0]
 
     with np.errstate(invalid="ignore"):
-        got = solve(System(field=field, surfaces=[Surface("x", lambda _, z, __: z[0])], states="x"), (1,), (0, 3))
+        got = solve(
+            System(field=field, surfaces=[Surface("x", lambda _, z, __: z[0])], states="x"), (1,), (0, 3)
+        )
     assert got.x_end[0] == pytest.approx(2 * (1 - np.log(2)) - 3, abs=1e-8)
 
 

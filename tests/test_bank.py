@@ -174,7 +174,7 @@ def test_what_is_not_unique_is_named(name: str, t_stop: float) -> None:
 def test_c05_both_sliding_modes_and_the_exit_are_candidates() -> None:
     item = case("C05_two_codim2_sliding_modes")
     seen: list[Any] = []
-    solve(item.system, item.x0, item.t_span, nonunique=lambda c: seen.extend(c))
+    solve(item.system, item.x0, item.t_span, nonunique=seen.extend)
     assert [c.mode for c in seen] == [(1, 1), (0, 0), (0, 0)]
     multipliers = np.array(sorted(c.multipliers for c in seen[1:]))
     np.testing.assert_allclose(multipliers, [[-0.5, -0.5], [0.5, 0.5]], atol=1e-10)

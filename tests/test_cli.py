@@ -1,80 +1,29 @@
-"""The command: exit codes, streams, suggestions, configuration, files, interrupts."""
+"""The command: exit codes, streams, suggestions, configuration, progress, interrupts."""
 
-import csv
+import io
 import json
 import math
 import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import networkx as nx
 import numpy as np
 import pytest
+from command import ROOT, SECTION, command, strict, summary, write_own
 
+from filippov import progress
 from filippov.cli import main
 from filippov.commands.catalogue import COMMON, commands
-from filippov.solution import Solution
 
-ROOT = Path(__file__).resolve().parent.parent
 HEAVY = ("numpy", "scipy", "sympy", "numba", "llvmlite", "networkx", "matplotlib", "rich")
-SECTION = (
-    "--surface", "velocity", "--event", "sliding entry", "--coordinate", "x",
-    "--lift", "x=d, v=0, z=(sign(d)*Fs/P - d)/I",
-)  # fmt: skip
-
-# x'' = -sign(x'): from v0 it stops after the time v0.
-OWN = """
-from filippov import Problem, Surface, System, sign, states
-
-x, v = states("x v")
-brake = System({x: v, v: -sign(v)})
-stop = Problem(brake, x0=(0, 1), t_span=(0, 3))
-number = 7
-
-def made():
-    return brake
-
-def needs(a):
-    return brake
-
-def slow(t, x, p, s):
-    return [x[1], -x[0] - 0.01*s[0]]
-
-plain = System(field=slow, surfaces=[Surface("v", lambda t, x, p: x[1])], states="x v", parameters={"k": 1.0})
-"""
 
 
 @pytest.fixture
 def own(tmp_path: Path) -> Path:
-    path = tmp_path / "own_model.py"
-    path.write_text(OWN, encoding="utf-8")
-    return path
-
-
-def command(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "filippov", *words], cwd=ROOT, capture_output=True, text=True, timeout=120,
-        check=False, **options,
-    )  # fmt: skip
-
-
-def strict(text: str) -> Any:
-    """JSON without NaN and infinities."""
-
-    def refuse(constant: str) -> Any:
-        raise AssertionError(constant)
-
-    return json.loads(text, parse_constant=refuse)
-
-
-def table(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+    return write_own(tmp_path)
 
 
 # -- help and streams ------------------------------------------------------------------------------------
@@ -166,7 +115,6 @@ def test_a_closed_pipe_is_no_traceback() -> None:
         (["stability", "hunting", "--solve-for", "p"], "did you mean 'P'?"),
         (["models", "describe"], "which model?"),
         (["models", "lst"], "did you mean 'list'?"),
-        (["event-map", "hunting_lugre", "--interval", "0", "1"], "proposes no section"),
         (["event-map", "hunting", *SECTION[:-1], "x=d,v=0,z=q", "--interval", "0", "1"], "unknown name 'q'"),
         (["event-map", "hunting", *SECTION, "--interval", "1", "0"], "expected LO < HI"),
     ],
@@ -195,11 +143,6 @@ def test_e1_text_is_never_run_as_code(value: str, tmp_path: Path, capsys: pytest
 
 
 # -- values and configuration ----------------------------------------------------------------------------
-
-
-def summary(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
-    assert main([*words, "--json", "--quiet"]) == 0
-    return strict(capsys.readouterr().out)
 
 
 def test_numbers_may_be_formulas_and_negative(capsys: pytest.CaptureFixture[str]) -> None:
@@ -285,13 +228,15 @@ def test_a_model_in_a_file(name: str, own: Path, capsys: pytest.CaptureFixture[s
         ("{}:number", 2, "is int, expected a System, a Problem, or a function"),
         ("{}:needs", 1, "missing 1 required positional argument: 'a'"),
         ("{}:brake", 2, "has no time span of its own; give --t-span"),
+        ("{}:stop -p k=1", 2, "unknown parameter 'k'"),
         ("nowhere/own.py:brake", 2, "there is no file 'nowhere/own.py'"),
     ],
 )
 def test_what_is_wrong_with_a_file(
     name: str, code: int, said: str, own: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["simulate", name.format(own)]) == code
+    path, *more = name.split(" ", 1)
+    assert main(["simulate", path.format(own), *(word for text in more for word in text.split())]) == code
     assert said in capsys.readouterr().err
 
 
@@ -306,82 +251,30 @@ def test_a_file_that_fails_is_named_with_its_line(tmp_path: Path, capsys: pytest
     assert "Traceback" in capsys.readouterr().err
 
 
-# -- files -----------------------------------------------------------------------------------------------
+# -- progress ----------------------------------------------------------------------------------------
 
 
-def test_simulate_writes_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "new" / "run"
-    found = summary(capsys, "simulate", "hunting", "--t-span", "0", "5", "-o", str(out), "--points", "101")
-    assert {path.name for path in out.iterdir()} == {
-        "events.csv", "trajectory.csv", "solution.npz", "summary.json", "response.png",
-    }  # fmt: skip
-    solution = Solution.load(out / "solution.npz")
-    assert solution.t_end == 5.0
-    events = table(out / "events.csv")
-    assert [float(row["t"]) for row in events] == [event.t for event in solution.events]
-    assert [float(row["t"]) for row in events] == [event["t"] for event in found["events"]]
-    rows = table(out / "trajectory.csv")
-    assert len(rows) == 101
-    sampled = np.array([[float(row[name]) for name in ("x", "v", "z")] for row in rows])
-    assert np.array_equal(sampled, solution.sol(np.linspace(0, 5, 101)).T)
-    written = strict((out / "summary.json").read_text(encoding="utf-8"))
-    assert written == {key: value for key, value in found.items() if key != "events"}
-    assert (out / "response.png").read_bytes().startswith(b"\x89PNG")
+@pytest.mark.parametrize("rich", [True, False])
+def test_progress_on_a_terminal(rich: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    if not rich:
+        monkeypatch.setitem(sys.modules, "rich.console", None)
+    with progress.Progress("counting") as told:
+        told(1, 2, "half")
+        told(2, 2)
+    assert "counting" in screen.getvalue()
 
 
-def test_a_run_that_ends_early_fails_with_its_cause_and_keeps_what_there_is(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["simulate", "hunting", "--max-steps", "30", "-o", str(tmp_path), "--json"]
-    assert main(words) == 1
-    out, err = capsys.readouterr()
-    assert "max_steps: stopped at t = " in err
-    assert strict(out)["success"] is False
-    assert 0 < strict((tmp_path / "summary.json").read_text(encoding="utf-8"))["t_end"] < 20
-
-
-def test_the_output_is_tried_before_the_work(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "file"
-    file.touch()
-    assert main(["simulate", "hunting", "-o", str(file)]) == 2
-    assert "is a file; name a folder" in capsys.readouterr().err
-    assert main(["simulate", "hunting", "-o", str(file / "below")]) == 1
-    assert "NotADirectoryError" in capsys.readouterr().err
-
-
-def test_graph_writes_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    found = summary(capsys, "graph", "hunting", "-o", str(tmp_path))
-    names = {"graph.dot", "graph.graphml", "graph.json", "graph.png"}
-    assert {path.name for path in tmp_path.iterdir()} == names
-    assert {node["id"] for node in found["nodes"]} == {"-", "0", "+"}
-    assert set(nx.read_graphml(tmp_path / "graph.graphml").nodes) == {"-", "0", "+"}
-    seen = summary(capsys, "graph", "hunting", "--kind", "observed", "--t-span", "0", "3", "--recurrent")
-    assert sum(edge["count"] for edge in seen["edges"]) > 0
-
-
-def test_graph_of_plain_functions_says_what_to_do(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["graph", f"{own}:plain"]) == 1
-    assert "--kind observed" in capsys.readouterr().err
-
-
-def test_event_map_writes_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["event-map", "hunting", *SECTION, "--interval", "0.1", "0.4", "--points", "20", "--start", "0.3"]
-    found = summary(capsys, *words, "--iterates", "3", "-o", str(tmp_path))
-    assert {path.name for path in tmp_path.iterdir()} == {"map.csv", "fixed_points.json", "map.png"}
-    rows = table(tmp_path / "map.csv")
-    assert [float(row["P"]) for row in rows] == found["P"]
-    assert found["orbit"][0] == 0.3
-    assert len(found["orbit"]) == 4
-    # The reference value of the stable cycle's half: P maps its stick position to the opposite one.
-    d = 0.252304806412
-    assert np.interp(d, found["d"], found["P"]) == pytest.approx(-d, abs=1e-3)
-
-
-def test_stability_writes_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    summary(capsys, "stability", "hunting", "-p", "beta=1", "--solve-for", "P", "-o", str(tmp_path))
-    assert {path.name for path in tmp_path.iterdir()} == {f"report.{s}" for s in ("txt", "md", "tex", "json")}
-    assert "P > 29" in (tmp_path / "report.txt").read_text(encoding="utf-8")
-    strict((tmp_path / "report.json").read_text(encoding="utf-8"))
+def test_progress_is_silent_for_short_work(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress.Progress("counting") as told:
+        told(1, 2)
+    assert capsys.readouterr() == ("", "")
 
 
 # -- models and doctor -----------------------------------------------------------------------------------
@@ -463,25 +356,3 @@ def test_ctrl_c_before_there_is_a_result() -> None:
     assert done.returncode == 130
     assert "interrupted" in done.stderr
     assert "Traceback" not in done.stderr
-
-
-def test_ctrl_c_keeps_the_part_of_a_map(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from filippov.analysis.event_map import EventMap
-
-    whole, calls = EventMap.returns, []
-
-    def returns(self: EventMap, d: Any) -> Any:
-        calls.append(time.monotonic())
-        if len(calls) > 1:
-            raise KeyboardInterrupt
-        return whole(self, d)
-
-    monkeypatch.setattr(EventMap, "returns", returns)
-    words = ["event-map", "hunting", *SECTION, "--interval", "0.1", "0.4", "--points", "200"]
-    assert main([*words, "-o", str(tmp_path), "--json"]) == 130
-    out, err = capsys.readouterr()
-    assert "64 of 200 points" in err
-    assert strict(out)["complete"] is False
-    assert len(table(tmp_path / "map.csv")) == 64

@@ -8,7 +8,20 @@ import numpy as np
 import pytest
 from sympy import Rational, cos, pi, sin
 
-from filippov import EventKind, ModelError, Solution, Status, Surface, System, UsageError, parameters, sign, solve, states, t
+from filippov import (
+    EventKind,
+    ModelError,
+    Solution,
+    Status,
+    Surface,
+    System,
+    UsageError,
+    parameters,
+    sign,
+    solve,
+    states,
+    t,
+)
 from filippov.events import Stop
 
 x, v = states("x v")
@@ -46,7 +59,9 @@ def test_e1_no_retrigger_from_any_event_state() -> None:
 
 
 def test_e2_all_roots_of_a_step_in_order() -> None:
-    system = System({x: 1}, surfaces=[Surface(f"s{k}", t - Rational(k, 7), kind="observer") for k in range(1, 7)])
+    system = System(
+        {x: 1}, surfaces=[Surface(f"s{k}", t - Rational(k, 7), kind="observer") for k in range(1, 7)]
+    )
     got = solve(system, (0,), (0, 1))
     assert [event.surface for event in got.events] == [f"s{k}" for k in range(1, 7)]
     np.testing.assert_allclose(got.events.t, np.arange(1, 7) / 7, atol=1e-14)
@@ -55,7 +70,9 @@ def test_e2_all_roots_of_a_step_in_order() -> None:
 def test_e2_fast_guard_within_slow_motion() -> None:
     system = System({x: 1}, surfaces=[Surface("s", sin(40 * x), kind="observer")])
     got = solve(system, (0.01,), (0, 3))
-    np.testing.assert_allclose(0.01 + got.events.t, np.pi / 40 * np.arange(1, len(got.events) + 1), atol=1e-12)
+    np.testing.assert_allclose(
+        0.01 + got.events.t, np.pi / 40 * np.arange(1, len(got.events) + 1), atol=1e-12
+    )
     assert len(got.events) == int(40 * 3.01 / np.pi)
 
 
@@ -63,7 +80,9 @@ def test_e2_fast_guard_within_slow_motion() -> None:
 def test_e2_close_pairs(depth: float) -> None:
     system = System({x: 2 * (t - 1)}, surfaces=[Surface("s", x, kind="observer")])
     got = solve(system, (1 - depth,), (0, 2), **TIGHT)
-    np.testing.assert_allclose(got.events.t, [1 - np.sqrt(depth), 1 + np.sqrt(depth)], atol=1e-15 / np.sqrt(depth) + 1e-14)
+    np.testing.assert_allclose(
+        got.events.t, [1 - np.sqrt(depth), 1 + np.sqrt(depth)], atol=1e-15 / np.sqrt(depth) + 1e-14
+    )
 
 
 def test_e2_double_root_is_grazing_and_nothing_changes_side() -> None:
@@ -206,7 +225,9 @@ def test_e8_field_undefined_beyond_its_surface() -> None:
         return [-1 - np.sqrt(y[0])] if s[0] > 0 else [-2.0]
 
     with np.errstate(invalid="ignore"):
-        got = solve(System(field=field, surfaces=[Surface("x", lambda _, y, __: y[0])], states="x"), (1.0,), (0, 3))
+        got = solve(
+            System(field=field, surfaces=[Surface("x", lambda _, y, __: y[0])], states="x"), (1.0,), (0, 3)
+        )
     assert got.success, got.message
     reached = 2 * (1 - np.log(2))
     assert got.events.t == pytest.approx([reached], abs=1e-8)
@@ -230,7 +251,11 @@ def test_e8_restart_where_the_field_is_not_lipschitz(beta: float) -> None:
 
 @pytest.mark.parametrize(
     ("options", "status"),
-    [({"max_steps": 5}, Status.MAX_STEPS), ({"max_events": 2}, Status.MAX_EVENTS), ({"max_time": 1e-9}, Status.TIMEOUT)],
+    [
+        ({"max_steps": 5}, Status.MAX_STEPS),
+        ({"max_events": 2}, Status.MAX_EVENTS),
+        ({"max_time": 1e-9}, Status.TIMEOUT),
+    ],
 )
 def test_e9_budgets_end_in_a_named_status(options: dict[str, Any], status: Status) -> None:
     system = System({x: v, v: -x}, surfaces=[Surface("x", x, kind="observer")])
@@ -371,7 +396,9 @@ def test_plain_functions_and_expressions_agree() -> None:
 def test_threads_share_a_system() -> None:
     wanted = solve(COULOMB, (3, 0), (0, 20)).x_end
     got: list[Any] = []
-    threads = [threading.Thread(target=lambda: got.append(solve(COULOMB, (3, 0), (0, 20)).x_end)) for _ in range(8)]
+    threads = [
+        threading.Thread(target=lambda: got.append(solve(COULOMB, (3, 0), (0, 20)).x_end)) for _ in range(8)
+    ]
     for thread in threads:
         thread.start()
     for thread in threads:

@@ -23,7 +23,9 @@ def family(n: int, m: int, order: tuple[int, ...], spare: bool = False) -> Syste
     """x' = A x + b + sum_i s_i B_i as one symbolic system whose coefficients are parameters."""
     x = states(" ".join(f"x{i}" for i in range(n)))
     names = [f"A{i}{j}" for i in range(n) for j in range(n)] + [f"b{i}" for i in range(n)]
-    names += [f"B{k}{i}" for k in range(m) for i in range(n)] + [f"c{k}{i}" for k in range(m) for i in range(n)]
+    names += [f"B{k}{i}" for k in range(m) for i in range(n)] + [
+        f"c{k}{i}" for k in range(m) for i in range(n)
+    ]
     names += [f"d{k}" for k in range(m)]
     p = parameters(**dict.fromkeys(names, 1.0))
     h = [sum(getattr(p, f"c{k}{i}") * x[i] for i in range(n)) - getattr(p, f"d{k}") for k in range(m)]
@@ -79,7 +81,9 @@ def generic(draw: st.DrawFn) -> tuple[Linear, np.ndarray, list[Any], np.ndarray]
 
 
 @given(generic())
-def test_events_and_final_state_agree_with_the_oracle(case: tuple[Linear, np.ndarray, list[Any], np.ndarray]) -> None:
+def test_events_and_final_state_agree_with_the_oracle(
+    case: tuple[Linear, np.ndarray, list[Any], np.ndarray],
+) -> None:
     a, x0, events, final = case
     got = run(a, x0)
     assert got.success, got.message
@@ -173,7 +177,9 @@ def test_invariants_of_segments(case: tuple[Linear, np.ndarray]) -> None:
 
 @given(arrays(float, 2, elements=st.floats(-2, 2)), st.floats(0.1, 3))
 def test_there_and_back_without_sliding(x0: np.ndarray, end: float) -> None:
-    a = Linear(np.array([[0.0, 1], [-1, 0]]), np.zeros(2), np.array([[0.5, 0]]), np.array([[1.0, 0]]), np.zeros(1))
+    a = Linear(
+        np.array([[0.0, 1], [-1, 0]]), np.zeros(2), np.array([[0.5, 0]]), np.array([[1.0, 0]]), np.zeros(1)
+    )
     there = run(a, x0, (0, end))
     assume(there.success and "0" not in there.modes and np.hypot(*x0) > 0.8)
     back = run(a, there.x_end, (end, 0))

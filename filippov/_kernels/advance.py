@@ -5,7 +5,7 @@ accepted step is searched for its first event; the event is landed on by a real 
 `resolve`, everything else returns GENERAL with the state at the event and the surfaces that are hit.
 """
 
-from filippov._kernels.codes import (CAUSE, CHUNK_DONE, CLOCK_SIZE, COUNT_SIZE, EVENTS, EVENTS_FULL, EVENT_BUDGET, EVENT_ROOM, FIELD_CALLS, GENERAL, GRAZING, KINK, KINDS, MAX_STEP, MIN_STEP, NONE, NOTHING, NOT_FINITE, NO_SLIDING, OBSERVER, REACHED, RECORDS, RECORDS_FULL, RECORD_ROOM, REJECTED, RELATIVE, ROUGH_FROM, ROUGH_NOISE, ROUGH_SPAN, ROOT, RTOL, STEP, STEPS, STEP_BUDGET, STOPPED, STORE, SURFACE, T, TOUCH, T_END, T_START, USER_ERROR, ZENO)
+from filippov._kernels.codes import (CAUSE, CHUNK_DONE, CLOCK_SIZE, COUNT_SIZE, EVENTS, EVENTS_FULL, EVENT_BUDGET, EVENT_ROOM, EXIT_DOWN, EXIT_UP, FIELD_CALLS, GENERAL, GRAZING, KINK, KINDS, MAX_STEP, MIN_STEP, NONE, NOTHING, NOT_FINITE, NO_SLIDING, OBSERVER, REACHED, RECORDS, RECORDS_FULL, RECORD_ROOM, REJECTED, RELATIVE, ROUGH_FROM, ROUGH_NOISE, ROUGH_SPAN, ROOT, RTOL, STEP, STEPS, STEP_BUDGET, STOPPED, STORE, SURFACE, T, TOUCH, T_END, T_START, USER_ERROR, ZENO)
 from filippov._kernels.control import (creep_off, error_norm, finite, first_step, guard_state, is_rough, mark_hits, step_factor, suspicious, time_to_surface)
 from filippov._kernels.field import (clear_ranges, field, project, set_mode)
 from filippov._kernels.land import (EPS, land)
@@ -164,7 +164,7 @@ def advance(
     rtol = clock[RTOL]
     steps_left = count[STEP_BUDGET]
     renew = True
-    grow = 6.0
+    grow = 10.0
     trend = 1e-300
     for i in range(M):
         w[W_MULT + i * COLUMNS + MULTIPLIER] = lam[i]
@@ -242,7 +242,7 @@ def advance(
             break
         cause, surface, theta, slope = NOTHING, -1, 2.0, 0.0
         length, dense_length, residual = step, step, 0.0
-        if failed != 0 or not (error <= 1.0) or not finite(last_k, N) or not finite(y, N):
+        if failed != 0 or not (error <= 1.0) or not finite(last_k, N) or not finite(y, N) or not finite(shift(w, W_END), 2 * M):
             count[REJECTED] += 1
             length, surface = shrink_invalid(clock, m, step, w)
             grow = 2.0
@@ -259,14 +259,14 @@ def advance(
             for j in range(N):
                 xe[j] = x[j]
         else:
-            factor = 6.0 if error == 0.0 else step_factor(error)
+            factor = 10.0 if error == 0.0 else step_factor(error)
             # Gustafsson's prediction: an error that grows from step to step will go on growing.
             predicted = factor * factor * abs(step) / trend
             trend = abs(step) * min(factor, 3.0)
             factor = min(grow, factor, predicted)
             proposal = abs(step) * max(0.2, factor)
             clock[STEP] = max(clock[STEP], proposal) if last else proposal
-            grow = 6.0
+            grow = 10.0
             count[STEPS] += 1
             look = suspicious(step, m, order, w, iw)
             if look or count[STORE] != 0:
@@ -350,6 +350,9 @@ def advance(
             multiplier = w[W_MULT + surface * COLUMNS + MULTIPLIER]
         record_event(events, marks, count, te, x, surface, kind, m, multiplier, residual, w)
         renew = True
+        if kind == EXIT_UP or kind == EXIT_DOWN:
+            # The step of a slide says nothing about the motion that leaves it.
+            clock[STEP] = 0.0
         clock[RELATIVE] = 0.0
         if stop[surface * KINDS + kind] > 0:
             stop[surface * KINDS + kind] -= 1

@@ -78,6 +78,12 @@ def add_kernels(unit: Unit, text: str) -> None:
         function = ir.Function(unit.module, kind, node.name)
         function.linkage = "internal"
         function.attributes.add("nounwind")
+        if "inline" in marks:
+            function.attributes.add("alwaysinline")
+        for argument, value in zip(node.args.args, function.args, strict=True):
+            # Parameters and modes are only read while stages are computed; nothing there writes through another name.
+            if "contract" in marks and argument.arg in ("p", "m"):
+                value.add_attribute("noalias")
         flags = ("contract",) if "contract" in marks else ()
         unit.kernels[node.name] = Kernel(node, function, flags)
 
@@ -302,6 +308,10 @@ class _Body:
             # The bits of 2**n, |n| < 1023.
             bits = self.b.shl(self.b.add(values[0], ir.Constant(LONG, 1023)), ir.Constant(LONG, 52))
             return self.b.bitcast(bits, DOUBLE)
+        if name == "to_bits":
+            return self.b.bitcast(self.double(values[0]), LONG)
+        if name == "from_bits":
+            return self.b.bitcast(values[0], DOUBLE)
         if name == "fma":
             return self.intrinsic("llvm.fma", [self.double(v) for v in values])
         if name == "float":

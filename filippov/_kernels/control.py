@@ -3,22 +3,46 @@
 from filippov._kernels.codes import ROOT
 from filippov._kernels.field import field
 from filippov._kernels.land import EPS, guard_scale
-from filippov._kernels.language import Indices, Vector, kernel, shift, sqrt
+from filippov._kernels.language import Indices, Vector, from_bits, kernel, shift, sqrt, to_bits
 from filippov._kernels.layout import COLUMNS, LEAST, MOST, SLOPE
-from filippov._kernels.model import ALL_LINEAR, M, N, ORDER, WIDTH, error_terms, gradients, guards, rhs
-from filippov._kernels.model import I_CALLS, I_SLIDING, W_ATTRACT, W_CREEP, W_END, W_F, W_G, W_GT, W_H, W_MULT, W_RADIUS, W_START, W_TOUCH
-from filippov._kernels.model import W_XM, W_Y
+from filippov._kernels.model import (
+    ALL_LINEAR,
+    I_CALLS,
+    I_SLIDING,
+    ORDER,
+    W_ATTRACT,
+    W_CREEP,
+    W_END,
+    W_F,
+    W_G,
+    W_GT,
+    W_H,
+    W_MULT,
+    W_RADIUS,
+    W_START,
+    W_TOUCH,
+    W_XM,
+    W_Y,
+    WIDTH,
+    M,
+    N,
+    error_terms,
+    gradients,
+    guards,
+    rhs,
+)
 from filippov._kernels.tables import GAUSS_A, GAUSS_B, GAUSS_C
+
+# Bits of 1.0, moved by the mean error of reading a mantissa as a logarithm.
+ONE_BITS = 4606988764016040477
 
 
 @kernel
 def combine(square5: float, square3: float, step: float, n: float) -> float:
-    """The norm of the error from its one or two estimates (Hairer, Norsett & Wanner 1993, II.10)."""
-    if square5 == 0.0 and square3 == 0.0:
-        return 0.0
+    """Square of the error's norm from its one or two estimates (Hairer, Norsett & Wanner 1993, II.10)."""
     if ORDER == 8:
-        return abs(step) * square5 / sqrt((square5 + 0.01 * square3) * n)
-    return abs(step) * sqrt(square5 / n)
+        return step * step * square5 * square5 / ((square5 + 0.01 * square3) * n + 1e-300)
+    return step * step * square5 / n
 
 
 @kernel
@@ -26,7 +50,7 @@ def error_norm(
     x: Vector, y: Vector, step: float, rtol: float, atol: Vector, relative: int, slack: float,
     noise: float, w: Vector,
 ) -> float:  # fmt: skip
-    """Root mean square of the local error over atol + rtol |x|; of the guard `relative` over rtol |h| slack as well."""
+    """Mean square of the local error over atol + rtol |x|; of the guard `relative` over rtol |h| slack as well."""
     square5, square3 = 0.0, 0.0
     guard5, guard3, rise = 0.0, 0.0, 0.0
     for i in range(N):
@@ -46,11 +70,14 @@ def error_norm(
 
 
 @kernel
-def step_factor(error: float) -> float:
-    """0.9 error**(-1/order), without pow where the order is 8."""
-    if ORDER == 8:
-        return 0.9 / sqrt(sqrt(sqrt(error)))
-    return 0.9 * error ** (-1.0 / float(ORDER))
+def step_factor(square: float) -> float:
+    """0.9 error**(-1/order) from the square of the error, to half a percent.
+
+    The exponent field of a double is its logarithm and the mantissa a linear bit of it, so the root is a division of
+    the bits; an exact one would keep the next step waiting and choose it no better.
+    """
+    bits = ONE_BITS - (to_bits(square) - ONE_BITS) // (2 * ORDER)
+    return 0.9 * from_bits(bits)
 
 
 @kernel
@@ -67,7 +94,8 @@ def first_step(
         d1 += (f[i] / scale) ** 2
     d0, d1 = sqrt(d0 / float(N)), sqrt(d1 / float(N))
     h0 = 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
-    h0 = min(h0, limit)
+    # A state that starts at 0 up to rounding must not ask for a step below the spacing of t.
+    h0 = min(max(h0, 1e-12 * limit, 64.0 * EPS * abs(t)), limit)
     for i in range(N):
         y[i] = x[i] + direction * h0 * f[i]
     code = field(t + direction * h0, y, p, m, f1, w, iw, ctx)

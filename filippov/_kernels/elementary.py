@@ -3,7 +3,7 @@
 What counts is latency: a stage waits for the exponential of the stage before it.
 """
 
-from filippov._kernels.language import INF, fma, kernel, power, sqrt, truncate, two_to
+from filippov._kernels.language import INF, contract, fma, inline, kernel, power, sqrt, truncate, two_to
 from filippov._kernels.tables import EXP2
 
 # 64 / ln 2, and ln 2 / 64 in two parts, the first with trailing zeros so that its product with n is exact.
@@ -14,7 +14,8 @@ LN2_LOW = 1.162596423439437e-12
 ROUNDER = 6755399441055744.0
 
 
-@kernel
+@inline
+@contract
 def exponential(x: float) -> float:
     """exp(x) to about one rounding: x = n ln 2 / 64 + r, a table of 2**(j/64), a polynomial of degree 5 in r."""
     n = (x * PER_LN2 + ROUNDER) - ROUNDER
@@ -35,6 +36,7 @@ def exponential(x: float) -> float:
     return fma(scale, tail, scale) * two_to((k >> 6) - half)
 
 
+@inline
 @kernel
 def power_of(base: float, exponent: float) -> float:
     """base**exponent with the exponents of practice told apart: pow costs several times the rest of a field."""
@@ -47,6 +49,7 @@ def power_of(base: float, exponent: float) -> float:
     return power(base, exponent)
 
 
+@inline
 @kernel
 def size_power(base: float, exponent: float) -> float:
     """A power of a size |h|. In a stage beyond the surface the size is negative: whole powers go on smoothly there,

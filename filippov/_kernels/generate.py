@@ -16,6 +16,7 @@ from filippov.surface import Surface
 from filippov.symbolic import Select, SymbolicForm, convex
 from filippov.symbols import t
 
+INLINED = 2500
 _ROLES = {"switching": 0, "kink": 1, "observer": 2}
 _FUNCTIONS = {
     sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan", sympy.exp: "exp", sympy.log: "log", sympy.tanh: "tanh",
@@ -208,6 +209,9 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...]) -> Generated:
     lines = ["@contract", "def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:"]
     lines += _sizes(form, printer, used)
     lines += _assign(printer, [(f"out[{i}]", f) for i, f in enumerate(field)], "c")
+    # Small fields go into every stage, which spares the way through memory; large ones would only bloat the unit.
+    if sum(map(len, lines)) < INLINED:
+        lines.insert(0, "@inline")
     lines += ["    return 0", "", "@kernel"]
     lines += ["def guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:"]
     inside: set[Symbol] = set().union(*(h.free_symbols for h in form.h)) & set(form.a) if m else set()

@@ -8,8 +8,22 @@ from filippov._kernels.codes import ROOT, SWITCHING, TOUCH, UPPER
 from filippov._kernels.field import field, project
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.locate import guard_rows
-from filippov._kernels.model import I_SLIDING, W_F, W_G, W_GT, W_H, W_ROW, W_XM
-from filippov._kernels.model import M, N, ROLE, WIDTH, gradients, guards, stages
+from filippov._kernels.model import (
+    I_SLIDING,
+    ROLE,
+    W_F,
+    W_G,
+    W_GT,
+    W_H,
+    W_ROW,
+    W_XM,
+    WIDTH,
+    M,
+    N,
+    gradients,
+    guards,
+    stages,
+)
 
 EPS = 2.220446049250313e-16
 

@@ -26,6 +26,11 @@ def kernel(function: Function) -> Function:
     return function
 
 
+def inline(function: Function) -> Function:
+    """Mark a kernel to be copied into every place that calls it (besides `kernel` or `contract`)."""
+    return function
+
+
 def contract(function: Function) -> Function:
     """Mark a kernel whose products may be fused with the sums they go into: faster, and one rounding less."""
     return function
@@ -59,6 +64,16 @@ def rint(value: float) -> float:
 def two_to(exponent: int) -> float:
     """2**exponent, |exponent| < 1023."""
     return math.ldexp(1.0, exponent)
+
+
+def to_bits(value: float) -> int:
+    """The bits of a double as an integer."""
+    return int(np.float64(value).view(np.int64))
+
+
+def from_bits(bits: int) -> float:
+    """The double with these bits."""
+    return float(np.int64(bits).view(np.float64))
 
 
 def fma(a: float, b: float, c: float) -> float:

@@ -14,9 +14,40 @@ from filippov._kernels.codes import LOWER, NOTHING, ROOT, TOUCH, UPPER
 from filippov._kernels.field import field
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import CHECKS, COLUMNS, MULTIPLIER, RATE_MINUS, RATE_PLUS, SPLITS
-from filippov._kernels.model import ALL_LINEAR, DEGREE_DENSE, DENSE, EXTRA, LINEAR, M, N, STAGES, WIDTH, guards, radii
-from filippov._kernels.model import I_LIST, I_SLIDING, W_ATTRACT, W_BOUNDS, W_C, W_CHECK, W_COEF, W_F, W_G, W_GT, W_H
-from filippov._kernels.model import W_K, W_MULT, W_NODE, W_PIECES, W_RADIUS, W_STACK, W_TOUCH, W_WORK, W_XM, W_Y
+from filippov._kernels.model import (
+    ALL_LINEAR,
+    DEGREE_DENSE,
+    DENSE,
+    EXTRA,
+    I_LIST,
+    I_SLIDING,
+    LINEAR,
+    STAGES,
+    W_ATTRACT,
+    W_BOUNDS,
+    W_C,
+    W_CHECK,
+    W_COEF,
+    W_F,
+    W_G,
+    W_GT,
+    W_H,
+    W_K,
+    W_MULT,
+    W_NODE,
+    W_PIECES,
+    W_RADIUS,
+    W_STACK,
+    W_TOUCH,
+    W_WORK,
+    W_XM,
+    W_Y,
+    WIDTH,
+    M,
+    N,
+    guards,
+    radii,
+)
 from filippov._kernels.tables import DEGREE, NODES, POSITION, TO_BERNSTEIN, TOUCHING
 
 CHECK_FIRST, CHECK_APART = 0.3137, 0.4218

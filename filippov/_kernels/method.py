@@ -7,6 +7,13 @@ _SIGNATURE = "t: float, x: Vector, p: Vector, m: Vector"
 _SCRATCH = "w: Vector, iw: Indices, ctx: Indices"
 
 
+def _advanced(row: Row) -> str:
+    """x + step * sum, the latest stage last and on its own: everything else is ready before it is."""
+    *early, late = row.items()
+    first = f"(x[i] + step * ({_sum(dict(early))}))" if early else "x[i]"
+    return f"{first} + (step * {late[1]!r}) * w[W_K + {late[0]} * N + i]"
+
+
 def _sum(row: Row) -> str:
     return " + ".join(f"{value!r} * w[W_K + {stage} * N + i]" for stage, value in row.items())
 
@@ -14,7 +21,7 @@ def _sum(row: Row) -> str:
 def _stage(row: Row, node: float, target: int) -> list[str]:
     return [
         "    for i in range(N):",
-        f"        w[W_STAGE + i] = x[i] + step * ({_sum(row)})",
+        f"        w[W_STAGE + i] = {_advanced(row)}",
         "    if iw[I_SLIDING] == 0:",
         f"        code = rhs(t + {node!r} * step, shift(w, W_STAGE), p, m, m, shift(w, W_K + {target} * N), ctx)",
         "    else:",
@@ -30,7 +37,7 @@ def method_source(tableau: Tableau) -> str:
     for target, (row, node) in enumerate(zip(tableau.main, tableau.main_nodes, strict=False), start=1):
         lines += _stage(row, node, target)
     lines += ["    if iw[I_SLIDING] == 0:", f"        iw[I_CALLS] += {len(tableau.main) - 1}"]
-    lines += ["    for i in range(N):", f"        y[i] = x[i] + step * ({_sum(tableau.main[-1])})", "    return 0"]
+    lines += ["    for i in range(N):", f"        y[i] = {_advanced(tableau.main[-1])}", "    return 0"]
     lines += ["", "", "@contract", f"def extra_stages({_SIGNATURE}, step: float, {_SCRATCH}) -> int:"]
     for offset, (row, node) in enumerate(zip(tableau.extra, tableau.extra_nodes, strict=True)):
         lines += _stage(row, node, tableau.stages + offset)

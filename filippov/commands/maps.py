@@ -16,6 +16,7 @@ from filippov.names import unknown
 from filippov.plot_maps import plot_diagram, plot_event_map
 
 PARTS = ("surface", "event", "coordinate", "lift")
+SPECIAL_COLUMNS = ("kind", "value", "d", "residual", "note")
 POINT_COLUMNS = ("d", "kind", "slope", "stable", "residual", "period", "note")
 CHUNK = 64
 
@@ -121,11 +122,12 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
     section, interval = section_of(loaded, settings), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)
     module = importlib.import_module("filippov.analysis.bifurcation")
+    options = {k: settings[k] for k in ("order", "points", "rtol", "atol") if settings[k] is not None}
     with console.progress("bifurcation") as progress:
         diagram = module.bifurcation(
             loaded.system, section, parameter=parameter, values=np.linspace(low, high, settings["count"]),
             interval=interval, parameters={k: v for k, v in values.items() if k != parameter},
-            progress=progress,
+            progress=progress, **options,
         )  # fmt: skip
     found_at = list(zip(diagram.values, diagram.points, strict=True))
     rows = [(value, point) for value, found in found_at for point in found]
@@ -137,6 +139,8 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
         ],
         "folds": [{parameter: value, "d": d} for value, d in diagram.folds],
         "stability_changes": [{parameter: value} for value in diagram.stability_changes],
+        "special": [{k: getattr(s, k) for k in SPECIAL_COLUMNS} for s in getattr(diagram, "special", ())],
+        "complete": getattr(diagram, "complete", True),
     }  # fmt: skip
     console.result(data)
     for value, d in diagram.folds:
@@ -150,7 +154,7 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
     folder.json("bifurcation.json", data)
     folder.picture("bifurcation.png", lambda: plot_diagram(diagram, title=loaded.name))
     folder.report()
-    return 0
+    return 0 if data["complete"] else 130
 
 
 def point_data(point: Any) -> dict[str, Any]:

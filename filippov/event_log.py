@@ -1,0 +1,85 @@
+"""Events as they come out of the compiled loop: kept as arrays, made into Event objects when somebody looks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov._kernels import codes
+from filippov.events import Event, Events, Mode
+from filippov.status import EventKind
+
+Array = npt.NDArray[np.float64]
+_KINDS = {
+    codes.CROSSING_UP: EventKind.CROSSING,
+    codes.CROSSING_DOWN: EventKind.CROSSING,
+    codes.ENTRY: EventKind.ENTRY,
+    codes.EXIT_UP: EventKind.EXIT,
+    codes.EXIT_DOWN: EventKind.EXIT,
+    codes.GRAZING: EventKind.GRAZING,
+}
+
+
+class EventLog(Events):
+    """The events of a run in the order of integration, growing while it runs."""
+
+    def __init__(self, names: tuple[str, ...], sense: int) -> None:
+        self.names, self.sense = names, sense
+        self._made: list[Event] = []
+        self._raw: list[tuple[Array, npt.NDArray[np.int64]]] = []
+        self._waiting = 0
+
+    @property
+    def _items(self) -> list[Event]:
+        for floats, marks in self._raw:
+            m = (marks.shape[1] - 2) // 2
+            floats.flags.writeable = False
+            for row, mark, x in zip(floats[:, :3].tolist(), marks.tolist(), floats[:, 3:], strict=True):
+                before, after = tuple(mark[2 : 2 + m]), tuple(mark[2 + m :])
+                self._append(row[0], mark[0], _KINDS[mark[1]], before, after, x, row[1], row[2])
+        self._raw, self._waiting = [], 0
+        return self._made
+
+    @_items.setter
+    def _items(self, value: list[Event]) -> None:
+        self._made = list(value)
+
+    def _append(
+        self, t: float, index: int, kind: EventKind, before: Mode, after: Mode, x: Array, multiplier: float,
+        residual: float, note: str = "", together: bool = False, x_after: Array | None = None,
+    ) -> None:  # fmt: skip
+        group = self._made[-1].group + (0 if together else 1) if self._made else 0
+        self._made.append(
+            Event(
+                t, self.names[index], index, kind, before, after, x, multiplier, residual, group, note, x_after, self.sense
+            )
+        )
+
+    def add_rows(self, floats: Array, marks: npt.NDArray[np.int64]) -> None:
+        """Append rows as the loop writes them (copied)."""
+        if len(floats):
+            self._raw.append((floats.copy(), marks.copy()))
+            self._waiting += len(floats)
+
+    def add(self, *values: Any, **named: Any) -> Event:
+        """Append one event found by the general path; returns it."""
+        items = self._items
+        self._append(*values, **named)
+        return items[-1]
+
+    def table(self) -> tuple[Array, Array]:
+        """Times and states of all events, without making objects of those that are still rows."""
+        times = [np.array([event.t for event in self._made])] + [floats[:, 0] for floats, _ in self._raw]
+        states = [event.x[None, :] for event in self._made] + [floats[:, 3:] for floats, _ in self._raw]
+        return np.concatenate(times), np.concatenate(states) if states else np.zeros((0, 0))
+
+    def __len__(self) -> int:
+        return len(self._made) + self._waiting
+
+    def __bool__(self) -> bool:
+        return len(self) > 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"names": self.names, "sense": self.sense, "_made": self._items, "_raw": [], "_waiting": 0}

@@ -1,0 +1,314 @@
+"""Numbers, scales and inputs that `solve` must take or refuse: one test a row, named by its id."""
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+from sympy import Rational
+
+from filippov import (
+    ModelError,
+    SolveError,
+    Status,
+    Surface,
+    System,
+    UsageError,
+    parameters,
+    sign,
+    solve,
+    states,
+    t,
+)
+from filippov.events import Stop
+
+x, v = states("x v")
+COULOMB = System({x: v, v: -x - Rational(2, 5) * sign(v)})
+GROWTH = System({x: 1 + 0 * x})
+
+
+def plain(field: Any, guard: Any = None, states_: str = "x v") -> System:
+    surfaces = [] if guard is None else [Surface("s", guard)]
+    return System(field=field, surfaces=surfaces, states=states_)
+
+
+def test_b1_nan_at_the_first_call() -> None:
+    got = solve(plain(lambda *_: [1.0, np.nan]), (1, 0), (0, 1))
+    assert got.status is Status.NOT_FINITE
+    assert not got.success
+    assert got.t_end == 0
+    assert "x = 1, v = 0" in got.message
+    with pytest.raises(SolveError) as caught:
+        solve(plain(lambda *_: [1.0, np.nan]), (1, 0), (0, 1), throw=True)
+    assert caught.value.solution.status is Status.NOT_FINITE
+
+
+def test_b2_nan_later_keeps_the_part_before() -> None:
+    got = solve(plain(lambda u, *_: [1.0, np.nan if u > 0.5 else 0.0]), (0, 0), (0, 1))
+    assert got.status is Status.NOT_FINITE
+    assert not got.success
+    assert 0.4 < got.t_end <= 0.5
+    np.testing.assert_allclose(got.y[0], got.t, atol=1e-12)
+
+
+def test_b3_blow_up() -> None:
+    got = solve(System({x: x**2}), (1,), (0, 2))
+    assert got.status in {Status.NOT_FINITE, Status.MIN_STEP}
+    assert got.t_end == pytest.approx(1, abs=1e-6)
+    before = got.t < 0.9
+    np.testing.assert_allclose(got.y[0, before], 1 / (1 - got.t[before]), rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [(np.nan, 0), (0, np.inf), (), (1,), (1, 2, 3), [[1, 2]], ("a", "b"), "ab", (1j, 0), None, 3.0, {"x": 1}, {"x": 1, "w": 2}],
+)  # fmt: skip
+def test_b4_initial_states_refused(bad: Any) -> None:
+    with pytest.raises(UsageError, match=r"x0|state"):
+        solve(COULOMB, bad, (0, 1))
+
+
+@pytest.mark.parametrize("good", [(3, 0), np.array([3, 0]), {"v": 0, "x": 3}, {v: 0, x: 3}])
+def test_b4_integers_and_mappings_are_taken(good: Any) -> None:
+    got = solve(COULOMB, good, (0, 1))
+    assert got.y.dtype == np.float64
+    assert got.x_end[0] == pytest.approx(3 * np.cos(1) + 0.4 * (1 - np.cos(1)), abs=1e-8)
+
+
+@pytest.mark.parametrize("bad", [(0, np.nan), (np.inf, 1), ("0", 1), (0, 1, 2), 3, None, (0, 1j), (True, 2)])
+def test_b5_spans_refused(bad: Any) -> None:
+    with pytest.raises(UsageError, match="t_span"):
+        solve(COULOMB, (3, 0), bad)
+
+
+def test_b5_equal_times_give_one_point() -> None:
+    got = solve(COULOMB, (3, 0), (1, 1))
+    assert got.success
+    assert got.t.tolist() == [1]
+    np.testing.assert_array_equal(got.y[:, 0], [3, 0])
+    with_times = solve(COULOMB, (3, 0), (1, 1), t_eval=[1])
+    assert with_times.t.tolist() == [1]
+    np.testing.assert_array_equal(with_times.y[:, 0], [3, 0])
+
+
+def test_b5_denormal_length() -> None:
+    got = solve(COULOMB, (3, 0), (0, 5e-324))
+    assert got.success
+    np.testing.assert_allclose(got.x_end, [3, 0], atol=1e-300)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [{"rtol": np.nan}, {"rtol": -1}, {"rtol": 0}, {"rtol": 1e-20}, {"rtol": "small"}, {"rtol": (1e-9, 1e-9)},
+     {"atol": np.nan}, {"atol": -1}, {"atol": (1e-9, 1e-9, 1e-9)}, {"atol": "x"}, {"atol": 1j}],
+)  # fmt: skip
+def test_b6_tolerances_refused(bad: dict[str, Any]) -> None:
+    with pytest.raises(UsageError, match=next(iter(bad))):
+        solve(COULOMB, (3, 0), (0, 1), **bad)
+
+
+@pytest.mark.parametrize("name", ["first_step", "max_step"])
+@pytest.mark.parametrize("bad", [np.nan, 0, -1, "1", True])
+def test_b7_steps_refused(name: str, bad: Any) -> None:
+    with pytest.raises(UsageError, match=name):
+        solve(COULOMB, (3, 0), (0, 1), **{name: bad})
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(None, "None"), ([1.0], "shape"), ([[1.0, 2.0]], "shape"), ([1.0, [2.0]], "returned"), ("ab", "returned"),
+     (np.ma.masked_array([1.0, 2.0], [True, False]), "masked"), (np.array([1, "x"], dtype=object), "object")],
+)  # fmt: skip
+def test_b8_wrong_results_name_the_field(value: Any, text: str) -> None:
+    with pytest.raises(ModelError, match=f"field.*{text}"):
+        solve(plain(lambda *_: value), (1, 0), (0, 1))
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.int64, np.float16, object, list])
+def test_b8_other_types_are_widened(kind: Any) -> None:
+    value = [1, 2] if kind is list else np.array([1, 2], dtype=kind)
+    got = solve(plain(lambda *_: value), (0, 0), (0, 1))
+    np.testing.assert_allclose(got.x_end, [1, 2], atol=1e-13)
+
+
+def test_b9_writing_into_the_state_is_refused() -> None:
+    def field(_: float, y: Any, __: Any, ___: Any) -> Any:
+        y[0] = 7
+        return y
+
+    with pytest.raises(ModelError, match=r"field.*read-only"):
+        solve(plain(field), (1, 0), (0, 1))
+
+    def guard(_: float, y: Any, __: Any) -> float:
+        y[0] = 7
+        return 1.0
+
+    with pytest.raises(ModelError, match=r"'s'.*read-only"):
+        solve(plain(lambda *_: [1.0, 0.0], guard), (1, 0), (0, 1))
+
+
+def test_b9_same_buffer_every_time() -> None:
+    out = np.empty(2)
+
+    def field(_: float, y: Any, __: Any, ___: Any) -> Any:
+        out[:] = y[1], -y[0]
+        return out
+
+    got = solve(plain(field), (1, 0), (0, 3))
+    np.testing.assert_allclose(got.x_end, [np.cos(3), -np.sin(3)], atol=1e-8)
+
+
+def test_b10_complex_field() -> None:
+    with pytest.raises(ModelError, match="complex"):
+        solve(plain(lambda *_: [1j, 0]), (1, 0), (0, 1))
+
+
+@pytest.mark.parametrize("value", [None, [1.0], np.ones(2), "a", 1j])
+def test_b11_wrong_guards(value: Any) -> None:
+    with pytest.raises(ModelError, match="'s'"):
+        solve(plain(lambda *_: [1.0, 0.0], lambda *_: value), (1, 0), (0, 1))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_b11_guard_that_is_not_finite(value: float) -> None:
+    system = plain(lambda *_: [1.0, 0.0], lambda _, y, __: value if y[0] > 1.5 else 1.0)
+    got = solve(system, (1, 0), (0, 1))
+    assert got.status is Status.NOT_FINITE
+    assert got.t_end <= 0.5
+    at_start = solve(system, (2, 0), (0, 1))
+    assert at_start.status is Status.NOT_FINITE
+    assert "'s'" in at_start.message
+
+
+@pytest.mark.parametrize(
+    "bad", [("v", "crosing"), ("v", None), ("v", "crossing", 0), ("v", "crossing", -1), ("v", "crossing", "no"), ("v", "crossing", True)]
+)  # fmt: skip
+def test_b12_stops_refused(bad: tuple[Any, ...]) -> None:
+    with pytest.raises(UsageError, match=r"kind|count"):
+        Stop(*bad)
+    with pytest.raises(UsageError):
+        solve(COULOMB, (3, 0), (0, 1), stop="v")
+
+
+@pytest.mark.parametrize("scale", [1e-13, 1e13])
+def test_b13_scales_of_time(scale: float) -> None:
+    k = parameters(k=1)
+    system = System({x: k.k * v, v: -k.k * x}, surfaces=[Surface("x", x, kind="observer")])
+    got = solve(system, (1, 0), (0, 20 * scale), parameters={"k": 1 / scale})
+    np.testing.assert_allclose(got.events.t / scale, np.pi * (np.arange(6) + 0.5), rtol=1e-8)
+
+
+@pytest.mark.parametrize(("t0", "length"), [(1e9, 10.0), (1e9, 1e-6)])
+def test_b14_large_times(t0: float, length: float) -> None:
+    system = System({x: v, v: -x}, surfaces=[Surface("x", x, kind="observer")])
+    got = solve(system, (1, 0), (t0, t0 + length))
+    assert got.success, got.message
+    elapsed = (t0 + length) - t0
+    np.testing.assert_allclose(got.x_end, [np.cos(elapsed), -np.sin(elapsed)], atol=1e-6)
+    wanted = np.pi * (np.arange(3) + 0.5)
+    np.testing.assert_allclose(got.events.t - t0, wanted[wanted < length], atol=1e-6)
+
+
+def test_b14_time_that_cannot_advance() -> None:
+    fast = System({x: 1e6 * v, v: -1e6 * x})
+    got = solve(fast, (1, 0), (1e15, 1e15 + 10))
+    assert got.status is Status.MIN_STEP
+    assert "shift the origin of time" in got.message
+
+
+def test_b15_states_of_unlike_size() -> None:
+    system = System(
+        {x: -x, v: -2 * v}, surfaces=[Surface("s", x - Rational(1, 2) * Rational(10) ** -12, kind="observer")]
+    )
+    got = solve(system, (1e-12, 1e12), (0, 2), rtol=1e-10, atol=(1e-24, 1.0))
+    assert got.events.t == pytest.approx([np.log(2)], abs=1e-8)
+    np.testing.assert_allclose(got.x_end, [1e-12 * np.exp(-2), 1e12 * np.exp(-4)], rtol=1e-8)
+
+
+@pytest.mark.parametrize("factor", [1e-12, 1e12])
+def test_b16_scale_of_a_plain_guard(factor: float) -> None:
+    def field(_: float, y: Any, __: Any, s: Any) -> list[float]:
+        return [y[1], -y[0] - 0.4 * s[0]]
+
+    one = solve(plain(field, lambda _, y, __: y[1]), (3, 0), (0, 20))
+    two = solve(plain(field, lambda _, y, __: factor * y[1]), (3, 0), (0, 20))
+    assert one.modes == two.modes
+    np.testing.assert_allclose(two.events.t, one.events.t, rtol=1e-12)
+
+
+def test_b17_single_precision_input() -> None:
+    got = solve(COULOMB, np.array([3, 0], dtype=np.float32), (np.float32(0), np.float32(1)))
+    assert got.y.dtype == np.float64
+    assert got.x_end[0] == pytest.approx(3 * np.cos(1) + 0.4 * (1 - np.cos(1)), abs=1e-8)
+
+
+def test_b18_there_and_back() -> None:
+    there = solve(COULOMB, (3, -0.1), (0, 8), rtol=1e-12, atol=1e-14)
+    back = solve(COULOMB, there.x_end, (8, 0), rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(back.x_end, [3, -0.1], atol=1e-10)
+    assert [e.direction for e in back.events][::-1] == [e.direction for e in there.events]
+    resting = solve(COULOMB, (0.1, 0), (8, 0))
+    assert resting.status is Status.NON_UNIQUE
+
+
+def test_b20_stagnation_is_named() -> None:
+    got = solve(
+        plain(lambda _, y, __, ___: [-1.0 if y[0] > 0 else 1.0, 0.0]), (1, 0), (0, 3), max_steps=20_000
+    )
+    assert got.status in {Status.MIN_STEP, Status.MAX_STEPS}
+    assert got.t_end < 3
+    assert "discontinuous" in got.message or "Raise max_steps" in got.message
+
+
+def test_b21_many_events_end_in_a_named_status() -> None:
+    system = System({x: v, v: -x}, surfaces=[Surface("x", x, kind="observer")])
+    got = solve(system, (1, 0), (0, 1e6), max_events=500, dense_output=False, rtol=1e-6)
+    assert got.status is Status.MAX_EVENTS
+    assert len(got.events) >= 500
+
+
+def test_b22_nothing_is_extrapolated() -> None:
+    got = solve(COULOMB, (3, 0), (0, 5))
+    for bad in (-1e-9, 5.0000001, np.nan, np.inf, [0.0, 6.0]):
+        with pytest.raises(UsageError, match="outside"):
+            got.sol(bad)
+    with pytest.raises(UsageError, match="side"):
+        got.sol(1.0, side="left")
+    event = got.events[0]
+    for side in ("-", "+"):
+        np.testing.assert_allclose(got.sol(event.t, side=side), event.x, atol=1e-12)
+
+
+@pytest.mark.parametrize("bad", [[2, 1], [0, 0], [0, 1, 1], [-1, 1], [1, 6], [[1, 2]], ["a"], [np.nan]])
+def test_b23_output_times_refused(bad: Any) -> None:
+    with pytest.raises(UsageError, match="t_eval"):
+        solve(COULOMB, (3, 0), (0, 5), t_eval=bad)
+
+
+def test_b23_output_times_of_a_run_that_ends_early() -> None:
+    got = solve(COULOMB, (3, 0), (0, 20), t_eval=np.arange(21.0), stop=Stop("v", "crossing"))
+    assert got.t.tolist() == [0, 1, 2, 3]
+    assert got.y.shape == (2, 4)
+    assert got.t_end == pytest.approx(np.pi, abs=1e-8)
+    backward = solve(COULOMB, (3, -0.1), (0, -2), t_eval=[0, -1, -2])
+    assert backward.t.tolist() == [0, -1, -2]
+
+
+@pytest.mark.parametrize("end", [20.0, -9.0, np.pi])
+def test_b24_times_are_strictly_monotone(end: float) -> None:
+    got = solve(COULOMB, (3, -0.01), (0, end))
+    assert np.all(np.diff(got.t) * np.sign(end) > 0)
+    assert got.t[0] == 0
+    assert got.t[-1] == end
+
+
+def test_unknown_option() -> None:
+    with pytest.raises(UsageError, match=r"rtoll.*rtol"):
+        solve(COULOMB, (3, 0), (0, 1), rtoll=1e-3)
+
+
+def test_no_warning_escapes() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        solve(System({x: x**2 * t}), (1,), (0, 2))
+    assert solve(GROWTH, (0,), (0, 1)).x_end[0] == pytest.approx(1)

@@ -1,0 +1,97 @@
+"""Figures of maps and diagrams: what is drawn is what the objects hold."""
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from filippov.errors import UsageError
+from filippov.plot_maps import plot_diagram, plot_event_map, plot_iterates
+
+mpl.use("Agg")
+
+
+@pytest.fixture(autouse=True)
+def closed() -> Iterator[None]:
+    yield
+    from matplotlib import pyplot as plt
+
+    plt.close("all")
+
+
+class Halving:
+    """P(d) = d/2 below 0.5 and d/2 - 0.4 above it; no return beyond 0.9."""
+
+    def __call__(self, d: Any) -> Any:
+        values = np.asarray(d, dtype=float)
+        return np.where(values > 0.9, np.nan, values / 2 - 0.4 * (values > 0.5))
+
+    def iterate(self, d: float, n: int) -> np.ndarray:
+        return d / 2.0 ** np.arange(n + 1)
+
+
+def point(d: float, kind: str = "limit cycle", stable: bool = True) -> SimpleNamespace:
+    return SimpleNamespace(d=d, kind=kind, stable=stable)
+
+
+def line(figure: Any, label: str) -> Any:
+    (found,) = (entry for entry in figure.axes[0].lines if entry.get_label() == label)
+    return found
+
+
+def test_a_map_is_drawn_with_gaps_at_jumps_and_where_it_has_no_value() -> None:
+    at_rest = point(0.0, "equilibrium set")
+    drawn = plot_event_map(Halving(), 0.0, 1.0, points=101, fixed=[at_rest], orbit=[0.4, 0.2, 0.1])
+    x, y = line(drawn, "P(d)").get_data()
+    inside = np.isfinite(y)
+    assert np.allclose(y[inside], Halving()(x[inside]))
+    assert np.nanmax(x[inside]) == pytest.approx(0.9)
+    gap = np.flatnonzero(np.isnan(x))
+    assert len(gap) == 1
+    assert x[gap[0] - 1] <= 0.5 < x[gap[0] + 1]
+    assert np.array_equal(line(drawn, "orbit").get_data(), [[0.4, 0.2], [0.2, 0.1]])
+    assert line(drawn, "stable equilibrium set").get_marker() == "s"
+
+
+def test_samples_are_used_where_they_are_given() -> None:
+    def never(d: Any) -> Any:
+        raise AssertionError(d)
+
+    drawn = plot_event_map(never, 0, 1, samples=([0, 0.5, 1], [1, 2, 3]))
+    assert np.array_equal(line(drawn, "P(d)").get_ydata(), [1, 2, 3])
+
+
+def test_a_cobweb_goes_from_the_map_to_the_diagonal_and_back() -> None:
+    x, y = line(plot_iterates(Halving(), 0.4, 3), "3 iterates").get_data()
+    assert np.allclose(x, [0.4, 0.4, 0.2, 0.2, 0.1, 0.1, 0.05])
+    assert np.allclose(y, [0.4, 0.2, 0.2, 0.1, 0.1, 0.05, 0.05])
+
+
+def test_a_diagram_marks_kind_and_stability() -> None:
+    diagram = SimpleNamespace(
+        parameter="P", values=(1.0, 2.0), folds=[(1.5, 0.2)], stability_changes=[1.7],
+        points=((point(0.0, "equilibrium set"), point(0.1, stable=False), point(0.3)),
+                (point(0.0, "equilibrium set", stable=False),)),
+        branches=[SimpleNamespace(values=(1.0, 2.0), d=np.array([0.3, 0.2]), stable=np.array([True, False]))],
+        special=[SimpleNamespace(kind="period doubling", value=1.2, d=0.25)],
+    )  # fmt: skip
+    drawn = plot_diagram(diagram, bounds={"Routh-Hurwitz": 29.0}, labels={"parameter": "gain"})
+    assert np.array_equal(line(drawn, "stable cycle").get_data(), [[1.0], [0.3]])
+    assert line(drawn, "unstable cycle").get_markerfacecolor() == "white"
+    assert np.array_equal(line(drawn, "unstable equilibrium set").get_data(), [[2.0], [0.0]])
+    assert np.array_equal(line(drawn, "fold").get_data(), [[1.5], [0.2]])
+    assert np.array_equal(line(drawn, "Routh-Hurwitz 29").get_xdata(), [29.0, 29.0])
+    assert np.array_equal(line(drawn, "period doubling").get_data(), [[1.2], [0.25]])
+    assert drawn.axes[0].get_xlabel() == "gain"
+
+
+def test_wrong_arguments_are_refused() -> None:
+    with pytest.raises(UsageError, match="expected lo < hi"):
+        plot_event_map(Halving(), 1, 0)
+    with pytest.raises(UsageError, match="at least 1 iterate"):
+        plot_iterates(Halving(), 0.4, 0)
+    with pytest.raises(UsageError, match="did you mean 'd'"):
+        plot_event_map(Halving(), 0, 1, labels={"D": "x"})
