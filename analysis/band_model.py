@@ -4,10 +4,11 @@ In such a model the surface is never reached: there is no sliding entry. What co
 
     by modes   the motion is in the mode in which the model says it sticks: signs of its own surfaces, each closed
                ("-" is h <= 0), so that moving along the edge of the layer counts as well
-    by layer   |h| <= reach * width for the surface h of the exact system
+    by layer   |h| <= reach * width for the surface h of the exact system, as long as the exact system is attracted
+               to the surface from both sides (dh/dt < 0 at s = +1 and > 0 at s = -1)
 
-where by layer, and for comparators, the exact system must be attracted to the surface from both sides when the layer
-is entered (dh/dt < 0 at s = +1 and > 0 at s = -1); without that a motion that only reverses would stick.
+Comparators of bounded width are read by modes with that same condition at the entry; without it a motion that only
+reverses would stick.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ class BandModel:
     """A family of systems whose band goes to 0 with `width`.
 
     name      as it is to appear in the table
-    build     (width, **option) -> System with the states of the exact one
+    build     (width, **option) -> System with the states of the exact one, or (System, parameter values), which
+              saves making the same system for every width
     stick     mode of stick, by the model's own surfaces: {"band upper": "-", "band lower": "+"}; None: by layer
     options   further arguments of `build` with the values to try: {"alpha": (10, 100)}; every combination is run
     reach     by layer: half-width of the layer over `width`
@@ -48,7 +50,7 @@ class BandModel:
     """
 
     name: str
-    build: Callable[..., System]
+    build: Callable[..., System | tuple[System, Mapping[str, float]]]
     stick: Mapping[str, str] | None = field(default=None, hash=False)
     options: Mapping[str, Sequence[float]] = field(default_factory=dict, hash=False)
     reach: float = 1.0
@@ -147,26 +149,46 @@ class Reader:
         t, x = solution.t, solution.y.T
         inside = np.array([abs(self.height(a, b)) <= edge for a, b in zip(t, x, strict=True)])
 
-        def border(a: float, b: float, into: bool) -> float:
-            for _ in range(200):
-                middle = 0.5 * (a + b)
-                if middle in (a, b):
-                    break
-                if (abs(self.height(middle, sol(middle))) <= edge) is into:
-                    b = middle
-                else:
-                    a = middle
-            return b
+        def inner(time: float) -> bool:
+            return abs(self.height(time, sol(time))) <= edge
 
         out: list[Stay] = []
         for first, last in _runs(inside):
-            t0 = float(t[0]) if first == 0 else border(float(t[first - 1]), float(t[first]), True)
+            t0 = float(t[0]) if first == 0 else _border(float(t[first - 1]), float(t[first]), inner)
             end = last == len(t) - 1
-            t1 = float(t[-1]) if end else border(float(t[last]), float(t[last + 1]), False)
-            entry = solution.problem.x0 if first == 0 else sol(t0)
-            if self.attraction(t0, entry) > 0:
-                out.append(Stay(t0, t1, np.asarray(entry), first == 0, end))
+            t1 = float(t[-1]) if end else _border(float(t[last + 1]), float(t[last]), inner)
+            entry = np.asarray(solution.problem.x0 if first == 0 else sol(t0))
+            if self.attraction(t0, entry) <= 0:
+                continue
+            released = self._release(solution, np.unique(np.concatenate([[t0], t[first : last + 1], [t1]])))
+            out.append(Stay(t0, t1 if released is None else released, entry, first == 0, end and released is None))
         return out
+
+    def _release(self, solution: Solution, times: Array) -> float | None:
+        """First time at which the exact system no longer attracts, None if it does throughout."""
+        sol = solution.sol
+        assert sol is not None
+
+        def attracts(time: float) -> bool:
+            return self.attraction(time, sol(time)) > 0
+
+        chosen = times[np.unique(np.linspace(0, times.size - 1, 200).astype(int))]
+        for before, after in zip(chosen[:-1], chosen[1:], strict=True):
+            if not attracts(float(after)):
+                return _border(float(after), float(before), attracts)
+        return None
+
+
+def _border(outside: float, inside: float, test: Callable[[float], bool]) -> float:
+    """The time nearest to `outside` that passes the test, by halving."""
+    while True:
+        middle = 0.5 * (outside + inside)
+        if middle in (outside, inside):
+            return inside
+        if test(middle):
+            inside = middle
+        else:
+            outside = middle
 
 
 def _by_mode(solution: Solution, sticks: Callable[[tuple[int, ...], float, Array], bool]) -> list[Stay]:

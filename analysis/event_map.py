@@ -61,11 +61,11 @@ class EventMap:
         values = np.array(d, dtype=float, ndmin=1)
         statuses = [Status.STOPPED] * values.size
         for _ in range(self.order):
-            alive = np.isfinite(values)
-            if not np.any(alive):
+            alive = np.flatnonzero(np.isfinite(values))
+            if not alive.size:
                 break
             values[alive], ended = self._turn(values[alive])
-            for position, status in zip(np.flatnonzero(alive), ended, strict=True):
+            for position, status in zip(alive.tolist(), ended, strict=True):
                 statuses[position] = status
         return values, tuple(statuses)
 
@@ -75,11 +75,12 @@ class EventMap:
             stop=self.section.stop, rtol=self.rtol, atol=self.atol, method=self.method, max_steps=MOST_STEPS,
         )  # fmt: skip
         values = ends.x[:, self.bound.index].copy()
-        rest = np.array([status is Status.SUCCESS for status in ends.status])
-        # A motion that never leaves the section rests there: its coordinate does not change.
-        resting = rest & (ends.mode[:, self.bound.surface] == 0) & (np.abs(values - d) <= 1e-15 * np.abs(d))
-        lost = np.array([status is not Status.STOPPED for status in ends.status]) & ~resting
-        values[lost] = np.nan
+        lost = [q for q, status in enumerate(ends.status) if status is not Status.STOPPED]
+        for q in lost:
+            # A motion that never leaves the section rests there: its coordinate does not change.
+            rests = ends.status[q] is Status.SUCCESS and ends.mode[q, self.bound.surface] == 0
+            if not (rests and abs(values[q] - d[q]) <= 1e-15 * abs(d[q])):
+                values[q] = np.nan
         return values, ends.status
 
     def __call__(self, d: Any) -> Any:

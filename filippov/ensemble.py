@@ -111,12 +111,13 @@ def _points(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
     if not np.all(np.isfinite(states)):
         row, column = np.argwhere(~np.isfinite(states))[0]
         raise UsageError(f"x0[{row}]: state {system.states[column]!r} is {states[row, column]}, expected a number.")
-    lengths = {len(np.atleast_1d(v)) for v in parameters.values()} | {len(states)}
+    single = {k: v for k, v in parameters.items() if np.ndim(v) == 0}
+    columns = {k: np.asarray(v, dtype=float) for k, v in parameters.items() if np.ndim(v) != 0}
+    lengths = {len(column) for column in columns.values()} | {len(states)}
     count = max(lengths)
     if not lengths <= {1, count}:
         raise UsageError(f"x0 and parameters have lengths {sorted(lengths)}, expected one length or 1.")
-    columns = {k: np.broadcast_to(np.asarray(v, dtype=float), (count,)) for k, v in parameters.items()}
-    base = system.parameters.resolve({k: float(v[0]) for k, v in columns.items()} if count else None)
+    base = system.parameters.resolve({**single, **{k: float(column[0]) for k, column in columns.items()}})
     values = np.tile(base, (count, 1))
     for name, column in columns.items():
         declared = system.parameters[name]
@@ -179,16 +180,15 @@ class _Work:
 
     def result(self, options: Mapping[str, Any], stops: tuple[Stop, ...]) -> Ensemble:
         """Collect, with the rows that need the general path solved by it."""
-        statuses = [_STATUS.get(int(code)) for code in self.code]
+        statuses = [_STATUS.get(code) for code in self.code.tolist()]
         messages = [""] * len(statuses)
-        for q, status in enumerate(statuses):
-            if status is None:
-                values = dict(zip(self.system.parameters.names, self.values[q].tolist(), strict=True))
-                problem = Problem(self.system, self.start[q], self.span, values)
-                solution = solve(problem, stop=stops, dense_output=False, **options)
-                statuses[q], messages[q] = solution.status, solution.message
-                self.clock[q, codes.T], self.x[q], self.mode[q] = solution.t_end, solution.x_end, solution.end_mode
-                self.count[q, codes.FIELD_CALLS] += solution.nfev
+        for q in [q for q, status in enumerate(statuses) if status is None]:
+            values = dict(zip(self.system.parameters.names, self.values[q].tolist(), strict=True))
+            problem = Problem(self.system, self.start[q], self.span, values)
+            solution = solve(problem, stop=stops, dense_output=False, **options)
+            statuses[q], messages[q] = solution.status, solution.message
+            self.clock[q, codes.T], self.x[q], self.mode[q] = solution.t_end, solution.x_end, solution.end_mode
+            self.count[q, codes.FIELD_CALLS] += solution.nfev
         done = tuple(status for status in statuses if status is not None)
         return Ensemble(
             self.clock[:, codes.T].copy(), self.x, self.mode.astype(np.int64), done, tuple(messages),

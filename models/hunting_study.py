@@ -13,7 +13,7 @@ import numpy as np
 from filippov.models.karnopp import hunting_karnopp
 from filippov.models.laws import Stribeck
 from filippov.models.mass import REFERENCE_LAW, SOURCE
-from filippov.models.studies import BandModel, Curve, StatedPoint, Study, StudyCase, register_study
+from filippov.models.studies import Curve, StatedPoint, Study, StudyCase, Variant, register_study
 from filippov.models.switch import hunting_switch
 from filippov.system import System
 
@@ -29,16 +29,17 @@ def stribeck_curve(values: Mapping[str, float]) -> Curve:
     return Curve(v, law.curve(v), (0.0, *law.levels()))
 
 
-def switch_band(width: float, rate: float) -> System:
-    """The Switch model with eta and alpha."""
-    return hunting_switch(eta=width, alpha=rate)
+def switch_band(width: float, alpha: float) -> System:
+    """The Switch model with a band of half-width eta = width."""
+    return hunting_switch(eta=width, alpha=alpha)
 
 
-def karnopp_band(width: float, rate: float) -> System:
-    """Karnopp's model with DV and alpha."""
-    return hunting_karnopp(DV=width, alpha=rate)
+def karnopp_band(width: float, alpha: float) -> System:
+    """Karnopp's model with a band of half-width DV = width."""
+    return hunting_karnopp(DV=width, alpha=alpha)
 
 
+STICK = {"band upper": "-", "band lower": "+", "effort upper": "-", "effort lower": "+"}
 SET, CYCLE = "equilibrium set", "limit cycle"
 
 STUDY = register_study(
@@ -59,12 +60,11 @@ STUDY = register_study(
         values=tuple(float(P) for P in range(10, 32)),
         beyond=(50.0, 100.0),
         curve=stribeck_curve,
-        bands=(
-            BandModel("switch", switch_band, "eta", "alpha"),
-            BandModel("karnopp", karnopp_band, "DV", "alpha"),
+        variants=(
+            Variant("switch", switch_band, STICK, {"alpha": (10.0, 100.0, 1000.0)}),
+            Variant("karnopp", karnopp_band, STICK, {"alpha": (100.0,)}),
         ),
         widths=(1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8),
-        rates=(10.0, 100.0, 1000.0),
         labels={
             "t": "time t [s]",
             "x": "position error x [m]",
@@ -99,13 +99,14 @@ STUDY = register_study(
             },
             "1": {
                 "fold of the two cycles": "none",
-                "the set changes stability": "near P = 27, Routh-Hurwitz bound 29",
+                "the set changes stability": "near P = 27",
             },
             "0.5": {
                 "fold of the two cycles": "none",
                 "the set changes stability": "never, unstable at every P computed",
             },
         },
+        stated_bounds={"1": "P > 29", "0.5": "undefined"},
         stated_classification={
             "beta > 1": {
                 SET: "stable", "limit cycles": "possible, stable and unstable", "hunting can be tuned away": "yes",

@@ -51,13 +51,16 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class BandModel:
-    """A model that stands in for the inclusion with a band: build(width=..., rate=...) -> System."""
+class Variant:
+    """A model in which a band of some width stands for the surface: build(width, **option) -> System.
+
+    stick    its mode of stick, by its own surfaces; options: further arguments with the values to try
+    """
 
     name: str
     build: Callable[..., System]
-    width: str
-    rate: str
+    stick: Mapping[str, str]
+    options: Mapping[str, tuple[float, ...]]
 
 
 @dataclass(frozen=True)
@@ -70,11 +73,12 @@ class Study:
     order              the iterate of the model's event map whose fixed points are studied
     parameter, values  of the bifurcation diagrams; `beyond`: further values, for the classification only
     curve              parameter values -> the constitutive curve
-    bands              models to compare with, over `widths` and `rates`
+    variants           models to compare with, over `widths`
     labels             axis labels with units, by name of state, "t", "d", "P" (the map), the parameter,
                        "curve x", "curve y", "multiplier"
     mode_names         words for modes
-    stated_*           what the source states: parameters, fixed points by case, places by case, classification
+    stated_*           what the source states: parameters, fixed points by case, places by case, bounds by case,
+                       classification
     summary            paragraphs at the head of the report
     differences        (title, text): what differs from the source, and why. In both kinds of text {fold_2:.8f}
                        and the like stand for computed values (see filippov.report.facts)
@@ -92,14 +96,14 @@ class Study:
     values: tuple[float, ...]
     beyond: tuple[float, ...]
     curve: Callable[[Mapping[str, float]], Curve]
-    bands: tuple[BandModel, ...]
+    variants: tuple[Variant, ...]
     widths: tuple[float, ...]
-    rates: tuple[float, ...]
     labels: Mapping[str, str]
     mode_names: Mapping[str, str]
     stated_parameters: Mapping[str, str]
     stated_points: Mapping[str, tuple[StatedPoint, ...]]
     stated_places: Mapping[str, Mapping[str, str]]
+    stated_bounds: Mapping[str, str]
     stated_classification: Mapping[str, Mapping[str, str]]
     summary: tuple[str, ...] = ()
     differences: tuple[tuple[str, str], ...] = ()

@@ -104,7 +104,7 @@ def corner(system: Linear, mode: tuple[int, ...], i: int, x: Array) -> tuple[int
 
 
 def first_zero(f: Callable[[float], Array], end: float, dt: float, skip: int) -> tuple[float, int] | None:
-    """The first time in (0, end] at which an entry of f falls through 0, on a grid of width dt refined by brentq."""
+    """The first time in (0, end] at which an entry of f falls through 0 (grid of width dt, brentq)."""
     previous, past = 0.0, f(0.0)
     for time in np.append(np.arange(dt, end, dt), end):
         value = f(time)

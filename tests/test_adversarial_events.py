@@ -203,7 +203,8 @@ def test_a13_order_of_declaration(order: tuple[int, ...]) -> None:
     names = [surface.name for surface in system.surfaces]
     assert dict(zip(names, got.end_mode, strict=True)) == {"a": 0, "b": 0, "c": 0}
     assert sorted((round(event.t, 10), event.surface, str(event.kind)) for event in got.events) == [
-        (0.6, "a", "sliding entry"), (round(1.75 / 2.25, 10), "b", "sliding entry"), (1.0, "c", "sliding entry"),
+        (0.6, "a", "sliding entry"),
+        (round(1.75 / 2.25, 10), "b", "sliding entry"), (1.0, "c", "sliding entry"),
     ]  # fmt: skip
 
 

@@ -170,7 +170,8 @@ def test_touching(place: float) -> None:
 
 @pytest.mark.parametrize(
     ("body", "why"),
-    [("return [1]", "List"), ("return unknown", "unknown name"), ("return x[0:1]", "Slice"), ("return foo(1)", "unknown function"),
+    [("return [1]", "List"), ("return unknown", "unknown name"), ("return x[0:1]", "Slice"),
+     ("return foo(1)", "unknown function"),
      ("with x:\n        return 1", "With"), ("return 'a'", "only numbers")],
 )  # fmt: skip
 def test_what_is_outside_the_language_is_named(body: str, why: str) -> None:

@@ -1,4 +1,4 @@
-"""Order of both methods with fixed steps: smooth, across a crossing, through sliding entry and exit, sliding."""
+"""Order of the methods with fixed steps: smooth, crossing, along sliding, through its entry and exit."""
 
 from typing import Any
 
@@ -43,7 +43,6 @@ STEPS: dict[tuple[str, str], tuple[int, ...]] = {
     ("DOP853", "crossing"): (10, 14, 20, 28, 40),
     ("DOP853", "along sliding"): (2, 3, 4),
     ("DOP853", "entry"): (10, 14, 20, 28),
-    ("DOP853", "exit"): (7, 9, 11, 15, 19, 23),
 }
 
 

@@ -61,7 +61,8 @@ def test_b3_blow_up() -> None:
 
 @pytest.mark.parametrize(
     "bad",
-    [(np.nan, 0), (0, np.inf), (), (1,), (1, 2, 3), [[1, 2]], ("a", "b"), "ab", (1j, 0), None, 3.0, {"x": 1}, {"x": 1, "w": 2}],
+    [(np.nan, 0), (0, np.inf), (), (1,), (1, 2, 3), [[1, 2]], ("a", "b"), "ab", (1j, 0), None,
+     3.0, {"x": 1}, {"x": 1, "w": 2}],
 )  # fmt: skip
 def test_b4_initial_states_refused(bad: Any) -> None:
     with pytest.raises(UsageError, match=r"x0|state"):
@@ -116,7 +117,8 @@ def test_b7_steps_refused(name: str, bad: Any) -> None:
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(None, "None"), ([1.0], "shape"), ([[1.0, 2.0]], "shape"), ([1.0, [2.0]], "returned"), ("ab", "returned"),
+    [(None, "None"), ([1.0], "shape"), ([[1.0, 2.0]], "shape"), ([1.0, [2.0]], "returned"),
+     ("ab", "returned"),
      (np.ma.masked_array([1.0, 2.0], [True, False]), "masked"), (np.array([1, "x"], dtype=object), "object")],
 )  # fmt: skip
 def test_b8_wrong_results_name_the_field(value: Any, text: str) -> None:
@@ -181,7 +183,10 @@ def test_b11_guard_that_is_not_finite(value: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "bad", [("v", "crosing"), ("v", None), ("v", "crossing", 0), ("v", "crossing", -1), ("v", "crossing", "no"), ("v", "crossing", True)]
+    "bad",
+    [("v", "crosing"), ("v", None), ("v", "crossing", 0),
+     ("v", "crossing", -1), ("v", "crossing", "no"),
+     ("v", "crossing", True)],
 )  # fmt: skip
 def test_b12_stops_refused(bad: tuple[Any, ...]) -> None:
     with pytest.raises(UsageError, match=r"kind|count"):

@@ -49,7 +49,13 @@ def values(a: Linear) -> dict[str, float]:
     return {name: float(value) for name, value in out.items()}
 
 
-def run(a: Linear, x0: Any, span: tuple[float, float] = (0.0, END), order: tuple[int, ...] | None = None, **more: Any) -> Solution:  # fmt: skip
+def run(
+    a: Linear,
+    x0: Any,
+    span: tuple[float, float] = (0.0, END),
+    order: tuple[int, ...] | None = None,
+    **more: Any,
+) -> Solution:
     order = tuple(range(len(a.d))) if order is None else order
     system = family(len(a.b), len(a.d), order, more.pop("spare", False))
     return solve(system, x0, span, parameters=values(a), **(TIGHT | more))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from filippov.analysis.section import Section
 from filippov.analysis.stability import stability_report
 from filippov.errors import SolveError, UsageError
 from filippov.graph import observed_graph
+from filippov.machine import Machine
 from filippov.models.registry import Model
 from filippov.models.studies import Study, StudyCase
 from filippov.report.independent import Orbits
@@ -144,7 +145,7 @@ def _orbit(subject: Subject, once: EventMap, solution: Solution) -> Array:
 def exactness(subject: Subject, solution: Solution, orbit: Array) -> Exactness:
     """Measure what should be exact along the response."""
     place = subject.system.surface_index(subject.section.surface)
-    machine_values = _heights(subject.system, solution)
+    heights = _heights(subject.system, solution, place)
     height, spreads = 0.0, dict.fromkeys((i.name for i in subject.model.invariants), 0.0)
     record = subject.system.parameters.record(solution.problem.p)
     for segment in solution.segments:
@@ -153,7 +154,7 @@ def exactness(subject: Subject, solution: Solution, orbit: Array) -> Exactness:
         t = np.linspace(segment.t0, segment.t1, 20)
         x = np.column_stack([solution.sol(t[:1], side="+"), solution.sol(t[1:])]) if solution.sol else None
         assert x is not None
-        height = max(height, float(np.max(np.abs(machine_values(t, x)))))
+        height = max(height, float(np.max(np.abs(heights(t, x)))))
         for invariant in subject.model.invariants:
             values = [invariant.function(float(a), b, record) for a, b in zip(t, x.T, strict=True)]
             spreads[invariant.name] = max(spreads[invariant.name], max(values) - min(values))
@@ -162,14 +163,14 @@ def exactness(subject: Subject, solution: Solution, orbit: Array) -> Exactness:
     return Exactness(height, spreads, apart, len(rests))
 
 
-def _heights(system: System, solution: Solution) -> Callable[[Array, Array], Array]:
-    from filippov.machine import Machine
-
+def _heights(system: System, solution: Solution, place: int) -> Callable[[Array, Array], Array]:
+    """h of one surface at times and states (n, k)."""
     machine = Machine(system, solution.options.method, solution.problem.p)
+    mode = np.zeros(len(system.surfaces))
 
     def values(t: Array, x: Array) -> Array:
-        mode = np.zeros(len(system.surfaces))
-        return np.array([machine.guards(float(a), np.ascontiguousarray(b), mode) for a, b in zip(t, x.T, strict=True)])
+        rows = np.ascontiguousarray(x.T)
+        return np.array([machine.guards(float(a), row, mode)[place] for a, row in zip(t, rows, strict=True)])
 
     return values
 
@@ -203,5 +204,3 @@ def _polished(power: EventMap, near: float, rtol: float) -> float:
     at = power.remake(rtol=rtol, atol=rtol * 1e-2)
     reach = 1e-5 * abs(near)
     return float(brentq(lambda d: float(at(d)) - d, near - reach, near + reach, xtol=1e-15 * abs(near), rtol=8.9e-16))
-
-

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.bifurcation import Diagram
+from filippov.analysis.comparison_result import Comparison
 from filippov.analysis.event_map import EventMap
 from filippov.analysis.fixed_points import Basin, FixedPoint, Jump
 from filippov.analysis.stability import StabilityReport
@@ -113,7 +114,7 @@ def _start(condition: Any) -> float | None:
 class Results:
     """A computed study.
 
-    comparison  rows by name of column; timing: seconds by stage; machine: what it ran on
+    comparison  with the variants, None without any; timing: seconds by stage; machine: what it ran on
     """
 
     study: Study
@@ -121,7 +122,7 @@ class Results:
     system: System
     cases: tuple[CaseResult, ...]
     possible: nx.MultiDiGraph
-    comparison: tuple[Mapping[str, Any], ...]
+    comparison: Comparison | None
     timing: dict[str, float] = field(default_factory=dict)
     machine: Mapping[str, str] = field(default_factory=dict)
 

@@ -91,7 +91,7 @@ class HeyokaMap:
         for i, value in enumerate(d):
             ta.time = 0.0
             # A rounding past break-away: exactly on it, 16 of the 500 fire their event at the start.
-            ta.state[:] = (value, 0.0, (FS / P - value) / I * (1 + 1e-15))
+            ta.state[:] = (value, 0.0, (FS / P - value) / I + 3e-17)
             ta.reset_cooldowns()
             ta.propagate_until(100.0, max_delta_t=self.cap)
             out[i] = ta.state[0]

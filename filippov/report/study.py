@@ -1,0 +1,127 @@
+"""Run a study: compute, write data and figures, the report and its summary."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import time
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from filippov.analysis.band_model import BandModel
+from filippov.analysis.comparison import compare
+from filippov.analysis.comparison_result import Comparison
+from filippov.graph import possible_graph
+from filippov.models import registry
+from filippov.models.studies import Study, get_study
+from filippov.report.compute import Effort, Subject, case_result
+from filippov.report.content import document
+from filippov.report.facts import summary
+from filippov.report.figures import figures
+from filippov.report.files import data_files, save_figure, write, write_csv
+from filippov.report.results import Results
+
+Progress = Callable[..., object]
+# Shares of the whole: cases, comparison; the rest is writing.
+CASES, COMPARED = 0.45, 0.75
+PACKAGES = ("filippov", "numpy", "scipy", "sympy", "networkx", "llvmlite", "matplotlib")
+
+
+def run_study(name: str, output: str | Path, *, progress: Progress | None = None, quick: bool = False) -> dict[str, Any]:
+    """Run a study into a folder and return its summary.
+
+    progress  called with (done, all, what)
+    quick     coarser, to see whether it works
+
+    Writes report.html, summary.json, figures as SVG and PNG, data as CSV. Raises UsageError for an unknown name.
+    """
+    since, folder = time.perf_counter(), Path(output)
+    tell = _teller(progress)
+    results = compute(get_study(name), Effort.quick() if quick else Effort(), tell)
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, columns, rows in data_files(results):
+        write_csv(folder / file, columns, rows)
+    drawings, begun = {}, time.perf_counter()
+    todo = figures(results)
+    os.environ.setdefault("MPLBACKEND", "Agg")
+    for k, (file, draw) in enumerate(todo.items()):
+        tell(COMPARED + (1 - COMPARED) * k / len(todo), f"figure {file}")
+        drawings[file] = save_figure(folder, file, draw())
+    results.timing["figures"] = time.perf_counter() - begun
+    results.timing["total"] = time.perf_counter() - since
+    found = summary(results)
+    write(folder / "summary.json", json.dumps(found, ensure_ascii=False, indent=1, allow_nan=False) + "\n")
+    write(folder / "report.html", document(results, drawings))
+    tell(1.0, "done")
+    return found
+
+
+def compute(study: Study, effort: Effort, tell: Callable[[float, str], None]) -> Results:
+    """Everything that is computed; the cases one after the other, then the comparison."""
+    model = registry.get(study.model)
+    subject = Subject.of(study, model)
+    timing: dict[str, float] = {}
+    cases = []
+    for k, case in enumerate(study.cases):
+        low, share = CASES * k / len(study.cases), CASES / len(study.cases)
+
+        def within(fraction: float, what: str, low: float = low, share: float = share) -> None:
+            tell(low + share * fraction, what)
+
+        cases.append(case_result(subject, case, effort, within, timing, time.perf_counter))
+    begun = time.perf_counter()
+    graph = possible_graph(subject.system)
+    timing["possible transitions"] = time.perf_counter() - begun
+    begun = time.perf_counter()
+    compared = _compared(subject, effort, tell)
+    if compared is not None:
+        timing["comparison"] = time.perf_counter() - begun
+    return Results(study, model, subject.system, tuple(cases), graph, compared, timing, _machine())
+
+
+def _compared(subject: Subject, effort: Effort, tell: Callable[[float, str], None]) -> Comparison | None:
+    study = subject.study
+    if not study.variants:
+        return None
+    bands = [BandModel(v.name, v.build, v.stick, v.options) for v in study.variants]
+    return compare(
+        subject.system, subject.section, bands, widths=study.widths[:: effort.widths], comparators=(),
+        interval=subject.interval, order=study.order, x0=study.x0, parameters=study.cases[0].parameters,
+        repeats=1 if effort.widths > 1 else 3,
+        progress=lambda done, total, what="": tell(CASES + (COMPARED - CASES) * done / total, f"comparison: {what}"),
+    )  # fmt: skip
+
+
+def _teller(progress: Progress | None) -> Callable[[float, str], None]:
+    def tell(fraction: float, what: str) -> None:
+        if progress is not None:
+            progress(fraction, 1.0, what)
+
+    return tell
+
+
+def _machine() -> dict[str, str]:
+    out = {
+        "Python": platform.python_version(), "system": platform.platform(), "processor": _processor(),
+        "cores": str(os.cpu_count()),
+    }  # fmt: skip
+    for name in PACKAGES:
+        try:
+            out[name] = version(name)
+        except PackageNotFoundError:
+            out[name] = "not installed"
+    return out
+
+
+def _processor() -> str:
+    """The processor's name where the system tells it."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
