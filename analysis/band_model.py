@@ -2,13 +2,13 @@
 
 In such a model the surface is never reached: there is no sliding entry. What counts as stick is one of
 
-    by modes   the motion is in the mode in which the model says it sticks: signs of its own surfaces, each closed
-               ("-" is h <= 0), so that moving along the edge of the layer counts as well
-    by layer   |h| <= reach * width for the surface h of the exact system, as long as the exact system is attracted
-               to the surface from both sides (dh/dt < 0 at s = +1 and > 0 at s = -1)
+    by modes   the motion is in the mode in which the model says it sticks: signs of its own surfaces, each
+               closed ("-" is h <= 0), so that moving along the edge of the layer counts as well
+    by layer   |h| <= reach * width for the surface h of the exact system, as long as the exact system is
+               attracted to the surface from both sides (dh/dt < 0 at s = +1 and > 0 at s = -1)
 
-Comparators of bounded width are read by modes with that same condition at the entry; without it a motion that only
-reverses would stick.
+Comparators of bounded width are read by modes with that same condition at the entry; without it a motion that
+only reverses would stick.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ class BandModel:
     """A family of systems whose band goes to 0 with `width`.
 
     name      as it is to appear in the table
-    build     (width, **option) -> System with the states of the exact one, or (System, parameter values), which
-              saves making the same system for every width
-    stick     mode of stick, by the model's own surfaces: {"band upper": "-", "band lower": "+"}; None: by layer
-    options   further arguments of `build` with the values to try: {"alpha": (10, 100)}; every combination is run
+    build     (width, **option) -> System with the states of the exact one, or (System, parameter values),
+              which saves making the same system for every width
+    stick     mode of stick by its own surfaces: {"band upper": "-", "band lower": "+"}; None: by layer
+    options   further arguments of `build` with the values to try: {"alpha": (10, 100)}, all combinations
     reach     by layer: half-width of the layer over `width`
     attracted with `stick`: whether the exact system must also be attracted to the surface at the entry
 
@@ -60,8 +60,8 @@ class BandModel:
         for surface, sign in (self.stick or {}).items():
             if sign not in _SIGNS:
                 raise UsageError(
-                    f"{self.name}: stick has {sign!r} for surface {surface!r}, expected '+' or '-'. Leave out the "
-                    "surfaces that do not matter."
+                    f"{self.name}: stick has {sign!r} for surface {surface!r}, expected '+' or '-'. Leave "
+                    "out the surfaces that do not matter."
                 )
 
     def variants(self) -> Iterator[dict[str, float]]:
@@ -81,7 +81,7 @@ def comparator_models(exact: System, surface: str) -> dict[str, BandModel]:
 
 @dataclass(frozen=True)
 class Stay:
-    """A stay in stick from t0 to t1; x is the state at t0. from_start: the run began in it; to_end: ended in it."""
+    """A stay in stick, t0 to t1; x: state at t0. from_start: the run began in it; to_end: ended in it."""
 
     t0: float
     t1: float
@@ -123,7 +123,7 @@ class Reader:
         return _by_mode(solution, sticks)
 
     def attraction(self, t: float, x: Array) -> float:
-        """min(dh/dt at s = -1, -dh/dt at s = +1) of the exact system: > 0 where both sides lead to the surface."""
+        """min(dh/dt at s = -1, -dh/dt at s = +1), exact system: > 0 where both sides lead to the surface."""
         machine, i = self.machine, self.index
         point = np.ascontiguousarray(x, dtype=float)
         signs = np.where(machine.guards(t, point, np.ones(machine.m)) >= 0, 1.0, -1.0)
@@ -161,7 +161,9 @@ class Reader:
             if self.attraction(t0, entry) <= 0:
                 continue
             released = self._release(solution, np.unique(np.concatenate([[t0], t[first : last + 1], [t1]])))
-            out.append(Stay(t0, t1 if released is None else released, entry, first == 0, end and released is None))
+            out.append(
+                Stay(t0, t1 if released is None else released, entry, first == 0, end and released is None)
+            )
         return out
 
     def _release(self, solution: Solution, times: Array) -> float | None:
@@ -173,7 +175,7 @@ class Reader:
             return self.attraction(time, sol(time)) > 0
 
         chosen = times[np.unique(np.linspace(0, times.size - 1, 200).astype(int))]
-        for before, after in zip(chosen[:-1], chosen[1:], strict=True):
+        for before, after in itertools.pairwise(chosen):
             if not attracts(float(after)):
                 return _border(float(after), float(before), attracts)
         return None

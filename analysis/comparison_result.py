@@ -30,7 +30,7 @@ SLOWEST = 0.25
 class Trend:
     """How one difference of one model behaves as the width goes to 0.
 
-    order      slope of log difference over log width, least squares over the FITTED smallest widths above the floor
+    order      slope of log difference over log width, over the FITTED smallest widths above the floor
     vanishes   whether the difference goes to 0; None where too little was computed to say
     sentence   the same in words
     """
@@ -52,8 +52,9 @@ class Trend:
 class Comparison:
     """Rows of a comparison, the exact system first.
 
-    rows         one dict a row, as JSON takes it: model, width (None: exact), the options, error_times, error_P,
-                 error_fixed_points, drift, field_calls, seconds, calls_ratio, time_ratio, fixed_points, note;
+    rows         one dict a row, as JSON takes it: model, width (None: exact), options, error_times,
+                 error_P, error_fixed_points, drift, field_calls, seconds, calls_ratio, time_ratio,
+                 fixed_points, note;
                  None where there is no value
     coordinate   name of the section's coordinate; coordinates: the d compared
     points       the exact fixed points
@@ -67,7 +68,7 @@ class Comparison:
 
     @cached_property
     def trends(self) -> tuple[Trend, ...]:
-        """For every model, combination of options and quantity, what the difference does as the width goes to 0."""
+        """For every model, its options and every quantity: what the difference does with the width."""
         return tuple(
             self._trend(rows, quantity)
             for rows in self.families()
@@ -111,26 +112,31 @@ class Comparison:
         narrow = computed[-1]
         whole = quantity != "error_fixed_points" or "is lost" in narrow["note"]
         kept = () if whole else tuple(i for i, e in enumerate(narrow[quantity]) if e is not None)
-        sizes = [(row["width"], size([row[quantity][i] for i in kept] if kept else row[quantity])) for row in computed]
+        sizes = [
+            (row["width"], size([row[quantity][i] for i in kept] if kept else row[quantity]))
+            for row in computed
+        ]
         known = [(width, error) for width, error in sizes if error is not None]
         part = f" ({len(kept)} of {len(self.points)})" if 0 < len(kept) < len(self.points) else ""
         if not known or known[-1][0] != narrow["width"]:
-            where = f"cannot be compared at the smallest width computed, {narrow['width']:g} ({narrow['note']})"
+            why = narrow["note"] or "no value"
+            where = f"cannot be compared at the smallest width computed, {narrow['width']:g} ({why})"
             if len(computed) < len(rows) or "too many steps" in narrow["note"]:
                 return made(None, None, f"{where}, and smaller ones take too many steps.")
             return made(None, False, f"{where}: the model does NOT converge to the exact system.")
         above = [(width, error) for width, error in known if error > floor][-FITTED:]
         width, error = known[-1]
         if error <= floor and len(above) < 2:
-            return made(None, True, f"is at most {max(error, floor):.1g}, which is rounding, at width {width:g}.")
+            return made(None, True, f"is not more than rounding at width {width:g}.")
         if len(above) < 2:
             return made(None, None, f"is {error:.3g} at width {width:g}; one width gives no order.")
-        order = float(np.polyfit(*np.log(np.array(above)).T, 1)[0])
+        order = float(np.polyfit(np.log([w for w, _ in above]), np.log([e for _, e in above]), 1)[0])
         if order > SLOWEST:
-            return made(order, True, f"goes to 0 like width^{order:.2f}; {error:.2g} at width {width:g}.")
+            end = "not more than rounding" if error <= floor else f"{error:.2g}"
+            return made(order, True, f"goes to 0 like width^{order:.2f}; {end} at width {width:g}.")
         return made(
             order, False,
-            f"does NOT go to 0: {above[0][1]:.3g} at width {above[0][0]:g} and {error:.3g} at width {width:g}.",
+            f"does NOT go to 0: {above[0][1]:.3g} at width {above[0][0]:g}, {error:.3g} at width {width:g}.",
         )  # fmt: skip
 
     def to_text(self) -> str:
@@ -140,11 +146,12 @@ class Comparison:
         widths = [max(len(line[i]) for line in table) for i in range(len(head))]
         lines = []
         for line in table:
-            cells = [line[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(line[1:-1], widths[1:-1], strict=True))]
-            lines.append("  ".join([*cells, line[-1]]).rstrip())
+            cells = [cell.rjust(width) for cell, width in zip(line, widths, strict=True)][1:-1]
+            lines.append("  ".join([line[0].ljust(widths[0]), *cells, line[-1]]).rstrip())
         lines.insert(1, "-" * max(len(line) for line in lines))
         where = ", ".join(f"{d:g}" for d in self.coordinates)
-        lines += ["", f"P(d) at {self.coordinate} = {where}; rtol {self.rtol:g}; x: over the exact system beside it.", ""]
+        foot = f"P(d) at {self.coordinate} = {where}; rtol {self.rtol:g}; x: over the exact system beside it."
+        lines += ["", foot, ""]
         lines += [trend.sentence for trend in self.trends]
         return "\n".join(lines) + "\n"
 
@@ -193,5 +200,6 @@ def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         label(row["model"], options_of(row)), "-" if row["width"] is None else f"{row['width']:.0e}",
         *(number(row[name]) for name in ("error_times", "error_P", "error_fixed_points", "drift")),
         number(row["field_calls"], ".0f"), number(row["calls_ratio"], ".2f"),
-        number(None if seconds is None else 1e3 * seconds, ".2f"), number(row["time_ratio"], ".2f"), row["note"],
+        number(None if seconds is None else 1e3 * seconds, ".2f"), number(row["time_ratio"], ".2f"),
+        row["note"],
     )  # fmt: skip

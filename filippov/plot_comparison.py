@@ -1,7 +1,8 @@
 """Figure of a comparison of band models with the exact system, over the width of the band.
 
-What is drawn is asked only for its attributes: `rows` (dicts with model, width, error_P, drift, field_calls and the
-model's options; the first one the exact system) and `trends` (model, options, quantity, order, label).
+What is drawn is asked only for its attributes: `rows` (dicts with model, width, error_P, drift, field_calls
+and the model's options; the first one the exact system) and `trends` (model, options, quantity, order,
+label).
 """
 
 from __future__ import annotations
@@ -34,9 +35,10 @@ def plot_comparison(comparison: Any, *, title: str = "", figure: Figure | None =
         axes = drawn.subplots(1, len(_PANELS))
         for ax, (quantity, what) in zip(axes, _PANELS, strict=True):
             for label, model in families:
-                trend = next(q for q in trends if q.label == label and q.quantity in (quantity, "error_P"))
-                exponent = next((q.order for q in trends if q.label == label and q.quantity == quantity), None)
-                _line(ax, comparison.rows, trend, quantity, _look(label, model, families, models), exponent)
+                own = [q for q in trends if q.label == label]
+                exponent = next((q.order for q in own if q.quantity == quantity), None)
+                look = _look(label, model, families, models)
+                _line(ax, comparison.rows, own[0], quantity, look, exponent, models.index(model))
             _reference(ax, exact, quantity)
             ax.set(xscale="log", yscale="log", xlabel="half-width of the band", ylabel=what)
             ax.invert_xaxis()
@@ -56,9 +58,9 @@ def _look(label: str, model: str, families: list[tuple[str, str]], models: list[
 
 
 def _line(
-    ax: Any, rows: Any, trend: Any, quantity: str, look: dict[str, Any], exponent: float | None
+    ax: Any, rows: Any, trend: Any, quantity: str, look: dict[str, Any], exponent: float | None, place: int
 ) -> None:
-    """One family, with the observed order beside its last point; what is 0 has no place on a log axis."""
+    """One family, with the observed order beside it; what is 0 has no place on a log axis."""
     mine = [
         row
         for row in rows
@@ -71,10 +73,12 @@ def _line(
         ax.plot([], [], **look)
         return
     ax.plot(*np.array(points, dtype=float).T, **look)
-    if exponent is not None and quantity != "field_calls":
+    first = look["marker"] == _MARKS[0] or quantity == "drift"
+    if exponent is not None and first:  # models in turn above and below their lines
+        offset, side = ((6, 4), "left") if place % 2 == 0 else ((-6, -11), "right")
         ax.annotate(
-            f"{exponent:.2f}", points[-1], xytext=(4, 5), textcoords="offset points", fontsize=7.5,
-            color=look["color"],
+            f"{exponent:.2f}", points[len(points) // 2], xytext=offset, textcoords="offset points", ha=side,
+            color=look["color"], fontsize=7.5,
         )  # fmt: skip
 
 
@@ -84,8 +88,8 @@ def _reference(ax: Any, exact: Any, quantity: str) -> None:
         ax.axhline(value, color=GREY, linestyle="--", linewidth=0.9, zorder=1)
         text = "exact" if quantity == "field_calls" else "exact: two tolerances differ"
         ax.annotate(
-            text, (0.02, value), xycoords=("axes fraction", "data"), xytext=(0, 3), textcoords="offset points",
-            color=INK, fontsize=7.5,
+            text, (0.02, value), xycoords=("axes fraction", "data"), xytext=(0, 3), color=INK, fontsize=7.5,
+            textcoords="offset points",
         )  # fmt: skip
     elif quantity == "drift":
         ax.text(0.02, 0.02, "exact: 0", transform=ax.transAxes, color=INK, fontsize=7.5)

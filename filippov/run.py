@@ -87,6 +87,8 @@ class Run:
         code = int(self.machine.compiled.functions["advance"](*self._arrays))
         self.collect()
         self.machine.raise_error()
+        if self.machine.callbacks is not None:
+            self.machine.callbacks.speed_up(self.machine.system.parameters.names, self.t, self.x)
         return code
 
     def collect(self) -> None:

@@ -24,7 +24,7 @@ def stribeck_curve(values: Mapping[str, float]) -> Curve:
     """The dry part g(|v|) sign(v) of the friction force [N] over v [m/s], and its set at v = 0."""
     given = {**{k: p.default for k, p in REFERENCE_LAW.parameters().items()}, **values, "b": 0.0}
     law = Stribeck(**{name: given[name] for name in REFERENCE_LAW.parameters()})
-    side = np.concatenate([np.geomspace(1e-7, 1e-3, 60), np.linspace(1e-3, FASTEST, 400)[1:]])
+    side = np.concatenate([np.geomspace(1e-7, 0.02, 240), np.linspace(0.02, FASTEST, 240)[1:]])
     v = np.concatenate([-side[::-1], [0.0], side])
     return Curve(v, law.curve(v), (0.0, *law.levels()))
 
@@ -169,7 +169,8 @@ STUDY = register_study(
                 "The scan of the paper that was at hand has lost many digits. The figures in the columns \u2018paper\u2019 are "
                 "those that survive or were restored by computing them; the reference values in brackets are from "
                 "a 40-digit Taylor integration. Of the acceleration coefficient of the Switch model one digit "
-                "survives, 1; 100 1/s is taken. The length of the paper's time axis is not known; 20 s are shown.",
+                "survives, 1; 100 1/s is taken. The length of the paper's time axis is not known; 20 s are shown. "
+                "Tables 1 and 4 carry the paper's numbers; tables 2 and 3 gather figures of its text and diagrams.",
             ),
             (
                 "Table 4 is a statement about a range",

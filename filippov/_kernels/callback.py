@@ -10,9 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov._kernels.generate import Generated, unit_constants
+from filippov._kernels.jit import CompiledField, compile_field
 from filippov.errors import ModelError
 from filippov.surface import Surface
 
+# Compiling a field takes about a second, as long as this many callbacks.
+COMPILE_AFTER = 100_000
 _FIELD = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *([ctypes.c_void_p] * 5))
 _GUARD = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *([ctypes.c_void_p] * 4))
 
@@ -58,6 +61,9 @@ class Callbacks:
         self.error: BaseException | None = None
         self.values: tuple[float, ...] | None = None
         self.p: Any = None
+        self.calls = 0
+        self._compiled: CompiledField | None = None
+        self._tried = False
         self._constant: dict[int, npt.NDArray[np.float64]] = {}
         self._handles = [
             _FIELD(self._rhs),
@@ -73,6 +79,26 @@ class Callbacks:
         self.p = self.record(p)
         self._constant.clear()
 
+    def speed_up(self, names: tuple[str, ...], t: float, x: npt.NDArray[np.float64]) -> None:
+        """After many calls, put the field's machine code in the place of the callback, if it says the same at (t, x)."""
+        if self._tried or self.calls < COMPILE_AFTER:
+            return
+        self._tried = True
+        compiled = compile_field(self.field, names, self.n, len(self.surfaces))
+        if compiled is None:
+            return
+        call = _FIELD(compiled.address)
+        p = np.array([self.p[i] for i in range(len(names))], dtype=np.float64)
+        state = np.ascontiguousarray(x, dtype=np.float64)
+        for sign in (1.0, -1.0):
+            signs, out = np.full(max(len(self.surfaces), 1), sign), np.empty(self.n)
+            call(t, state.ctypes.data, p.ctypes.data, signs.ctypes.data, signs.ctypes.data, out.ctypes.data)
+            expected = np.asarray(self.field(t, state.copy(), self.p, signs[: len(self.surfaces)]), dtype=np.float64)
+            if not np.allclose(out, expected, rtol=1e-13, atol=0.0, equal_nan=True):
+                return
+        self._compiled = compiled
+        self.context[0] = compiled.address
+
     def _state(self, address: int) -> npt.NDArray[np.float64]:
         x = np.empty(self.n)
         ctypes.memmove(x.ctypes.data, address, 8 * self.n)
@@ -80,6 +106,7 @@ class Callbacks:
         return x
 
     def _rhs(self, t: float, x: int, p: int, s: int, m: int, out: int) -> int:
+        self.calls += 1
         try:
             signs = np.empty(max(len(self.surfaces), 1))
             ctypes.memmove(signs.ctypes.data, s, 8 * len(self.surfaces))

@@ -1,72 +1,118 @@
 """What every compiled system provides to the loop: the interface, with a trivial system behind it.
 
-The kernel files import these names so that they read and check as ordinary modules. A compiled unit is the
-generated source of one system, which defines the same names, followed by the text of the kernel files
-(see `build`). The trivial system is x' = 0 without a surface.
+The kernel files import these names so that they read, check and run as ordinary modules. A compiled unit takes the
+same names from the generated source of one system, from its method (`method`) and from its `layout` instead. The
+trivial system is x' = 0 with h = 1.
 
 N, M, P: numbers of states, surfaces, and parameters with what is derived from them.
 ROLE[i], LINEAR[i], WIDTH[i]: what surface i is, whether its guard is linear in (t, x), and the half width of
-its hysteresis. AFFINE: the field is jointly affine in the signs. DENSE: powers of the dense output.
+its hysteresis. AFFINE: the field is jointly affine in the signs. ROUGH: it may hold a power of |h| below 1.
+DENSE: powers of the dense output, a row a stage. W_..., I_...: places in the scratch.
 """
 
-import numpy as np
-from numba import njit
+from filippov._kernels.language import Indices, Vector, kernel
+from filippov._kernels.layout import layout
+from filippov._kernels.tableaus import DOP853
 
 N, M, P = 1, 1, 1
-AFFINE = True
+AFFINE, ROUGH, ALL_LINEAR = True, False, True
 STAGES, EXTRA, DEGREE_DENSE = 13, 3, 7
-END_IN_ERROR = False
-ROLE = np.zeros(1, dtype=np.int64)
-LINEAR = np.ones(1, dtype=np.bool_)
-WIDTH = np.zeros(1)
-ALL_LINEAR = True
-ORDER = 8
-DENSE = np.zeros((16, 8))
-
-kernel = njit(cache=True, error_model="numpy")
+ORDER, END_IN_ERROR = 8, False
+ROLE: list[int] = [0]
+LINEAR: list[int] = [1]
+WIDTH: list[float] = [0.0]
+DENSE: list[float] = [value for row in DOP853.dense for value in row]
+_PLACE = layout(N, M, AFFINE, DOP853).constants
+SIDE = _PLACE["SIDE"]
+W_S = _PLACE["W_S"]
+W_G = _PLACE["W_G"]
+W_GT = _PLACE["W_GT"]
+W_VERT = _PLACE["W_VERT"]
+W_RATE = _PLACE["W_RATE"]
+W_MAT = _PLACE["W_MAT"]
+W_VEC = _PLACE["W_VEC"]
+W_MULT = _PLACE["W_MULT"]
+W_K = _PLACE["W_K"]
+W_COEF = _PLACE["W_COEF"]
+W_Y = _PLACE["W_Y"]
+W_STAGE = _PLACE["W_STAGE"]
+W_XE = _PLACE["W_XE"]
+W_F = _PLACE["W_F"]
+W_XM = _PLACE["W_XM"]
+W_H = _PLACE["W_H"]
+W_BEFORE = _PLACE["W_BEFORE"]
+W_ROW = _PLACE["W_ROW"]
+W_START = _PLACE["W_START"]
+W_END = _PLACE["W_END"]
+W_RADIUS = _PLACE["W_RADIUS"]
+W_TOUCH = _PLACE["W_TOUCH"]
+W_ATTRACT = _PLACE["W_ATTRACT"]
+W_DIRECTION = _PLACE["W_DIRECTION"]
+W_CREEP = _PLACE["W_CREEP"]
+W_NODE = _PLACE["W_NODE"]
+W_CHECK = _PLACE["W_CHECK"]
+W_C = _PLACE["W_C"]
+W_WORK = _PLACE["W_WORK"]
+W_STACK = _PLACE["W_STACK"]
+W_BOUNDS = _PLACE["W_BOUNDS"]
+W_PIECES = _PLACE["W_PIECES"]
+I_SLIDING = _PLACE["I_SLIDING"]
+I_LIST = _PLACE["I_LIST"]
+I_CALLS = _PLACE["I_CALLS"]
 
 
 @kernel
-def rhs(t, x, p, s, m, out, ctx):
+def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
     """The field at signs s (every entry +1 or -1) with |h_i| = m_i h_i; nonzero return: the user's code failed."""
     out[0] = 0.0
     return 0
 
 
 @kernel
-def guards(t, x, p, m, out, ctx):
+def guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
     """The switching functions h_i."""
     out[0] = 1.0
     return 0
 
 
 @kernel
-def gradients(t, x, p, m, g, gt, ctx):
+def gradients(t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices) -> int:
     """Partial derivatives of every h_i by x (rows of g) and by t."""
-    g[0, 0], gt[0] = 1.0, 0.0
+    g[0], gt[0] = 0.0, 0.0
     return 0
 
 
 @kernel
-def radii(t, x, p, out, ctx):
-    """Lower and upper end of the set of s_i at h_i = 0, in columns 0 and 1."""
-    out[0, 0], out[0, 1] = -1.0, 1.0
+def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:
+    """Lower and upper end of the set of s_i at h_i = 0, in turn."""
+    out[0], out[1] = -1.0, 1.0
     return 0
 
 
 @kernel
-def stages(t, x, p, m, step, k, y, ws, ctx):
-    """Stages from k[0] on, all but the one at the end of the step; leaves that end in y."""
+def derive(p: Vector) -> int:
+    """What the field takes from the parameters alone, computed once, behind them in p."""
     return 0
 
 
 @kernel
-def extra_stages(t, x, p, m, step, k, y, ws, ctx):
+def stages(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """Stages from the first on, all but the one at the end of the step; leaves that end in y."""
+    y[0] = x[0]
+    return 0
+
+
+@kernel
+def extra_stages(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Vector, iw: Indices, ctx: Indices
+) -> int:
     """The stages that only the dense output needs."""
     return 0
 
 
 @kernel
-def error_terms(k, i):
+def error_terms(i: int, w: Vector) -> tuple[float, float]:
     """The two embedded error estimates of component i, before the factor of the step."""
     return 0.0, 0.0

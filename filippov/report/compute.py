@@ -93,8 +93,8 @@ def case_result(
     if not solution.success:
         raise SolveError(f"the time response of {case.label} ended early: {solution.message}", solution)
     low, high = subject.interval
-    wide = stage("event map", 0.05, lambda: _sample(once, np.linspace(low, high, effort.samples)))
-    small = _sample(once, np.linspace(low, case.small, effort.samples))
+    wide = stage("event map", 0.05, lambda: _sample(once, low, high, effort.samples))
+    small = _sample(once, low, case.small, effort.samples)
     fixed = stage("fixed points", 0.1, lambda: power.fixed_points(low, high, effort.points))
     basins = stage("basins", 0.15, lambda: power.basins(low, high, effort.points))
     jumps = stage("jumps", 0.2, lambda: once.jumps(low, high, effort.points))
@@ -124,9 +124,12 @@ def _every(values: tuple[float, ...], stride: int) -> tuple[float, ...]:
     return tuple(dict.fromkeys([*values[::stride], values[-1]]))
 
 
-def _sample(once: EventMap, d: Array) -> Samples:
-    image = np.asarray(once(d), dtype=float)
-    return Samples(d, image, np.asarray(once.power(2)(d), dtype=float))
+def _sample(once: EventMap, low: float, high: float, count: int) -> Samples:
+    """Coordinates evenly, and crowding at 0, where a map may be steep."""
+    d = np.linspace(low, high, count)
+    if low == 0.0:
+        d = np.unique(np.concatenate([d, np.geomspace(1e-8 * high, high, count)]))
+    return Samples(d, np.asarray(once(d), dtype=float), np.asarray(once.power(2)(d), dtype=float))
 
 
 def _rests(subject: Subject, solution: Solution) -> Array:

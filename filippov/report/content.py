@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from filippov.report import tables
 from filippov.report.facts import facts
-from filippov.report.html import definitions, figure, page, paragraph, preformatted, section, table
+from filippov.report.html import definitions, figure, page, paragraph, preformatted, section, source, table
 from filippov.report.results import CaseResult, Results
 
 
@@ -43,10 +43,10 @@ class _Content:
         """What was found, in words, and where the files are."""
         told = [paragraph(text.format_map(self.facts)) for text in self.study.summary]
         files = (
-            f"Everything on this page was computed by `filippov study {self.study.name}`; the figures are beside it as SVG "
-            "and PNG, the numbers as CSV and in summary.json."
+            f"Source of everything on this page: `filippov study {self.study.name}`. The figures are beside it as SVG and "
+            "PNG, the numbers as CSV and in summary.json."
         )
-        return [*told, paragraph(files.replace("`", ""))]
+        return [*told, source(files)]
 
     def model(self) -> list[str]:
         """Parameters and the constitutive curve."""
@@ -126,8 +126,8 @@ class _Content:
             f"{main.case.label}; the cases of the exponent are told apart by it. Verdicts: "
             + "; ".join(f"{c.case.label}: {i.answer}" for c in self.results.cases for i in c.stability.items) + "."
         )  # fmt: skip
-        source = f"Source: filippov stability {self.name} {self.given(main)} --solve-for {self.parameter}"
-        return [paragraph(text), preformatted(main.stability.to_text()), paragraph(source)]
+        command = f"Source: `filippov stability {self.name} {self.given(main)} --solve-for {self.parameter}`"
+        return [paragraph(text), preformatted(main.stability.to_text()), source(command)]
 
     def graph(self) -> list[str]:
         """What the system can do and what it did."""
@@ -156,12 +156,12 @@ class _Content:
         """The case's parameters as flags."""
         return " ".join(f"-p {name}={value:g}" for name, value in case.case.parameters.items())
 
-    def drawn(self, name: str, title: str, source: str, caption: str = "", text: str = "") -> str:
+    def drawn(self, name: str, title: str, origin: str, caption: str = "", text: str = "") -> str:
         """A figure; nothing where it could not be drawn."""
         if name not in self.drawings:
             return ""
         words = text or self.study.captions.get(caption or name, "")
-        return figure(name, self.drawings[name], title, words, f"Source: {source}")
+        return figure(name, self.drawings[name], title, words, f"Source: {origin}")
 
 
 def _in_words(case: CaseResult) -> str:

@@ -81,13 +81,11 @@ def phase(results: Results, case: CaseResult) -> Figure:
     ends = equilibrium_ends(case)
     planes = [(states[0], states[1])] + ([(states[2], states[0])] if len(states) > 2 else [])
     with style():
-        figure = new_figure(3.9 * len(planes), 3.7)
-        parts: Any = np.atleast_1d(np.asarray(figure.subfigures(1, len(planes)), dtype=object))
-        for k, (part, (x, y)) in enumerate(zip(parts, planes, strict=True)):
+        figure, top, parts = _beside(4.0 * len(planes), 4.2, len(planes))
+        for part, (x, y) in zip(parts, planes, strict=True):
             shown = None if ends is None else (ends[:1] if _same(ends, states, x, y) else ends)
             plot_phase(case.solution, x, y, equilibrium=shown, labels=named, figure=part)
-            if k:
-                part.axes[0].get_legend().remove()
+        _common_legend(top, parts)
     return figure
 
 
@@ -119,14 +117,13 @@ def second(results: Results, case: CaseResult) -> Figure:
     """The iterate with its fixed points, whole and with the origin magnified."""
     labels = {"d": results.study.labels["d"], "P": results.study.labels["P(P(d))"]}
     with style():
-        figure = new_figure(7.8, 4.1)
-        parts = figure.subfigures(1, 2)
-        for k, (part, samples) in enumerate(zip(parts, (case.wide, case.small), strict=True)):
+        figure, top, parts = _beside(8.0, 4.2, 2)
+        for part, samples, title in zip(
+            parts, (case.wide, case.small), ("whole", "origin magnified"), strict=True
+        ):
             _second(case, part, samples, labels)
-            if k:
-                part.axes[0].get_legend().remove()
-            title = "whole" if k == 0 else "origin magnified"
-            part.axes[0].set_title(title, loc="right", fontsize=TITLE, color=GREY)
+            part.axes[0].set_title(title, loc="left", fontsize=TITLE, color=GREY)
+        _common_legend(top, parts, {"P(d) = d": "diagonal", "P(d)": "P(P(d))"})
     return figure
 
 
@@ -165,3 +162,23 @@ def comparison(results: Results) -> Figure:
     """Errors of the band models against the width of the band, and their work."""
     assert results.comparison is not None
     return results.comparison.plot()
+
+
+def _beside(width: float, height: float, count: int) -> tuple[Figure, Any, list[Any]]:
+    """A figure of parts beside each other under a strip for their common legend."""
+    figure = new_figure(width, height)
+    top, lower = figure.subfigures(2, 1, height_ratios=(0.11, 1.0))
+    return figure, top, list(np.atleast_1d(np.asarray(lower.subfigures(1, count), dtype=object)))
+
+
+def _common_legend(top: Any, parts: list[Any], words: dict[str, str] | None = None) -> None:
+    """One legend for all parts, in place of their own."""
+    handles: dict[str, Any] = {}
+    for part in parts:
+        for handle, name in zip(*part.axes[0].get_legend_handles_labels(), strict=True):
+            handles.setdefault((words or {}).get(name, name), handle)
+        part.axes[0].get_legend().remove()
+    top.legend(
+        list(handles.values()), list(handles), loc="center left", ncols=len(handles), handletextpad=0.4,
+        columnspacing=1.4,
+    )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import re
+import textwrap
 from collections.abc import Iterable, Sequence
 from importlib import resources
 
@@ -30,13 +31,13 @@ def inline_svg(svg: str, name: str, label: str) -> str:
     return body.replace("<svg", f'<svg role="img" aria-label="{escape(label)}"', 1)
 
 
-def figure(name: str, svg: str, title: str, caption: str, source: str) -> str:
+def figure(name: str, svg: str, title: str, caption: str, origin: str) -> str:
     """A figure with its caption and where it comes from."""
     told = f"{escape(caption)} " if caption else ""
     return (
         f'<figure id="figure-{escape(name)}">{inline_svg(svg, f"f-{name}", title)}'
         f"<figcaption><b>{escape(title)}.</b> {told}"
-        f'<span class="source">Files: {escape(name)}.svg, {escape(name)}.png. {_source(source)}</span>'
+        f'<span class="source">Files: {escape(name)}.svg, {escape(name)}.png. {_source(origin)}</span>'
         "</figcaption></figure>"
     )
 
@@ -51,10 +52,10 @@ def table(content: Table) -> str:
         for row in content.rows
     )
     note = f'<p class="note">{escape(content.note)}</p>' if content.note else ""
-    source = f'<p class="source">{_source(content.source)}</p>' if content.source else ""
+    told = source(content.source) if content.source else ""
     return (
         f'<div class="table"><table><caption>{escape(content.title)}</caption>'
-        f"<thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table>{note}{source}</div>"
+        f"<thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table>{note}{told}</div>"
     )
 
 
@@ -68,9 +69,20 @@ def paragraph(text: str) -> str:
     return f"<p>{escape(text)}</p>"
 
 
-def preformatted(text: str) -> str:
-    """Text with its own line breaks."""
-    return f"<pre>{escape(text.rstrip())}</pre>"
+def source(text: str) -> str:
+    """A line that says where something comes from; `...` is a command."""
+    return f'<p class="source">{_source(text)}</p>'
+
+
+def preformatted(text: str, width: int = 112) -> str:
+    """Text with its own line breaks; long sentences are wrapped under their beginning."""
+    lines = []
+    for line in text.rstrip().splitlines():
+        body = line.lstrip(" *-")
+        indent = " " * (len(line) - len(body))
+        wrapped = textwrap.wrap(line, width, subsequent_indent=indent, break_long_words=False)
+        lines += wrapped if len(line) > width else [line]
+    return f"<pre>{escape(chr(10).join(lines))}</pre>"
 
 
 def definitions(items: Iterable[tuple[str, str]]) -> str:

@@ -35,6 +35,11 @@ def number(value: Any, digits: int = 6) -> str:
     return f"{value:.{digits}g}"
 
 
+def scientific(value: float | None) -> str:
+    """An error as text."""
+    return NONE if value is None else "0" if value == 0 else f"{value:.1e}"
+
+
 def yes(value: bool) -> str:
     """yes or no."""
     return "yes" if value else "no"
@@ -72,7 +77,7 @@ def fixed_points(results: Results) -> Table:
     notes = [f"{r.case.label}: {q.note}." for r in results.cases for q in r.fixed if q.note]
     return Table(
         f"Table 2. Fixed points of the {turns} iterate and their stability",
-        ("case", "d* here [m]", "paper (40 digits) [m]", "kind", "stable", "paper", "slope", "slip time [s]"),
+        ("case", "d* here [m]", "paper (reference) [m]", "kind", "stable", "paper", "slope", "slip time [s]"),
         tuple(rows),
         "Slope: of the second iterate at the point, from saltation matrices, at the set its limit for d → 0+; stable "
         "means |slope| < 1. Slip time: of the turns of one orbit, from break-away to the next stick. " + " ".join(notes),
@@ -200,23 +205,27 @@ def comparison(results: Results) -> Table | None:
     found = results.comparison
     if found is None:
         return None
-    rows = []
+    names = tuple(dict.fromkeys(name for row in found.rows for name in options_of(row)))
+    rows, notes = [], []
     for row in found.rows:
-        name = label(row["model"], options_of(row))
+        width = NONE if row["width"] is None else f"{row['width']:.0e}"
         milli = None if row["seconds"] is None else 1e3 * row["seconds"]
         rows.append((
-            name, NONE if row["width"] is None else f"{row['width']:.0e}", number(size(row["error_P"]), 2),
-            number(size(row["error_times"]), 2), number(size(row["error_fixed_points"]), 2), number(row["drift"], 2),
-            number(row["field_calls"], 7), number(milli, 3), number(row["time_ratio"], 3), row["note"],
+            row["model"], *(number(row.get(name)) for name in names), width,
+            *(scientific(size(row[key])) for key in ("error_P", "error_times", "error_fixed_points", "drift")),
+            number(row["field_calls"], 7), number(milli, 3), number(row["time_ratio"], 3),
         ))  # fmt: skip
+        if row["note"] and row["width"] is not None:
+            notes.append(f"{label(row['model'], options_of(row))} at {width}: {row['note']}.")
     where = ", ".join(f"{d:g}" for d in found.coordinates)
     return Table(
         "Band models beside the inclusion",
-        ("model", "half-width [m/s]", "error of P(d) [m]", "of event times [s]", "of fixed points [m]",
-         "drift in stick [m]", "field calls", "ms", "time ratio", "note"),
+        ("model", *names, "half-width [m/s]", "ΔP(d) [m]", "Δt [s]", "Δd* [m]", "drift [m]", "field calls", "ms",
+         "time ratio"),
         tuple(rows),
-        f"Largest errors; P(d) at {found.coordinate} = {where} m. Times: median, over the exact system run beside it. "
-        "Row exact: how far two tolerances of the inclusion differ.",
+        f"Largest differences from the inclusion: of P(d) at d = {where} m, of the event times of the response, of the fixed "
+        "points; drift: of the position during stick. Field calls and median times of the same motions; ratio to "
+        "the inclusion run beside it. Row exact: how far two tolerances of the inclusion differ. " + " ".join(notes),
         f"Source: filippov.analysis.comparison, rtol {found.rtol:g}; comparison.csv.",
     )  # fmt: skip
 
