@@ -1,14 +1,16 @@
 """Bifurcation diagram of an event map in one parameter: every branch, and the exact places where it changes.
 
-The fixed points of each parameter value are joined into branches. Where two of them disappear together between two
-values, the fold is the root of P(d) = d, dP/dd = 1 in (parameter, d); where the equilibrium set changes stability,
-the root of |slope| = 1 at the set. Both are found by root-finding with exact slopes, not read off the values.
+The fixed points of each parameter value are joined into branches. Where two of them disappear together
+between two values, the fold is the root of P(d) = d, dP/dd = 1 in (parameter, d); where the equilibrium set
+changes stability, the root of |slope| = 1 at the set. Both are found by root-finding with exact slopes, not
+read off the values.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -114,7 +116,8 @@ def bifurcation(
     points      of the grid on it
     progress    called with (done, all)
 
-    Raises UsageError, ModelError. Source: Hensen & van de Molengraft 2002, section 5, for the diagrams of hunting.
+    Raises UsageError, ModelError. Source: Hensen & van de Molengraft 2002, section 5, for the diagrams of
+    hunting.
     """
     if parameter not in system.parameters:
         raise UsageError(unknown("parameter", parameter, system.parameters.names))
@@ -126,7 +129,10 @@ def bifurcation(
         if progress is not None:
             progress(number + 1, len(ordered))
     branches = _joined(ordered, found)
-    special = [*_folds(base, parameter, ordered, found, interval), *_set_changes(base, parameter, ordered, found, interval)]
+    special = [
+        *_folds(base, parameter, ordered, found, interval),
+        *_set_changes(base, parameter, ordered, found, interval),
+    ]
     special += _doublings(base, parameter, branches)
     return Diagram(parameter, tuple(ordered), tuple(found), tuple(branches), tuple(special))
 
@@ -178,7 +184,7 @@ def _lost_pairs(
     missing = len(cycles) - sum(q.kind == "limit cycle" for q in there)
     if missing < 2:
         return []
-    pairs = [(a, b) for a, b in zip(cycles[:-1], cycles[1:], strict=True) if (a.slope > 1.0) != (b.slope > 1.0)]
+    pairs = [(a, b) for a, b in pairwise(cycles) if (a.slope > 1.0) != (b.slope > 1.0)]
     return sorted(pairs, key=lambda pair: pair[1].d - pair[0].d)[: missing // 2]
 
 
@@ -236,11 +242,15 @@ def _doublings(base: EventMap, name: str, branches: Sequence[Branch]) -> list[Sp
                 continue
             v0, v1 = branch.values[i], branch.values[i + 1]
 
-            def along(value: float, a: FixedPoint = a, b: FixedPoint = b, v0: float = v0, v1: float = v1) -> float:
+            def along(
+                value: float, a: FixedPoint = a, b: FixedPoint = b, v0: float = v0, v1: float = v1
+            ) -> float:
                 at = base.remake(parameters={name: value})
                 middle = a.d + (b.d - a.d) * (value - v0) / (v1 - v0)
                 reach = abs(b.d - a.d) + 1e-3 * abs(middle)
-                near = [q for q in at.fixed_points(middle - reach, middle + reach, 40) if q.kind == "limit cycle"]
+                near = [
+                    q for q in at.fixed_points(middle - reach, middle + reach, 40) if q.kind == "limit cycle"
+                ]
                 return min(near, key=lambda q: abs(q.d - middle)).slope + 1.0 if near else float("nan")
 
             value = float(brentq(along, v0, v1, xtol=1e-10))

@@ -77,7 +77,7 @@ class ExactRun:
 
     def start(self, d: float) -> Array:
         """The lifted state."""
-        return self.bound.start(np.array([d]), self.p)[0]
+        return np.asarray(self.bound.start(np.array([d]), self.p)[0])
 
     def place(self, solution_t: float, x: Array) -> float:
         """The quantity that stick keeps."""

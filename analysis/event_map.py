@@ -1,4 +1,4 @@
-"""The event map d -> P(d) of a section: an ordinary map to call, iterate, differentiate and find fixed points of.
+"""The event map d -> P(d) of a section: to call, iterate, differentiate and find fixed points of.
 
 Source: Hensen & van de Molengraft 2002 (event map of the hunting loop); Galvanetto & Knudsen 1997.
 """
@@ -27,7 +27,7 @@ MOST_STEPS = 200_000
 
 
 class EventMap:
-    """P(d): start on the section at coordinate d, follow the motion to the section's next event, read its coordinate.
+    """P(d): from coordinate d on the section along the motion to the section's next event and its coordinate.
 
     order       the map is the order-th iterate (2 for orbits that come back after two turns)
     parameters  values by name
@@ -37,8 +37,8 @@ class EventMap:
     """
 
     def __init__(
-        self, system: System, section: Section, *, parameters: Mapping[str, float] | None = None, order: int = 1,
-        rtol: float = 1e-10, atol: float = 1e-12, method: str = "DOP853",
+        self, system: System, section: Section, *, parameters: Mapping[str, float] | None = None,
+        order: int = 1, rtol: float = 1e-10, atol: float = 1e-12, method: str = "DOP853",
     ) -> None:  # fmt: skip
         self.system, self.section, self.order = system, section, order
         self.bound: BoundSection = section.bind(system)
@@ -48,7 +48,12 @@ class EventMap:
 
     def remake(self, **changes: Any) -> EventMap:
         """The same map with other parameters (updated by name), order or tolerances."""
-        keep: dict[str, Any] = {"order": self.order, "rtol": self.rtol, "atol": self.atol, "method": self.method}
+        keep: dict[str, Any] = {
+            "order": self.order,
+            "rtol": self.rtol,
+            "atol": self.atol,
+            "method": self.method,
+        }
         parameters = {**self.parameters, **changes.pop("parameters", {})}
         return EventMap(self.system, self.section, parameters=parameters, **{**keep, **changes})
 
@@ -84,6 +89,7 @@ class EventMap:
         return values, ends.status
 
     def __call__(self, d: Any) -> Any:
+        """P(d), a number or an array like d; NaN where the motion does not return."""
         values, _ = self.returns(d)
         return values if np.ndim(d) else float(values[0])
 
@@ -105,7 +111,8 @@ class EventMap:
     def _solve(self, d: float) -> Solution:
         return solve(
             self.system, self.bound.start(np.array([d]), self.p)[0], (0.0, self.section.t_max),
-            parameters=self.parameters, stop=self.section.stop, rtol=self.rtol, atol=self.atol, method=self.method, max_steps=MOST_STEPS,
+            parameters=self.parameters, stop=self.section.stop, rtol=self.rtol, atol=self.atol,
+            method=self.method, max_steps=MOST_STEPS,
         )  # fmt: skip
 
     def derivative(self, d: float) -> float:
@@ -122,7 +129,7 @@ class EventMap:
         return slope
 
     def fixed_points(self, lo: float, hi: float, points: int = 400) -> tuple[Any, ...]:
-        """Every fixed point in [lo, hi] with kind, slope and stability (see `filippov.analysis.fixed_points`)."""
+        """Every fixed point in [lo, hi] with kind, slope and stability; see `fixed_points`."""
         from filippov.analysis.fixed_points import fixed_points
 
         return fixed_points(self, lo, hi, points)
@@ -141,7 +148,7 @@ class EventMap:
 
 
 def _onto_section(solution: Solution, event: Event, change: Array) -> Array:
-    """Variation of the state at the event: the variation at fixed time, moved along the motion onto the surface."""
+    """Variation of the state at the event: that at fixed time, moved along the motion onto the surface."""
     system, p = solution.problem.system, solution.problem.p
     part = mode_field(system, event.before)
     t, x = np.array([event.t]), event.x[None, :]
@@ -149,4 +156,3 @@ def _onto_section(solution: Solution, event: Event, change: Array) -> Array:
     field = part.part("f", t, x, s, p)[0, :, 0]
     gradient, rate = event_guard(solution, event, field)
     return np.asarray(change - field * (gradient @ change) / rate)
-

@@ -1,13 +1,14 @@
 """Fixed points, jumps and basins of an event map on an interval.
 
-Roots of P(d) - d are bracketed on a grid that is dense near 0 as well, pairs that a grid would step over are found
-from the extrema of P(d) - d (where the exact slope is 1), and each is polished at a tight tolerance. A change of sign
-across a jump of the map is no fixed point, and is told apart by what is left of P(d) - d.
+Roots of P(d) - d are bracketed on a grid that is dense near 0 as well, pairs that a grid would step over are
+found from the extrema of P(d) - d (where the exact slope is 1), and each is polished at a tight tolerance. A
+change of sign across a jump of the map is no fixed point, and is told apart by what is left of P(d) - d.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,8 +31,8 @@ class FixedPoint:
 
     d         coordinate; residual: |P(d) - d| there
     kind      "equilibrium set" where the motion rests, else "limit cycle"
-    slope     dP/dd (from saltation matrices); at an equilibrium set the limit of P(d)/d for d -> 0+, which is infinite
-              where the map jumps at the set
+    slope     dP/dd (from saltation matrices); at an equilibrium set the limit of P(d)/d for d -> 0+, which is
+              infinite where the map jumps at the set
     stable    |slope| < 1
     period    time of the turns together, 0 for an equilibrium set
     note      what is special
@@ -57,7 +58,7 @@ class Jump:
 
 @dataclass(frozen=True)
 class Basin:
-    """Coordinates between lo and hi whose iterates go to the attractor at d (None: to none that was found)."""
+    """Coordinates between lo and hi whose iterates go to the attractor at d (None: to none found)."""
 
     lo: float
     hi: float
@@ -67,18 +68,20 @@ class Basin:
 def grid(lo: float, hi: float, points: int) -> Array:
     """Half of the points evenly over [lo, hi], half crowding at 0 where 0 lies in it or at its end."""
     if not hi > lo or points < 8:
-        raise UsageError(f"the interval [{lo}, {hi}] with {points} points; expected lo < hi and at least 8 points.")
+        raise UsageError(
+            f"the interval [{lo}, {hi}] with {points} points; expected lo < hi and at least 8 points."
+        )
     out = [np.linspace(lo, hi, points // 2)]
     if hi > 0 >= lo:
         out.append(np.geomspace(1e-5 * hi, hi, points // 2))
     if lo < 0 <= hi:
         out.append(-np.geomspace(-1e-5 * lo, -lo, points // 2))
     merged = np.unique(np.concatenate(out))
-    return merged[merged != 0.0]
+    return np.asarray(merged[merged != 0.0])
 
 
 def fixed_points(event_map: EventMap, lo: float, hi: float, points: int = 400) -> tuple[FixedPoint, ...]:
-    """All fixed points of the map in [lo, hi], in order; the equilibrium set at 0 included where it rests there."""
+    """All fixed points of the map in [lo, hi], in order, the equilibrium set at 0 among them."""
     d = grid(lo, hi, points)
     gap = event_map(d) - d
     found: list[FixedPoint] = []
@@ -87,7 +90,9 @@ def fixed_points(event_map: EventMap, lo: float, hi: float, points: int = 400) -
     fine = event_map.remake(rtol=min(event_map.rtol, TIGHT), atol=min(event_map.atol, TIGHT * 1e-2))
     for a, b in _brackets(fine, d, gap):
         point = _polish(fine, a, b)
-        if point is not None and all(abs(point.d - other.d) > 1e-9 * (abs(point.d) + 1e-9) for other in found):
+        if point is not None and all(
+            abs(point.d - other.d) > 1e-9 * (abs(point.d) + 1e-9) for other in found
+        ):
             found.append(point)
     return tuple(sorted(found, key=lambda point: point.d))
 
@@ -95,9 +100,11 @@ def fixed_points(event_map: EventMap, lo: float, hi: float, points: int = 400) -
 def _brackets(event_map: EventMap, d: Array, gap: Array) -> list[tuple[float, float]]:
     """Neighbours between which P(d) - d changes sign, with the pairs found at its extrema."""
     out: list[tuple[float, float]] = []
-    for i in range(len(d) - 1):
-        if gap[i] == 0.0 or gap[i] * gap[i + 1] < 0:
-            out.append((float(d[i]), float(d[i + 1]) if gap[i] else float(d[i])))
+    out += [
+        (float(d[i]), float(d[i + 1]) if gap[i] else float(d[i]))
+        for i in range(len(d) - 1)
+        if gap[i] == 0.0 or gap[i] * gap[i + 1] < 0
+    ]
     sizes = np.abs(gap)
     for i in range(1, len(d) - 1):
         same = gap[i - 1] * gap[i] > 0 and gap[i] * gap[i + 1] > 0
@@ -113,7 +120,10 @@ def extremum(event_map: EventMap, a: float, b: float) -> float | None:
     left, right = event_map.derivative(a) - 1.0, event_map.derivative(b) - 1.0
     if not left * right < 0:
         return None
-    return float(brentq(lambda d: event_map.derivative(d) - 1.0, a, b, xtol=1e-13 * max(abs(a), abs(b))))
+    try:
+        return float(brentq(lambda d: event_map.derivative(d) - 1.0, a, b, xtol=1e-13 * max(abs(a), abs(b))))
+    except ValueError:
+        return None
 
 
 def _polish(event_map: EventMap, a: float, b: float) -> FixedPoint | None:
@@ -122,9 +132,12 @@ def _polish(event_map: EventMap, a: float, b: float) -> FixedPoint | None:
 
     scale = max(abs(a), abs(b))
     before, after = gap(a), gap(b)
-    if before * after > 0:
+    if not before * after <= 0:
         return None
-    d = a if before == 0.0 else float(brentq(gap, a, b, xtol=1e-15 * scale, rtol=8.9e-16))
+    try:
+        d = a if before == 0.0 else float(brentq(gap, a, b, xtol=1e-15 * scale, rtol=8.9e-16))
+    except ValueError:
+        return None  # the map does not return somewhere inside: NaN
     left = abs(gap(d))
     # At a jump the gap stays as it is on both sides, however close they come.
     if left > 1e-3 * max(abs(before), abs(after)) and left > 1e-7 * scale:
@@ -138,7 +151,8 @@ def _polish(event_map: EventMap, a: float, b: float) -> FixedPoint | None:
 def equilibrium_slope(event_map: EventMap, reach: float, side: float = 1.0) -> tuple[float, str]:
     """Limit of P(d)/d for d -> 0 on one side, and a note: infinite where the map jumps at 0.
 
-    It is the product of the limits over the turns of the map, each on the side to which the turn before it leads.
+    It is the product of the limits over the turns of the map, each on the side to which the turn before it
+    leads.
     """
     slope, notes = 1.0, []
     for _ in range(event_map.order):
@@ -168,7 +182,10 @@ def _one_turn_slope(event_map: EventMap, reach: float) -> tuple[float, str]:
     if abs(ratios[-1]) > 10.0 and np.all(growth[-5:] > 1.05) and growth[-1] > growth[-3] - 1e-3:
         sign = float(np.sign(ratios[-1]))
         if np.all(growth[-3:] > 1.9):
-            return sign * np.inf, f"the map jumps at the equilibrium set: P(0+) = {float(ratios[-1] * abs(d[-1])):.9g}"
+            return (
+                sign * np.inf,
+                f"the map jumps at the equilibrium set: P(0+) = {float(ratios[-1] * abs(d[-1])):.9g}",
+            )
         return sign * np.inf, "the slope of the map grows without bound at the equilibrium set"
     table: list[Array] = [ratios]
     for j in range(1, min(6, good - 2)):
@@ -180,7 +197,11 @@ def _one_turn_slope(event_map: EventMap, reach: float) -> tuple[float, str]:
         if np.min(changes) < error:
             place = int(np.argmin(changes))
             best, error = float(column[place + 1]), float(changes[place])
-    note = "" if error < 1e-6 * max(1.0, abs(best)) else f"slope at the equilibrium set known to {error:.1g} only"
+    note = (
+        ""
+        if error < 1e-6 * max(1.0, abs(best))
+        else f"slope at the equilibrium set known to {error:.1g} only"
+    )
     return best, note
 
 
@@ -191,7 +212,7 @@ def equilibrium_set(event_map: EventMap, reach: float) -> FixedPoint:
 
 
 def jumps(event_map: EventMap, lo: float, hi: float, points: int = 400) -> tuple[Jump, ...]:
-    """Places where the map jumps: intervals over which it changes much more than its slopes explain, halved down."""
+    """Places where the map jumps: intervals where it changes more than its slopes explain, halved down."""
     d = grid(lo, hi, points)
     value = event_map(d)
     out: list[Jump] = []
@@ -224,7 +245,7 @@ def basins(event_map: EventMap, lo: float, hi: float, points: int = 400) -> tupl
     attractors = [point.d for point in known if point.stable]
     borders = [lo, *(point.d for point in known if not point.stable and lo < point.d < hi), hi]
     out = []
-    for a, b in zip(borders[:-1], borders[1:], strict=True):
+    for a, b in pairwise(borders):
         d, target = 0.5 * (a + b), None
         for _ in range(2000):
             d = float(event_map(d))

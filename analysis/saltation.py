@@ -1,13 +1,13 @@
-"""Exact derivative of the flow through events: saltation matrices between the transition matrices of the modes.
+"""Derivative of the flow through events: saltation matrices between the transition matrices of the modes.
 
-At an event with guard G (h of a surface reached, the rate at the end of the multiplier's set for a sliding exit),
-fields f- before and f+ after,
+At an event with guard G (h of a surface reached, the rate at the end of the multiplier's set for a sliding
+exit), fields f- before and f+ after,
 
     S = I + (f+ - f-) (grad G)^T / (dG/dt + grad G . f-)
 
-(Aizerman & Gantmakher 1958; Leine & Nijmeijer 2004, section 7.3; di Bernardo et al. 2008, section 2.5). Entry into
-sliding loses rank by one for each surface: the multipliers that belong to it are 0. At a touching (dG/dt = 0 along
-the motion) the flow has no derivative, and that is an error.
+(Aizerman & Gantmakher 1958; Leine & Nijmeijer 2004, section 7.3; di Bernardo et al. 2008, section 2.5). Entry
+into sliding loses rank by one for each surface: the multipliers that belong to it are 0. At a touching
+(dG/dt = 0 along the motion) the flow has no derivative, and that is an error.
 """
 
 from __future__ import annotations
@@ -34,11 +34,13 @@ def flow_derivative(solution: Solution, before_last: bool = False) -> Array:
     """d x(t_end) / d x(t0), at fixed times: (n, n).
 
     before_last: leave out the saltation of an event at the very end (the derivative just before it).
-    Raises NotDifferentiableError at touchings and at several surfaces at once; UsageError without dense output or
-    for a system of plain functions.
+    Raises NotDifferentiableError at touchings and at several surfaces at once; UsageError without dense
+    output or for a system of plain functions.
     """
     if solution.sol is None:
-        raise UsageError("the derivative of the flow needs the dense output; solve without dense_output=False.")
+        raise UsageError(
+            "the derivative of the flow needs the dense output; solve without dense_output=False."
+        )
     system, p, sol = solution.problem.system, solution.problem.p, solution.sol
     total = np.eye(system.dimension)
     mode: Mode = solution.start_mode
@@ -46,7 +48,10 @@ def flow_derivative(solution: Solution, before_last: bool = False) -> Array:
     bounds = _steps_before(solution)
     for event, end in zip(solution.events, bounds, strict=True):
         if end > begin:
-            total = transition(system, mode, sol.start[begin:end], sol.step[begin:end], _states(solution), p) @ total
+            total = (
+                transition(system, mode, sol.start[begin:end], sol.step[begin:end], _states(solution), p)
+                @ total
+            )
         begin = end
         last = event is solution.events[-1] and event.t == solution.t_end
         if not (last and before_last):
@@ -54,12 +59,15 @@ def flow_derivative(solution: Solution, before_last: bool = False) -> Array:
         mode = event.after
     count = len(sol.start)
     if count > begin:
-        total = transition(system, mode, sol.start[begin:count], sol.step[begin:count], _states(solution), p) @ total
+        total = (
+            transition(system, mode, sol.start[begin:count], sol.step[begin:count], _states(solution), p)
+            @ total
+        )
     return total
 
 
 def _states(solution: Solution) -> Callable[[Array], Array]:
-    """Dense output that may be asked a rounding beyond the span (the last node of a step that ends at an event)."""
+    """Dense output that may be asked a rounding beyond the span: a step's last node may lie there."""
     sol = solution.sol
     assert sol is not None
 
@@ -75,7 +83,10 @@ def _steps_before(solution: Solution) -> list[int]:
     sol = solution.sol
     assert sol is not None
     direction = sol.direction
-    return [int(np.searchsorted(direction * sol.start, direction * event.t, side="left")) for event in solution.events]
+    return [
+        int(np.searchsorted(direction * sol.start, direction * event.t, side="left"))
+        for event in solution.events
+    ]
 
 
 def saltation(solution: Solution, event: Event) -> Array:
@@ -90,7 +101,8 @@ def saltation(solution: Solution, event: Event) -> Array:
         )
     if event.kind is EventKind.GRAZING:
         raise NotDifferentiableError(
-            f"the flow is not differentiable at t = {event.t:.9g}: the motion grazes surface {event.surface!r}."
+            f"the flow is not differentiable at t = {event.t:.9g}: the motion grazes surface "
+            f"{event.surface!r}."
         )
     if system.surfaces[event.index].kind != "switching":
         return np.eye(n)
@@ -102,7 +114,8 @@ def saltation(solution: Solution, event: Event) -> Array:
     gradient, rate = event_guard(solution, event, fields[0])
     if abs(rate) < 1e-10 * (np.abs(gradient) @ np.abs(fields[0]) + 1e-300):
         raise NotDifferentiableError(
-            f"the flow is not differentiable at t = {event.t:.9g}: surface {event.surface!r} is met without speed."
+            f"the flow is not differentiable at t = {event.t:.9g}: surface {event.surface!r} is met without "
+            "speed."
         )
     return np.eye(n) + np.outer(fields[1] - fields[0], gradient) / rate
 
@@ -117,7 +130,7 @@ def event_guard(solution: Solution, event: Event, before: Array) -> tuple[Array,
     if event.kind is not EventKind.EXIT:
         gradient = part.part("g", t, x, s, p)[0, i]
         return gradient, float(part.part("gt", t, x, s, p)[0, i, 0] + gradient @ before)
-    # The guard is s_i(t, x) minus the end of its set; the ends may vary with the state, the rate is differenced.
+    # The guard is s_i(t, x) minus the end of its set; ends may vary with the state: the rate is differenced.
     row = part.sliding.index(i)
     gradient = part.multiplier_slope(t, x, s, p)[0, row]
     step = 1e-6 * max(abs(event.t), 1e-3)

@@ -17,7 +17,8 @@ from filippov.names import unknown
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
-D = sympy.Symbol("d", real=True)
+# A Dummy: a parameter of the system may be called d as well.
+D = sympy.Dummy("d", real=True)
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,8 @@ class Section:
 
     surface, kind  the event that ends a turn of the map (as in `Stop`)
     coordinate     name of the state that is read there
-    lift           where a turn starts for a coordinate d: an expression a state (sympy or text) in `d` and the
-                   parameters, or a function (d, p) -> x0 with p by name
+    lift           where a turn starts for a coordinate d: an expression a state (sympy or text) in `d` and
+                   the parameters, or a function (d, p) -> x0 with p by name
     t_max          longest time of a turn; a motion that takes longer does not return
 
     Raises UsageError, ModelError.
@@ -50,7 +51,9 @@ class Section:
         """The section a registered model proposes; its `section` is plain data."""
         data = getattr(model, "section", None)
         if data is None:
-            raise UsageError(f"model {model.name!r} proposes no section; give Section(surface, kind, coordinate, lift).")
+            raise UsageError(
+                f"model {model.name!r} proposes no section; give Section(surface, kind, coordinate, lift)."
+            )
         return cls(data.surface, data.kind, data.coordinate, data.lift, data.t_max)
 
     @property
@@ -80,10 +83,14 @@ class BoundSection:
             self._functions = self._compile(section.lift)
 
     def _compile(self, lift: Mapping[str, Any]) -> tuple[Callable[..., Any], Callable[..., Any]]:
-        symbols: dict[str, sympy.Symbol] = {name: sympy.Symbol(name, real=True) for name in self.system.parameters}
+        symbols: dict[str, sympy.Symbol] = {
+            name: sympy.Symbol(name, real=True) for name in self.system.parameters
+        }
         missing = [name for name in self.system.states if name not in lift]
         if missing:
-            raise UsageError(f"the lift has no expression for state {', '.join(missing)}; give one for every state.")
+            raise UsageError(
+                f"the lift has no expression for state {', '.join(missing)}; give one for every state."
+            )
         for name in lift:
             if name not in self.system.states:
                 raise UsageError(unknown("state", name, self.system.states))
@@ -92,11 +99,14 @@ class BoundSection:
         for state in self.system.states:
             value = lift[state]
             expression = parse_expression(value, names) if isinstance(value, str) else sympy.S(value)
-            expression = expression.xreplace({s: names[s.name] for s in expression.free_symbols if s.name in names})
+            expression = expression.xreplace(
+                {s: names[s.name] for s in expression.free_symbols if s.name in names}
+            )
             extra = expression.free_symbols - set(names.values())
             if extra:
                 raise ModelError(
-                    f"the lift of {state!r} holds {sorted(map(str, extra))}, expected d and parameters of the system."
+                    f"the lift of {state!r} holds {sorted(map(str, extra))}, expected d and parameters of "
+                    "the system."
                 )
             rows.append(expression)
         arguments = [D, *symbols.values()]
@@ -111,17 +121,21 @@ class BoundSection:
         if self._functions is not None:
             return self._stack(self._functions[0], values, rows)
         lift: Any = self.section.lift
-        out = [lift(float(v), self.system.parameters.record(row)) for v, row in zip(values, rows, strict=True)]
+        out = [
+            lift(float(v), self.system.parameters.record(row)) for v, row in zip(values, rows, strict=True)
+        ]
         return np.array(out, dtype=float).reshape(values.size, self.system.dimension)
 
     def start_slope(self, d: float, p: Array) -> Array:
         """Derivative of the initial state by d: (n,). A lift given as a function is differenced."""
         if self._functions is not None:
-            return self._stack(self._functions[1], np.array([d]), p[None, :])[0]
+            return np.asarray(self._stack(self._functions[1], np.array([d]), p[None, :])[0])
         reach = 1e-6 * max(abs(d), 1e-3)
         pair = self.start(np.array([d + reach, d - reach]), p)
         return np.asarray((pair[0] - pair[1]) / (2 * reach))
 
     def _stack(self, function: Callable[..., Any], d: Array, rows: Array) -> Array:
         columns = function(d, *rows.T)
-        return np.column_stack([np.broadcast_to(np.asarray(column, dtype=float), d.shape) for column in columns])
+        return np.column_stack(
+            [np.broadcast_to(np.asarray(column, dtype=float), d.shape) for column in columns]
+        )

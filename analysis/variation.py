@@ -24,16 +24,16 @@ Array = npt.NDArray[np.float64]
 class ModeField:
     """Field, switching functions and their derivatives in one mode, on many points at once.
 
-    Each method takes times (k,), states (k, n), signs (k, m) with the multipliers of sliding surfaces in place, and
-    one parameter row; shapes of the results begin with k.
+    Each method takes times (k,), states (k, n), signs (k, m) with the multipliers of sliding surfaces in
+    place, and one parameter row; shapes of the results begin with k.
     """
 
     def __init__(self, system: System, mode: tuple[int, ...]) -> None:
         form = system.symbolic
         if form is None:
             raise UsageError(
-                "derivatives need a system written in expressions; this one is given by plain functions. Rewrite it "
-                "with states(...) and parameters(...), or use differences of the map."
+                "derivatives need a system written in expressions; this one is given by plain functions. "
+                "Rewrite it with states(...) and parameters(...), or use differences of the map."
             )
         self.system, self.mode = system, mode
         self.sliding = [i for i, sign in enumerate(mode) if sign == 0]
@@ -67,13 +67,13 @@ class ModeField:
         stacked = [np.broadcast_to(np.asarray(v, dtype=float), t.shape) for v in values]
         if not stacked:
             return np.zeros((t.size, rows, columns))
-        return np.stack(stacked, axis=-1).reshape(t.size, rows, columns)
+        return np.asarray(np.stack(stacked, axis=-1).reshape(t.size, rows, columns))
 
     def multiplier_slope(self, t: Array, x: Array, s: Array, p: Array) -> Array:
         """ds/dx of the sliding surfaces: (k, sliding, n)."""
         rs = self.part("rs", t, x, s, p)[:, self.sliding, :]
         rx = self.part("rx", t, x, s, p)[:, self.sliding, :]
-        return -np.linalg.solve(rs, rx)
+        return np.asarray(-np.linalg.solve(rs, rx), dtype=np.float64)
 
     def jacobian(self, t: Array, x: Array, s: Array, p: Array) -> Array:
         """A = df/dx along the mode, (k, n, n)."""
@@ -101,7 +101,6 @@ def mode_field(system: System, mode: tuple[int, ...]) -> ModeField:
     return ModeField(system, mode)
 
 
-
 def _gauss(stages: int) -> tuple[Array, Array, Array]:
     """Nodes, weights and matrix of Gauss collocation on [0, 1] (order 2 * stages)."""
     nodes, weights = np.polynomial.legendre.leggauss(stages)
@@ -119,11 +118,17 @@ _NODES, _WEIGHTS, _MATRIX = _gauss(4)
 
 
 def transition(
-    system: System, mode: tuple[int, ...], start: Array, step: Array, state: Callable[[Array], Array], p: Array
+    system: System,
+    mode: tuple[int, ...],
+    start: Array,
+    step: Array,
+    state: Callable[[Array], Array],
+    p: Array,
 ) -> Array:
     """Product of the transition matrices of X' = A X over steps of one mode: (n, n).
 
-    Gauss collocation of order 8 on the integrator's own steps, all of them at once; state(t) gives x on the nodes.
+    Gauss collocation of order 8 on the integrator's own steps, all of them at once; state(t) gives x on the
+    nodes.
     """
     n, stages = system.dimension, len(_NODES)
     field = mode_field(system, mode)
@@ -139,7 +144,9 @@ def transition(
             system_matrix[:, i, :, j, :] = -step[:, None, None] * _MATRIX[i, j] * a[:, i]
         system_matrix[:, i, :, i, :] += identity
     size = stages * n
-    k = np.linalg.solve(system_matrix.reshape(-1, size, size), a.reshape(-1, size, n)).reshape(-1, stages, n, n)
+    k = np.linalg.solve(system_matrix.reshape(-1, size, size), a.reshape(-1, size, n)).reshape(
+        -1, stages, n, n
+    )
     steps = identity + step[:, None, None] * np.einsum("i,sijk->sjk", _WEIGHTS, k)
     total = identity
     for matrix in steps:

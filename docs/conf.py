@@ -18,13 +18,13 @@ os.environ.setdefault("PYDEVD_DISABLE_FILE_VALIDATION", "1")
 project = "filippov"
 author = "The filippov developers"
 project_copyright = "The filippov developers"
-release = re.search(r'^version = "(.+)"$', (ROOT / "pyproject.toml").read_text("utf-8"), re.M)[1]
+release = re.search(r'^version = "(.+)"$', (ROOT / "pyproject.toml").read_text("utf-8"), re.MULTILINE)[1]
 version = release
 
 extensions = ["myst_nb", "sphinx.ext.autodoc"]
 source_suffix = {".md": "myst-nb"}
 exclude_patterns = ["_build", "jupyter_execute"]
-nitpicky = False
+highlight_language = "none"
 
 myst_enable_extensions = ["deflist", "fieldlist"]
 myst_heading_anchors = 3
@@ -44,7 +44,7 @@ html_show_sourcelink = False
 html_theme_options = {
     "description": "Filippov differential inclusions: exact events, sliding modes, maps, stability.",
     "fixed_sidebar": True,
-    "page_width": "1080px",
+    "page_width": "1260px",
     "sidebar_width": "230px",
     "show_powered_by": False,
 }

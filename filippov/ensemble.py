@@ -31,7 +31,17 @@ _STATUS = {
     codes.MIN_STEP: Status.MIN_STEP,
     codes.NO_SLIDING: Status.NO_SLIDING,
 }
-_OPTIONS = ("method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "nonunique", "zeno")
+_OPTIONS = (
+    "method",
+    "rtol",
+    "atol",
+    "first_step",
+    "max_step",
+    "max_steps",
+    "max_events",
+    "nonunique",
+    "zeno",
+)
 _EVENT_ROOM = 64
 
 
@@ -74,8 +84,9 @@ def solve_many(
     stop        terminal events, as in `solve`
     threads     default: all cores (1 for systems of plain Python functions)
 
-    Other options as in `solve`. What the compiled path does not decide (a corner, an accumulation of events, a
-    non-unique point) is solved again by `solve`, without touching its neighbours. Raises UsageError, ModelError.
+    Other options as in `solve`. What the compiled path does not decide (a corner, an accumulation of events,
+    a non-unique point) is solved again by `solve`, without touching its neighbours. Raises UsageError,
+    ModelError.
     """
     check_known("option", options, _OPTIONS, UsageError)
     span, stops = check_span(t_span), check_stops(stop, system)
@@ -106,11 +117,14 @@ def _points(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
     states = np.array(x0, dtype=float, ndmin=2)
     if states.ndim != 2 or states.shape[1] != system.dimension:
         raise UsageError(
-            f"x0 has shape {np.shape(x0)}, expected (k, {system.dimension}) (states: {', '.join(system.states)})."
+            f"x0 has shape {np.shape(x0)}, expected (k, {system.dimension}) "
+            f"(states: {', '.join(system.states)})."
         )
     if not np.all(np.isfinite(states)):
         row, column = np.argwhere(~np.isfinite(states))[0]
-        raise UsageError(f"x0[{row}]: state {system.states[column]!r} is {states[row, column]}, expected a number.")
+        raise UsageError(
+            f"x0[{row}]: state {system.states[column]!r} is {states[row, column]}, expected a number."
+        )
     single = {k: v for k, v in parameters.items() if np.ndim(v) == 0}
     columns = {k: np.asarray(v, dtype=float) for k, v in parameters.items() if np.ndim(v) != 0}
     lengths = {len(column) for column in columns.values()} | {len(states)}
@@ -131,10 +145,10 @@ class _Work:
     """Arrays of an ensemble; every thread runs its own rows with its own scratch."""
 
     def __init__(
-        self, system: System, states: Array, values: Array, span: tuple[float, float], stops: tuple[Stop, ...],
-        options: Options,
+        self, system: System, states: Array, values: Array, span: tuple[float, float],
+        stops: tuple[Stop, ...], options: Options,
     ) -> None:  # fmt: skip
-        k, n, m = len(states), system.dimension, len(system.surfaces)
+        k, m = len(states), len(system.surfaces)
         self.system, self.options, self.span = system, options, span
         self.start = states
         self.x, self.values = states.copy(), values
@@ -147,7 +161,10 @@ class _Work:
         self.clock[:, codes.STEP] = options.first_step or 0.0
         self.count = np.zeros((k, codes.COUNT_SIZE), dtype=np.int64)
         self.count[:, codes.STEP_BUDGET] = options.max_steps
-        self.count[:, codes.EVENT_ROOM], self.count[:, codes.EVENT_BUDGET] = _EVENT_ROOM + m, options.max_events
+        self.count[:, codes.EVENT_ROOM], self.count[:, codes.EVENT_BUDGET] = (
+            _EVENT_ROOM + m,
+            options.max_events,
+        )
         self.stop = np.zeros((k, m, codes.KINDS), dtype=np.int64)
         names = [surface.name for surface in system.surfaces]
         for item in stops:
@@ -172,10 +189,13 @@ class _Work:
             return
         self._call(machine, first, last, events, marks)
 
-    def _call(self, machine: Machine, first: int, last: int, events: Array, marks: npt.NDArray[np.int64]) -> None:
+    def _call(
+        self, machine: Machine, first: int, last: int, events: Array, marks: npt.NDArray[np.int64]
+    ) -> None:
         machine.call(
-            "ensemble", int(first), int(last), self.clock, self.count, self.x, self.mode, self.order, self.hit, self.lam,
-            self.p, self.atol, self.stop, self.zeno, events, marks, self.code, machine.w, machine.iw, machine.context,
+            "ensemble", int(first), int(last), self.clock, self.count, self.x, self.mode, self.order,
+            self.hit, self.lam, self.p, self.atol, self.stop, self.zeno, events, marks, self.code, machine.w,
+            machine.iw, machine.context,
         )  # fmt: skip
 
     def result(self, options: Mapping[str, Any], stops: tuple[Stop, ...]) -> Ensemble:
@@ -187,7 +207,11 @@ class _Work:
             problem = Problem(self.system, self.start[q], self.span, values)
             solution = solve(problem, stop=stops, dense_output=False, **options)
             statuses[q], messages[q] = solution.status, solution.message
-            self.clock[q, codes.T], self.x[q], self.mode[q] = solution.t_end, solution.x_end, solution.end_mode
+            self.clock[q, codes.T], self.x[q], self.mode[q] = (
+                solution.t_end,
+                solution.x_end,
+                solution.end_mode,
+            )
             self.count[q, codes.FIELD_CALLS] += solution.nfev
         done = tuple(status for status in statuses if status is not None)
         return Ensemble(

@@ -1,4 +1,4 @@
-"""Events as they come out of the compiled loop: kept as arrays, made into Event objects when somebody looks."""
+"""Events as they come out of the compiled loop: kept as arrays, made into Event objects on demand."""
 
 from __future__ import annotations
 
@@ -53,7 +53,19 @@ class EventLog(Events):
         group = self._made[-1].group + (0 if together else 1) if self._made else 0
         self._made.append(
             Event(
-                t, self.names[index], index, kind, before, after, x, multiplier, residual, group, note, x_after, self.sense
+                t,
+                self.names[index],
+                index,
+                kind,
+                before,
+                after,
+                x,
+                multiplier,
+                residual,
+                group,
+                note,
+                x_after,
+                self.sense,
             )
         )
 

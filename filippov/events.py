@@ -33,7 +33,7 @@ class Event(NamedTuple):
 
     t: float
     surface: str
-    index: int
+    index: int  # type: ignore[assignment]  # a tuple's method of that name is not missed here
     kind: EventKind
     before: Mode
     after: Mode
@@ -90,7 +90,9 @@ class Events(Sequence[Event]):
         """States at the events, one row an event."""
         return np.array([event.x for event in self._items])
 
-    def of(self, surface: str | None = None, kind: EventKind | str | None = None, direction: int = 0) -> Events:
+    def of(
+        self, surface: str | None = None, kind: EventKind | str | None = None, direction: int = 0
+    ) -> Events:
         """The events on one surface, of one kind, in one direction (0: either)."""
         wanted = None if kind is None else EventKind(kind)
         return Events(
@@ -99,7 +101,7 @@ class Events(Sequence[Event]):
                 for event in self._items
                 if (surface is None or event.surface == surface)
                 and (wanted is None or event.kind is wanted)
-                and (direction == 0 or event.direction == direction)
+                and direction in (0, event.direction)
             ]
         )
 

@@ -1,4 +1,4 @@
-"""Expressions from text, safely: numbers, known names, + - * / **, comparisons and listed functions; nothing else."""
+"""Expressions from text, safely: numbers, known names, + - * / **, comparisons and listed functions only."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from filippov.symbols import t
 LONGEST = 20_000
 DEEPEST = 60
 LARGEST_POWER = 64
+LARGEST_ARGUMENT = 700
 _FUNCTIONS: dict[str, Any] = {
     name: getattr(sympy, name)
-    for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "sinh", "cosh", "asin", "acos", "atan", "atan2",
-                 "Abs", "sign", "Heaviside", "Min", "Max")
+    for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "sinh", "cosh", "asin", "acos", "atan",
+                 "atan2", "Abs", "sign", "Heaviside", "Min", "Max")
 } | {"abs": sympy.Abs, "ln": sympy.log, "min": sympy.Min, "max": sympy.Max}  # fmt: skip
 _CONSTANTS = {"pi": sympy.pi, "t": t}
 _NUMBER = re.compile(r"[0-9.]+([eE][+-]?[0-9]+)?")
@@ -29,9 +30,9 @@ _NUMBER = re.compile(r"[0-9.]+([eE][+-]?[0-9]+)?")
 def parse_expression(text: str, names: Mapping[str, Expr | Symbol | float] | None = None) -> Expr:
     """The sympy expression that a text stands for.
 
-    names: what other names mean (states, parameters); they go before the constants pi and t. Decimal numbers are
-    read exactly (0.1 is 1/10). Raises ModelError for anything outside the language, for text longer than LONGEST,
-    nesting deeper than DEEPEST and powers beyond LARGEST_POWER.
+    names: what other names mean (states, parameters); they go before the constants pi and t. Decimal numbers
+    are read exactly (0.1 is 1/10). Raises ModelError for anything outside the language, for text longer than
+    LONGEST, nesting deeper than DEEPEST and powers beyond LARGEST_POWER.
     """
     if not isinstance(text, str):
         raise ModelError(f"expression is {text!r}, expected text.")
@@ -104,6 +105,10 @@ class _Reader:
         raise self.refuse(node, "uses an operator that is not allowed; use + - * / **")
 
     def apply(self, node: ast.Call, values: list[Any]) -> Any:
+        # sympy turns exp(n log 2) into the whole number 2**n, however many digits that has.
+        for value in values if node.func.id in ("exp", "sinh", "cosh") else ():  # type: ignore[attr-defined]
+            if value.is_number and not abs(value.evalf(8)) < LARGEST_ARGUMENT:
+                raise self.refuse(node, f"has an argument beyond {LARGEST_ARGUMENT}")
         try:
             return _FUNCTIONS[node.func.id](*values)  # type: ignore[attr-defined]
         except (TypeError, ValueError):

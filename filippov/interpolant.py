@@ -35,16 +35,15 @@ class Interpolant:
         if np.any(bad):
             value = t[np.argmax(bad)]
             raise UsageError(f"sol was asked for t = {value}, outside the solved span [{low}, {high}].")
-        where = "left" if (side == "-") == (self.direction > 0) else "right"
+        where: Literal["left", "right"] = "left" if (side == "-") == (self.direction > 0) else "right"
         if self.direction > 0:
             index = np.searchsorted(self.start, t, side=where) - 1
         else:
-            index = len(self.start) - 1 - (np.searchsorted(self.start[::-1], t, side=where) - 0)
-            index = index + 1 if where == "left" else index + 1
-            index = index - 1
+            index = len(self.start) - 1 - np.searchsorted(self.start[::-1], t, side=where)
         return np.clip(index, 0, len(self.start) - 1).astype(np.int64)
 
     def __call__(self, t: Any, side: str = "-") -> Array:
+        """States at the times, shape (n,) or (n, k)."""
         times = np.asarray(t, dtype=float)
         flat = np.atleast_1d(times).ravel()
         index = self.locate(flat, side)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov._kernels import codes
 from filippov._kernels.build import Compiled, build
 from filippov._kernels.callback import Callbacks, callback_unit
 from filippov._kernels.generate import Generated, generate
@@ -53,7 +52,7 @@ class Machine:
         self.calls = 0
 
     def derived(self, values: Array) -> Array:
-        """Parameters, one row a set, with room for what the compiled field derives from them; one set is derived."""
+        """Parameters, one row a set, with room for what the field derives from them; one set is derived."""
         width = int(self.unit.constants["P"])  # type: ignore[arg-type]
         rows = np.zeros((*values.shape[:-1], width))
         rows[..., : values.shape[-1]] = values
@@ -62,7 +61,7 @@ class Machine:
         return rows
 
     def call(self, name: str, *arguments: Any) -> int:
-        """Call a compiled function; arrays go by address, numbers as they are. Raises what the user's code raised."""
+        """Call a compiled function: arrays by address, numbers as they are. Raises what user code raised."""
         passed = [a.ctypes.data if isinstance(a, np.ndarray) else a for a in arguments]
         code = int(self.compiled.functions[name](*passed))
         self.raise_error()
@@ -102,21 +101,24 @@ class Machine:
         if not np.all(out[:, 0] <= -1 + 1e-12) or not np.all(out[:, 1] >= 1 - 1e-12):
             i = int(np.argmax((out[:, 0] > -1 + 1e-12) | (out[:, 1] < 1 - 1e-12)))
             raise ModelError(
-                f"surface {self.system.surfaces[i].name!r}: its set at h = 0 is [{out[i, 0]:g}, {out[i, 1]:g}] at "
-                f"t = {t:g}, expected one that holds [-1, 1]. Check the radius with these parameters."
+                f"surface {self.system.surfaces[i].name!r}: its set at h = 0 is "
+                f"[{out[i, 0]:g}, {out[i, 1]:g}] at t = {t:g}, expected one that holds "
+                "[-1, 1]. Check the radius with these parameters."
             )
         return out
 
-    def probe(self, t: float, step: float, x: Array, mode: Array, guess: Array) -> tuple[int, Array, Array, Array]:
-        """(code, field, multipliers, guards along a trial step) of a mode; guards have shape (NODES, 2, m)."""
+    def probe(
+        self, t: float, step: float, x: Array, mode: Array, guess: Array
+    ) -> tuple[int, Array, Array, Array]:
+        """(code, field, multipliers, guards along a trial step) of a mode; guards: shape (NODES, 2, m)."""
         out = np.zeros(self.n + NODES * 2 * self.m)
         lam = np.array(guess, dtype=np.float64)
-        code = self.call("probe", float(t), float(step), x, mode, self.p, lam, out, self.w, self.iw, self.context)
+        code = self.call(
+            "probe", float(t), float(step), x, mode, self.p, lam, out, self.w, self.iw, self.context
+        )
         return code, out[: self.n], lam, out[self.n :].reshape(NODES, 2, self.m)
 
 
 def address(array: npt.NDArray[Any]) -> int:
     """Address of an array's data."""
     return int(array.ctypes.data)
-
-

@@ -1,9 +1,9 @@
-"""Which modes can follow at a point on surfaces: the inclusion's own answer, for any number of surfaces (U1, U2).
+"""Which modes can follow at a point on any number of surfaces: the inclusion's own answer (U1, U2).
 
-A candidate gives each surface met a sign, or 0 for sliding. It is consistent if the motion of that mode does what
-the mode says: leaves each surface to the side of its sign (first non-vanishing derivative of h), and holds each
-sliding surface with a multiplier inside its set (at an end of the set: one that moves inwards). All consistent
-candidates are returned; one means that the solution goes on uniquely.
+A candidate gives each surface met a sign, or 0 for sliding. It is consistent if the motion of that mode does
+what the mode says: leaves each surface to the side of its sign (first non-vanishing derivative of h), and
+holds each sliding surface with a multiplier inside its set (at an end of the set: one that moves inwards).
+All consistent candidates are returned; one means that the solution goes on uniquely.
 
 Sources: Filippov 1988, section 10; Dieci & Lopez 2012, section 3; di Bernardo et al. 2008, chapter 5.
 """
@@ -13,6 +13,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -31,8 +32,8 @@ _MONOMIAL = np.linalg.inv(np.vander(np.array(POSITION), NODES, increasing=True))
 class Successor:
     """A consistent next mode.
 
-    order        how often each guard met vanishes along the motion; for sliding 2 where the multiplier starts at an
-                 end of its set, and negative (-1, -2) where it repels
+    order        how often each guard met vanishes along the motion; for sliding 2 where the multiplier starts
+                 at an end of its set, and negative (-1, -2) where it repels
     multipliers  value of the sign of every sliding surface (0 elsewhere)
     field        the field of the mode at the point
     margin       least rate, on its own scale, by which the mode is consistent; 0 for a tangential one
@@ -51,7 +52,7 @@ class Successor:
 
 @dataclass(frozen=True)
 class Point:
-    """Where the modes are asked for: the machine, time and state, direction of time, a trial step, the last mode."""
+    """Where modes are asked for: machine, time and state, direction of time, a trial step, the last mode."""
 
     machine: Machine
     t: float
@@ -66,7 +67,7 @@ class Point:
 
 
 def first_derivative(values: Array, scale: float) -> tuple[int, float]:
-    """Order and coefficient of the first power of theta that the guard does not lack: (0, 0.0) if it is zero throughout."""
+    """Order and coefficient of the first power of theta in the guard: (0, 0.0) if it is zero throughout."""
     largest = float(np.max(np.abs(values[1:])))
     noise = 64 * np.finfo(float).eps * scale
     if not np.isfinite(largest) or largest <= noise:
@@ -81,10 +82,10 @@ def first_derivative(values: Array, scale: float) -> tuple[int, float]:
 def leading_term(
     point: Point, mode: Array, lam: Array, pick: Callable[[Array], Array], scale: float
 ) -> tuple[int, float] | None:
-    """Order and sign of the first power of time in a guard along the motion of a mode; None where it cannot be followed.
+    """Order and sign of the first power of time in a guard along a mode; None where it cannot be followed.
 
-    pick: the guard out of the rows of `Machine.probe`. The trial step is shortened until two lengths agree on the
-    term, so that what a polynomial on a long step makes up is not taken for a derivative.
+    pick: the guard out of the rows of `Machine.probe`. The trial step is shortened until two lengths agree on
+    the term, so that what a polynomial on a long step makes up is not taken for a derivative.
     """
     step, last = point.step, (-1, 0.0)
     for _ in range(TRIALS):
@@ -139,7 +140,7 @@ def _inside(base: Mode, lam: Array, radii: Array, sliding: Sequence[int]) -> boo
 
 
 def _nearness(base: Mode, i: int, low: float, high: float) -> float:
-    """How close to an end of its set a multiplier stands at it: as close as an exit is located, or a rounding."""
+    """How close a multiplier at an end of its set stands to it: as an exit is located, or a rounding."""
     return (1e-7 if base[i] == 0 else 1e-13) * (1.0 + high - low)
 
 
@@ -155,10 +156,14 @@ def _moves_inwards(
                 code, _, _, rows = point.machine.probe(point.t, point.step, point.x, mode, lam)
                 # Rows are written for sliding that attracts; one that repels has both of them negative.
                 scale = float(np.max(np.abs(rows[:, :, i])))
-                term = leading_term(point, mode, lam, lambda r, k=(side, i): r[:, k[0], k[1]], scale)
+                term = leading_term(point, mode, lam, partial(_row, side, i), scale)
                 if code != 0 or term is None or term[1] * _attraction(rows, i) < 0:
                     return False
     return True
+
+
+def _row(side: int, i: int, rows: Array) -> Array:
+    return np.asarray(rows[:, side, i])
 
 
 def _attraction(rows: Array, i: int) -> float:
@@ -178,7 +183,7 @@ def _repels(point: Point, mode: Array, i: int) -> bool:
 def _leaves(
     point: Point, mode: Array, lam: Array, field: Array, free: Sequence[int], tangent: Sequence[int]
 ) -> tuple[dict[int, int], float] | None:
-    """Orders with which the surfaces off which the mode runs are left, None where one is not left to its side."""
+    """Orders with which a mode leaves the surfaces it runs off, None where one is not left to its side."""
     g, gt = point.gradients(mode)
     orders: dict[int, int] = {}
     margin = np.inf
@@ -196,7 +201,7 @@ def _leaves(
             margin = min(margin, rate / scale)
     for i in unclear:
         size = float(np.sum(np.abs(g[i] * point.x)) + abs(gt[i] * point.t))
-        term = leading_term(point, mode, lam, lambda rows, i=i: rows[:, 0, i], size)
+        term = leading_term(point, mode, lam, partial(_row, 0, i), size)
         if term is None or term[1] < 0:
             return None
         orders[i] = term[0]
@@ -205,7 +210,7 @@ def _leaves(
 
 
 def successors(point: Point, base: Mode, met: Sequence[int]) -> list[Successor]:
-    """All consistent next modes at a point that lies on the surfaces `met`; the others keep their sign in `base`."""
+    """All consistent next modes at a point on the surfaces `met`; the others keep their sign in `base`."""
     # Sliding is left tangentially: the rate off the surface is rounding there, whatever its size looks like.
     tangent = [i for i in met if base[i] == 0]
     choices: list[tuple[int, ...]] = []
@@ -224,7 +229,9 @@ def successors(point: Point, base: Mode, met: Sequence[int]) -> list[Successor]:
             if inside is False:
                 continue
             left = _leaves(point, mode, lam, field, free, tangent)
-            if left is None or (inside is None and not _moves_inwards(point, base, mode, lam, radii, sliding)):
+            if left is None or (
+                inside is None and not _moves_inwards(point, base, mode, lam, radii, sliding)
+            ):
                 continue
             orders, margin = left
             # Nothing depends on the sign of a surface on which nothing jumps and along which the motion runs.
@@ -263,7 +270,7 @@ def _without_doubles(found: list[Successor]) -> list[Successor]:
 
 
 def _without_released_sticking(found: list[Successor], radii: Array) -> list[Successor]:
-    """U4: where the set at h = 0 is wider than [-1, 1], sticking goes before the slip it is ambiguous with."""
+    """U4: where the set at h = 0 is wider than [-1, 1], sticking goes before a slip as consistent."""
     kept = []
     for candidate in found:
         beaten = any(

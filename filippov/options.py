@@ -1,4 +1,4 @@
-"""Options of a run, checked: every one is refused by name with what was given, what is expected and what to do."""
+"""Options of a run, checked: each is refused by name with what was given, what is expected and what to do."""
 
 from __future__ import annotations
 
@@ -110,13 +110,16 @@ def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
                 raise UsageError(unknown("state", name, system.states))
         missing = [name for name in system.states if name not in names]
         if missing:
-            raise UsageError(f"x0 has no value for {', '.join(missing)}; expected one for each of {system.states}.")
+            raise UsageError(
+                f"x0 has no value for {', '.join(missing)}; expected one for each of {system.states}."
+            )
         values = dict(zip(names, x0.values(), strict=True))
         x0 = [values[name] for name in system.states]
     array = number_array("x0", x0)
     if array.shape != (system.dimension,):
         raise UsageError(
-            f"x0 has shape {array.shape}, expected {system.dimension} numbers (states: {', '.join(system.states)})."
+            f"x0 has shape {array.shape}, expected {system.dimension} numbers "
+            f"(states: {', '.join(system.states)})."
         )
     for name, value in zip(system.states, array, strict=True):
         if not math.isfinite(value):
@@ -154,8 +157,8 @@ def check_times(t_eval: Any, span: tuple[float, float]) -> npt.NDArray[np.float6
     if np.any(steps <= 0):
         i = int(np.argmax(steps <= 0))
         raise UsageError(
-            f"t_eval[{i}] = {times[i]} and t_eval[{i + 1}] = {times[i + 1]} are not in the order of integration; "
-            "sort them and drop repeated ones."
+            f"t_eval[{i}] = {times[i]} and t_eval[{i + 1}] = {times[i + 1]} are not in the order of "
+            "integration; sort them and drop repeated ones."
         )
     return times
 

@@ -74,11 +74,11 @@ def _line(
         return
     ax.plot(*np.array(points, dtype=float).T, **look)
     first = look["marker"] == _MARKS[0] or quantity == "drift"
-    if exponent is not None and first:  # models in turn above and below their lines
-        offset, side = ((6, 4), "left") if place % 2 == 0 else ((-6, -11), "right")
+    if exponent is not None and first:
+        at = max(0, len(points) // 2 - place % 2)  # models in turn, not above each other
         ax.annotate(
-            f"{exponent:.2f}", points[len(points) // 2], xytext=offset, textcoords="offset points", ha=side,
-            color=look["color"], fontsize=7.5,
+            f"{exponent:.2f}", points[at], xytext=(7, 4), textcoords="offset points", color=look["color"],
+            fontsize=7.5,
         )  # fmt: skip
 
 

@@ -32,7 +32,9 @@ class Problem:
     parameters: Mapping[str, float]
     p: npt.NDArray[np.float64]
 
-    def __init__(self, system: System, x0: Any, t_span: Any, parameters: Mapping[str, float] | None = None) -> None:
+    def __init__(
+        self, system: System, x0: Any, t_span: Any, parameters: Mapping[str, float] | None = None
+    ) -> None:
         if not isinstance(system, System):
             raise UsageError(f"Problem was given {type(system).__name__}, expected a System.")
         state = check_state(x0, system)
@@ -59,7 +61,7 @@ class Problem:
         return Problem, (self.system, self.x0, self.t_span, dict(self.parameters))
 
     def remake(self, **changes: Any) -> Problem:
-        """The same problem with some of system, x0, t_span, parameters replaced; parameters are updated by name."""
+        """The same problem with some of system, x0, t_span, parameters replaced; parameters by name."""
         check_known("part of a problem", changes, ("system", "x0", "t_span", "parameters"), UsageError)
         system = changes.get("system", self.system)
         parameters = {k: v for k, v in self.parameters.items() if k in system.parameters}

@@ -50,9 +50,9 @@ class Run:
         self._arrays = [
             a.ctypes.data
             for a in (
-                self.clock, self.count, self.x, self.mode, self.order, self.hit, self.lam, machine.p, self.atol,
-                self.stop, self.zeno, self.record, self.coef, self.found, self.marks, machine.w, machine.iw,
-                machine.context,
+                self.clock, self.count, self.x, self.mode, self.order, self.hit, self.lam, machine.p,
+                self.atol, self.stop, self.zeno, self.record, self.coef, self.found, self.marks, machine.w,
+                machine.iw, machine.context,
             )
         ]  # fmt: skip
 
@@ -70,8 +70,8 @@ class Run:
         """Find the initial mode in compiled code; GENERAL where it is not simple."""
         machine = self.machine
         return machine.call(
-            "begin", self.t, self.direction, self.x, machine.p, self.mode, self.order, self.lam, machine.w, machine.iw,
-            machine.context,
+            "begin", self.t, self.direction, self.x, machine.p, self.mode, self.order, self.lam, machine.w,
+            machine.iw, machine.context,
         )  # fmt: skip
 
     def watch(self, stops: tuple[Stop, ...]) -> None:
@@ -116,9 +116,9 @@ class Run:
             width = machine.widths[mark[0]]
             if row[2] > 1e-6 * float(np.abs(g[mark[0]]) @ reach + abs(gt[mark[0]] * row[0])) + width:
                 raise ModelError(
-                    f"surface {machine.system.surfaces[mark[0]].name!r}: h changes its sign at t = {row[0]:.9g} without "
-                    f"being 0 there (|h| = {row[2]:.3g}). h must be continuous: give the function whose zero is the "
-                    "surface, or declare a time event."
+                    f"surface {machine.system.surfaces[mark[0]].name!r}: h changes its sign at t = "
+                    f"{row[0]:.9g} without being 0 there (|h| = {row[2]:.3g}). h must be continuous: give "
+                    "the function whose zero is the surface, or declare a time event."
                 )
 
     def add_event(

@@ -26,8 +26,8 @@ from filippov.zeno import Limit, accumulation
 _CHUNK, _SLOW_CHUNK, _LONGEST_CHUNK = 2_000, 10, 1_000_000
 _LOOK = 0.05
 _OPTIONS = (
-    "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique", "on_graze",
-    "zeno", "stop", "dense_output",
+    "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
+    "on_graze", "zeno", "stop", "dense_output",
 )  # fmt: skip
 
 
@@ -55,16 +55,16 @@ def solve(
     rtol, atol  relative and absolute tolerance of a step; atol may be one number a state
     first_step, max_step         bounds of the step
     max_steps, max_events, max_time   budgets (max_time in seconds); each ends in a named status
-    nonunique   where several modes can follow: "raise" (end with NON_UNIQUE), "stick" (most sliding), "slip" (least
-                sliding), or a function from the list of candidates to the one to take
+    nonunique   where several modes can follow: "raise" (end with NON_UNIQUE), "stick" (most sliding), "slip"
+                (least sliding), or a function from the list of candidates to the one to take
     on_graze    "continue", or "error" to end at a touching of a surface
     zeno        "stop" at an accumulation of events, or "continue" in the limit mode
     stop        Stop(surface, kind, count) or several: terminal events
     dense_output  keep the interpolants that sol(t) needs
 
-    Returns a Solution; see its `status` and `message`. Raises ModelError, UsageError for bad input, and whatever a
-    function of the user raises. Source: event-driven integration after Piiroinen & Kuznetsov 2008 and Dieci & Lopez
-    2012; see the page on the event loop.
+    Returns a Solution; see its `status` and `message`. Raises ModelError, UsageError for bad input, and
+    whatever a function of the user raises. Source: event-driven integration after Piiroinen & Kuznetsov 2008
+    and Dieci & Lopez 2012; see the page on the event loop.
     """
     problem = _problem(system, x0, t_span, parameters)
     check_known("option", options, _OPTIONS, UsageError)
@@ -161,7 +161,11 @@ class _Loop:
             return self._end(Status.MAX_EVENTS)
         if code == codes.REACHED:
             return self._end(Status.SUCCESS)
-        if code == codes.STOPPED and self.options.on_graze == "error" and run.events[-1].kind is EventKind.GRAZING:
+        if (
+            code == codes.STOPPED
+            and self.options.on_graze == "error"
+            and run.events[-1].kind is EventKind.GRAZING
+        ):
             return self._end(Status.GRAZING, f"{run.events[-1]}.")
         if code == codes.STOPPED:
             return self._end(Status.STOPPED, f"Stopped at t = {run.t:.12g}: {run.events[-1]}.")
@@ -252,7 +256,9 @@ class _Loop:
             picked = policy(list(candidates))
             if picked is None or isinstance(picked, Successor):
                 return picked
-            raise UsageError(f"nonunique returned {picked!r}, expected one of the candidates it was given, or None.")
+            raise UsageError(
+                f"nonunique returned {picked!r}, expected one of the candidates it was given, or None."
+            )
         if policy == "raise":
             return None
         counts = [sum(v == 0 for v in c.mode) for c in candidates]
@@ -276,7 +282,16 @@ class _Loop:
                 continue
             multiplier = chosen.multipliers[i] if chosen.mode[i] == 0 else float("nan")
             run.add_event(
-                run.t, i, kind, before, chosen.mode, run.x.copy(), multiplier, float(residual[i]), note, together
+                run.t,
+                i,
+                kind,
+                before,
+                chosen.mode,
+                run.x.copy(),
+                multiplier,
+                float(residual[i]),
+                note,
+                together,
             )
             together = True
             if run.count_down(i, kind, run.events[-1].direction):

@@ -37,37 +37,38 @@ _ADVICE = {
     Status.SUCCESS: "The end of t_span was reached.",
     Status.STOPPED: "A terminal event was reached.",
     Status.MAX_STEPS: (
-        "The budget of steps is used up. Common causes: a stiff field under an explicit method, or a tolerance below "
-        "what double precision can give. Raise max_steps, or loosen rtol."
+        "The budget of steps is used up. Common causes: a stiff field under an explicit method, or a "
+        "tolerance below what double precision can give. Raise max_steps, or loosen rtol."
     ),
     Status.MAX_EVENTS: (
-        "The budget of events is used up. Common causes: a fast periodic motion over a long span. Raise max_events."
+        "The budget of events is used up. Common causes: a fast periodic motion over a long span. Raise "
+        "max_events."
     ),
     Status.TIMEOUT: "The time allowed by max_time is used up. Raise it, or shorten t_span.",
     Status.INTERRUPTED: "The run was interrupted; what it had computed is kept.",
     Status.ZENO: (
-        "Events accumulate at a finite time. The estimated limit is in the message; pass zeno='continue' to go on in "
-        "the limit mode."
+        "Events accumulate at a finite time. The estimated limit is in the message; pass zeno='continue' to "
+        "go on in the limit mode."
     ),
     Status.NON_UNIQUE: (
         "Several continuations satisfy the inclusion from this point: its solution is a set. Choose one with "
         "nonunique='stick', 'slip' or a function of the candidates."
     ),
     Status.NO_CONTINUATION: (
-        "No mode is consistent at this point. Common causes: a tangency of higher order than the classification "
-        "resolves, or a field that is discontinuous where no surface is declared."
+        "No mode is consistent at this point. Common causes: a tangency of higher order than the "
+        "classification resolves, or a field that is discontinuous where no surface is declared."
     ),
     Status.NO_SLIDING: (
-        "No multipliers hold the motion on its surfaces. Common causes: surfaces that the signs do not act on, or "
-        "two surfaces whose gradients are parallel here."
+        "No multipliers hold the motion on its surfaces. Common causes: surfaces that the signs do not act "
+        "on, or two surfaces whose gradients are parallel here."
     ),
     Status.NOT_FINITE: (
-        "The field is not a finite number here. Common causes: a solution that grows without bound in finite time, a "
-        "division by zero, or a field that is not defined for this state."
+        "The field is not a finite number here. Common causes: a solution that grows without bound in finite "
+        "time, a division by zero, or a field that is not defined for this state."
     ),
     Status.MIN_STEP: (
-        "The step fell below the spacing of t. Common causes: a field that is discontinuous where no surface is "
-        "declared, a singularity, or a large t with a fast motion (shift the origin of time)."
+        "The step fell below the spacing of t. Common causes: a field that is discontinuous where no surface "
+        "is declared, a singularity, or a large t with a fast motion (shift the origin of time)."
     ),
     Status.GRAZING: "The motion touches a surface and on_graze='error' was asked for.",
 }

@@ -77,11 +77,11 @@ class Study:
     labels             axis labels with units, by name of state, "t", "d", "P" (the map), the parameter,
                        "curve x", "curve y", "multiplier"
     mode_names         words for modes
-    stated_*           what the source states: parameters, fixed points by case, places by case, bounds by case,
+    stated_*           what the source states: parameters, fixed points by case, places and bounds by case,
                        classification
     summary            paragraphs at the head of the report
-    differences        (title, text): what differs from the source, and why. In both kinds of text {fold_2:.8f}
-                       and the like stand for computed values (see filippov.report.facts)
+    differences        (title, text): what differs from the source, and why. In all texts {fold_2:.8f} and
+                       the like stand for computed values (see filippov.report.facts)
     """
 
     name: str

@@ -14,7 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from filippov._kernels import bernstein, build, tables
-from filippov._kernels.compiler import KernelError, Unit, add_kernels, compile_unit, load_object
+from filippov._kernels.compiler import compile_unit, load_object
+from filippov._kernels.unit import KernelError, Unit, add_kernels
 
 ROOM = tables.DEPTH + 3
 WRAPPERS = """

@@ -49,8 +49,8 @@ FLOORS: dict[str, float] = {
     "filippov.analysis.continuation": 9.5,
     "filippov.analysis.bifurcation": 9.6, "filippov.analysis.regions": 9.6,
     "filippov.analysis.band_model": 9.65, "filippov.analysis.comparison_result": 9.65,
-    "filippov.analysis.comparison_run": 9.66, "filippov.analysis.comparison": 9.7, "filippov.analysis.describing_function": 9.7,
-    "filippov.analysis": 9.9,
+    "filippov.analysis.comparison_run": 9.66, "filippov.analysis.comparison": 9.7,
+    "filippov.analysis.describing_function": 9.7, "filippov.analysis": 9.9,
     "filippov.report": 10, "filippov.report.independent": 10, "filippov.report.results": 10,
     "filippov.report.compute": 10.1, "filippov.report.facts": 10.1, "filippov.report.figures": 10.1,
     "filippov.report.files": 10.1, "filippov.report.tables": 10.2, "filippov.report.html": 10.3,
@@ -63,7 +63,8 @@ FLOORS: dict[str, float] = {
 LATE: set[tuple[str, str]] = {
     ("filippov.solution", "filippov.graph"),
     ("filippov.solution", "filippov.plotting"),
-    ("filippov.solution", "filippov.storage"), ("filippov.solution", "filippov.export"),
+    ("filippov.solution", "filippov.storage"),
+    ("filippov.solution", "filippov.export"),
 }
 
 # Packages whose modules may import each other: the order among them is their own affair, circles are not.
@@ -148,7 +149,7 @@ def test_no_import_circle() -> None:
     done: set[str] = set()
 
     def visit(module: str, path: tuple[str, ...]) -> None:
-        assert module not in path, f"import circle: {' -> '.join((*path[path.index(module):], module))}"
+        assert module not in path, f"import circle: {' -> '.join((*path[path.index(module) :], module))}"
         if module in done:
             return
         for name, _, late in imported(module):

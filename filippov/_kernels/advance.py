@@ -1,39 +1,103 @@
 """The event loop: one trajectory, mode by mode, until its end or until something needs the general path.
 
 Contract (clauses E1-E9 of docs/event-loop): the field of a segment is smooth, the mode is the memory; an
-accepted step is searched for its first event; the event is landed on by a real step; simple ones are decided in
-`resolve`, everything else returns GENERAL with the state at the event and the surfaces that are hit.
+accepted step is searched for its first event; the event is landed on by a real step; simple ones are decided
+in `resolve`, everything else returns GENERAL with the state at the event and the surfaces that are hit.
 """
 
-from filippov._kernels.codes import (CAUSE, CHUNK_DONE, CLOCK_SIZE, COUNT_SIZE, EVENTS, EVENTS_FULL, EVENT_BUDGET, EVENT_ROOM, EXIT_DOWN, EXIT_UP, FIELD_CALLS, GENERAL, GRAZING, KINK, KINDS, MAX_STEP, MIN_STEP, NONE, NOTHING, NOT_FINITE, NO_SLIDING, OBSERVER, REACHED, RECORDS, RECORDS_FULL, RECORD_ROOM, REJECTED, RELATIVE, ROUGH_FROM, ROUGH_NOISE, ROUGH_SPAN, ROOT, RTOL, STEP, STEPS, STEP_BUDGET, STOPPED, STORE, SURFACE, T, TOUCH, T_END, T_START, USER_ERROR, ZENO)
-from filippov._kernels.control import (creep_off, error_norm, finite, first_step, guard_state, is_rough, mark_hits, step_factor, suspicious, time_to_surface)
-from filippov._kernels.field import (clear_ranges, field, project, set_mode)
-from filippov._kernels.land import (EPS, land)
-from filippov._kernels.language import Indices, NAN, Vector, kernel, shift, shift_indices, truncate
+from filippov._kernels.codes import (
+    CAUSE,
+    CHUNK_DONE,
+    EVENT_ROOM,
+    EVENTS,
+    EVENTS_FULL,
+    EXIT_DOWN,
+    EXIT_UP,
+    FIELD_CALLS,
+    GENERAL,
+    GRAZING,
+    KINDS,
+    KINK,
+    MAX_STEP,
+    MIN_STEP,
+    NO_SLIDING,
+    NONE,
+    NOT_FINITE,
+    NOTHING,
+    OBSERVER,
+    REACHED,
+    RECORD_ROOM,
+    RECORDS,
+    RECORDS_FULL,
+    REJECTED,
+    RELATIVE,
+    ROOT,
+    ROUGH_FROM,
+    ROUGH_NOISE,
+    ROUGH_SPAN,
+    RTOL,
+    STEP,
+    STEP_BUDGET,
+    STEPS,
+    STOPPED,
+    STORE,
+    SURFACE,
+    T_END,
+    T_START,
+    TOUCH,
+    USER_ERROR,
+    ZENO,
+    T,
+)
+from filippov._kernels.control import (
+    creep_off,
+    error_norm,
+    finite,
+    first_step,
+    guard_state,
+    is_rough,
+    mark_hits,
+    step_factor,
+    suspicious,
+    time_to_surface,
+)
+from filippov._kernels.field import clear_ranges, field, project, set_mode
+from filippov._kernels.land import EPS, guard_scale, land
+from filippov._kernels.language import NAN, Indices, Vector, kernel, shift, truncate
 from filippov._kernels.layout import COLUMNS, MULTIPLIER
-from filippov._kernels.locate import (dense_output, locate)
-from filippov._kernels.model import (DEGREE_DENSE, END_IN_ERROR, I_CALLS, I_SLIDING, M, N, P, ROLE, ROUGH, STAGES, WIDTH, W_ATTRACT, W_BEFORE, W_COEF, W_DIRECTION, W_END, W_F, W_H, W_K, W_MULT, W_RADIUS, W_START, W_TOUCH, W_XE, W_Y, extra_stages, radii, stages)
-from filippov._kernels.resolve import (resolve_exit, resolve_root, side_rates)
+from filippov._kernels.locate import dense_output, locate
+from filippov._kernels.model import (
+    END_IN_ERROR,
+    I_CALLS,
+    I_SLIDING,
+    ROLE,
+    ROUGH,
+    STAGES,
+    W_ATTRACT,
+    W_BEFORE,
+    W_DIRECTION,
+    W_END,
+    W_F,
+    W_G,
+    W_H,
+    W_K,
+    W_MULT,
+    W_RADIUS,
+    W_START,
+    W_TOUCH,
+    W_XE,
+    W_Y,
+    WIDTH,
+    M,
+    N,
+    extra_stages,
+    radii,
+    stages,
+)
+from filippov._kernels.record import record_event, store_step
+from filippov._kernels.resolve import resolve_exit, resolve_root, side_rates
 
 ZENO_STREAK = 6
-
-
-@kernel
-def record_event(
-    events: Vector, marks: Indices, count: Indices, t: float, x: Vector, i: int, kind: int, m: Vector, multiplier: float,
-    residual: float, w: Vector,
-) -> None:  # fmt: skip
-    """Append one event: floats (t, multiplier, |h|, x) and integers (surface, kind, mode before, mode after)."""
-    event = shift(events, count[EVENTS] * (3 + N))
-    mark = shift_indices(marks, count[EVENTS] * (2 + 2 * M))
-    event[0], event[1], event[2] = t, multiplier, residual
-    for j in range(N):
-        event[3 + j] = x[j]
-    mark[0], mark[1] = i, kind
-    for j in range(M):
-        mark[2 + j] = truncate(w[W_BEFORE + j])
-        mark[2 + M + j] = truncate(m[j])
-    count[EVENTS] += 1
 
 
 @kernel
@@ -46,17 +110,6 @@ def zeno_remaining(zeno: Vector, t: float, floor: float) -> float:
         return -1.0
     remaining = interval * interval / (previous - interval)
     return remaining if remaining < floor else -1.0
-
-
-@kernel
-def store_step(count: Indices, t: float, step: float, rec: Vector, rec_coef: Vector, w: Vector) -> None:
-    """Keep the dense output of the step that starts at t."""
-    n = count[RECORDS]
-    rec[3 * n], rec[3 * n + 1], rec[3 * n + 2] = t, step, float(count[EVENTS])
-    size = (DEGREE_DENSE + 1) * N
-    for a in range(size):
-        rec_coef[n * size + a] = w[W_COEF + a]
-    count[RECORDS] = n + 1
 
 
 @kernel
@@ -76,8 +129,9 @@ def shrink_invalid(clock: Vector, m: Vector, step: float, w: Vector) -> tuple[fl
 
 @kernel
 def renew_state(
-    t: float, x: Vector, p: Vector, m: Vector, order: Indices, rtol: float, atol: Vector, w: Vector, iw: Indices, ctx: Indices
-) -> int:
+    t: float, x: Vector, p: Vector, m: Vector, order: Indices, rtol: float, atol: Vector, w: Vector,
+    iw: Indices, ctx: Indices,
+) -> int:  # fmt: skip
     """Field, guards and radii at the start of a segment; a code of `advance`, REACHED where all is well."""
     set_mode(m, iw)
     code = field(t, x, p, m, shift(w, W_K), w, iw, ctx)
@@ -104,33 +158,33 @@ def renew_state(
 
 @kernel
 def rough_start(
-    clock: Vector, t: float, x: Vector, p: Vector, m: Vector, order: Indices, direction: float, w: Vector, iw: Indices,
-    ctx: Indices,
+    clock: Vector, t: float, x: Vector, p: Vector, m: Vector, order: Indices, direction: float, w: Vector,
+    iw: Indices, ctx: Indices,
 ) -> int:  # fmt: skip
-    """Creep off a surface left tangentially where its field is rough: the surface, -1 for none, -2 on failure."""
+    """Creep off a surface left tangentially where the field is rough: which, -1 for none, -2 at failure."""
     if ROUGH:
         for i in range(M):
-            if order[i] >= 2 and m[i] != 0.0 and ROLE[i] != OBSERVER:
-                if is_rough(t, x, p, m, i, w, iw, ctx):
-                    span = clock[STEP]
-                    if span <= 0.0:
-                        size, speed = 0.0, 1e-300
-                        for j in range(N):
-                            size = max(size, abs(x[j]))
-                            speed = max(speed, abs(w[W_K + j]))
-                        span = 0.1 * size / speed
-                    span = min(span, abs(clock[T_END] - t))
-                    tiny = direction * 1e-8 * span
-                    # Rounding of the rates that cancel where the surface is left: no step can do better.
-                    failed, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
-                    clock[ROUGH_NOISE] = 16.0 * EPS * max(abs(plus), abs(minus), scale) + 1e-300
-                    if creep_off(t, x, p, m, tiny, w, iw, ctx) != 0:
-                        return -2
-                    clock[T] = t + tiny
-                    clock[STEP] = abs(tiny)
-                    clock[RELATIVE] = float(i) + 1.0
-                    clock[ROUGH_FROM], clock[ROUGH_SPAN] = t, span
-                    return i
+            leaves = order[i] >= 2 and m[i] != 0.0 and ROLE[i] != OBSERVER
+            if leaves and is_rough(t, x, p, m, i, w, iw, ctx):
+                span = clock[STEP]
+                if span <= 0.0:
+                    size, speed = 0.0, 1e-300
+                    for j in range(N):
+                        size = max(size, abs(x[j]))
+                        speed = max(speed, abs(w[W_K + j]))
+                    span = 0.1 * size / speed
+                span = min(span, abs(clock[T_END] - t))
+                tiny = direction * 1e-8 * span
+                # Rounding of the rates that cancel where the surface is left: no step can do better.
+                _, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
+                clock[ROUGH_NOISE] = 16.0 * EPS * max(abs(plus), abs(minus), scale) + 1e-300
+                if creep_off(t, x, p, m, tiny, w, iw, ctx) != 0:
+                    return -2
+                clock[T] = t + tiny
+                clock[STEP] = abs(tiny)
+                clock[RELATIVE] = float(i) + 1.0
+                clock[ROUGH_FROM], clock[ROUGH_SPAN] = t, span
+                return i
     return -1
 
 
@@ -155,8 +209,8 @@ def advance(
     """Run one trajectory from (clock[T], x, m) towards clock[T_END]; returns why it came back (see `codes`).
 
     Everything is updated in place. `order[i]`: how often guard i vanishes at the start; `lam`: multipliers of
-    the sliding surfaces; `stop[i, kind]`: events until a terminal one; `hit`: the surfaces met where the general
-    path is needed; `w`, `iw`: scratch (see `layout`).
+    the sliding surfaces; `stop[i, kind]`: events until a terminal one; `hit`: the surfaces met where the
+    general path is needed; `w`, `iw`: scratch (see `layout`).
     """
     y, xe, f, last_k = shift(w, W_Y), shift(w, W_XE), shift(w, W_F), shift(w, W_K + (STAGES - 1) * N)
     direction = 1.0 if clock[T_END] >= clock[T] else -1.0
@@ -242,7 +296,13 @@ def advance(
             break
         cause, surface, theta, slope = NOTHING, -1, 2.0, 0.0
         length, dense_length, residual = step, step, 0.0
-        if failed != 0 or not (error <= 1.0) or not finite(last_k, N) or not finite(y, N) or not finite(shift(w, W_END), 2 * M):
+        if (
+            failed != 0
+            or not (error <= 1.0)
+            or not finite(last_k, N)
+            or not finite(y, N)
+            or not finite(shift(w, W_END), 2 * M)
+        ):
             count[REJECTED] += 1
             length, surface = shrink_invalid(clock, m, step, w)
             grow = 2.0
@@ -329,7 +389,9 @@ def advance(
             if cause == TOUCH:
                 kind = GRAZING
             elif cause == ROOT:
-                kind = resolve_root(te, xe, p, m, order, surface, w[W_END + 2 * surface + 1] * direction, w, iw, ctx)
+                kind = resolve_root(
+                    te, xe, p, m, order, surface, w[W_END + 2 * surface + 1] * direction, w, iw, ctx
+                )
             else:
                 kind = resolve_exit(m, order, cause, surface, slope, w, iw)
         if kind == -1:
@@ -350,7 +412,7 @@ def advance(
             multiplier = w[W_MULT + surface * COLUMNS + MULTIPLIER]
         record_event(events, marks, count, te, x, surface, kind, m, multiplier, residual, w)
         renew = True
-        if kind == EXIT_UP or kind == EXIT_DOWN:
+        if kind == EXIT_UP or kind == EXIT_DOWN:  # noqa: PLR1714, SIM109 - the kernel language has no `in`
             # The step of a slide says nothing about the motion that leaves it.
             clock[STEP] = 0.0
         clock[RELATIVE] = 0.0

@@ -1,11 +1,20 @@
 """Root isolation of polynomials of degree 8 in Bernstein form, and a small linear solve.
 
-All coefficients of one sign prove that there is no root, one change of sign proves exactly one (Lane & Riesenfeld
-1981); subdivision at the middle decides the rest, down to 2**-DEPTH of the interval.
+All coefficients of one sign prove that there is no root, one change of sign proves exactly one (Lane &
+Riesenfeld 1981); subdivision at the middle decides the rest, down to 2**-DEPTH of the interval.
 """
 
 from filippov._kernels.language import Vector, kernel, shift
-from filippov._kernels.tables import BINOMIAL, DEGREE, DEPTH, NODES, NO_ROOT, RESOLUTION, SIMPLE_ROOT, TOUCHING
+from filippov._kernels.tables import (
+    BINOMIAL,
+    DEGREE,
+    DEPTH,
+    NO_ROOT,
+    NODES,
+    RESOLUTION,
+    SIMPLE_ROOT,
+    TOUCHING,
+)
 
 
 @kernel
@@ -16,7 +25,7 @@ def bernstein_value(c: Vector, degree: int, u: float, work: Vector) -> float:
     for r in range(degree):
         for j in range(degree - r):
             work[j] = (1.0 - u) * work[j] + u * work[j + 1]
-    return work[0]
+    return float(work[0])
 
 
 @kernel
@@ -30,7 +39,7 @@ def deflate(c: Vector, order: int) -> int:
 
 @kernel
 def bracketed_root(c: Vector, degree: int, work: Vector) -> float:
-    """The one root of c in [0, 1], c[0] > 0 >= c[degree]: regula falsi (Illinois) with bisection beside it."""
+    """The one root of c in [0, 1], c[0] > 0 >= c[degree]: regula falsi (Illinois) beside bisection."""
     lo, hi = 0.0, 1.0
     f_lo, f_hi = c[0], c[degree]
     if f_hi == 0.0:
@@ -78,8 +87,9 @@ def first_root(
 ) -> tuple[int, float]:
     """First place in [0, 1] where the polynomial c, positive at the start, stops being positive: (kind, u).
 
-    SIMPLE_ROOT where it changes sign, TOUCHING where it has a least value in [0, touch] inside without changing
-    sign at the resolution, NO_ROOT otherwise. Scratch: `stack` (DEPTH + 3) * NODES, `bounds` (DEPTH + 3) * 2.
+    SIMPLE_ROOT where it changes sign, TOUCHING where it has a least value in [0, touch] inside without
+    changing sign at the resolution, NO_ROOT otherwise. Scratch: `stack` (DEPTH + 3) * NODES,
+    `bounds` (DEPTH + 3) * 2.
     """
     for j in range(degree + 1):
         stack[j] = c[j]

@@ -1,8 +1,8 @@
 """Compile a system's unit and keep its object code in a per-user cache folder.
 
-A unit is one LLVM module: the source of one system, the method's stages, and the kernel files. Its file is named by
-a digest of all of these sources, of the versions of llvmlite and Python and of the processor, so that no stale
-code can be found; it carries its own checksum, so that a truncated one is compiled anew.
+A unit is one LLVM module: the source of one system, the method's stages, and the kernel files. Its file is
+named by a digest of all of these sources, of the versions of llvmlite and Python and of the processor, so
+that no stale code can be found; it carries its own checksum, so that a truncated one is compiled anew.
 """
 
 import ast
@@ -20,13 +20,17 @@ from pathlib import Path
 from typing import Any
 
 from filippov._kernels import codes, layout, tables
-from filippov._kernels.compiler import Constant, Unit, add_kernels, compile_unit, load_object
+from filippov._kernels.compiler import compile_unit, load_object
 from filippov._kernels.layout import Layout
 from filippov._kernels.method import method_constants, method_source
 from filippov._kernels.tableaus import TABLEAUS
+from filippov._kernels.unit import Constant, Unit, add_kernels
 
 _FOLDER = Path(__file__).parent
-_FILES = ("elementary", "bernstein", "field", "land", "locate", "control", "resolve", "advance", "probe", "start", "ensemble")
+_FILES = (
+    "elementary", "bernstein", "field", "land", "locate", "control", "resolve", "record", "advance", "probe",
+    "start", "ensemble",
+)  # fmt: skip
 # Arguments of the entry points: d double, i integer, a address of an array.
 EXPORTED = {
     "advance": "a" * 18,
@@ -39,7 +43,7 @@ EXPORTED = {
     "radii": "d" + "a" * 4,
     "derive": "a",
 }
-_KINDS = {"d": ctypes.c_double, "i": ctypes.c_int64, "a": ctypes.c_void_p}
+_KINDS: dict[str, Any] = {"d": ctypes.c_double, "i": ctypes.c_int64, "a": ctypes.c_void_p}
 _MAGIC = b"filippov unit 1\n"
 _lock = threading.Lock()
 _loaded: dict[str, "Compiled"] = {}
@@ -47,7 +51,7 @@ _loaded: dict[str, "Compiled"] = {}
 
 @dataclass(frozen=True)
 class Compiled:
-    """Machine code of one system with one method: entry points to call with addresses, and the scratch they need."""
+    """Machine code of one system with one method: entry points to call with addresses, and their scratch."""
 
     functions: Mapping[str, Any]
     layout: Layout
@@ -79,9 +83,11 @@ def _shared() -> tuple[dict[str, Constant], tuple[str, ...]]:
     """Constants and texts that are the same in every unit."""
     constants: dict[str, Constant] = {"NAN": float("nan"), "INF": float("inf")}
     for module in (codes, tables, layout):
-        for name, value in vars(module).items():
-            if name.isupper() and isinstance(value, int | float | list):
-                constants[name] = value
+        constants |= {
+            name: value
+            for name, value in vars(module).items()
+            if name.isupper() and isinstance(value, int | float | list)
+        }
     texts = []
     for name in _FILES:
         text = (_FOLDER / f"{name}.py").read_text(encoding="utf-8")
@@ -128,13 +134,13 @@ def _write(path: Path, code: bytes) -> None:
         handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
         with os.fdopen(handle, "wb") as stream:
             stream.write(_MAGIC + hashlib.sha256(code).digest() + code)
-        os.replace(temporary, path)
+        Path(temporary).replace(path)
     except OSError:
         return
 
 
 def build(source: str, constants: Mapping[str, Constant], method: str) -> Compiled:
-    """The compiled unit of a system: its kernel source, its constants (N, M, ROLE ...) and a method's name."""
+    """The compiled unit of a system: its kernel source, its constants (N, M, ROLE ...) and a method."""
     n, m = int(constants["N"]), int(constants["M"])  # type: ignore[arg-type]
     place = layout.layout(n, m, bool(constants["AFFINE"]), TABLEAUS[method])
     text = repr((source, sorted(constants.items()), method)).encode()

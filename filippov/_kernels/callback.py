@@ -1,4 +1,4 @@
-"""Plain Python functions behind the compiled loop: called by address, checked, and their errors kept for the user."""
+"""Plain Python functions behind the compiled loop: called by address, checked, their errors kept."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Callbacks:
         self._constant.clear()
 
     def speed_up(self, names: tuple[str, ...], t: float, x: npt.NDArray[np.float64]) -> None:
-        """After many calls, put the field's machine code in the place of the callback, if it says the same at (t, x)."""
+        """After many calls, put the field's machine code in place of the callback if it agrees at (t, x)."""
         if self._tried or self.calls < COMPILE_AFTER:
             return
         self._tried = True
@@ -93,7 +93,9 @@ class Callbacks:
         for sign in (1.0, -1.0):
             signs, out = np.full(max(len(self.surfaces), 1), sign), np.empty(self.n)
             call(t, state.ctypes.data, p.ctypes.data, signs.ctypes.data, signs.ctypes.data, out.ctypes.data)
-            expected = np.asarray(self.field(t, state.copy(), self.p, signs[: len(self.surfaces)]), dtype=np.float64)
+            expected = np.asarray(
+                self.field(t, state.copy(), self.p, signs[: len(self.surfaces)]), dtype=np.float64
+            )
             if not np.allclose(out, expected, rtol=1e-13, atol=0.0, equal_nan=True):
                 return
         self._compiled = compiled
@@ -114,7 +116,7 @@ class Callbacks:
             signs.flags.writeable = False
             value = checked_vector(self.field(t, self._state(x), self.p, signs), self.n, signs)
             ctypes.memmove(out, value.ctypes.data, 8 * self.n)
-        except BaseException as error:
+        except BaseException as error:  # noqa: BLE001 - none can pass through C
             self.error = named_write(error, "field")
             return 1
         return 0
@@ -124,7 +126,7 @@ class Callbacks:
             try:
                 value = function(t, x)
                 ctypes.memmove(out, value.ctypes.data, 8 * value.size)
-            except BaseException as error:
+            except BaseException as error:  # noqa: BLE001 - none can pass through C
                 self.error = error
                 return 1
             return 0
@@ -150,7 +152,9 @@ class Callbacks:
             if surface.linear and i in self._constant:
                 row = self._constant[i]
             elif surface.gradient is not None:
-                value = checked_vector(surface.gradient(t, state, self.p), n, None, f"gradient of {surface.name!r}")
+                value = checked_vector(
+                    surface.gradient(t, state, self.p), n, None, f"gradient of {surface.name!r}"
+                )
                 row = np.append(value, self._slope(i, t, state, n))
             else:
                 row = np.array([self._slope(i, t, state, j) for j in range(n + 1)])
@@ -190,7 +194,9 @@ class Callbacks:
 def named_write(error: BaseException, name: str) -> BaseException:
     """The error itself, or a clearer one where the user's function wrote into the state."""
     if isinstance(error, ValueError) and "read-only" in str(error):
-        return ModelError(f"{name}: the function writes into its argument. Arguments are read-only; write to a copy.")
+        return ModelError(
+            f"{name}: the function writes into its argument. Arguments are read-only; write to a copy."
+        )
     return error
 
 
@@ -216,7 +222,9 @@ def checked_vector(
     try:
         return np.ascontiguousarray(array, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ModelError(f"{what}{mode} returned entries of type {array.dtype}, expected {n} numbers.") from None
+        raise ModelError(
+            f"{what}{mode} returned entries of type {array.dtype}, expected {n} numbers."
+        ) from None
 
 
 def checked_number(value: Any, name: str) -> float:

@@ -50,7 +50,7 @@ def error_norm(
     x: Vector, y: Vector, step: float, rtol: float, atol: Vector, relative: int, slack: float,
     noise: float, w: Vector,
 ) -> float:  # fmt: skip
-    """Mean square of the local error over atol + rtol |x|; of the guard `relative` over rtol |h| slack as well."""
+    """Mean square of the local error over atol + rtol |x|; of guard `relative` over rtol |h| slack too."""
     square5, square3 = 0.0, 0.0
     guard5, guard3, rise = 0.0, 0.0, 0.0
     for i in range(N):
@@ -73,8 +73,8 @@ def error_norm(
 def step_factor(square: float) -> float:
     """0.9 error**(-1/order) from the square of the error, to half a percent.
 
-    The exponent field of a double is its logarithm and the mantissa a linear bit of it, so the root is a division of
-    the bits; an exact one would keep the next step waiting and choose it no better.
+    The exponent field of a double is its logarithm and the mantissa a linear bit of it, so the root is a
+    division of the bits; an exact one would keep the next step waiting and choose it no better.
     """
     bits = ONE_BITS - (to_bits(square) - ONE_BITS) // (2 * ORDER)
     return 0.9 * from_bits(bits)
@@ -82,8 +82,8 @@ def step_factor(square: float) -> float:
 
 @kernel
 def first_step(
-    t: float, x: Vector, p: Vector, m: Vector, f: Vector, rtol: float, atol: Vector, limit: float, direction: float,
-    w: Vector, iw: Indices, ctx: Indices,
+    t: float, x: Vector, p: Vector, m: Vector, f: Vector, rtol: float, atol: Vector, limit: float,
+    direction: float, w: Vector, iw: Indices, ctx: Indices,
 ) -> tuple[int, float]:  # fmt: skip
     """A first step from two field values (Hairer, Norsett & Wanner 1993, section II.4)."""
     y, f1 = shift(w, W_Y), shift(w, W_F)
@@ -198,8 +198,9 @@ def creep_off(
 ) -> int:
     """A first tiny step off a surface where the field is not Lipschitz: Picard iteration on 3 Gauss nodes.
 
-    A relative error in h decays like 1/t from there on, so the step may be rough as long as it is tiny; for the
-    same reason `slack` lets the steps that follow be as much less accurate as they are closer to the surface.
+    A relative error in h decays like 1/t from there on, so the step may be rough as long as it is tiny; for
+    the same reason `slack` lets the steps that follow be as much less accurate as they are closer to the
+    surface.
     """
     at, f = shift(w, W_CREEP), shift(w, W_CREEP + 3 * N)
     for q in range(3):
@@ -224,7 +225,7 @@ def creep_off(
 
 @kernel
 def time_to_surface(m: Vector, w: Vector) -> tuple[float, int]:
-    """Shortest time in which a guard reaches 0 at its present rate, and its surface (-1 if none approaches)."""
+    """Shortest time in which a guard reaches 0 at its present rate, and its surface (-1 for none)."""
     best, surface = 1e300, -1
     for i in range(M):
         rate = m[i] * w[W_START + 2 * i + 1]
@@ -239,7 +240,7 @@ def time_to_surface(m: Vector, w: Vector) -> tuple[float, int]:
 def mark_hits(
     t: float, x: Vector, m: Vector, order: Indices, cause: int, i: int, step: float, hit: Indices, w: Vector
 ) -> int:
-    """Mark every surface whose guard vanishes at the event within rounding of time and space; returns how many."""
+    """Mark every surface whose guard vanishes at the event within rounding, and return how many."""
     total = 0
     for j in range(M):
         hit[j] = 0

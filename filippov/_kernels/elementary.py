@@ -17,7 +17,7 @@ ROUNDER = 6755399441055744.0
 @inline
 @contract
 def exponential(x: float) -> float:
-    """exp(x) to about one rounding: x = n ln 2 / 64 + r, a table of 2**(j/64), a polynomial of degree 5 in r."""
+    """exp(x) to about one rounding: x = n ln 2 / 64 + r, a table of 2**(j/64), degree 5 in r."""
     n = (x * PER_LN2 + ROUNDER) - ROUNDER
     r = fma(-n, LN2_LOW, fma(-n, LN2_HIGH, x))
     r2 = r * r
@@ -39,7 +39,7 @@ def exponential(x: float) -> float:
 @inline
 @kernel
 def power_of(base: float, exponent: float) -> float:
-    """base**exponent with the exponents of practice told apart: pow costs several times the rest of a field."""
+    """base**exponent with usual exponents told apart: pow costs several times the rest of a field."""
     if exponent == 2.0:
         return base * base
     if exponent == 1.0:
@@ -52,8 +52,8 @@ def power_of(base: float, exponent: float) -> float:
 @inline
 @kernel
 def size_power(base: float, exponent: float) -> float:
-    """A power of a size |h|. In a stage beyond the surface the size is negative: whole powers go on smoothly there,
-    others, which are not defined, stop at 0 (clause E8).
+    """A power of a size |h|. In a stage beyond the surface the size is negative: whole powers go on smoothly
+    there, others, which are not defined, stop at 0 (clause E8).
     """
     if exponent == 2.0:
         return base * base

@@ -1,7 +1,17 @@
 """Many trajectories of one system in one call: initial mode, then the event loop, one after the other."""
 
 from filippov._kernels.advance import advance
-from filippov._kernels.codes import CLOCK_SIZE, COUNT_SIZE, EVENT_BUDGET, EVENTS, EVENTS_FULL, KINDS, REACHED, T, T_END
+from filippov._kernels.codes import (
+    CLOCK_SIZE,
+    COUNT_SIZE,
+    EVENT_BUDGET,
+    EVENTS,
+    EVENTS_FULL,
+    KINDS,
+    REACHED,
+    T_END,
+    T,
+)
 from filippov._kernels.language import Indices, Vector, kernel, shift, shift_indices
 from filippov._kernels.model import M, N, P, derive
 from filippov._kernels.start import begin
@@ -9,9 +19,9 @@ from filippov._kernels.start import begin
 
 @kernel
 def ensemble(
-    first: int, last: int, clocks: Vector, counts: Indices, xs: Vector, ms: Vector, orders: Indices, hits: Indices,
-    lams: Vector, ps: Vector, atol: Vector, stops: Indices, zenos: Vector, events: Vector, marks: Indices,
-    codes: Indices, w: Vector, iw: Indices, ctx: Indices,
+    first: int, last: int, clocks: Vector, counts: Indices, xs: Vector, ms: Vector, orders: Indices,
+    hits: Indices, lams: Vector, ps: Vector, atol: Vector, stops: Indices, zenos: Vector, events: Vector,
+    marks: Indices, codes: Indices, w: Vector, iw: Indices, ctx: Indices,
 ) -> int:  # fmt: skip
     """Run trajectories first ... last - 1; codes[q] says how each ended, nothing is kept of the way there.
 

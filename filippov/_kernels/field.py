@@ -1,19 +1,38 @@
 """The field of a mode: smooth off the surfaces, Filippov's blend of the vertex fields while sliding.
 
 With k sliding surfaces the field is the multi-affine blend of the 2**k vertex fields f(s_Z = +-1) whose
-multipliers solve dh_i/dt = 0 on every sliding surface (Filippov 1988, section 4; Dieci & Lopez 2012, section 3).
-A multiplier outside [-1, 1] is no error here: stiction sets are wider, and the bounds are events.
+multipliers solve dh_i/dt = 0 on every sliding surface (Filippov 1988, section 4; Dieci & Lopez 2012, section
+3). A multiplier outside [-1, 1] is no error here: stiction sets are wider, and the bounds are events.
 
-The scratch `w` (offsets W_... of `layout`) holds signs, gradients, vertex fields, their rates, a small matrix and
-vector, and for each surface its multiplier, the multiplier's range over the stages, the rates at s = +1 and -1
-and their largest difference. `iw` lists the sliding surfaces, their number first, and counts the field calls.
+The scratch `w` (offsets W_... of `layout`) holds signs, gradients, vertex fields, their rates, a small matrix
+and vector, and for each surface its multiplier, the multiplier's range over the stages, the rates at s = +1
+and -1 and their largest difference. `iw` lists the sliding surfaces, their number first, and counts the field
+calls.
 """
 
 from filippov._kernels.bernstein import solve_linear
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import COLUMNS, LEAST, MOST, MULTIPLIER, RATE_MINUS, RATE_PLUS, SLOPE
-from filippov._kernels.model import AFFINE, M, N, gradients, guards, rhs
-from filippov._kernels.model import I_CALLS, I_LIST, I_SLIDING, SIDE, W_G, W_GT, W_MAT, W_MULT, W_RATE, W_S, W_VEC, W_VERT
+from filippov._kernels.model import (
+    AFFINE,
+    I_CALLS,
+    I_LIST,
+    I_SLIDING,
+    SIDE,
+    W_G,
+    W_GT,
+    W_MAT,
+    W_MULT,
+    W_RATE,
+    W_S,
+    W_VEC,
+    W_VERT,
+    M,
+    N,
+    gradients,
+    guards,
+    rhs,
+)
 
 
 @kernel
@@ -77,7 +96,9 @@ def remove_residual(out: Vector, w: Vector, iw: Indices) -> None:
 
 
 @kernel
-def slide_one(t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices) -> int:
+def slide_one(
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
     """One sliding surface: the convex combination of the two vertex fields that stays on it."""
     i = iw[I_LIST]
     w[W_S + i] = -1.0
@@ -105,7 +126,9 @@ def slide_one(t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector,
 
 
 @kernel
-def slide_affine(t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices) -> int:
+def slide_affine(
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
     """k + 1 field calls and one linear solve, for fields jointly affine in the sliding signs."""
     k = iw[I_SLIDING]
     for c in range(k):
@@ -147,7 +170,9 @@ def slide_affine(t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vect
 
 
 @kernel
-def slide_multi_affine(t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices) -> int:
+def slide_multi_affine(
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
     """2**k vertex fields and Newton's method on the k multipliers, started from the last ones."""
     k = iw[I_SLIDING]
     vertices = 1 << k
@@ -180,7 +205,11 @@ def slide_multi_affine(t: float, x: Vector, p: Vector, m: Vector, out: Vector, w
                 slope = 1.0
                 for c in range(k):
                     side = 1.0 if (v >> c) & 1 else -1.0
-                    slope *= 0.5 * side if c == d else 0.5 * (1.0 + side * w[W_MULT + iw[I_LIST + c] * COLUMNS + MULTIPLIER])
+                    slope *= (
+                        0.5 * side
+                        if c == d
+                        else 0.5 * (1.0 + side * w[W_MULT + iw[I_LIST + c] * COLUMNS + MULTIPLIER])
+                    )
                 for c in range(k):
                     w[W_MAT + c * SIDE + d] += slope * w[W_RATE + v * SIDE + c]
         if done:
@@ -215,7 +244,9 @@ def slide_multi_affine(t: float, x: Vector, p: Vector, m: Vector, out: Vector, w
 
 
 @kernel
-def field(t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices) -> int:
+def field(
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
     """The field of mode m; 0, or 1 where the user's function failed, 2 where no multipliers were found."""
     k = iw[I_SLIDING]
     if k == 0:
@@ -237,8 +268,10 @@ def field(t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw:
 
 
 @kernel
-def project(t: float, x: Vector, p: Vector, m: Vector, h: Vector, w: Vector, iw: Indices, ctx: Indices) -> int:
-    """Put x back on every sliding surface along the gradients (two Newton steps: |h| ends at rounding level)."""
+def project(
+    t: float, x: Vector, p: Vector, m: Vector, h: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """Put x back on every sliding surface along the gradients; two Newton steps take |h| to rounding."""
     k = iw[I_SLIDING]
     for _ in range(2):
         if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:

@@ -1,32 +1,34 @@
-"""Kernel source of a symbolic system: field, guards, gradients and radii with common subexpressions shared."""
+"""Kernel source of a symbolic system: field, guards, gradients and radii, common subexpressions shared."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import sympy
 from sympy import Expr, Symbol
 from sympy.printing.str import StrPrinter
 
-from filippov._kernels.compiler import Constant
 from filippov._kernels.hoist import Hoisted
+from filippov._kernels.unit import Constant
 from filippov.errors import ModelError
 from filippov.surface import Surface
-from filippov.symbolic import Select, SymbolicForm, convex
+from filippov.symbolic import SymbolicForm, convex
 from filippov.symbols import t
 
 INLINED = 2500
 _ROLES = {"switching": 0, "kink": 1, "observer": 2}
 _FUNCTIONS = {
-    sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan", sympy.exp: "exp", sympy.log: "log", sympy.tanh: "tanh",
-    sympy.sinh: "sinh", sympy.cosh: "cosh", sympy.asin: "asin", sympy.acos: "acos", sympy.atan: "atan",
-    sympy.asinh: "asinh", sympy.acosh: "acosh", sympy.atanh: "atanh", sympy.atan2: "atan2", sympy.Abs: "fabs",
-    sympy.floor: "floor", sympy.ceiling: "ceil", sympy.erf: "erf", sympy.sign: "sign_of",
+    sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan", sympy.exp: "exp", sympy.log: "log",
+    sympy.tanh: "tanh", sympy.sinh: "sinh", sympy.cosh: "cosh", sympy.asin: "asin", sympy.acos: "acos",
+    sympy.atan: "atan", sympy.asinh: "asinh", sympy.acosh: "acosh", sympy.atanh: "atanh",
+    sympy.atan2: "atan2", sympy.Abs: "fabs", sympy.floor: "floor", sympy.ceiling: "ceil", sympy.erf: "erf",
+    sympy.sign: "sign_of",
 }  # fmt: skip
 
 
-class _Printer(StrPrinter):  # type: ignore[misc]
+class _Printer(StrPrinter):
     """Expressions in the kernel language, powers by the cheapest means."""
 
     def __init__(self, names: dict[Symbol, str], sizes: set[Symbol]) -> None:
@@ -34,7 +36,7 @@ class _Printer(StrPrinter):  # type: ignore[misc]
         self.names, self.sizes = names, set(sizes)
 
     def _print_Symbol(self, e: Symbol) -> str:
-        return self.names.get(e, e.name)
+        return str(self.names.get(e, e.name))
 
     _print_Dummy = _print_Symbol
 
@@ -103,12 +105,12 @@ class _Printer(StrPrinter):  # type: ignore[misc]
         if name is None:
             raise ModelError(
                 f"the function {e.func} is not known to the compiled loop. Known: "
-                f"{', '.join(sorted(set(_FUNCTIONS.values())))}, sqrt, powers, Min, Max. Write it with these, or "
-                "give the system as plain functions."
+                f"{', '.join(sorted(set(_FUNCTIONS.values())))}, sqrt, powers, Min, Max. Write it with "
+                "these, or give the system as plain functions."
             )
         return f"{name}({', '.join(self._print(a) for a in e.args)})"
 
-    def __getattr__(self, name: str) -> object:
+    def __getattr__(self, name: str) -> Any:
         if name.startswith("_print_") and any(name == f"_print_{f.__name__}" for f in _FUNCTIONS):
             return self._print_Function
         raise AttributeError(name)
@@ -146,7 +148,7 @@ def _names(form: SymbolicForm) -> dict[Symbol, str]:
 
 
 def _sizes(form: SymbolicForm, printer: _Printer, used: set[Symbol]) -> list[str]:
-    """|h_i| = mode_i h_i of the surfaces whose size is used: smooth across the surface, 0 while sliding on it."""
+    """|h_i| = mode_i h_i of the surfaces whose size is used: smooth across the surface, 0 while sliding."""
     needed = set(used)
     for a, h in reversed(list(zip(form.a, form.h, strict=True))):
         if a in needed:
@@ -189,9 +191,9 @@ def rough(form: SymbolicForm) -> bool:
     """Whether the field holds a power of a size |h| that may lie below 1."""
     for f in form.field:
         for power in f.atoms(sympy.Pow):
-            if power.base.free_symbols & set(form.a) and not power.exp.is_Integer:
-                if not (power.exp.is_number and power.exp >= 1):
-                    return True
+            whole = power.exp.is_Integer or (power.exp.is_number and power.exp >= 1)
+            if power.base.free_symbols & set(form.a) and not whole:
+                return True
     return False
 
 
@@ -206,10 +208,13 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...]) -> Generated:
     derived = list(hoisted.derived.items())
     printer.names |= {symbol: f"p[{len(form.p) + k}]" for k, (_, symbol) in enumerate(derived)}
     used: set[Symbol] = set().union(*(f.free_symbols for f in form.field)) & set(form.a)
-    lines = ["@contract", "def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:"]
+    lines = [
+        "@contract",
+        "def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:",
+    ]
     lines += _sizes(form, printer, used)
     lines += _assign(printer, [(f"out[{i}]", f) for i, f in enumerate(field)], "c")
-    # Small fields go into every stage, which spares the way through memory; large ones would only bloat the unit.
+    # Small fields go into every stage, which spares the way through memory; large ones would bloat the unit.
     if sum(map(len, lines)) < INLINED:
         lines.insert(0, "@inline")
     lines += ["    return 0", "", "@kernel"]
@@ -218,13 +223,21 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...]) -> Generated:
     lines += _sizes(form, printer, inside)
     lines += _assign(printer, [(f"out[{i}]", h) for i, h in enumerate(form.h)], "c")
     lines += ["    return 0", "", "@kernel"]
-    lines += ["def gradients(t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices) -> int:"]
+    arguments = "t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices"
+    lines += [f"def gradients({arguments}) -> int:"]
     slopes = {a for row in rows for e in row for a in e.free_symbols & set(form.a)}
     lines += _sizes(form, printer, slopes)
     targets = [(f"g[{i * n + j}]", rows[i][j]) for i in range(m) for j in range(n)]
     lines += _assign(printer, targets + [(f"gt[{i}]", rows[i][n]) for i in range(m)], "c")
-    lines += ["    return 0", "", "@kernel", "def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:"]
-    ends = [(f"out[{2 * i + side}]", sympy.sympify(form.radius[i][side])) for i in range(m) for side in (0, 1)]
+    lines += [
+        "    return 0",
+        "",
+        "@kernel",
+        "def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:",
+    ]
+    ends = [
+        (f"out[{2 * i + side}]", form.radius[i][side]) for i in range(m) for side in (0, 1)
+    ]
     lines += _assign(printer, ends, "c")
     lines += ["    return 0", "", "@kernel", "def derive(p: Vector) -> int:"]
     targets = [(f"p[{len(form.p) + k}]", e) for k, (e, _) in enumerate(derived)]
@@ -238,7 +251,12 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...]) -> Generated:
 
 
 def unit_constants(
-    n: int, parameters: int, surfaces: tuple[Surface, ...], linear: Sequence[bool], affine: bool, is_rough: bool
+    n: int,
+    parameters: int,
+    surfaces: tuple[Surface, ...],
+    linear: Sequence[bool],
+    affine: bool,
+    is_rough: bool,
 ) -> dict[str, Constant]:
     """The constants of `filippov._kernels.model` that belong to the system."""
     return {

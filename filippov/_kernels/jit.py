@@ -1,4 +1,4 @@
-"""Plain Python fields as machine code through numba, where numba can compile them; the same numbers, only faster."""
+"""Plain Python fields as machine code where numba can compile them: the same numbers, only faster."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class CompiledField:
 
 
 def compile_field(field: Callable[..., Any], names: tuple[str, ...], n: int, m: int) -> CompiledField | None:
-    """The user's f(t, x, p, s) as a C function, or None where numba cannot compile it or it raises exceptions.
+    """The user's f(t, x, p, s) as a C function, or None where numba cannot compile it or it raises.
 
     p is a named tuple in compiled code: p.mass and p[0] work, p["mass"] does not.
     """
@@ -35,7 +35,7 @@ def compile_field(field: Callable[..., Any], names: tuple[str, ...], n: int, m: 
     from numba.core.errors import NumbaError
     from numba.np.unsafe.ndarray import to_fixed_tuple
 
-    record: Any = namedtuple("Parameters", names)  # noqa: PYI024
+    record: Any = namedtuple("Parameters", names)  # type: ignore[misc]  # noqa: PYI024
     count = len(names)
     double = types.CPointer(types.float64)
     signature = types.int64(types.float64, double, double, double, double, double)
@@ -57,4 +57,6 @@ def compile_field(field: Callable[..., Any], names: tuple[str, ...], n: int, m: 
 
 def _raises(function: FunctionType) -> bool:
     """Whether the function raises or asserts: compiled code would swallow it."""
-    return any(item.opname in ("RAISE_VARARGS", "LOAD_ASSERTION_ERROR") for item in dis.get_instructions(function))
+    return any(
+        item.opname in ("RAISE_VARARGS", "LOAD_ASSERTION_ERROR") for item in dis.get_instructions(function)
+    )

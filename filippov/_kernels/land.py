@@ -1,7 +1,7 @@
 """Land on a located event: a real step of the integrator to it, then Newton steps short enough to be exact.
 
-The dense output only says where to go; the state at the event comes from the method itself, so |h| there is at
-rounding level and not at the interpolant's.
+The dense output only says where to go; the state at the event comes from the method itself, so |h| there is
+at rounding level and not at the interpolant's.
 """
 
 from filippov._kernels.codes import ROOT, SWITCHING, TOUCH, UPPER
@@ -31,7 +31,7 @@ EPS = 2.220446049250313e-16
 @kernel
 def guard_scale(i: int, t: float, x: Vector, w: Vector) -> float:
     """Size of the terms of h_i, from its gradient: what rounding in h_i is measured by."""
-    total = abs(w[W_GT + i] * t)
+    total = float(abs(w[W_GT + i] * t))
     for j in range(N):
         total += abs(w[W_G + i * N + j] * x[j])
     return total
@@ -84,7 +84,10 @@ def land(
             break
         te = t + length
         if cause == ROOT:
-            if guards(te, xe, p, m, h, ctx) != 0 or gradients(te, xe, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
+            if (
+                guards(te, xe, p, m, h, ctx) != 0
+                or gradients(te, xe, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0
+            ):
                 return 1, length, dense_length, value
             value = h[i] + m[i] * WIDTH[i]
             if abs(value) <= EPS * guard_scale(i, te, xe, w):

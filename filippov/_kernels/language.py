@@ -1,4 +1,4 @@
-"""The small language of the kernel files: typed Python that `compiler` turns into machine code.
+"""The small language of the kernel files: typed Python that `translate` and `compiler` turn into code.
 
 A kernel is a function on numbers and flat arrays with every parameter annotated: `float`, `int`, `bool`,
 `Vector` (doubles) or `Indices` (64-bit integers). Allowed are assignments, `if`, `while`, `for ... in range`,

@@ -1,9 +1,9 @@
-"""Where everything of one trajectory's scratch stands: offsets into one array of doubles and one of integers."""
+"""Where everything of a trajectory's scratch stands: offsets into an array of doubles and one of integers."""
 
 from dataclasses import dataclass
 
-from filippov._kernels.tables import DEGREE, DEPTH, NODES
 from filippov._kernels.tableaus import Tableau
+from filippov._kernels.tables import DEGREE, DEPTH, NODES
 
 SPLITS, CHECKS = 10, 2
 MULTIPLIER, LEAST, MOST, RATE_PLUS, RATE_MINUS, SLOPE, COLUMNS = 0, 1, 2, 3, 4, 5, 6

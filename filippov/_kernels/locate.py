@@ -1,8 +1,8 @@
 """Root isolation: the first event of a step on the step's dense output.
 
-Guards of surfaces off which the motion runs are h_i itself; a sliding surface has two, the rates at the ends of
-its set of signs (one surface) or the distance of its multiplier from them (several). Each is written so that
-it is positive while the mode lasts; the event is where it stops being positive.
+Guards of surfaces off which the motion runs are h_i itself; a sliding surface has two, the rates at the ends
+of its set of signs (one surface) or the distance of its multiplier from them (several). Each is written so
+that it is positive while the mode lasts; the event is where it stops being positive.
 
 Resolution. Linear guards are polynomials of the dense output and are isolated on the whole step. Others are
 sampled at 9 Chebyshev points, checked at two more, and the step is halved (at most SPLITS times) until the
@@ -94,7 +94,9 @@ def sliding_guards(out: Vector, w: Vector, iw: Indices) -> None:
 
 
 @kernel
-def guard_rows(t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices) -> int:
+def guard_rows(
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
     """All guards at one point, positive while the mode lasts."""
     h = shift(w, W_H)
     if guards(t, x, p, m, h, ctx) != 0:
@@ -159,7 +161,7 @@ def to_polynomial(row: int, judged: bool, w: Vector) -> bool:
 
 @kernel
 def order_at_start(c: Vector, spread: float) -> int:
-    """How often a multiplier's guard vanishes at the start of its segment: 0 where it starts off the end of its set."""
+    """How often a multiplier's guard vanishes at the start of its segment: 0 where it is inside its set."""
     if abs(c[0]) > 1e-6 * spread:
         return 0
     largest = 0.0
@@ -177,17 +179,17 @@ def rounding(t: float, step: float, i: int, w: Vector) -> float:
     total = abs(w[W_GT + i]) * max(abs(t), abs(t + step))
     for j in range(N):
         total += abs(w[W_G + i * N + j]) * max(abs(w[W_COEF + j]), abs(w[W_Y + j]))
-    return 1024.0 * EPS * total
+    return float(1024.0 * EPS * total)
 
 
 @kernel
 def stands_still(c: Vector, touch: float, step: float, i: int, w: Vector) -> bool:
-    """Whether guard i stays within `touch` of 0 while its terms move and cancel: a first integral but for errors."""
-    least, most = c[0], c[0]
+    """Whether guard i stays within `touch` of 0 while its terms move: a first integral but for errors."""
+    least, most = float(c[0]), float(c[0])
     for a in range(1, NODES):
         least = min(least, c[a])
         most = max(most, c[a])
-    moved = abs(w[W_GT + i] * step)
+    moved = float(abs(w[W_GT + i] * step))
     for j in range(N):
         moved += abs(w[W_G + i * N + j] * (w[W_Y + j] - w[W_COEF + j]))
     return most <= touch and least >= -touch and most - least <= 1e-6 * moved
@@ -199,9 +201,9 @@ def locate(
 ) -> tuple[int, int, float, float]:
     """The first event in (0, 1] of the step: (cause, surface, theta, slope of the guard by theta).
 
-    order[i]: how often guard i vanishes at the start of the step (the root it starts from is divided out); for a
-    sliding surface +-2 says that its multiplier starts at an end of its set.
-    A least value of a guard below W_TOUCH is a touching. Cause -1: the user's code failed; -2: no sliding.
+    order[i]: how often guard i vanishes at the start of the step (the root it starts from is divided out);
+    for a sliding surface +-2 says that its multiplier starts at an end of its set. A least value of a guard
+    below W_TOUCH is a touching. Cause -1: the user's code failed; -2: no sliding.
     """
     c, work, pieces = shift(w, W_C), shift(w, W_WORK), shift(w, W_PIECES)
     pieces[0], pieces[1], pieces[2] = 0.0, 1.0, 0.0

@@ -1,7 +1,7 @@
-"""Source text of the method's part of a compiled unit: stages and error terms with the tableau written out."""
+"""Source text of the method's part of a compiled unit: stages and error terms, the tableau written out."""
 
-from filippov._kernels.compiler import Constant
 from filippov._kernels.tableaus import Row, Tableau
+from filippov._kernels.unit import Constant
 
 _SIGNATURE = "t: float, x: Vector, p: Vector, m: Vector"
 _SCRATCH = "w: Vector, iw: Indices, ctx: Indices"
@@ -19,13 +19,14 @@ def _sum(row: Row) -> str:
 
 
 def _stage(row: Row, node: float, target: int) -> list[str]:
+    place, out = f"t + {node!r} * step, shift(w, W_STAGE)", f"shift(w, W_K + {target} * N)"
     return [
         "    for i in range(N):",
         f"        w[W_STAGE + i] = {_advanced(row)}",
         "    if iw[I_SLIDING] == 0:",
-        f"        code = rhs(t + {node!r} * step, shift(w, W_STAGE), p, m, m, shift(w, W_K + {target} * N), ctx)",
+        f"        code = rhs({place}, p, m, m, {out}, ctx)",
         "    else:",
-        f"        code = field(t + {node!r} * step, shift(w, W_STAGE), p, m, shift(w, W_K + {target} * N), w, iw, ctx)",
+        f"        code = field({place}, p, m, {out}, w, iw, ctx)",
         "    if code != 0:",
         "        return code",
     ]
@@ -41,7 +42,13 @@ def method_source(tableau: Tableau) -> str:
     lines += ["", "", "@contract", f"def extra_stages({_SIGNATURE}, step: float, {_SCRATCH}) -> int:"]
     for offset, (row, node) in enumerate(zip(tableau.extra, tableau.extra_nodes, strict=True)):
         lines += _stage(row, node, tableau.stages + offset)
-    lines += ["    return 0", "", "", "@contract", "def error_terms(i: int, w: Vector) -> tuple[float, float]:"]
+    lines += [
+        "    return 0",
+        "",
+        "",
+        "@contract",
+        "def error_terms(i: int, w: Vector) -> tuple[float, float]:",
+    ]
     estimates = [f"({_sum(row)})" for row in tableau.errors] + ["0.0"]
     lines += [f"    return {estimates[0]}, {estimates[1]}", "", ""]
     return "\n".join(lines)

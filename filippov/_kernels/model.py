@@ -1,8 +1,8 @@
 """What every compiled system provides to the loop: the interface, with a trivial system behind it.
 
-The kernel files import these names so that they read, check and run as ordinary modules. A compiled unit takes the
-same names from the generated source of one system, from its method (`method`) and from its `layout` instead. The
-trivial system is x' = 0 with h = 1.
+The kernel files import these names so that they read, check and run as ordinary modules. A compiled unit
+takes the same names from the generated source of one system, from its method (`method`) and from its `layout`
+instead. The trivial system is x' = 0 with h = 1.
 
 N, M, P: numbers of states, surfaces, and parameters with what is derived from them.
 ROLE[i], LINEAR[i], WIDTH[i]: what surface i is, whether its guard is linear in (t, x), and the half width of
@@ -63,7 +63,7 @@ I_CALLS = _PLACE["I_CALLS"]
 
 @kernel
 def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
-    """The field at signs s (every entry +1 or -1) with |h_i| = m_i h_i; nonzero return: the user's code failed."""
+    """The field at signs s (every entry +1 or -1) with |h_i| = m_i h_i; nonzero: the user's code failed."""
     out[0] = 0.0
     return 0
 

@@ -1,19 +1,43 @@
-"""What the general path asks of the compiled system: a mode's field at a point and its guards along a trial step."""
+"""What the general path asks of the compiled system: a mode's field, and its guards along a trial step."""
 
 from filippov._kernels.field import field, set_mode
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import COLUMNS, MULTIPLIER
 from filippov._kernels.locate import dense_output, sample
-from filippov._kernels.model import M, N, STAGES, extra_stages, gradients, radii, stages
-from filippov._kernels.model import W_ATTRACT, W_G, W_GT, W_K, W_MULT, W_NODE, W_RADIUS, W_Y
+from filippov._kernels.model import (
+    STAGES,
+    W_ATTRACT,
+    W_G,
+    W_GT,
+    W_K,
+    W_MULT,
+    W_NODE,
+    W_RADIUS,
+    W_Y,
+    M,
+    N,
+    extra_stages,
+    gradients,
+    radii,
+    stages,
+)
 from filippov._kernels.tables import NODES
 
 
 @kernel
 def probe(
-    t: float, step: float, x: Vector, m: Vector, p: Vector, lam: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+    t: float,
+    step: float,
+    x: Vector,
+    m: Vector,
+    p: Vector,
+    lam: Vector,
+    out: Vector,
+    w: Vector,
+    iw: Indices,
+    ctx: Indices,
 ) -> int:
-    """Guards (2 M rows each) at the Chebyshev points of a step of mode m, written to out after the mode's field.
+    """Guards (2 M rows each) at the Chebyshev points of a step of mode m, in out after its field.
 
     `lam` holds guesses of the multipliers and receives those at the start. Returns the code of `field`.
     """

@@ -1,15 +1,40 @@
 """The simple events, decided in the loop: one surface, rates clear of zero. All else is the general path's.
 
-For a surface reached from side sigma with rates h'(+) and h'(-) of the two fields there: both carry on, cross;
-both point to it, slide; a rate within CLEAR_RATE of zero on its own scale, a second surface, or a surface met
-while sliding on another, is left to `filippov.modes`.
+For a surface reached from side sigma with rates h'(+) and h'(-) of the two fields there: both carry on,
+cross; both point to it, slide; a rate within CLEAR_RATE of zero on its own scale, a second surface, or a
+surface met while sliding on another, is left to `filippov.modes`.
 """
 
-from filippov._kernels.codes import CROSSING_DOWN, CROSSING_UP, ENTRY, EXIT_DOWN, EXIT_UP, NONE, SWITCHING, UPPER
+from filippov._kernels.codes import (
+    CROSSING_DOWN,
+    CROSSING_UP,
+    ENTRY,
+    EXIT_DOWN,
+    EXIT_UP,
+    NONE,
+    SWITCHING,
+    UPPER,
+)
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import COLUMNS, MULTIPLIER, RATE_MINUS, RATE_PLUS
-from filippov._kernels.model import I_CALLS, I_SLIDING, W_ATTRACT, W_DIRECTION, W_F, W_G, W_GT, W_MULT, W_RADIUS, W_S
-from filippov._kernels.model import M, N, ROLE, WIDTH, gradients, rhs
+from filippov._kernels.model import (
+    I_CALLS,
+    I_SLIDING,
+    ROLE,
+    W_ATTRACT,
+    W_DIRECTION,
+    W_F,
+    W_G,
+    W_GT,
+    W_MULT,
+    W_RADIUS,
+    W_S,
+    WIDTH,
+    M,
+    N,
+    gradients,
+    rhs,
+)
 
 CLEAR_RATE = 1e-6
 
@@ -18,7 +43,7 @@ CLEAR_RATE = 1e-6
 def side_rates(
     t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, iw: Indices, ctx: Indices
 ) -> tuple[int, float, float, float]:
-    """h_i' in the direction of integration under the fields at s_i = +1 and -1: (code, +, -, scale of the terms)."""
+    """h_i' in the direction of integration at s_i = +1 and -1: (code, +, -, scale of the terms)."""
     s, f = shift(w, W_S), shift(w, W_F)
     before = m[i]
     m[i] = 0.0
@@ -45,9 +70,18 @@ def side_rates(
 
 @kernel
 def resolve_root(
-    t: float, x: Vector, p: Vector, m: Vector, order: Indices, i: int, rate: float, w: Vector, iw: Indices, ctx: Indices
+    t: float,
+    x: Vector,
+    p: Vector,
+    m: Vector,
+    order: Indices,
+    i: int,
+    rate: float,
+    w: Vector,
+    iw: Indices,
+    ctx: Indices,
 ) -> int:
-    """Mode after reaching surface i alone; returns the kind of event, NONE if it is not simple, -1 on failure."""
+    """Mode after reaching surface i alone; the kind of event, NONE if it is not simple, -1 on failure."""
     sigma = m[i]
     kind = CROSSING_DOWN if sigma * w[W_DIRECTION] > 0.0 else CROSSING_UP
     if ROLE[i] != SWITCHING or WIDTH[i] > 0.0:

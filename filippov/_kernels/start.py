@@ -4,8 +4,24 @@ from filippov._kernels.codes import GENERAL, REACHED, SWITCHING, USER_ERROR
 from filippov._kernels.land import EPS, guard_scale
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import COLUMNS, MULTIPLIER
-from filippov._kernels.model import M, N, ROLE, WIDTH, gradients, guards, radii, rhs
-from filippov._kernels.model import W_DIRECTION, W_F, W_G, W_GT, W_H, W_MULT, W_RADIUS, W_XM
+from filippov._kernels.model import (
+    ROLE,
+    W_DIRECTION,
+    W_F,
+    W_G,
+    W_GT,
+    W_H,
+    W_MULT,
+    W_RADIUS,
+    W_XM,
+    WIDTH,
+    M,
+    N,
+    gradients,
+    guards,
+    radii,
+    rhs,
+)
 from filippov._kernels.resolve import CLEAR_RATE, side_rates
 
 
@@ -13,7 +29,7 @@ from filippov._kernels.resolve import CLEAR_RATE, side_rates
 def second_rate(
     t: float, x: Vector, p: Vector, m: Vector, i: int, side: float, w: Vector, iw: Indices, ctx: Indices
 ) -> tuple[int, float]:
-    """Sign of h_i'' along the field at s_i = side, where h_i' = 0 there: (code, -1, 0 or 1), 0 where it is not clear."""
+    """Sign of h_i'' along the field at s_i = side, where h_i' = 0: (code, -1, 0 or 1), 0 if not clear."""
     f, y = shift(w, W_F), shift(w, W_XM)
     size, speed = 0.0, 1e-300
     m[i] = side
@@ -37,7 +53,16 @@ def second_rate(
 
 @kernel
 def on_one_surface(
-    t: float, x: Vector, p: Vector, m: Vector, order: Indices, lam: Vector, i: int, w: Vector, iw: Indices, ctx: Indices
+    t: float,
+    x: Vector,
+    p: Vector,
+    m: Vector,
+    order: Indices,
+    lam: Vector,
+    i: int,
+    w: Vector,
+    iw: Indices,
+    ctx: Indices,
 ) -> int:
     """Mode on surface i alone: slide, leave, or leave along a tangency whose second derivative tells."""
     code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
@@ -79,8 +104,8 @@ def on_one_surface(
 
 @kernel
 def begin(
-    t: float, direction: float, x: Vector, p: Vector, m: Vector, order: Indices, lam: Vector, w: Vector, iw: Indices,
-    ctx: Indices,
+    t: float, direction: float, x: Vector, p: Vector, m: Vector, order: Indices, lam: Vector, w: Vector,
+    iw: Indices, ctx: Indices,
 ) -> int:  # fmt: skip
     """Mode at (t, x): REACHED where it is found, GENERAL where the general path has to decide."""
     h = shift(w, W_H)

@@ -1,4 +1,4 @@
-"""Constant tables of root isolation: the Chebyshev points of a step and the way from values to Bernstein form."""
+"""Constant tables of root isolation: Chebyshev points of a step and the way from values to Bernstein form."""
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,7 @@ def _binomial(n: int, k: int) -> float:
 
 def _positions() -> npt.NDArray[np.float64]:
     """Chebyshev-Lobatto points on [0, 1]."""
-    return 0.5 * (1.0 - np.cos(np.pi * np.arange(NODES) / DEGREE))
+    return np.asarray(0.5 * (1.0 - np.cos(np.pi * np.arange(NODES) / DEGREE)), dtype=np.float64)
 
 
 def _values_to_bernstein() -> npt.NDArray[np.float64]:
@@ -27,7 +27,7 @@ def _values_to_bernstein() -> npt.NDArray[np.float64]:
     basis = np.empty((NODES, NODES))
     for j in range(NODES):
         basis[:, j] = _binomial(DEGREE, j) * theta**j * (1.0 - theta) ** (DEGREE - j)
-    return np.linalg.inv(basis)
+    return np.asarray(np.linalg.inv(basis), dtype=np.float64)
 
 
 POSITION: list[float] = _positions().tolist()

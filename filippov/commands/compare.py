@@ -11,6 +11,26 @@ from filippov.commands.maps import section_of
 from filippov.commands.model import load_model
 
 
+def band_models(name: str, alphas: Any) -> list[Any]:
+    """The band models that a study of this model names, with other values of alpha where they are asked for."""
+    band_model = importlib.import_module("filippov.analysis.band_model").BandModel
+    studies = importlib.import_module("filippov.models.studies")
+    out = []
+    for study in map(studies.get_study, studies.study_names()):
+        if study.model == name:
+            for variant in study.variants:
+                options = dict(variant.options)
+                if alphas is not None and "alpha" in options:
+                    options["alpha"] = tuple(alphas)
+                out.append(band_model(variant.name, variant.build, variant.stick, options))
+    return out
+
+
+def own_interval(loaded: Any) -> tuple[float, float] | None:
+    """The interval of coordinates that the model proposes."""
+    return getattr(getattr(loaded.model, "section", None), "interval", None)
+
+
 def run(settings: dict[str, Any], console: Console) -> int:
     """Errors, field calls and times as a table."""
     loaded = load_model(settings["model"])
@@ -18,9 +38,13 @@ def run(settings: dict[str, Any], console: Console) -> int:
     section = section_of(loaded, settings)
     folder = Folder(settings["output"], console)
     module = importlib.import_module("filippov.analysis.comparison")
-    given = {name: settings[name] for name in ("widths", "alphas") if settings[name] is not None}
+    given: dict[str, Any] = {} if settings["widths"] is None else {"widths": settings["widths"]}
+    bands = band_models(loaded.name, settings["alphas"])
     with console.progress("compare") as progress:
-        result = module.compare(loaded.system, section, parameters=values, progress=progress, **given)
+        result = module.compare(
+            loaded.system, section, bands, parameters=values, interval=own_interval(loaded),
+            progress=progress, **given,
+        )  # fmt: skip
     rows = [dict(row) for row in result.rows]
     columns = tuple(dict.fromkeys(key for row in rows for key in row))
     console.result({"model": loaded.name, "parameters": values, "rows": rows})

@@ -13,10 +13,11 @@ from filippov.commands.folder import Folder
 def run(settings: dict[str, Any], console: Console) -> int:
     """Run the study and write its report."""
     name = settings["name"]
-    module = importlib.import_module(f"filippov.report.{name}")
+    module = importlib.import_module("filippov.report.study")
     folder = Folder(settings["output"] or f"results/{name}", console)
     with console.progress(f"study {name}") as progress:
-        summary = module.run(Path(folder.path or "."), progress=progress, quick=settings["quick"])
+        output = Path(folder.path or ".")
+        summary = module.run_study(name, output, progress=progress, quick=settings["quick"])
     console.result(summary)
     console.say(f"wrote the report into {folder.path}")
     return 0

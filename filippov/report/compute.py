@@ -115,8 +115,8 @@ def case_result(
     orbit = _orbit(subject, once, solution)
     return CaseResult(
         case, once.parameters, study.curve(case.parameters), solution,
-        exactness(subject, solution, orbit), orbit, once, power, wide, small, fixed, basins, jumps, main, beyond,
-        report, agreements, observed_graph(solution), mode_word(solution, study.mode_names),
+        exactness(subject, solution, orbit), orbit, once, power, wide, small, fixed, basins, jumps, main,
+        beyond, report, agreements, observed_graph(solution), mode_word(solution, study.mode_names),
     )  # fmt: skip
 
 
@@ -206,4 +206,6 @@ def _agreements(
 def _polished(power: EventMap, near: float, rtol: float) -> float:
     at = power.remake(rtol=rtol, atol=rtol * 1e-2)
     reach = 1e-5 * abs(near)
-    return float(brentq(lambda d: float(at(d)) - d, near - reach, near + reach, xtol=1e-15 * abs(near), rtol=8.9e-16))
+    return float(
+        brentq(lambda d: float(at(d)) - d, near - reach, near + reach, xtol=1e-15 * abs(near), rtol=8.9e-16)
+    )

@@ -26,7 +26,11 @@ def document(results: Results, drawings: Mapping[str, str]) -> str:
         ("comparison", "Comparison with band models", made.comparison()),
         ("checks", "Independent checks", [table(tables.checks(results)), table(tables.exactness(results))]),
         ("differences", "What differs from the paper, and why", [definitions(made.differences())]),
-        ("versions", "Versions, machine, time", [table(tables.machine(results)), table(tables.timing(results))]),
+        (
+            "versions",
+            "Versions, machine, time",
+            [table(tables.machine(results)), table(tables.timing(results))],
+        ),
     ]
     built = [(anchor, title, section(anchor, title, content)) for anchor, title, content in parts if content]
     return page(results.study.title, f"After {results.study.source}", built)
@@ -43,7 +47,8 @@ class _Content:
         """What was found, in words, and where the files are."""
         told = [paragraph(text.format_map(self.facts)) for text in self.study.summary]
         files = (
-            f"Source of everything on this page: `filippov study {self.study.name}`. The figures are beside it as SVG and "
+            f"Source of everything on this page: `filippov study {self.study.name}`. The figures are "
+            "beside it as SVG and "
             "PNG, the numbers as CSV and in summary.json."
         )
         return [*told, source(files)]
@@ -61,8 +66,18 @@ class _Content:
         command = f"`filippov simulate {self.name} {self.given(main)} --rtol 1e-10`"
         start = ", ".join(f"{v:g}" for v in self.study.x0)
         return [
-            self.drawn(f"response_{main.case.slug}", f"Time response from ({start}), {main.case.label}", command, "response"),
-            self.drawn(f"phase_{main.case.slug}", f"Phase portraits of the same response, {main.case.label}", command, "phase"),
+            self.drawn(
+                f"response_{main.case.slug}",
+                f"Time response from ({start}), {main.case.label}",
+                command,
+                "response",
+            ),
+            self.drawn(
+                f"phase_{main.case.slug}",
+                f"Phase portraits of the same response, {main.case.label}",
+                command,
+                "phase",
+            ),
         ]
 
     def maps(self) -> list[str]:
@@ -71,18 +86,22 @@ class _Content:
         section = self.results.model.section
         lift = ", ".join(f"{k} = {v}" for k, v in section.lift.items()) if section else ""
         text = (
-            f"P(d) is the {section.coordinate} of the next {section.kind} of a motion that starts at the end of a stick at d: "
+            f"P(d) is the {section.coordinate} of the next {section.kind} of a motion that starts at the "
+            "end of a stick at d: "
             f"{lift}." if section else ""
         )  # fmt: skip
         caption = (
             f"The orbit starts at the first rest of the time response, d = {main.orbit[0]:.6f}; its "
-            f"{len(main.orbit) - 1} iterates and the rests of the response differ by at most {main.exactness.iterates:.1e}."
+            f"{len(main.orbit) - 1} iterates and the rests of the response differ by at most "
+            f"{main.exactness.iterates:.1e}."
         )
         command = f"`filippov event-map {self.name} {self.given(main)} --start {main.orbit[0]:.12g}`"
         return [
             paragraph(text),
-            self.drawn(f"map_{main.case.slug}", f"The event map and the iterates of the response, {main.case.label}", command,
-                       text=caption),
+            self.drawn(
+                f"map_{main.case.slug}", f"The event map and the iterates of the response, {main.case.label}",
+                command, text=caption,
+            ),
         ]  # fmt: skip
 
     def fixed_points(self) -> list[str]:
@@ -90,7 +109,8 @@ class _Content:
         shown = [
             self.drawn(
                 f"second_{c.case.slug}", f"P(P(d)), {c.case.label}",
-                f"`filippov event-map {self.name} {self.given(c)} --order {self.study.order}`", text=_in_words(c),
+                f"`filippov event-map {self.name} {self.given(c)} --order {self.study.order}`",
+                text=_in_words(c),
             )
             for c in self.results.cases
         ]  # fmt: skip
@@ -102,7 +122,8 @@ class _Content:
         shown = [
             self.drawn(
                 f"bifurcation_{c.case.slug}", f"Fixed points over {self.parameter}, {c.case.label}",
-                f"`filippov bifurcation {self.name} {self.given(c)} --parameter {self.parameter} --values {low:g} {high:g} "
+                f"`filippov bifurcation {self.name} {self.given(c)} --parameter {self.parameter} --values "
+                f"{low:g} {high:g} "
                 f"--count {len(c.diagram.values)}`",
                 text=self.bound_in_words(c),
             )
@@ -122,9 +143,11 @@ class _Content:
         """The report of the main case whole; it holds all regimes of the exponent."""
         main = self.results.main
         text = (
-            f"Equilibria, one-sided linearisation, Routh arrays and conditions as the program derives them from the equations, at "
+            f"Equilibria, one-sided linearisation, Routh arrays and conditions as the program derives them "
+            "from the equations, at "
             f"{main.case.label}; the cases of the exponent are told apart by it. Verdicts: "
-            + "; ".join(f"{c.case.label}: {i.answer}" for c in self.results.cases for i in c.stability.items) + "."
+            + "; ".join(f"{c.case.label}: {i.answer}" for c in self.results.cases for i in c.stability.items)
+            + "."
         )  # fmt: skip
         command = f"Source: `filippov stability {self.name} {self.given(main)} --solve-for {self.parameter}`"
         return [paragraph(text), preformatted(main.stability.to_text()), source(command)]
@@ -134,7 +157,10 @@ class _Content:
         main = self.results.main
         word = f"Mode word of the end of the response: {main.word}." if main.word else ""
         return [
-            self.drawn("graph", "Transitions that the system can make, with their guards", f"`filippov graph {self.name}`"),
+            self.drawn(
+                "graph", "Transitions that the system can make, with their guards",
+                f"`filippov graph {self.name}`",
+            ),
             self.drawn("modes", f"Transitions that the response made, {main.case.label}",
                        f"`filippov graph {self.name} --kind observed {self.given(main)}`", text=word),
         ]  # fmt: skip
@@ -144,9 +170,18 @@ class _Content:
         content = tables.comparison(self.results)
         if content is None or self.results.comparison is None:
             return []
-        out = [self.drawn("comparison", "Band models against the inclusion", content.source.removeprefix("Source: "))]
+        out = [
+            self.drawn(
+                "comparison", "Band models against the inclusion", content.source.removeprefix("Source: ")
+            )
+        ]
         trends = "\n".join(t.sentence for t in self.results.comparison.trends)
-        return [*out, table(content), paragraph("How the differences go with the width of the band:"), preformatted(trends)]
+        return [
+            *out,
+            table(content),
+            paragraph("How the differences go with the width of the band:"),
+            preformatted(trends),
+        ]
 
     def differences(self) -> list[tuple[str, str]]:
         """Titles with their texts."""

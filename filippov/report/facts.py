@@ -22,8 +22,10 @@ class _Unknown:
 
 
 def facts(results: Results) -> Facts:
-    """Values that texts may name: cycle_<case>_<k>, fold_<case>, change_<case> (of the set's stability),
-    change_rest_<case> (by the linearised return map), bound_<case> (Routh-Hurwitz), jump_<case> (of the map at 0).
+    """Values that texts may name.
+
+    cycle_<case>_<k>, fold_<case>; change_<case> of the set's stability, change_rest_<case> by the linearised
+    return map; bound_<case> of Routh-Hurwitz; jump_<case> of the map at 0
     """
     out = Facts()
     for result in results.cases:
@@ -55,7 +57,9 @@ def classification(results: Results) -> dict[str, dict[str, str]]:
 
 
 def _set_words(seen: set[bool]) -> str:
-    return {frozenset({True}): "stable", frozenset({False}): "unstable"}.get(frozenset(seen), "stable or unstable")
+    return {frozenset({True}): "stable", frozenset({False}): "unstable"}.get(
+        frozenset(seen), "stable or unstable"
+    )
 
 
 def _cycle_words(cycles: list[list[bool]]) -> str:
@@ -75,7 +79,9 @@ def summary(results: Results) -> dict[str, Any]:
     return {
         "fixed_points": {c.case.key: [_point(q) for q in c.fixed] for c in cases},
         "folds": {
-            c.case.key: [{name: value, "d": d} for value, d in c.diagram.folds] for c in cases if c.diagram.folds
+            c.case.key: [{name: value, "d": d} for value, d in c.diagram.folds]
+            for c in cases
+            if c.diagram.folds
         },
         "set_stability_change": {
             c.case.key: [{name: value} for value in c.diagram.stability_changes]
@@ -109,7 +115,12 @@ def _comparison(results: Results) -> list[dict[str, Any]]:
 
 
 def _point(q: Any) -> dict[str, Any]:
-    out: dict[str, Any] = {"d": float(q.d), "kind": q.kind, "stable": bool(q.stable), "slope": _number(q.slope)}
+    out: dict[str, Any] = {
+        "d": float(q.d),
+        "kind": q.kind,
+        "stable": bool(q.stable),
+        "slope": _number(q.slope),
+    }
     if q.note or out["slope"] is None:
         out["note"] = q.note or f"the slope is {q.slope}"
     return out

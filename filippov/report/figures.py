@@ -52,7 +52,15 @@ def friction(results: Results) -> Figure:
                 ax.plot(curve.x, curve.y, color=SERIES[k], label=case.case.label)
         x0, low, high = results.main.curve.at
         for ax in axes:
-            ax.plot([x0, x0], [low, high], color=INK, linewidth=3, solid_capstyle="butt", label="set at rest", zorder=1)
+            ax.plot(
+                [x0, x0],
+                [low, high],
+                color=INK,
+                linewidth=3,
+                solid_capstyle="butt",
+                label="set at rest",
+                zorder=1,
+            )
             ax.set_xlabel(labels["curve x"])
         reach = 0.04 * float(np.max(np.abs(results.main.curve.x)))
         axes[1].set_xlim(-0.06 * reach, reach)
@@ -161,13 +169,15 @@ def possible(results: Results) -> Figure:
 def comparison(results: Results) -> Figure:
     """Errors of the band models against the width of the band, and their work."""
     assert results.comparison is not None
-    return results.comparison.plot()
+    drawn: Figure = results.comparison.plot()
+    return drawn
 
 
 def _beside(width: float, height: float, count: int) -> tuple[Figure, Any, list[Any]]:
     """A figure of parts beside each other under a strip for their common legend."""
     figure = new_figure(width, height)
-    top, lower = figure.subfigures(2, 1, height_ratios=(0.11, 1.0))
+    strips: Any = figure.subfigures(2, 1, height_ratios=(0.11, 1.0))
+    top, lower = strips
     return figure, top, list(np.atleast_1d(np.asarray(lower.subfigures(1, count), dtype=object)))
 
 

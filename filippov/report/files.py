@@ -51,6 +51,9 @@ def save_figure(folder: Path, name: str, figure: Figure) -> str:
     vector, raster = io.StringIO(), io.BytesIO()
     try:
         with style():
+            # The layout is solved once for both files.
+            figure.draw_without_rendering()
+            figure.set_layout_engine("none")
             figure.savefig(vector, format="svg", metadata={"Date": None, "Creator": None})
             figure.savefig(raster, format="png", dpi=DPI, metadata={"Software": None})
     finally:
@@ -66,24 +69,34 @@ def data_files(results: Results) -> Iterator[tuple[str, Sequence[str], Rows]]:
     point = ("d", "kind", "stable", "slope", "residual", "period", "note")
     fixed = [(c.case.key, *_values(q, point)) for c in results.cases for q in c.fixed]
     yield "fixed_points.csv", ("case", *point), fixed
-    yield "checks.csv", ("case", "cycle", "method", "d"), [
-        (a.case, k, name, value)
-        for c in results.cases
-        for k, a in enumerate(c.agreements)
-        for name, value in a.values.items()
-    ]
+    yield (
+        "checks.csv",
+        ("case", "cycle", "method", "d"),
+        [
+            (a.case, k, name, value)
+            for c in results.cases
+            for k, a in enumerate(c.agreements)
+            for name, value in a.values.items()
+        ],
+    )
     special = ("kind", "value", "d", "residual", "note")
-    yield "special_points.csv", ("case", *special), [
-        (c.case.key, *_values(s, special)) for c in results.cases for s in c.diagram.special
-    ]
+    yield (
+        "special_points.csv",
+        ("case", *special),
+        [(c.case.key, *_values(s, special)) for c in results.cases for s in c.diagram.special],
+    )
     for case in results.cases:
         slug = case.case.slug
         yield f"curve_{slug}.csv", ("x", "y"), zip(case.curve.x, case.curve.y, strict=True)
         yield f"response_{slug}.csv", ("t", *results.system.states, "mode"), _response(case)
-        yield f"events_{slug}.csv", ("t", "surface", "kind", "before", "after", *results.system.states), [
-            (e.t, e.surface, str(e.kind), mode_text(e.before), mode_text(e.after), *e.x.tolist())
-            for e in case.solution.events
-        ]
+        yield (
+            f"events_{slug}.csv",
+            ("t", "surface", "kind", "before", "after", *results.system.states),
+            [
+                (e.t, e.surface, str(e.kind), mode_text(e.before), mode_text(e.after), *e.x.tolist())
+                for e in case.solution.events
+            ],
+        )
         both = np.argsort(np.concatenate([case.wide.d, case.small.d]), kind="stable")
         columns = [
             np.concatenate([getattr(case.wide, name), getattr(case.small, name)])[both]
@@ -91,12 +104,16 @@ def data_files(results: Results) -> Iterator[tuple[str, Sequence[str], Rows]]:
         ]
         yield f"map_{slug}.csv", ("d", "P(d)", "P(P(d))"), zip(*columns, strict=True)
         yield f"iterates_{slug}.csv", ("k", "d"), enumerate(case.orbit.tolist())
-        yield f"bifurcation_{slug}.csv", (parameter, *point), [
-            (value, *_values(q, point))
-            for diagram in (case.diagram, case.beyond)
-            for value, found in zip(diagram.values, diagram.points, strict=True)
-            for q in found
-        ]
+        yield (
+            f"bifurcation_{slug}.csv",
+            (parameter, *point),
+            [
+                (value, *_values(q, point))
+                for diagram in (case.diagram, case.beyond)
+                for value, found in zip(diagram.values, diagram.points, strict=True)
+                for q in found
+            ],
+        )
     if results.comparison is not None:
         rows = results.comparison.rows
         names = tuple(dict.fromkeys(key for row in rows for key in row))

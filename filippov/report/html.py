@@ -20,7 +20,7 @@ def escape(text: object) -> str:
 
 
 def inline_svg(svg: str, name: str, label: str) -> str:
-    """The svg element of a file, for use within a page: no prologue, names of its own, a label for readers."""
+    """The svg element of a file, for use within a page: no prologue, its own names, a label for readers."""
     body = _DROP.sub("", svg).strip()
     head, _, rest = body.partition(">")
     body = _SPACES.sub("", head) + ">" + rest
@@ -48,7 +48,9 @@ def table(content: Table) -> str:
     kind = ["num" if n else "text" for n in numeric]
     head = "".join(f'<th class="{k}">{escape(c)}</th>' for k, c in zip(kind, content.columns, strict=True))
     rows = "".join(
-        "<tr>" + "".join(f'<td class="{k}">{escape(c)}</td>' for k, c in zip(kind, row, strict=True)) + "</tr>\n"
+        "<tr>"
+        + "".join(f'<td class="{k}">{escape(c)}</td>' for k, c in zip(kind, row, strict=True))
+        + "</tr>\n"
         for row in content.rows
     )
     note = f'<p class="note">{escape(content.note)}</p>' if content.note else ""
@@ -100,7 +102,7 @@ def page(title: str, subtitle: str, sections: Sequence[tuple[str, str, str]]) ->
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(title)}</title><style>\n{style}</style></head>\n<body><main>"
         f'<header><h1>{escape(title)}</h1><p class="subtitle">{escape(subtitle)}</p></header>'
-        f'<nav><ol>{contents}</ol></nav>\n{body}\n</main></body></html>\n'
+        f"<nav><ol>{contents}</ol></nav>\n{body}\n</main></body></html>\n"
     )
 
 

@@ -5,8 +5,8 @@ A turn is one smooth stretch off the surface, from the lift of d to the next zer
     shooting     scipy's solve_ivp(DOP853) with an event, and brentq on P^order(d) - d
     collocation  Gauss collocation of the whole orbit as one boundary-value problem in (x, T, d), by Newton
 
-Collocation runs in c with t = T c (2 - c), so (T - t)**(1/2) is linear in 1 - c, and Gauss points avoid the ends:
-a field with |h|**(1/2) is as smooth as any other. Field and Jacobian are those of the symbolic form.
+Collocation runs in c with t = T c (2 - c), so (T - t)**(1/2) is linear in 1 - c, and Gauss points avoid the
+ends: a field with |h|**(1/2) is as smooth as any other. Field and Jacobian are those of the symbolic form.
 """
 
 from __future__ import annotations
@@ -76,7 +76,8 @@ class Orbits:
             return values("fx", x).reshape(len(x), self.n, self.n)
 
         def jacobian(x: Array) -> Array:
-            return slope(x) + values("fa", x)[:, :, None] * (sign * self.gradient)
+            out: Array = slope(x) + values("fa", x)[:, :, None] * (sign * self.gradient)
+            return out
 
         return Side(sign, lambda x: values("f", x), jacobian, slope)
 
@@ -88,7 +89,9 @@ class Orbits:
             later = float(self.gradient @ side.slope(x[None, :])[0] @ f) * sign
             if rate > 1e-9 or (abs(rate) <= 1e-9 and later > 1e-12):
                 return side
-        raise SolveError(f"the motion does not leave the surface at x = {x}; the lift is to start where it does.")
+        raise SolveError(
+            f"the motion does not leave the surface at x = {x}; the lift is to start where it does."
+        )
 
     # -- shooting ----------------------------------------------------------------------------------------
 
@@ -98,7 +101,8 @@ class Orbits:
         side = self.side(x0)
 
         def field(_: float, x: Array) -> Array:
-            return side.field(x[None, :])[0]
+            out: Array = side.field(x[None, :])[0]
+            return out
 
         def height(_: float, x: Array) -> float:
             return float(self.gradient @ x)

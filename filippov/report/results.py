@@ -49,8 +49,11 @@ class Agreement:
 
 @dataclass(frozen=True)
 class Exactness:
-    """How exact the response is: largest |h| while sliding on the section's surface, spread of invariants there,
-    and distance of its stick positions from the iterates of the map."""
+    """How exact the response is.
+
+    height    largest |h| while sliding on the section's surface; spreads: of the model's invariants there
+    iterates  largest distance of its `count` rest positions from the iterates of the map
+    """
 
     height: float
     spreads: Mapping[str, float]
@@ -89,7 +92,7 @@ class CaseResult:
 
     @property
     def bound(self) -> float | None:
-        """The value of the study's parameter above which the Routh-Hurwitz conditions hold; None without one."""
+        """The value of the parameter above which the Routh-Hurwitz conditions hold; None without one."""
         return next((_start(s.numeric) for s in self._solved()), None)
 
     @property

@@ -30,13 +30,16 @@ CASES, COMPARED = 0.45, 0.75
 PACKAGES = ("filippov", "numpy", "scipy", "sympy", "networkx", "llvmlite", "matplotlib")
 
 
-def run_study(name: str, output: str | Path, *, progress: Progress | None = None, quick: bool = False) -> dict[str, Any]:
+def run_study(
+    name: str, output: str | Path, *, progress: Progress | None = None, quick: bool = False
+) -> dict[str, Any]:
     """Run a study into a folder and return its summary.
 
     progress  called with (done, all, what)
     quick     coarser, to see whether it works
 
-    Writes report.html, summary.json, figures as SVG and PNG, data as CSV. Raises UsageError for an unknown name.
+    Writes report.html, summary.json, figures as SVG and PNG, data as CSV. Raises UsageError for an
+    unknown name.
     """
     since, folder = time.perf_counter(), Path(output)
     tell = _teller(progress)
@@ -86,12 +89,20 @@ def _compared(subject: Subject, effort: Effort, tell: Callable[[float, str], Non
     study = subject.study
     if not study.variants:
         return None
-    bands = [BandModel(v.name, v.build, v.stick, v.options) for v in study.variants]
+
+    def within(done: int, total: int, what: str = "") -> None:
+        tell(CASES + (COMPARED - CASES) * done / total, f"comparison: {what}")
+
+    few = slice(None) if effort.widths == 1 else slice(1)
+    bands = [
+        BandModel(v.name, v.build, v.stick, {k: values[few] for k, values in v.options.items()})
+        for v in study.variants
+    ]
     return compare(
         subject.system, subject.section, bands, widths=study.widths[:: effort.widths], comparators=(),
         interval=subject.interval, order=study.order, x0=study.x0, parameters=study.cases[0].parameters,
         repeats=1 if effort.widths > 1 else 3,
-        progress=lambda done, total, what="": tell(CASES + (COMPARED - CASES) * done / total, f"comparison: {what}"),
+        progress=within,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from filippov.report.facts import classification
 from filippov.report.results import CaseResult, Results
 
 NONE = "—"
+ERRORS = ("error_P", "error_times", "error_fixed_points", "drift")
 
 
 @dataclass(frozen=True)
@@ -79,9 +80,12 @@ def fixed_points(results: Results) -> Table:
         f"Table 2. Fixed points of the {turns} iterate and their stability",
         ("case", "d* here [m]", "paper (reference) [m]", "kind", "stable", "paper", "slope", "slip time [s]"),
         tuple(rows),
-        "Slope: of the second iterate at the point, from saltation matrices, at the set its limit for d → 0+; stable "
-        "means |slope| < 1. Slip time: of the turns of one orbit, from break-away to the next stick. " + " ".join(notes),
-        f"Source: `filippov event-map {results.model.name} --order {results.study.order} -p ...`, fixed_points.csv.",
+        "Slope: of the second iterate at the point, from saltation matrices, at the set its limit for d → "
+        "0+; stable "
+        "means |slope| < 1. Slip time: of the turns of one orbit, from break-away to the next stick. "
+        + " ".join(notes),
+        f"Source: `filippov event-map {results.model.name} --order {results.study.order} -p ...`, "
+        "fixed_points.csv.",
     )
 
 
@@ -113,7 +117,12 @@ def places(results: Results) -> Table:
         paper = list(said.values())
         rows += [
             (result.case.label, "fold of the two cycles", fold, paper[0] if paper else NONE),
-            (result.case.label, "the set changes stability (event map)", change, paper[1] if len(paper) > 1 else NONE),
+            (
+                result.case.label,
+                "the set changes stability (event map)",
+                change,
+                paper[1] if len(paper) > 1 else NONE,
+            ),
             (result.case.label, "the same by the linearised return map", rest, NONE),
             (result.case.label, "Routh-Hurwitz (sufficient)", bound, _bound_said(results, result)),
         ]
@@ -121,7 +130,8 @@ def places(results: Results) -> Table:
     return Table(
         "Table 3. Where the diagrams change", ("case", "what", "here", "paper"), tuple(rows),
         "Roots of P(P(d)) = d with slope 1 (fold) and of |slope| = 1 at the set, in the parameter; largest "
-        f"residual {worst:.1g}. The linearised return map takes the whole line of {name}, the diagrams only its range.",
+        f"residual {worst:.1g}. The linearised return map takes the whole line of {name}, the diagrams "
+        "only its range.",
         f"Source: `filippov bifurcation {results.model.name} --parameter {name} ...`, "
         f"`filippov stability {results.model.name} --solve-for {name} ...`.",
     )  # fmt: skip
@@ -149,7 +159,8 @@ def classes(results: Results) -> Table:
     proofs = [f"{r.case.regime}: {r.stability.items[0].answer}" for r in results.cases if r.stability.items]
     return Table(
         "Table 4. Classification", ("regime", "what", "computed", "paper", "same"), tuple(rows),
-        f"Computed from the diagrams at {name} = {', '.join(f'{v:g}' for v in values)}, one exponent a regime. The "
+        f"Computed from the diagrams at {name} = {', '.join(f'{v:g}' for v in values)}, one exponent a "
+        "regime. The "
         f"stability report, at the parameters of table 1, says of the set: {'; '.join(proofs)}.",
         "Source: bifurcation_*.csv, read by filippov.report.facts.classification.",
     )  # fmt: skip
@@ -168,12 +179,17 @@ def checks(results: Results) -> Table:
                 reference = float(agreement.reference)
                 own = agreement.values[best[1]] if len(best) > 1 else next(iter(agreement.values.values()))
                 apart = -math.log10(max(abs(own - reference) / reference, 1e-16))
-                rows.append(("", "reference, 40-digit Taylor, 12 decimals", agreement.reference, f"{apart:.1f}"))
+                rows.append(
+                    ("", "reference, 40-digit Taylor, 12 decimals", agreement.reference, f"{apart:.1f}")
+                )
     return Table(
         "The cycles by independent methods", ("case", "method", "d* [m]", "digits shared"), tuple(rows),
-        "Digits shared with the event map at the tight tolerance. Collocation solves the whole orbit as one boundary-value "
-        "problem on the symbolic field and uses nothing of the solver; solve_ivp is scipy's, with an event on the "
-        "surface. Where the slope of the field at the surface is infinite an explicit method loses digits as it leaves "
+        "Digits shared with the event map at the tight tolerance. Collocation solves the whole orbit as "
+        "one boundary-value "
+        "problem on the symbolic field and uses nothing of the solver; solve_ivp is scipy's, with an event "
+        "on the "
+        "surface. Where the slope of the field at the surface is infinite an explicit method loses digits "
+        "as it leaves "
         "v = 0; that is why solve_ivp shares fewer there.",
         "Source: filippov.report.independent; checks.csv.",
     )  # fmt: skip
@@ -187,14 +203,18 @@ def exactness(results: Results) -> Table:
     for r in results.cases:
         e = r.exactness
         spread = [f"{e.spreads[n]:.3g}" for n in names]
-        rows.append((r.case.label, f"{e.height:.3g}", *spread, str(e.count), f"{e.iterates:.2g}", r.word or NONE))
+        rows.append(
+            (r.case.label, f"{e.height:.3g}", *spread, str(e.count), f"{e.iterates:.2g}", r.word or NONE)
+        )
     return Table(
         "The responses as motions of an inclusion",
         ("case", f"largest |{surface}| while sliding", *(f"spread of {n}" for n in names), "rests",
          "response - iterates [m]", "mode word"),
         tuple(rows),
-        "Twenty points of each sliding segment. Response - iterates: largest distance between the rest positions of the "
-        "response and the iterates of the event map from the first of them; the map skips the stick phases, so this "
+        "Twenty points of each sliding segment. Response - iterates: largest distance between the rest "
+        "positions of the "
+        "response and the iterates of the event map from the first of them; the map skips the stick "
+        "phases, so this "
         "tests the section as well. Mode word: the modes that the end of the response repeats.",
         f"Source: `filippov simulate {results.model.name} -p ...`.",
     )  # fmt: skip
@@ -212,7 +232,7 @@ def comparison(results: Results) -> Table | None:
         milli = None if row["seconds"] is None else 1e3 * row["seconds"]
         rows.append((
             row["model"], *(number(row.get(name)) for name in names), width,
-            *(scientific(size(row[key])) for key in ("error_P", "error_times", "error_fixed_points", "drift")),
+            *(scientific(size(row[key])) for key in ERRORS),
             number(row["field_calls"], 7), number(milli, 3), number(row["time_ratio"], 3),
         ))  # fmt: skip
         if row["note"] and row["width"] is not None:
@@ -220,12 +240,14 @@ def comparison(results: Results) -> Table | None:
     where = ", ".join(f"{d:g}" for d in found.coordinates)
     return Table(
         "Band models beside the inclusion",
-        ("model", *names, "half-width [m/s]", "ΔP(d) [m]", "Δt [s]", "Δd* [m]", "drift [m]", "field calls", "ms",
-         "time ratio"),
+        ("model", *names, "half-width [m/s]", "ΔP(d) [m]", "Δt [s]", "Δd* [m]", "drift [m]", "field calls",
+         "ms", "time ratio"),
         tuple(rows),
-        f"Largest differences from the inclusion: of P(d) at d = {where} m, of the event times of the response, of the fixed "
-        "points; drift: of the position during stick. Field calls and median times of the same motions; ratio to "
-        "the inclusion run beside it. Row exact: how far two tolerances of the inclusion differ. " + " ".join(notes),
+        f"Largest differences from the inclusion: of P(d) at d = {where} m, of the event times of the "
+        "response, of the fixed "
+        "points; drift: of the position during stick. Field calls and median times of the same motions; "
+        "ratio to the inclusion run beside it. Row exact: how far two tolerances of the inclusion differ. "
+        + " ".join(notes),
         f"Source: filippov.analysis.comparison, rtol {found.rtol:g}; comparison.csv.",
     )  # fmt: skip
 

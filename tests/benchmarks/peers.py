@@ -48,7 +48,9 @@ def scipy_map(d: np.ndarray, rtol: float, method: str = "DOP853") -> np.ndarray:
     out = np.empty_like(d)
     for i, value in enumerate(d):
         x0 = (value, -1e-300, (FS / P - value) / I)
-        run = solve_ivp(slip(-1.0), (0, 100), x0, method=method, rtol=rtol, atol=rtol * 1e-2, events=stopping(-1.0))
+        run = solve_ivp(
+            slip(-1.0), (0, 100), x0, method=method, rtol=rtol, atol=rtol * 1e-2, events=stopping(-1.0)
+        )
         out[i] = run.y[0, -1]
     return out
 

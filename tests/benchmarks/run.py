@@ -1,7 +1,7 @@
 """Speed and accuracy beside other solvers, side by side in one run: python tests/benchmarks/run.py
 
-Medians over repeated runs; a ratio is the other solver's time over filippov's. Errors are the largest over all points
-against filippov at rtol 1e-13.
+Medians over repeated runs; a ratio is the other solver's time over filippov's. Errors are the largest over
+all points against filippov at rtol 1e-13.
 """
 
 from __future__ import annotations
@@ -67,12 +67,21 @@ def event_map(rounds: int) -> None:
         if caps is not None:
             times["heyoka"].append(median_time(lambda: caps(d), 5))
     own = statistics.median(times["ours"])
-    print(f"event map, 500 points, rtol 1e-10: filippov {own * 1e3:.2f} ms, error {np.max(np.abs(ours(d) - truth)):.1e}")
+    print(
+        f"event map, 500 points, rtol 1e-10: filippov {own * 1e3:.2f} ms, "
+        f"error {np.max(np.abs(ours(d) - truth)):.1e}"
+    )
     worst = float(np.max(np.abs(peers.scipy_map(d, 1e-10) - truth)))
     row("  scipy solve_ivp(DOP853), timed on 50 points x 10", own, statistics.median(times["scipy"]), worst)
     if caps is not None:
         worst = float(np.max(np.abs(caps(d) - truth)))
-        row("  heyoka, scalar, step capped", own, statistics.median(times["heyoka"]), worst, f"cap {caps.cap} s")
+        row(
+            "  heyoka, scalar, step capped",
+            own,
+            statistics.median(times["heyoka"]),
+            worst,
+            f"cap {caps.cap} s",
+        )
 
 
 def heyoka_cap(d: np.ndarray, truth: np.ndarray) -> peers.HeyokaMap | None:
@@ -115,7 +124,9 @@ def first_solve() -> None:
     with tempfile.TemporaryDirectory() as folder:
         environment = os.environ | {"FILIPPOV_CACHE": folder, "PYTHONPATH": str(Path(__file__).parents[2])}
         for name in ("cold", "warm", "warm"):
-            out = subprocess.run([sys.executable, "-c", COLD], env=environment, capture_output=True, text=True, check=True)
+            out = subprocess.run(
+                [sys.executable, "-c", COLD], env=environment, capture_output=True, text=True, check=True
+            )
             print(f"first solve of a new model in a fresh process, {name} cache: {float(out.stdout):.2f} s")
 
 

@@ -1,0 +1,34 @@
+"""What the event loop leaves behind: events, and the dense output of accepted steps."""
+
+from filippov._kernels.codes import EVENTS, RECORDS
+from filippov._kernels.language import Indices, Vector, kernel, shift, shift_indices, truncate
+from filippov._kernels.model import DEGREE_DENSE, W_BEFORE, W_COEF, M, N
+
+
+@kernel
+def record_event(
+    events: Vector, marks: Indices, count: Indices, t: float, x: Vector, i: int, kind: int, m: Vector,
+    multiplier: float, residual: float, w: Vector,
+) -> None:  # fmt: skip
+    """Append one event: floats (t, multiplier, |h|, x) and integers (surface, kind, both modes)."""
+    event = shift(events, count[EVENTS] * (3 + N))
+    mark = shift_indices(marks, count[EVENTS] * (2 + 2 * M))
+    event[0], event[1], event[2] = t, multiplier, residual
+    for j in range(N):
+        event[3 + j] = x[j]
+    mark[0], mark[1] = i, kind
+    for j in range(M):
+        mark[2 + j] = truncate(w[W_BEFORE + j])
+        mark[2 + M + j] = truncate(m[j])
+    count[EVENTS] += 1
+
+
+@kernel
+def store_step(count: Indices, t: float, step: float, rec: Vector, rec_coef: Vector, w: Vector) -> None:
+    """Keep the dense output of the step that starts at t."""
+    n = count[RECORDS]
+    rec[3 * n], rec[3 * n + 1], rec[3 * n + 2] = t, step, float(count[EVENTS])
+    size = (DEGREE_DENSE + 1) * N
+    for a in range(size):
+        rec_coef[n * size + a] = w[W_COEF + a]
+    count[RECORDS] = n + 1

@@ -1,0 +1,388 @@
+"""Translate a kernel: Python's syntax tree -> LLVM IR."""
+
+import ast
+from collections.abc import Callable, Sequence
+
+from llvmlite import ir
+
+from filippov._kernels.unit import (
+    BIT,
+    DOUBLE,
+    INDICES,
+    LONG,
+    VECTOR,
+    VOID,
+    Constant,
+    Kernel,
+    KernelError,
+    Unit,
+)
+
+_LIBM = dict.fromkeys(("sin", "cos", "tan", "exp", "log", "tanh", "sinh", "cosh", "asin", "acos", "atan"), 1)
+_LIBM |= dict.fromkeys(("asinh", "acosh", "atanh", "floor", "ceil", "erf", "expm1", "log1p"), 1) | {"atan2": 2}
+_COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+_CALLBACKS = {"call_field": 6, "call_guard": 5}
+
+
+class _Body:
+    """Translate one kernel. Locals live on the stack; LLVM's mem2reg turns them into registers."""
+
+    def __init__(self, unit: Unit, kernel: Kernel) -> None:
+        self.unit, self.kernel = unit, kernel
+        self.flags = kernel.flags
+        entry = kernel.function.append_basic_block("entry")
+        self.entry = ir.IRBuilder(entry)
+        self.b = ir.IRBuilder(kernel.function.append_basic_block("body"))
+        self.locals: dict[str, ir.AllocaInstr] = {}
+        self.loops: list[tuple[ir.Block, ir.Block]] = []
+        for argument, value in zip(kernel.node.args.args, kernel.function.args, strict=True):
+            self.store(argument.arg, value)
+        self.block(kernel.node.body)
+        if not self.b.block.is_terminated:
+            if kernel.function.ftype.return_type == VOID:
+                self.b.ret_void()
+            else:
+                self.b.unreachable()
+        self.entry.branch(kernel.function.blocks[1])
+
+    def fail(self, node: ast.AST, why: str) -> KernelError:
+        return KernelError(f"kernel {self.kernel.node.name}, line {getattr(node, 'lineno', '?')}: {why}")
+
+    # Values
+
+    def double(self, value: ir.Value) -> ir.Value:
+        if value.type == LONG:
+            return self.b.sitofp(value, DOUBLE)
+        if value.type == BIT:
+            return self.b.uitofp(value, DOUBLE)
+        return value
+
+    def bit(self, value: ir.Value) -> ir.Value:
+        if value.type == BIT:
+            return value
+        if value.type == LONG:
+            return self.b.icmp_signed("!=", value, ir.Constant(LONG, 0))
+        return self.b.fcmp_unordered("!=", value, ir.Constant(DOUBLE, 0.0))
+
+    def cast(self, value: ir.Value, kind: ir.Type, node: ast.AST) -> ir.Value:
+        if value.type == kind:
+            return value
+        if kind == DOUBLE:
+            return self.double(value)
+        if kind == LONG and value.type == BIT:
+            return self.b.zext(value, LONG)
+        raise self.fail(node, f"a {value.type} where a {kind} is needed")
+
+    def store(self, name: str, value: ir.Value, node: ast.AST | None = None) -> None:
+        if name not in self.locals:
+            self.locals[name] = self.entry.alloca(value.type, name=name)
+        slot = self.locals[name]
+        self.b.store(self.cast(value, slot.type.pointee, node or self.kernel.node), slot)
+
+    def constant(self, value: Constant, name: str) -> ir.Value:
+        if isinstance(value, bool):
+            return ir.Constant(BIT, int(value))
+        if isinstance(value, int):
+            return ir.Constant(LONG, value)
+        if isinstance(value, float):
+            return ir.Constant(DOUBLE, value)
+        if name not in self.unit.tables:
+            kind = DOUBLE if any(isinstance(v, float) for v in value) else LONG
+            table = ir.GlobalVariable(self.unit.module, ir.ArrayType(kind, len(value)), f"table_{name}")
+            table.initializer = ir.Constant(table.value_type, list(value))
+            table.global_constant, table.linkage = True, "internal"
+            self.unit.tables[name] = table
+        zero = ir.Constant(LONG, 0)
+        return self.b.gep(self.unit.tables[name], [zero, zero], inbounds=True)
+
+    def value(self, node: ast.expr) -> ir.Value:
+        method: Callable[[ast.expr], ir.Value] | None = getattr(self, f"value_{type(node).__name__}", None)
+        if method is None:
+            raise self.fail(node, f"{type(node).__name__} is not part of the kernel language")
+        return method(node)
+
+    def value_Constant(self, node: ast.Constant) -> ir.Value:
+        if isinstance(node.value, bool | int | float):
+            return self.constant(node.value, "")
+        raise self.fail(node, "only numbers are constants")
+
+    def value_Name(self, node: ast.Name) -> ir.Value:
+        if node.id in self.locals:
+            return self.b.load(self.locals[node.id])
+        if node.id in self.unit.constants:
+            return self.constant(self.unit.constants[node.id], node.id)
+        raise self.fail(node, f"unknown name {node.id}")
+
+    def pointer(self, node: ast.Subscript) -> ir.Value:
+        base, offset = self.value(node.value), self.value(node.slice)
+        if base.type not in (VECTOR, INDICES) or offset.type != LONG:
+            raise self.fail(node, "arrays are indexed by one integer")
+        return self.b.gep(base, [offset], inbounds=True)
+
+    def value_Subscript(self, node: ast.Subscript) -> ir.Value:
+        return self.b.load(self.pointer(node))
+
+    def value_UnaryOp(self, node: ast.UnaryOp) -> ir.Value:
+        value = self.value(node.operand)
+        if isinstance(node.op, ast.Not):
+            return self.b.not_(self.bit(value))
+        if isinstance(node.op, ast.USub):
+            return self.b.fneg(value) if value.type == DOUBLE else self.b.neg(value)
+        return value
+
+    def arithmetic(self, op: ast.operator, left: ir.Value, right: ir.Value, node: ast.AST) -> ir.Value:
+        if left.type == LONG and right.type == LONG and not isinstance(op, ast.Div | ast.Pow):
+            table = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.FloorDiv: "sdiv", ast.Mod: "srem"}
+            table |= {ast.LShift: "shl", ast.RShift: "ashr", ast.BitAnd: "and_", ast.BitOr: "or_"}
+            return getattr(self.b, table[type(op)])(left, right)
+        if isinstance(op, ast.Pow):
+            return self.call_power(self.double(left), self.double(right))
+        names = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv", ast.Mod: "frem"}
+        if type(op) not in names:
+            raise self.fail(node, f"{type(op).__name__} is not defined for doubles")
+        return getattr(self.b, names[type(op)])(self.double(left), self.double(right), flags=self.flags)
+
+    def value_BinOp(self, node: ast.BinOp) -> ir.Value:
+        left = self.value(node.left)
+        if isinstance(node.op, ast.Pow) and isinstance(node.right, ast.Constant) and node.right.value == 2:
+            return self.b.fmul(self.double(left), self.double(left))
+        return self.arithmetic(node.op, left, self.value(node.right), node)
+
+    def value_Compare(self, node: ast.Compare) -> ir.Value:
+        left, result = self.value(node.left), None
+        for op, comparator in zip(node.ops, node.comparators, strict=True):
+            right = self.value(comparator)
+            sign = _COMPARE[type(op)]
+            if left.type == LONG and right.type == LONG:
+                test = self.b.icmp_signed(sign, left, right)
+            elif sign == "!=":
+                test = self.b.fcmp_unordered(sign, self.double(left), self.double(right))
+            else:
+                test = self.b.fcmp_ordered(sign, self.double(left), self.double(right))
+            result = test if result is None else self.b.and_(result, test)
+            left = right
+        assert result is not None
+        return result
+
+    def value_BoolOp(self, node: ast.BoolOp) -> ir.Value:
+        slot = self.entry.alloca(BIT)
+        done = self.b.append_basic_block("bool")
+        for item in node.values[:-1]:
+            value = self.bit(self.value(item))
+            self.b.store(value, slot)
+            following = self.b.append_basic_block("next")
+            if isinstance(node.op, ast.And):
+                self.b.cbranch(value, following, done)
+            else:
+                self.b.cbranch(value, done, following)
+            self.b.position_at_end(following)
+        self.b.store(self.bit(self.value(node.values[-1])), slot)
+        self.b.branch(done)
+        self.b.position_at_end(done)
+        return self.b.load(slot)
+
+    def value_IfExp(self, node: ast.IfExp) -> ir.Value:
+        yes, no, done = (self.b.append_basic_block(name) for name in ("yes", "no", "done"))
+        self.b.cbranch(self.bit(self.value(node.test)), yes, no)
+        self.b.position_at_end(yes)
+        left = self.value(node.body)
+        left_end = self.b.block
+        self.b.position_at_end(no)
+        right = self.value(node.orelse)
+        kind = left.type if left.type == right.type else DOUBLE
+        right = self.cast(right, kind, node)
+        right_end = self.b.block
+        self.b.branch(done)
+        self.b.position_at_end(left_end)
+        left = self.cast(left, kind, node)
+        self.b.branch(done)
+        self.b.position_at_end(done)
+        phi = self.b.phi(kind)
+        phi.add_incoming(left, left_end)
+        phi.add_incoming(right, right_end)
+        return phi
+
+    def call_power(self, base: ir.Value, exponent: ir.Value) -> ir.Value:
+        return self.b.call(self.unit.external("pow", 2), [base, exponent])
+
+    def intrinsic(self, name: str, values: Sequence[ir.Value]) -> ir.Value:
+        kind = ir.FunctionType(DOUBLE, [DOUBLE] * len(values))
+        return self.b.call(self.unit.module.declare_intrinsic(name, [DOUBLE], kind), values)
+
+    def choose(self, values: Sequence[ir.Value], sign: str) -> ir.Value:
+        whole = all(value.type == LONG for value in values)
+        best = values[0] if whole else self.double(values[0])
+        for given in values[1:]:
+            value = given if whole else self.double(given)
+            # Written so that min and max of a NaN and a number agree with Python's: the first one stays.
+            test = self.b.icmp_signed(sign, value, best) if whole else self.b.fcmp_ordered(sign, value, best)
+            best = self.b.select(test, value, best)
+        return best
+
+    def value_Call(self, node: ast.Call) -> ir.Value:
+        name = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
+        values = [self.value(argument) for argument in node.args]
+        name = "exponential" if name == "exp" else name
+        if name in self.unit.kernels:
+            target = self.unit.kernels[name].function
+            if len(values) != len(target.args):
+                raise self.fail(node, f"{name} takes {len(target.args)} arguments, given {len(values)}")
+            kinds = target.ftype.args
+            return self.b.call(target, [self.cast(v, k, node) for v, k in zip(values, kinds, strict=True)])
+        if name in ("min", "max"):
+            return self.choose(values, "<" if name == "min" else ">")
+        if name == "abs" and values[0].type == LONG:
+            return self.choose([values[0], self.b.neg(values[0])], ">")
+        if name in ("abs", "fabs"):
+            return self.intrinsic("llvm.fabs", [self.double(values[0])])
+        if name == "sqrt":
+            return self.intrinsic("llvm.sqrt", [self.double(values[0])])
+        if name == "rint":
+            return self.intrinsic("llvm.rint", [self.double(values[0])])
+        if name == "two_to":
+            # The bits of 2**n, |n| < 1023.
+            bits = self.b.shl(self.b.add(values[0], ir.Constant(LONG, 1023)), ir.Constant(LONG, 52))
+            return self.b.bitcast(bits, DOUBLE)
+        if name == "to_bits":
+            return self.b.bitcast(self.double(values[0]), LONG)
+        if name == "from_bits":
+            return self.b.bitcast(values[0], DOUBLE)
+        if name == "fma":
+            return self.intrinsic("llvm.fma", [self.double(v) for v in values])
+        if name == "float":
+            return self.double(values[0])
+        if name == "truncate":
+            return self.b.fptosi(values[0], LONG)
+        if name in ("shift", "shift_indices"):
+            return self.b.gep(values[0], [values[1]], inbounds=True)
+        if name == "power":
+            return self.call_power(self.double(values[0]), self.double(values[1]))
+        if name in _CALLBACKS:
+            kinds = [DOUBLE] + [VECTOR] * (_CALLBACKS[name] - 1)
+            pointer = self.b.inttoptr(values[0], ir.FunctionType(LONG, kinds).as_pointer())
+            return self.b.call(pointer, values[1:])
+        if name in _LIBM:
+            return self.b.call(self.unit.external(name, _LIBM[name]), [self.double(v) for v in values])
+        raise self.fail(node, f"unknown function {name}")
+
+    # Statements
+
+    def block(self, statements: Sequence[ast.stmt]) -> None:
+        for statement in statements:
+            if self.b.block.is_terminated:
+                return
+            method: Callable[[ast.stmt], None] | None = getattr(self, f"do_{type(statement).__name__}", None)
+            if method is None:
+                raise self.fail(statement, f"{type(statement).__name__} is not part of the kernel language")
+            method(statement)
+
+    def assign(self, target: ast.expr, value: ir.Value) -> None:
+        if isinstance(target, ast.Name):
+            self.store(target.id, value, target)
+        elif isinstance(target, ast.Subscript):
+            pointer = self.pointer(target)
+            self.b.store(self.cast(value, pointer.type.pointee, target), pointer)
+        elif isinstance(target, ast.Tuple) and isinstance(value.type, ir.LiteralStructType):
+            for i, item in enumerate(target.elts):
+                self.assign(item, self.b.extract_value(value, i))
+        else:
+            raise self.fail(target, "cannot assign to this")
+
+    def do_Assign(self, node: ast.Assign) -> None:
+        target = node.targets[0]
+        if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+            values = [self.value(item) for item in node.value.elts]
+            for item, value in zip(target.elts, values, strict=True):
+                self.assign(item, value)
+            return
+        value = self.value(node.value)
+        for target in node.targets:
+            self.assign(target, value)
+
+    def do_AugAssign(self, node: ast.AugAssign) -> None:
+        load: ast.expr = node.target
+        self.assign(node.target, self.arithmetic(node.op, self.value(load), self.value(node.value), node))
+
+    def do_Expr(self, node: ast.Expr) -> None:
+        if not isinstance(node.value, ast.Constant):
+            self.value(node.value)
+
+    def do_Pass(self, node: ast.Pass) -> None:
+        pass
+
+    def do_Return(self, node: ast.Return) -> None:
+        kind = self.kernel.function.ftype.return_type
+        if node.value is None:
+            self.b.ret_void()
+        elif isinstance(node.value, ast.Tuple):
+            result: ir.Value = ir.Constant(kind, ir.Undefined)
+            for i, item in enumerate(node.value.elts):
+                result = self.b.insert_value(result, self.cast(self.value(item), kind.elements[i], node), i)
+            self.b.ret(result)
+        else:
+            self.b.ret(self.cast(self.value(node.value), kind, node))
+
+    def do_If(self, node: ast.If) -> None:
+        if isinstance(node.test, ast.Name) and isinstance(self.unit.constants.get(node.test.id), bool):
+            self.block(node.body if self.unit.constants[node.test.id] else node.orelse)
+            return
+        yes, no, done = (self.b.append_basic_block(name) for name in ("then", "else", "endif"))
+        self.b.cbranch(self.bit(self.value(node.test)), yes, no)
+        for start, statements in ((yes, node.body), (no, node.orelse)):
+            self.b.position_at_end(start)
+            self.block(statements)
+            if not self.b.block.is_terminated:
+                self.b.branch(done)
+        self.b.position_at_end(done)
+
+    def loop(self, test: Callable[[], ir.Value], body: Sequence[ast.stmt], after: Callable[[], None]) -> None:
+        head, inside, step, done = (self.b.append_basic_block(n) for n in ("head", "loop", "step", "endloop"))
+        self.b.branch(head)
+        self.b.position_at_end(head)
+        self.b.cbranch(test(), inside, done)
+        self.b.position_at_end(inside)
+        self.loops.append((step, done))
+        self.block(body)
+        self.loops.pop()
+        if not self.b.block.is_terminated:
+            self.b.branch(step)
+        self.b.position_at_end(step)
+        after()
+        self.b.branch(head)
+        self.b.position_at_end(done)
+
+    def do_While(self, node: ast.While) -> None:
+        self.loop(lambda: self.bit(self.value(node.test)), node.body, lambda: None)
+
+    def do_For(self, node: ast.For) -> None:
+        if not (isinstance(node.iter, ast.Call) and isinstance(node.target, ast.Name)):
+            raise self.fail(node, "loops run over range(...)")
+        values = [self.value(argument) for argument in node.iter.args]
+        one = ir.Constant(LONG, 1)
+        start, stop = (ir.Constant(LONG, 0), values[0]) if len(values) == 1 else (values[0], values[1])
+        step = values[2] if len(values) == 3 else one
+        down = len(values) == 3
+        counter = self.entry.alloca(LONG)
+        self.b.store(start, counter)
+        name = node.target.id
+
+        def test() -> ir.Value:
+            current = self.b.load(counter)
+            self.store(name, current)
+            return self.b.icmp_signed(">" if down else "<", current, stop)
+
+        def after() -> None:
+            self.b.store(self.b.add(self.b.load(counter), step), counter)
+
+        self.loop(test, node.body, after)
+
+    def do_Break(self, node: ast.Break) -> None:
+        self.b.branch(self.loops[-1][1])
+
+    def do_Continue(self, node: ast.Continue) -> None:
+        self.b.branch(self.loops[-1][0])
+
+
+def translate(unit: Unit, kernel: Kernel) -> None:
+    """Fill the kernel's LLVM function; raises KernelError where it leaves the language."""
+    _Body(unit, kernel)

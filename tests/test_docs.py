@@ -1,0 +1,104 @@
+"""The documentation tells the truth: every page's code runs in order, the README prints what it says, links lead somewhere.
+
+Each page holds its expected numbers in `assert` lines. A page runs in a process of its own, warnings as errors.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import filippov
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = sorted((ROOT / "docs").glob("*.md"))
+TEXTS = [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+CELL = re.compile(r"^```\{code-cell\}[^\n]*\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+OPTION = re.compile(r"^:[\w-]+:[^\n]*\n", re.MULTILINE)
+LINK = re.compile(r"\]\(([^)#\s]+)(#[^)]*)?\)")
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def code_of(page: Path) -> str:
+    """The cells of a page, one below the other."""
+    return "\n".join(OPTION.sub("", cell) for cell in CELL.findall(page.read_text(encoding="utf-8")))
+
+
+def run(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    script = folder / "page.py"
+    script.write_text(code, encoding="utf-8")
+    # The cache folder may hold a compiled unit of a test's own system only, so it is shared.
+    known = os.environ.get("PYTHONPATH")
+    path = os.pathsep.join(filter(None, (str(ROOT), known)))
+    environment = {**os.environ, "PYTHONPATH": path, "MPLBACKEND": "Agg", "PYTHONIOENCODING": "utf-8"}
+    return subprocess.run(
+        [sys.executable, "-W", "error", str(script)], cwd=folder, env=environment, capture_output=True, text=True,
+        encoding="utf-8", check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if code_of(page)], ids=lambda page: page.stem)
+def test_page_runs_and_its_numbers_hold(page: Path, tmp_path: Path) -> None:
+    code = code_of(page)
+    assert "assert " in code, f"{page.name} pins no number"
+    done = run(code, tmp_path)
+    assert done.returncode == 0, done.stderr[-3000:]
+
+
+def test_every_page_is_in_the_index() -> None:
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    listed = {
+        line for block in re.findall(r"```\{toctree\}\n(.*?)```", index, re.DOTALL) for line in block.splitlines()
+    }
+    assert {page.stem for page in PAGES} - {"index"} <= listed
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=lambda text: text.stem)
+def test_links_to_files_lead_somewhere(text: Path) -> None:
+    links = [found[1] for found in LINK.finditer(text.read_text(encoding="utf-8")) if "://" not in found[1]]
+    missing = [link for link in links if not (text.parent / link).exists()]
+    assert not missing
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=lambda text: text.stem)
+def test_files_that_are_named_exist(text: Path) -> None:
+    named = re.findall(r"`((?:tests|docs|filippov|models|analysis)/[\w./-]+)`", text.read_text(encoding="utf-8"))
+    made = ("docs/_build",)
+    missing = [name for name in named if not name.startswith(made) and not (ROOT / name).exists()]
+    assert not missing
+
+
+def test_readme_example_prints_what_it_says(tmp_path: Path) -> None:
+    shown = re.findall(r"```python\n(.*?)```\n+(?:It prints|prints)[^\n]*\n+```text\n(.*?)```", README, re.DOTALL)
+    assert shown
+    for code, output in shown:
+        assert len([line for line in code.splitlines() if line.strip()]) < 15
+        done = run(code, tmp_path)
+        assert done.returncode == 0, done.stderr[-3000:]
+        assert done.stdout == output
+
+
+def test_readme_names_targets_of_the_makefile() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"^([\w-]+):", makefile, re.MULTILINE))
+    named = set(re.findall(r"\bmake ([a-z][\w-]*)\b", README))
+    assert {"study", "test"} <= named <= targets
+
+
+def test_every_public_name_is_in_the_reference() -> None:
+    reference = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    missing = [name for name in filippov.__all__ if f"`{name}`" not in reference]
+    assert not missing
+
+
+def test_readme_figure_is_committed_with_its_script() -> None:
+    figures = re.findall(r"!\[[^\]]*\]\((docs/_static/[\w-]+\.svg)\)", README)
+    assert figures
+    script = (ROOT / "docs" / "figures.py").read_text(encoding="utf-8")
+    for figure in figures:
+        assert Path(figure).name in script
