@@ -29,9 +29,8 @@ def hunting() -> None:
     turns = EventMap(system, Section.from_model(model), order=2)
     whole = plt.figure(figsize=(11.4, 4.0), layout="constrained")
     left, right = whole.subfigures(1, 2, width_ratios=(1.35, 1.0))
-    plot_solution(
-        response, ["x", "v"], figure=left, labels={"t": "time [s]", "x": "position [m]", "v": "velocity [m/s]"}
-    )
+    names = {"t": "time [s]", "x": "position [m]", "v": "velocity [m/s]"}
+    plot_solution(response, ["x", "v"], figure=left, labels=names)
     plot_event_map(
         turns, 0.0, 0.5, fixed=turns.fixed_points(0.0, 0.5), figure=right,
         labels={"d": "stick position [m]", "P": "two sticks later [m]"},

@@ -137,7 +137,7 @@ class Stop:
     def __post_init__(self) -> None:
         if self.kind not in _COLUMNS:
             raise UsageError(unknown("kind of event", self.kind, _COLUMNS))
-        if isinstance(self.count, bool) or not isinstance(self.count, int) or self.count < 1:
+        if type(self.count) is not int or self.count < 1:
             raise UsageError(f"Stop: count is {self.count!r}, expected 1, 2, ...")
 
     @property

@@ -168,6 +168,6 @@ def check_stops(stops: Sequence[Stop] | Stop, system: System) -> tuple[Stop, ...
     items = (stops,) if isinstance(stops, Stop) else tuple(stops)
     names = [surface.name for surface in system.surfaces]
     for item in items:
-        if isinstance(item, Stop) and item.surface not in names:
+        if item.surface not in names:
             raise UsageError(unknown("surface", item.surface, names))
     return items

@@ -148,7 +148,7 @@ class Run:
         self.mode[:] = mode
         self.order[:] = order
         self.lam[:] = multipliers
-        self.clock[codes.RELATIVE] = 0.0
+        self.clock[[codes.RELATIVE, codes.TREND, codes.GROW]] = 0.0
 
     def calls(self) -> int:
         """Field calls so far."""

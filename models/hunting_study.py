@@ -41,7 +41,7 @@ def karnopp_band(width: float, alpha: float) -> System:
 
 
 STICK = {"band upper": "-", "band lower": "+", "effort upper": "-", "effort lower": "+"}
-SET, CYCLE = "equilibrium set", "limit cycle"
+SET, CYCLE, TUNED = "equilibrium set", "limit cycle", "hunting can be tuned away"
 
 STUDY = register_study(
     Study(
@@ -61,6 +61,8 @@ STUDY = register_study(
         values=tuple(float(P) for P in range(10, 32)),
         beyond=(50.0, 100.0),
         curve=stribeck_curve,
+        curve_title=("friction", "Friction curves"),
+        goal=TUNED,
         variants=(
             Variant("switch", switch_band, STICK, {"alpha": (100.0, 10.0, 1000.0)}),
             Variant("karnopp", karnopp_band, STICK, {"alpha": (100.0,)}),
@@ -120,17 +122,17 @@ STUDY = register_study(
             "beta > 1": {
                 SET: "stable",
                 "limit cycles": "possible, stable and unstable",
-                "hunting can be tuned away": "yes",
+                TUNED: "yes",
             },
             "beta = 1": {
                 SET: "stable or unstable",
                 "limit cycles": "possible, stable only",
-                "hunting can be tuned away": "yes",
+                TUNED: "yes",
             },
             "0 < beta < 1": {
                 SET: "unstable",
                 "limit cycles": "always, stable",
-                "hunting can be tuned away": "never",
+                TUNED: "never",
             },
         },
         summary=SUMMARY,

@@ -72,7 +72,9 @@ class Study:
     x0, t_span         of the time response
     order              the iterate of the model's event map whose fixed points are studied
     parameter, values  of the bifurcation diagrams; `beyond`: further values, for the classification only
-    curve              parameter values -> the constitutive curve
+    curve              parameter values -> the constitutive curve; curve_title: file name and title
+                       of its figure
+    goal               the question whether some value has a stable set and no stable cycle, in words
     variants           models to compare with, over `widths`
     labels             axis labels with units, by name of state, "t", "d", "P" (the map), the parameter,
                        "curve x", "curve y", "multiplier"
@@ -96,6 +98,8 @@ class Study:
     values: tuple[float, ...]
     beyond: tuple[float, ...]
     curve: Callable[[Mapping[str, float]], Curve]
+    curve_title: tuple[str, str]
+    goal: str
     variants: tuple[Variant, ...]
     widths: tuple[float, ...]
     labels: Mapping[str, str]

@@ -1,7 +1,7 @@
-"""The reference loop: published figures, corner parameters, and the same answers however the model is written.
+"""The reference loop: published figures, corner parameters, the same answers however the model is written.
 
-Oracles: the figures in the docstrings are 40-digit Taylor integrations of the slip phase (Hensen & van de Molengraft
-2002 with the lost digits restored), another integrator in other variables, and closed forms.
+Oracles: the figures in the docstrings are 40-digit Taylor integrations of the slip phase (Hensen & van de
+Molengraft 2002 with the lost digits restored), another integrator in other variables, and closed forms.
 """
 
 from __future__ import annotations
@@ -78,17 +78,22 @@ def test_beta_one_half_by_an_independent_method() -> None:
 
 
 def test_fold_and_stability_change() -> None:
-    """Fold near P = 21 (beta = 2); the set turns stable near P = 27 (beta = 1), at 26.6019490 by the return map."""
-    two = bifurcation(SYSTEM, SECTION, parameter="P", values=[20, 21, 22], interval=(0, 0.5), parameters={"beta": 2})
+    """Fold near P = 21 (beta = 2); the set turns stable near P = 27 (beta = 1), at 26.6019490."""
+    two = bifurcation(
+        SYSTEM, SECTION, parameter="P", values=[20, 21, 22], interval=(0, 0.5), parameters={"beta": 2}
+    )
     (value, d), *more = two.folds
     assert not more
     assert 20.5 < value < 21.5
     # The fold is where the two cycles meet: they are there just before it and gone just after.
-    near = [point.d for point in EventMap(SYSTEM, SECTION, parameters={"P": value - 1e-7}, order=2).fixed_points(0.5 * d, 2 * d)]
+    before = EventMap(SYSTEM, SECTION, parameters={"P": value - 1e-7}, order=2)
+    near = [point.d for point in before.fixed_points(0.5 * d, 2 * d)]
     assert len(near) == 2
     assert near == pytest.approx([d, d], abs=1e-4)
     assert not EventMap(SYSTEM, SECTION, parameters={"P": value + 1e-7}, order=2).fixed_points(0.5 * d, 2 * d)
-    one = bifurcation(SYSTEM, SECTION, parameter="P", values=[26, 27], interval=(0, 0.5), parameters={"beta": 1})
+    one = bifurcation(
+        SYSTEM, SECTION, parameter="P", values=[26, 27], interval=(0, 0.5), parameters={"beta": 1}
+    )
     # Independent of the event map: the return map of the slip polynomial s^3 + (P - 18 - 1) s^2 + P s + 10 P.
     expected = brentq(lambda P: abs(rest_map([1, P - 19, P, 10 * P]).kappa) - 1, 26, 27, xtol=1e-12)
     assert one.stability_changes == pytest.approx([expected], abs=1e-8)
@@ -152,7 +157,7 @@ def test_any_exponent(beta: float) -> None:
 
 
 def test_a_curve_a_micrometre_a_second_wide() -> None:
-    """As vs -> 0 the Stribeck curve becomes static friction above Coulomb, with its jump and its wider set."""
+    """As vs -> 0 the Stribeck curve becomes static friction above Coulomb with its jump and wider set."""
     static = solve(get("hunting_static").build(), (0.1, 0, 0), (0, 10), rtol=1e-10, atol=1e-12)
     assert static.success
     gaps = []

@@ -16,6 +16,7 @@ from filippov._kernels.codes import (
     FIELD_CALLS,
     GENERAL,
     GRAZING,
+    GROW,
     KINDS,
     KINK,
     MAX_STEP,
@@ -45,6 +46,7 @@ from filippov._kernels.codes import (
     T_END,
     T_START,
     TOUCH,
+    TREND,
     USER_ERROR,
     ZENO,
     T,
@@ -218,8 +220,9 @@ def advance(
     rtol = clock[RTOL]
     steps_left = count[STEP_BUDGET]
     renew = True
-    grow = 10.0
-    trend = 1e-300
+    # Step control goes on where the last call left it: the steps must not depend on how a run is cut into calls.
+    grow = clock[GROW] if clock[GROW] > 0.0 else 10.0
+    trend = clock[TREND] if clock[TREND] > 0.0 else 1e-300
     for i in range(M):
         w[W_MULT + i * COLUMNS + MULTIPLIER] = lam[i]
     iw[I_CALLS] = 0
@@ -244,7 +247,6 @@ def advance(
             if code != REACHED:
                 break
             renew = False
-            trend = 1e-300
             surface = rough_start(clock, t, x, p, m, order, direction, w, iw, ctx)
             if surface == -2:
                 code = USER_ERROR
@@ -252,6 +254,7 @@ def advance(
             if surface >= 0:
                 order[surface] = 0
                 renew = True
+                trend = 1e-300
                 continue
         if clock[STEP] <= 0.0:
             limit = min(abs(remaining), clock[MAX_STEP])
@@ -412,6 +415,7 @@ def advance(
             multiplier = w[W_MULT + surface * COLUMNS + MULTIPLIER]
         record_event(events, marks, count, te, x, surface, kind, m, multiplier, residual, w)
         renew = True
+        trend = 1e-300
         if kind == EXIT_UP or kind == EXIT_DOWN:  # noqa: PLR1714, SIM109 - the kernel language has no `in`
             # The step of a slide says nothing about the motion that leaves it.
             clock[STEP] = 0.0
@@ -427,6 +431,7 @@ def advance(
                 code = ZENO
                 break
     count[FIELD_CALLS] += iw[I_CALLS]
+    clock[GROW], clock[TREND] = grow, trend
     for i in range(M):
         lam[i] = w[W_MULT + i * COLUMNS + MULTIPLIER]
     return code

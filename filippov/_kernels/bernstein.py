@@ -61,7 +61,7 @@ def bracketed_root(c: Vector, degree: int, work: Vector) -> float:
                 f_lo *= 0.5
             side = -1
         else:
-            return u
+            return float(u)
         if hi - lo <= 1e-15:
             break
     return hi

@@ -19,7 +19,8 @@ from filippov._kernels.unit import (
 )
 
 _LIBM = dict.fromkeys(("sin", "cos", "tan", "exp", "log", "tanh", "sinh", "cosh", "asin", "acos", "atan"), 1)
-_LIBM |= dict.fromkeys(("asinh", "acosh", "atanh", "floor", "ceil", "erf", "expm1", "log1p"), 1) | {"atan2": 2}
+_LIBM |= dict.fromkeys(("asinh", "acosh", "atanh", "floor", "ceil", "erf", "expm1", "log1p"), 1)
+_LIBM["atan2"] = 2
 _COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 _CALLBACKS = {"call_field": 6, "call_guard": 5}
 

@@ -12,7 +12,7 @@ from filippov.commands.model import load_model
 
 
 def band_models(name: str, alphas: Any) -> list[Any]:
-    """The band models that a study of this model names, with other values of alpha where they are asked for."""
+    """The band models that a study of this model names, with other values of alpha where asked for."""
     band_model = importlib.import_module("filippov.analysis.band_model").BandModel
     studies = importlib.import_module("filippov.models.studies")
     out = []

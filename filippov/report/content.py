@@ -15,11 +15,11 @@ def document(results: Results, drawings: Mapping[str, str]) -> str:
     made = _Content(results, drawings)
     parts = [
         ("summary", "Summary", made.summary()),
-        ("model", "The model and its friction", made.model()),
+        ("model", "The model", made.model()),
         ("response", "Time response and phase portrait", made.response()),
         ("map", "Event map and iterates", made.maps()),
         ("fixed-points", "Fixed points of the second iterate", made.fixed_points()),
-        ("bifurcation", "Bifurcation in the gain", made.bifurcation()),
+        ("bifurcation", f"Bifurcation in {made.parameter}", made.bifurcation()),
         ("classification", "Classification", [table(tables.classes(results))]),
         ("stability", "Stability report", made.stability()),
         ("graph", "Modes and transitions", made.graph()),
@@ -47,17 +47,17 @@ class _Content:
         """What was found, in words, and where the files are."""
         told = [paragraph(text.format_map(self.facts)) for text in self.study.summary]
         files = (
-            f"Source of everything on this page: `filippov study {self.study.name}`. The figures are "
-            "beside it as SVG and "
-            "PNG, the numbers as CSV and in summary.json."
+            f"Source of everything on this page: `filippov study {self.study.name}`. The figures are beside "
+            "it as SVG and PNG, the numbers as CSV and in summary.json."
         )
         return [*told, source(files)]
 
     def model(self) -> list[str]:
         """Parameters and the constitutive curve."""
+        (name, title), made = self.study.curve_title, self.study.curve
         return [
             table(tables.parameters(self.results)),
-            self.drawn("friction", "Friction curves", "filippov.models.hunting_study, curve_*.csv."),
+            self.drawn(name, title, f"{made.__module__}.{made.__name__}, curve_*.csv."),
         ]
 
     def response(self) -> list[str]:
@@ -86,8 +86,8 @@ class _Content:
         section = self.results.model.section
         lift = ", ".join(f"{k} = {v}" for k, v in section.lift.items()) if section else ""
         text = (
-            f"P(d) is the {section.coordinate} of the next {section.kind} of a motion that starts at the "
-            "end of a stick at d: "
+            f"P(d) is the {section.coordinate} of the next {section.kind} of a motion that starts on the "
+            "section at d: "
             f"{lift}." if section else ""
         )  # fmt: skip
         caption = (
@@ -123,8 +123,7 @@ class _Content:
             self.drawn(
                 f"bifurcation_{c.case.slug}", f"Fixed points over {self.parameter}, {c.case.label}",
                 f"`filippov bifurcation {self.name} {self.given(c)} --parameter {self.parameter} --values "
-                f"{low:g} {high:g} "
-                f"--count {len(c.diagram.values)}`",
+                f"{low:g} {high:g} --count {len(c.diagram.values)}`",
                 text=self.bound_in_words(c),
             )
             for c in self.results.cases
@@ -134,7 +133,9 @@ class _Content:
     def bound_in_words(self, case: CaseResult) -> str:
         """Where the analytic bound is."""
         if case.bound is None:
-            return "There is no Routh-Hurwitz bound: the slip field has no linear part at the surface."
+            return (
+                "There is no Routh-Hurwitz bound: the field beside the set has no linear part at the surface."
+            )
         low, high = case.diagram.values[0], case.diagram.values[-1]
         inside = "the dash-dotted line" if low <= case.bound <= high else "outside the range shown"
         return f"The Routh-Hurwitz bound is {self.parameter} = {case.bound:g}, {inside}."
@@ -143,9 +144,9 @@ class _Content:
         """The report of the main case whole; it holds all regimes of the exponent."""
         main = self.results.main
         text = (
-            f"Equilibria, one-sided linearisation, Routh arrays and conditions as the program derives them "
-            "from the equations, at "
-            f"{main.case.label}; the cases of the exponent are told apart by it. Verdicts: "
+            "Equilibria, one-sided linearisation, Routh arrays and conditions as the program derives them "
+            f"from the equations, at {main.case.label}; the cases of exponents are told apart by it. "
+            "Verdicts: "
             + "; ".join(f"{c.case.label}: {i.answer}" for c in self.results.cases for i in c.stability.items)
             + "."
         )  # fmt: skip

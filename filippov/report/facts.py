@@ -51,7 +51,7 @@ def classification(results: Results) -> dict[str, dict[str, str]]:
         out[result.case.regime] = {
             "equilibrium set": _set_words({s for row in sets for s in row}),
             "limit cycles": _cycle_words(cycles),
-            "hunting can be tuned away": "yes" if any(quiet) else "never",
+            results.study.goal: "yes" if any(quiet) else "never",
         }
     return out
 

@@ -24,7 +24,7 @@ def figures(results: Results) -> dict[str, Draw]:
     """What draws each figure, by file name, in the order of the report."""
     main = results.main
     out: dict[str, Draw] = {
-        "friction": lambda: friction(results),
+        results.study.curve_title[0]: lambda: curves(results),
         f"response_{main.case.slug}": lambda: response(results, main),
         f"phase_{main.case.slug}": lambda: phase(results, main),
         f"map_{main.case.slug}": lambda: iterates(results, main),
@@ -40,7 +40,7 @@ def figures(results: Results) -> dict[str, Draw]:
     return out
 
 
-def friction(results: Results) -> Figure:
+def curves(results: Results) -> Figure:
     """The constitutive curve of every case, the whole and beside the set."""
     labels = results.study.labels
     with style():

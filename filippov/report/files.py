@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 Rows = Iterable[Iterable[Any]]
 DPI = 160
+MARGIN = 0.08  # inches
 
 
 def write(path: Path, content: str | bytes) -> None:
@@ -51,11 +52,12 @@ def save_figure(folder: Path, name: str, figure: Figure) -> str:
     vector, raster = io.StringIO(), io.BytesIO()
     try:
         with style():
-            # The layout is solved once for both files.
+            # Layout and extent are found once for both files.
             figure.draw_without_rendering()
             figure.set_layout_engine("none")
-            figure.savefig(vector, format="svg", metadata={"Date": None, "Creator": None})
-            figure.savefig(raster, format="png", dpi=DPI, metadata={"Software": None})
+            box = figure.get_tightbbox().padded(MARGIN)
+            figure.savefig(vector, format="svg", bbox_inches=box, metadata={"Date": None, "Creator": None})
+            figure.savefig(raster, format="png", dpi=DPI, bbox_inches=box, metadata={"Software": None})
     finally:
         plt.close(figure)
     write(folder / f"{name}.svg", vector.getvalue())

@@ -23,6 +23,7 @@ from filippov.report.facts import summary
 from filippov.report.figures import figures
 from filippov.report.files import data_files, save_figure, write, write_csv
 from filippov.report.results import Results
+from filippov.style import style
 
 Progress = Callable[..., object]
 # Shares of the whole: cases, comparison; the rest is writing.
@@ -39,17 +40,19 @@ def run_study(
     quick     coarser, to see whether it works
 
     Writes report.html, summary.json, figures as SVG and PNG, data as CSV. Raises UsageError for an
-    unknown name.
+    unknown name, ImportError without matplotlib.
     """
     since, folder = time.perf_counter(), Path(output)
     tell = _teller(progress)
+    os.environ.setdefault("MPLBACKEND", "Agg")
+    with style():  # without matplotlib this is the time to say so, not the end
+        pass
     results = compute(get_study(name), Effort.quick() if quick else Effort(), tell)
     folder.mkdir(parents=True, exist_ok=True)
     for file, columns, rows in data_files(results):
         write_csv(folder / file, columns, rows)
     drawings, begun = {}, time.perf_counter()
     todo = figures(results)
-    os.environ.setdefault("MPLBACKEND", "Agg")
     for k, (file, draw) in enumerate(todo.items()):
         tell(COMPARED + (1 - COMPARED) * k / len(todo), f"figure {file}")
         drawings[file] = save_figure(folder, file, draw())

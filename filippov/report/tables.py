@@ -78,11 +78,11 @@ def fixed_points(results: Results) -> Table:
     notes = [f"{r.case.label}: {q.note}." for r in results.cases for q in r.fixed if q.note]
     return Table(
         f"Table 2. Fixed points of the {turns} iterate and their stability",
-        ("case", "d* here [m]", "paper (reference) [m]", "kind", "stable", "paper", "slope", "slip time [s]"),
+        ("case", "d* here [m]", "paper (reference) [m]", "kind", "stable", "paper", "slope", "time [s]"),
         tuple(rows),
         "Slope: of the second iterate at the point, from saltation matrices, at the set its limit for d → "
-        "0+; stable "
-        "means |slope| < 1. Slip time: of the turns of one orbit, from break-away to the next stick. "
+        "0+; stable means |slope| < 1. Time: of the turns of one orbit, from the start of each to its end "
+        "on the section. "
         + " ".join(notes),
         f"Source: `filippov event-map {results.model.name} --order {results.study.order} -p ...`, "
         "fixed_points.csv.",
@@ -130,10 +130,10 @@ def places(results: Results) -> Table:
     return Table(
         "Table 3. Where the diagrams change", ("case", "what", "here", "paper"), tuple(rows),
         "Roots of P(P(d)) = d with slope 1 (fold) and of |slope| = 1 at the set, in the parameter; largest "
-        f"residual {worst:.1g}. The linearised return map takes the whole line of {name}, the diagrams "
-        "only its range.",
-        f"Source: `filippov bifurcation {results.model.name} --parameter {name} ...`, "
-        f"`filippov stability {results.model.name} --solve-for {name} ...`.",
+        f"residual {worst:.1g}. The linearised return map takes the whole line of {name}, the diagrams only "
+        "its range.",
+        f"Source: `filippov bifurcation {results.model.name} --parameter {name} ...`, `filippov stability "
+        f"{results.model.name} --solve-for {name} ...`.",
     )  # fmt: skip
 
 
@@ -160,8 +160,7 @@ def classes(results: Results) -> Table:
     return Table(
         "Table 4. Classification", ("regime", "what", "computed", "paper", "same"), tuple(rows),
         f"Computed from the diagrams at {name} = {', '.join(f'{v:g}' for v in values)}, one exponent a "
-        "regime. The "
-        f"stability report, at the parameters of table 1, says of the set: {'; '.join(proofs)}.",
+        f"regime. The stability report, at the parameters of table 1, says of the set: {'; '.join(proofs)}.",
         "Source: bifurcation_*.csv, read by filippov.report.facts.classification.",
     )  # fmt: skip
 
@@ -185,12 +184,10 @@ def checks(results: Results) -> Table:
     return Table(
         "The cycles by independent methods", ("case", "method", "d* [m]", "digits shared"), tuple(rows),
         "Digits shared with the event map at the tight tolerance. Collocation solves the whole orbit as "
-        "one boundary-value "
-        "problem on the symbolic field and uses nothing of the solver; solve_ivp is scipy's, with an event "
-        "on the "
-        "surface. Where the slope of the field at the surface is infinite an explicit method loses digits "
-        "as it leaves "
-        "v = 0; that is why solve_ivp shares fewer there.",
+        "one boundary-value problem on the symbolic field, without a step or an event of the solver; "
+        "solve_ivp is scipy's, with an event on the surface. Where the slope of the field at the surface "
+        "is infinite an explicit method loses digits as it leaves the surface; that is why solve_ivp "
+        "shares fewer there.",
         "Source: filippov.report.independent; checks.csv.",
     )  # fmt: skip
 
@@ -211,11 +208,10 @@ def exactness(results: Results) -> Table:
         ("case", f"largest |{surface}| while sliding", *(f"spread of {n}" for n in names), "rests",
          "response - iterates [m]", "mode word"),
         tuple(rows),
-        "Twenty points of each sliding segment. Response - iterates: largest distance between the rest "
-        "positions of the "
-        "response and the iterates of the event map from the first of them; the map skips the stick "
-        "phases, so this "
-        "tests the section as well. Mode word: the modes that the end of the response repeats.",
+        "Twenty points of each sliding segment. Response - iterates: largest distance between the "
+        "positions at the events of the section in the response and the iterates of the event map from the "
+        "first of them; the map starts each turn anew at its lift, so this tests the lift as well. Mode "
+        "word: the modes that the end of the response repeats.",
         f"Source: `filippov simulate {results.model.name} -p ...`.",
     )  # fmt: skip
 
@@ -244,9 +240,9 @@ def comparison(results: Results) -> Table | None:
          "ms", "time ratio"),
         tuple(rows),
         f"Largest differences from the inclusion: of P(d) at d = {where} m, of the event times of the "
-        "response, of the fixed "
-        "points; drift: of the position during stick. Field calls and median times of the same motions; "
-        "ratio to the inclusion run beside it. Row exact: how far two tolerances of the inclusion differ. "
+        "response, of the fixed points; drift: of the position during the stay in the band. Field calls "
+        "and median times of the same motions; ratio to the inclusion run beside it. Row exact: how far "
+        "two tolerances of the inclusion differ. "
         + " ".join(notes),
         f"Source: filippov.analysis.comparison, rtol {found.rtol:g}; comparison.csv.",
     )  # fmt: skip
