@@ -16,7 +16,7 @@ study: $(VENV)/.use-$(FILES)
 	$(BIN)/filippov study hunting -o results/hunting
 
 test: $(VENV)/.use-$(FILES)
-	$(BIN)/python -m pytest $(PYTEST)
+	$(BIN)/python -m pytest -n 2 $(PYTEST)
 
 # mypy sees filippov.models and filippov.analysis where the installation links them (the folder on the path that the
 # .pth file names), and the rest in the checkout.

@@ -84,6 +84,8 @@ class Run:
     def advance(self, steps: int) -> int:
         """Run the compiled loop for at most so many steps; returns its code. User errors are raised."""
         self.count[codes.STEP_BUDGET] = steps
+        left = max(self.options.max_events - len(self.events), 1)
+        self.count[codes.EVENT_ROOM] = min(_EVENT_ROOM, left) + self.machine.m
         code = int(self.machine.compiled.functions["advance"](*self._arrays))
         self.collect()
         self.machine.raise_error()

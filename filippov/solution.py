@@ -102,7 +102,8 @@ class Solution:
         if self.sol is None:
             t, x = run.events.table()
             times = np.concatenate(([self.problem.t_span[0]], t, [self.t_end]))
-            states = np.concatenate((self.problem.x0[None, :], x.reshape(len(t), -1), self.x_end[None, :]))
+            x = x.reshape(len(t), len(self.problem.x0))
+            states = np.concatenate((self.problem.x0[None, :], x, self.x_end[None, :]))
             keep = np.append(True, np.diff(times) != 0)
             return times[keep], states[keep].T.copy()
         if t_eval is not None:

@@ -157,10 +157,10 @@ class _Loop:
         code = run.advance(max(1, min(self.chunk, options.max_steps - taken)))
         ratio = _LOOK / max(time.monotonic() - begun, 1e-9)
         self.chunk = int(min(max(self.chunk * min(max(ratio, 0.1), 4.0), 1), _LONGEST_CHUNK))
-        if len(run.events) >= options.max_events:
-            return self._end(Status.MAX_EVENTS)
         if code == codes.REACHED:
             return self._end(Status.SUCCESS)
+        if len(run.events) >= options.max_events and code not in (codes.STOPPED, codes.ZENO):
+            return self._end(Status.MAX_EVENTS)
         if (
             code == codes.STOPPED
             and self.options.on_graze == "error"
@@ -208,7 +208,9 @@ class _Loop:
     def _near(self) -> list[int]:
         """Surfaces that the present point lies on, to rounding."""
         sizes, scale = self.run.scales()
-        return [i for i in range(self.run.machine.m) if sizes[i] <= 8 * np.finfo(float).eps * scale[i]]
+        near = sizes <= 8 * np.finfo(float).eps * scale
+        # A relay with hysteresis switches at the edges of its band, not where h is 0.
+        return [i for i in range(self.run.machine.m) if near[i] and self.run.machine.widths[i] == 0.0]
 
     def _point(self) -> Point:
         run = self.run

@@ -31,7 +31,10 @@ _RC: dict[str, Any] = {
 
 def style() -> AbstractContextManager[None]:
     """A context in which figures get this look."""
-    return _matplotlib().rc_context(_RC)  # type: ignore[no-any-return]
+    mpl = _matplotlib()
+    # Resolved first: a context left after the backend was chosen inside it would undo that choice.
+    mpl.get_backend()
+    return mpl.rc_context(_RC)  # type: ignore[no-any-return]
 
 
 def new_figure(width: float, height: float) -> Figure:

@@ -220,7 +220,7 @@ def advance(
     rtol = clock[RTOL]
     steps_left = count[STEP_BUDGET]
     renew = True
-    # Step control goes on where the last call left it: the steps must not depend on how a run is cut into calls.
+    # Step control goes on where the last call left it: steps must not depend on how a run is cut into calls.
     grow = clock[GROW] if clock[GROW] > 0.0 else 10.0
     trend = clock[TREND] if clock[TREND] > 0.0 else 1e-300
     for i in range(M):

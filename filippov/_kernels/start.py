@@ -124,11 +124,12 @@ def begin(
         return USER_ERROR
     met, total = -1, 0
     for i in range(M):
-        if not (abs(h[i]) > 8.0 * EPS * guard_scale(i, t, x, w)):
+        # A relay with hysteresis is inside its band there, and h = 0 is as good as any other place.
+        if WIDTH[i] == 0.0 and not (abs(h[i]) > 8.0 * EPS * guard_scale(i, t, x, w)):
             met = i
             total += 1
     if total == 0:
         return REACHED
-    if total > 1 or ROLE[met] != SWITCHING or WIDTH[met] > 0.0:
+    if total > 1 or ROLE[met] != SWITCHING:
         return GENERAL
     return on_one_surface(t, x, p, m, order, lam, met, w, iw, ctx)
