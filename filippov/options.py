@@ -167,7 +167,8 @@ def check_stops(stops: Sequence[Stop] | Stop, system: System) -> tuple[Stop, ...
     """Stops whose surfaces the system has."""
     items = (stops,) if isinstance(stops, Stop) else tuple(stops)
     names = [surface.name for surface in system.surfaces]
-    for item in items:
-        if item.surface not in names:
+    given: Sequence[object] = items  # what is no Stop is refused with the other options
+    for item in given:
+        if isinstance(item, Stop) and item.surface not in names:
             raise UsageError(unknown("surface", item.surface, names))
     return items

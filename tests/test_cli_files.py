@@ -139,16 +139,19 @@ def fake(monkeypatch: pytest.MonkeyPatch, name: str, **content: Any) -> None:
 def test_compare_hands_over_and_writes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def compare(system: Any, section: Any, **options: Any) -> Any:
+    def compare(system: Any, section: Any, bands: Any, **options: Any) -> Any:
         assert system.states == ("x", "v", "z")
         assert section.surface == "velocity"
         assert (options["widths"], options["parameters"]["P"]) == ([0.01, 1e-4], 20.0)
-        assert "alphas" not in options
+        assert {band.name: band.options for band in bands} == {
+            "switch": {"alpha": (5.0,)},
+            "karnopp": {"alpha": (5.0,)},
+        }
         rows = [{"model": "switch", "error": float("nan")}, {"model": "karnopp", "calls": 3}]
         return SimpleNamespace(rows=rows, to_text=lambda: "the table", plot=plt.figure)
 
     fake(monkeypatch, "filippov.analysis.comparison", compare=compare)
-    words = ["compare", "hunting", *SECTION, "-p", "P=20", "--widths", "1e-2,1e-4"]
+    words = ["compare", "hunting", *SECTION, "-p", "P=20", "--widths", "1e-2,1e-4", "--alphas", "5"]
     assert main([*words, "-o", str(tmp_path), "--json"]) == 0
     out, err = capsys.readouterr()
     assert "the table" in err
@@ -160,7 +163,8 @@ def test_compare_hands_over_and_writes(
 def test_study_hands_over(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def run(output: Path, progress: Any, quick: bool) -> dict[str, Any]:
+    def run_study(name: str, output: Path, progress: Any, quick: bool) -> dict[str, Any]:
+        assert name == "hunting"
         assert output.is_dir()
         progress("friction curves")
         progress(1, 3)
@@ -168,7 +172,7 @@ def test_study_hands_over(
         return {"quick": quick, "bound": float("inf")}
 
     fake(monkeypatch, "filippov.report")
-    fake(monkeypatch, "filippov.report.hunting", run=run)
+    fake(monkeypatch, "filippov.report.study", run_study=run_study)
     out = tmp_path / "report"
     assert summary(capsys, "study", "hunting", "--quick", "-o", str(out)) == {"quick": True, "bound": None}
     assert main(["study", "huntin"]) == 2

@@ -64,8 +64,7 @@ def assert_equal(first: Solution, second: Solution) -> None:
         assert same(getattr(first, name), getattr(second, name)), name
     assert len(first.events) == len(second.events)
     for one, two in zip(first.events, second.events, strict=True):
-        assert vars(one).keys() == vars(two).keys()
-        assert all(same(value, vars(two)[name]) for name, value in vars(one).items())
+        assert all(same(a, b) for a, b in zip(one, two, strict=True))
     for name in ("x0", "t_span", "p", "parameters"):
         assert same(getattr(first.problem, name), getattr(second.problem, name)), name
     assert first.system == second.system
