@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import gc
+import sys
 import threading
 from collections.abc import Callable
 from typing import TypeVar
@@ -37,12 +39,7 @@ def within(seconds: float, function: Callable[[], T]) -> T:
     thread.start()
     thread.join(max(seconds, 0.0))
     if thread.is_alive():
-        for _ in range(20):
-            stop = ctypes.py_object(_StoppedError)
-            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), stop)
-            thread.join(0.05)
-            if not thread.is_alive():
-                break
+        _stop(thread)
         if not result and not failure:
             raise OutOfBudgetError(f"more than {seconds:.3g} s")
     if failure:
@@ -50,3 +47,27 @@ def within(seconds: float, function: Callable[[], T]) -> T:
     if not result:
         raise OutOfBudgetError(f"more than {seconds:.3g} s")
     return result[0]
+
+
+def _stop(thread: threading.Thread) -> None:
+    """Raise _StoppedError in the thread until it ends, at most for a second.
+
+    Never inside a callback of the garbage collector, where an exception is printed and lost: none starts
+    while the collector is off, and one that is running is waited for.
+    """
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        for _ in range(200):
+            frame = sys._current_frames().get(thread.ident or 0)
+            callbacks = {getattr(callback, "__code__", None) for callback in gc.callbacks}
+            if frame is None or frame.f_code not in callbacks:
+                stop = ctypes.py_object(_StoppedError)
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), stop)
+            del frame
+            thread.join(0.005)
+            if not thread.is_alive():
+                return
+    finally:
+        if collecting:
+            gc.enable()

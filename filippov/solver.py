@@ -20,7 +20,7 @@ from filippov.run import Run
 from filippov.solution import Solution
 from filippov.status import EventKind, Status, mode_text
 from filippov.system import System
-from filippov.zeno import Limit, accumulation
+from filippov.zeno import Limit, accumulation, rest, rests
 
 # Steps between two looks at the clock: so many at first, then what takes about _LOOK seconds.
 _CHUNK, _SLOW_CHUNK, _LONGEST_CHUNK = 2_000, 10, 1_000_000
@@ -315,7 +315,11 @@ class _Loop:
         run.clock[codes.T] = limit.t
         run.x[:] = limit.x
         run.zeno[:] = 0.0
-        return self._classify(limit.surfaces, limit.surfaces, start=False) or self._budgets()
+        ended = self._classify(limit.surfaces, limit.surfaces, start=False)
+        if ended is not None and ended[0] is Status.NO_CONTINUATION and rests(run, limit.surfaces):
+            rest(run, limit.surfaces)
+            return self._end(Status.SUCCESS)
+        return ended or self._budgets()
 
 
 def _kind(before: int, after: int, hit: bool) -> EventKind | None:

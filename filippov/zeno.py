@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import nnls
 
+from filippov._kernels import codes
 from filippov.machine import Array
 from filippov.run import Run
+from filippov.status import EventKind
+
+LARGEST_CORNER = 6
+NEAR_REST = 1e-7
 
 
 @dataclass(frozen=True)
@@ -34,7 +41,7 @@ def accumulation(run: Run) -> Limit:
     error = abs(remaining - intervals[-1] * before / (1.0 - before)) + 4 * np.finfo(float).eps * abs(last.t)
     span = max(3 * len({event.index for event in run.events[-12:]}), 6)
     surfaces = tuple(
-        sorted({event.index for event in run.events[-span:] if run.machine.roles[event.index] == "switching"})
+        sorted({event.index for event in run.events[-span:] if run.machine.roles[event.index] != "observer"})
     )
     x = same[-1].x + (same[-1].x - same[-2].x) * ratio / (1.0 - ratio)
     x = _onto(run, x, surfaces)
@@ -50,3 +57,54 @@ def _onto(run: Run, x: Array, surfaces: tuple[int, ...]) -> Array:
         step, *_ = np.linalg.lstsq(g[chosen], h, rcond=None)
         x = x - step
     return np.ascontiguousarray(x)
+
+
+SAMPLES = 16
+
+
+def rests(run: Run, surfaces: tuple[int, ...]) -> bool:
+    """Whether 0 is among the velocities of the inclusion at this point, now and until the end of the run.
+
+    Where the signs do not act on the surfaces to first order (twisting, Fuller's problem) no multipliers
+    follow from staying on them; a state at which 0 is a convex combination of the vertex fields is a
+    solution all the same.
+    """
+    switching = [i for i in surfaces if run.machine.roles[i] == "switching"]
+    if not 0 < len(switching) <= LARGEST_CORNER:
+        return False
+    mode = run.mode.copy()
+    mode[list(surfaces)] = 0.0
+    for t in np.linspace(run.t, float(run.clock[codes.T_END]), SAMPLES):
+        h = np.abs(run.machine.guards(float(t), run.x, mode))[switching]
+        fields = []
+        for signs in itertools.product((-1.0, 1.0), repeat=len(switching)):
+            corner = np.where(mode == 0.0, 1.0, mode)
+            corner[switching] = signs
+            fields.append(run.machine.rhs(float(t), run.x, corner, mode))
+        velocities = np.array(fields).T
+        size = float(np.max(np.abs(velocities))) + 1e-300
+        combination = np.vstack([velocities / size, np.ones(velocities.shape[1])])
+        _, gap = nnls(combination, np.append(np.zeros(len(run.x)), 1.0))
+        if gap > NEAR_REST or np.any(h > NEAR_REST * (1.0 + np.max(np.abs(run.x)))):
+            return False
+    return True
+
+
+def rest(run: Run, surfaces: tuple[int, ...]) -> None:
+    """Stay where the run is until its end: every switching surface of the limit is slid on, nothing moves."""
+    before = run.signs
+    for i in surfaces:
+        if run.machine.roles[i] == "switching":
+            run.mode[i] = 0.0
+    after, together = run.signs, False
+    for i in surfaces:
+        if before[i] != after[i]:
+            x, note = run.x.copy(), "rest in the limit"
+            run.add_event(run.t, i, EventKind.ENTRY, before, after, x, float("nan"), 0.0, note, together)
+            together = True
+    end = float(run.clock[codes.T_END])
+    if run.options.dense_output:
+        coef = np.zeros((1, *run.coef.shape[1:]))
+        coef[0, 0] = run.x
+        run.steps.append((np.array([[run.t, end - run.t, float(len(run.events))]]), coef))
+    run.clock[codes.T] = end

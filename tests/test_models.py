@@ -74,7 +74,9 @@ LAWS: list[tuple[FrictionLaw, Callable[[float], float], tuple[float, float]]] = 
         (-2, 2),
     ),
 ]
-EVERY_LAW = pytest.mark.parametrize(("law", "force", "levels"), LAWS, ids=lambda q: "" if callable(q) else repr(q)[:60])
+EVERY_LAW = pytest.mark.parametrize(
+    ("law", "force", "levels"), LAWS, ids=lambda q: "" if callable(q) else repr(q)[:60]
+)
 SPEEDS = [-3.0, -0.4, -0.1, -1e-3, -1e-9, 1e-9, 1e-3, 0.07, 0.1, 0.5, 2.0]
 
 

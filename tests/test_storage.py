@@ -58,9 +58,8 @@ def same(first: Any, second: Any) -> bool:
 def assert_equal(first: Solution, second: Solution) -> None:
     assert vars(first).keys() - {"segments"} == vars(second).keys() - {"segments"}
     assert first.segments == second.segments
-    for name in ("status", "message", "success", "start_mode", "end_mode", "t_end", "x_end",
-    "end_multipliers", "nfev", "steps",
-                 "rejected", "t", "y", "njev", "nlu", "modes"):  # fmt: skip
+    for name in ("status", "message", "success", "start_mode", "end_mode", "t_end", "x_end", "nfev",
+                 "end_multipliers", "steps", "rejected", "t", "y", "njev", "nlu", "modes"):  # fmt: skip
         assert same(getattr(first, name), getattr(second, name)), name
     assert len(first.events) == len(second.events)
     for one, two in zip(first.events, second.events, strict=True):
