@@ -64,6 +64,8 @@ class EventMap:
     def returns(self, d: Any) -> tuple[Array, tuple[Status, ...]]:
         """Values of the map and how each trajectory ended; NaN with its status where it did not return."""
         values = np.array(d, dtype=float, ndmin=1)
+        if self.order == 1 and np.all(np.isfinite(values)):
+            return self._turn(values)
         statuses = [Status.STOPPED] * values.size
         for _ in range(self.order):
             alive = np.flatnonzero(np.isfinite(values))

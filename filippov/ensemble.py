@@ -174,11 +174,14 @@ class _Work:
         self.code = np.full(k, codes.CHUNK_DONE, dtype=np.int64)
         self.atol = options.tolerances(system)
         # Compiled once, before the threads ask for it.
-        self.p = Machine(system, options.method, values[0]).derived(values)
+        self.machine = Machine(system, options.method, values[0])
+        self.p = self.machine.derived(values)
 
     def run(self, first: int, last: int) -> None:
         """Rows first ... last - 1."""
-        machine = Machine(self.system, self.options.method, self.values[first])
+        machine = self.machine
+        if (first, last) != (0, len(self.x)):
+            machine = Machine(self.system, self.options.method, self.values[first])
         m, n = machine.m, machine.n
         events = np.zeros((_EVENT_ROOM + m, 3 + n))
         marks = np.zeros((_EVENT_ROOM + m, 2 + 2 * m), dtype=np.int64)
