@@ -16,7 +16,6 @@ from filippov.errors import ModelError
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 
 @lru_cache(maxsize=256)
@@ -88,11 +87,10 @@ class Machine:
 
     def gradients(self, t: float, x: Array, mode: Array) -> tuple[Array, Array]:
         """dh/dx, shape (m, n), and dh/dt, shape (m,)."""
-        g, gt = np.zeros((self.m, self.n)), np.zeros(self.m)
-        spare = np.zeros(self.m * self.n + self.m)
-        self.call("gradients", float(t), x, self.p, mode, spare, gt, self.context)
-        g[:] = spare[: self.m * self.n].reshape(self.m, self.n)
-        return g, gt
+        # Functions of the user write both into the first array, one behind the other.
+        g, gt = np.zeros(self.m * self.n + self.m), np.zeros(self.m)
+        self.call("gradients", float(t), x, self.p, mode, g, gt, self.context)
+        return g[: self.m * self.n].reshape(self.m, self.n), gt
 
     def radii(self, t: float, x: Array) -> Array:
         """The set of each sign at h = 0, shape (m, 2)."""
@@ -117,8 +115,3 @@ class Machine:
             "probe", float(t), float(step), x, mode, self.p, lam, out, self.w, self.iw, self.context
         )
         return code, out[: self.n], lam, out[self.n :].reshape(NODES, 2, self.m)
-
-
-def address(array: npt.NDArray[Any]) -> int:
-    """Address of an array's data."""
-    return int(array.ctypes.data)

@@ -39,7 +39,7 @@ class Run:
         self.stop = np.zeros((m, codes.KINDS), dtype=np.int64)
         self.zeno = np.zeros((m, 3))
         powers = machine.compiled.layout.powers
-        self.record = np.zeros((_RECORD_ROOM, 3))
+        self.record = np.zeros((_RECORD_ROOM, 2))
         self.coef = np.zeros((_RECORD_ROOM, powers, n))
         self.found = np.zeros((_EVENT_ROOM + m, 3 + n))
         self.marks = np.zeros((_EVENT_ROOM + m, 2 + 2 * m), dtype=np.int64)
@@ -97,9 +97,7 @@ class Run:
         """Move what the buffers hold to the lists."""
         records, events = int(self.count[codes.RECORDS]), int(self.count[codes.EVENTS])
         if records:
-            table = self.record[:records].copy()
-            table[:, 2] += len(self.events)
-            self.steps.append((table, self.coef[:records].copy()))
+            self.steps.append((self.record[:records].copy(), self.coef[:records].copy()))
             self.count[codes.RECORDS] = 0
         if self.machine.callbacks is not None:
             self._check_continuous(events)
@@ -151,6 +149,11 @@ class Run:
         self.order[:] = order
         self.lam[:] = multipliers
         self.clock[[codes.RELATIVE, codes.TREND, codes.GROW]] = 0.0
+
+    @property
+    def attempts(self) -> int:
+        """Steps so far, the rejected ones included."""
+        return int(self.count[codes.STEPS] + self.count[codes.REJECTED])
 
     def calls(self) -> int:
         """Field calls so far."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from filippov._kernels import codes
 from filippov.errors import NonUniqueError, SolveError, UsageError
-from filippov.events import Mode, Stop
+from filippov.events import Mode
 from filippov.machine import Machine
 from filippov.modes import Point, Successor, successors
 from filippov.names import check_known
@@ -152,23 +152,18 @@ class _Loop:
 
     def _step(self) -> tuple[Status, str] | None:
         run, options = self.run, self.options
-        taken = int(run.count[codes.STEPS] + run.count[codes.REJECTED])
         begun = time.monotonic()
-        code = run.advance(max(1, min(self.chunk, options.max_steps - taken)))
+        code = run.advance(max(1, min(self.chunk, options.max_steps - run.attempts)))
         ratio = _LOOK / max(time.monotonic() - begun, 1e-9)
         self.chunk = int(min(max(self.chunk * min(max(ratio, 0.1), 4.0), 1), _LONGEST_CHUNK))
         if code == codes.REACHED:
             return self._end(Status.SUCCESS)
         if len(run.events) >= options.max_events and code not in (codes.STOPPED, codes.ZENO):
             return self._end(Status.MAX_EVENTS)
-        if (
-            code == codes.STOPPED
-            and self.options.on_graze == "error"
-            and run.events[-1].kind is EventKind.GRAZING
-        ):
-            return self._end(Status.GRAZING, f"{run.events[-1]}.")
         if code == codes.STOPPED:
-            return self._end(Status.STOPPED, f"Stopped at t = {run.t:.12g}: {run.events[-1]}.")
+            if options.on_graze == "error" and run.events[-1].kind is EventKind.GRAZING:
+                return self._end(Status.GRAZING, f"{run.events[-1]}.")
+            return self._stopped()
         if code in (codes.RECORDS_FULL, codes.EVENTS_FULL, codes.CHUNK_DONE):
             return self._budgets()
         if code == codes.GENERAL:
@@ -179,9 +174,12 @@ class _Loop:
         status = failures.get(code, Status.NO_SLIDING)
         return self._end(status, f"state {_state_text(run)}.")
 
+    def _stopped(self) -> tuple[Status, str]:
+        return self._end(Status.STOPPED, f"Stopped at t = {self.run.t:.12g}: {self.run.events[-1]}.")
+
     def _budgets(self) -> tuple[Status, str] | None:
         run, options = self.run, self.options
-        if int(run.count[codes.STEPS] + run.count[codes.REJECTED]) >= options.max_steps:
+        if run.attempts >= options.max_steps:
             return self._end(Status.MAX_STEPS)
         if time.monotonic() - self.started > options.max_time:
             return self._end(Status.TIMEOUT)
@@ -229,22 +227,17 @@ class _Loop:
         run = self.run
         before = run.signs
         candidates = successors(self._point(), before, met)
+        if len(candidates) == 1:
+            return self._take(candidates[0], before, hit, "", start)
+        names = ", ".join(repr(run.machine.system.surfaces[i].name) for i in met)
+        where = f"at state {_state_text(run)} on {names}"
         if not candidates:
-            names = ", ".join(repr(run.machine.system.surfaces[i].name) for i in met)
-            return self._end(Status.NO_CONTINUATION, f"at state {_state_text(run)} on {names}.")
-        note = ""
-        chosen = candidates[0]
-        if len(candidates) > 1:
-            picked = self._choose(candidates, before, hit)
-            if picked is None:
-                listing = "; ".join(str(candidate) for candidate in candidates)
-                names = ", ".join(repr(run.machine.system.surfaces[i].name) for i in met)
-                return self._end(
-                    Status.NON_UNIQUE, f"at state {_state_text(run)} on {names} can follow: {listing}."
-                )
-            chosen = picked
-            note = f"one of {len(candidates)}: " + "; ".join(str(candidate) for candidate in candidates)
-        return self._take(chosen, before, hit, note, start)
+            return self._end(Status.NO_CONTINUATION, f"{where}.")
+        listing = "; ".join(str(candidate) for candidate in candidates)
+        picked = self._choose(candidates, before, hit)
+        if picked is None:
+            return self._end(Status.NON_UNIQUE, f"{where} can follow: {listing}.")
+        return self._take(picked, before, hit, f"one of {len(candidates)}: {listing}", start)
 
     def _choose(self, candidates: list[Successor], before: Mode, hit: Sequence[int]) -> Successor | None:
         # A surface that was only touched: the motion goes on where it was.
@@ -297,7 +290,7 @@ class _Loop:
             )
             together = True
             if run.count_down(i, kind, run.events[-1].direction):
-                ended = self._end(Status.STOPPED, f"Stopped at t = {run.t:.12g}: {run.events[-1]}.")
+                ended = self._stopped()
             if kind is EventKind.GRAZING and self.options.on_graze == "error":
                 ended = self._end(Status.GRAZING, f"{run.events[-1]}.")
         return ended
@@ -333,5 +326,3 @@ def _kind(before: int, after: int, hit: bool) -> EventKind | None:
 def _state_text(run: Run) -> str:
     return ", ".join(f"{name} = {v:.9g}" for name, v in zip(run.machine.system.states, run.x, strict=True))
 
-
-__all__ = ["Stop", "solve"]

@@ -106,5 +106,5 @@ def rest(run: Run, surfaces: tuple[int, ...]) -> None:
     if run.options.dense_output:
         coef = np.zeros((1, *run.coef.shape[1:]))
         coef[0, 0] = run.x
-        run.steps.append((np.array([[run.t, end - run.t, float(len(run.events))]]), coef))
+        run.steps.append((np.array([[run.t, end - run.t]]), coef))
     run.clock[codes.T] = end

@@ -27,6 +27,3 @@ KINDS = 7
 
 # What `locate` found: the guard itself, the upper or lower bound of a multiplier, a touching of the surface.
 NOTHING, ROOT, UPPER, LOWER, TOUCH = 0, 1, 2, 3, 4
-
-# What is kept of each step: nothing, or its dense output.
-KEEP_NOTHING, KEEP_DENSE = 0, 2

@@ -27,7 +27,7 @@ def record_event(
 def store_step(count: Indices, t: float, step: float, rec: Vector, rec_coef: Vector, w: Vector) -> None:
     """Keep the dense output of the step that starts at t."""
     n = count[RECORDS]
-    rec[3 * n], rec[3 * n + 1], rec[3 * n + 2] = t, step, float(count[EVENTS])
+    rec[2 * n], rec[2 * n + 1] = t, step
     size = (DEGREE_DENSE + 1) * N
     for a in range(size):
         rec_coef[n * size + a] = w[W_COEF + a]
