@@ -143,6 +143,15 @@ _ALL = (
         needs="filippov.analysis.stability",
     ),
     Command(
+        "describing-function", "cycles that harmonic balance predicts: prediction.json, .csv, .png",
+        "describing",
+        (MODEL, PARAMETERS,
+         Option("surface", "surface whose h is the input of the nonlinear terms", text, metavar="NAME"),
+         Option("amplitudes", "range of the input's amplitude", pair, metavar=("LOW", "HIGH"), count=2)),
+        "filippov describing-function relay -o results/prediction",
+        needs="filippov.analysis.describing_function",
+    ),
+    Command(
         "compare", "the exact inclusion against band models: comparison.csv, .json, .txt, .png", "compare",
         (MODEL, PARAMETERS,
          Option("widths", "band widths, with commas", numbers, metavar="ETA,ETA,..."),

@@ -1,0 +1,159 @@
+"""Harmonic balance and the algebra of hunting, against closed forms and the exact maps."""
+
+import math
+
+import control
+import numpy as np
+import pytest
+from bank import CASES, case, number
+
+from filippov import ModelError, Surface, System, UsageError, solve, states
+from filippov.analysis.control_link import linear_plant, relay_loop
+from filippov.analysis.describing_function import describing_function
+from filippov.analysis.event_map import EventMap
+from filippov.analysis.quasi_linear import lure
+from filippov.analysis.section import Section
+from filippov.analysis.static_cycle import coulomb_ratio, static_cycles
+from filippov.comparator import Hysteresis
+from filippov.models import get
+from filippov.symbols import Max, Min, sign
+from filippov.symbols import t as time
+
+RELAY = "R05_relay_oscillator_no_sliding"
+
+
+def test_relay_period_of_the_bank() -> None:
+    (cycle,) = describing_function(case(RELAY).system).cycles
+    entry = next(e for e in CASES[RELAY]["expected"] if e["name"] == "describing_function_period")
+    assert cycle.period == pytest.approx(number(entry["value"]), abs=number(entry["tol"]))
+    assert cycle.stable
+    # The exact period is 0.95 % longer; the third harmonic is 1.5 % of the input.
+    exact = next(e for e in CASES[RELAY]["expected"] if e["name"] == "limit_cycle_period")
+    assert number(exact["value"]) / cycle.period - 1 == pytest.approx(0.0095, abs=5e-5)
+
+
+def test_relay_on_three_lags() -> None:
+    """1/(s + 1)^3 under a relay: omega = sqrt(3), A = 4/(8 pi) (Khalil 2002, section 7.2)."""
+    loop = relay_loop(control.tf([1], [1, 3, 3, 1]))
+    (cycle,) = describing_function(loop).cycles
+    assert cycle.frequency == pytest.approx(math.sqrt(3), rel=1e-12)
+    assert cycle.amplitude == pytest.approx(4 / (8 * math.pi), rel=1e-12)
+    third = abs(1 / (3j * math.sqrt(3) + 1) ** 3) * 4 / (3 * math.pi)
+    assert cycle.distortion == pytest.approx(third / cycle.amplitude, rel=1e-9)
+
+
+def test_gain_of_saturation() -> None:
+    """N(A) = 2/pi (asin(1/A) + sqrt(1 - 1/A^2)/A) for A > 1 (Khalil 2002, example 7.5)."""
+    x, y = states("x y")
+    loop = System({x: y, y: -x - Max(-1, Min(1, y))})
+    split = lure(loop, loop.surfaces[0].name)
+    for amplitude in (0.5, 2.0, 7.3):
+        share = min(1.0, 1 / amplitude)
+        gain = 2 / math.pi * (math.asin(share) + share * math.sqrt(1 - share**2))
+        offset = split.offset
+        size = amplitude * split.row[1]
+        got = split.matrix[1, 1] + split.row[1] * split.harmonic(offset, size)[1] / size
+        assert got == pytest.approx(-gain, abs=1e-12)
+
+
+def test_relay_with_hysteresis() -> None:
+    """On 1/(s (s + 1)): -1/N = -pi/4 (sqrt(A^2 - w^2) + j w), balanced where Im G = -pi w/4."""
+    width = 0.1
+    plain = relay_loop(control.tf([1], [1, 1, 0]))
+    (cycle,) = describing_function(plain.with_comparator(Hysteresis(width))).cycles
+    omega, amplitude = cycle.frequency, cycle.amplitude
+    transfer = 1 / (1j * omega * (1j * omega + 1))
+    wanted = -math.pi / 4 * complex(math.sqrt(amplitude**2 - width**2), width)
+    assert abs(transfer - wanted) < 1e-12
+    exact = solve(plain.with_comparator(Hysteresis(width)), (0.0, 0.3), (0, 200), rtol=1e-10)
+    period = 2 * float(exact.events.t[-1] - exact.events.t[-2])
+    assert cycle.period == pytest.approx(period, rel=0.03)
+
+
+def test_bias_is_balanced() -> None:
+    """A relay of unequal levels: the mean of the input is where the constant terms cancel."""
+    a, b, c = states("a b c")
+    loop = System({a: b, b: c, c: -3 * c - 3 * b - a - sign(a) + 0.2}, surfaces=[Surface("a", a)])
+    (cycle,) = describing_function(loop, amplitudes=(1e-3, 10)).cycles
+    theta = np.linspace(0, 2 * np.pi, 400_001)
+    y = cycle.mean + cycle.amplitude * np.sin(theta)
+    assert np.trapezoid(-y - np.sign(y) + 0.2, theta) == pytest.approx(0, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["hunting", "hunting_static", "hunting_coulomb"])
+def test_no_cycle_is_predicted_for_friction(name: str) -> None:
+    """Friction only takes energy from a sine, so the first harmonic sees no hunting."""
+    assert describing_function(get(name).build()).cycles == ()
+
+
+def test_what_has_no_such_form_is_refused() -> None:
+    x, y = states("x y")
+    with pytest.raises(ModelError, match="nonlinear in"):
+        describing_function(System({x: y, y: -(x**3) - sign(y)}))
+    with pytest.raises(ModelError, match="autonomous"):
+        describing_function(System({x: y, y: time - sign(y)}))
+    with pytest.raises(UsageError, match="name the input"):
+        describing_function(System({x: -sign(x), y: -sign(y)}))
+    with pytest.raises(UsageError, match="0 < low < high"):
+        describing_function(System({x: -sign(x)}), amplitudes=(1.0, 0.1))
+
+
+REFERENCE = {"m": 1.0, "D": 1.0, "I": 10.0, "b": 1.0}
+
+
+@pytest.mark.parametrize("gain", [10.0, 15.0, 20.0, 31.0])
+def test_static_friction_always_hunts(gain: float) -> None:
+    (cycle,) = static_cycles(P=gain, Fs=4, Fc=2, **REFERENCE)
+    model = get("hunting_static")
+    section = Section.from_model(model)
+    exact = EventMap(model.build(), section, parameters={"P": gain}, rtol=1e-12, atol=1e-14)
+    assert -exact(cycle.d) == pytest.approx(cycle.d, rel=1e-11)
+    start = (cycle.d, 0.0, (4 / gain - cycle.d) / REFERENCE["I"])
+    run = solve(model.build(), start, (0, 5), parameters={"P": gain}, rtol=1e-12, atol=1e-14)
+    entries = run.events.of(kind="sliding entry").t
+    exits = run.events.of(kind="sliding exit").t
+    assert entries[0] == pytest.approx(cycle.slip, rel=1e-9)
+    assert exits[1] - exits[0] == pytest.approx(cycle.period / 2, rel=1e-9)
+    assert exact.derivative(cycle.d) == pytest.approx(-cycle.multiplier, rel=1e-7)
+    assert cycle.stable
+
+
+def test_static_cycle_scales_with_the_jump() -> None:
+    (one,) = static_cycles(P=10, Fs=4, Fc=2, **REFERENCE)
+    (two,) = static_cycles(P=10, Fs=2.2, Fc=2, **REFERENCE)
+    assert two.d == pytest.approx(0.1 * one.d, rel=1e-12)
+    assert two.slip == pytest.approx(one.slip, rel=1e-12)
+
+
+def test_coulomb_friction_never_hunts() -> None:
+    model = get("hunting_coulomb")
+    exact = EventMap(model.build(), Section.from_model(model), rtol=1e-11, atol=1e-14)
+    ratio = coulomb_ratio(P=10, **REFERENCE)
+    assert ratio is not None
+    assert 0 < ratio < 1
+    assert -exact(0.1) / 0.1 == pytest.approx(ratio, rel=1e-9)
+    with pytest.raises(UsageError, match="coulomb_ratio"):
+        static_cycles(P=10, Fs=2, Fc=2, **REFERENCE)
+    with pytest.raises(UsageError, match="Routh-Hurwitz"):
+        static_cycles(P=1, Fs=4, Fc=2, m=1, D=1, I=10)
+
+
+@pytest.mark.parametrize(
+    ("above", "below"), [([2], [1, 3, 3, 1]), ([1, -0.5], [1, 2, 5, 0]), ([2], [1, 1, 0])]
+)
+def test_c12_control_round_trip(above: list[float], below: list[float]) -> None:
+    plant = control.tf(above, below)
+    back = linear_plant(relay_loop(plant), "output")
+    wanted, got = control.margin(plant), control.margin(control.ss2tf(back))
+    np.testing.assert_allclose(got, wanted, rtol=1e-9, atol=1e-9)
+
+
+def test_c12_improper_plants_are_named() -> None:
+    with pytest.raises(ModelError, match="not strictly proper"):
+        relay_loop(control.tf([1, 2, 3], [1, 1]))
+    with pytest.raises(ModelError, match="feed-through"):
+        relay_loop(control.ss([[-1]], [[1]], [[1]], [[0.5]]))
+    with pytest.raises(ModelError, match="sampled"):
+        relay_loop(control.tf([1], [1, 0.5], 0.1))
+    with pytest.raises(ModelError, match="expected a TransferFunction"):
+        relay_loop("1/s")
