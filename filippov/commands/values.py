@@ -117,6 +117,11 @@ def text(value: Any, name: str) -> str:
     return value.strip()
 
 
+def names(value: Any, name: str) -> list[str]:
+    """One name or several: a list, or text with commas."""
+    return [piece for item in texts(value, name) for piece in parts(item)]
+
+
 def texts(value: Any, name: str) -> list[str]:
     """One text or several."""
     return [text(item, name) for item in (value if isinstance(value, list | tuple) else [value])]

@@ -1,0 +1,131 @@
+"""Friction from data: records made by the exact model with stated noise, read back within their intervals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command import summary
+
+from filippov import UsageError, solve
+from filippov.analysis.identification import Identified, friction_force, identify, identify_curve
+from filippov.analysis.record import Curve, Record, read_record
+from filippov.cli import main
+from filippov.models import get
+from filippov.models.driven import driven_mass
+from filippov.models.laws import Stribeck
+
+TRUE = {"Fs": 4.0, "Fc": 2.0, "vs": 0.1, "b": 1.0}
+START = {"Fs": 3.4, "Fc": 2.5, "vs": 0.16, "b": 0.5}
+NOISE, SEED = 1e-5, 7
+
+
+def hunting_record(samples: int = 600, noise: float = NOISE) -> Record:
+    """The reference loop from x = 0.1 over 6 s: position with Gaussian noise, and the effort."""
+    run = solve(get("hunting").build(), (0.1, 0, 0), (0, 6), rtol=1e-11, atol=1e-13)
+    t = np.linspace(0, 6, samples + 1)
+    x, v, z = run.sol(t)
+    effort = 10 * (x + v + 10 * z)
+    return Record(t, x + noise * np.random.default_rng(SEED).standard_normal(t.size), -effort)
+
+
+@pytest.fixture(scope="module")
+def found() -> Identified:
+    return identify(hunting_record(), driven_mass(), list(TRUE), start=START, fixed={"beta": 2}, windows=3)
+
+
+def test_reference_friction_is_found_within_its_intervals(found: Identified) -> None:
+    assert found.success
+    for name, value in TRUE.items():
+        assert abs(found.values[name] - value) < 3.5 * found.errors[name]
+        assert abs(found.values[name] - value) < 2e-3 * value
+    # 600 residuals: the standard deviation is known to 1/sqrt(2 * 590) = 3 %.
+    assert found.sigma == pytest.approx(NOISE, rel=0.1)
+    assert found.degrees == 601 - 4 - 6
+
+
+def test_intervals_are_students(found: Identified) -> None:
+    for name, (low, high) in found.intervals.items():
+        assert high - low == pytest.approx(2 * 1.9640 * found.errors[name], rel=1e-4)
+        assert (low + high) / 2 == pytest.approx(found.values[name])
+    assert found.covariance[0, 0] == pytest.approx(found.errors["Fs"] ** 2)
+    np.testing.assert_allclose(found.measured - found.fitted, found.residual)
+
+
+def test_without_noise_the_parameters_are_recovered() -> None:
+    """Held force: the model is exact on every interval, so nothing is left but the tolerances."""
+    system = driven_mass(Stribeck(Fs=1.5, Fc=1.0, vs=0.2, beta=2, b=0.3), m=2.0)
+    t = np.linspace(0, 4, 161)
+    force = np.where(np.sin(3 * t) > 0, 3.0, -2.6)
+    x = [np.array([0.0, 0.0])]
+    for k in range(len(t) - 1):
+        inputs = {"force": force[k], "interval": t[k + 1] - t[k]}
+        x.append(solve(system, x[-1], (0, 1), parameters=inputs, rtol=1e-11, atol=1e-13).x_end)
+    record = Record(t, np.array(x)[:, 0], force)
+    got = identify(
+        record, driven_mass(m=2.0), ["Fs", "Fc", "b", "m"], fixed={"vs": 0.2, "beta": 2}, hold="zero",
+        start={"Fs": 2.0, "Fc": 0.7, "b": 0.1, "m": 1.5}, windows=1,
+    )  # fmt: skip
+    for name, value in {"Fs": 1.5, "Fc": 1.0, "b": 0.3, "m": 2.0}.items():
+        assert got.values[name] == pytest.approx(value, abs=1e-5)
+
+
+def test_friction_curve() -> None:
+    rng = np.random.default_rng(3)
+    v = np.concatenate((-np.geomspace(1, 1e-3, 80), np.geomspace(1e-3, 1, 80)))
+    force = np.sign(v) * (2 + 2 * np.exp(-(np.abs(v) / 0.1) ** 1.4)) + v
+    law = driven_mass()
+    np.testing.assert_allclose(friction_force(law, v, {"beta": 1.4}), force, rtol=1e-13)
+    noisy = Curve(v, force + 0.02 * rng.standard_normal(v.size))
+    got = identify_curve(noisy, law, ["Fs", "Fc", "vs", "beta", "b"], start={"vs": 0.4, "beta": 1.0})
+    for name, value in {"Fs": 4, "Fc": 2, "vs": 0.1, "beta": 1.4, "b": 1}.items():
+        assert abs(got.values[name] - value) < 3.5 * got.errors[name]
+    assert got.sigma == pytest.approx(0.02, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("t,x\n" + "0,1\n" * 9, r"no column u \(or force\)"),
+        ("t,x,u\n" + "".join(f"{k},1,2\n" for k in (*range(8), 7)), "line 10: t = 7 does not come after 7"),
+        ("t,x,u\n" + "".join(f"{k},1,nan\n" for k in range(9)), "line 2: u is nan"),
+        ("t,x,u\n" + "".join(f"{k},1,__import__('os')\n" for k in range(9)), "expected a number"),
+        ("t,x,u\n0,1,2\n", "expected at least 8"),
+        ("t,x,w\n0,1,2\n", "unknown column 'w'"),
+        ("t,x,u\n0,1\n", "2 values, expected 3"),
+    ],
+)
+def test_bad_files_are_named(text: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(UsageError, match=said):
+        read_record(path)
+
+
+def test_bad_requests_are_named() -> None:
+    record = hunting_record(60)
+    with pytest.raises(UsageError, match="did you mean 'Fs'"):
+        identify(record, driven_mass(), ["fs"])
+    with pytest.raises(UsageError, match="both free and fixed"):
+        identify(record, driven_mass(), ["Fs"], fixed={"Fs": 1})
+    with pytest.raises(UsageError, match="too few"):
+        identify(record, driven_mass(), ["Fs"], windows=30)
+    with pytest.raises(UsageError, match="driven_mass"):
+        identify(record, get("hunting").build(), ["Fs"])
+    with pytest.raises(UsageError, match="hold"):
+        identify(record, driven_mass(), ["Fs"], hold="second")
+
+
+def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    record = hunting_record(300)
+    path = tmp_path / "measured.csv"
+    rows = zip(record.t, record.x, -record.force, strict=True)
+    lines = ["time [s],position [m],effort [N]", *(f"{a:.9g},{b:.9g},{c:.9g}" for a, b, c in rows)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    words = ["identify", str(path), "--fixed", "m=1", "--fixed", "beta=2", "--windows", "2"]
+    for name, value in START.items():
+        words += ["--start", f"{name}={value}"]
+    data = summary(capsys, *words, "-o", str(tmp_path / "out"))
+    assert abs(data["values"]["Fs"] - 4) < 0.02
+    assert data["success"]
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"identified.json", "fit.csv", "fit.png"}
+    assert main(["identify", str(tmp_path / "none.csv")]) == 2
