@@ -9,13 +9,14 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.check import as_expression
+from filippov.contact import contact_of
 from filippov.errors import ModelError
 from filippov.extract import Extractor
 from filippov.kinds import kind_of
-from filippov.names import closest
+from filippov.names import closest, unknown
 from filippov.parameter import ParameterNamespace, ParameterSymbol
 from filippov.surface import Surface
-from filippov.symbolic import SymbolicForm
+from filippov.symbolic import Contact, SymbolicForm
 from filippov.symbols import t
 from filippov.table import Entry
 
@@ -35,12 +36,16 @@ def assemble(
     x = tuple(equations)
     given = tuple(_checked(surface, x) for surface in surfaces)
     _check_names(given)
+    _check_resets(given, x)
     p = _parameters([*equations.values(), *_expressions(given)], parameters, x)
     extractor = Extractor()
     extractor.declare(given)
     field = [extractor.field(f, f"the equation of {symbol.name!r}") for symbol, f in equations.items()]
     radius = {surface.name: _radius(extractor, surface) for surface in given}
-    entries = _ordered(_used(extractor.table.entries, field, spare), [surface.name for surface in given])
+    after = {surface.name: _after(extractor, surface, x) for surface in given if surface.reset is not None}
+    moved = [e for row in after.values() for e in row]
+    used = _used(extractor.table.entries, [*field, *moved], spare)
+    entries = _ordered(used, [surface.name for surface in given])
 
     names = _names(entries)
     s = tuple(Symbol(f"_s{i}", real=True) for i in range(len(entries)))
@@ -56,6 +61,11 @@ def assemble(
         field=tuple(f.xreplace(rename) for f in field),
         h=tuple(entry.h.xreplace(rename) for entry in entries),
         radius=tuple(radius.get(name, (-sympy.S.One, sympy.S.One)) for name in names),
+        reset=tuple(
+            tuple(e.xreplace(rename) for e in after[name]) if name in after else None for name in names
+        )
+        if after
+        else (),
     )
     opaque = [extractor.opaque(f).xreplace(rename) for f in equations.values()]
     plain = form.plain_h()
@@ -70,6 +80,33 @@ def assemble(
                 "stands on it. Leave the radius out, or write the jump with sign(...)."
             )
         out.append(replace(declared, kind=kind))
+    return with_contacts(form, tuple(out))
+
+
+def with_contacts(
+    form: SymbolicForm, surfaces: tuple[Surface, ...]
+) -> tuple[SymbolicForm, tuple[Surface, ...]]:
+    """Return the form with the contacts that its resets allow, and surfaces that say which have one."""
+    contacts: list[Contact | None] = []
+    out = []
+    for i, surface in enumerate(surfaces):
+        contact: Contact | None = None
+        after = form.reset[i] if form.reset else None
+        if after is not None and surface.contact is not False and surface.side != "both":
+            found: Contact | str = "the field jumps across the surface"
+            if surface.kind == "reset":
+                found = contact_of(form, i, after, 1 if surface.side == "+" else -1)
+            if isinstance(found, Contact):
+                contact = found
+            elif surface.contact:
+                raise ModelError(
+                    f"surface {surface.name!r}: there is no resting contact, for {found}. contact=True fits "
+                    "a reset that turns dh/dt round and leaves the state as it is where dh/dt = 0."
+                )
+        contacts.append(contact)
+        out.append(surface if surface.reset is None else replace(surface, contact=contact is not None))
+    if any(contact is not None for contact in contacts):
+        form = replace(form, contact=tuple(contacts))
     return form, tuple(out)
 
 
@@ -100,8 +137,16 @@ def _check_names(surfaces: Sequence[Surface]) -> None:
         seen.add(surface.name)
 
 
+def _check_resets(surfaces: Sequence[Surface], x: Sequence[Symbol]) -> None:
+    for surface in surfaces:
+        for name, _ in surface.reset or ():
+            if name not in (q.name for q in x):
+                raise ModelError(f"surface {surface.name!r}: {unknown('state', name, [q.name for q in x])}")
+
+
 def _expressions(surfaces: Sequence[Surface]) -> list[Expr]:
-    return [e for surface in surfaces for e in (surface.h, *surface.radius) if isinstance(e, Expr)]
+    out = [e for surface in surfaces for e in (surface.h, *surface.radius) if isinstance(e, Expr)]
+    return out + [e for surface in surfaces for _, e in surface.reset or ()]
 
 
 def _parameters(
@@ -168,7 +213,9 @@ def _used(entries: Sequence[Entry], field: Sequence[Expr], spare: bool) -> list[
         for entry in entries:
             if entry in kept:
                 continue
-            watched = entry.declared is not None and (entry.declared.kind == "observer" or spare)
+            watched = entry.declared is not None and (
+                entry.declared.kind == "observer" or entry.declared.reset is not None or spare
+            )
             if entry.s in free or entry.a in free or watched:
                 kept.append(entry)
                 free |= entry.h.free_symbols
@@ -218,6 +265,17 @@ def _names(entries: Sequence[Entry]) -> list[str]:
         taken.add(name)
         names.append(name)
     return names
+
+
+def _after(extractor: Extractor, surface: Surface, x: Sequence[Symbol]) -> list[Expr]:
+    """The state after the reset of a surface, one expression a state."""
+    given = dict(surface.reset)
+    return [
+        extractor.field(given[q.name], f"surface {surface.name!r}: reset of {q.name!r}")
+        if q.name in given
+        else q
+        for q in x
+    ]
 
 
 def _radius(extractor: Extractor, surface: Surface) -> tuple[Expr, Expr]:

@@ -182,8 +182,8 @@ class _Work:
         machine = self.machine
         if (first, last) != (0, len(self.x)):
             machine = Machine(self.system, self.options.method, self.values[first])
-        m, n = machine.m, machine.n
-        events = np.zeros((_EVENT_ROOM + m, 3 + n))
+        m = machine.m
+        events = np.zeros((_EVENT_ROOM + m, machine.event_size))
         marks = np.zeros((_EVENT_ROOM + m, 2 + 2 * m), dtype=np.int64)
         if machine.callbacks is not None:
             for row in range(first, last):

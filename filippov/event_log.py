@@ -19,14 +19,15 @@ _KINDS = {
     codes.EXIT_UP: EventKind.EXIT,
     codes.EXIT_DOWN: EventKind.EXIT,
     codes.GRAZING: EventKind.GRAZING,
+    codes.RESET: EventKind.RESET,
 }
 
 
 class EventLog(Events):
     """The events of a run in the order of integration, growing while it runs."""
 
-    def __init__(self, names: tuple[str, ...], sense: int) -> None:
-        self.names, self.sense = names, sense
+    def __init__(self, names: tuple[str, ...], sense: int, n: int) -> None:
+        self.names, self.sense, self.n = names, sense, n
         self._made: list[Event] = []
         self._raw: list[tuple[Array, npt.NDArray[np.int64]]] = []
         self._waiting = 0
@@ -36,9 +37,12 @@ class EventLog(Events):
         for floats, marks in self._raw:
             m = (marks.shape[1] - 2) // 2
             floats.flags.writeable = False
-            for row, mark, x in zip(floats[:, :3].tolist(), marks.tolist(), floats[:, 3:], strict=True):
+            states, jumped = floats[:, 3 : 3 + self.n], floats[:, 3 + self.n :]
+            for k, (row, mark) in enumerate(zip(floats[:, :3].tolist(), marks.tolist(), strict=True)):
                 before, after = tuple(mark[2 : 2 + m]), tuple(mark[2 + m :])
-                self._append(row[0], mark[0], _KINDS[mark[1]], before, after, x, row[1], row[2])
+                x_after = jumped[k] if mark[1] == codes.RESET else None
+                kind = _KINDS[mark[1]]
+                self._append(row[0], mark[0], kind, before, after, states[k], row[1], row[2], x_after=x_after)
         self._raw, self._waiting = [], 0
         return self._made
 
@@ -84,7 +88,9 @@ class EventLog(Events):
     def table(self) -> tuple[Array, Array]:
         """Times and states of all events, without making objects of those that are still rows."""
         times = [np.array([event.t for event in self._made])] + [floats[:, 0] for floats, _ in self._raw]
-        states = [event.x[None, :] for event in self._made] + [floats[:, 3:] for floats, _ in self._raw]
+        states = [event.x[None, :] for event in self._made] + [
+            floats[:, 3 : 3 + self.n] for floats, _ in self._raw
+        ]
         return np.concatenate(times), np.concatenate(states) if states else np.zeros((0, 0))
 
     def __len__(self) -> int:
@@ -94,4 +100,5 @@ class EventLog(Events):
         return len(self) > 0
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"names": self.names, "sense": self.sense, "_made": self._items, "_raw": [], "_waiting": 0}
+        rest = {"_made": self._items, "_raw": [], "_waiting": 0}
+        return {"names": self.names, "sense": self.sense, "n": self.n, **rest}

@@ -115,6 +115,7 @@ _COLUMNS = {
     "sliding exit up": (4,),
     "sliding exit down": (5,),
     "grazing": (6,),
+    "reset": (7,),
 }
 STOP_KINDS = tuple(_COLUMNS)
 
@@ -124,7 +125,7 @@ class Stop:
     """End the run at the count-th event of a kind on a surface.
 
     kind    "crossing", "crossing up", "crossing down", "sliding entry", "sliding exit", "sliding exit up",
-            "sliding exit down" or "grazing"; directions are in true time
+            "sliding exit down", "grazing" or "reset"; directions are in true time
     count   1, 2, ...
 
     Raises UsageError.

@@ -27,11 +27,13 @@ def kind_of(form: SymbolicForm, i: int, surface: Surface, opaque: Sequence[Expr]
     if surface.kind == "observer" and not used:
         return "observer"
     jumps = _jumps(form, i, opaque)
-    if jumps and surface.kind != "switching":
+    if jumps and surface.kind not in ("switching", "reset"):
         raise ModelError(
             f"surface {surface.name!r} is declared as {surface.kind!r}, but the equations jump across it. "
             "Leave the kind out."
         )
+    if surface.reset is not None and not jumps:
+        return "reset"
     return "switching" if jumps else "kink"
 
 

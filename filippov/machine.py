@@ -33,7 +33,7 @@ class Machine:
         self.callbacks: Callbacks | None = None
         if system.symbolic is not None:
             unit = _generated(system)
-            self.context = np.zeros(4, dtype=np.int64)
+            self.context = np.zeros(5, dtype=np.int64)
         else:
             unit = callback_unit(self.n, len(system.parameters), system.surfaces)
             assert system.field is not None
@@ -47,6 +47,15 @@ class Machine:
         self.iw = np.zeros(self.compiled.layout.integers, dtype=np.int64)
         self.roles = tuple(surface.kind for surface in system.surfaces)
         self.widths = tuple(surface.width for surface in system.surfaces)
+        sides: dict[str, tuple[int, ...]] = {"+": (1,), "-": (-1,), "both": (1, -1)}
+        self.resets_from = tuple(
+            () if surface.reset is None else sides[surface.side] for surface in system.surfaces
+        )
+        self.contacts = tuple(
+            sides[surface.side][0] if surface.contact else 0 for surface in system.surfaces
+        )
+        self.resets = any(self.resets_from)
+        self.event_size = int(unit.constants["EVENT_SIZE"])  # type: ignore[arg-type]
         self.affine = bool(unit.constants["AFFINE"])
         self.calls = 0
 
@@ -103,6 +112,12 @@ class Machine:
                 f"[{out[i, 0]:g}, {out[i, 1]:g}] at t = {t:g}, expected one that holds "
                 "[-1, 1]. Check the radius with these parameters."
             )
+        return out
+
+    def reset(self, i: int, t: float, x: Array, mode: Array) -> Array:
+        """The state after the reset at surface i, reached in a mode."""
+        out = np.empty(self.n)
+        self.call("resets", int(i), float(t), x, self.p, mode, out, self.context)
         return out
 
     def probe(

@@ -25,6 +25,8 @@ from filippov.status import mode_text
 CLEAR = 1e-6
 VANISHING = 1e-9
 TRIALS, SHORTER = 12, 4.0
+OPEN = 1e299
+NO_RATE = 1e-12
 _MONOMIAL = np.linalg.inv(np.vander(np.array(POSITION), NODES, increasing=True))
 
 
@@ -141,7 +143,8 @@ def _inside(base: Mode, lam: Array, radii: Array, sliding: Sequence[int]) -> boo
 
 def _nearness(base: Mode, i: int, low: float, high: float) -> float:
     """How close a multiplier at an end of its set stands to it: as an exit is located, or a rounding."""
-    return (1e-7 if base[i] == 0 else 1e-13) * (1.0 + high - low)
+    width = high - low if high - low < OPEN else 1.0  # a contact has one end
+    return (1e-7 if base[i] == 0 else 1e-13) * (1.0 + width)
 
 
 def _moves_inwards(
@@ -209,14 +212,31 @@ def _leaves(
     return orders, float(margin)
 
 
+def at_rest(point: Point, base: Mode, i: int) -> bool:
+    """Whether the rate of a surface with a contact is 0 to rounding, so that the state may rest on it."""
+    mode = np.array(base, dtype=float)
+    mode[i] = 0.0
+    rate = abs(float(point.machine.guards(point.t, point.x, mode)[i]))
+    g, gt = point.gradients(mode)
+    scale = float(np.sum(np.abs(g[i] * point.x)) + abs(gt[i] * point.t))
+    mode[i] = point.machine.contacts[i]
+    g, gt = point.gradients(mode)
+    field = point.machine.rhs(point.t, point.x, np.where(mode == 0, 1.0, mode), mode)
+    scale += float(np.sum(np.abs(g[i] * field)) + abs(gt[i])) - rate
+    return rate <= NO_RATE * scale
+
+
 def successors(point: Point, base: Mode, met: Sequence[int]) -> list[Successor]:
     """All consistent next modes at a point on the surfaces `met`; the others keep their sign in `base`."""
     # Sliding is left tangentially: the rate off the surface is rounding there, whatever its size looks like.
-    tangent = [i for i in met if base[i] == 0]
+    resting = [i for i in met if point.machine.contacts[i] and (base[i] == 0 or at_rest(point, base, i))]
+    tangent = [i for i in met if base[i] == 0 or i in resting]
     choices: list[tuple[int, ...]] = []
     for i in met:
         slides = point.machine.roles[i] == "switching" and point.machine.widths[i] == 0.0
         choices.append((1, -1, 0) if slides else (1, -1))
+        if i in resting:
+            choices[-1] = (point.machine.contacts[i], 0)
     radii, roles = point.machine.radii(point.t, point.x), point.machine.roles
     found: list[Successor] = []
     for signs in itertools.product(*choices):

@@ -12,6 +12,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.comparator import Band, Comparator, Hysteresis, Smooth
+from filippov.errors import ModelError
 from filippov.surface import Surface
 from filippov.symbolic import Select, SymbolicForm, convex
 
@@ -28,6 +29,11 @@ def regularize_symbolic(
     new = _Builder()
     values: dict[Symbol, Expr] = {}
     for i, surface in enumerate(surfaces):
+        if surface.kind == "switching" and surface.reset is not None:
+            raise ModelError(
+                f"surface {surface.name!r} switches the field and resets the state; no comparator can stand "
+                "for it. Declare two surfaces, one for each."
+            )
         s, a, h = form.s[i], form.a[i], form.h[i].xreplace(values)
         if surface.kind != "switching":
             values[s], values[a] = new.add(surface, h, form.radius[i])
@@ -47,6 +53,8 @@ def regularize_symbolic(
     field = (
         form.field if isinstance(comparator, Hysteresis) else tuple(convex(f, switching) for f in form.field)
     )
+    names = [q.name for q in new.surfaces]
+    old = [next((i for i, q in enumerate(surfaces) if q.name == name), None) for name in names]
     out = SymbolicForm(
         x=form.x,
         p=form.p,
@@ -55,8 +63,14 @@ def regularize_symbolic(
         field=tuple(f.xreplace(values) for f in field),
         h=tuple(new.h),
         radius=tuple(new.radius),
+        reset=tuple(None if i is None else _moved(form.reset[i], values) for i in old) if form.reset else (),
+        contact=tuple(form.contact[i] if i is not None else None for i in old) if form.contact else (),
     )
     return out, tuple(new.surfaces)
+
+
+def _moved(after: tuple[Expr, ...] | None, values: dict[Symbol, Expr]) -> tuple[Expr, ...] | None:
+    return None if after is None else tuple(e.xreplace(values) for e in after)
 
 
 def _kink(surface: Surface, name: str, h: Any) -> Surface:

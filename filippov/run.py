@@ -41,10 +41,10 @@ class Run:
         powers = machine.compiled.layout.powers
         self.record = np.zeros((_RECORD_ROOM, 2))
         self.coef = np.zeros((_RECORD_ROOM, powers, n))
-        self.found = np.zeros((_EVENT_ROOM + m, 3 + n))
+        self.found = np.zeros((_EVENT_ROOM + m, machine.event_size))
         self.marks = np.zeros((_EVENT_ROOM + m, 2 + 2 * m), dtype=np.int64)
         names = tuple(surface.name for surface in machine.system.surfaces)
-        self.events = EventLog(names, 1 if span[1] >= span[0] else -1)
+        self.events = EventLog(names, 1 if span[1] >= span[0] else -1, n)
         self.steps: list[tuple[Array, Array]] = []
         self.direction = 1.0 if span[1] >= span[0] else -1.0
         self._arrays = [
@@ -110,7 +110,7 @@ class Run:
         for row, mark in zip(self.found[:events], self.marks[:events].tolist(), strict=True):
             if mark[1] not in (codes.CROSSING_UP, codes.CROSSING_DOWN, codes.ENTRY) or row[2] == 0.0:
                 continue
-            x = row[3:].copy()
+            x = row[3 : 3 + machine.n].copy()
             g, gt = machine.gradients(float(row[0]), x, self.mode)
             reach = np.abs(x) + self.atol + 1e-9 * np.max(np.abs(x), initial=0.0)
             width = machine.widths[mark[0]]
@@ -136,7 +136,7 @@ class Run:
             EventKind.ENTRY: codes.ENTRY,
             EventKind.EXIT: codes.EXIT_UP if direction > 0 else codes.EXIT_DOWN,
             EventKind.GRAZING: codes.GRAZING,
-            EventKind.RESET: codes.NONE,
+            EventKind.RESET: codes.RESET,
         }[kind]
         if self.stop[index, column] > 0:
             self.stop[index, column] -= 1

@@ -46,10 +46,19 @@ class Segment:
         return f"{mode_text(self.mode)} [{self.t0:.9g}, {self.t1:.9g}]"
 
 
+def _still(t: float, x: Array, run: Run) -> tuple[Array, Array]:
+    coef = np.zeros((1, *run.coef.shape[1:]))
+    coef[0, 0] = x
+    return np.array([[t, run.direction * np.finfo(float).tiny]]), coef
+
+
 class Solution:
     """A solved problem.
 
-    t, y        times (k,) and states (n, k): at t_eval, else at the ends of the steps
+    t, y        times (k,) and states (n, k): at t_eval, else at the ends of the steps. t increases strictly,
+                but for `jumps`: there it stands twice, with the state before and the one after. At t_eval a
+                jump has one sample, the state before it
+    jumps       times at which the state jumps
     sol         dense output sol(t, side="-"), None without dense_output
     t_events, y_events   times and states of the events, one list a surface
     events      all events in order; segments: stretches of one mode; modes: their modes
@@ -90,15 +99,24 @@ class Solution:
             return None
         n = run.machine.n
         span = (self.problem.t_span[0], run.t)
-        if not run.steps:
+        jumps = run.machine.resets
+        if not run.steps and not (jumps and run.events):
             coef = np.zeros((1, 2, n))
             coef[0, 0] = run.x
             return Interpolant(np.array([span[0]]), np.ones(1), coef, span)
-        table = np.concatenate([table for table, _ in run.steps])
-        coef = np.concatenate([coef for _, coef in run.steps])
+        pieces = list(run.steps)
+        # A jump at either end of the run lies between a state and no step: the state is kept as a step of 0.
+        if jumps and run.events and run.events[0].t == span[0] and run.events[0].x_after is not None:
+            pieces.insert(0, _still(span[0], self.problem.x0, run))
+        if jumps and run.events and run.events[-1].t == span[1] and run.events[-1].x_after is not None:
+            pieces.append(_still(span[1], run.x, run))
+        table = np.concatenate([table for table, _ in pieces])
+        coef = np.concatenate([coef for _, coef in pieces])
         return Interpolant(table[:, 0].copy(), table[:, 1].copy(), coef, span)
 
     def _samples(self, run: Run, t_eval: Array | None) -> tuple[Array, Array]:
+        if self.sol is None and run.machine.resets:
+            return self._corners(run)
         if self.sol is None:
             t, x = run.events.table()
             times = np.concatenate(([self.problem.t_span[0]], t, [self.t_end]))
@@ -114,7 +132,32 @@ class Solution:
         times = times[np.append(True, np.diff(times) != 0)]
         states = self.sol(times, side="+").reshape(len(self.problem.x0), len(times))
         states[:, -1] = self.x_end
+        if self.jumps.size:
+            at = np.searchsorted(times * self.sol.direction, self.jumps * self.sol.direction)
+            first = {e.t: e.x for e in reversed(self.events) if e.x_after is not None}
+            before = np.array([first[t] for t in self.jumps.tolist()]).T
+            times, states = np.insert(times, at, self.jumps), np.insert(states, at, before, axis=1)
         return times, states
+
+    def _corners(self, run: Run) -> tuple[Array, Array]:
+        """Start, events and end, where no steps are kept; a jump has the state before and the one after."""
+        rows = [(self.problem.t_span[0], self.problem.x0)]
+        for event in run.events:
+            if event.t != rows[-1][0] or event.x_after is not None:
+                if event.t == rows[-1][0] and len(rows) > 1 and rows[-2][0] == event.t:
+                    rows.pop()  # a second event of the same jump
+                elif event.t != rows[-1][0]:
+                    rows.append((event.t, event.x))
+                if event.x_after is not None:
+                    rows.append((event.t, event.x_after))
+        if self.t_end != rows[-1][0]:
+            rows.append((self.t_end, self.x_end))
+        return np.array([t for t, _ in rows]), np.array([x for _, x in rows]).T.copy()
+
+    @cached_property
+    def jumps(self) -> Array:
+        """Times at which the state jumps, each once; there t has two entries, before and after."""
+        return np.array(list(dict.fromkeys(e.t for e in self.events if e.x_after is not None)), dtype=float)
 
     @cached_property
     def segments(self) -> tuple[Segment, ...]:

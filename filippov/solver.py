@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ import numpy as np
 from filippov._kernels import codes
 from filippov.errors import NonUniqueError, SolveError, UsageError
 from filippov.events import Mode
-from filippov.machine import Machine
+from filippov.jumps import LONGEST_CHAIN, composed, look_again, pending, starting
+from filippov.machine import Array, Machine
 from filippov.modes import Point, Successor, successors
 from filippov.names import check_known
 from filippov.options import Options, check_span, check_state, check_stops, check_times
@@ -97,6 +99,15 @@ def _problem(
     return Problem(system, check_state(x0, system), check_span(t_span), parameters or {})
 
 
+@dataclass(frozen=True)
+class _Jump:
+    """Mode and state before the events of one instant, and the surfaces whose resets happened."""
+
+    before: Mode
+    x: Array
+    by: tuple[int, ...]
+
+
 class _Loop:
     """Drive the compiled loop and decide what it leaves open."""
 
@@ -144,7 +155,9 @@ class _Loop:
         if run.t == run.clock[codes.T_END]:
             return self._end(Status.SUCCESS)
         if code == codes.GENERAL:
-            ended = self._classify(self._near(), (), start=True)
+            near = self._near()
+            onto = starting(run, near)
+            ended = self._reset(onto, onto) if onto else self._classify(near, (), start=True)
             if ended is not None:
                 return ended
         self.start_mode = run.signs
@@ -198,10 +211,52 @@ class _Loop:
         moved = abs(run.t - self.general_t) > 64 * np.finfo(float).eps * abs(run.t)
         self.stalled = 0 if moved else self.stalled + 1
         self.general_t = run.t
-        ended = self._classify(met, hit, start=False)
+        roots = [i for i in hit if run.hit[i] == codes.ROOT]
+        ended = self._back_over(roots)
+        active = pending(run, roots)
+        if ended is None:
+            ended = self._reset(active, hit) if active else self._classify(met, hit, start=False)
         if ended is None and self.stalled > 4 * (run.machine.m + 1):
             return self._end(Status.NO_CONTINUATION, f"events do not leave the state {_state_text(run)}.")
         return ended if ended is not None else self._budgets()
+
+    def _back_over(self, hit: Sequence[int]) -> tuple[Status, str] | None:
+        """Backwards in time a reset is not undone: the end of the run where one may have happened."""
+        run = self.run
+        names = [run.machine.system.surfaces[i].name for i in hit if run.machine.resets_from[i]]
+        if run.direction > 0 or not names:
+            return None
+        return self._end(
+            Status.NON_UNIQUE,
+            f"backwards in time, surface {', '.join(map(repr, names))} is reached, where a reset may have "
+            f"led to the state {_state_text(run)}; what was before it is not determined.",
+        )
+
+    def _reset(self, active: list[int], hit: Sequence[int]) -> tuple[Status, str] | None:
+        """Apply the resets of the surfaces reached, and find where the motion goes from there."""
+        run, surfaces = self.run, self.run.machine.system.surfaces
+        before, x_before = run.signs, run.x.copy()
+        done: list[int] = []
+        for _ in range(LONGEST_CHAIN):
+            after = composed(run, active)
+            names = ", ".join(repr(surfaces[i].name) for i in active)
+            if after is None:
+                return self._end(
+                    Status.NON_UNIQUE,
+                    f"at state {_state_text(run)} the resets of {names} happen at once, and the state after "
+                    "them depends on their order.",
+                )
+            run.x[:] = after
+            if not np.all(np.isfinite(after)):
+                return self._end(Status.NOT_FINITE, f"the reset of {names} gives {_state_text(run)}.")
+            done += active
+            met = look_again(run)
+            # A jump may end on another surface that resets; those just applied are left, or led through.
+            active = pending(run, [i for i in met if i not in done])
+            if not active:
+                jump = _Jump(before, x_before, tuple(done))
+                return self._classify(met, hit, start=False, jump=jump)
+        return self._end(Status.NO_CONTINUATION, f"resets follow each other at {_state_text(run)}.")
 
     def _near(self) -> list[int]:
         """Surfaces that the present point lies on, to rounding."""
@@ -222,13 +277,18 @@ class _Loop:
             step = 1e-3
         return Point(run.machine, run.t, run.x.copy(), run.direction, run.direction * step, run.lam.copy())
 
-    def _classify(self, met: Sequence[int], hit: Sequence[int], start: bool) -> tuple[Status, str] | None:
+    def _classify(
+        self, met: Sequence[int], hit: Sequence[int], start: bool, jump: _Jump | None = None
+    ) -> tuple[Status, str] | None:
         """Find the modes that can follow on the surfaces met, choose one, take it up, record the events."""
         run = self.run
         before = run.signs
+        if jump is not None and not met:
+            run.put(before, (0,) * run.machine.m, tuple(run.lam))
+            return self._record(before, np.zeros(run.machine.m), hit, "", jump)
         candidates = successors(self._point(), before, met)
         if len(candidates) == 1:
-            return self._take(candidates[0], before, hit, "", start)
+            return self._take(candidates[0], before, hit, "", start, jump)
         names = ", ".join(repr(run.machine.system.surfaces[i].name) for i in met)
         where = f"at state {_state_text(run)} on {names}"
         if not candidates:
@@ -237,7 +297,7 @@ class _Loop:
         picked = self._choose(candidates, before, hit)
         if picked is None:
             return self._end(Status.NON_UNIQUE, f"{where} can follow: {listing}.")
-        return self._take(picked, before, hit, f"one of {len(candidates)}: {listing}", start)
+        return self._take(picked, before, hit, f"one of {len(candidates)}: {listing}", start, jump)
 
     def _choose(self, candidates: list[Successor], before: Mode, hit: Sequence[int]) -> Successor | None:
         # A surface that was only touched: the motion goes on where it was.
@@ -262,31 +322,42 @@ class _Loop:
         return fitting[0] if len(fitting) == 1 else None
 
     def _take(
-        self, chosen: Successor, before: Mode, hit: Sequence[int], note: str, start: bool
-    ) -> tuple[Status, str] | None:
+        self, chosen: Successor, before: Mode, hit: Sequence[int], note: str, start: bool,
+        jump: _Jump | None,
+    ) -> tuple[Status, str] | None:  # fmt: skip
         run = self.run
         run.put(chosen.mode, chosen.order, chosen.multipliers)
         if start:
             return None
+        if jump is None:
+            jump = _Jump(before, run.x.copy(), ())
+        return self._record(chosen.mode, np.array(chosen.multipliers), hit, note, jump)
+
+    def _record(
+        self, after: Mode, multipliers: Array, hit: Sequence[int], note: str, jump: _Jump
+    ) -> tuple[Status, str] | None:
+        """Record the change from the mode before to the one after, an event a surface; tell if it ends."""
+        run, before = self.run, jump.before
         ended: tuple[Status, str] | None = None
         together = False
         residual, _ = run.scales()
         for i in range(run.machine.m):
-            kind = _kind(before[i], chosen.mode[i], i in hit)
+            kind = EventKind.RESET if i in jump.by else _kind(before[i], after[i], i in hit)
             if kind is None:
                 continue
-            multiplier = chosen.multipliers[i] if chosen.mode[i] == 0 else float("nan")
+            multiplier = float(multipliers[i]) if after[i] == 0 else float("nan")
             run.add_event(
                 run.t,
                 i,
                 kind,
                 before,
-                chosen.mode,
-                run.x.copy(),
+                after,
+                jump.x.copy(),
                 multiplier,
                 float(residual[i]),
                 note,
                 together,
+                run.x.copy() if jump.by else None,
             )
             together = True
             if run.count_down(i, kind, run.events[-1].direction):
@@ -304,6 +375,12 @@ class _Loop:
             f"{np.array2string(limit.x, precision=9)}."
         )
         if self.options.zeno == "stop":
+            return self._end(Status.ZENO, detail)
+        machine = run.machine
+        open_ends = [i for i in limit.surfaces if machine.resets_from[i] and not machine.contacts[i]]
+        if open_ends:
+            names = ", ".join(repr(machine.system.surfaces[i].name) for i in open_ends)
+            detail += f" There is no resting contact on {names} to go on with (see the docstring of Surface)."
             return self._end(Status.ZENO, detail)
         run.clock[codes.T] = limit.t
         run.x[:] = limit.x

@@ -7,6 +7,7 @@ from typing import Any
 
 from sympy import Expr, Symbol
 
+from filippov.assemble import with_contacts
 from filippov.comparator import Band, Comparator, Exact, Hysteresis, Smooth
 from filippov.errors import ModelError
 from filippov.parameter import Parameter, ParameterSymbol
@@ -35,6 +36,7 @@ def system_data(system: System) -> dict[str, Any] | None:
                 {"name": q.name, "position": q.position} | {k: getattr(q.parameter, k) for k in _PARAMETER}
                 for q in base.p
             ],
+            "resets": [None if after is None else [writer.tree(e) for e in after] for after in base.reset],
             "field": [writer.tree(f) for f in base.field],
             "h": [writer.tree(h) for h in base.h],
             "radius": [[writer.tree(bound) for bound in pair] for pair in base.radius],
@@ -75,6 +77,9 @@ def _surface_data(surface: Surface, writer: Writer) -> dict[str, Any]:
         "radius": radius,
         "kind": surface.kind,
         "width": surface.width,
+        "side": surface.side,
+        "contact": surface.contact,
+        "reset": None if surface.reset is None else [[k, writer.tree(e)] for k, e in surface.reset],
     }
 
 
@@ -100,7 +105,8 @@ def _base(data: Any) -> System:
         Surface(
             item["name"], read(item["h"]),
             radius=tuple(read(b) if isinstance(b, list) else b for b in item["radius"]),
-            kind=item["kind"], width=item["width"],
+            kind=item["kind"], width=item["width"], side=item["side"], contact=item["contact"],
+            reset=None if item["reset"] is None else tuple((k, read(e)) for k, e in item["reset"]),
         )
         for item in data["surfaces"]
     )  # fmt: skip
@@ -112,7 +118,9 @@ def _base(data: Any) -> System:
         field=tuple(read(f) for f in data["field"]),
         h=tuple(read(h) for h in data["h"]),
         radius=tuple((read(low), read(high)) for low, high in data["radius"]),
+        reset=tuple(None if row is None else tuple(read(e) for e in row) for row in data["resets"]),
     )
+    form, surfaces = with_contacts(form, surfaces)
     system = object.__new__(System)
     system._set_symbolic(form, surfaces)
     return system

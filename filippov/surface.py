@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import sympy
 from sympy.logic.boolalg import Boolean
 
+from filippov.check import as_expression
 from filippov.errors import ModelError
 from filippov.parameter import as_number
 
-Kind = Literal["switching", "kink", "observer"]
+Kind = Literal["switching", "kink", "observer", "reset"]
+Side = Literal["+", "-", "both"]
 # A number, an expression, or a function (t, x, p) -> float.
 Bound = Any
 
@@ -27,10 +29,16 @@ class Surface:
     radius    number, expression or function (t, x, p) -> float, or a pair (lo, hi); lo <= -1 and hi >= 1.
               Kept as the pair.
     kind      "switching": the field jumps; "kink": it is continuous, its derivative jumps (nothing can slide
-              there); "observer": watched only
+              there); "observer": watched only; "reset": the state jumps there. Default: "reset" with a
+              reset, else "switching"
     gradient  for a function h: gradient(t, x, p) -> dh/dx, shape (n,)
     linear    for a function h: it is affine in x and does not depend on t
     width     half-width of the hysteresis: the sign s is left at h = -s width; 0 for none
+    reset     x+ = r(t, x-, p) where the surface is reached: a mapping from states (symbols or names) to
+              expressions, states left out keep their values; for a function h a function r(t, x, p) -> (n,)
+    side      the side from which it is reached for the reset: "+" (h > 0 before), "-" or "both"
+    contact   whether the state may come to rest on the surface, in the limit of ever smaller impacts or after
+              a plastic one (see `filippov.contact`). Default: where the equations allow it; not for functions
 
     Raises ModelError. Static friction Fs above the limit Fc of the slip curve is radius=Fs/Fc.
     """
@@ -38,10 +46,13 @@ class Surface:
     name: str
     h: Any
     radius: Any = 1.0
-    kind: Kind = "switching"
+    kind: Kind = None  # type: ignore[assignment]  # becomes "reset" or "switching"
     gradient: Callable[..., Any] | None = None
     linear: bool = False
     width: float = 0.0
+    reset: Any = None
+    side: Side = "+"
+    contact: bool | None = None
 
     def __post_init__(self) -> None:
         if not _is_text(self.name):
@@ -58,6 +69,9 @@ class Surface:
                 f"{where}: h is {self.h!r} ({type(self.h).__name__}), expected a sympy expression or a "
                 "function h(t, x, p)."
             )
+        given: str | None = self.kind
+        if given is None:
+            object.__setattr__(self, "kind", "switching" if self.reset is None else "reset")
         if self.kind not in get_args(Kind):
             raise ModelError(
                 f"{where}: kind is {self.kind!r}, expected one of {', '.join(map(repr, get_args(Kind)))}."
@@ -73,6 +87,34 @@ class Surface:
         if width < 0:
             raise ModelError(f"{where}: width is {width}, expected a number >= 0.")
         object.__setattr__(self, "width", width)
+        self._check_reset(where)
+
+    def _check_reset(self, where: str) -> None:
+        if self.side not in get_args(Side):
+            raise ModelError(f"{where}: side is {self.side!r}, expected '+', '-' or 'both'.")
+        if self.contact not in (None, True, False):
+            raise ModelError(f"{where}: contact is {self.contact!r}, expected True, False or None.")
+        if self.reset is None:
+            if self.kind == "reset" or self.contact:
+                what = "kind 'reset'" if self.kind == "reset" else "contact=True"
+                raise ModelError(f"{where}: {what} needs a reset: Surface(name, h, reset={{v: -p.e*v}}).")
+            return
+        if self.kind in ("kink", "observer") or self.width > 0:
+            what = f"a {self.kind}" if self.width == 0 else "a surface with hysteresis"
+            raise ModelError(f"{where}: {what} cannot have a reset. Declare a surface of its own for it.")
+        if self.contact and self.side == "both":
+            raise ModelError(f"{where}: contact needs one side to rest on, side is 'both'. Give '+' or '-'.")
+        if self.symbolic:
+            object.__setattr__(self, "reset", reset_pairs(self.reset, f"{where}: reset"))
+        elif not callable(self.reset):
+            raise ModelError(
+                f"{where}: reset is {self.reset!r}, expected a function r(t, x, p) -> x+, because h is one."
+            )
+        elif self.contact:
+            raise ModelError(
+                f"{where}: contact=True needs a system of expressions, this one has functions. Write it with "
+                "states(...), or end the run where the impacts accumulate (zeno='stop')."
+            )
 
     @property
     def symbolic(self) -> bool:
@@ -83,6 +125,25 @@ class Surface:
     def wide(self) -> bool:
         """Whether the set at h = 0 is, or may be, larger than [-1, 1]."""
         return any(not isinstance(b, float) or not math.isclose(abs(b), 1.0) for b in self.radius)
+
+
+def reset_pairs(value: Any, where: str) -> tuple[tuple[str, sympy.Expr], ...]:
+    """A reset as pairs of a state's name and its value after; ModelError for anything but a mapping."""
+    if isinstance(value, tuple) and all(isinstance(q, tuple) and len(q) == 2 for q in value):
+        value = dict(value)
+    if not isinstance(value, Mapping) or not value:
+        raise ModelError(
+            f"{where} is {value!r}, expected a mapping from states to their values after it: {{v: -p.e*v}}."
+        )
+    out: dict[str, sympy.Expr] = {}
+    for key, after in value.items():
+        name = key.name if isinstance(key, sympy.Symbol) else key
+        if not isinstance(name, str):
+            raise ModelError(f"{where} holds the key {key!r}, expected a state or its name.")
+        if name in out:
+            raise ModelError(f"{where} names the state {name!r} twice.")
+        out[name] = as_expression(after, f"{where} of {name!r}")
+    return tuple(out.items())
 
 
 def _is_text(value: object) -> bool:

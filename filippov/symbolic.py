@@ -115,6 +115,19 @@ class Partials:
 
 
 @dataclass(frozen=True)
+class Contact:
+    """Resting contact on a surface: its side, the rate L = dh/dt, and the direction D of the push."""
+
+    side: int
+    rate: Expr
+    direction: tuple[Expr, ...]
+
+    def pushed(self, s: Expr) -> tuple[Expr, ...]:
+        """What is added to the field in contact: side (1 - side s)/2 D."""
+        return tuple(self.side * (1 - self.side * s) / 2 * d for d in self.direction)
+
+
+@dataclass(frozen=True)
 class SymbolicForm:
     """x' = f(t, x, s, a; p): all fields are tuples.
 
@@ -123,6 +136,10 @@ class SymbolicForm:
     field     one expression a state in t, x, p, s, a
     h         one expression a surface in t, x, p and the a of earlier surfaces
     radius    one pair (lo, hi) a surface, in t, x, p: the set at h = 0
+    reset     per surface the states after its reset, in t, x, p and the signs and sizes before; None for none
+    contact   per surface the contact that its reset allows, or None
+
+    `reset` and `contact` are empty where no surface has one.
     """
 
     x: tuple[Symbol, ...]
@@ -132,6 +149,8 @@ class SymbolicForm:
     field: tuple[Expr, ...]
     h: tuple[Expr, ...]
     radius: tuple[tuple[Expr, Expr], ...]
+    reset: tuple[tuple[Expr, ...] | None, ...] = ()
+    contact: tuple[Contact | None, ...] = ()
 
     def signs(self, mode: Sequence[int] | str) -> tuple[int, ...]:
         """Return a mode, given as integers or as text such as "+0-", as a tuple of +1, 0, -1."""
@@ -164,12 +183,20 @@ class SymbolicForm:
         fixed = {s: sympy.Integer(m) for s, m in zip(self.s, signs, strict=True) if m}
         free = {s for s, m in zip(self.s, signs, strict=True) if not m}
         # Signs first: a branch that is not taken may be undefined where its a is 0.
-        return tuple(convex(f.xreplace(fixed), free).xreplace(sizes) for f in self.field)
+        field = tuple(convex(f.xreplace(fixed), free).xreplace(sizes) for f in self.field)
+        for contact, s, m in zip(self.contact, self.s, signs, strict=False):
+            if contact is not None and m == 0:
+                field = tuple(f + q for f, q in zip(field, contact.pushed(s), strict=True))
+        return field
 
     def h_at_mode(self, mode: Sequence[int] | str) -> tuple[Expr, ...]:
-        """Return the switching functions in a mode, without a."""
+        """Return the switching functions in a mode, without a; dh/dt for a surface that is rested on."""
         sizes = self.sizes_at_mode(mode)
-        return tuple(h.xreplace(sizes) for h in self.h)
+        out = [h.xreplace(sizes) for h in self.h]
+        for i, (contact, m) in enumerate(zip(self.contact, self.signs(mode), strict=False)):
+            if contact is not None and m == 0:
+                out[i] = contact.rate
+        return tuple(out)
 
     def jacobian(self, mode: Sequence[int] | str) -> sympy.Matrix:
         """df/dx in a mode, shape (n, n); the s of sliding surfaces are held."""
@@ -224,6 +251,8 @@ class SymbolicForm:
         for low, high in self.radius:
             yield low
             yield high
+        for after in self.reset:
+            yield from after or ()
 
     def __getstate__(self) -> dict[str, Any]:
         return {k: v for k, v in self.__dict__.items() if k != "partials"}

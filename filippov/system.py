@@ -183,7 +183,10 @@ class System:
 
     def _lines(self, form: SymbolicForm) -> list[str]:
         lines = ["filippov system 1", repr(self.states), repr(self.parameters.names), repr(self.comparator)]
-        lines += [f"{s.name!r} {s.kind} {s.width!r}" for s in self.surfaces]
+        lines += [
+            f"{s.name!r} {s.kind} {s.width!r}" + ("" if s.reset is None else f" {s.side} {s.contact}")
+            for s in self.surfaces
+        ]
         return lines + [sympy.srepr(e) for e in form.expressions()]
 
     def surface_index(self, name: str) -> int:

@@ -44,17 +44,26 @@ def accumulation(run: Run) -> Limit:
         sorted({event.index for event in run.events[-span:] if run.machine.roles[event.index] != "observer"})
     )
     x = same[-1].x + (same[-1].x - same[-2].x) * ratio / (1.0 - ratio)
-    x = _onto(run, x, surfaces)
-    return Limit(float(last.t + run.direction * remaining), x, surfaces, float(error))
+    t = float(last.t + run.direction * remaining)
+    return Limit(t, _onto(run, t, x, surfaces), surfaces, float(error))
 
 
-def _onto(run: Run, x: Array, surfaces: tuple[int, ...]) -> Array:
-    """The nearest point on all the surfaces (Gauss-Newton)."""
+def _onto(run: Run, t: float, x: Array, surfaces: tuple[int, ...]) -> Array:
+    """The nearest point on all the surfaces (Gauss-Newton); at rest on those with a contact."""
     chosen = list(surfaces)
+    resting = [i for i in surfaces if run.machine.contacts[i]]
+    rest_mode = run.mode.copy()
+    rest_mode[resting] = 0.0
     for _ in range(4):
-        h = run.machine.guards(run.t, np.ascontiguousarray(x), run.mode)[chosen]
-        g, _ = run.machine.gradients(run.t, np.ascontiguousarray(x), run.mode)
-        step, *_ = np.linalg.lstsq(g[chosen], h, rcond=None)
+        x = np.ascontiguousarray(x)
+        h = run.machine.guards(t, x, run.mode)[chosen]
+        g, _ = run.machine.gradients(t, x, run.mode)
+        if resting:
+            h = np.append(h, run.machine.guards(t, x, rest_mode)[resting])
+            g = np.vstack([g[chosen], run.machine.gradients(t, x, rest_mode)[0][resting]])
+        else:
+            g = g[chosen]
+        step, *_ = np.linalg.lstsq(g, h, rcond=None)
         x = x - step
     return np.ascontiguousarray(x)
 

@@ -32,6 +32,7 @@ from filippov._kernels.codes import (
     RECORDS_FULL,
     REJECTED,
     RELATIVE,
+    RESET,
     ROOT,
     ROUGH_FROM,
     ROUGH_NOISE,
@@ -72,6 +73,8 @@ from filippov._kernels.model import (
     END_IN_ERROR,
     I_CALLS,
     I_SLIDING,
+    RESET_FROM,
+    RESETS,
     ROLE,
     ROUGH,
     STAGES,
@@ -82,6 +85,7 @@ from filippov._kernels.model import (
     W_F,
     W_G,
     W_H,
+    W_JUMP,
     W_K,
     W_MULT,
     W_RADIUS,
@@ -97,6 +101,7 @@ from filippov._kernels.model import (
     stages,
 )
 from filippov._kernels.record import record_event, store_step
+from filippov._kernels.reset import apply_reset, resets_from
 from filippov._kernels.resolve import resolve_exit, resolve_root, side_rates
 
 ZENO_STREAK = 6
@@ -391,6 +396,10 @@ def advance(
         if failed == 0 and hits == 1:
             if cause == TOUCH:
                 kind = GRAZING
+            elif cause == ROOT and RESETS and RESET_FROM[surface] != 0 and direction < 0.0:
+                kind = NONE
+            elif cause == ROOT and RESETS and resets_from(surface, m[surface]):
+                kind = apply_reset(te, xe, p, m, order, surface, w, iw, ctx)
             elif cause == ROOT:
                 kind = resolve_root(
                     te, xe, p, m, order, surface, w[W_END + 2 * surface + 1] * direction, w, iw, ctx
@@ -414,6 +423,9 @@ def advance(
         if m[surface] == 0.0:
             multiplier = w[W_MULT + surface * COLUMNS + MULTIPLIER]
         record_event(events, marks, count, te, x, surface, kind, m, multiplier, residual, w)
+        if kind == RESET:
+            for j in range(N):
+                x[j] = w[W_JUMP + j]
         renew = True
         trend = 1e-300
         if kind == EXIT_UP or kind == EXIT_DOWN:  # noqa: PLR1714, SIM109 - the kernel language has no `in`

@@ -28,8 +28,8 @@ from filippov._kernels.unit import Constant, Unit, add_kernels
 
 _FOLDER = Path(__file__).parent
 _FILES = (
-    "elementary", "bernstein", "field", "land", "locate", "control", "resolve", "record", "advance", "probe",
-    "start", "ensemble",
+    "elementary", "bernstein", "field", "land", "locate", "control", "resolve", "reset", "record", "advance",
+    "probe", "start", "ensemble",
 )  # fmt: skip
 # Arguments of the entry points: d double, i integer, a address of an array.
 EXPORTED = {
@@ -41,6 +41,7 @@ EXPORTED = {
     "guards": "d" + "a" * 5,
     "gradients": "d" + "a" * 6,
     "radii": "d" + "a" * 4,
+    "resets": "id" + "a" * 5,
     "derive": "a",
 }
 _KINDS: dict[str, Any] = {"d": ctypes.c_double, "i": ctypes.c_int64, "a": ctypes.c_void_p}

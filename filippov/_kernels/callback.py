@@ -42,6 +42,11 @@ def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:
 @kernel
 def derive(p: Vector) -> int:
     return 0
+
+@kernel
+def resets(i: int, t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
+    out[0] = float(i)
+    return call_guard(ctx[4], t, x, p, m, out)
 """
 
 
@@ -70,6 +75,7 @@ class Callbacks:
             _GUARD(self._guarded(self._guards)),
             _GUARD(self._guarded(self._gradients)),
             _GUARD(self._guarded(self._radii)),
+            _GUARD(self._resets),
         ]
         addresses = [ctypes.cast(handle, ctypes.c_void_p).value or 0 for handle in self._handles]
         self.context = np.array(addresses, dtype=np.int64)
@@ -132,6 +138,19 @@ class Callbacks:
             return 0
 
         return call
+
+    def _resets(self, t: float, x: int, p: int, m: int, out: int) -> int:
+        try:
+            i = int(ctypes.c_double.from_address(out).value)
+            surface = self.surfaces[i]
+            value = checked_vector(
+                surface.reset(t, self._state(x), self.p), self.n, None, f"reset of {surface.name!r}"
+            )
+            ctypes.memmove(out, value.ctypes.data, 8 * self.n)
+        except BaseException as error:  # noqa: BLE001 - none can pass through C
+            self.error = named_write(error, "reset")
+            return 1
+        return 0
 
     def _h(self, i: int, t: float, x: npt.NDArray[np.float64]) -> float:
         surface = self.surfaces[i]

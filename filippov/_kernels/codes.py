@@ -19,11 +19,11 @@ REACHED, RECORDS_FULL, EVENTS_FULL, CHUNK_DONE, STOPPED = 0, 1, 2, 3, 4
 GENERAL, ZENO, NOT_FINITE, MIN_STEP, USER_ERROR, NO_SLIDING = 5, 6, 7, 8, 9, 10
 
 # Roles of a surface.
-SWITCHING, KINK, OBSERVER = 0, 1, 2
+SWITCHING, KINK, OBSERVER, RESETTING = 0, 1, 2, 3
 
 # Kinds of event; also the columns of `stop`, which counts down to a terminal event.
-NONE, CROSSING_UP, CROSSING_DOWN, ENTRY, EXIT_UP, EXIT_DOWN, GRAZING = 0, 1, 2, 3, 4, 5, 6
-KINDS = 7
+NONE, CROSSING_UP, CROSSING_DOWN, ENTRY, EXIT_UP, EXIT_DOWN, GRAZING, RESET = 0, 1, 2, 3, 4, 5, 6, 7
+KINDS = 8
 
 # What `locate` found: the guard itself, the upper or lower bound of a multiplier, a touching of the surface.
 NOTHING, ROOT, UPPER, LOWER, TOUCH = 0, 1, 2, 3, 4

@@ -15,6 +15,8 @@ from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import COLUMNS, LEAST, MOST, MULTIPLIER, RATE_MINUS, RATE_PLUS, SLOPE
 from filippov._kernels.model import (
     AFFINE,
+    CONTACT,
+    CONTACTS,
     I_CALLS,
     I_LIST,
     I_SLIDING,
@@ -113,7 +115,8 @@ def slide_one(
         minus += w[W_G + i * N + j] * w[W_VERT + j]
         plus += w[W_G + i * N + j] * w[W_VERT + N + j]
     # Both rates alike and not zero: the sign does not act on the surface, nothing holds the motion on it.
-    if abs(plus - minus) < 1e-9 * (abs(plus) + abs(minus)):
+    # A contact always holds it: its rates differ by 1, however large both are.
+    if CONTACT[i] == 0 and abs(plus - minus) < 1e-9 * (abs(plus) + abs(minus)):
         return 2
     value = w[W_MULT + i * COLUMNS + MULTIPLIER]
     if plus != minus:
@@ -268,12 +271,37 @@ def field(
 
 
 @kernel
+def hold_contacts(
+    t: float, x: Vector, p: Vector, m: Vector, h: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """Put x on the surfaces it rests on: in contact the guard is their rate, which would let h drift."""
+    for c in range(iw[I_SLIDING]):
+        i = iw[I_LIST + c]
+        if CONTACT[i] != 0:
+            m[i] = float(CONTACT[i])
+            code = guards(t, x, p, m, h, ctx)
+            code = max(code, gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx))
+            m[i] = 0.0
+            if code != 0:
+                return 1
+            size = 0.0
+            for j in range(N):
+                size += w[W_G + i * N + j] ** 2
+            if size > 0.0:
+                for j in range(N):
+                    x[j] -= h[i] * w[W_G + i * N + j] / size
+    return 0
+
+
+@kernel
 def project(
     t: float, x: Vector, p: Vector, m: Vector, h: Vector, w: Vector, iw: Indices, ctx: Indices
 ) -> int:
     """Put x back on every sliding surface along the gradients; two Newton steps take |h| to rounding."""
     k = iw[I_SLIDING]
     for _ in range(2):
+        if CONTACTS and hold_contacts(t, x, p, m, h, w, iw, ctx) != 0:
+            return 1
         if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
             return 1
         largest = 0.0

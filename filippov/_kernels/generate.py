@@ -10,6 +10,14 @@ import sympy
 from sympy import Expr, Symbol
 from sympy.printing.str import StrPrinter
 
+from filippov._kernels.generate_resets import (
+    contact_field,
+    contact_guards,
+    contact_radii,
+    contact_rows,
+    reset_constants,
+    reset_source,
+)
 from filippov._kernels.hoist import Hoisted
 from filippov._kernels.unit import Constant
 from filippov.errors import ModelError
@@ -18,7 +26,7 @@ from filippov.symbolic import SymbolicForm, convex
 from filippov.symbols import t
 
 INLINED = 2500
-_ROLES = {"switching": 0, "kink": 1, "observer": 2}
+_ROLES = {"switching": 0, "kink": 1, "observer": 2, "reset": 3}
 _FUNCTIONS = {
     sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan", sympy.exp: "exp", sympy.log: "log",
     sympy.tanh: "tanh", sympy.sinh: "sinh", sympy.cosh: "cosh", sympy.asin: "asin", sympy.acos: "acos",
@@ -202,9 +210,10 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...]) -> Generated:
     n, m = len(form.x), len(form.h)
     modes = tuple(sympy.Dummy(f"m{i}") for i in range(m))
     printer = _Printer(_names(form) | {q: f"m[{i}]" for i, q in enumerate(modes)}, set(form.a))
-    rows = _gradients(form, modes)
+    plain_rows = _gradients(form, modes)
+    rows, radius = contact_rows(form, plain_rows, modes), contact_radii(form)
     hoisted = Hoisted(form.p)
-    field = [hoisted(f) for f in form.field]
+    field = [hoisted(f) for f in contact_field(form, modes)]
     derived = list(hoisted.derived.items())
     printer.names |= {symbol: f"p[{len(form.p) + k}]" for k, (_, symbol) in enumerate(derived)}
     used: set[Symbol] = set().union(*(f.free_symbols for f in form.field)) & set(form.a)
@@ -221,7 +230,7 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...]) -> Generated:
     lines += ["def guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:"]
     inside: set[Symbol] = set().union(*(h.free_symbols for h in form.h)) & set(form.a) if m else set()
     lines += _sizes(form, printer, inside)
-    lines += _assign(printer, [(f"out[{i}]", h) for i, h in enumerate(form.h)], "c")
+    lines += _assign(printer, [(f"out[{i}]", h) for i, h in enumerate(contact_guards(form, modes))], "c")
     lines += ["    return 0", "", "@kernel"]
     arguments = "t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices"
     lines += [f"def gradients({arguments}) -> int:"]
@@ -236,14 +245,19 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...]) -> Generated:
         "def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:",
     ]
     ends = [
-        (f"out[{2 * i + side}]", form.radius[i][side]) for i in range(m) for side in (0, 1)
+        (f"out[{2 * i + side}]", radius[i][side]) for i in range(m) for side in (0, 1)
     ]
     lines += _assign(printer, ends, "c")
     lines += ["    return 0", "", "@kernel", "def derive(p: Vector) -> int:"]
     targets = [(f"p[{len(form.p) + k}]", e) for k, (e, _) in enumerate(derived)]
     lines += [*_assign(printer, targets, "c"), "    return 0", ""]
+    # A reset takes the signs before it.
+    printer.names |= {s: f"m[{i}]" for i, s in enumerate(form.s)}
+    lines += reset_source(
+        form, lambda used: _sizes(form, printer, used), lambda pairs: _assign(printer, pairs, "c")
+    )
     varying = {t, *form.x, *form.a}
-    linear = [not any(e.free_symbols & varying for e in row) for row in rows]
+    linear = [not any(e.free_symbols & varying for e in row) for row in plain_rows]
     constants = unit_constants(
         n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), rough(form)
     )
@@ -269,4 +283,5 @@ def unit_constants(
         "LINEAR": [int(flag) for flag in linear] or [1],
         "WIDTH": [float(surface.width) for surface in surfaces] or [0.0],
         "ALL_LINEAR": all(linear),
+        **reset_constants(n, surfaces),
     }

@@ -10,6 +10,7 @@ from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.locate import guard_rows
 from filippov._kernels.model import (
     I_SLIDING,
+    RESET_FROM,
     ROLE,
     W_F,
     W_G,
@@ -123,7 +124,7 @@ def land(
             xe[j] += delta * f[j]
         length += delta
     if code == 0:
-        if cause == ROOT and WIDTH[i] == 0.0 and ROLE[i] == SWITCHING:
+        if cause == ROOT and WIDTH[i] == 0.0 and (ROLE[i] == SWITCHING or RESET_FROM[i] != 0):
             code = project_on(t + length, xe, p, m, i, w, ctx)
             value = h[i]
         if iw[I_SLIDING] > 0 and project(t + length, xe, p, m, h, w, iw, ctx) != 0:

@@ -51,6 +51,7 @@ def layout(n: int, m: int, affine: bool, tableau: Tableau) -> Layout:
         "ATTRACT": m,
         "DIRECTION": 1,
         "CREEP": 6 * n,
+        "JUMP": n,
         "NODE": NODES * 2 * m,
         "CHECK": CHECKS * 2 * m,
         "C": NODES,

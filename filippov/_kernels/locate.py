@@ -16,6 +16,7 @@ from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import CHECKS, COLUMNS, MULTIPLIER, RATE_MINUS, RATE_PLUS, SPLITS
 from filippov._kernels.model import (
     ALL_LINEAR,
+    CONTACTS,
     DEGREE_DENSE,
     DENSE,
     EXTRA,
@@ -52,6 +53,7 @@ from filippov._kernels.tables import DEGREE, NODES, POSITION, TO_BERNSTEIN, TOUC
 
 CHECK_FIRST, CHECK_APART = 0.3137, 0.4218
 EPS = 2.220446049250313e-16
+OPEN = 1e299
 
 
 @kernel
@@ -91,6 +93,11 @@ def sliding_guards(out: Vector, w: Vector, iw: Indices) -> None:
         else:
             out[i] = hi - mult[MULTIPLIER]
             out[M + i] = mult[MULTIPLIER] - lo
+        # A contact has one end: the other side of its set is open.
+        if CONTACTS and hi > OPEN:
+            out[i] = 1.0
+        if CONTACTS and lo < -OPEN:
+            out[M + i] = 1.0
 
 
 @kernel

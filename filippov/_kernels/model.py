@@ -7,6 +7,9 @@ instead. The trivial system is x' = 0 with h = 1.
 N, M, P: numbers of states, surfaces, and parameters with what is derived from them.
 ROLE[i], LINEAR[i], WIDTH[i]: what surface i is, whether its guard is linear in (t, x), and the half width of
 its hysteresis. AFFINE: the field is jointly affine in the signs. ROUGH: it may hold a power of |h| below 1.
+RESET_FROM[i]: the side from which surface i resets the state, 2 for both, 0 for none; CONTACT[i]: the side on
+which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are any. EVENT_SIZE: doubles of an
+event.
 DENSE: powers of the dense output, a row a stage. W_..., I_...: places in the scratch.
 """
 
@@ -21,6 +24,9 @@ ORDER, END_IN_ERROR = 8, False
 ROLE: list[int] = [0]
 LINEAR: list[int] = [1]
 WIDTH: list[float] = [0.0]
+RESET_FROM: list[int] = [0]
+CONTACT: list[int] = [0]
+RESETS, CONTACTS, EVENT_SIZE = False, False, 4
 DENSE: list[float] = [value for row in DOP853.dense for value in row]
 _PLACE = layout(N, M, AFFINE, DOP853).constants
 SIDE = _PLACE["SIDE"]
@@ -49,6 +55,7 @@ W_TOUCH = _PLACE["W_TOUCH"]
 W_ATTRACT = _PLACE["W_ATTRACT"]
 W_DIRECTION = _PLACE["W_DIRECTION"]
 W_CREEP = _PLACE["W_CREEP"]
+W_JUMP = _PLACE["W_JUMP"]
 W_NODE = _PLACE["W_NODE"]
 W_CHECK = _PLACE["W_CHECK"]
 W_C = _PLACE["W_C"]
@@ -92,6 +99,13 @@ def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:
 @kernel
 def derive(p: Vector) -> int:
     """What the field takes from the parameters alone, computed once, behind them in p."""
+    return 0
+
+
+@kernel
+def resets(i: int, t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
+    """The state after the reset at surface i."""
+    out[0] = x[0]
     return 0
 
 

@@ -1,8 +1,8 @@
 """What the event loop leaves behind: events, and the dense output of accepted steps."""
 
-from filippov._kernels.codes import EVENTS, RECORDS
+from filippov._kernels.codes import EVENTS, RECORDS, RESET
 from filippov._kernels.language import Indices, Vector, kernel, shift, shift_indices, truncate
-from filippov._kernels.model import DEGREE_DENSE, W_BEFORE, W_COEF, M, N
+from filippov._kernels.model import DEGREE_DENSE, EVENT_SIZE, RESETS, W_BEFORE, W_COEF, W_JUMP, M, N
 
 
 @kernel
@@ -10,12 +10,15 @@ def record_event(
     events: Vector, marks: Indices, count: Indices, t: float, x: Vector, i: int, kind: int, m: Vector,
     multiplier: float, residual: float, w: Vector,
 ) -> None:  # fmt: skip
-    """Append one event: floats (t, multiplier, |h|, x) and integers (surface, kind, both modes)."""
-    event = shift(events, count[EVENTS] * (3 + N))
+    """Append one event: floats (t, multiplier, |h|, x, x after) and integers (surface, kind, both modes)."""
+    event = shift(events, count[EVENTS] * EVENT_SIZE)
     mark = shift_indices(marks, count[EVENTS] * (2 + 2 * M))
     event[0], event[1], event[2] = t, multiplier, residual
     for j in range(N):
         event[3 + j] = x[j]
+    if RESETS:
+        for j in range(N):
+            event[3 + N + j] = w[W_JUMP + j] if kind == RESET else x[j]
     mark[0], mark[1] = i, kind
     for j in range(M):
         mark[2 + j] = truncate(w[W_BEFORE + j])

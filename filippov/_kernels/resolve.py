@@ -18,6 +18,7 @@ from filippov._kernels.codes import (
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import COLUMNS, MULTIPLIER, RATE_MINUS, RATE_PLUS
 from filippov._kernels.model import (
+    CONTACT,
     I_CALLS,
     I_SLIDING,
     ROLE,
@@ -132,4 +133,7 @@ def resolve_exit(m: Vector, order: Indices, cause: int, i: int, slope: float, w:
     m[i] = side
     # At the end of Filippov's own set the slip field starts tangent to the surface; beyond it, with a jump.
     order[i] = 2 if abs(end - side) <= 1e-12 else 1
+    # A contact is left where the free acceleration passes zero: h, h' and h'' vanish there.
+    if CONTACT[i] != 0:
+        order[i] = 3
     return EXIT_UP if side > 0.0 else EXIT_DOWN

@@ -1,0 +1,104 @@
+"""Resets x+ = r(t, x, p) at a surface reached from an active side: the simple ones, decided in the loop.
+
+Simple: one surface, nothing slides, and after the jump every other surface is clear of 0 on the side it was.
+Where the motion goes from x+ is told by h there and, on the surface itself, by its rate: back to the side it
+came from, through, or, with no rate left, into a resting contact. All else is the general path's.
+"""
+
+from filippov._kernels.codes import NONE, RESET, RESETTING
+from filippov._kernels.control import finite
+from filippov._kernels.field import project, set_mode
+from filippov._kernels.land import EPS, guard_scale
+from filippov._kernels.language import Indices, Vector, kernel, shift
+from filippov._kernels.layout import COLUMNS, MULTIPLIER
+from filippov._kernels.model import (
+    CONTACT,
+    I_CALLS,
+    I_SLIDING,
+    RESET_FROM,
+    ROLE,
+    W_F,
+    W_G,
+    W_GT,
+    W_H,
+    W_JUMP,
+    W_MULT,
+    WIDTH,
+    M,
+    N,
+    gradients,
+    guards,
+    resets,
+    rhs,
+)
+from filippov._kernels.resolve import CLEAR_RATE, side_rates
+
+# A rate below this part of its terms is rounding: the state is at rest relative to the surface.
+NO_RATE = 1e-12
+
+
+@kernel
+def resets_from(i: int, side: float) -> bool:
+    """Whether surface i resets the state when it is reached from this side."""
+    return RESET_FROM[i] == 2 or (side != 0.0 and float(RESET_FROM[i]) == side)
+
+
+@kernel
+def rest(
+    t: float, y: Vector, p: Vector, m: Vector, order: Indices, i: int, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """The mode at rest on surface i: contact where the free motion presses on it, off where it lifts."""
+    side = float(CONTACT[i])
+    code, plus, minus, scale = side_rates(t, y, p, m, i, w, iw, ctx)
+    if code != 0:
+        return -1
+    free = side * (plus if side > 0.0 else minus)
+    if free > CLEAR_RATE * scale:
+        order[i] = 2
+        return RESET
+    if not (free < -CLEAR_RATE * scale):
+        return NONE
+    m[i] = 0.0
+    order[i] = 0
+    w[W_MULT + i * COLUMNS + MULTIPLIER] = -(plus + minus) / (plus - minus)
+    set_mode(m, iw)
+    return RESET if project(t, y, p, m, shift(w, W_H), w, iw, ctx) == 0 else -1
+
+
+@kernel
+def apply_reset(
+    t: float, x: Vector, p: Vector, m: Vector, order: Indices, i: int, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """State and mode after reaching surface i: RESET with x+ in W_JUMP, NONE if it is not simple.
+
+    -1: the user's code failed.
+    """
+    y, h, f = shift(w, W_JUMP), shift(w, W_H), shift(w, W_F)
+    if iw[I_SLIDING] > 0 or ROLE[i] != RESETTING:
+        return NONE
+    if resets(i, t, x, p, m, y, ctx) != 0:
+        return -1
+    if not finite(y, N):
+        return NONE
+    if guards(t, y, p, m, h, ctx) != 0 or gradients(t, y, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
+        return -1
+    for j in range(M):
+        if j != i and not (m[j] * h[j] + WIDTH[j] > 8.0 * EPS * guard_scale(j, t, y, w)):
+            return NONE
+    side = m[i]
+    if abs(h[i]) > 64.0 * EPS * guard_scale(i, t, y, w):
+        m[i] = 1.0 if h[i] > 0.0 else -1.0
+        order[i] = 0
+        return RESET
+    iw[I_CALLS] += 1
+    if rhs(t, y, p, m, m, f, ctx) != 0:
+        return -1
+    rate, size = w[W_GT + i], abs(w[W_GT + i])
+    for j in range(N):
+        rate += w[W_G + i * N + j] * f[j]
+        size += abs(w[W_G + i * N + j] * f[j])
+    if abs(rate) <= NO_RATE * size:
+        return rest(t, y, p, m, order, i, w, iw, ctx) if float(CONTACT[i]) == side else NONE
+    m[i] = 1.0 if rate > 0.0 else -1.0
+    order[i] = 1
+    return RESET
