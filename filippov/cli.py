@@ -3,6 +3,7 @@
     0    done
     1    failed, with a named cause on stderr
     2    wrong usage: unknown name, flag or setting, with a suggestion
+    3    done, and some case of a bank did not pass
     130  interrupted; what had been computed is written
 
 Text for people goes to stderr, one JSON document to stdout with --json. `--help` imports nothing heavy.
@@ -18,7 +19,7 @@ import traceback
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from filippov.commands.catalogue import COMMON, Command, commands
+from filippov.commands.catalogue import Command, commands
 from filippov.commands.console import Console, write_error
 from filippov.commands.values import switch
 from filippov.configuration import Option, merge
@@ -49,7 +50,7 @@ class Parser(argparse.ArgumentParser):
         if option.read is switch:
             self.add_argument(*flags, dest=option.name, action=argparse.BooleanOptionalAction, **shared)
         else:
-            action = "append" if option.repeat else "store"
+            action = "append" if option.repeat else "extend" if option.count == "+" else "store"
             shared |= {} if option.count is None else {"nargs": option.count}
             self.add_argument(*flags, dest=option.name, action=action, metavar=option.metavar, **shared)
 
@@ -81,7 +82,7 @@ def build_parser(known: dict[str, Command]) -> Parser:
     parser = Parser(
         prog="filippov", description="Filippov differential inclusions, solved and analysed exactly.",
         epilog="filippov COMMAND --help tells the flags of a command.\n"
-        "Exit codes: 0 done, 1 failed, 2 wrong usage, 130 interrupted.",
+        "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 a case did not pass, 130 interrupted.",
     )  # fmt: skip
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and leave")
     parser.words += known
@@ -91,7 +92,7 @@ def build_parser(known: dict[str, Command]) -> Parser:
             command.name, help=command.help, description=command.help, epilog=f"example: {command.example}"
         )
         part.set_defaults(parser=part)
-        for option in (*command.options, *COMMON):
+        for option in command.settings:
             part.add(option)
     return parser
 
@@ -140,8 +141,7 @@ def _main(argv: list[str], show: dict[str, bool]) -> int:
         raise UsageError(f"unknown argument {word!r}; {hint or 'expected no more'} (see {part.prog} --help)")
     command = known[given.pop("command")]
     show["traceback"] = bool(given.get("traceback"))
-    options = (*command.options, *COMMON)
-    keys = {name: [option.name for option in (*other.options, *COMMON)] for name, other in known.items()}
-    settings = merge(command.name, options, given, keys)
+    keys = {name: [option.name for option in other.settings] for name, other in known.items()}
+    settings = merge(command.name, command.settings, given, keys)
     show["traceback"] = settings["traceback"]
-    return command.load()(settings, Console(settings["json"], settings["quiet"]))
+    return command.load()(settings, Console(settings["json"] is True, settings["quiet"]))

@@ -36,7 +36,7 @@ class Option:
     help     for --help
     read     function from a flag's text or a file's value to the setting; raises UsageError
     metavar  what stands for the value in --help
-    count    number of values on the command line, None for one
+    count    number of values on the command line, None for one; "?" for one or none, "+" for one or more
     default  value where neither the command line nor the file has one
     flags    short and long flag, or the bare name of a positional argument
     repeat   whether the flag can be given several times
@@ -46,7 +46,7 @@ class Option:
     help: str
     read: Callable[[Any, str], Any]
     metavar: str | tuple[str, ...] | None = None
-    count: int | None = None
+    count: int | str | None = None
     default: Any = None
     flags: tuple[str, ...] = ()
     repeat: bool = False

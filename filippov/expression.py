@@ -18,7 +18,7 @@ LONGEST = 20_000
 DEEPEST = 60
 LARGEST_POWER = 64
 LARGEST_ARGUMENT = 700
-_FUNCTIONS: dict[str, Any] = {
+FUNCTIONS: dict[str, Any] = {
     name: getattr(sympy, name)
     for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "sinh", "cosh", "asin", "acos", "atan",
                  "atan2", "Abs", "sign", "Heaviside", "Min", "Max")
@@ -45,6 +45,26 @@ def parse_expression(text: str, names: Mapping[str, Expr | Symbol | float] | Non
     return _Reader(text, dict(_CONSTANTS) | dict(names or {})).read(tree.body, 0)
 
 
+def parse_condition(text: str, names: Mapping[str, Expr | Symbol | float] | None = None) -> Any:
+    """The sympy condition that a text such as "0 < K < 1386" or "a > 0 and a*b > c" stands for.
+
+    Comparisons < <= > >= (also chained) of expressions, joined by `and`, `or`, `not` and brackets. Raises
+    ModelError as `parse_expression` does.
+    """
+    if len(text) > LONGEST:
+        raise ModelError(f"condition has {len(text)} characters, expected at most {LONGEST}.")
+    try:
+        tree = ast.parse(text.strip(), mode="eval")
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise ModelError(f"cannot read the condition {text[:80]!r}: it is not a formula.") from None
+    return _Reader(text, dict(_CONSTANTS) | dict(names or {})).condition(tree.body, 0)
+
+
+_COMPARISONS: dict[type[ast.cmpop], Any] = {
+    ast.Lt: sympy.Lt, ast.LtE: sympy.Le, ast.Gt: sympy.Gt, ast.GtE: sympy.Ge,
+}  # fmt: skip
+
+
 class _Reader:
     def __init__(self, text: str, names: Mapping[str, Any]) -> None:
         self.text, self.names = text, names
@@ -69,10 +89,24 @@ class _Reader:
         if isinstance(node, ast.BinOp):
             return self.binary(node, depth)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-            if node.func.id not in _FUNCTIONS:
-                raise ModelError(unknown("function", node.func.id, _FUNCTIONS))
+            if node.func.id not in FUNCTIONS:
+                raise ModelError(unknown("function", node.func.id, FUNCTIONS))
             return self.apply(node, [self.read(argument, depth + 1) for argument in node.args])
         raise self.refuse(node, "is not allowed; use numbers, names, + - * / ** and functions")
+
+    def condition(self, node: ast.expr, depth: int) -> Any:
+        if depth > DEEPEST:
+            raise ModelError(f"condition {self.text[:80]!r} is nested deeper than {DEEPEST}.")
+        if isinstance(node, ast.BoolOp):
+            join = sympy.And if isinstance(node.op, ast.And) else sympy.Or
+            return join(*(self.condition(part, depth + 1) for part in node.values))
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+            return sympy.Not(self.condition(node.operand, depth + 1))
+        if isinstance(node, ast.Compare) and all(type(op) in _COMPARISONS for op in node.ops):
+            sides = [self.read(side, depth + 1) for side in (node.left, *node.comparators)]
+            pairs = zip(node.ops, sides[:-1], sides[1:], strict=True)
+            return sympy.And(*(_COMPARISONS[type(op)](a, b) for op, a, b in pairs))
+        raise self.refuse(node, "is not a condition; use < <= > >= and, or, not")
 
     def number(self, node: ast.Constant) -> Expr:
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
@@ -110,6 +144,6 @@ class _Reader:
             if value.is_number and not abs(value.evalf(8)) < LARGEST_ARGUMENT:
                 raise self.refuse(node, f"has an argument beyond {LARGEST_ARGUMENT}")
         try:
-            return _FUNCTIONS[node.func.id](*values)  # type: ignore[attr-defined]
+            return FUNCTIONS[node.func.id](*values)  # type: ignore[attr-defined]
         except (TypeError, ValueError):
             raise self.refuse(node, "has the wrong number or kind of arguments") from None

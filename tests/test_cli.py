@@ -16,7 +16,7 @@ from command import ROOT, SECTION, command, strict, summary, write_own
 
 from filippov import progress
 from filippov.cli import main
-from filippov.commands.catalogue import COMMON, commands
+from filippov.commands.catalogue import commands
 
 HEAVY = ("numpy", "scipy", "sympy", "numba", "llvmlite", "networkx", "matplotlib", "rich")
 
@@ -50,7 +50,7 @@ def test_every_flag_has_help_and_its_command_can_be_loaded(name: str) -> None:
     assert callable(entry.load())
     assert entry.help
     assert entry.example.startswith(f"filippov {name}")
-    options = (*entry.options, *COMMON)
+    options = entry.settings
     assert all(len(option.help) > 3 for option in options)
     names = [option.name for option in options]
     assert len(set(names)) == len(names)

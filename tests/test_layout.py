@@ -60,6 +60,7 @@ FLOORS: dict[str, float] = {
     "filippov.report.compute": 10.1, "filippov.report.facts": 10.1, "filippov.report.figures": 10.1,
     "filippov.report.files": 10.1, "filippov.report.tables": 10.2, "filippov.report.html": 10.3,
     "filippov.report.content": 10.4, "filippov.report.study": 10.45, "filippov.report": 10.46,
+    "filippov.bank": 10.4,
     "filippov.configuration": 10, "filippov.commands": 10.5,
     "filippov.cli": 11, "filippov.__main__": 12,
 }  # fmt: skip
@@ -74,7 +75,7 @@ LATE: set[tuple[str, str]] = {
 }
 
 # Packages whose modules may import each other: the order among them is their own affair, circles are not.
-TOGETHER = ("filippov._kernels", "filippov.models", "filippov.commands")
+TOGETHER = ("filippov._kernels", "filippov.models", "filippov.bank", "filippov.commands")
 
 BUILTINS = {"eval", "exec", "compile", "__import__"}
 PARSERS = {"sympify", "parse_expr"}

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from filippov.commands.values import (
+    destination,
     formulas,
     named_numbers,
     names,
@@ -52,6 +53,12 @@ class Command:
             return not self.needs or importlib.util.find_spec(self.needs) is not None
         except ModuleNotFoundError:
             return False
+
+    @property
+    def settings(self) -> tuple[Option, ...]:
+        """All its options: its own, and the common ones that it has none of its own for."""
+        own = {option.name for option in self.options}
+        return (*self.options, *(option for option in COMMON if option.name not in own))
 
     def load(self) -> Callable[..., int]:
         """Import what does it."""
@@ -189,6 +196,19 @@ _ALL = (
          Option("numbers", "put the parameters' values into the formulas", switch, default=False),
          *START, *TOLERANCES),
         "filippov graph hunting --kind observed --t-span 0 100 -o results/graph",
+    ),
+    Command(
+        "bank", "run a file of cases with reference values", "bank",
+        (Option("action", "what to do", one_of("run"), metavar="{run}", flags=("action",)),
+         Option("file", "the cases, a JSON file", text, metavar="FILE", flags=("file",)),
+         Option("json", "write the rows as JSON to a file, to stdout without one", destination, metavar="OUT",
+                count="?"),
+         Option("only", "ids of cases, or the part of them before the first _", texts, metavar="ID",
+                count="+"),
+         *TOLERANCES,
+         Option("max_time", "seconds for each case", number, metavar="SECONDS"),
+         Option("jobs", "processes", whole, metavar="N", flags=("-j", "--jobs"), default=1)),
+        "filippov bank run cases.json --json rows.json",
     ),
     Command(
         "models", "list the registered models, or describe one", "models",

@@ -33,8 +33,12 @@ class Console:
     def result(self, data: Any) -> None:
         """The machine's result, where it was asked for."""
         if self.json:
-            sys.stdout.write(json_text(data))
-            sys.stdout.flush()
+            self.raw(json_text(data))
+
+    def raw(self, text: str) -> None:
+        """Text for other programs, as it is, to stdout."""
+        sys.stdout.write(text)
+        sys.stdout.flush()
 
     def progress(self, title: str) -> Progress:
         """How far a computation is."""

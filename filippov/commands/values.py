@@ -127,6 +127,21 @@ def texts(value: Any, name: str) -> list[str]:
     return [text(item, name) for item in (value if isinstance(value, list | tuple) else [value])]
 
 
+def words(value: Any, name: str) -> list[str]:
+    """One text or several: a list, or text with commas."""
+    found = [piece for item in texts(value, name) for piece in parts(item)]
+    if not found:
+        raise UsageError(f"{name} is empty, expected at least one name.")
+    return found
+
+
+def destination(value: Any, name: str) -> str | bool:
+    """A file for JSON; true or no file for stdout, false for none."""
+    if value is None:
+        return True
+    return value if isinstance(value, bool) else text(value, name)
+
+
 def switch(value: Any, name: str) -> bool:
     """Yes or no."""
     if not isinstance(value, bool):

@@ -1,0 +1,49 @@
+"""Rows as a table of text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from filippov.bank.row import Row
+
+WIDEST_MESSAGE = 100
+
+
+def rows_text(rows: Sequence[Row]) -> str:
+    """A line for each row, and one that counts them."""
+    width = max([len(row.id) for row in rows], default=4)
+    lines = [head(width), *(line(row, width) for row in rows), *summary(rows)]
+    return "\n".join(lines)
+
+
+def head(width: int) -> str:
+    """The names of the columns."""
+    return f"{'case':<{width}}  passed     error  tolerance  evaluated  field calls  seconds  message"
+
+
+def line(row: Row, width: int) -> str:
+    """One row; `width` is that of the column of ids."""
+    counts = f"{len(row.evaluated)}/{len(row.evaluated) + len(row.not_evaluated)}"
+    text = row.message if len(row.message) <= WIDEST_MESSAGE else row.message[: WIDEST_MESSAGE - 3] + "..."
+    return (
+        f"{row.id:<{width}}  {'yes' if row.passed else 'NO':<6}  {_short(row.max_error):>8}  "
+        f"{_short(row.tolerance):>9}  {counts:>9}  {row.field_calls:>11}  {row.seconds:>7.2f}  {text}"
+    ).rstrip()
+
+
+def summary(rows: Sequence[Row]) -> list[str]:
+    """How many passed, and what was not evaluated."""
+    passed = sum(row.passed for row in rows)
+    evaluated = sum(len(row.evaluated) for row in rows)
+    left = sum(len(row.not_evaluated) for row in rows)
+    seconds = sum(row.seconds for row in rows)
+    said = (
+        f"{passed} of {len(rows)} cases passed; {evaluated} expectations evaluated, {left} not evaluated; "
+        f"{seconds:.1f} s"
+    )
+    listed = [f"  not evaluated in {r.id}: {', '.join(r.not_evaluated)}" for r in rows if r.not_evaluated]
+    return [said, *listed]
+
+
+def _short(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2g}"
