@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.saltation import event_guard, flow_derivative
+from filippov.analysis.saltation import flow_derivative, onto_section
 from filippov.analysis.section import BoundSection, Section
-from filippov.analysis.variation import mode_field
 from filippov.ensemble import solve_many
-from filippov.events import Event
 from filippov.solution import Solution
 from filippov.solver import solve
 from filippov.status import Status
@@ -62,7 +60,8 @@ class EventMap:
         return self.remake(order=self.order * order)
 
     def returns(self, d: Any) -> tuple[Array, tuple[Status, ...]]:
-        """Values of the map and how each trajectory ended; NaN with its status where it did not return."""
+        """Values of the map and how each trajectory ended; NaN with its status where it did not return
+        (NO_RETURN: not within t_max)."""
         values = np.array(d, dtype=float, ndmin=1)
         if self.order == 1 and np.all(np.isfinite(values)):
             return self._turn(values)
@@ -88,7 +87,9 @@ class EventMap:
             rests = ends.status[q] is Status.SUCCESS and ends.mode[q, self.bound.surface] == 0
             if not (rests and abs(values[q] - d[q]) <= 1e-15 * abs(d[q])):
                 values[q] = np.nan
-        return values, ends.status
+        came = [Status.NO_RETURN if q in lost and np.isnan(values[q]) and status is Status.SUCCESS else status
+                for q, status in enumerate(ends.status)]  # fmt: skip
+        return values, tuple(came)
 
     def __call__(self, d: Any) -> Any:
         """P(d), a number or an array like d; NaN where the motion does not return."""
@@ -125,7 +126,7 @@ class EventMap:
             if solution.status is not Status.STOPPED:
                 return float("nan")
             change = flow_derivative(solution, before_last=True) @ self.bound.start_slope(d, self.p)
-            change = _onto_section(solution, solution.events[-1], change)
+            change = onto_section(solution, solution.events[-1], change)
             slope *= float(change[self.bound.index])
             d = float(solution.x_end[self.bound.index])
         return slope
@@ -147,14 +148,3 @@ class EventMap:
         from filippov.analysis.fixed_points import jumps
 
         return jumps(self, lo, hi, points)
-
-
-def _onto_section(solution: Solution, event: Event, change: Array) -> Array:
-    """Variation of the state at the event: that at fixed time, moved along the motion onto the surface."""
-    system, p = solution.problem.system, solution.problem.p
-    part = mode_field(system, event.before)
-    t, x = np.array([event.t]), event.x[None, :]
-    s = part.multipliers(t, x, p)
-    field = part.part("f", t, x, s, p)[0, :, 0]
-    gradient, rate = event_guard(solution, event, field)
-    return np.asarray(change - field * (gradient @ change) / rate)

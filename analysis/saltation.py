@@ -1,69 +1,131 @@
 """Derivative of the flow through events: saltation matrices between the transition matrices of the modes.
 
-At an event with guard G (h of a surface reached, the rate at the end of the multiplier's set for a sliding
-exit), fields f- before and f+ after,
+Derivatives are by y = (x, q, t): states, parameters that are asked for, time (see
+`filippov.analysis.variation`). At an event with guard G (h of a surface reached; for a sliding exit the
+multiplier less the end of its set), with y' = v- before and v+ after,
 
-    S = I + (f+ - f-) (grad G)^T / (dG/dt + grad G . f-)
+    S = I + (v+ - v-) G_y / (G_y v-)
 
 (Aizerman & Gantmakher 1958; Leine & Nijmeijer 2004, section 7.3; di Bernardo et al. 2008, section 2.5). Entry
 into sliding loses rank by one for each surface: the multipliers that belong to it are 0. At a touching
-(dG/dt = 0 along the motion) the flow has no derivative, and that is an error.
+(G_y v- = 0) the flow has no derivative, and that is an error. Several surfaces at once have one if it is the
+same in whatever order they are met; then it is the product of theirs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.variation import mode_field, transition
+from filippov.analysis.variation import ModeField, mode_field, transition
 from filippov.errors import UsageError
 from filippov.events import Event, Mode
+from filippov.machine import Machine
+from filippov.modes import Point, successors
 from filippov.solution import Solution
-from filippov.status import EventKind
+from filippov.status import EventKind, mode_text
+from filippov.system import System
 
 Array = npt.NDArray[np.float64]
 
 
 class NotDifferentiableError(ArithmeticError):
-    """The flow has no derivative here: it touches a surface, or meets several at once."""
+    """The flow has no derivative here: it touches a surface, or meets several in a way that depends on the
+    order."""
 
 
-def flow_derivative(solution: Solution, before_last: bool = False) -> Array:
-    """d x(t_end) / d x(t0), at fixed times: (n, n).
+@dataclass(frozen=True)
+class Factor:
+    """One factor of the derivative: over a stretch of one mode, or of the events of one instant.
 
-    before_last: leave out the saltation of an event at the very end (the derivative just before it).
-    Raises NotDifferentiableError at touchings and at several surfaces at once; UsageError without dense
-    output or for a system of plain functions.
+    t, mode  time and mode where it ends; matrix: (N, N) in y = (x, q, t)
     """
-    if solution.sol is None:
+
+    t: float
+    mode: Mode
+    matrix: Array
+
+
+def flow_derivative(
+    solution: Solution,
+    before_last: bool = False,
+    *,
+    parameters: Sequence[str] = (),
+    jacobian: Callable[..., Any] | None = None,
+) -> Array:
+    """d x(t_end) / d (x(t0), parameters), at fixed times: (n, n + number of parameters).
+
+    before_last: leave out the saltation of events at the very end (the derivative just before them).
+    parameters: names of parameters by which it is differentiated too
+    jacobian: of a system of plain functions, (t, x, p, s) -> df/dx with signs held; default: differences
+
+    A solution that starts on sliding surfaces stays on them: the derivative belongs to displacements along
+    them. Raises NotDifferentiableError at touchings and at several surfaces at once whose order matters;
+    UsageError without dense output.
+    """
+    total = derivative_by_all(solution, before_last, tuple(parameters), jacobian)
+    n = solution.problem.system.dimension
+    return total[:n, : n + len(parameters)]
+
+
+def derivative_by_all(
+    solution: Solution,
+    before_last: bool = False,
+    names: tuple[str, ...] = (),
+    jacobian: Callable[..., Any] | None = None,
+) -> Array:
+    """d y(t_end) / d y(t0), y = (x, parameters, t): (N, N), with the time between held."""
+    total = np.eye(solution.problem.system.dimension + len(names) + 1)
+    for factor in flow_factors(solution, before_last, names, jacobian):
+        total = factor.matrix @ total
+    return total
+
+
+def flow_factors(
+    solution: Solution,
+    before_last: bool = False,
+    names: tuple[str, ...] = (),
+    jacobian: Callable[..., Any] | None = None,
+) -> list[Factor]:
+    """The factors of the derivative in the order of the motion."""
+    sol = solution.sol
+    if sol is None:
         raise UsageError(
             "the derivative of the flow needs the dense output; solve without dense_output=False."
         )
-    system, p, sol = solution.problem.system, solution.problem.p, solution.sol
-    total = np.eye(system.dimension)
+    system, p = solution.problem.system, solution.problem.p
     mode: Mode = solution.start_mode
+    out: list[Factor] = []
     begin = 0
-    bounds = _steps_before(solution)
-    for event, end in zip(solution.events, bounds, strict=True):
+
+    def stretch(end: int, t: float) -> None:
         if end > begin:
-            total = (
-                transition(system, mode, sol.start[begin:end], sol.step[begin:end], _states(solution), p)
-                @ total
-            )
-        begin = end
-        last = event is solution.events[-1] and event.t == solution.t_end
-        if not (last and before_last):
-            total = saltation(solution, event) @ total
-        mode = event.after
-    count = len(sol.start)
-    if count > begin:
-        total = (
-            transition(system, mode, sol.start[begin:count], sol.step[begin:count], _states(solution), p)
-            @ total
-        )
-    return total
+            field = mode_field(system, mode, names, jacobian)
+            steps = (sol.start[begin:end], sol.step[begin:end])
+            out.append(Factor(t, mode, transition(field, *steps, _states(solution), p)))
+
+    for _, group in itertools.groupby(solution.events, key=lambda event: event.group):
+        events = list(group)
+        t = events[0].t
+        end = int(np.searchsorted(sol.direction * sol.start, sol.direction * t, side="left"))
+        stretch(end, t)
+        begin, mode = end, events[-1].after
+        if not (before_last and t == solution.t_end and events[-1] is solution.events[-1]):
+            out.append(Factor(t, mode, Together(solution, events, names, jacobian).saltation()))
+    stretch(len(sol.start), solution.t_end)
+    return out
+
+
+def saltation(solution: Solution, event: Event) -> Array:
+    """The saltation matrix of an event and those at the same instant: (n, n)."""
+    together = [other for other in solution.events if other.group == event.group]
+    n = solution.problem.system.dimension
+    return Together(solution, together).saltation()[:n, :n]
 
 
 def _states(solution: Solution) -> Callable[[Array], Array]:
@@ -78,67 +140,115 @@ def _states(solution: Solution) -> Callable[[Array], Array]:
     return state
 
 
-def _steps_before(solution: Solution) -> list[int]:
-    """For each event, how many steps end before or at it."""
-    sol = solution.sol
-    assert sol is not None
-    direction = sol.direction
-    return [
-        int(np.searchsorted(direction * sol.start, direction * event.t, side="left"))
-        for event in solution.events
-    ]
+class Together:
+    """The events of one instant."""
 
+    def __init__(
+        self, solution: Solution, events: Sequence[Event], names: tuple[str, ...] = (), jacobian: Any = None
+    ) -> None:
+        self.solution, self.events, self.names, self.jacobian = solution, list(events), names, jacobian
+        self.system: System = solution.problem.system
+        self.p, self.t, self.x = solution.problem.p, events[0].t, events[0].x
+        self.before, self.after = events[0].before, events[-1].after
 
-def saltation(solution: Solution, event: Event) -> Array:
-    """The saltation matrix of one event: (n, n)."""
-    system, p = solution.problem.system, solution.problem.p
-    n = system.dimension
-    together = [other for other in solution.events if other.group == event.group]
-    if len(together) > 1:
-        names = ", ".join(repr(other.surface) for other in together)
-        raise NotDifferentiableError(
-            f"the flow is not differentiable at t = {event.t:.9g}: the surfaces {names} are met at once."
+    def field(self, mode: Mode) -> tuple[ModeField, Array]:
+        """The field of a mode here and y' in it."""
+        part = mode_field(self.system, mode, self.names, self.jacobian)
+        t, x = np.array([self.t]), self.x[None, :]
+        return part, part.velocity(t, x, part.multipliers(t, x, self.p), self.p)[0]
+
+    def guard(self, mode: Mode, i: int, side: int) -> Array:
+        """G_y of surface i in a mode: of h where it is off it, of the multiplier less its end where it slides
+        (side: +1 the upper end, -1 the lower)."""
+        part = mode_field(self.system, mode, self.names, self.jacobian)
+        t, x = np.array([self.t]), self.x[None, :]
+        s = part.multipliers(t, x, self.p)
+        if mode[i] != 0:
+            return np.asarray(part.part("hy", t, x, s, self.p)[0, i])
+        slope = part.multiplier_slope(t, x, s, self.p)[0, part.sliding.index(i)]
+        end = part.part("radiusy", t, x, s, self.p)[0, 2 * i + (side > 0)]
+        return np.asarray(slope - end)
+
+    def rate(self, mode: Mode, i: int, side: int) -> tuple[Array, float]:
+        """G_y and G_y v in a mode. Raises NotDifferentiableError where the guard is met without speed."""
+        slope, (_, velocity) = self.guard(mode, i, side), self.field(mode)
+        rate = float(slope @ velocity)
+        if not abs(rate) >= 1e-10 * (np.abs(slope) @ np.abs(velocity) + 1e-300):
+            raise self.refused(f"surface {self.system.surfaces[i].name!r} is met without speed")
+        return slope, rate
+
+    def refused(self, why: str) -> NotDifferentiableError:
+        """The error that says why there is no derivative."""
+        return NotDifferentiableError(f"the flow is not differentiable at t = {self.t:.9g}: {why}.")
+
+    def saltation(self) -> Array:
+        """(N, N). Raises NotDifferentiableError."""
+        identity = np.eye(self.system.dimension + len(self.names) + 1)
+        switching = [e for e in self.events if self.system.surfaces[e.index].kind == "switching"]
+        for event in switching:
+            if event.kind is EventKind.GRAZING:
+                raise self.refused(f"the motion grazes surface {event.surface!r}")
+        reached = [e for e in switching if self._leads(e)]
+        if not reached:
+            if self.before == self.after or not switching:
+                return identity
+            raise self.refused("no surface is met, yet the mode changes (the end of an accumulation?)")
+        if len(reached) == 1:
+            return self._one(self.before, self.after, reached[0])
+        return self._several(reached)
+
+    def _leads(self, event: Event) -> bool:
+        """Whether the event is met by itself, and does not follow from another one of the instant."""
+        i = event.index
+        if self.before[i] != 0 or len(self.events) == 1:
+            return True
+        part = mode_field(self.system, self.before)
+        t, x = np.array([self.t]), self.x[None, :]
+        s = part.multipliers(t, x, self.p)
+        low, high = part.part("radius", t, x, s, self.p)[0, i]
+        return bool(min(abs(s[0, i] - low), abs(s[0, i] - high)) < 1e-6 * (1.0 + high - low))
+
+    def _one(self, before: Mode, after: Mode, event: Event) -> Array:
+        slope, rate = self.rate(before, event.index, 1 if event.after[event.index] > 0 else -1)
+        change = self.field(after)[1] - self.field(before)[1]
+        return np.eye(len(slope)) + np.outer(change, slope) / rate
+
+    def _several(self, reached: Sequence[Event]) -> Array:
+        """The product over each order in which neighbouring motions meet the surfaces, if all agree."""
+        machine = Machine(self.system, self.solution.options.method, self.p)
+        direction = float(self.events[0].sense)
+        found: list[Array] = []
+        for order in itertools.permutations(reached):
+            mode, total = self.before, np.eye(self.system.dimension + len(self.names) + 1)
+            for k, event in enumerate(order):
+                met = sorted({e.index for e in order[: k + 1]})
+                following = self.after
+                if k < len(order) - 1:
+                    here = Point(machine, self.t, self.x, direction, direction * 1e-6, np.zeros(machine.m))
+                    near = [c for c in successors(here, mode, met) if c.mode != mode]
+                    if len(near) != 1:
+                        raise self._disagree(reached)
+                    following = near[0].mode
+                total = self._one(mode, following, event) @ total
+                mode = following
+            found.append(total)
+        scale = max(float(np.max(np.abs(matrix))) for matrix in found)
+        if any(np.max(np.abs(matrix - found[0])) > 1e-8 * scale for matrix in found):
+            raise self._disagree(reached)
+        return found[0]
+
+    def _disagree(self, reached: Sequence[Event]) -> NotDifferentiableError:
+        names = ", ".join(repr(event.surface) for event in reached)
+        return self.refused(
+            f"the surfaces {names} are met at once ({mode_text(self.before)} -> {mode_text(self.after)}), "
+            "and neighbouring motions depend on the order in which they meet them"
         )
-    if event.kind is EventKind.GRAZING:
-        raise NotDifferentiableError(
-            f"the flow is not differentiable at t = {event.t:.9g}: the motion grazes surface "
-            f"{event.surface!r}."
-        )
-    if system.surfaces[event.index].kind != "switching":
-        return np.eye(n)
-    t, x = np.array([event.t]), event.x[None, :]
-    fields = []
-    for mode in (event.before, event.after):
-        part = mode_field(system, mode)
-        fields.append(part.part("f", t, x, part.multipliers(t, x, p), p)[0, :, 0])
-    gradient, rate = event_guard(solution, event, fields[0])
-    if abs(rate) < 1e-10 * (np.abs(gradient) @ np.abs(fields[0]) + 1e-300):
-        raise NotDifferentiableError(
-            f"the flow is not differentiable at t = {event.t:.9g}: surface {event.surface!r} is met without "
-            "speed."
-        )
-    return np.eye(n) + np.outer(fields[1] - fields[0], gradient) / rate
 
 
-def event_guard(solution: Solution, event: Event, before: Array) -> tuple[Array, float]:
-    """Gradient of the guard of an event and its rate along the motion before it."""
-    system, p = solution.problem.system, solution.problem.p
-    t, x = np.array([event.t]), event.x[None, :]
-    part = mode_field(system, event.before)
-    s = part.multipliers(t, x, p)
-    i = event.index
-    if event.kind is not EventKind.EXIT:
-        gradient = part.part("g", t, x, s, p)[0, i]
-        return gradient, float(part.part("gt", t, x, s, p)[0, i, 0] + gradient @ before)
-    # The guard is s_i(t, x) minus the end of its set; ends may vary with the state: the rate is differenced.
-    row = part.sliding.index(i)
-    gradient = part.multiplier_slope(t, x, s, p)[0, row]
-    step = 1e-6 * max(abs(event.t), 1e-3)
-    side = 1 if event.after[i] > 0 else 0
-
-    def excess(dt: float) -> float:
-        at, state = t + dt, x + dt * before
-        value = part.multipliers(at, state, p)[0, i]
-        return float(value - part.part("radius", at, state, s, p)[0, i, side])
-
-    return gradient, (excess(step) - excess(-step)) / (2 * step)
+def onto_section(solution: Solution, event: Event, change: Array, names: tuple[str, ...] = ()) -> Array:
+    """Variation of the state (n or N rows) at an event: that at fixed time, moved along the motion to it."""
+    here = Together(solution, [event], names)
+    velocity = here.field(event.before)[1]
+    slope, rate = here.rate(event.before, event.index, 1 if event.after[event.index] > 0 else -1)
+    rows = change.shape[0]
+    return np.asarray(change - np.multiply.outer(velocity[:rows], slope[:rows] @ change) / rate)

@@ -21,6 +21,7 @@ class Status(StrEnum):
     NOT_FINITE = "not_finite"
     MIN_STEP = "min_step"
     GRAZING = "grazing"
+    NO_RETURN = "no_return"
 
     @property
     def ok(self) -> bool:
@@ -71,6 +72,10 @@ _ADVICE = {
         "is declared, a singularity, or a large t with a fast motion (shift the origin of time)."
     ),
     Status.GRAZING: "The motion touches a surface and on_graze='error' was asked for.",
+    Status.NO_RETURN: (
+        "The motion does not come back to the section. Common causes: it comes to rest, it goes elsewhere, "
+        "or its turn takes longer than t_max. Raise t_max, or start nearer to the orbit."
+    ),
 }
 
 

@@ -47,14 +47,19 @@ def mode_word(solution: Solution, names: Mapping[str, str] | None = None) -> str
     order 0, -, +, so that it does not depend on when the run began or ended. Only modes are compared, not
     states.
     """
+    return word_of(periodic_tail(solution.modes), solution.system, names)
+
+
+def word_of(period: Sequence[str], system: System, names: Mapping[str, str] | None = None) -> str:
+    """The word of the modes of one period, wherever it begins (see `mode_word`)."""
     if names is None:
-        names = STICK_SLIP if is_velocity(solution.system) else {}
+        names = STICK_SLIP if is_velocity(system) else {}
     elif not isinstance(names, Mapping):
         raise UsageError(
             f"names is {names!r}, expected a dict from mode text to word, such as {{'0': 'stick'}}."
         )
-    period = periodic_tail(solution.modes)
-    turns = [period[k:] + period[:k] for k in range(len(period))]
+    items = tuple(period)
+    turns = [items[k:] + items[:k] for k in range(len(items))]
     first = min(turns, key=lambda turn: [[_ORDER[c] for c in mode] for mode in turn], default=())
     return " ".join(names.get(mode, mode) for mode in first)
 

@@ -13,6 +13,7 @@ from filippov.commands.values import (
     named_numbers,
     names,
     number,
+    number_or_formula,
     numbers,
     one_of,
     pair,
@@ -141,6 +142,19 @@ _ALL = (
          INTERVAL, *SECTION, *TOLERANCES[:2]),
         "filippov bifurcation hunting --parameter P --values 10 31 -o results/bifurcation",
         function="run_bifurcation", needs="filippov.analysis.bifurcation",
+    ),
+    Command(
+        "orbit", "a periodic orbit, stable or not, with its Floquet multipliers: orbit.json, .csv, .png",
+        "orbit",
+        (MODEL, PARAMETERS, START[0],
+         Option("period", "autonomous: guess of the period; forced: the period, a number or a formula such "
+                "as 2*pi/omega", number_or_formula, metavar="T"),
+         _choice("symmetry", "odd: solve for half of an orbit with x(t + T/2) = -x(t)", "odd"),
+         Option("nodes", "points of multiple shooting", whole, metavar="N"),
+         Option("transient", "time to run before the search", number, metavar="T"),
+         Option("t_max", "longest time of the search", number, metavar="T"), *TOLERANCES[:1],
+         Option("atol", "absolute tolerance", number, metavar="A"), TOLERANCES[2]),
+        "filippov orbit belt -o results/orbit", needs="filippov.analysis.orbit_search",
     ),
     Command(
         "stability", "every equilibrium and equilibrium set: report.txt, .md, .tex, .json", "stability",

@@ -41,6 +41,16 @@ def _calculated(text: str, name: str) -> float:
         raise UsageError(f"{name} is {text[:80]!r}, which is not a real number.") from None
 
 
+def number_or_formula(value: Any, name: str) -> float | str:
+    """A number, or a formula in parameters as text, which is kept."""
+    if isinstance(value, str):
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    return number(value, name)
+
+
 def whole(value: Any, name: str) -> int:
     """A whole number of at least 1."""
     result = number(value, name)

@@ -1,0 +1,341 @@
+"""Find a periodic orbit: from a state on or near it, from a motion that goes to it, or from another orbit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.forcing import Period, depends_on_time
+from filippov.analysis.orbit import Orbit, make_orbit
+from filippov.analysis.shooting import (
+    NoConvergenceError,
+    ReturnError,
+    Shooting,
+    newton,
+    resolved,
+    symmetry_matrix,
+    velocity_at,
+)
+from filippov.errors import SolveError, UsageError
+from filippov.events import Mode
+from filippov.options import check_state
+from filippov.solution import Solution
+from filippov.solver import solve
+from filippov.status import Status
+from filippov.system import System
+
+Array = npt.NDArray[np.float64]
+# A return is a candidate if it comes back to within this part of the motion's extent.
+_NEAR = 0.3
+_SPANS = 12
+_PERIODS = 400
+# An orbit that repels is left soon: only so many stretches are looked at for a start.
+_FIRST = 4
+
+
+def find_orbit(
+    system: System,
+    guess: Any = None,
+    *,
+    parameters: Mapping[str, float] | None = None,
+    period: Any = None,
+    symmetry: Any = None,
+    nodes: int = 1,
+    transient: float = 0.0,
+    t_max: float = 1000.0,
+    t0: float = 0.0,
+    rtol: float = 1e-11,
+    atol: float = 1e-13,
+    method: str = "DOP853",
+    jacobian: Callable[..., Any] | None = None,
+    progress: Callable[[float, float, str], None] | None = None,
+) -> Orbit:
+    """The periodic orbit near a state, stable or not, by Newton's method on a return or multiple shooting.
+
+    guess       a state on or near the orbit or from which the motion goes to it, in order or by name; a
+                Solution (its end); an Orbit (of other parameter values); several states (k, n) on it, at
+                equal distances in time over one period: the nodes of multiple shooting (needs the period)
+    period      autonomous: a guess of T, for an orbit that does not attract; without it the first return of
+                the motion is taken. Forced: the period, a number or a formula in the parameters such as
+                "2*pi/omega", or a multiple of the forcing's for subharmonic orbits; default: read off the
+                sines and cosines of t
+    symmetry    "odd" for x(t + T/2) = -x(t), or a matrix G for x(t + T/k) = G x(t): the part of the orbit is
+                solved for. An odd orbit is also recognised without it
+    nodes       points of multiple shooting, for orbits that repel strongly
+    transient   time to run before the search; t_max: longest time of the search
+    t0          time of the guess, for a forced system
+    jacobian    of a system of plain functions, (t, x, p, s) -> df/dx with the signs held; else differences
+    progress    called with (t, t_max, note)
+
+    Raises ReturnError (NO_RETURN) where the motion comes to rest or does not return within t_max,
+    NoConvergenceError, NotDifferentiableError for an orbit that grazes a surface, SolveError, UsageError,
+    ModelError.
+    """
+    if nodes < 1:
+        raise UsageError(f"nodes is {nodes!r}, expected 1, 2, ...")
+    if isinstance(guess, Orbit):
+        values = {**guess.parameters, **(parameters or {})}
+        return refine(guess, values, rtol=rtol, atol=atol)
+    if isinstance(guess, Solution):
+        parameters = {**guess.problem.parameters, **(parameters or {})}
+        guess, t0 = guess.x_end, guess.t_end
+    if guess is None:
+        raise UsageError("find_orbit needs a guess: a state on or near the orbit, a Solution or an Orbit.")
+    several = np.ndim(guess) == 2
+    rows = guess if several else [guess]
+    points = np.array([check_state(row, system) for row in rows])
+    x0 = points[0]
+    p = resolved(system, parameters)
+    matrix, turns = symmetry_matrix(symmetry, system)
+    forced = depends_on_time(system) or (period is not None and not isinstance(period, int | float))
+    base = Shooting(
+        system, x0, np.zeros_like(x0), t0, period=Period(system, period) if forced else None, symmetry=matrix,
+        turns=turns, rtol=rtol, atol=atol, method=method, jacobian=jacobian,
+    )  # fmt: skip
+    search = _Search(base, p, nodes, t_max, progress)
+    if several:
+        if period is None and base.period is None:
+            raise UsageError("several states are given as nodes; they need the period of the orbit.")
+        return search.nodes_at(points, t0, base.period(p) if base.period is not None else float(period))
+    if transient > 0:
+        x0, t0 = search.run(x0, t0, transient)
+    if base.period is not None:
+        return search.forced(x0, t0)
+    if period is not None:
+        if not 0 < float(period) < np.inf:
+            raise UsageError(f"period is {period!r}, expected a number > 0.")
+        return search.near(x0, t0, float(period))
+    return search.autonomous(x0)
+
+
+def refine(
+    orbit: Orbit, parameters: Mapping[str, float] | None = None, rtol: float | None = None,
+    atol: float | None = None,
+) -> Orbit:  # fmt: skip
+    """The orbit at other parameter values or tolerances, by Newton's method from this one."""
+    if orbit.problem is None or orbit.unknowns is None:
+        return find_orbit(
+            orbit.system, orbit.x0, parameters={**orbit.parameters, **(parameters or {})}, t0=orbit.t0,
+            period=None if orbit.forced else orbit.period, rtol=rtol or orbit.rtol, atol=atol or orbit.atol,
+            method=orbit.method,
+        )  # fmt: skip
+    problem = replace(orbit.problem, rtol=rtol or orbit.rtol, atol=atol or orbit.atol)
+    p = resolved(orbit.system, {**orbit.parameters, **(parameters or {})})
+    u, left = newton(problem, orbit.unknowns, p)
+    return make_orbit(problem.at(u, p), u, p, left)
+
+
+class _Search:
+    """One search, with what it shares."""
+
+    def __init__(
+        self, base: Shooting, p: Array, nodes: int, t_max: float, progress: Callable[..., None] | None
+    ) -> None:
+        self.base, self.p, self.nodes, self.t_max, self.progress = base, p, nodes, t_max, progress
+        self.values = dict(zip(base.system.parameters.names, p.tolist(), strict=True))
+        self.size = 0.0
+
+    def motion(self, x0: Array, t0: float, length: float, dense: bool = True) -> Solution:
+        """A motion from x0. Raises SolveError where it ends early."""
+        base = self.base
+        out = solve(
+            base.system, x0, (t0, t0 + length), parameters=self.values, rtol=base.rtol, atol=base.atol,
+            method=base.method, zeno="continue", nonunique="stick", dense_output=dense,
+        )  # fmt: skip
+        if out.status is not Status.SUCCESS:
+            raise SolveError(f"the motion from the guess ended early: {out.message}", out)
+        return out
+
+    def run(self, x0: Array, t0: float, length: float) -> tuple[Array, float]:
+        """Where a transient leads."""
+        end = self.motion(x0, t0, length, dense=False)
+        return end.x_end, end.t_end
+
+    def tell(self, t: float, note: str) -> None:
+        """Report progress."""
+        if self.progress is not None:
+            self.progress(t, self.t_max, note)
+
+    # -- forced ------------------------------------------------------------------------------------------
+
+    def forced(self, x0: Array, t0: float) -> Orbit:
+        """Newton's method on the stroboscopic map; where it fails, again after more and more periods."""
+        assert self.base.period is not None
+        period, done, wait = self.base.period(self.p), 0, 0
+        error: Exception | None = None
+        while done <= _PERIODS:
+            if wait:
+                x0, t0 = self.run(x0, t0, wait * period)
+            first = self.motion(x0, t0, period)
+            try:
+                return self._from(first, period)
+            except NoConvergenceError as failed:
+                error = failed
+            done += wait
+            wait = max(4, 2 * wait)
+            self.tell(done * period, f"after {done} periods")
+        raise NoConvergenceError(f"no periodic orbit was found in {done} periods of the forcing: {error}")
+
+    def near(self, x0: Array, t0: float, period: float) -> Orbit:
+        """Newton's method with a given guess of the period."""
+        return self._from(self.motion(x0, t0, period), period)
+
+    def _from(self, motion: Solution, period: float) -> Orbit:
+        """Solve the equations with nodes laid along a motion over about one period."""
+        length = period / self.base.turns
+        start = _anchor(motion, min(length, motion.t_end - motion.problem.t_span[0]))
+        if start > motion.problem.t_span[0]:
+            x = np.asarray(motion.sol(start, side="+")) if motion.sol is not None else motion.x_end
+            shifted = self.motion(x, start, length)
+        else:
+            shifted = self.motion(motion.problem.x0, motion.problem.t_span[0], length)
+        sol = shifted.sol
+        assert sol is not None
+        begin = shifted.problem.t_span[0]
+        places = begin + length * np.arange(self.nodes) / self.nodes
+        modes = [shifted.start_mode, *(shifted.mode_at(float(t), "+") for t in places[1:])]
+        x = np.vstack([shifted.problem.x0, *(np.asarray(sol(float(t), side="+")) for t in places[1:])])
+        self.size = max(self.size, _extent([motion]))
+        return self._solve(x, modes, begin, period)
+
+    def nodes_at(self, points: Array, t0: float, period: float) -> Orbit:
+        """Solve the equations with given states at the nodes."""
+        length = period / self.base.turns / len(points)
+        modes = [self.motion(x, t0 + k * length, 1e-9 * length).start_mode for k, x in enumerate(points)]
+        self.size = float(np.max(np.ptp(points, axis=0)))
+        return self._solve(points, modes, t0, period)
+
+    def _solve(self, x: Array, modes: Sequence[Mode], begin: float, period: float) -> Orbit:
+        base, count = self.base, len(x)
+        speed = velocity_at(base.system, modes[0], begin, x[0], self.p, base.jacobian)
+        size = float(np.linalg.norm(speed))
+        if base.period is None and size == 0.0:
+            raise ReturnError(f"the guess {x[0].tolist()} is at rest.", None, begin)
+        problem = replace(
+            base, reference=x[0].copy(), velocity=speed / (size or 1.0), t0=begin if base.period else 0.0,
+            shares=(1.0 / count,) * count,
+            sliding=tuple(tuple(i for i, sign in enumerate(mode) if sign == 0) for mode in modes),
+        )  # fmt: skip
+        u = x.ravel() if base.period is not None else np.append(x.ravel(), period)
+        u, left = newton(problem, u, self.p)
+        if base.period is None:
+            self._check(problem, u, period)
+        found = make_orbit(problem, u, self.p, left)
+        if found.trivial is not None and abs(found.trivial - 1.0) > 1e-2:
+            raise NoConvergenceError("Newton's method went to an equilibrium.")
+        return found
+
+    def _check(self, problem: Shooting, u: Array, guess: float) -> None:
+        """An equilibrium solves the equations as well."""
+        small = _extent(problem.motions(u, self.p)) <= 1e-5 * self.size
+        if small or not 0.02 * guess < float(u[-1]) < 50 * guess:
+            raise NoConvergenceError("Newton's method went to an equilibrium or to another period.")
+
+    # -- autonomous --------------------------------------------------------------------------------------
+
+    def autonomous(self, x0: Array) -> Orbit:
+        """Look for returns of the motion, and try the best of them; from later states if that fails."""
+        base = self.base
+        start = self.motion(x0, 0.0, 1e-9)
+        speed = velocity_at(base.system, start.start_mode, 0.0, start.problem.x0, self.p, base.jacobian)
+        rate = float(np.linalg.norm(speed))
+        span = min(20.0 * (1.0 + float(np.linalg.norm(x0))) / max(rate, 0.05), self.t_max)
+        state, now, failed = x0, 0.0, ""
+        for _ in range(_SPANS * 4):
+            span = min(span, self.t_max - now)
+            if span <= 0:
+                break
+            motion = self.motion(state, 0.0, span)
+            self.size = max(self.size, _extent([motion]))
+            if _rests(motion) or _extent([motion]) <= 1e-8 * self.size:
+                raise ReturnError(
+                    f"the motion comes to rest at state {np.array2string(motion.x_end, precision=6)}; t "
+                    f"reached {now + motion.t_end:.6g}.", motion, now + motion.t_end,
+                )  # fmt: skip
+            for share in (0.0, 0.5):
+                found = self._return(motion, share * span)
+                if found is None:
+                    continue
+                try:
+                    return self._from(*found)
+                except SolveError as error:
+                    failed = f" The last attempt failed: {error}"
+            now, state = now + span, motion.x_end
+            self.tell(now, "looking for a return")
+            span *= 1.6
+        raise ReturnError(
+            f"the motion does not come back to where it was within t = {now:.6g} (t_max = {self.t_max:g})."
+            f"{failed}", motion, now,
+        )  # fmt: skip
+
+    def _return(self, motion: Solution, begin: float) -> tuple[Solution, float] | None:
+        """A motion from a good start on the orbit, and the time of its return to there; None if there is
+        none."""
+        sol, base = motion.sol, self.base
+        assert sol is not None
+        start = _anchor(motion, motion.t_end - motion.problem.t_span[0], begin)
+        mode = motion.mode_at(start, "+")
+        x0 = np.asarray(sol(start, side="+"))
+        speed = base.gate @ velocity_at(base.system, mode, start, x0, self.p, base.jacobian)
+        goal = base.gate @ x0
+        knots = np.append(sol.start[sol.start > start], motion.t_end)
+        if len(knots) < 2:
+            return None
+        inner = (knots[:-1, None] + np.diff(knots)[:, None] * np.arange(8) / 8).ravel()
+        t = np.concatenate([[start], inner, knots[-1:]])
+        x = sol(t, side="+")
+        size = np.maximum(np.ptp(x, axis=1), 1e-12 * (1 + np.max(np.abs(x))))
+        unit = speed / size**2
+        height = unit @ (x - goal[:, None])
+        away = np.linalg.norm((x - goal[:, None]) / size[:, None], axis=0)
+        up = np.flatnonzero((height[:-1] < 0) & (height[1:] >= 0))
+        if base.turns == 1:
+            up = up[[bool(np.max(away[: k + 1]) > _NEAR) for k in up]] if up.size else up
+        if not up.size:
+            return None
+        part = height[up] / (height[up] - height[up + 1])
+        times = t[up] + part * (t[up + 1] - t[up])
+        gaps = np.linalg.norm((sol(times) - goal[:, None]) / size[:, None], axis=0)
+        if np.min(gaps) > _NEAR:
+            return None
+        first = int(np.flatnonzero(gaps <= max(3.0 * float(np.min(gaps)), 1e-6))[0])
+        period = float(times[first] - start) * base.turns
+        return self.motion(x0, 0.0, period / base.turns * 1.02), period
+
+
+def _extent(motions: Sequence[Solution]) -> float:
+    """The largest distance between the values of a state."""
+    return max(float(np.max(np.ptp(motion.y, axis=1))) for motion in motions)
+
+
+def _anchor(motion: Solution, length: float, begin: float = 0.0) -> float:
+    """The middle of the longest stretch with fewest sliding surfaces, within `length` after `begin` and
+    among the first ones."""
+    first = motion.problem.t_span[0] + begin
+    last = first + length
+    best: tuple[int, float, float] | None = None
+    seen = 0
+    for segment in motion.segments:
+        low, high = max(segment.t0, first), min(segment.t1, last)
+        if high - low <= 1e-6 * length:
+            continue
+        seen += 1
+        if seen > _FIRST:
+            break
+        key = (sum(sign == 0 for sign in segment.mode), -(high - low), 0.5 * (low + high))
+        best = key if best is None or key < best else best
+    return best[2] if best is not None else first
+
+
+def _rests(motion: Solution) -> bool:
+    """Whether the motion ends in a long stretch without any change."""
+    sol, last = motion.sol, motion.segments[-1]
+    if sol is None or last.dwell < 0.05 * (motion.t_end - motion.problem.t_span[0]):
+        return False
+    t = np.linspace(last.t0 + 0.5 * last.dwell, last.t1, 9)
+    x = sol(t)
+    return bool(np.max(np.ptp(x, axis=1)) <= 1e-12 * (1.0 + np.max(np.abs(x))))
