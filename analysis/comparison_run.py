@@ -134,7 +134,7 @@ class ExactRun:
     def return_time(self, d: float, count: int) -> float:
         """Time of the count-th entry into stick; t_max where there is none."""
         stop = Stop(self.section.surface, "sliding entry", count)
-        end = solve(
+        end: Solution = solve(
             self.system, self.start(d), (0.0, self.section.t_max), parameters=self.parameters, stop=stop,
             dense_output=False, **self.options,
         )  # fmt: skip
@@ -256,7 +256,7 @@ class BandRun:
 
     def solve(self, x0: Array, t_end: float, dense: bool, max_events: int = 100_000) -> Solution:
         """A motion of the model. Raises OverBudgetError."""
-        solution = solve(
+        solution: Solution = solve(
             self.system, x0, (0.0, t_end), parameters=self.parameters, dense_output=dense,
             max_events=max_events, **self.exact.options,
         )  # fmt: skip

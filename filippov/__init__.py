@@ -40,6 +40,7 @@ _EXPORTS: dict[str, str] = {
     "EventKind": "filippov.status",
     "Problem": "filippov.problem",
     "Solution": "filippov.solution",
+    "SolutionTree": "filippov.solution_tree",
     "Status": "filippov.status",
     "Surface": "filippov.surface",
     "System": "filippov.system",

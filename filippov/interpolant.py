@@ -50,6 +50,8 @@ class Interpolant:
         theta = (flat - self.start[index]) / self.step[index]
         coef = self.coef[index]
         value = coef[:, -1, :]
-        for power in range(coef.shape[1] - 2, -1, -1):
-            value = value * theta[:, None] + coef[:, power, :]
+        # The last step of a motion that grows beyond the range of numbers may hold infinite coefficients.
+        with np.errstate(over="ignore", invalid="ignore"):
+            for power in range(coef.shape[1] - 2, -1, -1):
+                value = value * theta[:, None] + coef[:, power, :]
         return np.ascontiguousarray(value[0] if times.ndim == 0 else value.T)

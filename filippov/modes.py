@@ -35,7 +35,7 @@ class Successor:
     """A consistent next mode.
 
     order        how often each guard met vanishes along the motion; for sliding 2 where the multiplier starts
-                 at an end of its set, and negative (-1, -2) where it repels
+                 at an end of its set, 3 at a two-fold, and negative (-1, -2, -3) where it repels
     multipliers  value of the sign of every sliding surface (0 elsewhere)
     field        the field of the mode at the point
     margin       least rate, on its own scale, by which the mode is consistent; 0 for a tangential one

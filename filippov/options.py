@@ -17,6 +17,7 @@ from filippov.names import unknown
 from filippov.system import System
 
 METHODS = ("DOP853", "DP5")
+POLICIES = ("raise", "stick", "slip", "branch")
 SMALLEST_RTOL = 100 * np.finfo(float).eps
 
 
@@ -32,7 +33,7 @@ class Options:
     max_steps: int = 10_000_000
     max_events: int = 100_000
     max_time: float = math.inf
-    nonunique: str | Callable[..., Any] = "raise"
+    nonunique: str | tuple[str, ...] | Callable[..., Any] = "raise"
     on_graze: str = "continue"
     zeno: str = "stop"
     stop: tuple[Stop, ...] = ()
@@ -52,10 +53,9 @@ class Options:
         positive("max_step", self.max_step, infinite=True)
         positive("max_time", self.max_time, infinite=True)
         for name in ("max_steps", "max_events"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise UsageError(f"{name} is {value!r}, expected a whole number of at least 1.")
-        choice("nonunique", self.nonunique, ("raise", "stick", "slip"), or_function=True)
+            check_count(name, getattr(self, name))
+        if not isinstance(self.nonunique, tuple):
+            choice("nonunique", self.nonunique, POLICIES, or_function=True)
         choice("on_graze", self.on_graze, ("continue", "error"))
         choice("zeno", self.zeno, ("stop", "continue"))
         for item in self.stop:
@@ -161,6 +161,36 @@ def check_times(t_eval: Any, span: tuple[float, float]) -> npt.NDArray[np.float6
             "integration; sort them and drop repeated ones."
         )
     return times
+
+
+def check_priority(nonunique: Any, system: System) -> Any:
+    """A list of modes as text, made a tuple and compared with the surfaces; other policies as they are."""
+    if isinstance(nonunique, str) or callable(nonunique):
+        return nonunique
+    try:
+        modes = tuple(nonunique)
+    except TypeError:
+        modes = ()
+    if not modes or not all(isinstance(mode, str) for mode in modes):
+        raise UsageError(
+            f"nonunique is {nonunique!r}, expected one of {', '.join(POLICIES)}, a list of modes such as "
+            "['+', '0'], or a function from the list of candidates to the one to take."
+        )
+    names = [surface.name for surface in system.surfaces]
+    for mode in modes:
+        if len(mode) != len(names) or set(mode) - set("+0-"):
+            raise UsageError(
+                f"nonunique holds the mode {mode!r}, expected one of +, 0, - for each of the "
+                f"{len(names)} surfaces ({', '.join(names)})."
+            )
+    return modes
+
+
+def check_count(name: str, value: object) -> int:
+    """A whole number of at least 1, or a UsageError naming the option."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise UsageError(f"{name} is {value!r}, expected a whole number of at least 1.")
+    return value
 
 
 def check_stops(stops: Sequence[Stop] | Stop, system: System) -> tuple[Stop, ...]:

@@ -12,10 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov._kernels import codes
+from filippov.ambiguity import Ambiguity
 from filippov.errors import UsageError
 from filippov.events import Events, Mode
 from filippov.interpolant import Interpolant
 from filippov.machine import Machine
+from filippov.modes import Successor
 from filippov.names import unknown
 from filippov.problem import Problem
 from filippov.run import Run
@@ -65,16 +67,19 @@ class Solution:
     status, message, success   how the run ended
     nfev, njev, nlu, steps, rejected   work done
     problem     what was solved
+    ambiguity   what can follow at the end of a run with status NON_UNIQUE, else None
     """
 
     njev = 0
     nlu = 0
 
     def __init__(
-        self, problem: Problem, run: Run, start_mode: Mode, status: Status, message: str, t_eval: Array | None
-    ) -> None:
+        self, problem: Problem, run: Run, start_mode: Mode, status: Status, message: str,
+        t_eval: Array | None, ambiguity: Ambiguity | None = None,
+    ) -> None:  # fmt: skip
         self.problem, self.status, self.message = problem, status, message
         self.start_mode = start_mode
+        self.ambiguity = ambiguity
         self.events: Events = run.events
         self.options = run.options
         self.nfev = run.calls()
@@ -88,6 +93,11 @@ class Solution:
     def success(self) -> bool:
         """Whether the run did what it was asked to do."""
         return self.status.ok
+
+    @property
+    def candidates(self) -> tuple[Successor, ...]:
+        """The modes that can follow where the run ended as NON_UNIQUE; else empty."""
+        return self.ambiguity.candidates if self.ambiguity is not None else ()
 
     @property
     def system(self) -> Any:

@@ -5,21 +5,31 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, NamedTuple, overload
 
 import numpy as np
+import numpy.typing as npt
 
 from filippov._kernels import codes
+from filippov.ambiguity import Ambiguity, listing, name_point
 from filippov.errors import NonUniqueError, SolveError, UsageError
 from filippov.events import Mode
 from filippov.jumps import LONGEST_CHAIN, composed, look_again, pending, starting
 from filippov.machine import Array, Machine
 from filippov.modes import Point, Successor, successors
 from filippov.names import check_known
-from filippov.options import Options, check_span, check_state, check_stops, check_times
+from filippov.options import (
+    Options,
+    check_priority,
+    check_span,
+    check_state,
+    check_stops,
+    check_times,
+)
 from filippov.problem import Problem
 from filippov.run import Run
 from filippov.solution import Solution
+from filippov.solution_tree import SolutionTree
 from filippov.status import EventKind, Status, mode_text
 from filippov.system import System
 from filippov.zeno import Limit, accumulation, rest, rests
@@ -31,8 +41,37 @@ _OPTIONS = (
     "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
     "on_graze", "zeno", "stop", "dense_output",
 )  # fmt: skip
+_TREE_OPTIONS = ("max_branches", "max_depth", "release_times")
 
 
+@overload
+def solve(
+    system: System | Problem,
+    x0: Any = ...,
+    t_span: Any = ...,
+    *,
+    nonunique: Literal["branch"],
+    parameters: Mapping[str, float] | None = ...,
+    t_eval: None = ...,
+    throw: bool = ...,
+    progress: Callable[[float, float], None] | None = ...,
+    max_branches: int = ...,
+    max_depth: int = ...,
+    release_times: Any = ...,
+    **options: Any,
+) -> SolutionTree: ...
+@overload
+def solve(
+    system: System | Problem,
+    x0: Any = ...,
+    t_span: Any = ...,
+    *,
+    parameters: Mapping[str, float] | None = ...,
+    t_eval: Any = ...,
+    throw: bool = ...,
+    progress: Callable[[float, float], None] | None = ...,
+    **options: Any,
+) -> Solution: ...
 def solve(
     system: System | Problem,
     x0: Any = None,
@@ -43,7 +82,7 @@ def solve(
     throw: bool = False,
     progress: Callable[[float, float], None] | None = None,
     **options: Any,
-) -> Solution:
+) -> Solution | SolutionTree:
     """Solve x' in { f(t, x, s; p) : s_i in Sgn(h_i) } from x0 over t_span.
 
     system      System, or a Problem that holds x0, t_span and parameters
@@ -58,7 +97,12 @@ def solve(
     first_step, max_step         bounds of the step
     max_steps, max_events, max_time   budgets (max_time in seconds); each ends in a named status
     nonunique   where several modes can follow: "raise" (end with NON_UNIQUE), "stick" (most sliding), "slip"
-                (least sliding), or a function from the list of candidates to the one to take
+                (least sliding), a list of modes such as ["+", "0"] of which the first that can follow is
+                taken, a function from the list of candidates (`Successor`) to the one to take, or "branch":
+                follow all of them and return a SolutionTree
+    max_branches, max_depth   with "branch": most whole solutions (64), most decisions along one (8)
+    release_times   with "branch": departures to sample along sliding that can be left at any time, a number
+                or times; default: none, only staying and leaving at once
     on_graze    "continue", or "error" to end at a touching of a surface
     zeno        "stop" at an accumulation of events, or "continue" in the limit mode
     stop        Stop(surface, kind, count) or several: terminal events
@@ -69,21 +113,88 @@ def solve(
     and Dieci & Lopez 2012; see the page on the event loop.
     """
     problem = _problem(system, x0, t_span, parameters)
-    check_known("option", options, _OPTIONS, UsageError)
+    check_known("option", options, (*_OPTIONS, *_TREE_OPTIONS), UsageError)
+    of_tree = {name: options.pop(name) for name in _TREE_OPTIONS if name in options}
+    options["nonunique"] = check_priority(options.get("nonunique", "raise"), problem.system)
     if "stop" in options:
         options["stop"] = check_stops(options["stop"], problem.system)
     checked = Options(**options)
+    if checked.nonunique == "branch":
+        from filippov.branching import branch
+
+        if t_eval is not None:
+            raise UsageError(
+                "t_eval is for one solution; a tree has path.sol(t) for each and tree.reachable(t) for all."
+            )
+        tree = branch(problem, checked, progress=progress, **of_tree)
+        if throw and not tree.success:
+            raise SolveError(tree.message, tree)
+        return tree
+    if of_tree:
+        raise UsageError(f"{', '.join(of_tree)} need nonunique='branch'.")
     times = None if t_eval is None else check_times(t_eval, problem.t_span)
     if times is not None and not checked.dense_output:
         raise UsageError("t_eval needs the dense output; drop dense_output=False.")
-    machine = Machine(problem.system, checked.method, problem.p)
-    loop = _Loop(Run(machine, problem.x0, problem.t_span, checked), progress)
-    status, message = loop.go()
-    solution = Solution(problem, loop.run, loop.start_mode, status, message, times)
+    solution = follow(problem, checked, progress, times).solution
+    status = solution.status
     if throw and not status.ok:
         kind = NonUniqueError if status is Status.NON_UNIQUE else SolveError
         raise kind(solution.message, solution)
     return solution
+
+
+class Turn(NamedTuple):
+    """Where a piece of solution begins with a choice: the point, and the mode taken there."""
+
+    ambiguity: Ambiguity
+    chosen: Successor
+
+
+class Followed(NamedTuple):
+    """A piece of solution, and how many events are left until each terminal one."""
+
+    solution: Solution
+    stop: npt.NDArray[np.int64]
+
+
+def follow(
+    problem: Problem,
+    options: Options,
+    progress: Callable[[float, float], None] | None = None,
+    times: Array | None = None,
+    turn: Turn | None = None,
+    origin: float | None = None,
+    stop: npt.NDArray[np.int64] | None = None,
+) -> Followed:
+    """Run to the end of the span, or to where the options say to stop.
+
+    turn    start in this mode instead of the one that the initial state decides
+    origin  time at which the whole motion began, where this is a later piece of it; `stop`: its countdown
+    """
+    machine = Machine(problem.system, options.method, problem.p)
+    run = Run(machine, problem.x0, problem.t_span, options)
+    run.watch(options.stop)
+    if stop is not None:
+        run.stop[:] = stop
+    if origin is not None:
+        run.clock[codes.T_START] = origin
+    loop = _Loop(run, progress, turn)
+    status, message = loop.go()
+    solution = Solution(problem, run, loop.start_mode, status, message, times, loop.ambiguity)
+    return Followed(solution, run.stop.copy())
+
+
+def ambiguity_at(
+    problem: Problem, options: Options, t: float, x: Array, mode: Mode, multipliers: Array
+) -> Ambiguity | None:
+    """What can follow at a point of sliding, where that is more than to go on sliding."""
+    run = Run(Machine(problem.system, options.method, problem.p), x, (t, problem.t_span[1]), options)
+    run.put(mode, (0,) * len(mode), tuple(multipliers.tolist()))
+    point, met = _point(run), [i for i, sign in enumerate(mode) if sign == 0]
+    found = successors(point, mode, met)
+    if len(found) < 2:
+        return None
+    return Ambiguity(t, *name_point(point, met, found), mode, (), False)
 
 
 def _problem(
@@ -111,8 +222,11 @@ class _Jump:
 class _Loop:
     """Drive the compiled loop and decide what it leaves open."""
 
-    def __init__(self, run: Run, progress: Callable[[float, float], None] | None) -> None:
-        self.run, self.progress = run, progress
+    def __init__(
+        self, run: Run, progress: Callable[[float, float], None] | None, turn: Turn | None = None
+    ) -> None:
+        self.run, self.progress, self.turn = run, progress, turn
+        self.ambiguity: Ambiguity | None = None
         self.options = run.options
         self.started = time.monotonic()
         self.start_mode: Mode = ()
@@ -143,11 +257,19 @@ class _Loop:
     def _start(self) -> tuple[Status, str] | None:
         """Mode at the initial state: by the sign of h off a surface, by classification on one (E4)."""
         run = self.run
-        run.watch(self.options.stop)
         if self.options.on_graze == "error":
             run.stop[:, codes.GRAZING] = 1
-        code = run.begin()
-        self.start_mode = run.signs
+        if self.turn is None:
+            code = run.begin()
+        else:
+            at, chosen = self.turn
+            code, run.mode[:] = codes.REACHED, at.before
+            self.start_mode = chosen.mode if at.start else at.before
+            ended = self._take(chosen, at.before, at.hit, str(at), at.start)
+            if ended is not None:
+                return ended
+        if self.turn is None or self.turn.ambiguity.start:
+            self.start_mode = run.signs
         for i, value in enumerate(run.machine.guards(run.t, run.x, run.mode)):
             if not np.isfinite(value):
                 name = run.machine.system.surfaces[i].name
@@ -160,7 +282,7 @@ class _Loop:
             ended = self._reset(onto, onto) if onto else self._classify(near, (), start=True)
             if ended is not None:
                 return ended
-        self.start_mode = run.signs
+            self.start_mode = run.signs
         return None
 
     def _step(self) -> tuple[Status, str] | None:
@@ -265,18 +387,6 @@ class _Loop:
         # A relay with hysteresis switches at the edges of its band, not where h is 0.
         return [i for i in range(self.run.machine.m) if near[i] and self.run.machine.widths[i] == 0.0]
 
-    def _point(self) -> Point:
-        run = self.run
-        t_end = float(run.clock[codes.T_END])
-        _, field, _, _ = run.machine.probe(run.t, 0.0, run.x, run.mode, run.lam)
-        size = float(np.max(np.abs(run.x), initial=0.0)) + 1e-3
-        speed = float(np.max(np.abs(field), initial=0.0)) + 1e-300
-        hint = float(run.clock[codes.STEP]) or np.inf
-        step = min(hint, 1e-2 * size / speed, abs(t_end - run.t) or np.inf, run.options.max_step)
-        if not np.isfinite(step):
-            step = 1e-3
-        return Point(run.machine, run.t, run.x.copy(), run.direction, run.direction * step, run.lam.copy())
-
     def _classify(
         self, met: Sequence[int], hit: Sequence[int], start: bool, jump: _Jump | None = None
     ) -> tuple[Status, str] | None:
@@ -286,20 +396,28 @@ class _Loop:
         if jump is not None and not met:
             run.put(before, (0,) * run.machine.m, tuple(run.lam))
             return self._record(before, np.zeros(run.machine.m), hit, "", jump)
-        candidates = successors(self._point(), before, met)
+        point = _point(run)
+        name, candidates = name_point(point, met, successors(point, before, met))
         if len(candidates) == 1:
-            return self._take(candidates[0], before, hit, "", start, jump)
+            return self._take(candidates[0], before, hit, name, start, jump)
         names = ", ".join(repr(run.machine.system.surfaces[i].name) for i in met)
         where = f"at state {_state_text(run)} on {names}"
         if not candidates:
             return self._end(Status.NO_CONTINUATION, f"{where}.")
-        listing = "; ".join(str(candidate) for candidate in candidates)
         picked = self._choose(candidates, before, hit)
+        ambiguity = Ambiguity(run.t, name, candidates, before, tuple(hit) if jump is None else (), start)
         if picked is None:
-            return self._end(Status.NON_UNIQUE, f"{where} can follow: {listing}.")
-        return self._take(picked, before, hit, f"one of {len(candidates)}: {listing}", start, jump)
+            self.ambiguity = ambiguity
+            if jump is not None:
+                self._record(before, np.zeros(run.machine.m), hit, str(ambiguity), jump)
+            backwards = ", backwards in time" if run.direction < 0 else ""
+            detail = f"{name}{backwards}, {where} can follow: {listing(candidates)}."
+            return self._end(Status.NON_UNIQUE, detail)
+        return self._take(picked, before, hit, str(ambiguity), start, jump)
 
-    def _choose(self, candidates: list[Successor], before: Mode, hit: Sequence[int]) -> Successor | None:
+    def _choose(
+        self, candidates: Sequence[Successor], before: Mode, hit: Sequence[int]
+    ) -> Successor | None:
         # A surface that was only touched: the motion goes on where it was.
         off = [i for i in hit if before[i] != 0]
         if off and len(off) == len(hit):
@@ -314,8 +432,12 @@ class _Loop:
             raise UsageError(
                 f"nonunique returned {picked!r}, expected one of the candidates it was given, or None."
             )
-        if policy == "raise":
+        if policy in ("raise", "branch"):
             return None
+        if isinstance(policy, tuple):
+            by_rank = [[c for c in candidates if mode_text(c.mode) == mode] for mode in policy]
+            first = next((fitting for fitting in by_rank if fitting), [])
+            return first[0] if len(first) == 1 else None
         counts = [sum(v == 0 for v in c.mode) for c in candidates]
         wanted = max(counts) if policy == "stick" else min(counts)
         fitting = [c for c, n in zip(candidates, counts, strict=True) if n == wanted]
@@ -323,7 +445,7 @@ class _Loop:
 
     def _take(
         self, chosen: Successor, before: Mode, hit: Sequence[int], note: str, start: bool,
-        jump: _Jump | None,
+        jump: _Jump | None = None,
     ) -> tuple[Status, str] | None:  # fmt: skip
         run = self.run
         run.put(chosen.mode, chosen.order, chosen.multipliers)
@@ -390,6 +512,19 @@ class _Loop:
             rest(run, limit.surfaces)
             return self._end(Status.SUCCESS)
         return ended or self._budgets()
+
+
+def _point(run: Run) -> Point:
+    """The present point, with a trial step on the scale of the motion."""
+    t_end = float(run.clock[codes.T_END])
+    _, field, _, _ = run.machine.probe(run.t, 0.0, run.x, run.mode, run.lam)
+    size = float(np.max(np.abs(run.x), initial=0.0)) + 1e-3
+    speed = float(np.max(np.abs(field), initial=0.0)) + 1e-300
+    hint = float(run.clock[codes.STEP]) or np.inf
+    step = min(hint, 1e-2 * size / speed, abs(t_end - run.t) or np.inf, run.options.max_step)
+    if not np.isfinite(step):
+        step = 1e-3
+    return Point(run.machine, run.t, run.x.copy(), run.direction, run.direction * step, run.lam.copy())
 
 
 def _kind(before: int, after: int, hit: bool) -> EventKind | None:

@@ -22,6 +22,7 @@ class Status(StrEnum):
     MIN_STEP = "min_step"
     GRAZING = "grazing"
     NO_RETURN = "no_return"
+    BRANCHES = "branches"
 
     @property
     def ok(self) -> bool:
@@ -53,7 +54,8 @@ _ADVICE = {
     ),
     Status.NON_UNIQUE: (
         "Several continuations satisfy the inclusion from this point: its solution is a set. Choose one with "
-        "nonunique='stick', 'slip' or a function of the candidates."
+        "nonunique='stick', 'slip', a list of modes or a function of the candidates; or follow all of them "
+        "with nonunique='branch'."
     ),
     Status.NO_CONTINUATION: (
         "No mode is consistent at this point. Common causes: a tangency of higher order than the "
@@ -75,6 +77,10 @@ _ADVICE = {
     Status.NO_RETURN: (
         "The motion does not come back to the section. Common causes: it comes to rest, it goes elsewhere, "
         "or its turn takes longer than t_max. Raise t_max, or start nearer to the orbit."
+    ),
+    Status.BRANCHES: (
+        "The tree of solutions is cut: some of its branches are not followed to the end. Raise "
+        "max_branches or max_depth, or shorten t_span."
     ),
 }
 

@@ -12,17 +12,19 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import math
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from filippov.ambiguity import Ambiguity
 from filippov.archive import Archive, write_arrays
 from filippov.errors import ModelError, UsageError
 from filippov.events import Event, Events, Mode, Stop
 from filippov.interpolant import Interpolant
+from filippov.modes import Successor
 from filippov.options import Options
 from filippov.problem import Problem
 from filippov.solution import Solution
@@ -55,8 +57,8 @@ def save(solution: Solution, path: str | Path) -> Path:
     """Write a solution; the file appears complete or not at all. Returns the path, used as it is."""
     if not isinstance(solution, Solution):
         raise UsageError(f"save was given {type(solution).__name__}, expected a Solution.")
-    header = json.dumps(_header(solution), allow_nan=False).encode()
-    arrays = {"header": np.frombuffer(header, dtype=np.uint8)} | _arrays(solution)
+    header = json.dumps(solution_header(solution), allow_nan=False).encode()
+    arrays = {"header": np.frombuffer(header, dtype=np.uint8)} | solution_arrays(solution)
     return write_arrays(path, arrays)
 
 
@@ -72,7 +74,7 @@ def load(path: str | Path, system: System | None = None, *, max_bytes: int = MAX
     version or not written by `save`, and for a system that does not fit; FileNotFoundError.
     """
     with Archive(path, max_bytes) as archive:
-        header = _read_header(archive)
+        header = read_header(archive, FORMAT, VERSION)
         dense = header.get("dense") is True
         wanted = {"header", *_ARRAYS, *(_DENSE if dense else ())}
         if archive.names != wanted:
@@ -80,7 +82,7 @@ def load(path: str | Path, system: System | None = None, *, max_bytes: int = MAX
             raise archive.refuse(f"does not hold the entries of format version {VERSION}: {different} differ")
         data = {name: archive.read(name) for name in wanted if name != "header"}
         try:
-            return _solution(header, data, _system(header, system, archive), dense)
+            return solution_of(header, data, stored_system_of(header, system, archive))
         except (KeyError, TypeError, IndexError, AttributeError, ValueError) as error:
             if isinstance(error, (UsageError, ModelError)):
                 raise
@@ -98,7 +100,8 @@ def package_version() -> str:
 # -- writing ---------------------------------------------------------------------------------------------
 
 
-def _header(solution: Solution) -> dict[str, Any]:
+def solution_header(solution: Solution) -> dict[str, Any]:
+    """All of a solution but its arrays, for JSON."""
     system: System = solution.system
     return {
         "format": FORMAT,
@@ -120,6 +123,7 @@ def _header(solution: Solution) -> dict[str, Any]:
         "t_end": float(solution.t_end),
         "dense": solution.sol is not None,
         "notes": [[i, event.note] for i, event in enumerate(solution.events) if event.note],
+        "ambiguity": None if solution.ambiguity is None else ambiguity_data(solution.ambiguity),
     }
 
 
@@ -139,7 +143,8 @@ def _option_data(options: Options) -> dict[str, Any]:
     return out
 
 
-def _arrays(solution: Solution) -> dict[str, Array]:
+def solution_arrays(solution: Solution) -> dict[str, Array]:
+    """The arrays of a solution, by name."""
     events, problem = list(solution.events), solution.problem
     n, m, k = problem.system.dimension, len(problem.system.surfaces), len(events)
     jumps = [i for i, event in enumerate(events) if event.x_after is not None]
@@ -167,28 +172,54 @@ def _arrays(solution: Solution) -> dict[str, Array]:
     return out
 
 
+def ambiguity_data(ambiguity: Ambiguity) -> dict[str, Any]:
+    """What can follow at a point, for JSON."""
+    data = asdict(ambiguity)
+    for candidate in data["candidates"]:
+        candidate["margin"] = candidate["margin"] if math.isfinite(candidate["margin"]) else None
+    return data
+
+
+def ambiguity_of(data: dict[str, Any]) -> Ambiguity:
+    """What `ambiguity_data` describes."""
+    candidates = tuple(
+        Successor(
+            _mode(row["mode"]),
+            _mode(row["order"]),
+            tuple(map(float, row["multipliers"])),
+            tuple(map(float, row["field"])),
+            math.inf if row["margin"] is None else float(row["margin"]),
+        )
+        for row in data["candidates"]
+    )
+    before, hit = _mode(data["before"]), _mode(data["hit"])
+    return Ambiguity(float(data["t"]), str(data["name"]), candidates, before, hit, bool(data["start"]))
+
+
 # -- reading ---------------------------------------------------------------------------------------------
 
 
-def _read_header(archive: Archive) -> dict[str, Any]:
+def read_header(archive: Archive, kind: str, version: int) -> dict[str, Any]:
+    """The header of a file of this format and version; UsageError for another."""
     content = archive.read("header").tobytes()
     try:
         header = json.loads(content)
     except (ValueError, RecursionError):
         raise archive.refuse("has a header that is not JSON") from None
-    if not isinstance(header, dict) or header.get("format") != FORMAT:
-        raise archive.refuse("is no solution written by save(solution, path)")
-    if header.get("version") != VERSION:
+    if not isinstance(header, dict) or header.get("format") != kind:
+        raise archive.refuse(f"is no {kind.removeprefix('filippov ')} written by save(path)")
+    if header.get("version") != version:
         raise archive.refuse(
             f"has format version {header.get('version')!r}, written by filippov "
             f"{header.get('filippov')!r}; this is "
-            f"filippov {package_version()!r}, which reads format version {VERSION}. Read it with the "
+            f"filippov {package_version()!r}, which reads format version {version}. Read it with the "
             f"version that wrote it"
         )
     return header
 
 
-def _system(header: dict[str, Any], given: System | None, archive: Archive) -> System:
+def stored_system_of(header: dict[str, Any], given: System | None, archive: Archive) -> System:
+    """The system of a file: the one given, if it is the same, else rebuilt from the header."""
     if given is None:
         if header["system"] is None:
             what = (
@@ -221,6 +252,8 @@ def _short(digest: Any) -> str:
 def _options(data: dict[str, Any]) -> Options:
     values: dict[str, Any] = {k: math.inf if v == "inf" else v for k, v in data.items()}
     values["stop"] = tuple(Stop(*item) for item in values["stop"])
+    if isinstance(values["nonunique"], list):
+        values["nonunique"] = tuple(values["nonunique"])
     if values["nonunique"] == "function":
         values["nonunique"] = ForgottenPolicy()
     if isinstance(values["atol"], list):
@@ -251,7 +284,9 @@ def _mode(row: Any) -> Mode:
     return tuple(int(v) for v in row)
 
 
-def _solution(header: dict[str, Any], data: dict[str, Array], system: System, dense: bool) -> Solution:
+def solution_of(header: dict[str, Any], data: dict[str, Array], system: System) -> Solution:
+    """The solution that `solution_header` and `solution_arrays` describe; ValueError where shapes differ."""
+    dense = header["dense"] is True
     n, m, k = system.dimension, len(system.surfaces), len(data["event_t"])
     steps = len(data["sol_start"]) if dense else 0
     shapes = {
@@ -273,6 +308,8 @@ def _solution(header: dict[str, Any], data: dict[str, Array], system: System, de
     solution.nfev, solution.steps, solution.rejected = (int(header[k]) for k in ("nfev", "steps", "rejected"))
     solution.t_end, solution.x_end = float(header["t_end"]), data["x_end"]
     solution.end_multipliers = data["end_multipliers"]
+    stored = header.get("ambiguity")
+    solution.ambiguity = None if stored is None else ambiguity_of(stored)
     solution.sol = None
     if dense:
         low, high = data["sol_span"].tolist()

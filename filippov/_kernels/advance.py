@@ -360,7 +360,7 @@ def advance(
                     w[W_START + 2 * i + 1] = w[W_END + 2 * i + 1]
                     if m[i] != 0.0 or order[i] > 0:
                         order[i] = 0
-                    elif order[i] == -2:
+                    elif order[i] <= -2:
                         order[i] = -1
                 # Away from the surface, or on the way back to one, the ordinary tolerance is the right one.
                 away = relative >= 0 and abs(te - clock[ROUGH_FROM]) > clock[ROUGH_SPAN]

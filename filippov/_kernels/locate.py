@@ -209,7 +209,8 @@ def locate(
     """The first event in (0, 1] of the step: (cause, surface, theta, slope of the guard by theta).
 
     order[i]: how often guard i vanishes at the start of the step (the root it starts from is divided out);
-    for a sliding surface +-2 says that its multiplier starts at an end of its set. A least value of a guard
+    for a sliding surface +-2 says that its multiplier starts at an end of its set, +-3 that the rates of both
+    sides vanish at the start. A least value of a guard
     below W_TOUCH is a touching. Cause -1: the user's code failed; -2: no sliding.
     """
     c, work, pieces = shift(w, W_C), shift(w, W_WORK), shift(w, W_PIECES)
@@ -239,8 +240,10 @@ def locate(
             if lo == 0.0 and m[i] != 0.0 and order[i] > 0:
                 degree = deflate(c, order[i])
                 allowed = 0.0
-            elif lo == 0.0 and m[i] == 0.0 and abs(order[i]) == 2:
-                degree = deflate(c, order_at_start(c, abs(w[W_NODE + i]) + abs(w[W_NODE + M + i])))
+            elif lo == 0.0 and m[i] == 0.0 and abs(order[i]) >= 2:
+                # At a two-fold (3) both rates vanish: their size at the start is rounding.
+                spread = abs(w[W_NODE + i]) + abs(w[W_NODE + M + i]) if abs(order[i]) == 2 else 1e300
+                degree = deflate(c, order_at_start(c, spread))
             elif allowed > 0.0:
                 # A dip below 0 no deeper than rounding is a touching, not two crossings.
                 if stands_still(c, allowed, step, i, w):

@@ -17,6 +17,8 @@ from filippov.commands.values import (
     numbers,
     one_of,
     pair,
+    policy,
+    releases,
     state,
     switch,
     text,
@@ -96,10 +98,18 @@ START = (
     Option("max_steps", "budget of steps", whole, metavar="N"),
     Option("max_events", "budget of events", whole, metavar="N"),
     Option("max_time", "budget of wall-clock seconds", number, metavar="SECONDS"),
-    _choice("nonunique", "where several modes can follow: end, slide, or leave", "raise", "stick", "slip"),
+    Option("nonunique", "where several modes can follow: raise (end), stick, slip, or modes with commas of "
+           "which the first that can follow is taken: +,0; simulate also: branch (follow all)", policy,
+           metavar="POLICY"),
     _choice("zeno", "at an accumulation of events: end, or go on in the limit mode", "stop", "continue"),
     Option("stop", "end at an event: SURFACE, SURFACE:KIND or SURFACE:KIND:COUNT; can be repeated", texts,
            metavar="EVENT", repeat=True),
+)  # fmt: skip
+TREE = (
+    Option("max_branches", "with --nonunique branch: most solutions", whole, metavar="N"),
+    Option("max_depth", "with --nonunique branch: most decisions along one", whole, metavar="N"),
+    Option("release_times", "with --nonunique branch: departures from sliding that can be left at any time, "
+           "one whole number or times with commas", releases, metavar="N|T,T,..."),
 )  # fmt: skip
 SECTION = (
     Option("surface", "surface of the section, where the model proposes none", text, metavar="NAME"),
@@ -117,7 +127,8 @@ _ALL = (
         "simulate",
         (MODEL, PARAMETERS, *START, *TOLERANCES,
          Option("points", "equally spaced rows of trajectory.csv; default: the ends of the steps", whole,
-                metavar="N")),
+                metavar="N"),
+         *TREE),
         "filippov simulate hunting -p P=20 --x0 x=0.1 --t-span 0 50 -o results/run",
     ),
     Command(

@@ -34,6 +34,13 @@ def run(settings: dict[str, Any], console: Console) -> int:
     loaded = load_model(settings["model"])
     problem = loaded.problem(settings)
     folder = Folder(settings["output"], console)
+    if settings.get("nonunique") == "branch":
+        from filippov.commands import simulate_tree
+
+        return simulate_tree.run(loaded.name, problem, settings, console, folder)
+    for name in ("max_branches", "max_depth", "release_times"):
+        if settings.get(name) is not None:
+            raise UsageError(f"--{name.replace('_', '-')} needs --nonunique branch.")
     solution = solved(problem, settings, console, dense=folder.path is not None)
     summary = summarise(loaded.name, solution)
     states = problem.system.states
@@ -56,14 +63,21 @@ def run(settings: dict[str, Any], console: Console) -> int:
 
 def solved(problem: Problem, settings: Mapping[str, Any], console: Console, dense: bool) -> Solution:
     """The solution with the solver's settings; `dense` keeps what lies between the events, for files."""
-    options = {name: settings[name] for name in SOLVER if settings.get(name) is not None}
-    stops = [parse_stop(text) for text in settings.get("stop") or ()]
+    if settings.get("nonunique") == "branch":
+        raise UsageError("--nonunique branch gives a tree of solutions; this command needs one solution.")
     with console.progress("simulate") as progress:
         start = problem.t_span[0]
-        return solve(
+        solution: Solution = solve(
             problem, progress=lambda t, end: progress(abs(t - start), abs(end - start), f"t = {t:.6g}"),
-            stop=stops, dense_output=dense, **options,
+            dense_output=dense, **solver_options(settings),
         )  # fmt: skip
+    return solution
+
+
+def solver_options(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """What the settings say about the solver, as its keywords."""
+    options = {name: settings[name] for name in SOLVER if settings.get(name) is not None}
+    return options | {"stop": [parse_stop(text) for text in settings.get("stop") or ()]}
 
 
 def exit_code(solution: Solution) -> int:

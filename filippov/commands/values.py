@@ -12,6 +12,9 @@ from typing import Any
 from filippov.errors import ModelError, UsageError
 from filippov.names import unknown
 
+# As in `filippov.options`, which is not imported for a help text.
+POLICIES = ("raise", "stick", "slip", "branch")
+
 
 def number(value: Any, name: str) -> float:
     """A finite number: 0.5, "1e-3", "pi/2"."""
@@ -150,6 +153,23 @@ def destination(value: Any, name: str) -> str | bool:
     if value is None:
         return True
     return value if isinstance(value, bool) else text(value, name)
+
+
+def policy(value: Any, name: str) -> str | list[str]:
+    """A policy by name, or modes with commas (or a list of them)."""
+    if isinstance(value, str) and value in POLICIES:
+        return value
+    found = [piece for item in texts(value, name) for piece in parts(item)]
+    if not found or any(set(mode) - set("+0-") for mode in found):
+        raise UsageError(f"{unknown(f'value of {name}:', value, POLICIES)}; or modes with commas: +,0")
+    return found
+
+
+def releases(value: Any, name: str) -> int | list[float]:
+    """One whole number, or times."""
+    found = numbers(value, name)
+    alone = len(found) == 1 and not isinstance(value, list) and "." not in str(value)
+    return whole(found[0], name) if alone else found
 
 
 def switch(value: Any, name: str) -> bool:

@@ -1,0 +1,108 @@
+"""Points at which the inclusion does not say which mode follows: their names, and what can follow (U2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from filippov.events import Mode
+from filippov.machine import Array
+from filippov.modes import Point, Successor, leading_term
+
+CORNER, REPELLING = "ambiguous corner", "repelling sliding"
+VISIBLE, INVISIBLE, MIXED = "visible two-fold", "invisible two-fold", "visible-invisible two-fold"
+TANGENCY, STICTION = "visible tangency", "sliding or slip"
+
+
+@dataclass(frozen=True)
+class Ambiguity:
+    """A point from which several modes are consistent.
+
+    t           time
+    name        "repelling sliding", "visible two-fold", "invisible two-fold", "visible-invisible two-fold",
+                "visible tangency", "sliding or slip" or "ambiguous corner"
+    candidates  every consistent next mode
+    before      the mode in which the point was reached
+    hit         numbers of the surfaces that were reached there
+    start       whether it is the initial state
+    """
+
+    t: float
+    name: str
+    candidates: tuple[Successor, ...]
+    before: Mode
+    hit: tuple[int, ...]
+    start: bool
+
+    def __str__(self) -> str:
+        return f"{self.name}, one of {len(self.candidates)}: {listing(self.candidates)}"
+
+
+def listing(candidates: Sequence[Successor]) -> str:
+    """Candidates as text."""
+    return "; ".join(str(candidate) for candidate in candidates)
+
+
+def name_point(
+    point: Point, met: Sequence[int], candidates: Sequence[Successor]
+) -> tuple[str, tuple[Successor, ...]]:
+    """What the point is called where several modes follow, or where two folds meet; else "".
+
+    The candidates come back with what the name tells about their orders: sliding that starts at a two-fold
+    repels where both folds are visible and attracts where both are invisible; the rates, which are zero
+    there, do not show it. Names after Kuznetsov, Rinaldi & Gragnani 2003, in the direction of integration.
+    """
+    name, surface = _name(point, met, candidates)
+    order = {VISIBLE: -3, INVISIBLE: 3}.get(name, 0)
+    if order == 0:
+        return name, tuple(candidates)
+    return name, tuple(
+        replace(c, order=tuple(order if i == surface else v for i, v in enumerate(c.order)))
+        if c.mode[surface] == 0 and sum(v == 0 for v in c.mode) == 1
+        else c
+        for c in candidates
+    )
+
+
+def _name(point: Point, met: Sequence[int], candidates: Sequence[Successor]) -> tuple[str, int]:
+    """The name of a point and the surface it is about, -1 for a corner."""
+    machine = point.machine
+    differ = sorted({i for c in candidates for i in met if c.mode[i] != candidates[0].mode[i]})
+    if len(candidates) > 1 and len(differ) != 1:
+        return CORNER, -1
+    able = [i for i in met if machine.roles[i] == "switching" and machine.widths[i] == 0.0]
+    able = [i for i in able if not machine.contacts[i]]
+    if not differ and len(able) != 1:
+        return "", -1
+    surface = differ[0] if differ else able[0]
+    if surface not in able:
+        return CORNER if differ else "", -1
+    sides = [_side(point, candidates[0], surface, sign) for sign in (1.0, -1.0)]
+    if any(side is None for side in sides):
+        return CORNER if differ else "", -1
+    (plus, leaves_up), (minus, leaves_down) = (side for side in sides if side is not None)
+    if plus > 1 and minus > 1:
+        return {2: VISIBLE, 1: MIXED, 0: INVISIBLE}[leaves_up + leaves_down], surface
+    if not differ:
+        return "", -1
+    if leaves_up and leaves_down:
+        return REPELLING if plus == minus == 1 else TANGENCY, surface
+    return STICTION, surface
+
+
+def _side(point: Point, beside: Successor, surface: int, sign: float) -> tuple[int, bool] | None:
+    """Order with which the field of one side leaves the surface, and whether it does so to its own side."""
+    mode: Array = np.array(beside.mode, dtype=float)
+    mode[surface] = sign
+    lam = np.array(beside.multipliers)
+    g, gt = point.gradients(mode)
+    size = float(np.sum(np.abs(g[surface] * point.x)) + abs(gt[surface] * point.t))
+    term = leading_term(point, mode, lam, partial(_guard, surface), size)
+    return None if term is None or term[0] == 0 else (term[0], term[1] > 0)
+
+
+def _guard(surface: int, rows: Array) -> Array:
+    return np.asarray(rows[:, 0, surface])
