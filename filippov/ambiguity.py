@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
+from filippov._kernels import codes
+from filippov.errors import UsageError
 from filippov.events import Mode
-from filippov.machine import Array
-from filippov.modes import Point, Successor, leading_term
+from filippov.machine import Array, Machine
+from filippov.modes import Point, Successor, leading_term, successors
+from filippov.options import Options
+from filippov.problem import Problem
+from filippov.run import Run
+from filippov.status import mode_text
 
 CORNER, REPELLING = "ambiguous corner", "repelling sliding"
 VISIBLE, INVISIBLE, MIXED = "visible two-fold", "invisible two-fold", "visible-invisible two-fold"
@@ -106,3 +113,52 @@ def _side(point: Point, beside: Successor, surface: int, sign: float) -> tuple[i
 
 def _guard(surface: int, rows: Array) -> Array:
     return np.asarray(rows[:, 0, surface])
+
+
+def picked(
+    policy: str | tuple[str, ...] | Callable[..., Any], candidates: Sequence[Successor]
+) -> Successor | None:
+    """The candidate that the option `nonunique` chooses, None where it chooses none or several."""
+    if callable(policy):
+        found = policy(list(candidates))
+        if found is None or isinstance(found, Successor):
+            return found
+        raise UsageError(
+            f"nonunique returned {found!r}, expected one of the candidates it was given, or None."
+        )
+    if policy in ("raise", "branch"):
+        return None
+    if isinstance(policy, tuple):
+        by_rank = [[c for c in candidates if mode_text(c.mode) == mode] for mode in policy]
+        fitting = next((some for some in by_rank if some), [])
+    else:
+        counts = [sum(v == 0 for v in c.mode) for c in candidates]
+        wanted = max(counts) if policy == "stick" else min(counts)
+        fitting = [c for c, n in zip(candidates, counts, strict=True) if n == wanted]
+    return fitting[0] if len(fitting) == 1 else None
+
+
+def point_of(run: Run) -> Point:
+    """The present point, with a trial step on the scale of the motion."""
+    t_end = float(run.clock[codes.T_END])
+    _, field, _, _ = run.machine.probe(run.t, 0.0, run.x, run.mode, run.lam)
+    size = float(np.max(np.abs(run.x), initial=0.0)) + 1e-3
+    speed = float(np.max(np.abs(field), initial=0.0)) + 1e-300
+    hint = float(run.clock[codes.STEP]) or np.inf
+    step = min(hint, 1e-2 * size / speed, abs(t_end - run.t) or np.inf, run.options.max_step)
+    if not np.isfinite(step):
+        step = 1e-3
+    return Point(run.machine, run.t, run.x.copy(), run.direction, run.direction * step, run.lam.copy())
+
+
+def ambiguity_at(
+    problem: Problem, options: Options, t: float, x: Array, mode: Mode, multipliers: Array
+) -> Ambiguity | None:
+    """What can follow at a point of sliding, where that is more than to go on sliding."""
+    run = Run(Machine(problem.system, options.method, problem.p), x, (t, problem.t_span[1]), options)
+    run.put(mode, (0,) * len(mode), tuple(multipliers.tolist()))
+    point, met = point_of(run), [i for i, sign in enumerate(mode) if sign == 0]
+    found = successors(point, mode, met)
+    if len(found) < 2:
+        return None
+    return Ambiguity(t, *name_point(point, met, found), mode, (), False)

@@ -11,12 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov._kernels import codes
-from filippov.ambiguity import Ambiguity, listing, name_point
+from filippov.ambiguity import Ambiguity, listing, name_point, picked, point_of
 from filippov.errors import NonUniqueError, SolveError, UsageError
 from filippov.events import Mode
 from filippov.jumps import LONGEST_CHAIN, composed, look_again, pending, starting
 from filippov.machine import Array, Machine
-from filippov.modes import Point, Successor, successors
+from filippov.modes import Successor, successors
 from filippov.names import check_known
 from filippov.options import (
     Options,
@@ -182,19 +182,6 @@ def follow(
     status, message = loop.go()
     solution = Solution(problem, run, loop.start_mode, status, message, times, loop.ambiguity)
     return Followed(solution, run.stop.copy())
-
-
-def ambiguity_at(
-    problem: Problem, options: Options, t: float, x: Array, mode: Mode, multipliers: Array
-) -> Ambiguity | None:
-    """What can follow at a point of sliding, where that is more than to go on sliding."""
-    run = Run(Machine(problem.system, options.method, problem.p), x, (t, problem.t_span[1]), options)
-    run.put(mode, (0,) * len(mode), tuple(multipliers.tolist()))
-    point, met = _point(run), [i for i, sign in enumerate(mode) if sign == 0]
-    found = successors(point, mode, met)
-    if len(found) < 2:
-        return None
-    return Ambiguity(t, *name_point(point, met, found), mode, (), False)
 
 
 def _problem(
@@ -396,7 +383,7 @@ class _Loop:
         if jump is not None and not met:
             run.put(before, (0,) * run.machine.m, tuple(run.lam))
             return self._record(before, np.zeros(run.machine.m), hit, "", jump)
-        point = _point(run)
+        point = point_of(run)
         name, candidates = name_point(point, met, successors(point, before, met))
         if len(candidates) == 1:
             return self._take(candidates[0], before, hit, name, start, jump)
@@ -404,16 +391,16 @@ class _Loop:
         where = f"at state {_state_text(run)} on {names}"
         if not candidates:
             return self._end(Status.NO_CONTINUATION, f"{where}.")
-        picked = self._choose(candidates, before, hit)
+        taken = self._choose(candidates, before, hit)
         ambiguity = Ambiguity(run.t, name, candidates, before, tuple(hit) if jump is None else (), start)
-        if picked is None:
+        if taken is None:
             self.ambiguity = ambiguity
             if jump is not None:
                 self._record(before, np.zeros(run.machine.m), hit, str(ambiguity), jump)
             backwards = ", backwards in time" if run.direction < 0 else ""
             detail = f"{name}{backwards}, {where} can follow: {listing(candidates)}."
             return self._end(Status.NON_UNIQUE, detail)
-        return self._take(picked, before, hit, str(ambiguity), start, jump)
+        return self._take(taken, before, hit, str(ambiguity), start, jump)
 
     def _choose(
         self, candidates: Sequence[Successor], before: Mode, hit: Sequence[int]
@@ -424,24 +411,7 @@ class _Loop:
             same = [c for c in candidates if c.mode == before]
             if same:
                 return same[0]
-        policy = self.options.nonunique
-        if callable(policy):
-            picked = policy(list(candidates))
-            if picked is None or isinstance(picked, Successor):
-                return picked
-            raise UsageError(
-                f"nonunique returned {picked!r}, expected one of the candidates it was given, or None."
-            )
-        if policy in ("raise", "branch"):
-            return None
-        if isinstance(policy, tuple):
-            by_rank = [[c for c in candidates if mode_text(c.mode) == mode] for mode in policy]
-            first = next((fitting for fitting in by_rank if fitting), [])
-            return first[0] if len(first) == 1 else None
-        counts = [sum(v == 0 for v in c.mode) for c in candidates]
-        wanted = max(counts) if policy == "stick" else min(counts)
-        fitting = [c for c, n in zip(candidates, counts, strict=True) if n == wanted]
-        return fitting[0] if len(fitting) == 1 else None
+        return picked(self.options.nonunique, candidates)
 
     def _take(
         self, chosen: Successor, before: Mode, hit: Sequence[int], note: str, start: bool,
@@ -512,19 +482,6 @@ class _Loop:
             rest(run, limit.surfaces)
             return self._end(Status.SUCCESS)
         return ended or self._budgets()
-
-
-def _point(run: Run) -> Point:
-    """The present point, with a trial step on the scale of the motion."""
-    t_end = float(run.clock[codes.T_END])
-    _, field, _, _ = run.machine.probe(run.t, 0.0, run.x, run.mode, run.lam)
-    size = float(np.max(np.abs(run.x), initial=0.0)) + 1e-3
-    speed = float(np.max(np.abs(field), initial=0.0)) + 1e-300
-    hint = float(run.clock[codes.STEP]) or np.inf
-    step = min(hint, 1e-2 * size / speed, abs(t_end - run.t) or np.inf, run.options.max_step)
-    if not np.isfinite(step):
-        step = 1e-3
-    return Point(run.machine, run.t, run.x.copy(), run.direction, run.direction * step, run.lam.copy())
 
 
 def _kind(before: int, after: int, hit: bool) -> EventKind | None:
