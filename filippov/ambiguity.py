@@ -148,7 +148,7 @@ def point_of(run: Run) -> Point:
     step = min(hint, 1e-2 * size / speed, abs(t_end - run.t) or np.inf, run.options.max_step)
     if not np.isfinite(step):
         step = 1e-3
-    return Point(run.machine, run.t, run.x.copy(), run.direction, run.direction * step, run.lam.copy())
+    return Point(run.machine.local, run.t, run.x.copy(), run.direction, run.direction * step, run.lam.copy())
 
 
 def ambiguity_at(

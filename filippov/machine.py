@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy.typing as npt
 from filippov._kernels.build import Compiled, build
 from filippov._kernels.callback import Callbacks, callback_unit
 from filippov._kernels.generate import Generated, generate
+from filippov._kernels.tableaus import TABLEAUS, Collocation
 from filippov._kernels.tables import NODES
 from filippov.errors import ModelError
 from filippov.system import System
@@ -58,6 +59,14 @@ class Machine:
         self.event_size = int(unit.constants["EVENT_SIZE"])  # type: ignore[arg-type]
         self.affine = bool(unit.constants["AFFINE"])
         self.calls = 0
+        self.values, self.method = p, method
+
+    @cached_property
+    def local(self) -> Machine:
+        """The machine for trial steps as short as one likes: an explicit one in place of an implicit."""
+        if not isinstance(TABLEAUS[self.method], Collocation):
+            return self
+        return Machine(self.system, "DOP853", self.values)
 
     def derived(self, values: Array) -> Array:
         """Parameters, one row a set, with room for what the field derives from them; one set is derived."""

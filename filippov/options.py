@@ -16,7 +16,7 @@ from filippov.events import Stop
 from filippov.names import unknown
 from filippov.system import System
 
-METHODS = ("DOP853", "DP5")
+METHODS = tuple(TABLEAUS)
 POLICIES = ("raise", "stick", "slip", "branch")
 SMALLEST_RTOL = 100 * np.finfo(float).eps
 

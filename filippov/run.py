@@ -159,6 +159,11 @@ class Run:
         """Field calls so far."""
         return int(self.count[codes.FIELD_CALLS]) + self.machine.calls
 
+    def factorisations(self) -> tuple[int, int]:
+        """Jacobians taken and LU factorisations made by an implicit method, as scipy counts them."""
+        place = self.machine.compiled.layout.constants
+        return int(self.machine.iw[place["I_JACOBIANS"]]), int(self.machine.iw[place["I_FACTORS"]])
+
     def scales(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """|h| and the size of its terms, for every surface at the present point."""
         machine = self.machine

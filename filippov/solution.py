@@ -70,9 +70,6 @@ class Solution:
     ambiguity   what can follow at the end of a run with status NON_UNIQUE, else None
     """
 
-    njev = 0
-    nlu = 0
-
     def __init__(
         self, problem: Problem, run: Run, start_mode: Mode, status: Status, message: str,
         t_eval: Array | None, ambiguity: Ambiguity | None = None,
@@ -83,6 +80,7 @@ class Solution:
         self.events: Events = run.events
         self.options = run.options
         self.nfev = run.calls()
+        self.njev, self.nlu = run.factorisations()
         self.steps, self.rejected = int(run.count[codes.STEPS]), int(run.count[codes.REJECTED])
         self.t_end, self.x_end, self.end_mode = run.t, run.x.copy(), run.signs
         self.end_multipliers = run.lam.copy()

@@ -31,6 +31,7 @@ from filippov.run import Run
 from filippov.solution import Solution
 from filippov.solution_tree import SolutionTree
 from filippov.status import EventKind, Status, mode_text
+from filippov.stiffness import Crawl
 from filippov.system import System
 from filippov.zeno import Limit, accumulation, rest, rests
 
@@ -92,7 +93,7 @@ def solve(
     t_eval      times of the solution's t and y; default: the ends of all steps
     throw       raise SolveError (carrying the partial solution) where the run ends early
     progress    called now and then with (t, t1)
-    method      "DOP853" (order 8) or "DP5" (order 5)
+    method      "DOP853" (order 8), "DP5" (order 5), or "Radau" (order 5, implicit) for stiff fields
     rtol, atol  relative and absolute tolerance of a step; atol may be one number a state
     first_step, max_step         bounds of the step
     max_steps, max_events, max_time   budgets (max_time in seconds); each ends in a named status
@@ -218,6 +219,7 @@ class _Loop:
         self.started = time.monotonic()
         self.start_mode: Mode = ()
         self.stalled, self.general_t = 0, np.inf
+        self.crawl = Crawl()
         self.chunk = _CHUNK if run.machine.callbacks is None else _SLOW_CHUNK
 
     def go(self) -> tuple[Status, str]:
@@ -237,9 +239,11 @@ class _Loop:
         return f"{where}: {detail + ' ' if detail else ''}{status.advice}"
 
     def _end(self, status: Status, detail: str = "") -> tuple[Status, str]:
-        if status.ok:
-            return status, f"{detail + ' ' if detail else ''}{status.advice}"
-        return status, self._sentence(status, detail)
+        sentence = f"{detail + ' ' if detail else ''}{status.advice}"
+        text = sentence if status.ok else self._sentence(status, detail)
+        slow = status in (Status.MAX_STEPS, Status.TIMEOUT, Status.MIN_STEP)
+        hint = self.crawl.hint(self.run, status.ok) if slow or status.ok else ""
+        return status, f"{text} {hint}" if hint else text
 
     def _start(self) -> tuple[Status, str] | None:
         """Mode at the initial state: by the sign of h off a surface, by classification on one (E4)."""
@@ -301,6 +305,7 @@ class _Loop:
 
     def _budgets(self) -> tuple[Status, str] | None:
         run, options = self.run, self.options
+        self.crawl.look(run)
         if run.attempts >= options.max_steps:
             return self._end(Status.MAX_STEPS)
         if time.monotonic() - self.started > options.max_time:

@@ -116,6 +116,8 @@ def solution_header(solution: Solution) -> dict[str, Any]:
         "status": solution.status.value,
         "message": solution.message,
         "nfev": int(solution.nfev),
+        "njev": int(solution.njev),
+        "nlu": int(solution.nlu),
         "steps": int(solution.steps),
         "rejected": int(solution.rejected),
         "start_mode": list(solution.start_mode),
@@ -306,6 +308,7 @@ def solution_of(header: dict[str, Any], data: dict[str, Array], system: System) 
     solution.events = _events(header, data, system)
     solution.options = _options(header["options"])
     solution.nfev, solution.steps, solution.rejected = (int(header[k]) for k in ("nfev", "steps", "rejected"))
+    solution.njev, solution.nlu = (int(header.get(k, 0)) for k in ("njev", "nlu"))
     solution.t_end, solution.x_end = float(header["t_end"]), data["x_end"]
     solution.end_multipliers = data["end_multipliers"]
     stored = header.get("ambiguity")

@@ -43,6 +43,11 @@ STEPS: dict[tuple[str, str], tuple[int, ...]] = {
     ("DOP853", "crossing"): (10, 14, 20, 28, 40),
     ("DOP853", "along sliding"): (2, 3, 4),
     ("DOP853", "entry"): (10, 14, 20, 28),
+    ("Radau", "smooth"): (14, 20, 28, 40, 56),
+    ("Radau", "crossing"): (14, 20, 28, 40, 56),
+    ("Radau", "along sliding"): (4, 5, 7, 10, 14),
+    ("Radau", "entry"): (14, 20, 28, 40, 56),
+    ("Radau", "exit"): (49, 57, 67, 79, 93),
 }
 
 
@@ -56,10 +61,10 @@ def test_order(method: str, name: str) -> None:
     assert all(run.modes == reference.modes for run in runs)
     errors = [np.max(np.abs(run.x_end - reference.x_end)) for run in runs]
     slope = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
-    assert slope > {"DP5": 5, "DOP853": 8}[method] - 0.9, (slope, errors)
+    assert slope > {"DP5": 5, "DOP853": 8, "Radau": 5}[method] - 0.9, (slope, errors)
 
 
-@pytest.mark.parametrize("method", ["DP5", "DOP853"])
+@pytest.mark.parametrize("method", ["DP5", "DOP853", "Radau"])
 @pytest.mark.parametrize("name", CASES)
 def test_error_follows_the_tolerance(name: str, method: str) -> None:
     system, x0, end, _ = CASES[name]

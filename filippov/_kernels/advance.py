@@ -73,11 +73,13 @@ from filippov._kernels.model import (
     END_IN_ERROR,
     I_CALLS,
     I_SLIDING,
+    IMPLICIT,
     RESET_FROM,
     RESETS,
     ROLE,
     ROUGH,
     STAGES,
+    W_ATOL,
     W_ATTRACT,
     W_BEFORE,
     W_DIRECTION,
@@ -89,6 +91,7 @@ from filippov._kernels.model import (
     W_K,
     W_MULT,
     W_RADIUS,
+    W_RTOL,
     W_START,
     W_TOUCH,
     W_XE,
@@ -100,6 +103,7 @@ from filippov._kernels.model import (
     radii,
     stages,
 )
+from filippov._kernels.radau_tables import NOT_CONVERGED
 from filippov._kernels.record import record_event, store_step
 from filippov._kernels.reset import apply_reset, resets_from
 from filippov._kernels.resolve import resolve_exit, resolve_root, side_rates
@@ -231,6 +235,10 @@ def advance(
     for i in range(M):
         w[W_MULT + i * COLUMNS + MULTIPLIER] = lam[i]
     iw[I_CALLS] = 0
+    if IMPLICIT:
+        w[W_RTOL] = rtol
+        for j in range(N):
+            w[W_ATOL + j] = atol[j]
     code = REACHED
     while True:
         t = clock[T]
@@ -318,6 +326,8 @@ def advance(
             if surface < 0:
                 if length <= 4.0 * EPS * abs(t) or length < 1e-300:
                     code = NO_SLIDING if failed == 2 else NOT_FINITE
+                    if failed == NOT_CONVERGED:
+                        code = MIN_STEP
                     break
                 continue
             # The surface is one rounding away: the motion has arrived, without a step across.
@@ -374,6 +384,10 @@ def advance(
             if failed == 1:
                 code = USER_ERROR
                 break
+            if failed == NOT_CONVERGED:
+                count[REJECTED] += 1
+                clock[STEP] = 0.25 * abs(step)
+                continue
             te = clock[T_END] if last and theta >= 1.0 else t + length
             if (te - clock[T_END]) * direction > 0.0:
                 te = clock[T_END]

@@ -19,7 +19,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from filippov._kernels import codes, layout, tables
+from filippov._kernels import codes, layout, radau_tables, tables
 from filippov._kernels.compiler import compile_unit, load_object
 from filippov._kernels.layout import Layout
 from filippov._kernels.method import method_constants, method_source
@@ -83,7 +83,7 @@ def _toolchain() -> bytes:
 def _shared() -> tuple[dict[str, Constant], tuple[str, ...]]:
     """Constants and texts that are the same in every unit."""
     constants: dict[str, Constant] = {"NAN": float("nan"), "INF": float("inf")}
-    for module in (codes, tables, layout):
+    for module in (codes, tables, radau_tables, layout):
         constants |= {
             name: value
             for name, value in vars(module).items()

@@ -10,6 +10,7 @@ from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.locate import guard_rows
 from filippov._kernels.model import (
     I_SLIDING,
+    IMPLICIT,
     RESET_FROM,
     ROLE,
     W_F,
@@ -112,7 +113,8 @@ def land(
         if abs(delta) <= 2.0 * EPS * abs(te) or (attempt > 2 and abs(value) >= last):
             break
         last = abs(value)
-        if abs(delta) > 1e-5 * abs(step):
+        # An explicit correction of a stiff field is no small one.
+        if IMPLICIT or abs(delta) > 1e-5 * abs(step):
             length += delta
             dense_length = length
             code = stages(t, x, p, m, length, xe, w, iw, ctx)

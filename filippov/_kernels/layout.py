@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from filippov._kernels.tableaus import Tableau
+from filippov._kernels.radau_tables import MEMORY
+from filippov._kernels.tableaus import Collocation, Method
 from filippov._kernels.tables import DEGREE, DEPTH, NODES
 
 SPLITS, CHECKS = 10, 2
@@ -20,11 +21,13 @@ class Layout:
     powers: int
 
 
-def layout(n: int, m: int, affine: bool, tableau: Tableau) -> Layout:
+def layout(n: int, m: int, affine: bool, tableau: Method) -> Layout:
     """Offsets W_... (doubles) and I_... (integers) for n states and m surfaces."""
     vertices = m + 1 if affine else 2 ** min(m, MOST_ENUMERATED) + 1
     side = max(m, 1)
     powers = len(tableau.dense[0])
+    # What an implicit method keeps from step to step; nothing for an explicit one.
+    implicit = n if isinstance(tableau, Collocation) else 0
     sizes = {
         "S": m,
         "G": m * n,
@@ -59,11 +62,30 @@ def layout(n: int, m: int, affine: bool, tableau: Tableau) -> Layout:
         "STACK": (DEPTH + 3) * NODES,
         "BOUNDS": (DEPTH + 3) * 2,
         "PIECES": (4 * SPLITS + 8) * 3,
+        "ATOL": implicit,
+        "RTOL": 1,
+        "SCALE": implicit,
+        "JAC": implicit * n,
+        "JAC_X": implicit,
+        "JAC_MODE": m if implicit else 0,
+        "LU": implicit * n,
+        "REAL": implicit * n,
+        "IMAG": implicit * n,
+        "Z": 3 * implicit,
+        "W": 3 * implicit,
+        "PAST": 3 * implicit,
+        "REACHED": implicit,
+        "DIFF": 3 * implicit,
+        "ERROR": implicit,
+        "MEMORY": MEMORY,
     }
     constants: dict[str, int] = {"SIDE": side, "DEGREE": DEGREE, "NODES": NODES}
     position = 0
     for name, size in sizes.items():
         constants[f"W_{name}"] = position
         position += size
-    constants |= {"I_SLIDING": 0, "I_LIST": 1, "I_CALLS": m + 1}
-    return Layout(constants, position, m + 2, powers)
+    counters = ("CALLS", "JACOBIANS", "FACTORS", "KNOWN")
+    constants |= {"I_SLIDING": 0, "I_LIST": 1}
+    constants |= {f"I_{name}": m + 1 + k for k, name in enumerate(counters)}
+    constants |= {"I_PIVOTS": m + 1 + len(counters), "I_TWINS": m + 1 + len(counters) + implicit}
+    return Layout(constants, position, m + 1 + len(counters) + 2 * implicit, powers)

@@ -1,8 +1,15 @@
-"""Source text of the method's part of a compiled unit: stages and error terms, the tableau written out."""
+"""Source text of the method's part of a compiled unit: stages and error terms.
 
-from filippov._kernels.tableaus import Row, Tableau
+Those of an explicit method are its tableau written out; those of an implicit one are kernel files.
+"""
+
+from pathlib import Path
+
+from filippov._kernels.tableaus import Collocation, Method, Row, Tableau
 from filippov._kernels.unit import Constant
 
+_FOLDER = Path(__file__).parent
+_IMPLICIT = ("dense_lu", "radau")
 _SIGNATURE = "t: float, x: Vector, p: Vector, m: Vector"
 _SCRATCH = "w: Vector, iw: Indices, ctx: Indices"
 
@@ -32,8 +39,14 @@ def _stage(row: Row, node: float, target: int) -> list[str]:
     ]
 
 
-def method_source(tableau: Tableau) -> str:
+def method_source(method: Method) -> str:
     """The functions `stages`, `extra_stages` and `error_terms` of the interface in `model`."""
+    if isinstance(method, Collocation):
+        return "\n\n".join((_FOLDER / f"{name}.py").read_text(encoding="utf-8") for name in _IMPLICIT)
+    return _explicit_source(method)
+
+
+def _explicit_source(tableau: Tableau) -> str:
     lines = ["@contract", f"def stages({_SIGNATURE}, step: float, y: Vector, {_SCRATCH}) -> int:"]
     for target, (row, node) in enumerate(zip(tableau.main, tableau.main_nodes, strict=False), start=1):
         lines += _stage(row, node, target)
@@ -54,13 +67,14 @@ def method_source(tableau: Tableau) -> str:
     return "\n".join(lines)
 
 
-def method_constants(tableau: Tableau) -> dict[str, Constant]:
+def method_constants(tableau: Method) -> dict[str, Constant]:
     """The constants of the interface in `model` that belong to the method."""
     return {
         "STAGES": tableau.stages,
         "EXTRA": len(tableau.extra),
         "DEGREE_DENSE": len(tableau.dense[0]) - 1,
-        "ORDER": tableau.order,
+        "ORDER": tableau.error_order if isinstance(tableau, Collocation) else tableau.order,
+        "IMPLICIT": isinstance(tableau, Collocation),
         "END_IN_ERROR": tableau.end_in_error,
         "DENSE": [value for row in tableau.dense for value in row],
     }

@@ -10,6 +10,7 @@ its hysteresis. AFFINE: the field is jointly affine in the signs. ROUGH: it may 
 RESET_FROM[i]: the side from which surface i resets the state, 2 for both, 0 for none; CONTACT[i]: the side on
 which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are any. EVENT_SIZE: doubles of an
 event.
+ORDER: power of the step that the error estimate goes with. IMPLICIT: the stages are solved for.
 DENSE: powers of the dense output, a row a stage. W_..., I_...: places in the scratch.
 """
 
@@ -20,7 +21,7 @@ from filippov._kernels.tableaus import DOP853
 N, M, P = 1, 1, 1
 AFFINE, ROUGH, ALL_LINEAR = True, False, True
 STAGES, EXTRA, DEGREE_DENSE = 13, 3, 7
-ORDER, END_IN_ERROR = 8, False
+ORDER, END_IN_ERROR, IMPLICIT = 8, False, False
 ROLE: list[int] = [0]
 LINEAR: list[int] = [1]
 WIDTH: list[float] = [0.0]
@@ -63,9 +64,30 @@ W_WORK = _PLACE["W_WORK"]
 W_STACK = _PLACE["W_STACK"]
 W_BOUNDS = _PLACE["W_BOUNDS"]
 W_PIECES = _PLACE["W_PIECES"]
+W_ATOL = _PLACE["W_ATOL"]
+W_RTOL = _PLACE["W_RTOL"]
+W_SCALE = _PLACE["W_SCALE"]
+W_JAC = _PLACE["W_JAC"]
+W_JAC_X = _PLACE["W_JAC_X"]
+W_JAC_MODE = _PLACE["W_JAC_MODE"]
+W_LU = _PLACE["W_LU"]
+W_REAL = _PLACE["W_REAL"]
+W_IMAG = _PLACE["W_IMAG"]
+W_Z = _PLACE["W_Z"]
+W_W = _PLACE["W_W"]
+W_PAST = _PLACE["W_PAST"]
+W_REACHED = _PLACE["W_REACHED"]
+W_DIFF = _PLACE["W_DIFF"]
+W_ERROR = _PLACE["W_ERROR"]
+W_MEMORY = _PLACE["W_MEMORY"]
 I_SLIDING = _PLACE["I_SLIDING"]
 I_LIST = _PLACE["I_LIST"]
 I_CALLS = _PLACE["I_CALLS"]
+I_JACOBIANS = _PLACE["I_JACOBIANS"]
+I_FACTORS = _PLACE["I_FACTORS"]
+I_KNOWN = _PLACE["I_KNOWN"]
+I_PIVOTS = _PLACE["I_PIVOTS"]
+I_TWINS = _PLACE["I_TWINS"]
 
 
 @kernel
@@ -113,7 +135,10 @@ def resets(i: int, t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: 
 def stages(
     t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Vector, iw: Indices, ctx: Indices
 ) -> int:
-    """Stages from the first on, all but the one at the end of the step; leaves that end in y."""
+    """Stages from the first on, all but the one at the end of the step; leaves that end in y.
+
+    Returns 0, a code of `field`, or 3 where an implicit method does not converge.
+    """
     y[0] = x[0]
     return 0
 

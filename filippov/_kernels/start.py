@@ -5,6 +5,7 @@ from filippov._kernels.land import EPS, guard_scale
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import COLUMNS, MULTIPLIER
 from filippov._kernels.model import (
+    I_KNOWN,
     ROLE,
     W_DIRECTION,
     W_F,
@@ -110,6 +111,7 @@ def begin(
     """Mode at (t, x): REACHED where it is found, GENERAL where the general path has to decide."""
     h = shift(w, W_H)
     w[W_DIRECTION] = direction
+    iw[I_KNOWN] = 0
     for i in range(M):
         m[i] = 1.0
         order[i] = 0

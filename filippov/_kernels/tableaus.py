@@ -2,12 +2,15 @@
 
 DOP853: Hairer, Norsett & Wanner 1993, section II.5 and their Fortran code of that name (order 8, error
 estimates of orders 5 and 3, dense output of order 7). DP5: Dormand & Prince 1980 (order 5, error estimate of
-order 4) with the quartic interpolant of Shampine 1986.
+order 4) with the quartic interpolant of Shampine 1986. Radau: Radau IIA with three stages, Hairer & Wanner
+1996, section IV.8 (order 5, error estimate of order 3, collocation polynomial of degree 3).
 
 Stage numbers count from 0; the last of the main stages is the field at the end of the step.
 """
 
 from dataclasses import dataclass
+
+from filippov._kernels.radau_tables import dense_rows
 
 Row = dict[int, float]
 
@@ -232,4 +235,29 @@ DOP853 = Tableau(
     "DOP853", 8, _DOP853_A, _DOP853_C, _DOP853_EXTRA, _DOP853_EXTRA_C, _DOP853_ERRORS, _dop853_dense()
 )
 DP5 = Tableau("DP5", 5, _DP5_A, _DP5_C, (), (), _DP5_ERRORS, _dp5_dense())
-TABLEAUS = {tableau.name: tableau for tableau in (DOP853, DP5)}
+
+
+@dataclass(frozen=True)
+class Collocation:
+    """An implicit method whose stages are solved for together; `dense` is its collocation polynomial.
+
+    Stages: the field at the start, those inside the step, and the field at the end, which closes the step.
+    error_order: power of the step that the local error estimate goes with.
+    """
+
+    name: str
+    order: int
+    error_order: int
+    dense: tuple[tuple[float, ...], ...]
+    extra: tuple[Row, ...] = ()
+    end_in_error: bool = False
+
+    @property
+    def stages(self) -> int:
+        """Stages, with the fields at both ends of the step."""
+        return len(self.dense)
+
+
+RADAU = Collocation("Radau", 5, 4, dense_rows())
+Method = Tableau | Collocation
+TABLEAUS: dict[str, Method] = {method.name: method for method in (DOP853, DP5, RADAU)}

@@ -27,6 +27,7 @@ from filippov.commands.values import (
     whole,
 )
 from filippov.configuration import Option
+from filippov.options import METHODS
 
 
 def _choice(name: str, help_text: str, *known: str, default: str | None = None) -> Option:
@@ -87,7 +88,7 @@ COMMON = (
 TOLERANCES = (
     Option("rtol", "relative tolerance of a step", number, metavar="R"),
     Option("atol", "absolute tolerance: one number, or one a state with commas", tolerance, metavar="A"),
-    _choice("method", "order 8 (the default) or order 5", "DOP853", "DP5"),
+    _choice("method", "order 8 (the default), order 5, or order 5 for stiff fields", *METHODS),
 )
 START = (
     Option("x0", "initial state: x=0.1,v=0 (the others as in the model) or all in order: 0.1,0,0", state,
