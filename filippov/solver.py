@@ -239,11 +239,8 @@ class _Loop:
         return f"{where}: {detail + ' ' if detail else ''}{status.advice}"
 
     def _end(self, status: Status, detail: str = "") -> tuple[Status, str]:
-        sentence = f"{detail + ' ' if detail else ''}{status.advice}"
-        text = sentence if status.ok else self._sentence(status, detail)
-        slow = status in (Status.MAX_STEPS, Status.TIMEOUT, Status.MIN_STEP)
-        hint = self.crawl.hint(self.run, status.ok) if slow or status.ok else ""
-        return status, f"{text} {hint}" if hint else text
+        text = f"{detail} {status.advice}".lstrip() if status.ok else self._sentence(status, detail)
+        return status, text + self.crawl.hint(self.run, status)
 
     def _start(self) -> tuple[Status, str] | None:
         """Mode at the initial state: by the sign of h off a surface, by classification on one (E4)."""

@@ -11,10 +11,12 @@ import numpy as np
 
 from filippov._kernels import codes
 from filippov.run import Run
+from filippov.status import Status
 
 # step * |lambda| above which stability limits the step, two thirds of where it ends.
 LIMITS = {"DOP853": 4.0, "DP5": 2.2}
 LONG = 20_000
+SLOW = (Status.MAX_STEPS, Status.TIMEOUT, Status.MIN_STEP)
 _SPACING = 256
 
 
@@ -37,15 +39,16 @@ class Crawl:
         if rate * step >= LIMITS[run.options.method]:
             self.rate, self.step = rate, step
 
-    def hint(self, run: Run, ended_well: bool) -> str:
+    def hint(self, run: Run, status: Status) -> str:
         """A sentence where most looks found the step held down; after a good end only for many steps."""
-        if run.options.method not in LIMITS or (ended_well and run.attempts < LONG):
+        asked = status in SLOW or (status.ok and run.attempts >= LONG)
+        if run.options.method not in LIMITS or not asked:
             return ""
         self.look(run, now=True)
         if np.median(self.products) < LIMITS[run.options.method]:
             return ""
         return (
-            f"The field is stiff here (decay at a rate of {self.rate:.1g}, steps of {self.step:.1g}): "
+            f" The field is stiff here (decay at a rate of {self.rate:.1g}, steps of {self.step:.1g}): "
             "method='Radau'."
         )
 

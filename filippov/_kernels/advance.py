@@ -325,9 +325,7 @@ def advance(
             clock[STEP] = length
             if surface < 0:
                 if length <= 4.0 * EPS * abs(t) or length < 1e-300:
-                    code = NO_SLIDING if failed == 2 else NOT_FINITE
-                    if failed == NOT_CONVERGED:
-                        code = MIN_STEP
+                    code = NO_SLIDING if failed == 2 else MIN_STEP if failed == NOT_CONVERGED else NOT_FINITE
                     break
                 continue
             # The surface is one rounding away: the motion has arrived, without a step across.
