@@ -18,15 +18,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import sympy
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from filippov.analysis.record import Curve, Record
+from filippov.analysis.record import Record
 from filippov.ensemble import solve_many
 from filippov.errors import UsageError
 from filippov.names import unknown
-from filippov.symbols import t as t_symbol
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
@@ -112,7 +110,7 @@ def identify(
 
     Raises UsageError for unknown names and too few samples.
     """
-    names = _check(system, free, start, fixed, hold)
+    names = check_names(system, free, start, fixed, hold)
     count = len(record.t)
     number = max(1, round(count / 200)) if windows is None else windows
     if number < 1 or count < 4 * number or count - 2 * number <= len(names) + 1:
@@ -124,7 +122,7 @@ def identify(
     guess = dict(zip(system.parameters.names, system.parameters.resolve(fixed), strict=True))
     guess |= dict(start or {})
     first = np.concatenate(([guess[name] for name in names], model.initial_states().ravel()))
-    low, high = _bounds(system, names)
+    low, high = parameter_bounds(system, names)
     unbounded = np.full(first.size - len(names), np.inf)
     low, high = np.append(low, -unbounded), np.append(high, unbounded)
     cache: dict[bytes, tuple[Array, Array]] = {}
@@ -147,92 +145,24 @@ def identify(
         bounds=(low, high), x_scale=scale, xtol=1e-10, ftol=1e-10, gtol=1e-12,
     )  # fmt: skip
     residual, jacobian = evaluate(np.asarray(found.x))
-    return _estimate(
+    return estimate(
         names, found.x, residual, jacobian, level, record.t, record.x, record.x + residual[: count],
         bool(found.success), str(found.message),
     )  # fmt: skip
 
 
-def friction_force(system: System, v: Array, values: Mapping[str, float]) -> Array:
-    """F(v) [N] of a driven mass off v = 0: what it takes to keep the velocity v, shape of v.
-
-    Raises UsageError for a system without the input's parameters.
-    """
-    p = system.parameters.resolve({**values, "force": 0.0, "interval": 1.0})
-    return np.asarray(_force_function(system)(v, p))
-
-
-def _force_function(system: System) -> Callable[[Array, Array], Array]:
-    form = system.symbolic
-    if form is None or not set(INPUT) <= set(system.parameters.names):
-        raise UsageError("friction_force needs a driven mass: filippov.models.driven.driven_mass(law).")
-    mass = next(q for q in form.p if q.name == "m")
-    force = sympy.lambdify([form.x, form.p, form.s, form.a, t_symbol], -mass * form.field[1], "numpy")
-
-    def evaluate(v: Array, p: Array) -> Array:
-        signs = np.sign(v)[None, :].repeat(len(form.s), axis=0)
-        sizes = np.abs(v)[None, :].repeat(len(form.s), axis=0)
-        values = force((0.0 * v, v), p, signs, sizes, 0.0)
-        return np.asarray(np.broadcast_to(np.asarray(values, dtype=float), v.shape))
-
-    return evaluate
-
-
-def identify_curve(
-    curve: Curve,
-    system: System,
-    free: Sequence[str],
-    *,
-    start: Mapping[str, float] | None = None,
-    fixed: Mapping[str, float] | None = None,
-    level: float = 0.95,
-) -> Identified:
-    """Estimate parameters of a friction law from points (v, F), v != 0, by least squares of the force.
-
-    Other arguments as in `identify`. The minimisation starts from several places, because vs and the
-    exponent of a steep curve have local minima. Raises UsageError.
-    """
-    names = _check(system, free, start, fixed, "zero")
-    moving = curve.v != 0
-    v, friction = curve.v[moving], curve.friction[moving]
-    if v.size <= len(names) + 1:
-        raise UsageError(f"{v.size} points with v != 0 are too few for {len(names)} parameters.")
-    force = _force_function(system)
-    base = system.parameters.resolve({**(fixed or {}), **(start or {})})
-    places = [system.parameters.index(name) for name in names]
-    low, high = _bounds(system, names)
-
-    def misfit(theta: Array) -> Array:
-        p = base.copy()
-        p[places] = theta
-        with np.errstate(all="ignore"):
-            return np.nan_to_num(friction - force(v, p), nan=1e6, posinf=1e6, neginf=-1e6)
-
-    best = None
-    for factor in (1.0, 0.3, 3.0, 0.1, 10.0):
-        guess = np.clip(base[places] * factor, np.nextafter(low, np.inf), high)
-        found = least_squares(misfit, guess, bounds=(low, high), x_scale=np.maximum(np.abs(guess), 1e-6))
-        if best is None or found.cost < best.cost * (1 - 1e-9):
-            best = found
-    assert best is not None
-    residual = misfit(best.x)
-    order = np.argsort(v)
-    return _estimate(
-        names, best.x, residual, best.jac, level, v[order], friction[order], (friction - residual)[order],
-        bool(best.success), str(best.message),
-    )  # fmt: skip
-
-
-def _bounds(system: System, names: Sequence[str]) -> tuple[Array, Array]:
+def parameter_bounds(system: System, names: Sequence[str]) -> tuple[Array, Array]:
+    """Least and largest values that the parameters declare."""
     declared = [system.parameters[name] for name in names]
     low = np.array([-np.inf if q.lower is None else q.lower for q in declared])
     return low, np.array([np.inf if q.upper is None else q.upper for q in declared])
 
 
-def _estimate(
+def estimate(
     names: Sequence[str], theta: Array, residual: Array, jacobian: Array, level: float, t: Array,
     measured: Array, fitted: Array, success: bool, message: str,
 ) -> Identified:  # fmt: skip
+    """Values, errors and intervals of the first parameters from residuals and their Jacobian."""
     degrees = residual.size - theta.size
     variance = float(residual @ residual) / degrees
     scale = np.linalg.norm(jacobian, axis=0)
@@ -253,10 +183,11 @@ def _estimate(
     )  # fmt: skip
 
 
-def _check(
+def check_names(
     system: System, free: Sequence[str], start: Mapping[str, float] | None,
     fixed: Mapping[str, float] | None, hold: str,
 ) -> tuple[str, ...]:  # fmt: skip
+    """The free parameters' names, each once; UsageError for unknown ones and a system without an input."""
     known = [name for name in system.parameters.names if name not in INPUT]
     if not set(INPUT) <= set(system.parameters.names) or system.states[:2] != ("x", "v"):
         raise UsageError(

@@ -38,7 +38,7 @@ def plot_identification(
     with style():
         drawn = figure if figure is not None else new_figure(9.2, 4.2)
         if points is None:
-            left, right = np.ravel(drawn.subfigures(1, 2, width_ratios=(1.25, 1.0)))
+            left, right = drawn.subfigures(1, 2, width_ratios=(1.25, 1.0), squeeze=False)[0]
             _motion(left, result)
         else:
             right = drawn

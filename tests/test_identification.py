@@ -7,7 +7,8 @@ import pytest
 from command import summary
 
 from filippov import UsageError, solve
-from filippov.analysis.identification import Identified, friction_force, identify, identify_curve
+from filippov.analysis.friction_curve import friction_force, identify_curve
+from filippov.analysis.identification import Identified, identify
 from filippov.analysis.record import Curve, Record, read_record
 from filippov.cli import main
 from filippov.models import get

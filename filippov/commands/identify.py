@@ -21,6 +21,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
         raise UsageError("which file? give DATA.csv with t, x and u (or force), or v and friction.")
     record_module = importlib.import_module("filippov.analysis.record")
     module = importlib.import_module("filippov.analysis.identification")
+    curves = importlib.import_module("filippov.analysis.friction_curve")
     laws = importlib.import_module("filippov.models.laws")
     record = record_module.read_record(settings["data"])
     law = getattr(laws, LAWS[settings["law"]])
@@ -36,7 +37,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
     options: dict[str, Any] = {"start": settings["start"], "fixed": fixed, "level": settings["level"]}
     with console.progress("identify") as progress:
         if curve:
-            result = module.identify_curve(record, system, free, **options)
+            result = curves.identify_curve(record, system, free, **options)
         else:
             result = module.identify(
                 record, system, free, windows=settings["windows"], hold=settings["hold"],
@@ -51,7 +52,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
     folder.csv("fit.csv", names, zip(*(column.tolist() for column in columns), strict=True))
 
     def force(v: Any, values: dict[str, float]) -> Any:
-        return module.friction_force(system, v, {**fixed, **values})
+        return curves.friction_force(system, v, {**fixed, **values})
 
     points = (record.v, record.friction) if curve else None
     folder.picture(

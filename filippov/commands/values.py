@@ -92,6 +92,20 @@ def named_numbers(value: Any, name: str) -> dict[str, float]:
     return {key: number(item, f"{name}: {key}") for key, item in named(value, name).items()}
 
 
+def named_ranges(value: Any, name: str) -> dict[str, tuple[float, float]]:
+    """Ranges by name: a table of pairs, "P=5:60", or ["P=5:60", "D=1:2"]."""
+    out = {}
+    for key, item in named(value, name).items():
+        ends = item.split(":") if isinstance(item, str) else item
+        if not isinstance(ends, list | tuple) or len(ends) != 2:
+            raise UsageError(f"{name}: {key} is {item!r}, expected LOW:HIGH.")
+        low, high = (number(end, f"{name}: {key}") for end in ends)
+        if not low <= high:
+            raise UsageError(f"{name}: {key} is {item!r}, expected LOW <= HIGH.")
+        out[key] = (low, high)
+    return out
+
+
 def state(value: Any, name: str) -> dict[str, float] | list[float]:
     """A state: "x=0.1,v=0" or a table by name; "0.1,0,0" or a list in order."""
     if isinstance(value, Mapping) or (isinstance(value, str) and "=" in value):

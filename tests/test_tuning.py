@@ -1,0 +1,129 @@
+"""Tuning: its borders are the fold and the change of stability known otherwise; its gains do not hunt."""
+
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command import summary
+
+from filippov import UsageError, solve
+from filippov.analysis.contraction import contraction
+from filippov.analysis.event_map import EventMap
+from filippov.analysis.gain_map import gain_map
+from filippov.analysis.section import Section
+from filippov.analysis.static_cycle import coulomb_ratio, static_cycles
+from filippov.analysis.tuning import Tuning, tune
+from filippov.cli import main
+from filippov.models import get
+
+MODEL = get("hunting")
+SYSTEM, SECTION = MODEL.build(), Section.from_model(MODEL)
+# Fold at beta = 2 and change of stability at beta = 1 (reference/hunting: two tolerances, closed return map).
+FOLD, CHANGE = 21.0149797699, 26.6019490377
+
+
+def test_ratio_of_coulomb_friction_is_the_algebraic_one() -> None:
+    model = get("hunting_coulomb")
+    gains = np.array([10.0, 20.0, 31.0])
+    got = contraction(model.build(), Section.from_model(model), {"P": gains}, (0, 0.5), rtol=1e-9)
+    wanted = [coulomb_ratio(m=1, P=float(g), D=1, I=10, b=1) for g in gains]
+    np.testing.assert_allclose(got.ratio, wanted, rtol=1e-6)
+    np.testing.assert_allclose(got.nearest, wanted, rtol=1e-6)
+    assert np.all(got.lost == 0)
+
+
+@pytest.mark.parametrize(("beta", "border"), [(2.0, FOLD), (1.0, CHANGE)])
+def test_border_of_one_gain(beta: float, border: float) -> None:
+    found = tune(SYSTEM, SECTION, {"P": (10, 60)}, (0, 0.5), parameters={"beta": beta}, samples=32)
+    assert found.best is not None
+    (limit,) = found.limits
+    assert limit.lower == pytest.approx(border, rel=1e-4)
+    assert found.best["P"] / found.margin == pytest.approx(border, rel=0.02)
+    good = found.gains[found.ratio < 1]
+    assert good.min() > border * (1 - 1e-4)
+
+
+@pytest.fixture(scope="module")
+def two_gains() -> Tuning:
+    ranges = {"P": (8.0, 40.0), "I": (4.0, 20.0)}
+    return tune(SYSTEM, SECTION, ranges, (0, 0.5), band=[{"vs": 0.08}, {"vs": 0.12}], samples=64, points=32)
+
+
+def test_no_cycle_at_the_best_gains_nor_on_their_box(two_gains: Tuning) -> None:
+    assert two_gains.best is not None
+    assert two_gains.margin > 1.2
+    s = 0.999 * two_gains.margin
+    for factors in ((1.0, 1.0), *itertools.product((1 / s, s), repeat=2)):
+        gains = {n: v * f for (n, v), f in zip(two_gains.best.items(), factors, strict=True)}
+        for vs in (0.08, 0.12):
+            turns = EventMap(SYSTEM, SECTION, parameters={**gains, "vs": vs}, order=2)
+            assert [p.kind for p in turns.fixed_points(0, 0.5, 120)] == ["equilibrium set"]
+
+
+def test_best_gains_come_to_rest_where_others_hunt(two_gains: Tuning) -> None:
+    assert two_gains.best is not None
+    calm = solve(SYSTEM, (0.3, 0, 0), (0, 60), parameters=two_gains.best)
+    hunts = solve(SYSTEM, (0.3, 0, 0), (0, 60), parameters={"P": 10, "I": 10})
+    early, late = np.linspace(30, 40, 200), np.linspace(50, 60, 200)
+    assert np.max(np.abs(calm.sol(late)[0])) < 0.5 * np.max(np.abs(calm.sol(early)[0])) < 0.02
+    assert np.max(np.abs(hunts.sol(late)[0])) > 0.2
+
+
+@pytest.mark.parametrize(("name", "change"), [("hunting", {"beta": 0.5}), ("hunting_static", {})])
+def test_where_every_controller_hunts_it_says_so(name: str, change: dict[str, float]) -> None:
+    model = get(name)
+    ranges = {"P": (10.0, 60.0), "I": (2.0, 20.0)}
+    section = Section.from_model(model)
+    found = tune(model.build(), section, ranges, (0, 0.5), parameters=change, samples=16)
+    assert found.best is None
+    assert "integral action hunts whatever its gains" in found.reason
+    assert "no gains without hunting" in str(found)
+    if name == "hunting_static":  # the algebra of the slip phase agrees
+        for gain in (10, 35, 60):
+            assert static_cycles(m=1, P=gain, D=1, I=10, Fs=4, Fc=2, b=1)
+
+
+def test_map_of_gains_agrees_with_the_fold() -> None:
+    gains = np.array([FOLD * 0.999, FOLD * 1.001])
+    found = gain_map(SYSTEM, SECTION, ("P", gains), ("I", [10.0]), (0, 0.5), points=40)
+    assert found.ratio.shape == (1, 2)
+    assert found.ratio[0, 0] > 1 > found.ratio[0, 1]
+
+
+def test_an_interrupt_keeps_what_was_found() -> None:
+    def stop(done: int, total: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    found = tune(SYSTEM, SECTION, {"P": (10, 60)}, (0, 0.5), samples=16, progress=stop)
+    assert not found.complete
+    assert found.best is not None
+    assert len(found.ratio) >= 16
+
+
+def test_bad_requests_are_named() -> None:
+    with pytest.raises(UsageError, match="did you mean 'P'"):
+        tune(SYSTEM, SECTION, {"p": (1, 2)}, (0, 0.5))
+    with pytest.raises(UsageError, match="0 < low < high"):
+        tune(SYSTEM, SECTION, {"P": (0, 2)}, (0, 0.5))
+    with pytest.raises(UsageError, match="band is empty"):
+        tune(SYSTEM, SECTION, {"P": (1, 2)}, (0, 0.5), band=[])
+    with pytest.raises(UsageError, match="lo <= 0 < hi"):
+        tune(SYSTEM, SECTION, {"P": (1, 2)}, (0.1, 0.5))
+
+
+def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "identified.json"
+    content = {"fixed": {"beta": 2.0}, "values": {"vs": 0.1}, "intervals": {"vs": [0.099, 0.101]}}
+    file.write_text(json.dumps(content), encoding="utf-8")
+    out = tmp_path / "out"
+    words = ["tune", "hunting", "--ranges", "P=15:40", "--ranges", "I=8:12", "--samples", "16", "--grid", "6"]
+    data = summary(capsys, *words, "--identified", str(file), "-o", str(out))
+    assert data["best"]["P"] > FOLD * 0.9
+    assert data["band"] == [{"vs": 0.099}, {"vs": 0.101}]
+    assert {p.name for p in out.iterdir()} == {"tuning.json", "samples.csv", "tuning.png"}
+    assert main(["tune", "hunting"]) == 2
+    file.write_text("[1, 2", encoding="utf-8")
+    assert main([*words, "--identified", str(file)]) == 2
