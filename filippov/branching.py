@@ -14,12 +14,12 @@ import numpy.typing as npt
 
 from filippov.ambiguity import ambiguity_at
 from filippov.errors import UsageError
+from filippov.loop import Followed, Turn, follow
 from filippov.modes import Successor
 from filippov.options import Options, check_count, number_array
 from filippov.problem import Problem
 from filippov.solution import Array
 from filippov.solution_tree import Branch, SolutionTree
-from filippov.solver import Followed, Turn, follow
 from filippov.status import Status
 
 MAX_BRANCHES, MAX_DEPTH = 64, 8

@@ -170,7 +170,7 @@ class _Work:
         for item in stops:
             for column in item.columns:
                 self.stop[:, names.index(item.surface), column] = item.count
-        self.zeno = np.zeros((k, m, 3))
+        self.zeno = np.zeros((k, m, codes.ZENO_ROOM))
         self.code = np.full(k, codes.CHUNK_DONE, dtype=np.int64)
         self.atol = options.tolerances(system)
         # Compiled once, before the threads ask for it.

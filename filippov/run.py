@@ -37,7 +37,7 @@ class Run:
         self.count[codes.EVENT_ROOM], self.count[codes.RECORD_ROOM] = _EVENT_ROOM + m, _RECORD_ROOM
         self.atol = options.tolerances(machine.system)
         self.stop = np.zeros((m, codes.KINDS), dtype=np.int64)
-        self.zeno = np.zeros((m, 3))
+        self.zeno = np.zeros((m, codes.ZENO_ROOM))
         powers = machine.compiled.layout.powers
         self.record = np.zeros((_RECORD_ROOM, 2))
         self.coef = np.zeros((_RECORD_ROOM, powers, n))

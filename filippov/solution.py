@@ -22,6 +22,7 @@ from filippov.names import unknown
 from filippov.problem import Problem
 from filippov.run import Run
 from filippov.status import Status, mode_text
+from filippov.zeno import Accumulation
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -68,15 +69,17 @@ class Solution:
     nfev, njev, nlu, steps, rejected   work done
     problem     what was solved
     ambiguity   what can follow at the end of a run with status NON_UNIQUE, else None
+    accumulations  limits of events that accumulate, in order; `zeno`: the last of them
     """
 
     def __init__(
         self, problem: Problem, run: Run, start_mode: Mode, status: Status, message: str,
-        t_eval: Array | None, ambiguity: Ambiguity | None = None,
+        t_eval: Array | None,
     ) -> None:  # fmt: skip
         self.problem, self.status, self.message = problem, status, message
         self.start_mode = start_mode
-        self.ambiguity = ambiguity
+        self.ambiguity: Ambiguity | None = None
+        self.accumulations: tuple[Accumulation, ...] = ()
         self.events: Events = run.events
         self.options = run.options
         self.nfev = run.calls()
@@ -91,6 +94,11 @@ class Solution:
     def success(self) -> bool:
         """Whether the run did what it was asked to do."""
         return self.status.ok
+
+    @property
+    def zeno(self) -> Accumulation | None:
+        """The last limit of events that accumulate, None without one."""
+        return self.accumulations[-1] if self.accumulations else None
 
     @property
     def candidates(self) -> tuple[Successor, ...]:

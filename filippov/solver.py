@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, overload
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, overload
 
-import numpy as np
-import numpy.typing as npt
-
-from filippov._kernels import codes
-from filippov.ambiguity import Ambiguity, listing, name_point, picked, point_of
+from filippov.branching import branch
 from filippov.errors import NonUniqueError, SolveError, UsageError
-from filippov.events import Mode
-from filippov.jumps import LONGEST_CHAIN, composed, look_again, pending, starting
-from filippov.machine import Array, Machine
-from filippov.modes import Successor, successors
+from filippov.loop import follow
 from filippov.names import check_known
 from filippov.options import (
     Options,
@@ -27,17 +18,11 @@ from filippov.options import (
     check_times,
 )
 from filippov.problem import Problem
-from filippov.run import Run
 from filippov.solution import Solution
 from filippov.solution_tree import SolutionTree
-from filippov.status import EventKind, Status, mode_text
-from filippov.stiffness import Crawl
+from filippov.status import Status
 from filippov.system import System
-from filippov.zeno import Limit, accumulation, rest, rests
 
-# Steps between two looks at the clock: so many at first, then what takes about _LOOK seconds.
-_CHUNK, _SLOW_CHUNK, _LONGEST_CHUNK = 2_000, 10, 1_000_000
-_LOOK = 0.05
 _OPTIONS = (
     "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
     "on_graze", "zeno", "stop", "dense_output",
@@ -121,8 +106,6 @@ def solve(
         options["stop"] = check_stops(options["stop"], problem.system)
     checked = Options(**options)
     if checked.nonunique == "branch":
-        from filippov.branching import branch
-
         if t_eval is not None:
             raise UsageError(
                 "t_eval is for one solution; a tree has path.sol(t) for each and tree.reachable(t) for all."
@@ -144,47 +127,6 @@ def solve(
     return solution
 
 
-class Turn(NamedTuple):
-    """Where a piece of solution begins with a choice: the point, and the mode taken there."""
-
-    ambiguity: Ambiguity
-    chosen: Successor
-
-
-class Followed(NamedTuple):
-    """A piece of solution, and how many events are left until each terminal one."""
-
-    solution: Solution
-    stop: npt.NDArray[np.int64]
-
-
-def follow(
-    problem: Problem,
-    options: Options,
-    progress: Callable[[float, float], None] | None = None,
-    times: Array | None = None,
-    turn: Turn | None = None,
-    origin: float | None = None,
-    stop: npt.NDArray[np.int64] | None = None,
-) -> Followed:
-    """Run to the end of the span, or to where the options say to stop.
-
-    turn    start in this mode instead of the one that the initial state decides
-    origin  time at which the whole motion began, where this is a later piece of it; `stop`: its countdown
-    """
-    machine = Machine(problem.system, options.method, problem.p)
-    run = Run(machine, problem.x0, problem.t_span, options)
-    run.watch(options.stop)
-    if stop is not None:
-        run.stop[:] = stop
-    if origin is not None:
-        run.clock[codes.T_START] = origin
-    loop = _Loop(run, progress, turn)
-    status, message = loop.go()
-    solution = Solution(problem, run, loop.start_mode, status, message, times, loop.ambiguity)
-    return Followed(solution, run.stop.copy())
-
-
 def _problem(
     system: System | Problem, x0: Any, t_span: Any, parameters: Mapping[str, float] | None
 ) -> Problem:
@@ -196,304 +138,3 @@ def _problem(
     if x0 is None or t_span is None:
         raise UsageError("solve needs x0 and t_span: solve(system, x0=(...), t_span=(t0, t1)).")
     return Problem(system, check_state(x0, system), check_span(t_span), parameters or {})
-
-
-@dataclass(frozen=True)
-class _Jump:
-    """Mode and state before the events of one instant, and the surfaces whose resets happened."""
-
-    before: Mode
-    x: Array
-    by: tuple[int, ...]
-
-
-class _Loop:
-    """Drive the compiled loop and decide what it leaves open."""
-
-    def __init__(
-        self, run: Run, progress: Callable[[float, float], None] | None, turn: Turn | None = None
-    ) -> None:
-        self.run, self.progress, self.turn = run, progress, turn
-        self.ambiguity: Ambiguity | None = None
-        self.options = run.options
-        self.started = time.monotonic()
-        self.start_mode: Mode = ()
-        self.stalled, self.general_t = 0, np.inf
-        self.crawl = Crawl()
-        self.chunk = _CHUNK if run.machine.callbacks is None else _SLOW_CHUNK
-
-    def go(self) -> tuple[Status, str]:
-        """Run to the end; returns how it ended and a sentence."""
-        run = self.run
-        try:
-            ended = self._start()
-            while ended is None:
-                ended = self._step()
-        except KeyboardInterrupt:
-            run.collect()
-            return Status.INTERRUPTED, self._sentence(Status.INTERRUPTED)
-        return ended
-
-    def _sentence(self, status: Status, detail: str = "") -> str:
-        where = f"stopped at t = {self.run.t:.12g} in mode {mode_text(self.run.signs)}"
-        return f"{where}: {detail + ' ' if detail else ''}{status.advice}"
-
-    def _end(self, status: Status, detail: str = "") -> tuple[Status, str]:
-        text = f"{detail} {status.advice}".lstrip() if status.ok else self._sentence(status, detail)
-        return status, text + self.crawl.hint(self.run, status)
-
-    def _start(self) -> tuple[Status, str] | None:
-        """Mode at the initial state: by the sign of h off a surface, by classification on one (E4)."""
-        run = self.run
-        if self.options.on_graze == "error":
-            run.stop[:, codes.GRAZING] = 1
-        if self.turn is None:
-            code = run.begin()
-        else:
-            at, chosen = self.turn
-            code, run.mode[:] = codes.REACHED, at.before
-            self.start_mode = chosen.mode if at.start else at.before
-            ended = self._take(chosen, at.before, at.hit, str(at), at.start)
-            if ended is not None:
-                return ended
-        if self.turn is None or self.turn.ambiguity.start:
-            self.start_mode = run.signs
-        for i, value in enumerate(run.machine.guards(run.t, run.x, run.mode)):
-            if not np.isfinite(value):
-                name = run.machine.system.surfaces[i].name
-                return self._end(Status.NOT_FINITE, f"surface {name!r} has h = {value} at the initial state.")
-        if run.t == run.clock[codes.T_END]:
-            return self._end(Status.SUCCESS)
-        if code == codes.GENERAL:
-            near = self._near()
-            onto = starting(run, near)
-            ended = self._reset(onto, onto) if onto else self._classify(near, (), start=True)
-            if ended is not None:
-                return ended
-            self.start_mode = run.signs
-        return None
-
-    def _step(self) -> tuple[Status, str] | None:
-        run, options = self.run, self.options
-        begun = time.monotonic()
-        code = run.advance(max(1, min(self.chunk, options.max_steps - run.attempts)))
-        ratio = _LOOK / max(time.monotonic() - begun, 1e-9)
-        self.chunk = int(min(max(self.chunk * min(max(ratio, 0.1), 4.0), 1), _LONGEST_CHUNK))
-        if code == codes.REACHED:
-            return self._end(Status.SUCCESS)
-        if len(run.events) >= options.max_events and code not in (codes.STOPPED, codes.ZENO):
-            return self._end(Status.MAX_EVENTS)
-        if code == codes.STOPPED:
-            if options.on_graze == "error" and run.events[-1].kind is EventKind.GRAZING:
-                return self._end(Status.GRAZING, f"{run.events[-1]}.")
-            return self._stopped()
-        if code in (codes.RECORDS_FULL, codes.EVENTS_FULL, codes.CHUNK_DONE):
-            return self._budgets()
-        if code == codes.GENERAL:
-            return self._general()
-        if code == codes.ZENO:
-            return self._zeno()
-        failures = {codes.NOT_FINITE: Status.NOT_FINITE, codes.MIN_STEP: Status.MIN_STEP}
-        status = failures.get(code, Status.NO_SLIDING)
-        return self._end(status, f"state {_state_text(run)}.")
-
-    def _stopped(self) -> tuple[Status, str]:
-        return self._end(Status.STOPPED, f"Stopped at t = {self.run.t:.12g}: {self.run.events[-1]}.")
-
-    def _budgets(self) -> tuple[Status, str] | None:
-        run, options = self.run, self.options
-        self.crawl.look(run)
-        if run.attempts >= options.max_steps:
-            return self._end(Status.MAX_STEPS)
-        if time.monotonic() - self.started > options.max_time:
-            return self._end(Status.TIMEOUT)
-        if self.progress is not None:
-            self.progress(run.t, float(run.clock[codes.T_END]))
-        return None
-
-    def _general(self) -> tuple[Status, str] | None:
-        """Events the compiled loop does not decide: corners, tangencies, several surfaces at once."""
-        run = self.run
-        hit = [i for i in range(run.machine.m) if run.hit[i] != 0]
-        near = self._near()
-        sliding = [i for i in range(run.machine.m) if run.mode[i] == 0]
-        met = sorted({*hit, *near, *sliding})
-        # The same place again and again means that the classification and the motion disagree.
-        moved = abs(run.t - self.general_t) > 64 * np.finfo(float).eps * abs(run.t)
-        self.stalled = 0 if moved else self.stalled + 1
-        self.general_t = run.t
-        roots = [i for i in hit if run.hit[i] == codes.ROOT]
-        ended = self._back_over(roots)
-        active = pending(run, roots)
-        if ended is None:
-            ended = self._reset(active, hit) if active else self._classify(met, hit, start=False)
-        if ended is None and self.stalled > 4 * (run.machine.m + 1):
-            return self._end(Status.NO_CONTINUATION, f"events do not leave the state {_state_text(run)}.")
-        return ended if ended is not None else self._budgets()
-
-    def _back_over(self, hit: Sequence[int]) -> tuple[Status, str] | None:
-        """Backwards in time a reset is not undone: the end of the run where one may have happened."""
-        run = self.run
-        names = [run.machine.system.surfaces[i].name for i in hit if run.machine.resets_from[i]]
-        if run.direction > 0 or not names:
-            return None
-        return self._end(
-            Status.NON_UNIQUE,
-            f"backwards in time, surface {', '.join(map(repr, names))} is reached, where a reset may have "
-            f"led to the state {_state_text(run)}; what was before it is not determined.",
-        )
-
-    def _reset(self, active: list[int], hit: Sequence[int]) -> tuple[Status, str] | None:
-        """Apply the resets of the surfaces reached, and find where the motion goes from there."""
-        run, surfaces = self.run, self.run.machine.system.surfaces
-        before, x_before = run.signs, run.x.copy()
-        done: list[int] = []
-        for _ in range(LONGEST_CHAIN):
-            after = composed(run, active)
-            names = ", ".join(repr(surfaces[i].name) for i in active)
-            if after is None:
-                return self._end(
-                    Status.NON_UNIQUE,
-                    f"at state {_state_text(run)} the resets of {names} happen at once, and the state after "
-                    "them depends on their order.",
-                )
-            run.x[:] = after
-            if not np.all(np.isfinite(after)):
-                return self._end(Status.NOT_FINITE, f"the reset of {names} gives {_state_text(run)}.")
-            done += active
-            met = look_again(run)
-            # A jump may end on another surface that resets; those just applied are left, or led through.
-            active = pending(run, [i for i in met if i not in done])
-            if not active:
-                jump = _Jump(before, x_before, tuple(done))
-                return self._classify(met, hit, start=False, jump=jump)
-        return self._end(Status.NO_CONTINUATION, f"resets follow each other at {_state_text(run)}.")
-
-    def _near(self) -> list[int]:
-        """Surfaces that the present point lies on, to rounding."""
-        sizes, scale = self.run.scales()
-        near = sizes <= 8 * np.finfo(float).eps * scale
-        # A relay with hysteresis switches at the edges of its band, not where h is 0.
-        return [i for i in range(self.run.machine.m) if near[i] and self.run.machine.widths[i] == 0.0]
-
-    def _classify(
-        self, met: Sequence[int], hit: Sequence[int], start: bool, jump: _Jump | None = None
-    ) -> tuple[Status, str] | None:
-        """Find the modes that can follow on the surfaces met, choose one, take it up, record the events."""
-        run = self.run
-        before = run.signs
-        if jump is not None and not met:
-            run.put(before, (0,) * run.machine.m, tuple(run.lam))
-            return self._record(before, np.zeros(run.machine.m), hit, "", jump)
-        point = point_of(run)
-        name, candidates = name_point(point, met, successors(point, before, met))
-        if len(candidates) == 1:
-            return self._take(candidates[0], before, hit, name, start, jump)
-        names = ", ".join(repr(run.machine.system.surfaces[i].name) for i in met)
-        where = f"at state {_state_text(run)} on {names}"
-        if not candidates:
-            return self._end(Status.NO_CONTINUATION, f"{where}.")
-        taken = self._choose(candidates, before, hit)
-        ambiguity = Ambiguity(run.t, name, candidates, before, tuple(hit) if jump is None else (), start)
-        if taken is None:
-            self.ambiguity = ambiguity
-            if jump is not None:
-                self._record(before, np.zeros(run.machine.m), hit, str(ambiguity), jump)
-            backwards = ", backwards in time" if run.direction < 0 else ""
-            detail = f"{name}{backwards}, {where} can follow: {listing(candidates)}."
-            return self._end(Status.NON_UNIQUE, detail)
-        return self._take(taken, before, hit, str(ambiguity), start, jump)
-
-    def _choose(
-        self, candidates: Sequence[Successor], before: Mode, hit: Sequence[int]
-    ) -> Successor | None:
-        # A surface that was only touched: the motion goes on where it was.
-        off = [i for i in hit if before[i] != 0]
-        if off and len(off) == len(hit):
-            same = [c for c in candidates if c.mode == before]
-            if same:
-                return same[0]
-        return picked(self.options.nonunique, candidates)
-
-    def _take(
-        self, chosen: Successor, before: Mode, hit: Sequence[int], note: str, start: bool,
-        jump: _Jump | None = None,
-    ) -> tuple[Status, str] | None:  # fmt: skip
-        run = self.run
-        run.put(chosen.mode, chosen.order, chosen.multipliers)
-        if start:
-            return None
-        if jump is None:
-            jump = _Jump(before, run.x.copy(), ())
-        return self._record(chosen.mode, np.array(chosen.multipliers), hit, note, jump)
-
-    def _record(
-        self, after: Mode, multipliers: Array, hit: Sequence[int], note: str, jump: _Jump
-    ) -> tuple[Status, str] | None:
-        """Record the change from the mode before to the one after, an event a surface; tell if it ends."""
-        run, before = self.run, jump.before
-        ended: tuple[Status, str] | None = None
-        together = False
-        residual, _ = run.scales()
-        for i in range(run.machine.m):
-            kind = EventKind.RESET if i in jump.by else _kind(before[i], after[i], i in hit)
-            if kind is None:
-                continue
-            multiplier = float(multipliers[i]) if after[i] == 0 else float("nan")
-            run.add_event(
-                run.t,
-                i,
-                kind,
-                before,
-                after,
-                jump.x.copy(),
-                multiplier,
-                float(residual[i]),
-                note,
-                together,
-                run.x.copy() if jump.by else None,
-            )
-            together = True
-            if run.count_down(i, kind, run.events[-1].direction):
-                ended = self._stopped()
-            if kind is EventKind.GRAZING and self.options.on_graze == "error":
-                ended = self._end(Status.GRAZING, f"{run.events[-1]}.")
-        return ended
-
-    def _zeno(self) -> tuple[Status, str] | None:
-        """Events accumulate: name the limit, and stop there or go on in the limit mode."""
-        run = self.run
-        limit: Limit = accumulation(run)
-        detail = (
-            f"events accumulate at t = {limit.t:.12g} (error about {limit.error:.1g}), state "
-            f"{np.array2string(limit.x, precision=9)}."
-        )
-        if self.options.zeno == "stop":
-            return self._end(Status.ZENO, detail)
-        machine = run.machine
-        open_ends = [i for i in limit.surfaces if machine.resets_from[i] and not machine.contacts[i]]
-        if open_ends:
-            names = ", ".join(repr(machine.system.surfaces[i].name) for i in open_ends)
-            detail += f" There is no resting contact on {names} to go on with (see the docstring of Surface)."
-            return self._end(Status.ZENO, detail)
-        run.clock[codes.T] = limit.t
-        run.x[:] = limit.x
-        run.zeno[:] = 0.0
-        ended = self._classify(limit.surfaces, limit.surfaces, start=False)
-        if ended is not None and ended[0] is Status.NO_CONTINUATION and rests(run, limit.surfaces):
-            rest(run, limit.surfaces)
-            return self._end(Status.SUCCESS)
-        return ended or self._budgets()
-
-
-def _kind(before: int, after: int, hit: bool) -> EventKind | None:
-    if before == after:
-        return EventKind.GRAZING if hit and before != 0 else None
-    if after == 0:
-        return EventKind.ENTRY
-    return EventKind.EXIT if before == 0 else EventKind.CROSSING
-
-
-def _state_text(run: Run) -> str:
-    return ", ".join(f"{name} = {v:.9g}" for name, v in zip(run.machine.system.states, run.x, strict=True))
-

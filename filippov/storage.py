@@ -31,6 +31,7 @@ from filippov.solution import Solution
 from filippov.status import EventKind, Status
 from filippov.stored_system import system_data, system_of
 from filippov.system import System
+from filippov.zeno import Accumulation
 
 FORMAT, VERSION = "filippov solution", 1
 MAX_BYTES = 4 << 30
@@ -125,6 +126,7 @@ def solution_header(solution: Solution) -> dict[str, Any]:
         "t_end": float(solution.t_end),
         "dense": solution.sol is not None,
         "notes": [[i, event.note] for i, event in enumerate(solution.events) if event.note],
+        "accumulations": [asdict(limit) | {"x": limit.x.tolist()} for limit in solution.accumulations],
         "ambiguity": None if solution.ambiguity is None else ambiguity_data(solution.ambiguity),
     }
 
@@ -311,6 +313,10 @@ def solution_of(header: dict[str, Any], data: dict[str, Array], system: System) 
     solution.njev, solution.nlu = (int(header.get(k, 0)) for k in ("njev", "nlu"))
     solution.t_end, solution.x_end = float(header["t_end"]), data["x_end"]
     solution.end_multipliers = data["end_multipliers"]
+    solution.accumulations = tuple(
+        Accumulation(**{**row, "x": np.array(row["x"], dtype=float), "surfaces": tuple(row["surfaces"])})
+        for row in header.get("accumulations", ())
+    )
     stored = header.get("ambiguity")
     solution.ambiguity = None if stored is None else ambiguity_of(stored)
     solution.sol = None

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import nnls
 
 from filippov._kernels import codes
+from filippov.events import Event
 from filippov.machine import Array
 from filippov.run import Run
 from filippov.status import EventKind
@@ -17,35 +19,110 @@ LARGEST_CORNER = 6
 NEAR_REST = 1e-7
 
 
+# Events of one surface that a lap of the motion may have, laps looked at, how steady their ratio is to be.
+LONGEST_LAP, LAPS = 6, 4
+STEADY = 0.05
+SLOWEST = 0.9999
+NEAR_END = 1e-6
+EPS = float(np.finfo(float).eps)
+
+
 @dataclass(frozen=True)
-class Limit:
-    """Limit of an accumulation: time, state on all surfaces that take part, error estimate of the time."""
+class Accumulation:
+    """Limit of events that accumulate (clause E9).
+
+    t, x        time and state of the limit, on all surfaces that take part
+    error       estimated error of the time; x_error: of the state (largest component)
+    ratio       by which the laps of the motion shrink
+    surfaces    numbers of the surfaces that take part
+    """
 
     t: float
     x: Array
-    surfaces: tuple[int, ...]
     error: float
+    x_error: float
+    ratio: float
+    surfaces: tuple[int, ...]
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Accumulation):
+            return NotImplemented
+        numbers = [(a.t, a.error, a.x_error, a.ratio, a.surfaces) for a in (self, other)]
+        return numbers[0] == numbers[1] and np.array_equal(self.x, other.x)
+
+    __hash__ = None  # type: ignore[assignment]
 
 
-def accumulation(run: Run) -> Limit:
-    """The limit that the last events point to: t + d r / (1 - r) for intervals d shrinking by the ratio r.
+def accumulation(run: Run) -> Accumulation | None:
+    """The limit that the last events point to: t + d r / (1 - r) for laps d that shrink by the ratio r.
 
-    The state is extrapolated with the same law from the events of the same surface and put on the surfaces.
+    A lap is 1 to 6 events of the surface met last: the fewest whose laps shrink steadily. State and error:
+    from the same law, and from what it said a lap before. None where the laps do not shrink steadily: then
+    there is no accumulation.
     """
-    last = run.events[-1]
-    same = [event for event in run.events if event.index == last.index][-4:]
-    intervals = np.abs(np.diff([event.t for event in same]))
-    ratio = intervals[-1] / intervals[-2]
-    before = intervals[-2] / intervals[-3]
-    remaining = intervals[-1] * ratio / (1.0 - ratio)
-    error = abs(remaining - intervals[-1] * before / (1.0 - before)) + 4 * np.finfo(float).eps * abs(last.t)
-    span = max(3 * len({event.index for event in run.events[-12:]}), 6)
+    last = run.events[-1].index
+    recent = run.events[-(LONGEST_LAP * LAPS + 1) * max(len(run.machine.roles), 1) :]
+    same = [event for event in recent if event.index == last and event.kind is not EventKind.GRAZING]
+    for lap in range(1, LONGEST_LAP + 1):
+        ends = same[::-1][::lap][: LAPS + 1][::-1]
+        if len(ends) < LAPS:
+            return None
+        laps = np.abs(np.diff([event.t for event in ends]))
+        if not np.all(laps > 0):
+            return None
+        # Rounding of the times shows in the shortest laps.
+        noise = 4 * EPS * abs(ends[-1].t) / laps
+        ratios = laps[1:] / laps[:-1]
+        spread = np.max(ratios) - np.min(ratios)
+        steady = spread <= STEADY * (1.0 - np.max(ratios)) + 4 * float(np.max(noise))
+        if np.max(ratios) < SLOWEST and (steady or (lap == 1 and spread <= STEADY)):
+            return _limit(run, [e.t for e in ends], [e.x for e in ends], laps, recent)
+    return None
+
+
+def accumulates(run: Run) -> bool:
+    """Whether the last events may be those of an accumulation that the compiled loop did not recognise."""
+    back = 2 * LONGEST_LAP + 1
+    if len(run.events) < back:
+        return False
+    elapsed = abs(run.t - float(run.clock[codes.T_START]))
+    if abs(run.t - run.events[-back].t) > NEAR_END * elapsed:
+        return False
+    limit = accumulation(run)
+    return limit is not None and abs(limit.t - run.t) <= NEAR_END * elapsed
+
+
+def _limit(
+    run: Run, times: list[float], states: list[Array], laps: Array, recent: Sequence[Event]
+) -> Accumulation:
+    ratio = float(laps[-1] / laps[-2])
+    before = float(laps[-2] / laps[-3])
+    remaining = laps[-1] * ratio / (1.0 - ratio)
+    started = float(run.clock[codes.T_START])
+    # What the law said a lap before; rounding of the times, which 1 - r enlarges; the tolerance of the run.
+    error = abs(remaining - (laps[-2] * before / (1.0 - before) - laps[-1]))
+    error += 8 * EPS * abs(times[-1]) / (1.0 - ratio) ** 2
+    error += run.options.rtol * abs(times[-1] - started)
+    t = float(times[-1] + run.direction * remaining)
     surfaces = tuple(
-        sorted({event.index for event in run.events[-span:] if run.machine.roles[event.index] != "observer"})
+        sorted({event.index for event in recent if _takes_part(run, event, times[-1], laps[-1] + laps[-2])})
     )
-    x = same[-1].x + (same[-1].x - same[-2].x) * ratio / (1.0 - ratio)
-    t = float(last.t + run.direction * remaining)
-    return Limit(t, _onto(run, t, x, surfaces), surfaces, float(error))
+    x, x_before = (_extrapolated(states[: len(states) - k], ratio) for k in (0, 1))
+    on = _onto(run, t, x, surfaces)
+    x_error = float(np.max(np.abs(x - x_before) + run.atol + run.options.rtol * np.abs(on)))
+    return Accumulation(t, on, float(error), x_error, ratio, surfaces)
+
+
+def _takes_part(run: Run, event: Event, t: float, span: float) -> bool:
+    return run.machine.roles[event.index] != "observer" and abs(event.t - t) <= span * (1.0 + 1e-9)
+
+
+def _extrapolated(states: list[Array], slowest: float) -> Array:
+    """The limit of each component by the ratio of its own last differences (Aitken 1926)."""
+    last, earlier = states[-1] - states[-2], states[-2] - states[-3]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.clip(np.nan_to_num(last / earlier, nan=0.0, posinf=0.0, neginf=0.0), -slowest, slowest)
+    return np.asarray(states[-1] + last * ratio / (1.0 - ratio))
 
 
 def _onto(run: Run, t: float, x: Array, surfaces: tuple[int, ...]) -> Array:

@@ -25,9 +25,9 @@ FLOORS: dict[str, float] = {
     "filippov.event_log": 2.1, "filippov.machine": 2.1, "filippov.options": 2.1,
     "filippov.modes": 3, "filippov.problem": 3, "filippov.run": 3,
     "filippov.ambiguity": 3.1,
-    "filippov.jumps": 4, "filippov.zeno": 4, "filippov.solution": 4, "filippov.stiffness": 4,
+    "filippov.zeno": 3.9, "filippov.jumps": 4, "filippov.solution": 4, "filippov.stiffness": 4,
     "filippov.solution_tree": 4.05,
-    "filippov.solver": 4.1, "filippov.branching": 4.15,
+    "filippov.loop": 4.06, "filippov.branching": 4.07, "filippov.solver": 4.1,
     "filippov.ensemble": 4.2,
     "filippov.guards": 4.9, "filippov.tree": 4.9, "filippov.archive": 4.9, "filippov.graph_io": 4.9,
     "filippov.stored_system": 4.95,
@@ -83,7 +83,6 @@ LATE: set[tuple[str, str]] = {
     ("filippov.solution", "filippov.export"),
     ("filippov.solution_tree", "filippov.plot_tree"),
     ("filippov.solution_tree", "filippov.tree_storage"),
-    ("filippov.solver", "filippov.branching"),
     ("filippov.analysis.event_map", "filippov.analysis.fixed_points"),
 }
 

@@ -50,6 +50,7 @@ from filippov._kernels.codes import (
     TREND,
     USER_ERROR,
     ZENO,
+    ZENO_ROOM,
     T,
 )
 from filippov._kernels.control import (
@@ -108,19 +109,29 @@ from filippov._kernels.record import record_event, store_step
 from filippov._kernels.reset import apply_reset, resets_from
 from filippov._kernels.resolve import resolve_exit, resolve_root, side_rates
 
+# Intervals in a row that shrink, for each lag: what a motion that is no accumulation hardly ever does.
 ZENO_STREAK = 6
 
 
 @kernel
 def zeno_remaining(zeno: Vector, t: float, floor: float) -> float:
-    """Time left to the accumulation that shrinking intervals of one surface point to, or -1 without one."""
-    interval, previous = abs(t - zeno[0]), zeno[1]
-    zeno[2] = zeno[2] + 1.0 if 0.0 < interval < 0.9999 * previous else 0.0
-    zeno[0], zeno[1] = t, interval
-    if zeno[2] < ZENO_STREAK:
-        return -1.0
-    remaining = interval * interval / (previous - interval)
-    return remaining if remaining < floor else -1.0
+    """Time left to the accumulation that shrinking intervals of one surface point to, or -1 without one.
+
+    An interval is compared with the one 1, 2 and 3 events before: a lap of the motion may meet the surface
+    that often.
+    """
+    interval = abs(t - zeno[0])
+    found, total = -1.0, 0.0
+    for lag in range(1, 4):
+        total += interval if lag == 1 else zeno[lag - 1]
+        previous = zeno[lag]
+        zeno[3 + lag] = zeno[3 + lag] + 1.0 if 0.0 < interval < 0.9999 * previous else 0.0
+        if found < 0.0 and zeno[3 + lag] >= ZENO_STREAK + 2 * (lag - 1):
+            remaining = total * interval / (previous - interval)
+            if remaining < floor:
+                found = remaining
+    zeno[0], zeno[1], zeno[2], zeno[3] = t, interval, zeno[1], zeno[2]
+    return found
 
 
 @kernel
@@ -451,7 +462,7 @@ def advance(
                 break
         if ROLE[surface] != OBSERVER and kind != GRAZING:
             floor = max(1e-7 * abs(te - clock[T_START]), 1e3 * EPS * abs(te))
-            if zeno_remaining(shift(zeno, 3 * surface), te, floor) >= 0.0:
+            if zeno_remaining(shift(zeno, ZENO_ROOM * surface), te, floor) >= 0.0:
                 code = ZENO
                 break
     count[FIELD_CALLS] += iw[I_CALLS]

@@ -14,6 +14,10 @@ FIELD_CALLS, STEPS, REJECTED, EVENTS, RECORDS, STEP_BUDGET, EVENT_BUDGET = 0, 1,
 SURFACE, CAUSE, STORE, EVENT_ROOM, RECORD_ROOM = 7, 8, 9, 10, 11
 COUNT_SIZE = 12
 
+# Columns of `zeno`, one row a surface: time of its last event, the last three intervals, and for lags of 1, 2
+# and 3 events how many intervals in a row were shorter than the one so many events before.
+ZENO_ROOM = 7
+
 # What `advance` returns.
 REACHED, RECORDS_FULL, EVENTS_FULL, CHUNK_DONE, STOPPED = 0, 1, 2, 3, 4
 GENERAL, ZENO, NOT_FINITE, MIN_STEP, USER_ERROR, NO_SLIDING = 5, 6, 7, 8, 9, 10

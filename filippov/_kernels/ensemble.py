@@ -10,6 +10,7 @@ from filippov._kernels.codes import (
     KINDS,
     REACHED,
     T_END,
+    ZENO_ROOM,
     T,
 )
 from filippov._kernels.language import Indices, Vector, kernel, shift, shift_indices
@@ -39,7 +40,8 @@ def ensemble(
         while code == EVENTS_FULL:
             code = advance(
                 clock, count, x, m, order, shift_indices(hits, q * M), lam, p, atol,
-                shift_indices(stops, q * M * KINDS), shift(zenos, q * M * 3), w, w, events, marks, w, iw, ctx,
+                shift_indices(stops, q * M * KINDS), shift(zenos, q * M * ZENO_ROOM), w, w, events, marks, w,
+                iw, ctx,
             )  # fmt: skip
             if code == EVENTS_FULL:
                 count[EVENT_BUDGET] -= count[EVENTS]
