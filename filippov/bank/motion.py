@@ -72,7 +72,7 @@ class Motion:
             "rtol": self.settings.rtol, "atol": self.settings.atol, "method": self.settings.method,
             "max_time": left, **options,
         }  # fmt: skip
-        run = solve(self.built.system, start, span, **chosen)
+        run: Solution = solve(self.built.system, start, span, **chosen)
         self.field_calls += run.nfev
         if run.status is Status.TIMEOUT:
             raise OutOfTimeError
