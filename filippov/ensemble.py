@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from filippov._kernels import codes
+from filippov._kernels.layout import LANES
+from filippov.batch import UNFINISHED, Batch, lane_unit, system_threads
 from filippov.errors import UsageError
-from filippov.events import Stop
+from filippov.events import Event, Stop, columns_of
 from filippov.machine import Array, Machine
-from filippov.names import check_known
+from filippov.names import check_known, unknown
 from filippov.options import Options, check_span, check_stops
 from filippov.problem import Problem
 from filippov.solver import solve
@@ -23,6 +23,7 @@ from filippov.status import Status
 from filippov.system import System
 
 _STATUS = {
+    UNFINISHED: Status.INTERRUPTED,
     codes.REACHED: Status.SUCCESS,
     codes.STOPPED: Status.STOPPED,
     codes.CHUNK_DONE: Status.MAX_STEPS,
@@ -42,16 +43,28 @@ _OPTIONS = (
     "nonunique",
     "zeno",
 )
-_EVENT_ROOM = 64
+# Methods whose stages are written out one after the other, as lanes need them.
+_IN_LANES = ("DOP853", "DP5")
+# Fewer rows than this do not repay the compilation of lanes.
+_ENOUGH = 64
+# Rows in memory at a time with all that a running trajectory needs.
+_BLOCK = 1 << 16
 
 
 @dataclass(frozen=True)
 class Ensemble:
     """Ends of many trajectories.
 
-    t, x      time and state reached: (k,), (k, n); mode: (k, m)
-    status    one Status a trajectory; message: what the general path had to say, "" elsewhere
-    nfev      field calls of each
+    t, x       time and state reached: (k,), (k, n); at a terminal event, its time and state
+    mode       mode there: (k, m)
+    status     one Status a trajectory; message: what the general path had to say, "" elsewhere
+    nfev       field calls of each
+    counts     events of each by surface and kind, (k, m, kinds): see `events`
+    last       number of the surface and kind of the last event of each, (k, 2), -1 where there was none
+    measured   what `measure` made of them, None without it
+    complete   False where the work was interrupted; trajectories that had not ended have status INTERRUPTED
+               and the state of their last step
+    lanes      trajectories side by side in the compiled code: 8, or 1; threads: how many worked
     """
 
     t: Array
@@ -60,11 +73,33 @@ class Ensemble:
     status: tuple[Status, ...]
     message: tuple[str, ...]
     nfev: npt.NDArray[np.int64]
+    counts: npt.NDArray[np.int32]
+    last: npt.NDArray[np.int64]
+    measured: Any = None
+    complete: bool = True
+    lanes: int = 1
+    threads: int = 1
+    surfaces: tuple[str, ...] = field(default=(), repr=False)
 
     @property
     def success(self) -> npt.NDArray[np.bool_]:
         """Which trajectories did what they were asked to do."""
         return np.array([status.ok for status in self.status])
+
+    def events(self, surface: str | None = None, kind: str | None = None) -> npt.NDArray[np.int64]:
+        """Number of events of each trajectory, (k,): on one surface, of one kind (as in `Stop`), or all.
+
+        Raises UsageError.
+        """
+        rows = self.counts
+        if surface is not None:
+            if surface not in self.surfaces:
+                raise UsageError(unknown("surface", surface, self.surfaces))
+            place = self.surfaces.index(surface)
+            rows = rows[:, place : place + 1]
+        if kind is not None:
+            rows = rows[:, :, list(columns_of(kind))]
+        return np.asarray(rows.sum(axis=(1, 2), dtype=np.int64))
 
 
 def solve_many(
@@ -75,6 +110,9 @@ def solve_many(
     parameters: Mapping[str, Any] | None = None,
     stop: Stop | tuple[Stop, ...] = (),
     threads: int | None = None,
+    lanes: int | None = None,
+    measure: Callable[[Ensemble], Any] | None = None,
+    progress: Callable[[int, int], object] | None = None,
     **options: Any,
 ) -> Ensemble:
     """Solve from many initial states, and for many parameter values, in compiled code.
@@ -83,34 +121,70 @@ def solve_many(
     parameters  values by name, each a number or k numbers
     stop        terminal events, as in `solve`
     threads     default: all cores (1 for systems of plain Python functions)
+    lanes       trajectories side by side in vector instructions: 8 or 1; default: 8 where the system is
+                symbolic with switching functions linear in (t, x), and there are 64 trajectories or more
+    measure     function of the Ensemble of a block of trajectories (up to 65,536, in order) that returns an
+                array with a row for each; the blocks' results, joined, are `measured`
+    progress    called with (trajectories done, k) now and then
 
-    Other options as in `solve`. What the compiled path does not decide (a corner, an accumulation of events,
-    a non-unique point) is solved again by `solve`, without touching its neighbours. Raises UsageError,
-    ModelError.
+    Other options as in `solve`. What lanes cannot follow (an event, a corner) the plain compiled loop takes
+    over for that trajectory alone; what that loop does not decide (an accumulation of events, a non-unique
+    point) is solved again by `solve`. Results agree with those of the plain loop to within the tolerance. At
+    Ctrl-C the trajectories done so far are returned, with `complete` False.
+    Raises UsageError, ModelError, and what `measure` and `progress` raise.
     """
     check_known("option", options, _OPTIONS, UsageError)
     span, stops = check_span(t_span), check_stops(stop, system)
     checked = Options(dense_output=False, **options)
     states, values = _points(system, x0, parameters or {})
-    work = _Work(system, states, values, span, stops, checked)
     count = len(states)
-    if system.symbolic is None:
-        threads = 1
-    pool = max(1, min(threads or _cores(), count // 16 or 1))
-    bounds = np.linspace(0, count, pool + 1).astype(int)
-    if pool == 1:
-        work.run(0, count)
-    else:
-        with ThreadPoolExecutor(pool) as executor:
-            list(executor.map(work.run, bounds[:-1], bounds[1:]))
-    return work.result(options, stops)
+    machine = Machine(system, checked.method, values[0])
+    width = _lanes(lanes, machine, checked.method, count)
+    unit = lane_unit(machine, checked.method) if width > 1 else None
+    workers = system_threads(system, threads, count, 16 * width)
+    parts: list[Ensemble] = []
+    for first in range(0, max(count, 1), _BLOCK):
+        rows = slice(first, min(first + _BLOCK, count))
+        batch = Batch(machine, states[rows], values[rows], span, stops, checked)
+
+        def look(done: int, first: int = first) -> None:
+            if progress is not None:
+                progress(first + done, count)
+
+        complete = True
+        try:
+            batch.run(workers, unit, look)
+        except KeyboardInterrupt:
+            complete = False
+        part = _collect(batch, states[rows], span, stops, options, complete)
+        part = replace(part, lanes=width, threads=workers)
+        if measure is not None:
+            part = replace(part, measured=_measured(measure, part))
+        parts.append(part)
+        if not part.complete:
+            break
+    return _joined(parts, states, span)
 
 
-def _cores() -> int:
-    """Cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+def _lanes(lanes: int | None, machine: Machine, method: str, count: int) -> int:
+    system = machine.system
+    if lanes is None:
+        # A guard that bends is searched in every step, which the plain loop does: lanes would not pay.
+        linear = bool(machine.unit.constants["ALL_LINEAR"])
+        possible = system.symbolic is not None and method in _IN_LANES and linear
+        return LANES if possible and count >= _ENOUGH else 1
+    if isinstance(lanes, bool) or lanes not in (1, LANES):
+        raise UsageError(f"lanes is {lanes!r}, expected 1 or {LANES}.")
+    if lanes > 1 and system.symbolic is None:
+        raise UsageError(
+            f"lanes is {lanes}, but the system is made of plain Python functions, which are called one state "
+            "at a time. Give the equations in symbols, or leave lanes at 1."
+        )
+    if lanes > 1 and method not in _IN_LANES:
+        raise UsageError(
+            f"lanes is {lanes}, but {method} runs one by one; lanes know {', '.join(_IN_LANES)}."
+        )
+    return lanes
 
 
 def _points(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Array, Array]:
@@ -141,83 +215,79 @@ def _points(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
     return np.ascontiguousarray(np.broadcast_to(states, (count, system.dimension))), values
 
 
-class _Work:
-    """Arrays of an ensemble; every thread runs its own rows with its own scratch."""
-
-    def __init__(
-        self, system: System, states: Array, values: Array, span: tuple[float, float],
-        stops: tuple[Stop, ...], options: Options,
-    ) -> None:  # fmt: skip
-        k, m = len(states), len(system.surfaces)
-        self.system, self.options, self.span = system, options, span
-        self.start = states
-        self.x, self.values = states.copy(), values
-        self.mode, self.lam = np.ones((k, m)), np.zeros((k, m))
-        self.order, self.hit = np.zeros((k, m), dtype=np.int64), np.zeros((k, m), dtype=np.int64)
-        self.clock = np.zeros((k, codes.CLOCK_SIZE))
-        self.clock[:, [codes.T, codes.T_START]] = span[0]
-        self.clock[:, codes.T_END] = span[1]
-        self.clock[:, codes.RTOL], self.clock[:, codes.MAX_STEP] = options.rtol, options.max_step
-        self.clock[:, codes.STEP] = options.first_step or 0.0
-        self.count = np.zeros((k, codes.COUNT_SIZE), dtype=np.int64)
-        self.count[:, codes.STEP_BUDGET] = options.max_steps
-        self.count[:, codes.EVENT_ROOM], self.count[:, codes.EVENT_BUDGET] = (
-            _EVENT_ROOM + m,
-            options.max_events,
+def _collect(
+    batch: Batch, start: Array, span: tuple[float, float], stops: tuple[Stop, ...],
+    options: Mapping[str, Any], complete: bool,
+) -> Ensemble:  # fmt: skip
+    """The ends of a batch, with the rows that need the general path solved by it."""
+    system = batch.machine.system
+    statuses = [_STATUS.get(code) for code in batch.code.tolist()]
+    messages = [""] * len(statuses)
+    t, nfev = batch.clock[:, codes.T].copy(), batch.count[:, codes.FIELD_CALLS].copy()
+    counts = batch.kinds[:, :-2].reshape(batch.size, batch.machine.m, codes.KINDS).astype(np.int32)
+    last = batch.kinds[:, -2:].copy()
+    for q in [q for q, status in enumerate(statuses) if status is None]:
+        if not complete:
+            statuses[q] = Status.INTERRUPTED
+            continue
+        values = dict(zip(system.parameters.names, batch.values[q].tolist(), strict=True))
+        solution = solve(
+            Problem(system, start[q], span, values), stop=stops, dense_output=False, **options
         )
-        self.stop = np.zeros((k, m, codes.KINDS), dtype=np.int64)
-        names = [surface.name for surface in system.surfaces]
-        for item in stops:
-            for column in item.columns:
-                self.stop[:, names.index(item.surface), column] = item.count
-        self.zeno = np.zeros((k, m, codes.ZENO_ROOM))
-        self.code = np.full(k, codes.CHUNK_DONE, dtype=np.int64)
-        self.atol = options.tolerances(system)
-        # Compiled once, before the threads ask for it.
-        self.machine = Machine(system, options.method, values[0])
-        self.p = self.machine.derived(values)
+        statuses[q], messages[q] = solution.status, solution.message
+        t[q], batch.x[q], batch.mode[q] = solution.t_end, solution.x_end, solution.end_mode
+        nfev[q] += solution.nfev
+        counts[q], last[q] = 0, -1
+        for event in solution.events:
+            last[q] = event.index, _column(event)
+            counts[q, event.index, _column(event)] += 1
+        complete = solution.status is not Status.INTERRUPTED
+    done = tuple(status for status in statuses if status is not None)
+    names = tuple(surface.name for surface in system.surfaces)
+    return Ensemble(
+        t, batch.x, batch.mode.astype(np.int64), done, tuple(messages), nfev, counts, last,
+        complete=complete, surfaces=names,
+    )  # fmt: skip
 
-    def run(self, first: int, last: int) -> None:
-        """Rows first ... last - 1."""
-        machine = self.machine
-        if (first, last) != (0, len(self.x)):
-            machine = Machine(self.system, self.options.method, self.values[first])
-        m = machine.m
-        events = np.zeros((_EVENT_ROOM + m, machine.event_size))
-        marks = np.zeros((_EVENT_ROOM + m, 2 + 2 * m), dtype=np.int64)
-        if machine.callbacks is not None:
-            for row in range(first, last):
-                machine.callbacks.parameters(self.values[row])
-                self._call(machine, row, row + 1, events, marks)
-            return
-        self._call(machine, first, last, events, marks)
 
-    def _call(
-        self, machine: Machine, first: int, last: int, events: Array, marks: npt.NDArray[np.int64]
-    ) -> None:
-        machine.call(
-            "ensemble", int(first), int(last), self.clock, self.count, self.x, self.mode, self.order,
-            self.hit, self.lam, self.p, self.atol, self.stop, self.zeno, events, marks, self.code, machine.w,
-            machine.iw, machine.context,
-        )  # fmt: skip
+def _column(event: Event) -> int:
+    """The kernel's number for the kind of an event."""
+    direction = {1: " up", -1: " down"}.get(event.direction, "")
+    return columns_of(f"{event.kind}{direction}")[0]
 
-    def result(self, options: Mapping[str, Any], stops: tuple[Stop, ...]) -> Ensemble:
-        """Collect, with the rows that need the general path solved by it."""
-        statuses = [_STATUS.get(code) for code in self.code.tolist()]
-        messages = [""] * len(statuses)
-        for q in [q for q, status in enumerate(statuses) if status is None]:
-            values = dict(zip(self.system.parameters.names, self.values[q].tolist(), strict=True))
-            problem = Problem(self.system, self.start[q], self.span, values)
-            solution = solve(problem, stop=stops, dense_output=False, **options)
-            statuses[q], messages[q] = solution.status, solution.message
-            self.clock[q, codes.T], self.x[q], self.mode[q] = (
-                solution.t_end,
-                solution.x_end,
-                solution.end_mode,
-            )
-            self.count[q, codes.FIELD_CALLS] += solution.nfev
-        done = tuple(status for status in statuses if status is not None)
-        return Ensemble(
-            self.clock[:, codes.T].copy(), self.x, self.mode.astype(np.int64), done, tuple(messages),
-            self.count[:, codes.FIELD_CALLS].copy(),
-        )  # fmt: skip
+
+def _measured(measure: Callable[[Ensemble], Any], part: Ensemble) -> npt.NDArray[Any]:
+    values = np.asarray(measure(part))
+    if values.ndim == 0 or len(values) != len(part.t):
+        raise UsageError(
+            f"measure returned shape {values.shape} for {len(part.t)} trajectories, expected a row for each."
+        )
+    return values
+
+
+def _joined(parts: list[Ensemble], states: Array, span: tuple[float, float]) -> Ensemble:
+    """One ensemble of all blocks; what was never begun stands at its start."""
+    done = sum(len(part.t) for part in parts)
+    if len(parts) == 1 and done == len(states):
+        return parts[0]
+    left, last = len(states) - done, parts[-1]
+    rest = replace(
+        last, t=np.full(left, span[0]), x=states[done:].copy(),
+        mode=np.ones((left, last.mode.shape[1]), np.int64),
+        status=(Status.INTERRUPTED,) * left, message=("",) * left, nfev=np.zeros(left, np.int64),
+        counts=np.zeros((left, *last.counts.shape[1:]), np.int32), last=np.full((left, 2), -1),
+    )  # fmt: skip
+    pieces = [*parts, rest] if left else parts
+
+    def join(name: str) -> Any:
+        return np.concatenate([getattr(piece, name) for piece in pieces])
+
+    arrays = {name: join(name) for name in ("t", "x", "mode", "nfev", "counts", "last")}
+    measured = None
+    if last.measured is not None:
+        measured = np.concatenate([part.measured for part in parts])
+    return replace(
+        last, **arrays, measured=measured, complete=all(part.complete for part in parts),
+        status=tuple(s for piece in pieces for s in piece.status),
+        message=tuple(s for piece in pieces for s in piece.message),
+    )  # fmt: skip

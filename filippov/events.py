@@ -120,6 +120,13 @@ _COLUMNS = {
 STOP_KINDS = tuple(_COLUMNS)
 
 
+def columns_of(kind: str) -> tuple[int, ...]:
+    """The kernel's numbers for a kind of event, named as in `Stop`. Raises UsageError."""
+    if kind not in _COLUMNS:
+        raise UsageError(unknown("kind of event", kind, _COLUMNS))
+    return _COLUMNS[kind]
+
+
 @dataclass(frozen=True)
 class Stop:
     """End the run at the count-th event of a kind on a surface.

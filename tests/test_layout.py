@@ -23,7 +23,7 @@ FLOORS: dict[str, float] = {
     "filippov.system": 1.5,
     "filippov._kernels": 2,
     "filippov.event_log": 2.1, "filippov.machine": 2.1, "filippov.options": 2.1,
-    "filippov.modes": 3, "filippov.problem": 3, "filippov.run": 3,
+    "filippov.batch": 3, "filippov.modes": 3, "filippov.problem": 3, "filippov.run": 3,
     "filippov.ambiguity": 3.1,
     "filippov.zeno": 3.9, "filippov.jumps": 4, "filippov.solution": 4, "filippov.stiffness": 4,
     "filippov.solution_tree": 4.05,

@@ -29,12 +29,18 @@ from filippov._kernels.unit import Constant, Unit, add_kernels
 _FOLDER = Path(__file__).parent
 _FILES = (
     "elementary", "bernstein", "field", "land", "locate", "control", "resolve", "reset", "record", "advance",
-    "probe", "start", "ensemble",
+    "probe", "start", "turn", "ensemble",
 )  # fmt: skip
+# A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
+_LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_run")
+ENTRIES = ("launch", "turn", "renew_state")
 # Arguments of the entry points: d double, i integer, a address of an array.
 EXPORTED = {
     "advance": "a" * 18,
-    "ensemble": "ii" + "a" * 17,
+    "ensemble": "ii" + "a" * 20,
+    "launch": "a" * 9,
+    "turn": "i" + "a" * 17,
+    "renew_state": "d" + "a" * 4 + "d" + "a" * 4,
     "begin": "dd" + "a" * 8,
     "probe": "dd" + "a" * 8,
     "rhs": "d" + "a" * 6,
@@ -44,6 +50,7 @@ EXPORTED = {
     "resets": "id" + "a" * 5,
     "derive": "a",
 }
+LANE_EXPORTED = {"lane_run": "ii" + "a" * 30}
 _KINDS: dict[str, Any] = {"d": ctypes.c_double, "i": ctypes.c_int64, "a": ctypes.c_void_p}
 _MAGIC = b"filippov unit 1\n"
 _lock = threading.Lock()
@@ -55,6 +62,7 @@ class Compiled:
     """Machine code of one system with one method: entry points to call with addresses, and their scratch."""
 
     functions: Mapping[str, Any]
+    addresses: Mapping[str, int]
     layout: Layout
     engine: object
 
@@ -90,20 +98,33 @@ def _shared() -> tuple[dict[str, Constant], tuple[str, ...]]:
             if name.isupper() and isinstance(value, int | float | list)
         }
     texts = []
-    for name in _FILES:
+    for name in _LANE_FILES:
         text = (_FOLDER / f"{name}.py").read_text(encoding="utf-8")
         texts.append(text)
         for node in ast.parse(text).body:
-            if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant | ast.Tuple):
+            if isinstance(node, ast.Assign):
                 names = node.targets[0].elts if isinstance(node.targets[0], ast.Tuple) else node.targets
                 values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value]
                 for target, value in zip(names, values, strict=True):
-                    if isinstance(target, ast.Name) and isinstance(value, ast.Constant):
-                        constants[target.id] = value.value  # type: ignore[assignment]
+                    number = _number(value)
+                    if isinstance(target, ast.Name) and number is not None:
+                        constants[target.id] = number
     return constants, tuple(texts)
 
 
-def _compile(source: str, constants: Mapping[str, Constant], method: str, place: Layout) -> bytes:
+def _number(node: ast.expr) -> int | float | bool | None:
+    """A number that stands in a source text, with its sign."""
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        inner = _number(node.operand)
+        return None if inner is None else -inner
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        return node.value
+    return None
+
+
+def _compile(
+    source: str, constants: Mapping[str, Constant], method: str, place: Layout, exported: Mapping[str, str]
+) -> bytes:
     tableau = TABLEAUS[method]
     shared, texts = _shared()
     unit = Unit()
@@ -112,7 +133,7 @@ def _compile(source: str, constants: Mapping[str, Constant], method: str, place:
     unit.constants.update(method_constants(tableau))
     for text in (source, method_source(tableau), *texts):
         add_kernels(unit, text)
-    return compile_unit(unit, constants, tuple(EXPORTED))
+    return compile_unit(unit, constants, tuple(exported))
 
 
 def _read(path: Path) -> bytes | None:
@@ -140,11 +161,15 @@ def _write(path: Path, code: bytes) -> None:
         return
 
 
-def build(source: str, constants: Mapping[str, Constant], method: str) -> Compiled:
-    """The compiled unit of a system: its kernel source, its constants (N, M, ROLE ...) and a method."""
+def build(source: str, constants: Mapping[str, Constant], method: str, lanes: bool = False) -> Compiled:
+    """The compiled unit of a system: its kernel source, its constants (N, M, ROLE ...) and a method.
+
+    lanes  the unit that runs several trajectories side by side, in place of the plain one
+    """
+    exported = LANE_EXPORTED if lanes else EXPORTED
     n, m = int(constants["N"]), int(constants["M"])  # type: ignore[arg-type]
     place = layout.layout(n, m, bool(constants["AFFINE"]), TABLEAUS[method])
-    text = repr((source, sorted(constants.items()), method)).encode()
+    text = repr((source, sorted(constants.items()), method, lanes)).encode()
     name = hashlib.sha256(_toolchain() + text).hexdigest()[:32]
     with _lock:
         if name in _loaded:
@@ -152,13 +177,13 @@ def build(source: str, constants: Mapping[str, Constant], method: str) -> Compil
         path = cache_folder() / f"{name}.unit"
         code = _read(path)
         if code is None:
-            code = _compile(source, constants, method, place)
+            code = _compile(source, constants, method, place, exported)
             _write(path, code)
         engine = load_object(code)
-        functions = {}
-        for function, arguments in EXPORTED.items():
+        functions, addresses = {}, {}
+        for function, arguments in exported.items():
             kinds = [_KINDS[letter] for letter in arguments]
-            address = engine.get_function_address(function)
-            functions[function] = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds)(address)
-        _loaded[name] = Compiled(functions, place, engine)
+            addresses[function] = engine.get_function_address(function)
+            functions[function] = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds)(addresses[function])
+        _loaded[name] = Compiled(functions, addresses, place, engine)
         return _loaded[name]

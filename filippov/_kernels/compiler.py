@@ -13,10 +13,14 @@ from filippov._kernels.unit import Constant, Unit
 
 
 def compile_unit(unit: Unit, constants: Mapping[str, Constant], exported: Sequence[str]) -> bytes:
-    """Object code of a unit; the exported kernels keep their names, all others may be inlined away."""
+    """Object code of a unit: the exported kernels, which keep their names, and what they call (or all)."""
     unit.constants.update(constants)
-    for kernel in unit.kernels.values():
-        translate(unit, kernel)
+    for name in exported or unit.texts:
+        unit.plain(name)
+    for name in () if exported else unit.lane_texts:
+        unit.widened(name)
+    while unit.waiting:
+        translate(unit, unit.waiting.pop(0))
     for name in exported:
         unit.kernels[name].function.linkage = "external"
     machine = target_machine()

@@ -1,52 +1,70 @@
 """Many trajectories of one system in one call: initial mode, then the event loop, one after the other."""
 
-from filippov._kernels.advance import advance
 from filippov._kernels.codes import (
     CLOCK_SIZE,
     COUNT_SIZE,
-    EVENT_BUDGET,
-    EVENTS,
-    EVENTS_FULL,
     KINDS,
     REACHED,
+    REJECTED,
+    STEPS,
     T_END,
     ZENO_ROOM,
     T,
 )
-from filippov._kernels.language import Indices, Vector, kernel, shift, shift_indices
+from filippov._kernels.language import Indices, Vector, claim, kernel, shift, shift_indices
 from filippov._kernels.model import M, N, P, derive
 from filippov._kernels.start import begin
+from filippov._kernels.turn import turn
+
+
+@kernel
+def launch(
+    clock: Vector, x: Vector, m: Vector, order: Indices, lam: Vector, p: Vector, w: Vector, iw: Indices,
+    ctx: Indices,
+) -> int:  # fmt: skip
+    """What the field takes from the parameters, and the mode at the start of a trajectory."""
+    derive(p)
+    direction = 1.0 if clock[T_END] >= clock[T] else -1.0
+    return begin(clock[T], direction, x, p, m, order, lam, w, iw, ctx)
 
 
 @kernel
 def ensemble(
-    first: int, last: int, clocks: Vector, counts: Indices, xs: Vector, ms: Vector, orders: Indices,
-    hits: Indices, lams: Vector, ps: Vector, atol: Vector, stops: Indices, zenos: Vector, events: Vector,
-    marks: Indices, codes: Indices, w: Vector, iw: Indices, ctx: Indices,
+    last: int, steps: int, queue: Indices, mine: Indices, clocks: Vector, counts: Indices, xs: Vector,
+    ms: Vector, orders: Indices, hits: Indices, lams: Vector, ps: Vector, atol: Vector, stops: Indices,
+    zenos: Vector, kinds: Indices, events: Vector, marks: Indices, codes: Indices, w: Vector, iw: Indices,
+    ctx: Indices,
 ) -> int:  # fmt: skip
-    """Run trajectories first ... last - 1; codes[q] says how each ended, nothing is kept of the way there.
+    """Run trajectories from the queue until it is empty or about `steps` steps are done; 1 if some are left.
 
-    A trajectory that the compiled path cannot decide ends with GENERAL at the place where it cannot.
+    codes[q] says how each ended, nothing is kept of the way there. A trajectory that the compiled path cannot
+    decide ends with GENERAL at the place where it cannot. queue[0] is the next trajectory of `last`, and
+    queue[1] counts those that are done; threads share it. mine[0] is the one under way, -1 for none.
     """
-    for q in range(first, last):
+    left = steps
+    while left > 0:
+        q = mine[0]
+        fresh = q < 0
+        if fresh:
+            q = claim(queue, 0)
+            if q >= last:
+                return 0
+            mine[0] = q
         clock, count = shift(clocks, q * CLOCK_SIZE), shift_indices(counts, q * COUNT_SIZE)
         x, m, order = shift(xs, q * N), shift(ms, q * M), shift_indices(orders, q * M)
         lam, p = shift(lams, q * M), shift(ps, q * P)
-        derive(p)
-        direction = 1.0 if clock[T_END] >= clock[T] else -1.0
-        code = begin(clock[T], direction, x, p, m, order, lam, w, iw, ctx)
+        code, before = REACHED, count[STEPS] + count[REJECTED]
+        if fresh:
+            code = launch(clock, x, m, order, lam, p, w, iw, ctx)
         if code == REACHED:
-            code = EVENTS_FULL
-        while code == EVENTS_FULL:
-            code = advance(
-                clock, count, x, m, order, shift_indices(hits, q * M), lam, p, atol,
-                shift_indices(stops, q * M * KINDS), shift(zenos, q * M * ZENO_ROOM), w, w, events, marks, w,
-                iw, ctx,
+            code = turn(
+                left, clock, count, x, m, order, shift_indices(hits, q * M), lam, p, atol,
+                shift_indices(stops, q * M * KINDS), shift(zenos, q * M * ZENO_ROOM),
+                shift_indices(kinds, q * (M * KINDS + 2)), events, marks, w, iw, ctx,
             )  # fmt: skip
-            if code == EVENTS_FULL:
-                count[EVENT_BUDGET] -= count[EVENTS]
-                count[EVENTS] = 0
-                if count[EVENT_BUDGET] <= 0:
-                    break
-        codes[q] = code
-    return 0
+        left -= count[STEPS] + count[REJECTED] - before + 1
+        if code != -1:
+            codes[q] = code
+            mine[0] = -1
+            claim(queue, 1)
+    return 1

@@ -5,6 +5,11 @@ A kernel is a function on numbers and flat arrays with every parameter annotated
 `break`, `continue`, `return` of a number or a tuple of numbers, arithmetic, comparisons, and calls of other
 kernels and of the functions below. Matrices are flat, row by row. Run by Python itself a kernel gives the
 same numbers, only slower, which is how its parts are tested.
+
+A lane kernel (`lanes`) runs several trajectories side by side: its floats are vectors with a number for each,
+its `Vector`s are arrays of them, its integers are common to all. A plain kernel called from a lane
+kernel is widened in the same way. Comparisons give a mask: `a if mask else b` blends, both sides computed;
+`if` takes `anywhere(mask)` or `everywhere(mask)`.
 """
 
 import math
@@ -26,6 +31,11 @@ def kernel(function: Function) -> Function:
     return function
 
 
+def lanes(function: Function) -> Function:
+    """Mark a kernel of several trajectories side by side, in place of a plain one of the same name."""
+    return function
+
+
 def inline(function: Function) -> Function:
     """Mark a kernel to be copied into every place that calls it (besides `kernel` or `contract`)."""
     return function
@@ -44,6 +54,42 @@ def shift(array: Vector, offset: int) -> Vector:
 def shift_indices(array: Indices, offset: int) -> Indices:
     """The integer array from an offset on, as a view."""
     return array[offset:]
+
+
+def anywhere(mask: bool) -> bool:
+    """Whether a mask holds in any lane."""
+    return bool(mask)
+
+
+def everywhere(mask: bool) -> bool:
+    """Whether a mask holds in all lanes."""
+    return bool(mask)
+
+
+def mask_bits(mask: bool) -> int:
+    """A mask as an integer, a bit a lane."""
+    return int(mask)
+
+
+def each(name: str, *values: float) -> float:
+    """A function of the C library, lane by lane."""
+    try:
+        return float(getattr(math, name)(*values))
+    except OverflowError:
+        return math.inf
+    except ValueError:
+        return math.nan
+
+
+def claim(counters: Indices, place: int) -> int:
+    """Count a number up and return what it was; threads that share it never get the same."""
+    counters[place] += 1
+    return int(counters[place]) - 1
+
+
+def call_at(address: int, *arguments: object) -> int:
+    """Call a compiled function by its address (compiled code only)."""
+    raise RuntimeError("call_at exists in compiled code only")
 
 
 def truncate(value: float) -> int:

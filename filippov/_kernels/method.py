@@ -25,11 +25,14 @@ def _sum(row: Row) -> str:
     return " + ".join(f"{value!r} * w[W_K + {stage} * N + i]" for stage, value in row.items())
 
 
-def _stage(row: Row, node: float, target: int) -> list[str]:
+def _stage(row: Row, node: float, target: int, sliding: bool | None = None) -> list[str]:
     place, out = f"t + {node!r} * step, shift(w, W_STAGE)", f"shift(w, W_K + {target} * N)"
+    lines = ["    for i in range(N):", f"        w[W_STAGE + i] = {_advanced(row)}"]
+    if sliding is not None:
+        call = f"field({place}, p, m, {out}, w, iw, ctx)" if sliding else f"rhs({place}, p, m, m, {out}, ctx)"
+        return [*lines, f"    {call}"]
     return [
-        "    for i in range(N):",
-        f"        w[W_STAGE + i] = {_advanced(row)}",
+        *lines,
         "    if iw[I_SLIDING] == 0:",
         f"        code = rhs({place}, p, m, m, {out}, ctx)",
         "    else:",
@@ -40,7 +43,10 @@ def _stage(row: Row, node: float, target: int) -> list[str]:
 
 
 def method_source(method: Method) -> str:
-    """The functions `stages`, `extra_stages` and `error_terms` of the interface in `model`."""
+    """The functions `stages`, `extra_stages` and `error_terms` of the interface in `model`.
+
+    `free_stages` and `sliding_stages` are explicit `stages` for lanes: none of them slides, or some do.
+    """
     if isinstance(method, Collocation):
         return "\n\n".join((_FOLDER / f"{name}.py").read_text(encoding="utf-8") for name in _IMPLICIT)
     return _explicit_source(method)
@@ -52,6 +58,12 @@ def _explicit_source(tableau: Tableau) -> str:
         lines += _stage(row, node, target)
     lines += ["    if iw[I_SLIDING] == 0:", f"        iw[I_CALLS] += {len(tableau.main) - 1}"]
     lines += ["    for i in range(N):", f"        y[i] = {_advanced(tableau.main[-1])}", "    return 0"]
+    for name, sliding in (("free", False), ("sliding", True)):
+        lines += ["", "", "@contract"]
+        lines += [f"def {name}_stages({_SIGNATURE}, step: float, y: Vector, {_SCRATCH}) -> int:"]
+        for target, (row, node) in enumerate(zip(tableau.main, tableau.main_nodes, strict=False), start=1):
+            lines += _stage(row, node, target, sliding)
+        lines += ["    for i in range(N):", f"        y[i] = {_advanced(tableau.main[-1])}", "    return 0"]
     lines += ["", "", "@contract", f"def extra_stages({_SIGNATURE}, step: float, {_SCRATCH}) -> int:"]
     for offset, (row, node) in enumerate(zip(tableau.extra, tableau.extra_nodes, strict=True)):
         lines += _stage(row, node, tableau.stages + offset)

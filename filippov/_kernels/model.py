@@ -144,6 +144,24 @@ def stages(
 
 
 @kernel
+def free_stages(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """The same for lanes none of which slides."""
+    y[0] = x[0]
+    return 0
+
+
+@kernel
+def sliding_stages(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """The same for lanes some of which slide."""
+    y[0] = x[0]
+    return 0
+
+
+@kernel
 def extra_stages(
     t: float, x: Vector, p: Vector, m: Vector, step: float, w: Vector, iw: Indices, ctx: Indices
 ) -> int:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 
 from llvmlite import ir
 
+from filippov._kernels.operand import Operands
 from filippov._kernels.unit import (
     BIT,
     DOUBLE,
@@ -12,9 +13,11 @@ from filippov._kernels.unit import (
     LONG,
     VECTOR,
     VOID,
-    Constant,
+    WIDE,
+    WIDE_BIT,
+    WIDE_LONG,
+    WIDE_VECTOR,
     Kernel,
-    KernelError,
     Unit,
 )
 
@@ -25,15 +28,12 @@ _COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "=="
 _CALLBACKS = {"call_field": 6, "call_guard": 5}
 
 
-class _Body:
+class _Body(Operands):
     """Translate one kernel. Locals live on the stack; LLVM's mem2reg turns them into registers."""
 
     def __init__(self, unit: Unit, kernel: Kernel) -> None:
-        self.unit, self.kernel = unit, kernel
+        super().__init__(unit, kernel)
         self.flags = kernel.flags
-        entry = kernel.function.append_basic_block("entry")
-        self.entry = ir.IRBuilder(entry)
-        self.b = ir.IRBuilder(kernel.function.append_basic_block("body"))
         self.locals: dict[str, ir.AllocaInstr] = {}
         self.loops: list[tuple[ir.Block, ir.Block]] = []
         for argument, value in zip(kernel.node.args.args, kernel.function.args, strict=True):
@@ -46,55 +46,22 @@ class _Body:
                 self.b.unreachable()
         self.entry.branch(kernel.function.blocks[1])
 
-    def fail(self, node: ast.AST, why: str) -> KernelError:
-        return KernelError(f"kernel {self.kernel.node.name}, line {getattr(node, 'lineno', '?')}: {why}")
-
     # Values
 
-    def double(self, value: ir.Value) -> ir.Value:
-        if value.type == LONG:
-            return self.b.sitofp(value, DOUBLE)
-        if value.type == BIT:
-            return self.b.uitofp(value, DOUBLE)
+    def test(self, node: ast.expr) -> ir.Value:
+        """What a branch asks: one answer, also in a lane kernel."""
+        value = self.bit(self.value(node))
+        if value.type != BIT:
+            raise self.fail(node, "lanes cannot branch; blend, or ask anywhere(...) or everywhere(...)")
         return value
 
-    def bit(self, value: ir.Value) -> ir.Value:
-        if value.type == BIT:
-            return value
-        if value.type == LONG:
-            return self.b.icmp_signed("!=", value, ir.Constant(LONG, 0))
-        return self.b.fcmp_unordered("!=", value, ir.Constant(DOUBLE, 0.0))
-
-    def cast(self, value: ir.Value, kind: ir.Type, node: ast.AST) -> ir.Value:
-        if value.type == kind:
-            return value
-        if kind == DOUBLE:
-            return self.double(value)
-        if kind == LONG and value.type == BIT:
-            return self.b.zext(value, LONG)
-        raise self.fail(node, f"a {value.type} where a {kind} is needed")
-
     def store(self, name: str, value: ir.Value, node: ast.AST | None = None) -> None:
+        if self.kernel.wide and value.type == DOUBLE:
+            value = self.splat(value)
         if name not in self.locals:
             self.locals[name] = self.entry.alloca(value.type, name=name)
         slot = self.locals[name]
         self.b.store(self.cast(value, slot.type.pointee, node or self.kernel.node), slot)
-
-    def constant(self, value: Constant, name: str) -> ir.Value:
-        if isinstance(value, bool):
-            return ir.Constant(BIT, int(value))
-        if isinstance(value, int):
-            return ir.Constant(LONG, value)
-        if isinstance(value, float):
-            return ir.Constant(DOUBLE, value)
-        if name not in self.unit.tables:
-            kind = DOUBLE if any(isinstance(v, float) for v in value) else LONG
-            table = ir.GlobalVariable(self.unit.module, ir.ArrayType(kind, len(value)), f"table_{name}")
-            table.initializer = ir.Constant(table.value_type, list(value))
-            table.global_constant, table.linkage = True, "internal"
-            self.unit.tables[name] = table
-        zero = ir.Constant(LONG, 0)
-        return self.b.gep(self.unit.tables[name], [zero, zero], inbounds=True)
 
     def value(self, node: ast.expr) -> ir.Value:
         method: Callable[[ast.expr], ir.Value] | None = getattr(self, f"value_{type(node).__name__}", None)
@@ -116,28 +83,30 @@ class _Body:
 
     def pointer(self, node: ast.Subscript) -> ir.Value:
         base, offset = self.value(node.value), self.value(node.slice)
-        if base.type not in (VECTOR, INDICES) or offset.type != LONG:
+        if base.type not in (VECTOR, INDICES, WIDE_VECTOR) or offset.type != LONG:
             raise self.fail(node, "arrays are indexed by one integer")
         return self.b.gep(base, [offset], inbounds=True)
 
     def value_Subscript(self, node: ast.Subscript) -> ir.Value:
-        return self.b.load(self.pointer(node))
+        pointer = self.pointer(node)
+        return self.b.load(pointer, align=8) if pointer.type == WIDE_VECTOR else self.b.load(pointer)
 
     def value_UnaryOp(self, node: ast.UnaryOp) -> ir.Value:
         value = self.value(node.operand)
         if isinstance(node.op, ast.Not):
             return self.b.not_(self.bit(value))
         if isinstance(node.op, ast.USub):
-            return self.b.fneg(value) if value.type == DOUBLE else self.b.neg(value)
+            return self.b.fneg(value) if value.type in (DOUBLE, WIDE) else self.b.neg(value)
         return value
 
     def arithmetic(self, op: ast.operator, left: ir.Value, right: ir.Value, node: ast.AST) -> ir.Value:
-        if left.type == LONG and right.type == LONG and not isinstance(op, ast.Div | ast.Pow):
+        left, right = self.alike(left, right)
+        if left.type in (LONG, WIDE_LONG) and not isinstance(op, ast.Div | ast.Pow):
             table = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.FloorDiv: "sdiv", ast.Mod: "srem"}
             table |= {ast.LShift: "shl", ast.RShift: "ashr", ast.BitAnd: "and_", ast.BitOr: "or_"}
             return getattr(self.b, table[type(op)])(left, right)
         if isinstance(op, ast.Pow):
-            return self.call_power(self.double(left), self.double(right))
+            return self.call_power(self.double(left), self.double(right), node)
         names = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv", ast.Mod: "frem"}
         if type(op) not in names:
             raise self.fail(node, f"{type(op).__name__} is not defined for doubles")
@@ -154,18 +123,25 @@ class _Body:
         for op, comparator in zip(node.ops, node.comparators, strict=True):
             right = self.value(comparator)
             sign = _COMPARE[type(op)]
-            if left.type == LONG and right.type == LONG:
+            left, right = self.alike(left, right)
+            if left.type in (LONG, WIDE_LONG):
                 test = self.b.icmp_signed(sign, left, right)
             elif sign == "!=":
                 test = self.b.fcmp_unordered(sign, self.double(left), self.double(right))
             else:
                 test = self.b.fcmp_ordered(sign, self.double(left), self.double(right))
-            result = test if result is None else self.b.and_(result, test)
+            result = test if result is None else self.b.and_(*self.alike(result, test))
             left = right
         assert result is not None
         return result
 
     def value_BoolOp(self, node: ast.BoolOp) -> ir.Value:
+        if self.kernel.wide:
+            join = self.b.and_ if isinstance(node.op, ast.And) else self.b.or_
+            result = self.bit(self.value(node.values[0]))
+            for item in node.values[1:]:
+                result = join(*self.alike(result, self.bit(self.value(item))))
+            return result
         slot = self.entry.alloca(BIT)
         done = self.b.append_basic_block("bool")
         for item in node.values[:-1]:
@@ -183,14 +159,20 @@ class _Body:
         return self.b.load(slot)
 
     def value_IfExp(self, node: ast.IfExp) -> ir.Value:
+        test = self.bit(self.value(node.test))
+        if test.type == WIDE_BIT:
+            left, right = self.alike(self.value(node.body), self.value(node.orelse))
+            if not isinstance(left.type, ir.VectorType):
+                left, right = self.splat(left), self.splat(right)
+            return self.b.select(test, left, right)
         yes, no, done = (self.b.append_basic_block(name) for name in ("yes", "no", "done"))
-        self.b.cbranch(self.bit(self.value(node.test)), yes, no)
+        self.b.cbranch(test, yes, no)
         self.b.position_at_end(yes)
         left = self.value(node.body)
         left_end = self.b.block
         self.b.position_at_end(no)
         right = self.value(node.orelse)
-        kind = left.type if left.type == right.type else DOUBLE
+        kind = left.type if left.type == right.type else WIDE if WIDE in (left.type, right.type) else DOUBLE
         right = self.cast(right, kind, node)
         right_end = self.b.block
         self.b.branch(done)
@@ -203,33 +185,30 @@ class _Body:
         phi.add_incoming(right, right_end)
         return phi
 
-    def call_power(self, base: ir.Value, exponent: ir.Value) -> ir.Value:
+    def call_power(self, base: ir.Value, exponent: ir.Value, node: ast.AST) -> ir.Value:
+        if self.kernel.wide:
+            return self.call_kernel(self.unit.widened("power"), [base, exponent], node)
         return self.b.call(self.unit.external("pow", 2), [base, exponent])
 
-    def intrinsic(self, name: str, values: Sequence[ir.Value]) -> ir.Value:
-        kind = ir.FunctionType(DOUBLE, [DOUBLE] * len(values))
-        return self.b.call(self.unit.module.declare_intrinsic(name, [DOUBLE], kind), values)
-
-    def choose(self, values: Sequence[ir.Value], sign: str) -> ir.Value:
-        whole = all(value.type == LONG for value in values)
-        best = values[0] if whole else self.double(values[0])
-        for given in values[1:]:
-            value = given if whole else self.double(given)
-            # Written so that min and max of a NaN and a number agree with Python's: the first one stays.
-            test = self.b.icmp_signed(sign, value, best) if whole else self.b.fcmp_ordered(sign, value, best)
-            best = self.b.select(test, value, best)
-        return best
+    def call_kernel(self, kernel: Kernel, values: Sequence[ir.Value], node: ast.AST) -> ir.Value:
+        target = kernel.function
+        if len(values) != len(target.args):
+            raise self.fail(node, f"{target.name} takes {len(target.args)} arguments, given {len(values)}")
+        kinds = target.ftype.args
+        return self.b.call(target, [self.cast(v, k, node) for v, k in zip(values, kinds, strict=True)])
 
     def value_Call(self, node: ast.Call) -> ir.Value:
         name = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
+        if name == "each":
+            of = node.args[0]
+            assert isinstance(of, ast.Constant)
+            return self.each(str(of.value), [self.value(argument) for argument in node.args[1:]])
         values = [self.value(argument) for argument in node.args]
         name = "exponential" if name == "exp" else name
-        if name in self.unit.kernels:
-            target = self.unit.kernels[name].function
-            if len(values) != len(target.args):
-                raise self.fail(node, f"{name} takes {len(target.args)} arguments, given {len(values)}")
-            kinds = target.ftype.args
-            return self.b.call(target, [self.cast(v, k, node) for v, k in zip(values, kinds, strict=True)])
+        if self.kernel.wide and (name in self.unit.lane_texts or name in self.unit.texts):
+            return self.call_kernel(self.unit.widened(name), values, node)
+        if name in self.unit.texts:
+            return self.call_kernel(self.unit.plain(name), values, node)
         if name in ("min", "max"):
             return self.choose(values, "<" if name == "min" else ">")
         if name == "abs" and values[0].type == LONG:
@@ -242,28 +221,42 @@ class _Body:
             return self.intrinsic("llvm.rint", [self.double(values[0])])
         if name == "two_to":
             # The bits of 2**n, |n| < 1023.
-            bits = self.b.shl(self.b.add(values[0], ir.Constant(LONG, 1023)), ir.Constant(LONG, 52))
-            return self.b.bitcast(bits, DOUBLE)
+            bits = self.b.add(*self.alike(values[0], ir.Constant(LONG, 1023)))
+            bits = self.b.shl(*self.alike(bits, ir.Constant(LONG, 52)))
+            return self.b.bitcast(bits, WIDE if bits.type == WIDE_LONG else DOUBLE)
         if name == "to_bits":
-            return self.b.bitcast(self.double(values[0]), LONG)
+            bits = self.double(values[0])
+            return self.b.bitcast(bits, WIDE_LONG if bits.type == WIDE else LONG)
         if name == "from_bits":
-            return self.b.bitcast(values[0], DOUBLE)
+            return self.b.bitcast(values[0], WIDE if values[0].type == WIDE_LONG else DOUBLE)
+        if name in ("anywhere", "everywhere", "mask_bits"):
+            return self.ask(name, self.bit(values[0]))
+        if name == "claim":
+            place = self.b.gep(values[0], [values[1]], inbounds=True)
+            return self.b.atomic_rmw("add", place, ir.Constant(LONG, 1), "monotonic")
+        if name == "call_at":
+            kind = ir.FunctionType(LONG, [value.type for value in values[1:]])
+            return self.b.call(self.b.inttoptr(values[0], kind.as_pointer()), values[1:])
         if name == "fma":
             return self.intrinsic("llvm.fma", [self.double(v) for v in values])
         if name == "float":
             return self.double(values[0])
         if name == "truncate":
-            return self.b.fptosi(values[0], LONG)
+            return self.b.fptosi(values[0], WIDE_LONG if values[0].type == WIDE else LONG)
         if name in ("shift", "shift_indices"):
             return self.b.gep(values[0], [values[1]], inbounds=True)
         if name == "power":
-            return self.call_power(self.double(values[0]), self.double(values[1]))
+            return self.call_power(self.double(values[0]), self.double(values[1]), node)
         if name in _CALLBACKS:
             kinds = [DOUBLE] + [VECTOR] * (_CALLBACKS[name] - 1)
             pointer = self.b.inttoptr(values[0], ir.FunctionType(LONG, kinds).as_pointer())
             return self.b.call(pointer, values[1:])
+        if name in _LIBM and self.kernel.wide:
+            return self.each(name, values)
         if name in _LIBM:
             return self.b.call(self.unit.external(name, _LIBM[name]), [self.double(v) for v in values])
+        if name in self.unit.lane_texts:
+            return self.call_kernel(self.unit.widened(name), values, node)
         raise self.fail(node, f"unknown function {name}")
 
     # Statements
@@ -282,7 +275,8 @@ class _Body:
             self.store(target.id, value, target)
         elif isinstance(target, ast.Subscript):
             pointer = self.pointer(target)
-            self.b.store(self.cast(value, pointer.type.pointee, target), pointer)
+            aligned = {"align": 8} if pointer.type == WIDE_VECTOR else {}
+            self.b.store(self.cast(value, pointer.type.pointee, target), pointer, **aligned)
         elif isinstance(target, ast.Tuple) and isinstance(value.type, ir.LiteralStructType):
             for i, item in enumerate(target.elts):
                 self.assign(item, self.b.extract_value(value, i))
@@ -328,7 +322,7 @@ class _Body:
             self.block(node.body if self.unit.constants[node.test.id] else node.orelse)
             return
         yes, no, done = (self.b.append_basic_block(name) for name in ("then", "else", "endif"))
-        self.b.cbranch(self.bit(self.value(node.test)), yes, no)
+        self.b.cbranch(self.test(node.test), yes, no)
         for start, statements in ((yes, node.body), (no, node.orelse)):
             self.b.position_at_end(start)
             self.block(statements)
@@ -353,7 +347,7 @@ class _Body:
         self.b.position_at_end(done)
 
     def do_While(self, node: ast.While) -> None:
-        self.loop(lambda: self.bit(self.value(node.test)), node.body, lambda: None)
+        self.loop(lambda: self.test(node.test), node.body, lambda: None)
 
     def do_For(self, node: ast.For) -> None:
         if not (isinstance(node.iter, ast.Call) and isinstance(node.target, ast.Name)):

@@ -5,9 +5,15 @@ from dataclasses import dataclass, field
 
 from llvmlite import ir
 
+from filippov._kernels.layout import LANES
+
 DOUBLE, LONG, BIT, VOID = ir.DoubleType(), ir.IntType(64), ir.IntType(1), ir.VoidType()
 VECTOR, INDICES = DOUBLE.as_pointer(), LONG.as_pointer()
 _ANNOTATED = {"float": DOUBLE, "int": LONG, "bool": BIT, "Vector": VECTOR, "Indices": INDICES}
+# What stands in a lane kernel for a number and an array of numbers.
+WIDE = ir.VectorType(DOUBLE, LANES)
+WIDE_LONG, WIDE_BIT, WIDE_VECTOR = ir.VectorType(LONG, LANES), ir.VectorType(BIT, LANES), WIDE.as_pointer()
+_IN_LANES = {"float": WIDE, "int": LONG, "bool": WIDE_BIT, "Vector": WIDE_VECTOR, "Indices": INDICES}
 
 Constant = int | float | bool | list[float] | list[int]
 
@@ -23,14 +29,22 @@ class Kernel:
     node: ast.FunctionDef
     function: ir.Function
     flags: tuple[str, ...]
+    wide: bool = False
 
 
 @dataclass
 class Unit:
-    """One LLVM module: kernels by name and the constants they share."""
+    """One LLVM module: its source texts by the names of their kernels, and the constants they share.
+
+    A kernel is declared when it is first asked for, and then waits for its translation.
+    """
 
     constants: dict[str, Constant] = field(default_factory=dict)
+    texts: dict[str, ast.FunctionDef] = field(default_factory=dict)
+    lane_texts: dict[str, ast.FunctionDef] = field(default_factory=dict)
     kernels: dict[str, Kernel] = field(default_factory=dict)
+    lanes: dict[str, Kernel] = field(default_factory=dict)
+    waiting: list[Kernel] = field(default_factory=list)
     tables: dict[str, ir.GlobalVariable] = field(default_factory=dict)
     module: ir.Module = field(default_factory=lambda: ir.Module("filippov"))
 
@@ -41,39 +55,76 @@ class Unit:
             return known
         return ir.Function(self.module, ir.FunctionType(DOUBLE, [DOUBLE] * count), name)
 
+    def intrinsic(self, name: str, kind: ir.FunctionType, suffix: str) -> ir.Function:
+        """An intrinsic function of LLVM."""
+        full = f"{name}.{suffix}"
+        known = self.module.globals.get(full)
+        return known if isinstance(known, ir.Function) else ir.Function(self.module, kind, full)
 
-def _annotation(node: ast.expr | None, where: str) -> ir.Type:
+    def plain(self, name: str) -> Kernel:
+        """The plain kernel of this name."""
+        if name not in self.kernels:
+            self.kernels[name] = _declare(self, self.texts[name], wide=False)
+        return self.kernels[name]
+
+    def widened(self, name: str) -> Kernel:
+        """The lane kernel of this name: its own, or the plain one widened."""
+        if name not in self.lanes:
+            self.lanes[name] = _declare(self, self.lane_texts.get(name) or self.texts[name], wide=True)
+        return self.lanes[name]
+
+
+def _annotation(node: ast.expr | None, where: str, wide: bool) -> ir.Type:
     if isinstance(node, ast.Name) and node.id in _ANNOTATED:
-        return _ANNOTATED[node.id]
+        return (_IN_LANES if wide else _ANNOTATED)[node.id]
     raise KernelError(f"{where}: annotate with float, int, bool, Vector or Indices")
 
 
-def _result(node: ast.expr | None, where: str) -> ir.Type:
+def _result(node: ast.expr | None, where: str, wide: bool) -> ir.Type:
     if node is None or (isinstance(node, ast.Constant) and node.value is None):
         return VOID
     if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Tuple):
-        return ir.LiteralStructType([_annotation(item, where) for item in node.slice.elts])
-    return _annotation(node, where)
+        return ir.LiteralStructType([_annotation(item, where, wide) for item in node.slice.elts])
+    return _annotation(node, where, wide)
+
+
+def _marks(node: ast.FunctionDef) -> set[str]:
+    return {mark.id for mark in node.decorator_list if isinstance(mark, ast.Name)}
+
+
+def _signature(node: ast.FunctionDef, wide: bool) -> ir.FunctionType:
+    arguments = [_annotation(a.annotation, f"{node.name}({a.arg})", wide) for a in node.args.args]
+    return ir.FunctionType(_result(node.returns, node.name, wide), arguments)
+
+
+def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
+    marks, kind = _marks(node), _signature(node, wide)
+    function = ir.Function(unit.module, kind, f"{node.name}.lanes" if wide else node.name)
+    function.linkage = "internal"
+    function.attributes.add("nounwind")
+    if unit.lane_texts:
+        # Vectors put aside on the stack must not lie across two cache lines.
+        function.attributes.alignstack = 8 * LANES
+    if "inline" in marks:
+        function.attributes.add("alwaysinline")
+    for argument, value in zip(node.args.args, function.args, strict=True):
+        # Parameters and modes are only read while stages are computed: no other name writes to them.
+        if "contract" in marks and argument.arg in ("p", "m"):
+            value.add_attribute("noalias")
+    kernel = Kernel(node, function, ("contract",) if "contract" in marks else (), wide)
+    unit.waiting.append(kernel)
+    return kernel
 
 
 def add_kernels(unit: Unit, text: str) -> None:
-    """Declare every decorated function of a source text; its constants may come later."""
+    """Take in every decorated function of a source text; its constants may come later."""
     for node in ast.parse(text).body:
         if not isinstance(node, ast.FunctionDef):
             continue
-        marks = {mark.id for mark in node.decorator_list if isinstance(mark, ast.Name)}
-        if "kernel" not in marks and "contract" not in marks:
-            continue
-        arguments = [_annotation(a.annotation, f"{node.name}({a.arg})") for a in node.args.args]
-        kind = ir.FunctionType(_result(node.returns, node.name), arguments)
-        function = ir.Function(unit.module, kind, node.name)
-        function.linkage = "internal"
-        function.attributes.add("nounwind")
-        if "inline" in marks:
-            function.attributes.add("alwaysinline")
-        for argument, value in zip(node.args.args, function.args, strict=True):
-            # Parameters and modes are only read while stages are computed: no other name writes to them.
-            if "contract" in marks and argument.arg in ("p", "m"):
-                value.add_attribute("noalias")
-        flags = ("contract",) if "contract" in marks else ()
-        unit.kernels[node.name] = Kernel(node, function, flags)
+        marks = _marks(node)
+        if marks & {"lanes", "kernel", "contract"}:
+            _signature(node, wide=False)
+        if "lanes" in marks:
+            unit.lane_texts[node.name] = node
+        elif marks & {"kernel", "contract"}:
+            unit.texts[node.name] = node

@@ -1,0 +1,146 @@
+"""Operands of the kernel language as LLVM values: numbers, masks and arrays, single or in lanes."""
+
+import ast
+from collections.abc import Sequence
+
+from llvmlite import ir
+
+from filippov._kernels.layout import LANES
+from filippov._kernels.unit import (
+    BIT,
+    DOUBLE,
+    LONG,
+    VECTOR,
+    WIDE,
+    WIDE_BIT,
+    WIDE_LONG,
+    WIDE_VECTOR,
+    Constant,
+    Kernel,
+    KernelError,
+    Unit,
+)
+
+_WIDENED = {DOUBLE: WIDE, LONG: WIDE_LONG, BIT: WIDE_BIT}
+_SUFFIX = {DOUBLE: "f64", WIDE: f"v{LANES}f64"}
+
+
+class Operands:
+    """Conversions between operands, and the functions on them, in the kernel that is being translated."""
+
+    def __init__(self, unit: Unit, kernel: Kernel) -> None:
+        self.unit, self.kernel = unit, kernel
+        self.entry = ir.IRBuilder(kernel.function.append_basic_block("entry"))
+        self.b = ir.IRBuilder(kernel.function.append_basic_block("body"))
+
+    def fail(self, node: ast.AST, why: str) -> KernelError:
+        return KernelError(f"kernel {self.kernel.node.name}, line {getattr(node, 'lineno', '?')}: {why}")
+
+    def double(self, value: ir.Value) -> ir.Value:
+        if value.type == LONG:
+            return self.b.sitofp(value, DOUBLE)
+        if value.type == BIT:
+            return self.b.uitofp(value, DOUBLE)
+        if value.type == WIDE_LONG:
+            return self.b.sitofp(value, WIDE)
+        if value.type == WIDE_BIT:
+            return self.b.uitofp(value, WIDE)
+        return value
+
+    def splat(self, value: ir.Value) -> ir.Value:
+        """The same number in every lane."""
+        kind = _WIDENED[value.type]
+        if isinstance(value, ir.Constant):
+            return ir.Constant(kind, [value.constant] * LANES)
+        whole = self.b.insert_element(ir.Constant(kind, ir.Undefined), value, ir.Constant(LONG, 0))
+        places = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+        return self.b.shuffle_vector(whole, ir.Constant(kind, ir.Undefined), places)
+
+    def alike(self, left: ir.Value, right: ir.Value) -> tuple[ir.Value, ir.Value]:
+        """Both in lanes where one of them is, both doubles where one of them is."""
+        kinds = (DOUBLE, WIDE)
+        if (left.type in kinds) != (right.type in kinds):
+            left, right = self.double(left), self.double(right)
+        wide = [isinstance(value.type, ir.VectorType) for value in (left, right)]
+        if wide[0] and not wide[1]:
+            right = self.splat(right)
+        elif wide[1] and not wide[0]:
+            left = self.splat(left)
+        return left, right
+
+    def bit(self, value: ir.Value) -> ir.Value:
+        if value.type in (BIT, WIDE_BIT):
+            return value
+        if value.type == LONG:
+            return self.b.icmp_signed("!=", value, ir.Constant(LONG, 0))
+        return self.b.fcmp_unordered("!=", value, ir.Constant(DOUBLE, 0.0))
+
+    def cast(self, value: ir.Value, kind: ir.Type, node: ast.AST) -> ir.Value:
+        if value.type == kind:
+            return value
+        if kind == DOUBLE:
+            return self.double(value)
+        if kind == LONG and value.type == BIT:
+            return self.b.zext(value, LONG)
+        if kind == WIDE_VECTOR and value.type == VECTOR:
+            return self.b.bitcast(value, WIDE_VECTOR)
+        if kind == WIDE and value.type in (DOUBLE, LONG):
+            return self.splat(self.double(value))
+        if kind == WIDE_BIT and value.type == BIT:
+            return self.splat(value)
+        raise self.fail(node, f"a {value.type} where a {kind} is needed")
+
+    def constant(self, value: Constant, name: str) -> ir.Value:
+        if isinstance(value, bool):
+            return ir.Constant(BIT, int(value))
+        if isinstance(value, int):
+            return ir.Constant(LONG, value)
+        if isinstance(value, float):
+            return ir.Constant(DOUBLE, value)
+        if name not in self.unit.tables:
+            kind = DOUBLE if any(isinstance(v, float) for v in value) else LONG
+            table = ir.GlobalVariable(self.unit.module, ir.ArrayType(kind, len(value)), f"table_{name}")
+            table.initializer = ir.Constant(table.value_type, list(value))
+            table.global_constant, table.linkage = True, "internal"
+            self.unit.tables[name] = table
+        zero = ir.Constant(LONG, 0)
+        return self.b.gep(self.unit.tables[name], [zero, zero], inbounds=True)
+
+    def intrinsic(self, name: str, values: Sequence[ir.Value]) -> ir.Value:
+        if any(value.type == WIDE for value in values):
+            values = [value if value.type == WIDE else self.splat(value) for value in values]
+        of = values[0].type
+        return self.b.call(
+            self.unit.intrinsic(name, ir.FunctionType(of, [of] * len(values)), _SUFFIX[of]), values
+        )
+
+    def choose(self, values: Sequence[ir.Value], sign: str) -> ir.Value:
+        whole = all(value.type in (LONG, WIDE_LONG) for value in values)
+        best = values[0] if whole else self.double(values[0])
+        for given in values[1:]:
+            best, value = self.alike(best, given if whole else self.double(given))
+            # Written so that min and max of a NaN and a number agree with Python's: the first one stays.
+            test = self.b.icmp_signed(sign, value, best) if whole else self.b.fcmp_ordered(sign, value, best)
+            best = self.b.select(test, value, best)
+        return best
+
+    def each(self, name: str, values: Sequence[ir.Value]) -> ir.Value:
+        """A function of the C library, lane by lane."""
+        function = self.unit.external(name, len(values))
+        values = [value if value.type == WIDE else self.splat(self.double(value)) for value in values]
+        result: ir.Value = ir.Constant(WIDE, ir.Undefined)
+        for lane in range(LANES):
+            place = ir.Constant(LONG, lane)
+            one = self.b.call(function, [self.b.extract_element(value, place) for value in values])
+            result = self.b.insert_element(result, one, place)
+        return result
+
+    def ask(self, name: str, mask: ir.Value) -> ir.Value:
+        """A mask as one answer, or as the bits of an integer."""
+        kind = ir.IntType(LANES)
+        bits = self.b.bitcast(self.splat(mask) if mask.type == BIT else mask, kind)
+        if name == "mask_bits":
+            return self.b.zext(bits, LONG)
+        if name == "anywhere":
+            return self.b.icmp_unsigned("!=", bits, ir.Constant(kind, 0))
+        return self.b.icmp_unsigned("==", bits, ir.Constant(kind, 2**LANES - 1))

@@ -1,0 +1,178 @@
+"""A batch of trajectories as flat arrays, run in compiled code by several threads, in lanes or one by one."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov._kernels import codes
+from filippov._kernels.build import ENTRIES, Compiled, build
+from filippov._kernels.layout import LANES
+from filippov.events import Stop
+from filippov.machine import Array, Machine
+from filippov.options import Options
+from filippov.system import System
+
+Whole = npt.NDArray[np.int64]
+_EVENT_ROOM = 64
+# Steps of one call into compiled code, in which nobody looks up: some tens of milliseconds.
+_CHUNK = 50_000
+_WAITING = 0.05
+UNFINISHED = -1
+_TALLIES = 4
+
+
+def cores() -> int:
+    """Cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def lane_unit(machine: Machine, method: str) -> Compiled:
+    """The machine's system and method compiled for several trajectories side by side."""
+    return build(machine.unit.source, machine.unit.constants, method, lanes=True)
+
+
+class Batch:
+    """Rows of trajectories; `run` carries them to their ends, in place.
+
+    code[q] says how row q ended (see `_kernels.codes`), UNFINISHED where it did not. kinds[q] counts its
+    events by surface and kind; behind them stand surface and kind of the last one, -1 without one.
+    """
+
+    def __init__(
+        self, machine: Machine, states: Array, values: Array, span: tuple[float, float],
+        stops: tuple[Stop, ...], options: Options,
+    ) -> None:  # fmt: skip
+        k, m = len(states), machine.m
+        self.machine, self.size = machine, k
+        self.values, self.x = values, states.copy()
+        self.mode, self.lam = np.ones((k, m)), np.zeros((k, m))
+        self.order, self.hit = np.zeros((k, m), dtype=np.int64), np.zeros((k, m), dtype=np.int64)
+        self.clock = np.zeros((k, codes.CLOCK_SIZE))
+        self.clock[:, [codes.T, codes.T_START]] = span[0]
+        self.clock[:, codes.T_END] = span[1]
+        self.clock[:, codes.RTOL], self.clock[:, codes.MAX_STEP] = options.rtol, options.max_step
+        self.clock[:, codes.STEP] = options.first_step or 0.0
+        self.count = np.zeros((k, codes.COUNT_SIZE), dtype=np.int64)
+        self.count[:, codes.STEP_BUDGET] = options.max_steps
+        self.count[:, codes.EVENT_BUDGET] = options.max_events
+        self.stop = np.zeros((k, m, codes.KINDS), dtype=np.int64)
+        names = [surface.name for surface in machine.system.surfaces]
+        for item in stops:
+            for column in item.columns:
+                self.stop[:, names.index(item.surface), column] = item.count
+        self.zeno = np.zeros((k, m, codes.ZENO_ROOM))
+        self.kinds = np.zeros((k, m * codes.KINDS + 2), dtype=np.int64)
+        self.kinds[:, -2:] = -1
+        self.code = np.full(k, UNFINISHED, dtype=np.int64)
+        self.atol = options.tolerances(machine.system)
+        self.p = machine.derived(values)
+        # The next row to be taken and the number of those that are done: the threads share them.
+        self.queue = np.zeros(2, dtype=np.int64)
+        self.halt = threading.Event()
+
+    def run(
+        self, threads: int, unit: Compiled | None, look: Callable[[int], None] | None = None
+    ) -> None:
+        """Carry every row to its end; `unit` runs them in lanes. `look` is told how many rows are done.
+
+        What `look` raises, and KeyboardInterrupt, ends the work within the time of a chunk; rows that are
+        done keep their ends.
+        """
+        if threads == 1:
+            for _ in self._chunks(unit):
+                if look is not None:
+                    look(int(self.queue[1]))
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            work = [pool.submit(self._work, unit) for _ in range(threads)]
+            try:
+                while wait(work, timeout=_WAITING).not_done:
+                    if look is not None:
+                        look(int(self.queue[1]))
+            finally:
+                self.halt.set()
+            for done in work:
+                done.result()
+
+    def _work(self, unit: Compiled | None) -> None:
+        for _ in self._chunks(unit):
+            if self.halt.is_set():
+                return
+
+    def _chunks(self, unit: Compiled | None) -> _Chunks:
+        return _Chunks(self, unit)
+
+
+class _Chunks:
+    """One thread's part of a batch: an iterator that works for a chunk of steps at a time."""
+
+    def __init__(self, batch: Batch, unit: Compiled | None) -> None:
+        machine, m, n = batch.machine, batch.machine.m, batch.machine.n
+        self.batch, self.unit = batch, unit
+        self.function = machine.compiled.functions["ensemble"]
+        self.last, self.steps = batch.size, _CHUNK
+        place = machine.compiled.layout
+        own: list[npt.NDArray[np.float64] | Whole]
+        if unit is None:
+            own = [np.full(1, -1, dtype=np.int64)]
+        else:
+            self.function, self.steps = unit.functions["lane_run"], _CHUNK // LANES
+            addresses = [machine.compiled.addresses[name] for name in ENTRIES]
+            own = [np.full(LANES, -1, dtype=np.int64), np.array(addresses, dtype=np.int64)]
+            sizes = (codes.CLOCK_SIZE, _TALLIES, n, m, m, batch.p.shape[1], n, place.doubles)
+            wide = [_aligned(size) for size in sizes]
+            wide[0][[codes.RTOL, codes.TREND]] = 1.0
+            wide[3][:] = 1.0
+            wide[6][:] = batch.atol[:, None]
+            own += [*wide, np.zeros(place.integers, dtype=np.int64)]
+        self.arrays = [
+            batch.queue, *own, batch.clock, batch.count, batch.x, batch.mode, batch.order, batch.hit,
+            batch.lam, batch.p, batch.atol, batch.stop, batch.zeno, batch.kinds,
+            np.zeros((_EVENT_ROOM + m, machine.event_size)),
+            np.zeros((_EVENT_ROOM + m, 2 + 2 * m), dtype=np.int64), batch.code, np.zeros(place.doubles),
+            np.zeros(place.integers, dtype=np.int64), machine.context,
+        ]  # fmt: skip
+        self.addresses = [array.ctypes.data for array in self.arrays]
+        self.row = 0
+        self.more = True
+
+    def __iter__(self) -> _Chunks:
+        return self
+
+    def __next__(self) -> None:
+        if not self.more:
+            raise StopIteration
+        machine = self.batch.machine
+        if machine.callbacks is not None:
+            # One row a call: the parameters of plain functions are handed over before it.
+            if self.arrays[1][0] < 0:
+                machine.callbacks.parameters(self.batch.values[self.row])
+                self.batch.queue[0] = self.row
+                self.row += 1
+            left = self.function(self.row, self.steps, *self.addresses)
+            machine.raise_error()
+            self.more = left != 0 or self.row < self.last
+            return
+        self.more = self.function(self.last, self.steps, *self.addresses) != 0
+
+
+def _aligned(size: int) -> Array:
+    """Zeros for `size` numbers of every lane, on the border of a cache line: shape (size, LANES)."""
+    room = np.zeros(size * LANES + 8)
+    first = (-room.ctypes.data // 8) % 8
+    return room[first : first + size * LANES].reshape(size, LANES)
+
+
+def system_threads(system: System, threads: int | None, rows: int, least: int) -> int:
+    """How many threads: as asked, at most one for every `least` rows, one for plain Python functions."""
+    if system.symbolic is None:
+        return 1
+    return max(1, min(threads or cores(), rows // least or 1))

@@ -1,0 +1,236 @@
+"""Trajectories in lanes end where the plain loop ends them; neighbours, order and threads change nothing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg
+import sympy
+
+from filippov import ModelError, Status, Surface, System, UsageError, parameters, sign, sqrt, states
+from filippov import ensemble as ensembles
+from filippov.analysis.event_map import EventMap
+from filippov.analysis.section import Section
+from filippov.ensemble import Ensemble, solve_many
+from filippov.events import Stop
+from filippov.models import get
+from filippov.models.registry import BUILT_IN
+
+RTOL, ATOL = 1e-9, 1e-12
+OPTIONS: dict[str, Any] = {"rtol": RTOL, "atol": ATOL, "nonunique": "stick", "max_steps": 50_000}
+# Of the span that the model proposes: stiff models take too many steps for a test, others part from each
+# other where the motion magnifies what the tolerance leaves.
+SHARE = {"hunting_lugre": 1e-3, "hunting_karnopp": 0.1, "hunting_switch": 0.1, "two_blocks": 0.3}
+
+
+def starts(name: str, count: int) -> tuple[System, np.ndarray, tuple[float, float]]:
+    model = get(name)
+    centre = np.array(model.x0)
+    spread = np.random.default_rng(7).uniform(-1, 1, (count, centre.size))
+    x0 = centre + 0.3 * (1 + np.abs(centre)) * spread
+    # As given, and on the border of most models' surfaces: what begins in the general path or on a surface.
+    x0[0], x0[1] = centre, 0.0
+    return model.build(), x0, (model.t_span[0], model.t_span[1] * SHARE.get(name, 1.0))
+
+
+def assert_alike(one: Ensemble, other: Ensemble, allowed: float = 10.0) -> None:
+    assert one.status == other.status
+    np.testing.assert_array_equal(one.mode, other.mode)
+    np.testing.assert_array_equal(one.counts, other.counts)
+    np.testing.assert_array_equal(one.last, other.last)
+    np.testing.assert_allclose(one.x, other.x, rtol=allowed * RTOL, atol=allowed * (ATOL + RTOL))
+    np.testing.assert_allclose(one.t, other.t, rtol=allowed * RTOL, atol=allowed * RTOL)
+
+
+@pytest.mark.parametrize("name", sorted(BUILT_IN))
+def test_lanes_end_where_the_plain_loop_does(name: str) -> None:
+    system, x0, span = starts(name, 21)
+    plain = solve_many(system, x0, span, lanes=1, threads=1, **OPTIONS)
+    lanes = solve_many(system, x0, span, lanes=8, threads=1, **OPTIONS)
+    assert (plain.lanes, lanes.lanes) == (1, 8)
+    assert_alike(plain, lanes)
+
+
+def spring() -> System:
+    """An undamped oscillator with Coulomb friction: in each half turn the amplitude falls by 2 f."""
+    x, v = states("x v")
+    p = parameters(f=1.0)
+    return System({x: v, v: -x - p.f * sign(v)})
+
+
+def test_half_turns_of_a_dry_oscillator_are_those_of_the_closed_form() -> None:
+    amplitude = np.linspace(1.05, 9.7, 200)
+    ends = solve_many(spring(), np.column_stack([amplitude, 0 * amplitude]), (0, 40), lanes=8, threads=1)
+    turns = np.ceil((amplitude - 1) / 2)
+    rest = (amplitude - 2 * turns) * (-1) ** turns
+    assert ends.success.all()
+    assert np.all(ends.mode == 0)
+    np.testing.assert_allclose(ends.x[:, 0], rest, atol=1e-7)
+    np.testing.assert_array_equal(ends.events(kind="sliding entry"), 1)
+    np.testing.assert_array_equal(ends.events("v", "crossing"), turns - 1)
+
+
+def test_parameters_of_every_trajectory_are_its_own() -> None:
+    f = np.random.default_rng(1).uniform(0.1, 2.9, 100)
+    ends = solve_many(spring(), (3.0, 0.0), (0, np.pi / 2), parameters={"f": f}, lanes=8, rtol=1e-11)
+    np.testing.assert_allclose(ends.x[:, 0], f, atol=1e-8)
+
+
+def test_lanes_follow_a_linear_system_to_its_matrix_exponential() -> None:
+    a = np.array([[-0.3, 2.0, 0.1], [-2.0, -0.2, 0.3], [0.2, 0.1, -1.0]])
+    names = states("x y z")
+    system = System({q: sum(a[i, j] * names[j] for j in range(3)) for i, q in enumerate(names)})
+    x0 = np.random.default_rng(2).normal(size=(77, 3))
+    for method in ("DOP853", "DP5"):
+        ends = solve_many(system, x0, (0, 7), lanes=8, rtol=1e-11, atol=1e-13, method=method)
+        np.testing.assert_allclose(ends.x, x0 @ scipy.linalg.expm(7 * a).T, atol=1e-9)
+        back = solve_many(system, ends.x, (7, 0), lanes=8, rtol=1e-11, atol=1e-13, method=method)
+        np.testing.assert_allclose(back.x, x0, atol=1e-7)
+
+
+def difficult() -> tuple[System, np.ndarray]:
+    """A system some of whose trajectories blow up, leave the field's domain, meet a corner or chatter."""
+    x, y = states("x y")
+    return System({x: -sign(y) + 0.3 * sqrt(x + 2), y: sign(x) - 0.2 * y + y**3 / 400}), np.array(
+        [[1.0, 30.0], [0.0, 0.0], [-1.9999999, 2.0], [-2.5, 1.0], [0.5, 60.0], [3.0, 0.0]]
+    )
+
+
+def test_neighbours_of_difficult_trajectories_are_as_without_them() -> None:
+    system, bad = difficult()
+    calm = np.random.default_rng(3).uniform(0.2, 3, (40, 2))
+    options = OPTIONS | {"max_events": 400}
+    alone = solve_many(system, calm, (0, 3), lanes=8, threads=1, **options)
+    mixed = np.concatenate([calm[:20], bad, calm[20:]])
+    together = solve_many(system, mixed, (0, 3), lanes=8, threads=1, **options)
+    keep = np.r_[0:20, 26:46]
+    np.testing.assert_allclose(together.x[keep], alone.x, rtol=10 * RTOL, atol=10 * RTOL)
+    assert tuple(together.status[q] for q in keep) == alone.status
+    plain = solve_many(system, bad, (0, 3), lanes=1, **options)
+    assert together.status[20:26] == plain.status
+    assert not plain.success.all()
+
+
+def test_the_order_of_rows_does_not_matter() -> None:
+    system, x0, span = starts("hunting", 60)
+    order = np.random.default_rng(4).permutation(60)
+    ends = solve_many(system, x0, span, lanes=8, threads=1, **OPTIONS)
+    mixed = solve_many(system, x0[order], span, lanes=8, threads=1, **OPTIONS)
+    np.testing.assert_allclose(mixed.x, ends.x[order], rtol=10 * RTOL, atol=10 * RTOL)
+    np.testing.assert_array_equal(mixed.counts, ends.counts[order])
+
+
+@pytest.mark.parametrize("lanes", [1, 8])
+def test_threads_share_the_rows(lanes: int) -> None:
+    system, x0, span = starts("hunting", 300)
+    one = solve_many(system, x0, span, lanes=lanes, threads=1, **OPTIONS)
+    two = solve_many(system, x0, span, lanes=lanes, threads=2, **OPTIONS)
+    assert two.threads == 2
+    np.testing.assert_allclose(two.x, one.x, rtol=10 * RTOL, atol=10 * RTOL)
+    np.testing.assert_array_equal(two.counts, one.counts)
+
+
+@pytest.mark.parametrize("lanes", [1, 8])
+def test_budgets_end_a_trajectory_by_name(lanes: int) -> None:
+    x0 = np.column_stack([np.linspace(7.1, 9, 16), np.zeros(16)])
+    few = solve_many(spring(), x0, (0, 40), lanes=lanes, max_steps=5)
+    assert set(few.status) == {Status.MAX_STEPS}
+    assert few.complete
+    few = solve_many(spring(), x0, (0, 40), lanes=lanes, max_events=2)
+    assert set(few.status) == {Status.MAX_EVENTS}
+    np.testing.assert_array_equal(few.events(), 2)
+
+
+def test_terminal_events_leave_their_time_and_state() -> None:
+    x0 = np.column_stack([np.linspace(5.5, 9, 24), np.zeros(24)])
+    ends = solve_many(spring(), x0, (0, 40), lanes=8, stop=Stop("v", "crossing down"), rtol=1e-11)
+    assert set(ends.status) == {Status.STOPPED}
+    np.testing.assert_allclose(ends.t, 2 * np.pi, rtol=1e-9)
+    np.testing.assert_allclose(ends.x[:, 0], x0[:, 0] - 4, rtol=1e-8)
+    np.testing.assert_array_equal(ends.events("v", "crossing"), 2)
+    np.testing.assert_array_equal(ends.last[:, 0], 0)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("lanes", [1, 8])
+def test_an_interrupted_ensemble_keeps_what_is_done(
+    lanes: int, threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    system, x0, _ = starts("hunting", 600)
+    seen = []
+
+    def interrupt(done: int, total: int) -> None:
+        seen.append((done, total))
+        if done > 0:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("filippov.batch._CHUNK", 8_000)
+    ends = solve_many(
+        system, x0, (0, 60), lanes=lanes, threads=threads, progress=interrupt,
+        **OPTIONS | {"max_steps": 10**6},
+    )
+    assert not ends.complete
+    assert seen[-1][1] == 600
+    done = np.array([status is not Status.INTERRUPTED for status in ends.status])
+    assert 0 < done.sum() < 600
+    whole = solve_many(system, x0[done], (0, 60), lanes=1, **OPTIONS | {"max_steps": 10**6})
+    np.testing.assert_allclose(ends.x[done], whole.x, atol=1e-5)
+    assert np.all(ends.t[~done] < 60)
+
+
+def test_a_measure_sees_blocks_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ensembles, "_BLOCK", 32)
+    x0 = np.column_stack([np.linspace(1.5, 9, 100), np.zeros(100)])
+    blocks = []
+
+    def largest(ends: Ensemble) -> np.ndarray:
+        blocks.append(len(ends.t))
+        return np.abs(ends.x).max(axis=1)
+
+    ends = solve_many(spring(), x0, (0, 3), lanes=8, measure=largest)
+    assert blocks == [32, 32, 32, 4]
+    np.testing.assert_array_equal(ends.measured, np.abs(ends.x).max(axis=1))
+    with pytest.raises(UsageError, match="expected a row for each"):
+        solve_many(spring(), x0, (0, 3), measure=lambda ends: 1.0)
+
+
+def test_functions_without_a_lane_form_are_called_lane_by_lane() -> None:
+    x, y = states("x y")
+    system = System({x: sympy.atan(y) + sympy.sinh(x / 9), y: -sympy.tan(x / 5) - sympy.log(1 + y**2)})
+    x0 = np.random.default_rng(6).uniform(-1, 1, (50, 2))
+    plain = solve_many(system, x0, (0, 4), lanes=1, **OPTIONS)
+    assert_alike(plain, solve_many(system, x0, (0, 4), lanes=8, **OPTIONS))
+
+
+def test_plain_functions_have_no_lanes() -> None:
+    system = System(
+        field=lambda t, x, p, s: [-s[0]], surfaces=[Surface("h", lambda t, x, p: x[0])], states=["x"]
+    )
+    ends = solve_many(system, np.linspace(0.5, 1.5, 80)[:, None], (0, 3))
+    assert ends.lanes == 1
+    assert ends.success.all()
+    assert np.all(ends.x == 0)
+    with pytest.raises(UsageError, match="plain Python functions"):
+        solve_many(system, np.ones((80, 1)), (0, 3), lanes=8)
+    with pytest.raises(UsageError, match="lanes is 4"):
+        solve_many(spring(), np.ones((80, 2)), (0, 3), lanes=4)
+
+
+def test_an_event_map_in_lanes_is_the_plain_one() -> None:
+    model = get("hunting")
+    event_map = EventMap(model.build(), Section.from_model(model))
+    d = np.linspace(0.01, 0.5, 90)
+    single = np.array([event_map(float(value)) for value in d])
+    np.testing.assert_allclose(event_map(d), single, atol=1e-9)
+
+
+def test_names_of_kinds_and_surfaces_are_checked() -> None:
+    ends = solve_many(spring(), np.ones((3, 2)), (0, 1))
+    with pytest.raises(UsageError, match="unknown surface"):
+        ends.events("w")
+    with pytest.raises(UsageError, match="unknown kind of event"):
+        ends.events(kind="landing")
+    with pytest.raises(ModelError):
+        solve_many(spring(), np.ones((3, 2)), (0, 1), parameters={"g": 1.0})
