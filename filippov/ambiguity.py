@@ -76,6 +76,8 @@ def name_point(
 
 def _name(point: Point, met: Sequence[int], candidates: Sequence[Successor]) -> tuple[str, int]:
     """The name of a point and the surface it is about, -1 for a corner."""
+    if not candidates:
+        return "", -1
     machine = point.machine
     differ = sorted({i for c in candidates for i in met if c.mode[i] != candidates[0].mode[i]})
     if len(candidates) > 1 and len(differ) != 1:

@@ -285,9 +285,10 @@ class _Loop:
     def _choose(
         self, candidates: Sequence[Successor], before: Mode, hit: Sequence[int]
     ) -> Successor | None:
-        # A surface that was only touched: the motion goes on where it was.
+        # A surface only touched: the motion goes on where it was, if the other side does not lead away.
         off = [i for i in hit if before[i] != 0]
-        if off and len(off) == len(hit):
+        parted = any(c.mode[i] == -before[i] and c.order[i] == 1 for c in candidates for i in off)
+        if off and len(off) == len(hit) and not parted:
             same = [c for c in candidates if c.mode == before]
             if same:
                 return same[0]

@@ -107,7 +107,7 @@ from filippov._kernels.model import (
 from filippov._kernels.radau_tables import NOT_CONVERGED
 from filippov._kernels.record import record_event, store_step
 from filippov._kernels.reset import apply_reset, resets_from
-from filippov._kernels.resolve import resolve_exit, resolve_root, side_rates
+from filippov._kernels.resolve import resolve_exit, resolve_root, resolve_touch, side_rates
 
 # Intervals in a row that shrink, for each lag: what a motion that is no accumulation hardly ever does.
 ZENO_STREAK = 6
@@ -418,7 +418,7 @@ def advance(
         kind = NONE
         if failed == 0 and hits == 1:
             if cause == TOUCH:
-                kind = GRAZING
+                kind = resolve_touch(te, xe, p, m, surface, w, iw, ctx)
             elif cause == ROOT and RESETS and RESET_FROM[surface] != 0 and direction < 0.0:
                 kind = NONE
             elif cause == ROOT and RESETS and resets_from(surface, m[surface]):

@@ -11,6 +11,7 @@ from filippov._kernels.codes import (
     ENTRY,
     EXIT_DOWN,
     EXIT_UP,
+    GRAZING,
     NONE,
     SWITCHING,
     UPPER,
@@ -117,6 +118,20 @@ def resolve_root(
         order[i] = 1
         return kind
     return NONE
+
+
+@kernel
+def resolve_touch(
+    t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, iw: Indices, ctx: Indices
+) -> int:  # fmt: skip
+    """GRAZING, or NONE where the other side leads away from surface i too: then the motion is not unique."""
+    if ROLE[i] == SWITCHING and WIDTH[i] == 0.0 and iw[I_SLIDING] == 0:
+        code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
+        if code != 0:
+            return -1
+        if m[i] * (minus if m[i] > 0.0 else plus) < -CLEAR_RATE * scale:
+            return NONE
+    return GRAZING
 
 
 @kernel
