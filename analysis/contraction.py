@@ -14,11 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.event_map import MOST_STEPS
+from filippov.analysis.map_rows import MapRows, coordinates
 from filippov.analysis.section import Section
-from filippov.ensemble import solve_many
 from filippov.errors import UsageError
-from filippov.status import Status
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
@@ -66,16 +64,15 @@ def contraction(
     lo, hi = interval
     if not (lo <= 0.0 < hi and points >= 4):
         raise UsageError(f"interval is {interval}, points {points}; expected lo <= 0 < hi and at least 4.")
-    names, count = list(values), len(next(iter(values.values())))
-    rows = np.tile(system.parameters.resolve(parameters), (count, 1))
-    for name in names:
-        rows[:, system.parameters.index(name)] = values[name]
     least = CLOSEST * max(hi, -lo)
-    d = _coordinates(hi, points)
+    d = coordinates(hi, points, CLOSEST)
     if lo < 0.0:
-        d = np.append(d, -_coordinates(-lo, points))
-    turns = _Turns(system, section, rtol, 1e-3 * rtol * least, threads)
-    ratio = turns.ratios(rows, np.broadcast_to(d, (count, d.size)))
+        d = np.append(d, -coordinates(-lo, points, CLOSEST))
+    turns = MapRows(system, section, rtol=rtol, atol=1e-3 * rtol * least, threads=threads)
+    rows = turns.rows(values, parameters)
+    count = len(rows)
+    grid = np.broadcast_to(d, (count, d.size))
+    ratio = np.abs(turns(rows, grid) / grid)
     known = np.nan_to_num(ratio, nan=-1.0)
     best = np.argmax(known, axis=1)
     largest, at = known[np.arange(count), best], d[best]
@@ -85,7 +82,7 @@ def contraction(
         low, high = d[best[close] - 1], d[best[close] + 1]
         for _ in range(PASSES):
             finer = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, FINER)
-            again = np.nan_to_num(turns.ratios(rows[close], finer), nan=-1.0)
+            again = np.nan_to_num(np.abs(turns(rows[close], finer) / finer), nan=-1.0)
             peak = np.argmax(again, axis=1)
             row = np.arange(close.size)
             at[close] = finer[row, peak]
@@ -97,30 +94,6 @@ def contraction(
     )
 
 
-class _Turns:
-    """Turns of the map for rows of parameters."""
-
-    def __init__(
-        self, system: System, section: Section, rtol: float, atol: float, threads: int | None
-    ) -> None:
-        self.system, self.section, self.bound = system, section, section.bind(system)
-        self.rtol, self.atol, self.threads = rtol, atol, threads
-
-    def ratios(self, rows: Array, d: Array) -> Array:
-        """|P(d)/d| for parameter rows (k, P) and coordinates (k, q); NaN where it does not come back."""
-        every, starts = np.repeat(rows, d.shape[1], axis=0), d.ravel()
-        ends = solve_many(
-            self.system, self.bound.start(starts, every), (0.0, self.section.t_max), stop=self.section.stop,
-            rtol=self.rtol, atol=self.atol, max_steps=MOST_STEPS, threads=self.threads,
-            parameters={name: every[:, k] for k, name in enumerate(self.system.parameters.names)},
-        )  # fmt: skip
-        back = np.array([status is Status.STOPPED for status in ends.status])
-        done = np.array([status is Status.SUCCESS for status in ends.status])
-        rest = done & (ends.mode[:, self.bound.surface] == 0)
-        size = np.where(back, np.abs(ends.x[:, self.bound.index]), np.where(rest, 0.0, np.nan))
-        return np.asarray((size / np.abs(starts)).reshape(d.shape))
-
-
 def _parabola_top(values: Array, peak: Array) -> Array:
     """Largest value of the parabola through the three values around each row's peak."""
     row = np.arange(len(values))
@@ -129,9 +102,3 @@ def _parabola_top(values: Array, peak: Array) -> Array:
     bend = before - 2 * here + after
     top = here - np.where(bend < 0, (after - before) ** 2 / np.where(bend < 0, 8 * bend, 1.0), 0.0)
     return np.asarray(np.where((peak > 0) & (peak < values.shape[1] - 1), top, values[row, peak]))
-
-
-def _coordinates(hi: float, points: int) -> Array:
-    half = points // 2
-    close = np.geomspace(CLOSEST * hi, hi, points - half)
-    return np.unique(np.concatenate((close, np.linspace(0, hi, half + 1)[1:])))

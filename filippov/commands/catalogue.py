@@ -121,6 +121,10 @@ SECTION = (
            metavar="FORMULAS"),
     Option("t_max", "longest time of a turn", number, metavar="T"),
 )  # fmt: skip
+X_AXIS = Option("x", "horizontal axis: name with its first and last value", named_ranges,
+                metavar="NAME=LOW:HIGH", default={})  # fmt: skip
+Y_AXIS = Option("y", "vertical axis", named_ranges, metavar="NAME=LOW:HIGH", default={})
+CELLS = Option("cells", "cells along each axis", whole, metavar="N", default=60)
 INTERVAL = Option("interval", "interval of the section's coordinate", pair, metavar=("LO", "HI"), count=2)
 
 _ALL = (
@@ -185,6 +189,27 @@ _ALL = (
          Option("amplitudes", "range of the input's amplitude", pair, metavar=("LOW", "HIGH"), count=2)),
         "filippov describing-function relay -o results/prediction",
         needs="filippov.analysis.describing_function",
+    ),
+    Command(
+        "regions", "number and stability of cycles over two parameters: regions.json, .csv, .png", "regions",
+        (MODEL, PARAMETERS, X_AXIS, Y_AXIS, CELLS, INTERVAL, *SECTION,
+         Option("order", "turns after which a cycle closes", whole, metavar="K", default=2),
+         Option("points", "coordinates that are tried in a cell", whole, metavar="N", default=40),
+         Option("rtol", "relative tolerance of a step", number, metavar="R", default=1e-8)),
+        "filippov regions hunting --x P=10:31 --y I=2:20 -o results/regions",
+        function="run_regions", needs="filippov.analysis.regions",
+    ),
+    Command(
+        "basin", "basins of attraction in a plane of initial states: basin.json, .npz, .png", "regions",
+        (MODEL, PARAMETERS, X_AXIS, Y_AXIS, CELLS,
+         Option("at", "value of another state; can be repeated", named_numbers, metavar="STATE=VALUE",
+                repeat=True, default={}),
+         INTERVAL, *SECTION,
+         Option("order", "iterate of the map whose fixed points are the attractors", whole, metavar="K",
+                default=2),
+         Option("rtol", "relative tolerance of a step", number, metavar="R", default=1e-8)),
+        "filippov basin hunting --x x=-0.4:0.4 --y v=-2:2 -o results/basin",
+        function="run_basin", needs="filippov.analysis.basin",
     ),
     Command(
         "tune", "controller gains without hunting: tuning.json, samples.csv, tuning.png", "tune",

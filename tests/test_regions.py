@@ -1,0 +1,104 @@
+"""Regions over two parameters and basins over two states, against what is known of the hunting loop."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command import summary
+
+from filippov import UsageError, solve
+from filippov.analysis.basin import basin
+from filippov.analysis.regions import regions
+from filippov.analysis.section import Section
+from filippov.analysis.static_cycle import static_cycles
+from filippov.models import get
+
+MODEL = get("hunting")
+SYSTEM, SECTION = MODEL.build(), Section.from_model(MODEL)
+FOLD, CHANGE = 21.0149797699, 26.6019490377
+
+
+def test_cells_on_both_sides_of_the_known_borders() -> None:
+    gains = [10.0, FOLD * 0.9999, FOLD * 1.0001, CHANGE * 0.998, CHANGE * 1.002, 31.0]
+    found = regions(SYSTEM, SECTION, ("P", gains), ("beta", [0.5, 1.0, 2.0]), (0, 0.5))
+    # beta = 2: two cycles up to the fold; beta = 1: one up to the change of stability; 0.5: always one.
+    assert found.cycles.tolist() == [[1] * 6, [1, 1, 1, 1, 0, 0], [2, 2, 0, 0, 0, 0]]
+    assert found.stable.tolist() == [[1] * 6, [1, 1, 1, 1, 0, 0], [1, 1, 0, 0, 0, 0]]
+    assert found.set_stable.tolist() == [[False] * 6, [False] * 4 + [True] * 2, [True] * 6]
+    # Fixed points at P = 10 from Gauss collocation and from scipy on the slip phase.
+    wanted = [0.1785896912487, 0.231364108103, 0.252304806412]
+    np.testing.assert_allclose(found.amplitude[:, 0], wanted, rtol=1e-7)
+    assert found.complete
+    assert found.text(2, 0) == "2 cycles, 1 stable; set of equilibria stable"
+
+
+def test_static_friction_has_one_stable_cycle_of_the_algebraic_size() -> None:
+    model = get("hunting_static")
+    gains = [10.0, 20.0, 31.0]
+    found = regions(model.build(), Section.from_model(model), ("P", gains), ("I", [10.0]), (0, 0.5))
+    assert found.cycles.tolist() == found.stable.tolist() == [[1, 1, 1]]
+    wanted = [static_cycles(m=1, P=g, D=1, I=10, Fs=4, Fc=2, b=1)[0].d for g in gains]
+    np.testing.assert_allclose(found.amplitude[0], wanted, rtol=1e-6)
+    assert not found.set_stable.any()
+
+
+def test_rows_that_an_interrupt_left_out_are_marked() -> None:
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    found = regions(SYSTEM, SECTION, ("P", [10.0]), ("I", [9.0, 10.0]), (0, 0.5), progress=stop)
+    assert not found.complete
+    assert found.cycles.tolist() == [[2], [-1]]
+    assert found.text(1, 0) == "not computed"
+
+
+def test_basin_labels_agree_with_long_runs() -> None:
+    x, v = np.linspace(-0.3, 0.3, 7), np.linspace(-1.0, 1.0, 5)
+    found = basin(SYSTEM, SECTION, ("x", x), ("v", v), (-0.6, 0.6), at={"z": 0.01})
+    assert sorted(found.attractors) == pytest.approx([0.0, 0.252304806], abs=1e-9)
+    for i, speed in enumerate(v):
+        for j, place in enumerate(x):
+            run = solve(SYSTEM, (place, speed, 0.01), (0, 120), rtol=1e-8)
+            size = np.max(np.abs(run.sol(np.linspace(115, 120, 60))[0]))
+            cycle = found.attractors[found.label[i, j]] > 0
+            assert (size > 0.1) == cycle
+    assert sum(found.shares.values()) == pytest.approx(1)
+
+
+def test_states_on_their_way_to_rest() -> None:
+    """In stick with |u| < Fs and x = 0 nothing moves again; inside the unstable cycle motion dies out."""
+    found = basin(SYSTEM, SECTION, ("x", [-0.002, 0.002]), ("z", [0.0]), (-0.6, 0.6))
+    assert [found.attractors[k] for k in found.label.ravel()] == [0.0, 0.0]
+
+
+def test_the_map_has_the_symmetry_of_the_loop() -> None:
+    x, v = np.linspace(-0.3, 0.3, 8), np.linspace(-1.5, 1.5, 6)
+    found = basin(SYSTEM, SECTION, ("x", x), ("v", v), (-0.6, 0.6))
+    np.testing.assert_array_equal(found.label, found.label[::-1, ::-1])
+    np.testing.assert_allclose(found.d, -found.d[::-1, ::-1], atol=1e-7)
+
+
+def test_bad_requests_are_named() -> None:
+    with pytest.raises(UsageError, match="did you mean 'P'"):
+        regions(SYSTEM, SECTION, ("p", [1.0]), ("I", [1.0]), (0, 0.5))
+    with pytest.raises(UsageError, match="two parameters"):
+        regions(SYSTEM, SECTION, ("P", [1.0]), ("P", [1.0]), (0, 0.5))
+    with pytest.raises(UsageError, match="unknown state 'y'"):
+        basin(SYSTEM, SECTION, ("x", [0.0]), ("y", [0.0]), (-0.5, 0.5))
+    with pytest.raises(UsageError, match="two states"):
+        basin(SYSTEM, SECTION, ("x", [0.0]), ("v", [0.0]), (-0.5, 0.5), at={"x": 1})
+
+
+def test_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    common = ["--cells", "3", "-o", str(tmp_path / "r")]
+    data = summary(capsys, "regions", "hunting", "--x", "P=10:30", "--y", "I=8:12", *common)
+    assert data["cycles"][0][0] == 2
+    common = ["--cells", "5", "-o", str(tmp_path / "b")]
+    data = summary(capsys, "basin", "hunting", "--x", "x=-0.2:0.2", "--y", "v=-1:1", *common)
+    assert data["shape"] == [5, 5]
+    assert {p.name for p in (tmp_path / "r").iterdir()} == {"regions.json", "regions.csv", "regions.png"}
+    assert {p.name for p in (tmp_path / "b").iterdir()} == {"basin.json", "basin.npz", "basin.png"}
+    with np.load(tmp_path / "b" / "basin.npz", allow_pickle=False) as stored:
+        assert stored["label"].shape == (5, 5)
+
+
