@@ -17,6 +17,7 @@ from bank import FILE
 
 from filippov import UsageError
 from filippov.bank import Row, read_bank, rows_json, rows_text, run_bank
+from filippov.bank.compare import OUTCOMES, compare_bank, peers_json, peers_text, read_peers
 from filippov.bank.notation import formula, strict
 from filippov.cli import main
 from filippov.errors import ModelError
@@ -307,6 +308,53 @@ def test_automaton_text() -> None:
         **text, expected=[{"name": "switch_times", "value": ["2", "3.5", "6.5", "8"], "tol": "1e-9"}]
     )
     assert row.passed, row.message
+
+
+def test_parts_are_cases_of_their_own() -> None:
+    whole = {
+        "params": {"k": "2"}, "more": "F3: x'=t, x(0)=0",
+        "parts": {"F2": {"states": ["y"], "smooth_field": ["k*y"], "x0": ["1"], "t_span": ["0", "1"]}},
+    }  # fmt: skip
+    names = {"F1_x_at_1": "0", "F2_y(1)": "exp(2)", "F3_x(1)": "1/2"}
+    row = run_one(**whole, expected=[{"name": k, "value": v, "tol": "1e-9"} for k, v in names.items()])
+    assert row.passed, row.message
+    assert row.evaluated == ("F1_x_at_1", "F2_y(1)")
+    assert row.not_evaluated == ("F3_x(1)",)
+
+
+@pytest.mark.parametrize(("value", "passed"), [("0.25", True), ("0.2500001", False)])
+def test_grazing_value_of_a_parameter(value: str, passed: bool) -> None:
+    forced = {
+        "states": ["x"], "params": {"a": "0.2"}, "h": ["x-1/4"], "x0": ["0"], "t_span": ["0", "20"],
+        "fields": {"+": ["a*cos(t)"], "-": ["a*cos(t)"]},
+    }  # fmt: skip
+    row = expecting("a_grazing", value, "1e-8", **forced)
+    assert row.passed is passed
+    assert row.evaluated == ("a_grazing",)
+
+
+def test_peers_are_compared_naively() -> None:
+    table = compare_bank([RELAY], peers=["scipy"], max_calls=3_000)
+    outcome = {row.peer: row for row in table.rows}
+    assert outcome["filippov"].outcome == "right"
+    assert outcome["filippov"].reported
+    assert set(outcome) == {"filippov", "scipy RK45", "scipy LSODA", "scipy Radau"}
+    assert all(row.outcome in OUTCOMES for row in table.rows)
+    smooth = {**RELAY, "h": ["x-5"]}
+    smooth["expected"] = [{"name": "x_at_1", "value": "3", "tol": "1e-9"}]
+    right = compare_bank([smooth], peers=["scipy"])
+    assert [row.outcome for row in right.rows] == ["right"] * 4
+    assert json.loads(peers_json(table))["rows"][0]["outcome"] == "right"
+    assert "scipy RK45" in peers_text(table)
+    with pytest.raises(UsageError, match="did you mean 'scipy'"):
+        compare_bank([RELAY], peers=["scipi"])
+
+
+def test_committed_table_of_peers() -> None:
+    path = Path(__file__).resolve().parent.parent / "docs" / "_static" / "peers.json"
+    table = read_peers(path)
+    assert {case.id for case in read_bank(FILE)} >= set(table.cases)
+    assert table.count("filippov", "right") == len(table.cases)
 
 
 def test_every_pattern_is_described() -> None:

@@ -19,7 +19,7 @@ from filippov.status import EventKind
 
 
 @reads(
-    r"(?:limit_cycle_|orbit_|cycle_)?(?P<half>half_)?period|T_cycle",
+    r"(?:limit_cycle_|orbit_|cycle_|hunting_|steady_)?(?P<half>half_)?period|T_cycle",
     "period of the motion that the run settles on",
 )
 def _period(ask: Ask, match: re.Match[str]) -> Any:
@@ -118,7 +118,7 @@ def _per_period(ask: Ask, match: re.Match[str]) -> Any:
 
 
 @reads(
-    r"(?:limit_cycle_|cycle_)?amplitude(?:_(?P<state>{state}))?|(?:max_|peak_)amplitude",
+    r"(?:limit_cycle_|cycle_|hunting_|steady_)?amplitude(?:_(?P<state>{state}))?|(?:max_|peak_)amplitude",
     "half the range of a state (the first) over a period, or its largest size",
 )
 def _amplitude(ask: Ask, match: re.Match[str]) -> Any:

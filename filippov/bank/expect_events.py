@@ -26,7 +26,7 @@ _SAME = {
     "impact": "reset", "jump": "reset", "grazing": "graze", "touch": "graze", "tangency": "graze",
 }  # fmt: skip
 _KIND = (
-    "enter|entry|slide|sliding|stick|saturate|capture|exit|leave|release|cross|crossing|impact|reset|jump|"
+    "enter|entry|slide|sliding|stick|saturate|capture|exit|leave|release|slip|cross|crossing|impact|reset|jump|"
     "graze|grazing|touch"
 )
 _PLACE = {"first": 0, "second": 1, "third": 2, "fourth": 3, "fifth": 4, "last": -1}
@@ -246,7 +246,7 @@ def _kth(ask: Ask, match: re.Match[str]) -> Any:
 
 
 @reads(
-    rf"t_(?:(?P<place>first|second|third|fourth|fifth|last)_)?(?P<kind>{_KIND})(?:_(?P<k>\d+))?(?P<deep>_codim\w+)?"
+    rf"t_(?:(?P<place>first|second|third|fourth|fifth|last)_)?(?P<kind>{_KIND})(?:_(?P<k>\d+))?(?:_codim_?(?P<deep>\d))?"
     rf"|(?P<place2>first|second|third|last)_(?P<kind2>{_KIND})_(?:time|t)",
     "time of the first (second, last, k-th) event of that kind; with codim2, on several surfaces at once",
 )
@@ -256,7 +256,10 @@ def _time(ask: Ask, match: re.Match[str]) -> Any:
     if kind == "reset" and not events:
         events = [e for e in _reaching(ask) if WORDS[e.kind] == "cross"]
     if match["deep"]:
-        events = [e for e in events if sum(sign == 0 for sign in e.after) >= 2]
+        # Sliding on so many surfaces begins, or ends.
+        deep = int(match["deep"])
+        sides = [(e, e.before if kind == "exit" else e.after) for e in events]
+        events = [e for e, mode in sides if sum(sign == 0 for sign in mode) == deep]
     place = _PLACE[match["place"] or match["place2"] or "first"] if not match["k"] else int(match["k"]) - 1
     if not -len(events) <= place < len(events):
         raise MissingError("the run has no such event")

@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 import numpy as np
-from sympy import Expr, Symbol, atan2, sqrt
+from sympy import Expr, atan2, sqrt
 
 from filippov.bank.expect_slide import sliding_stretches
 from filippov.bank.notation import formula
@@ -15,7 +15,6 @@ from filippov.bank.reason import MissingError, NotUnderstoodError
 from filippov.errors import ModelError
 from filippov.solution import Segment
 from filippov.status import EventKind
-from filippov.symbols import t as time_symbol
 
 _ASIDE = re.compile(r"\s+\([^()]*(?:\([^()]*\)[^()]*)*\)")
 _PHRASE = re.compile(r"\b(?:while|during|in|along) (?:the )?(?:sliding|sliding motion|stick|sticking)\b")
@@ -186,11 +185,3 @@ def _invariant_value(ask: Ask, _match: re.Match[str]) -> Any:
             values = np.concatenate(_along(about, _read(entry.value, known_names(ask))))
             return values[int(np.argmax(np.abs(values - wanted)))]
     raise NotUnderstoodError("no other expectation gives its expression")
-
-
-@reads(r"\w+", "the name of a parameter: its value")
-def _parameter(ask: Ask, _match: re.Match[str]) -> Any:
-    value = ask.motion.built.names.get(ask.entry.name)
-    if value is None or isinstance(value, Symbol) or value is time_symbol:
-        raise NotUnderstoodError("nothing is known by this name")
-    return float(value)

@@ -22,7 +22,7 @@ from filippov.errors import ModelError, UsageError
 from filippov.expression import parse_condition
 
 ROOT = "polynomial"
-SAMPLES = 160
+SAMPLES = 96
 _NEAR_ZERO = 1e-12
 
 
@@ -167,7 +167,7 @@ def _points(polynomial: Polynomial, condition: Any) -> list[dict[Symbol, Expr]]:
         point = {x: sympy.Rational(draw.randint(-300, 600), 300) * size for x in symbols}
         points.append(point)
         x = symbols[k % len(symbols)] if symbols else None
-        for relation in condition.atoms(sympy.core.relational.Relational) if x is not None and k < 40 else ():
+        for relation in condition.atoms(sympy.core.relational.Relational) if x is not None and k < 16 else ():
             points += _beside(relation, point, x)
     return points
 

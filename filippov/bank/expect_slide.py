@@ -100,7 +100,7 @@ def _worst(ask: Ask, got: Any, wanted: Any) -> Outcome:
 
 
 @reads(
-    r"(?P<which>bilinear_|)(?:weights|convex_weights)",
+    r"(?:bilinear_|sliding_|convex_)?weights",
     "convex weights (1 + s)/2 of the h > 0 sides in the sliding at the end",
 )
 def _weights(ask: Ask, _match: re.Match[str]) -> Any:

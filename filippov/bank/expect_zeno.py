@@ -39,8 +39,7 @@ def _time(ask: Ask, _match: re.Match[str]) -> Any:
         if not entries:
             raise
         return entries[-1]
-    found = re.search(r"accumulate at t = (\S+) \(", run.message)
-    return Either([run.t_end, float(found[1])]) if found else run.t_end
+    return run.t_end if run.zeno is None else run.zeno.t
 
 
 def _tail(ask: Ask) -> list[Event]:

@@ -37,7 +37,7 @@ class Settings:
     rtol: float = 1e-11
     atol: float = 1e-13
     method: str = "DOP853"
-    max_time: float = 60.0
+    max_time: float = 120.0
 
 
 @dataclass

@@ -14,7 +14,7 @@ has not.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -141,30 +141,17 @@ class Pattern:
         return re.fullmatch(self.pattern.replace("{state}", f"(?:{one})"), name)
 
 
-_PATTERNS: list[Pattern] = []
+ENTERED: list[Pattern] = []
 
 
 def reads(pattern: str, text: str, about: str = "motion") -> Callable[[Reader], Reader]:
     """Enter a reader for names that match the pattern."""
 
     def enter(reader: Reader) -> Reader:
-        _PATTERNS.append(Pattern(pattern, text, reader, about))
+        ENTERED.append(Pattern(pattern, text, reader, about))
         return reader
 
     return enter
-
-
-def patterns() -> tuple[Pattern, ...]:
-    """All patterns, in the order in which they are tried."""
-    return tuple(_PATTERNS)
-
-
-def matching(name: str, states: Sequence[str], about: str) -> Iterator[tuple[Pattern, re.Match[str]]]:
-    """The patterns that fit a name."""
-    for entry in _PATTERNS:
-        match = entry.match(name, states) if entry.about == about else None
-        if match is not None:
-            yield entry, match
 
 
 def _short(value: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -16,6 +17,7 @@ from filippov.bank.build import build
 from filippov.bank.case import Case, Expectation, chosen, read_bank
 from filippov.bank.motion import Motion, Settings
 from filippov.bank.outcome import Ask, Outcome
+from filippov.bank.part import part, part_of
 from filippov.bank.polynomial import Polynomial, read_polynomial
 from filippov.bank.reason import MissingError, NotUnderstoodError, OutOfTimeError
 from filippov.bank.row import Row
@@ -33,7 +35,7 @@ def run_bank(
     rtol: float = 1e-11,
     atol: float = 1e-13,
     method: str = "DOP853",
-    max_time: float = 60.0,
+    max_time: float = 120.0,
     jobs: int = 1,
     told: Told | None = None,
 ) -> list[Row]:
@@ -41,7 +43,7 @@ def run_bank(
 
     bank      a JSON file, or what such a file holds (see `read_bank`)
     only      ids of the cases to run, or their parts before the first underscore
-    rtol, atol, method   how they are solved
+    rtol, atol, method   how they are solved; atol is at most a hundredth of the least tolerance of a case
     max_time  seconds for each case
     jobs      processes
     told      called with every row when it is there
@@ -90,7 +92,7 @@ def _rows(cases: Sequence[Case], settings: Settings, jobs: int) -> Iterable[tupl
 
 def run_case(case: Case, settings: Settings | None = None) -> Row:
     """The outcome of one case; whatever is raised in it becomes a row that did not pass."""
-    settings = Settings() if settings is None else settings
+    settings = _fine_enough(case, Settings() if settings is None else settings)
     started = time.monotonic()
     try:
         subject = within(settings.max_time, lambda: _subject(case, settings, started))
@@ -101,9 +103,13 @@ def run_case(case: Case, settings: Settings | None = None) -> Row:
     outcomes: dict[str, Outcome] = {}
     left: dict[str, str] = {}
     status = ""
+    subjects = {"": subject}
     for name, entry in _entries(case):
         try:
-            outcomes[name] = evaluate(Ask(case, entry, subject))
+            label, inner = part_of(case, entry)
+            if label not in subjects:
+                subjects[label] = _subject(part(case, label), settings, started)
+            outcomes[name] = evaluate(Ask(case, inner, subjects[label]))
         except NotUnderstoodError as reason:
             left[name] = str(reason)
         except MissingError as reason:
@@ -114,7 +120,15 @@ def run_case(case: Case, settings: Settings | None = None) -> Row:
         except Exception as error:  # noqa: BLE001 (as above)
             outcomes[name] = Outcome(float("inf"), entry.tol, _sentence(error))
             status = status or "error"
-    return _row(case, subject, outcomes, left, status or _status(subject), started)
+    row = _row(case, subject, outcomes, left, status or _status(subject), started)
+    calls = sum(other.field_calls for other in subjects.values() if isinstance(other, Motion))
+    return dataclasses.replace(row, field_calls=calls)
+
+
+def _fine_enough(case: Case, settings: Settings) -> Settings:
+    """The settings with an absolute tolerance of at most a hundredth of what the case accepts."""
+    accepted = [entry.tol for entry in case.expected if entry.tol > 0]
+    return dataclasses.replace(settings, atol=min([settings.atol, *(max(0.01 * a, 1e-30) for a in accepted)]))
 
 
 def _subject(case: Case, settings: Settings, started: float) -> Motion | Polynomial:
@@ -168,7 +182,7 @@ def _row(
         case.id, bool(outcomes) and not failed, None if worst is None else worst.error,
         None if worst is None else worst.tolerance, tuple(outcomes), tuple(left), status,
         round(time.monotonic() - started, 4), message,
-        subject.field_calls if isinstance(subject, Motion) else 0, tuple(left.values()),
+        0, tuple(left.values()),
     )  # fmt: skip
 
 

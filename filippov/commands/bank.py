@@ -1,4 +1,4 @@
-"""filippov bank: run a file of cases with reference values."""
+"""filippov bank: run a file of cases with reference values, or run it through other solvers."""
 
 from __future__ import annotations
 
@@ -16,9 +16,15 @@ NOT_PASSED, INTERRUPTED = 3, 130
 
 
 def run(settings: dict[str, Any], console: Console) -> int:
-    """Run the cases; 3 where one did not pass."""
+    """Run the cases, or compare with peers; 3 where a case did not pass."""
     if settings["action"] is None or settings["file"] is None:
         raise UsageError("bank needs what to do and a file: filippov bank run FILE")
+    return _run(settings, console) if settings["action"] == "run" else _compare(settings, console)
+
+
+def _run(settings: dict[str, Any], console: Console) -> int:
+    if settings["peers"] is not None:
+        raise UsageError("--peers goes with: filippov bank compare FILE")
     given = {
         key: settings[key] for key in ("rtol", "atol", "method", "max_time") if settings[key] is not None
     }
@@ -60,3 +66,19 @@ def _write(settings: dict[str, Any], console: Console, text: str) -> None:
     folder = Folder(settings["output"], console)
     folder.text("rows.json", text)
     folder.report()
+
+
+def _compare(settings: dict[str, Any], console: Console) -> int:
+    from filippov.bank.compare import compare_bank, peers_json, peers_text
+
+    for name in ("atol", "method"):
+        if settings[name] is not None:
+            raise UsageError(f"--{name} goes with: filippov bank run FILE")
+    given = {key: settings[key] for key in ("rtol", "max_time") if settings[key] is not None}
+    with console.progress("bank compare") as progress:
+        table = compare_bank(
+            settings["file"], only=settings["only"], peers=settings["peers"], progress=progress, **given
+        )
+    _write(settings, console, peers_json(table))
+    console.say(peers_text(table))
+    return 0

@@ -26,6 +26,7 @@ from filippov.commands.values import (
     texts,
     tolerance,
     whole,
+    words,
 )
 from filippov.configuration import Option
 from filippov.options import METHODS
@@ -266,8 +267,8 @@ _ALL = (
         "filippov graph hunting --kind observed --t-span 0 100 -o results/graph",
     ),
     Command(
-        "bank", "run a file of cases with reference values", "bank",
-        (Option("action", "what to do", one_of("run"), metavar="{run}", flags=("action",)),
+        "bank", "run a file of cases with reference values, or put it to other solvers", "bank",
+        (Option("action", "what to do", one_of("run", "compare"), metavar="{run,compare}", flags=("action",)),
          Option("file", "the cases, a JSON file", text, metavar="FILE", flags=("file",)),
          Option("json", "write the rows as JSON to a file, to stdout without one", destination, metavar="OUT",
                 count="?"),
@@ -275,7 +276,8 @@ _ALL = (
                 count="+"),
          *TOLERANCES,
          Option("max_time", "seconds for each case", number, metavar="SECONDS"),
-         Option("jobs", "processes", whole, metavar="N", flags=("-j", "--jobs"), default=1)),
+         Option("jobs", "processes", whole, metavar="N", flags=("-j", "--jobs"), default=1),
+         Option("peers", "compare: the other solvers, with commas", words, metavar="NAME,NAME,...")),
         "filippov bank run cases.json --json rows.json",
     ),
     Command(

@@ -1,0 +1,45 @@
+"""scipy's solve_ivp, and this package, put to the cases of a bank."""
+
+from __future__ import annotations
+
+import warnings
+from functools import partial
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from filippov.bank.peer import Array, Given, Limits, Peer, numeric_field
+from filippov.solver import solve
+
+
+def run_scipy(method: str, case: Given, limits: Limits) -> tuple[Array, bool]:
+    """States at the times asked for, by solve_ivp."""
+    start, _ = case.built.t_span
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        found = solve_ivp(
+            numeric_field(case, limits), (start, case.times[-1]), case.built.x0, method=method,
+            t_eval=case.times, rtol=limits.rtol, atol=limits.atol,
+        )  # fmt: skip
+    states = np.full((len(case.times), len(case.built.x0)), np.nan)
+    if found.success:
+        states[: found.y.shape[1]] = found.y.T
+    return states, bool(found.success)
+
+
+def run_filippov(case: Given, limits: Limits) -> tuple[Array, bool]:
+    """The same by this package."""
+    start, _ = case.built.t_span
+    found = solve(
+        case.built.system, case.built.x0, (start, case.times[-1]), rtol=limits.rtol, atol=limits.atol,
+        max_time=limits.seconds, t_eval=case.times, zeno="continue",
+    )  # fmt: skip
+    states = np.full((len(case.times), len(case.built.x0)), np.nan)
+    states[: found.y.shape[1]] = found.y.T
+    return states, found.success
+
+
+FILIPPOV = Peer("filippov", "filippov", run_filippov)
+PEERS = tuple(
+    Peer(f"scipy {method}", "scipy", partial(run_scipy, method)) for method in ("RK45", "LSODA", "Radau")
+)
