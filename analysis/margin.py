@@ -120,7 +120,8 @@ def _speeds(motion: Solution, jacobian: Callable[..., Any] | None) -> list[tuple
     """(relative speed, t) with which each event is met, and left where it is left off the surface."""
     out = []
     for event in motion.events:
-        if motion.problem.system.surfaces[event.index].kind != "switching":
+        surfaces = motion.problem.system.surfaces
+        if event.index >= len(surfaces) or surfaces[event.index].kind != "switching":
             continue
         if event.kind is EventKind.GRAZING:
             out.append((0.0, event.t))

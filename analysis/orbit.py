@@ -97,7 +97,9 @@ class Orbit:
         items = tuple(
             (e.surface, str(e.kind), mode_text(e.before), mode_text(e.after))
             for e in self.events
-            if e.kind is not EventKind.GRAZING and self.system.surfaces[e.index].kind != "observer"
+            if e.kind is not EventKind.GRAZING
+            and e.index < len(self.system.surfaces)
+            and self.system.surfaces[e.index].kind != "observer"
         )
         return min((items[k:] + items[:k] for k in range(len(items))), default=())
 

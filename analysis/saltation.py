@@ -9,7 +9,11 @@ multiplier less the end of its set), with y' = v- before and v+ after,
 (Aizerman & Gantmakher 1958; Leine & Nijmeijer 2004, section 7.3; di Bernardo et al. 2008, section 2.5). Entry
 into sliding loses rank by one for each surface: the multipliers that belong to it are 0. At a touching
 (G_y v- = 0) the flow has no derivative, and that is an error. Several surfaces at once have one if it is the
-same in whatever order they are met; then it is the product of theirs.
+same in whatever order they are met; then it is the product of theirs. At a reset y+ = R(y), v+ taken at y+,
+
+    S = R_y + (v+ - R_y v-) G_y / (G_y v-)
+
+(di Bernardo et al. 2008, (2.59)), with G = t - t_k at a time event, whose instant t_k does not depend on x.
 """
 
 from __future__ import annotations
@@ -22,13 +26,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.reset_slopes import instant_slopes, reset_slopes
 from filippov.analysis.variation import ModeField, mode_field, transition
 from filippov.errors import UsageError
 from filippov.events import Event, Mode
 from filippov.machine import Machine
 from filippov.modes import Point, successors
 from filippov.solution import Solution
-from filippov.status import EventKind, mode_text
+from filippov.status import JUMPED_OVER, EventKind, mode_text
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
@@ -151,10 +156,10 @@ class Together:
         self.p, self.t, self.x = solution.problem.p, events[0].t, events[0].x
         self.before, self.after = events[0].before, events[-1].after
 
-    def field(self, mode: Mode) -> tuple[ModeField, Array]:
-        """The field of a mode here and y' in it."""
+    def field(self, mode: Mode, at: Array | None = None) -> tuple[ModeField, Array]:
+        """The field of a mode here, or in another state, and y' in it."""
         part = mode_field(self.system, mode, self.names, self.jacobian)
-        t, x = np.array([self.t]), self.x[None, :]
+        t, x = np.array([self.t]), (self.x if at is None else at)[None, :]
         return part, part.velocity(t, x, part.multipliers(t, x, self.p), self.p)[0]
 
     def guard(self, mode: Mode, i: int, side: int) -> Array:
@@ -184,7 +189,18 @@ class Together:
     def saltation(self) -> Array:
         """(N, N). Raises NotDifferentiableError."""
         identity = np.eye(self.system.dimension + len(self.names) + 1)
-        switching = [e for e in self.events if self.system.surfaces[e.index].kind == "switching"]
+        events = [e for e in self.events if not _passive(e)]
+        if any(e.x_after is not None for e in events):
+            return self._reset(events)
+        for event in events:
+            if event.kind is EventKind.ENTRY and self.system.surfaces[event.index].kind == "reset":
+                raise self.refused(f"impacts accumulate on {event.surface!r}; that is not differentiated")
+        switching = [
+            e
+            for e in events
+            if self.system.surfaces[e.index].kind == "switching"
+            or (self.system.surfaces[e.index].kind == "reset" and e.kind is not EventKind.CROSSING)
+        ]
         for event in switching:
             if event.kind is EventKind.GRAZING:
                 raise self.refused(f"the motion grazes surface {event.surface!r}")
@@ -196,6 +212,19 @@ class Together:
         if len(reached) == 1:
             return self._one(self.before, self.after, reached[0])
         return self._several(reached)
+
+    def _reset(self, events: Sequence[Event]) -> Array:
+        if len(events) > 1:
+            names = ", ".join(repr(e.surface) for e in events)
+            raise self.refused(f"{names} happen at once, resets among them")
+        (event,) = events
+        by = reset_slopes(self.system, event, self.names, self.p)
+        before, after = self.field(self.before)[1], self.field(self.after, event.x_after)[1]
+        if event.kind is EventKind.TIME:
+            slope, rate = instant_slopes(self.system, event, self.names, self.p), 1.0
+        else:
+            slope, rate = self.rate(self.before, event.index, 1)
+        return np.asarray(by + np.outer(after - by @ before, slope) / rate)
 
     def _leads(self, event: Event) -> bool:
         """Whether the event is met by itself, and does not follow from another one of the instant."""
@@ -243,6 +272,12 @@ class Together:
             f"the surfaces {names} are met at once ({mode_text(self.before)} -> {mode_text(self.after)}), "
             "and neighbouring motions depend on the order in which they meet them"
         )
+
+
+def _passive(event: Event) -> bool:
+    """Whether an event leaves the flow as it is: a user's, a time event alone, a surface jumped over."""
+    still = event.kind is EventKind.TIME and event.x_after is None
+    return event.kind is EventKind.USER or still or event.note == JUMPED_OVER
 
 
 def onto_section(solution: Solution, event: Event, change: Array, names: tuple[str, ...] = ()) -> Array:

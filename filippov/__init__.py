@@ -44,6 +44,8 @@ _EXPORTS: dict[str, str] = {
     "Status": "filippov.status",
     "Surface": "filippov.surface",
     "System": "filippov.system",
+    "TimeEvent": "filippov.time_event",
+    "UserEvent": "filippov.user_event",
     "solve": "filippov.solver",
 }
 

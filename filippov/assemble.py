@@ -19,6 +19,7 @@ from filippov.surface import Surface
 from filippov.symbolic import Contact, SymbolicForm
 from filippov.symbols import t
 from filippov.table import Entry
+from filippov.time_event import TimeEvent
 
 ROUNDING = 1e-12
 
@@ -28,6 +29,7 @@ def assemble(
     surfaces: Sequence[Surface],
     parameters: ParameterNamespace | None,
     spare: bool = False,
+    time_events: Sequence[TimeEvent] = (),
 ) -> tuple[SymbolicForm, tuple[Surface, ...]]:
     """Return the symbolic form and its surfaces, in one order.
 
@@ -36,14 +38,16 @@ def assemble(
     x = tuple(equations)
     given = tuple(_checked(surface, x) for surface in surfaces)
     _check_names(given)
-    _check_resets(given, x)
-    p = _parameters([*equations.values(), *_expressions(given)], parameters, x)
+    _check_resets((*given, *time_events), x)
+    clocks = [e for event in time_events for e in event.expressions()]
+    p = _parameters([*equations.values(), *_expressions(given), *clocks], parameters, x)
     extractor = Extractor()
     extractor.declare(given)
     field = [extractor.field(f, f"the equation of {symbol.name!r}") for symbol, f in equations.items()]
     radius = {surface.name: _radius(extractor, surface) for surface in given}
     after = {surface.name: _after(extractor, surface, x) for surface in given if surface.reset is not None}
-    moved = [e for row in after.values() for e in row]
+    ticks = [None if event.reset is None else _after(extractor, event, x) for event in time_events]
+    moved = [e for row in (*after.values(), *ticks) for e in row or ()]
     used = _used(extractor.table.entries, [*field, *moved], spare)
     entries = _ordered(used, [surface.name for surface in given])
 
@@ -66,6 +70,7 @@ def assemble(
         )
         if after
         else (),
+        time_reset=tuple(None if row is None else tuple(e.xreplace(rename) for e in row) for row in ticks),
     )
     opaque = [extractor.opaque(f).xreplace(rename) for f in equations.values()]
     plain = form.plain_h()
@@ -137,11 +142,12 @@ def _check_names(surfaces: Sequence[Surface]) -> None:
         seen.add(surface.name)
 
 
-def _check_resets(surfaces: Sequence[Surface], x: Sequence[Symbol]) -> None:
-    for surface in surfaces:
-        for name, _ in surface.reset or ():
+def _check_resets(sources: Sequence[Surface | TimeEvent], x: Sequence[Symbol]) -> None:
+    for source in sources:
+        for name, _ in source.reset or ():
             if name not in (q.name for q in x):
-                raise ModelError(f"surface {surface.name!r}: {unknown('state', name, [q.name for q in x])}")
+                known = [q.name for q in x]
+                raise ModelError(f"the reset of {source.name!r}: {unknown('state', name, known)}")
 
 
 def _expressions(surfaces: Sequence[Surface]) -> list[Expr]:
@@ -267,11 +273,12 @@ def _names(entries: Sequence[Entry]) -> list[str]:
     return names
 
 
-def _after(extractor: Extractor, surface: Surface, x: Sequence[Symbol]) -> list[Expr]:
-    """The state after the reset of a surface, one expression a state."""
-    given = dict(surface.reset)
+def _after(extractor: Extractor, source: Surface | TimeEvent, x: Sequence[Symbol]) -> list[Expr]:
+    """The state after the reset of a surface or a time event, one expression a state."""
+    given = dict(source.reset)
+    what = "surface" if isinstance(source, Surface) else "time event"
     return [
-        extractor.field(given[q.name], f"surface {surface.name!r}: reset of {q.name!r}")
+        extractor.field(given[q.name], f"{what} {source.name!r}: reset of {q.name!r}")
         if q.name in given
         else q
         for q in x

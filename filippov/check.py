@@ -12,7 +12,10 @@ from sympy.logic.boolalg import Boolean
 
 from filippov.errors import ModelError
 
-_JUMPS = "it jumps infinitely often; declare Surface('name', sin(pi*u)) or use a time event"
+_JUMPS = (
+    "it jumps infinitely often. Jumps in time are a TimeEvent('clock', period=...) with a state that it "
+    "resets; jumps in a state u are Surface('name', sin(pi*u))"
+)
 _UNEVALUATED = "carry it out first (.doit()), the result must be a plain expression"
 _REFUSED: dict[type, str] = {
     sympy.floor: _JUMPS,

@@ -153,7 +153,10 @@ def solve_many(
 
         complete = True
         try:
-            batch.run(workers, unit, look)
+            if system.time_events:
+                batch.code[:] = codes.GENERAL  # the driver of `solve` stops at the instants
+            else:
+                batch.run(workers, unit, look)
         except KeyboardInterrupt:
             complete = False
         part = _collect(batch, states[rows], span, stops, options, complete)
@@ -238,7 +241,7 @@ def _collect(
         t[q], batch.x[q], batch.mode[q] = solution.t_end, solution.x_end, solution.end_mode
         nfev[q] += solution.nfev
         counts[q], last[q] = 0, -1
-        for event in solution.events:
+        for event in solution.events.of_surfaces(batch.machine.m):
             last[q] = event.index, _column(event)
             counts[q, event.index, _column(event)] += 1
         complete = solution.status is not Status.INTERRUPTED

@@ -20,11 +20,12 @@ class Event(NamedTuple):
     """One event on one surface.
 
     t           time
-    surface     name of the surface; index: its number
+    surface     name of the surface, time event or user event; index: its number among them in this order
     kind        EventKind
     before      mode before it in the direction of integration, after: the mode then taken
     x           state at the event (after it: x_after, which differs at a reset only)
-    multiplier  value of the surface's sign in sliding, where the motion slides before or after; else NaN
+    multiplier  value of the surface's sign in sliding, where the motion slides before or after; for a user
+                event its direction; else NaN
     residual    |h| at the event (for an exit: the guard of the multiplier)
     group       events with the same number happen at the same instant and are one set
     note        what is special: two-fold, ambiguous corner, repelling sliding, ...
@@ -50,6 +51,8 @@ class Event(NamedTuple):
         """+1 where the surface is left or crossed towards h > 0 in true time, -1 towards h < 0, else 0."""
         if self.kind is EventKind.CROSSING:
             return self.after[self.index] * self.sense
+        if self.kind is EventKind.USER:
+            return int(self.multiplier)
         return self.after[self.index] if self.kind is EventKind.EXIT else 0
 
     def __str__(self) -> str:
@@ -79,6 +82,10 @@ class Events(Sequence[Event]):
 
     def __repr__(self) -> str:
         return "\n".join(str(event) for event in self._items) or "no events"
+
+    def of_surfaces(self, m: int) -> Events:
+        """The events on surfaces, of which there are m: without time events and those of the user."""
+        return Events([event for event in self._items if event.index < m])
 
     @property
     def t(self) -> npt.NDArray[np.float64]:

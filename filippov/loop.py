@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from filippov._kernels import codes
 from filippov.ambiguity import Ambiguity, listing, name_point, picked, point_of
+from filippov.clocks import Clocks
 from filippov.events import Mode
 from filippov.jumps import LONGEST_CHAIN, composed, look_again, pending, starting
 from filippov.machine import Array, Machine
@@ -20,8 +21,10 @@ from filippov.options import Options
 from filippov.problem import Problem
 from filippov.run import Run
 from filippov.solution import Solution
-from filippov.status import EventKind, Status, mode_text
+from filippov.status import JUMPED_OVER, EventKind, Status, mode_text
 from filippov.stiffness import Crawl
+from filippov.user_event import UserEvent
+from filippov.watched import Watch
 from filippov.zeno import Accumulation, accumulates, accumulation, rest, rests
 
 # Steps between two looks at the clock: so many at first, then what takes about _LOOK seconds.
@@ -51,42 +54,53 @@ def follow(
     turn: Turn | None = None,
     origin: float | None = None,
     stop: npt.NDArray[np.int64] | None = None,
+    users: tuple[UserEvent, ...] = (),
 ) -> Followed:
     """Run to the end of the span, or to where the options say to stop.
 
     turn    start in this mode instead of the one that the initial state decides
     origin  time at which the whole motion began, where this is a later piece of it; `stop`: its countdown
+    users   events of the user
     """
-    machine = Machine(problem.system, options.method, problem.p)
+    system = problem.system
+    watch = Watch(users, len(system.surfaces), len(system.time_events))
+    machine = Machine(system, options.method, problem.p, tuple(users[k].surface for k in watch.order))
+    record = None if machine.callbacks is None else machine.callbacks.p
+    clocks = Clocks(system, record, problem.parameters, problem.t_span)
     run = Run(machine, problem.x0, problem.t_span, options)
     run.watch(options.stop)
     if stop is not None:
         run.stop[:] = stop
     if origin is not None:
         run.clock[codes.T_START] = origin
-    loop = _Loop(run, progress, turn)
+    loop = _Loop(run, clocks, watch, progress, turn)
     status, message = loop.go()
-    solution = Solution(problem, run, loop.start_mode, status, message, times)
+    solution = Solution(problem, run, loop.start_mode, status, message, times, watch)
     solution.ambiguity, solution.accumulations = loop.ambiguity, tuple(loop.accumulations)
     return Followed(solution, run.stop.copy())
 
 
 @dataclass(frozen=True)
 class _Jump:
-    """Mode and state before the events of one instant, and the surfaces whose resets happened."""
+    """Mode and state before the events of one instant, the surfaces that reset, the time events."""
 
     before: Mode
     x: Array
-    by: tuple[int, ...]
+    by: tuple[int, ...] = ()
+    clocks: tuple[int, ...] = ()
+    together: bool = False
 
 
 class _Loop:
     """Drive the compiled loop and decide what it leaves open."""
 
     def __init__(
-        self, run: Run, progress: Callable[[float, float], None] | None, turn: Turn | None = None
-    ) -> None:
-        self.run, self.progress, self.turn = run, progress, turn
+        self, run: Run, clocks: Clocks, watch: Watch, progress: Callable[[float, float], None] | None,
+        turn: Turn | None = None,
+    ) -> None:  # fmt: skip
+        self.run, self.clocks, self.watch, self.progress, self.turn = run, clocks, watch, progress, turn
+        self.t_end = float(run.clock[codes.T_END])
+        self.due: list[int] = []
         self.ambiguity: Ambiguity | None = None
         self.accumulations: list[Accumulation] = []
         self.options = run.options
@@ -109,7 +123,7 @@ class _Loop:
         return ended
 
     def _sentence(self, status: Status, detail: str = "") -> str:
-        where = f"stopped at t = {self.run.t:.12g} in mode {mode_text(self.run.signs)}"
+        where = f"stopped at t = {self.run.t:.12g} in mode {mode_text(self.run.signs[: self.watch.surfaces])}"
         return f"{where}: {detail + ' ' if detail else ''}{status.advice}"
 
     def _end(self, status: Status, detail: str = "") -> tuple[Status, str]:
@@ -120,7 +134,9 @@ class _Loop:
         """Mode at the initial state: by the sign of h off a surface, by classification on one (E4)."""
         run = self.run
         if self.options.on_graze == "error":
-            run.stop[:, codes.GRAZING] = 1
+            run.stop[: self.watch.surfaces, codes.GRAZING] = 1
+        self.watch.arm(run)
+        self._aim()
         if self.turn is None:
             code = run.begin()
         else:
@@ -134,9 +150,9 @@ class _Loop:
             self.start_mode = run.signs
         for i, value in enumerate(run.machine.guards(run.t, run.x, run.mode)):
             if not np.isfinite(value):
-                name = run.machine.system.surfaces[i].name
+                name = run.machine.surfaces[i].name
                 return self._end(Status.NOT_FINITE, f"surface {name!r} has h = {value} at the initial state.")
-        if run.t == run.clock[codes.T_END]:
+        if run.t == self.t_end:
             return self._end(Status.SUCCESS)
         if code == codes.GENERAL:
             near = self._near()
@@ -154,7 +170,7 @@ class _Loop:
         ratio = _LOOK / max(time.monotonic() - begun, 1e-9)
         self.chunk = int(min(max(self.chunk * min(max(ratio, 0.1), 4.0), 1), _LONGEST_CHUNK))
         if code == codes.REACHED:
-            return self._end(Status.SUCCESS)
+            return self._reached()
         if len(run.events) >= options.max_events and code not in (codes.STOPPED, codes.ZENO):
             return self._end(Status.MAX_EVENTS)
         if code == codes.STOPPED:
@@ -173,8 +189,11 @@ class _Loop:
         status = failures.get(code, Status.NO_SLIDING)
         return self._end(status, f"state {_state_text(run)}.")
 
-    def _stopped(self) -> tuple[Status, str]:
-        return self._end(Status.STOPPED, f"Stopped at t = {self.run.t:.12g}: {self.run.events[-1]}.")
+    def _stopped(self) -> tuple[Status, str] | None:
+        event = self.run.events[-1]
+        if not self.watch.ends(self.run, event):
+            return self._budgets()
+        return self._end(Status.STOPPED, f"Stopped at t = {self.run.t:.12g}: {self.watch.shown(event)}.")
 
     def _budgets(self) -> tuple[Status, str] | None:
         run, options = self.run, self.options
@@ -184,8 +203,54 @@ class _Loop:
         if time.monotonic() - self.started > options.max_time:
             return self._end(Status.TIMEOUT)
         if self.progress is not None:
-            self.progress(run.t, float(run.clock[codes.T_END]))
+            self.progress(run.t, self.t_end)
         return None
+
+    def _aim(self) -> None:
+        """Let the compiled loop run to the next instant of a time event, or to the end."""
+        if not self.clocks:
+            return
+        run, clocks = self.run, self.clocks
+        at = clocks.same(run.t) * 2
+        if run.direction > 0:
+            instant, self.due = clocks.following(run.t)
+            run.machine.between(clocks.before(run.t + at)[0], instant)
+        else:
+            instant, self.due = clocks.before(run.t)
+            run.machine.between(instant, clocks.following(run.t - at)[0])
+        if (instant - self.t_end) * run.direction > clocks.same(self.t_end):
+            self.due = []
+        beyond = (instant - self.t_end) * run.direction > 0
+        run.clock[codes.T_END] = self.t_end if beyond else instant
+        run.clock[codes.SAME_INSTANT] = clocks.same(instant) if self.due else 0.0
+
+    def _reached(self) -> tuple[Status, str] | None:
+        """At the end, or at an instant of time events: reset, look where the motion goes, and go on."""
+        run, machine = self.run, self.run.machine
+        if not self.due:
+            return self._end(Status.SUCCESS)
+        run.clock[codes.T] = run.clock[codes.T_END]
+        together = bool(run.events) and abs(run.events[-1].t - run.t) <= run.clock[codes.SAME_INSTANT]
+        jump = _Jump(run.signs, run.x.copy(), (), tuple(self.due), together)
+        resets = [machine.m + i for i in self.due if machine.system.time_events[i].reset is not None]
+        self._aim()
+        if resets and run.direction < 0:
+            return self._back_over(resets)
+        if resets or machine.callbacks is not None:
+            ended = self._reset(resets, (), jump)
+        else:
+            ended = self._record(run.signs, run.lam, (), "", jump)
+        if ended is None and run.t == self.t_end:
+            return self._end(Status.SUCCESS)
+        if ended is None and len(run.events) >= self.options.max_events:
+            return self._end(Status.MAX_EVENTS)
+        return ended or self._budgets()
+
+    def _source(self, i: int) -> str:
+        """Name of a surface, or of a time event: they follow the surfaces."""
+        machine = self.run.machine
+        m = len(machine.surfaces)
+        return machine.surfaces[i].name if i < m else machine.system.time_events[i - m].name
 
     def _general(self) -> tuple[Status, str] | None:
         """Events the compiled loop does not decide: corners, tangencies, several surfaces at once."""
@@ -212,23 +277,26 @@ class _Loop:
     def _back_over(self, hit: Sequence[int]) -> tuple[Status, str] | None:
         """Backwards in time a reset is not undone: the end of the run where one may have happened."""
         run = self.run
-        names = [run.machine.system.surfaces[i].name for i in hit if run.machine.resets_from[i]]
+        resets = [i for i in hit if i >= run.machine.m or run.machine.resets_from[i]]
+        names = [self._source(i) for i in resets]
         if run.direction > 0 or not names:
             return None
         return self._end(
             Status.NON_UNIQUE,
-            f"backwards in time, surface {', '.join(map(repr, names))} is reached, where a reset may have "
+            f"backwards in time, {', '.join(map(repr, names))} is reached, where a reset may have "
             f"led to the state {_state_text(run)}; what was before it is not determined.",
         )
 
-    def _reset(self, active: list[int], hit: Sequence[int]) -> tuple[Status, str] | None:
-        """Apply the resets of the surfaces reached, and find where the motion goes from there."""
-        run, surfaces = self.run, self.run.machine.system.surfaces
-        before, x_before = run.signs, run.x.copy()
+    def _reset(
+        self, active: list[int], hit: Sequence[int], jump: _Jump | None = None
+    ) -> tuple[Status, str] | None:
+        """Apply the resets of surfaces reached or time events, and find where the motion goes from there."""
+        run, m = self.run, self.run.machine.m
+        jump = jump or _Jump(run.signs, run.x.copy())
         done: list[int] = []
         for _ in range(LONGEST_CHAIN):
             after = composed(run, active)
-            names = ", ".join(repr(surfaces[i].name) for i in active)
+            names = ", ".join(repr(self._source(i)) for i in active)
             if after is None:
                 return self._end(
                     Status.NON_UNIQUE,
@@ -243,7 +311,7 @@ class _Loop:
             # A jump may end on another surface that resets; those just applied are left, or led through.
             active = pending(run, [i for i in met if i not in done])
             if not active:
-                jump = _Jump(before, x_before, tuple(done))
+                jump = replace(jump, by=tuple(i for i in done if i < m))
                 return self._classify(met, hit, start=False, jump=jump)
         return self._end(Status.NO_CONTINUATION, f"resets follow each other at {_state_text(run)}.")
 
@@ -267,11 +335,11 @@ class _Loop:
         name, candidates = name_point(point, met, successors(point, before, met))
         if len(candidates) == 1:
             return self._take(candidates[0], before, hit, name, start, jump)
-        names = ", ".join(repr(run.machine.system.surfaces[i].name) for i in met)
+        names = ", ".join(repr(run.machine.surfaces[i].name) for i in met)
         where = f"at state {_state_text(run)} on {names}"
         if not candidates:
             return self._end(Status.NO_CONTINUATION, f"{where}.")
-        taken = self._choose(candidates, before, hit)
+        taken = self._choose(candidates, before, hit if jump is None else ())
         ambiguity = Ambiguity(run.t, name, candidates, before, tuple(hit) if jump is None else (), start)
         if taken is None:
             self.ambiguity = ambiguity
@@ -303,7 +371,7 @@ class _Loop:
         if start:
             return None
         if jump is None:
-            jump = _Jump(before, run.x.copy(), ())
+            jump = _Jump(before, run.x.copy())
         return self._record(chosen.mode, np.array(chosen.multipliers), hit, note, jump)
 
     def _record(
@@ -312,13 +380,14 @@ class _Loop:
         """Record the change from the mode before to the one after, an event a surface; tell if it ends."""
         run, before = self.run, jump.before
         ended: tuple[Status, str] | None = None
-        together = False
+        together = jump.together
         residual, _ = run.scales()
         for i in range(run.machine.m):
             kind = EventKind.RESET if i in jump.by else _kind(before[i], after[i], i in hit)
             if kind is None:
                 continue
             multiplier = float(multipliers[i]) if after[i] == 0 else float("nan")
+            over = kind is EventKind.CROSSING and i not in hit and bool(jump.by or jump.clocks)
             run.add_event(
                 run.t,
                 i,
@@ -328,15 +397,22 @@ class _Loop:
                 jump.x.copy(),
                 multiplier,
                 float(residual[i]),
-                note,
+                JUMPED_OVER if over else note,
                 together,
                 run.x.copy() if jump.by else None,
             )
             together = True
             if run.count_down(i, kind, run.events[-1].direction):
-                ended = self._stopped()
+                ended = self._stopped() or ended
             if kind is EventKind.GRAZING and self.options.on_graze == "error":
                 ended = self._end(Status.GRAZING, f"{run.events[-1]}.")
+        for i in jump.clocks:
+            moved = run.machine.system.time_events[i].reset is not None
+            run.add_event(
+                run.t, run.machine.m + i, EventKind.TIME, before, after, jump.x.copy(), float("nan"), 0.0,
+                note, together, run.x.copy() if moved else None,
+            )  # fmt: skip
+            together = True
         return ended
 
     def _zeno(self) -> tuple[Status, str] | None:
@@ -356,7 +432,7 @@ class _Loop:
         machine = run.machine
         open_ends = [i for i in limit.surfaces if machine.resets_from[i] and not machine.contacts[i]]
         if open_ends:
-            names = ", ".join(repr(machine.system.surfaces[i].name) for i in open_ends)
+            names = ", ".join(repr(machine.surfaces[i].name) for i in open_ends)
             detail += f" There is no resting contact on {names} to go on with (see the docstring of Surface)."
             return self._end(Status.ZENO, detail)
         run.clock[codes.T] = limit.t
@@ -365,7 +441,7 @@ class _Loop:
         ended = self._classify(limit.surfaces, limit.surfaces, start=False)
         if ended is not None and ended[0] is Status.NO_CONTINUATION and rests(run, limit.surfaces):
             rest(run, limit.surfaces)
-            return self._end(Status.SUCCESS)
+            return self._reached()
         return ended or self._budgets()
 
 

@@ -9,11 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov._kernels.build import Compiled, build
-from filippov._kernels.callback import Callbacks, callback_unit
+from filippov._kernels.callback import Callbacks, EventCallbacks, callback_unit, new_context
 from filippov._kernels.generate import Generated, generate
+from filippov._kernels.generate_events import generate_with_events
 from filippov._kernels.tableaus import TABLEAUS, Collocation
 from filippov._kernels.tables import NODES
 from filippov.errors import ModelError
+from filippov.surface import Surface
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
@@ -25,20 +27,40 @@ def _generated(system: System) -> Generated:
     return generate(system.symbolic, system.surfaces)
 
 
+@lru_cache(maxsize=256)
+def _generated_with(system: System, expressions: tuple[Any, ...], functions: int) -> Generated:
+    """The unit with user events; one for any functions."""
+    assert system.symbolic is not None
+    events = [Surface("event", e, kind="observer") for e in (*expressions, *[_placeholder] * functions)]
+    return generate_with_events(system.symbolic, system.surfaces, tuple(events))
+
+
+def _placeholder(t: float, x: Any, p: Any) -> float:
+    raise NotImplementedError
+
+
 class Machine:
     """The compiled functions of a system. Each run makes its own: scratch and callbacks are not shared."""
 
-    def __init__(self, system: System, method: str, p: Array) -> None:
-        self.system = system
-        self.n, self.m = system.dimension, len(system.surfaces)
+    def __init__(self, system: System, method: str, p: Array, events: tuple[Surface, ...] = ()) -> None:
+        self.system, self.surfaces = system, (*system.surfaces, *events)
+        self.n, self.m = system.dimension, len(self.surfaces)
         self.callbacks: Callbacks | None = None
         if system.symbolic is not None:
-            unit = _generated(system)
-            self.context = np.zeros(5, dtype=np.int64)
+            expressions = tuple(e.h for e in events if e.symbolic)
+            functions = events[len(expressions) :]
+            unit = _generated_with(system, expressions, len(functions)) if events else _generated(system)
+            self.context = new_context()
+            if functions:
+                self.callbacks = EventCallbacks(functions, self.n, system.parameters.record)
+                self.callbacks.parameters(p)
+                self.context = self.callbacks.context
         else:
-            unit = callback_unit(self.n, len(system.parameters), system.surfaces)
+            unit = callback_unit(self.n, len(system.parameters), self.surfaces)
             assert system.field is not None
-            self.callbacks = Callbacks(system.field, system.surfaces, self.n, system.parameters.record)
+            self.callbacks = Callbacks(
+                system.field, self.surfaces, self.n, system.parameters.record, system.time_events
+            )
             self.callbacks.parameters(p)
             self.context = self.callbacks.context
         self.unit = unit
@@ -46,16 +68,15 @@ class Machine:
         self.p = self.derived(p)
         self.w = np.zeros(self.compiled.layout.doubles)
         self.iw = np.zeros(self.compiled.layout.integers, dtype=np.int64)
-        self.roles = tuple(surface.kind for surface in system.surfaces)
-        self.widths = tuple(surface.width for surface in system.surfaces)
+        self.roles = tuple(surface.kind for surface in self.surfaces)
+        self.widths = tuple(surface.width for surface in self.surfaces)
         sides: dict[str, tuple[int, ...]] = {"+": (1,), "-": (-1,), "both": (1, -1)}
         self.resets_from = tuple(
-            () if surface.reset is None else sides[surface.side] for surface in system.surfaces
+            () if surface.reset is None else sides[surface.side] for surface in self.surfaces
         )
         self.contacts = tuple(
-            sides[surface.side][0] if surface.contact else 0 for surface in system.surfaces
+            sides[surface.side][0] if surface.contact else 0 for surface in self.surfaces
         )
-        self.resets = any(self.resets_from)
         self.event_size = int(unit.constants["EVENT_SIZE"])  # type: ignore[arg-type]
         self.affine = bool(unit.constants["AFFINE"])
         self.calls = 0
@@ -117,17 +138,22 @@ class Machine:
         if not np.all(out[:, 0] <= -1 + 1e-12) or not np.all(out[:, 1] >= 1 - 1e-12):
             i = int(np.argmax((out[:, 0] > -1 + 1e-12) | (out[:, 1] < 1 - 1e-12)))
             raise ModelError(
-                f"surface {self.system.surfaces[i].name!r}: its set at h = 0 is "
+                f"surface {self.surfaces[i].name!r}: its set at h = 0 is "
                 f"[{out[i, 0]:g}, {out[i, 1]:g}] at t = {t:g}, expected one that holds "
                 "[-1, 1]. Check the radius with these parameters."
             )
         return out
 
     def reset(self, i: int, t: float, x: Array, mode: Array) -> Array:
-        """The state after the reset at surface i, reached in a mode."""
+        """The state after the reset at surface i, reached in a mode; time events follow the surfaces."""
         out = np.empty(self.n)
         self.call("resets", int(i), float(t), x, self.p, mode, out, self.context)
         return out
+
+    def between(self, low: float, high: float) -> None:
+        """Call functions of the user with times strictly inside (low, high) only."""
+        inside = np.array([np.nextafter(low, np.inf), np.nextafter(high, -np.inf)])
+        self.context[5:] = inside.view(np.int64)
 
     def probe(
         self, t: float, step: float, x: Array, mode: Array, guess: Array

@@ -64,6 +64,7 @@ def regularize_symbolic(
         h=tuple(new.h),
         radius=tuple(new.radius),
         reset=tuple(None if i is None else _moved(form.reset[i], values) for i in old) if form.reset else (),
+        time_reset=tuple(_moved(row, values) for row in form.time_reset),
         contact=tuple(form.contact[i] if i is not None else None for i in old) if form.contact else (),
     )
     return out, tuple(new.surfaces)

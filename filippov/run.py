@@ -43,7 +43,7 @@ class Run:
         self.coef = np.zeros((_RECORD_ROOM, powers, n))
         self.found = np.zeros((_EVENT_ROOM + m, machine.event_size))
         self.marks = np.zeros((_EVENT_ROOM + m, 2 + 2 * m), dtype=np.int64)
-        names = tuple(surface.name for surface in machine.system.surfaces)
+        names = tuple(q.name for q in machine.surfaces) + tuple(q.name for q in machine.system.time_events)
         self.events = EventLog(names, 1 if span[1] >= span[0] else -1, n)
         self.steps: list[tuple[Array, Array]] = []
         self.direction = 1.0 if span[1] >= span[0] else -1.0
@@ -81,6 +81,11 @@ class Run:
             for column in item.columns:
                 self.stop[names.index(item.surface), column] = item.count
 
+    def stop_at(self, index: int, direction: float) -> None:
+        """Stop at the next crossing of a surface: upwards, downwards, or (0) either."""
+        self.stop[index, codes.CROSSING_UP] = int(direction >= 0)
+        self.stop[index, codes.CROSSING_DOWN] = int(direction <= 0)
+
     def advance(self, steps: int) -> int:
         """Run the compiled loop for at most so many steps; returns its code. User errors are raised."""
         self.count[codes.STEP_BUDGET] = steps
@@ -116,7 +121,7 @@ class Run:
             width = machine.widths[mark[0]]
             if row[2] > 1e-6 * float(np.abs(g[mark[0]]) @ reach + abs(gt[mark[0]] * row[0])) + width:
                 raise ModelError(
-                    f"surface {machine.system.surfaces[mark[0]].name!r}: h changes its sign at t = "
+                    f"surface {machine.surfaces[mark[0]].name!r}: h changes its sign at t = "
                     f"{row[0]:.9g} without being 0 there (|h| = {row[2]:.3g}). h must be continuous: give "
                     "the function whose zero is the surface, or declare a time event."
                 )
@@ -137,6 +142,8 @@ class Run:
             EventKind.EXIT: codes.EXIT_UP if direction > 0 else codes.EXIT_DOWN,
             EventKind.GRAZING: codes.GRAZING,
             EventKind.RESET: codes.RESET,
+            EventKind.TIME: codes.NONE,
+            EventKind.USER: codes.NONE,
         }[kind]
         if self.stop[index, column] > 0:
             self.stop[index, column] -= 1

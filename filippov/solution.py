@@ -14,14 +14,15 @@ import numpy.typing as npt
 from filippov._kernels import codes
 from filippov.ambiguity import Ambiguity
 from filippov.errors import UsageError
-from filippov.events import Events, Mode
+from filippov.events import Event, Events, Mode
 from filippov.interpolant import Interpolant
 from filippov.machine import Machine
 from filippov.modes import Successor
 from filippov.names import unknown
 from filippov.problem import Problem
 from filippov.run import Run
-from filippov.status import Status, mode_text
+from filippov.status import EventKind, Status, mode_text
+from filippov.watched import Watch
 from filippov.zeno import Accumulation
 
 if TYPE_CHECKING:
@@ -63,7 +64,8 @@ class Solution:
                 jump has one sample, the state before it
     jumps       times at which the state jumps
     sol         dense output sol(t, side="-"), None without dense_output
-    t_events, y_events   times and states of the events, one list a surface
+    t_events, y_events   times and states of the events: a list a surface, time event, user event
+    user_events names of the user events
     events      all events in order; segments: stretches of one mode; modes: their modes
     status, message, success   how the run ended
     nfev, njev, nlu, steps, rejected   work done
@@ -74,19 +76,20 @@ class Solution:
 
     def __init__(
         self, problem: Problem, run: Run, start_mode: Mode, status: Status, message: str,
-        t_eval: Array | None,
+        t_eval: Array | None, watch: Watch,
     ) -> None:  # fmt: skip
         self.problem, self.status, self.message = problem, status, message
-        self.start_mode = start_mode
+        self.start_mode = start_mode[: watch.surfaces]
         self.ambiguity: Ambiguity | None = None
         self.accumulations: tuple[Accumulation, ...] = ()
-        self.events: Events = run.events
+        self.events: Events = watch.events(run)
+        self.user_events = watch.names
         self.options = run.options
         self.nfev = run.calls()
         self.njev, self.nlu = run.factorisations()
         self.steps, self.rejected = int(run.count[codes.STEPS]), int(run.count[codes.REJECTED])
-        self.t_end, self.x_end, self.end_mode = run.t, run.x.copy(), run.signs
-        self.end_multipliers = run.lam.copy()
+        self.t_end, self.x_end, self.end_mode = run.t, run.x.copy(), run.signs[: watch.surfaces]
+        self.end_multipliers = run.lam[: watch.surfaces].copy()
         self.sol = self._interpolant(run)
         self.t, self.y = self._samples(run, t_eval)
 
@@ -115,23 +118,22 @@ class Solution:
             return None
         n = run.machine.n
         span = (self.problem.t_span[0], run.t)
-        jumps = run.machine.resets
-        if not run.steps and not (jumps and run.events):
+        if not run.steps and not self.jumps.size:
             coef = np.zeros((1, 2, n))
             coef[0, 0] = run.x
             return Interpolant(np.array([span[0]]), np.ones(1), coef, span)
         pieces = list(run.steps)
         # A jump at either end of the run lies between a state and no step: the state is kept as a step of 0.
-        if jumps and run.events and run.events[0].t == span[0] and run.events[0].x_after is not None:
+        if span[0] in self.jumps:
             pieces.insert(0, _still(span[0], self.problem.x0, run))
-        if jumps and run.events and run.events[-1].t == span[1] and run.events[-1].x_after is not None:
+        if span[1] in self.jumps:
             pieces.append(_still(span[1], run.x, run))
         table = np.concatenate([table for table, _ in pieces])
         coef = np.concatenate([coef for _, coef in pieces])
         return Interpolant(table[:, 0].copy(), table[:, 1].copy(), coef, span)
 
     def _samples(self, run: Run, t_eval: Array | None) -> tuple[Array, Array]:
-        if self.sol is None and run.machine.resets:
+        if self.sol is None and self._may_jump:
             return self._corners(run)
         if self.sol is None:
             t, x = run.events.table()
@@ -170,10 +172,16 @@ class Solution:
             rows.append((self.t_end, self.x_end))
         return np.array([t for t, _ in rows]), np.array([x for _, x in rows]).T.copy()
 
-    @cached_property
+    @property
     def jumps(self) -> Array:
         """Times at which the state jumps, each once; there t has two entries, before and after."""
+        if not self._may_jump:
+            return np.zeros(0)
         return np.array(list(dict.fromkeys(e.t for e in self.events if e.x_after is not None)), dtype=float)
+
+    @property
+    def _may_jump(self) -> bool:
+        return any(q.reset is not None for q in (*self.system.surfaces, *self.system.time_events))
 
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
@@ -197,13 +205,25 @@ class Solution:
 
     @property
     def t_events(self) -> list[Array]:
-        """Times of the events of each surface."""
-        return [self.events.of(surface.name).t for surface in self.system.surfaces]
+        """Times of the events of each surface, then of each time event, then of each user event."""
+        return [np.array([e.t for e in self.events if self._listed(e, i)]) for i in self._places]
 
     @property
     def y_events(self) -> list[Array]:
-        """States at the events of each surface, one row an event."""
-        return [self.events.of(surface.name).x for surface in self.system.surfaces]
+        """States at these events, one row an event; before it, where the state jumps."""
+        n = len(self.problem.x0)
+        rows = [[e.x for e in self.events if self._listed(e, i)] for i in self._places]
+        return [np.array(row, dtype=float).reshape(len(row), n) for row in rows]
+
+    def _listed(self, event: Event, i: int) -> bool:
+        # A touching is listed for a surface; it is no event of a user's function.
+        touching = event.kind is EventKind.GRAZING and i >= len(self.system.surfaces)
+        return event.index == i and not touching
+
+    @property
+    def _places(self) -> range:
+        system = self.system
+        return range(len(system.surfaces) + len(system.time_events) + len(self.user_events))
 
     def mode_at(self, t: float, side: str = "-") -> Mode:
         """The mode at a time; at an event the one before it for "-", after it for "+"."""

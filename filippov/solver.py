@@ -22,6 +22,7 @@ from filippov.solution import Solution
 from filippov.solution_tree import SolutionTree
 from filippov.status import Status
 from filippov.system import System
+from filippov.user_event import user_events
 
 _OPTIONS = (
     "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
@@ -54,6 +55,7 @@ def solve(
     *,
     parameters: Mapping[str, float] | None = ...,
     t_eval: Any = ...,
+    events: Any = ...,
     throw: bool = ...,
     progress: Callable[[float, float], None] | None = ...,
     **options: Any,
@@ -65,6 +67,7 @@ def solve(
     *,
     parameters: Mapping[str, float] | None = None,
     t_eval: Any = None,
+    events: Any = None,
     throw: bool = False,
     progress: Callable[[float, float], None] | None = None,
     **options: Any,
@@ -76,6 +79,9 @@ def solve(
     t_span      (t0, t1); t1 < t0 integrates backwards
     parameters  values by name; the others keep their defaults
     t_eval      times of the solution's t and y; default: the ends of all steps
+    events      roots to watch, as in scipy: a function g(t, y) -> float or several, with attributes
+                `terminal` (True, or n: end at the n-th) and `direction` (+1, -1; in true time),
+                expressions, or UserEvent(g, terminal=..., direction=...). The last lists of t_events
     throw       raise SolveError (carrying the partial solution) where the run ends early
     progress    called now and then with (t, t1)
     method      "DOP853" (order 8), "DP5" (order 5), or "Radau" (order 5, implicit) for stiff fields
@@ -105,7 +111,13 @@ def solve(
     if "stop" in options:
         options["stop"] = check_stops(options["stop"], problem.system)
     checked = Options(**options)
+    users = user_events(events)
+    for user in users if problem.system.symbolic is None else ():
+        if user.symbolic:
+            raise UsageError(f"event {user.name!r} is an expression; with a field of functions give g(t, y).")
     if checked.nonunique == "branch":
+        if users:
+            raise UsageError("events are for one solution; drop nonunique='branch', or declare observers.")
         if t_eval is not None:
             raise UsageError(
                 "t_eval is for one solution; a tree has path.sol(t) for each and tree.reachable(t) for all."
@@ -119,7 +131,7 @@ def solve(
     times = None if t_eval is None else check_times(t_eval, problem.t_span)
     if times is not None and not checked.dense_output:
         raise UsageError("t_eval needs the dense output; drop dense_output=False.")
-    solution = follow(problem, checked, progress, times).solution
+    solution = follow(problem, checked, progress, times, users=users).solution
     status = solution.status
     if throw and not status.ok:
         kind = NonUniqueError if status is Status.NON_UNIQUE else SolveError

@@ -93,6 +93,12 @@ class EventKind(StrEnum):
     EXIT = "sliding exit"
     GRAZING = "grazing"
     RESET = "reset"
+    TIME = "time event"
+    USER = "user event"
+
+
+# The note of a crossing that a jump of the state makes, without h = 0.
+JUMPED_OVER = "jumped over"
 
 
 def mode_text(mode: tuple[int, ...]) -> str:

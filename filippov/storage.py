@@ -111,6 +111,7 @@ def solution_header(solution: Solution) -> dict[str, Any]:
         "digest": system.digest,
         "system": system_data(system),
         "states": list(system.states),
+        "user_events": list(solution.user_events),
         "surfaces": [surface.name for surface in system.surfaces],
         "parameters": dict(solution.problem.parameters),
         "options": _option_data(solution.options),
@@ -268,6 +269,8 @@ def _options(data: dict[str, Any]) -> Options:
 def _events(header: dict[str, Any], data: dict[str, Array], system: System) -> Events:
     notes = {int(i): str(text) for i, text in header["notes"]}
     rows = {int(i): x for i, x in zip(data["event_jumps"], data["event_x_after"], strict=True)}
+    names = [q.name for q in system.surfaces] + [q.name for q in system.time_events]
+    names += header["user_events"]
     items = []
     for i, t in enumerate(data["event_t"].tolist()):
         index, kind, group, sense = data["event_numbers"][i].tolist()
@@ -277,7 +280,7 @@ def _events(header: dict[str, Any], data: dict[str, Array], system: System) -> E
         before, after = (_mode(data[name][i]) for name in ("event_before", "event_after"))
         items.append(
             Event(
-                t, system.surfaces[index].name, index, _KINDS[kind], before, after, x, multiplier, residual,
+                t, names[index], index, _KINDS[kind], before, after, x, multiplier, residual,
                 group, notes.get(i, ""), rows.get(i), sense,
             )
         )  # fmt: skip
@@ -307,6 +310,7 @@ def solution_of(header: dict[str, Any], data: dict[str, Array], system: System) 
     solution.problem = Problem(system, data["x0"], tuple(data["t_span"].tolist()), header["parameters"])
     solution.status, solution.message = Status(header["status"]), str(header["message"])
     solution.start_mode, solution.end_mode = _mode(header["start_mode"]), _mode(header["end_mode"])
+    solution.user_events = tuple(str(name) for name in header["user_events"])
     solution.events = _events(header, data, system)
     solution.options = _options(header["options"])
     solution.nfev, solution.steps, solution.rejected = (int(header[k]) for k in ("nfev", "steps", "rejected"))

@@ -15,6 +15,7 @@ from filippov.surface import Surface
 from filippov.symbolic import SymbolicForm
 from filippov.symbols import state_names
 from filippov.system import System
+from filippov.time_event import TimeEvent
 from filippov.tree import Reader, Symbols, Writer
 
 _COMPARATORS: dict[str, Any] = {"Exact": Exact, "Band": Band, "Smooth": Smooth, "Hysteresis": Hysteresis}
@@ -40,6 +41,10 @@ def system_data(system: System) -> dict[str, Any] | None:
             "field": [writer.tree(f) for f in base.field],
             "h": [writer.tree(h) for h in base.h],
             "radius": [[writer.tree(bound) for bound in pair] for pair in base.radius],
+            "time_events": [_clock_data(event, writer) for event in system.time_events],
+            "time_resets": [
+                None if row is None else [writer.tree(e) for e in row] for row in base.time_reset
+            ],
             "surfaces": [_surface_data(surface, writer) for surface in system.exact.surfaces],
             "comparator": {
                 "name": type(system.comparator).__name__, "width": getattr(system.comparator, "width", None)
@@ -83,6 +88,23 @@ def _surface_data(surface: Surface, writer: Writer) -> dict[str, Any]:
     }
 
 
+def _clock_data(event: TimeEvent, writer: Writer) -> dict[str, Any]:
+    return {
+        "name": event.name,
+        "periodic": event.times is None,
+        "instants": [writer.tree(q) if isinstance(q, Expr) else q for q in event.instants],
+        "reset": None if event.reset is None else [[k, writer.tree(e)] for k, e in event.reset],
+    }
+
+
+def _clock(item: Any, read: Any) -> TimeEvent:
+    instants = tuple(read(q) if isinstance(q, list) else q for q in item["instants"])
+    reset = None if item["reset"] is None else tuple((k, read(e)) for k, e in item["reset"])
+    if item["periodic"]:
+        return TimeEvent(item["name"], start=instants[0], period=instants[1], reset=reset)
+    return TimeEvent(item["name"], times=instants, reset=reset)
+
+
 def _base(data: Any) -> System:
     names = state_names(data["states"])
     m = len(data["surfaces"])
@@ -119,10 +141,11 @@ def _base(data: Any) -> System:
         h=tuple(read(h) for h in data["h"]),
         radius=tuple((read(low), read(high)) for low, high in data["radius"]),
         reset=tuple(None if row is None else tuple(read(e) for e in row) for row in data["resets"]),
+        time_reset=tuple(None if row is None else tuple(read(e) for e in row) for row in data["time_resets"]),
     )
     form, surfaces = with_contacts(form, surfaces)
     system = object.__new__(System)
-    system._set_symbolic(form, surfaces)
+    system._set_symbolic(form, surfaces, tuple(_clock(item, read) for item in data["time_events"]))
     return system
 
 

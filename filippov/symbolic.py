@@ -139,6 +139,8 @@ class SymbolicForm:
     reset     per surface the states after its reset, in t, x, p and the signs and sizes before; None for none
     contact   per surface the contact that its reset allows, or None
 
+    time_reset  per time event the states after it, or None
+
     `reset` and `contact` are empty where no surface has one.
     """
 
@@ -151,6 +153,7 @@ class SymbolicForm:
     radius: tuple[tuple[Expr, Expr], ...]
     reset: tuple[tuple[Expr, ...] | None, ...] = ()
     contact: tuple[Contact | None, ...] = ()
+    time_reset: tuple[tuple[Expr, ...] | None, ...] = ()
 
     def signs(self, mode: Sequence[int] | str) -> tuple[int, ...]:
         """Return a mode, given as integers or as text such as "+0-", as a tuple of +1, 0, -1."""
@@ -251,7 +254,7 @@ class SymbolicForm:
         for low, high in self.radius:
             yield low
             yield high
-        for after in self.reset:
+        for after in (*self.reset, *self.time_reset):
             yield from after or ()
 
     def __getstate__(self) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from filippov.regularize import regularize_functions, regularize_symbolic
 from filippov.surface import Surface
 from filippov.symbolic import Select, SymbolicForm
 from filippov.symbols import state_names
+from filippov.time_event import TimeEvent
 
 Field = Callable[..., Any]
 
@@ -36,14 +37,20 @@ class System:
 
         System(field=f, surfaces=[Surface("velocity", h)], states="x v", parameters={"m": 1})
 
+    With events at known times: time_events=[TimeEvent("clock", period=p.T, reset={ramp: 0})].
+
     From one vector field a sign vector (Filippov's form): System.from_modes. Raises ModelError.
     """
 
-    __slots__ = ("_base", "_digest", "comparator", "field", "parameters", "states", "surfaces", "symbolic")
+    __slots__ = (
+        "_base", "_digest", "comparator", "field", "parameters", "states", "surfaces", "symbolic",
+        "time_events",
+    )  # fmt: skip
 
     states: tuple[str, ...]
     parameters: ParameterSet
     surfaces: tuple[Surface, ...]
+    time_events: tuple[TimeEvent, ...]
     comparator: Comparator
     symbolic: SymbolicForm | None
     field: Field | None
@@ -58,7 +65,9 @@ class System:
         surfaces: Sequence[Surface] = (),
         states: str | Sequence[str | Symbol] | None = None,
         parameters: Mapping[str, object] | ParameterNamespace | ParameterSet | None = None,
+        time_events: Sequence[TimeEvent] = (),
     ) -> None:
+        clocks = _clocks(time_events, symbolic=equations is not None)
         if (equations is None) == (field is None):
             raise ModelError(
                 "a System is made from equations, System({x: ..., v: ...}), or from a function, "
@@ -68,10 +77,10 @@ class System:
             surfaces = (surfaces,)
         if equations is not None:
             checked = _equations(equations, states)
-            form, found = assemble(checked, tuple(surfaces), _namespace(parameters))
-            self._set_symbolic(form, found)
+            form, found = assemble(checked, tuple(surfaces), _namespace(parameters), time_events=clocks)
+            self._set_symbolic(form, found, clocks)
             return
-        self._set_functions(field, surfaces, states, parameters)
+        self._set_functions(field, surfaces, states, parameters, clocks)
 
     @classmethod
     def from_modes(
@@ -104,8 +113,12 @@ class System:
 
     # -- construction ----------------------------------------------------------------------------------
 
-    def _set_symbolic(self, form: SymbolicForm, surfaces: tuple[Surface, ...]) -> None:
+    def _set_symbolic(
+        self, form: SymbolicForm, surfaces: tuple[Surface, ...], clocks: tuple[TimeEvent, ...] = ()
+    ) -> None:
+        _check_clock_names(clocks, surfaces)
         self._set(
+            time_events=clocks,
             states=tuple(x.name for x in form.x),
             parameters=ParameterSet({q.name: q.parameter for q in form.p}),
             surfaces=surfaces,
@@ -113,7 +126,9 @@ class System:
             field=None,
         )
 
-    def _set_functions(self, field: Any, surfaces: Any, states: Any, parameters: Any) -> None:
+    def _set_functions(
+        self, field: Any, surfaces: Any, states: Any, parameters: Any, clocks: tuple[TimeEvent, ...]
+    ) -> None:
         if not callable(field):
             raise ModelError(f"field is {field!r}, expected a function f(t, x, p, s) that returns dx/dt.")
         if states is None:
@@ -147,7 +162,15 @@ class System:
                         f"{getattr(surface.h, '__name__', surface.h)!r}. Declare it once."
                     )
             seen[surface.name] = surface
-        self._set(states=names, parameters=values, surfaces=tuple(seen.values()), symbolic=None, field=field)
+        _check_clock_names(clocks, tuple(seen.values()))
+        self._set(
+            states=names,
+            parameters=values,
+            surfaces=tuple(seen.values()),
+            time_events=clocks,
+            symbolic=None,
+            field=field,
+        )
 
     def _set(self, **content: Any) -> None:
         for name, value in {"comparator": Exact(), "_base": None, "_digest": None, **content}.items():
@@ -187,6 +210,8 @@ class System:
             f"{s.name!r} {s.kind} {s.width!r}" + ("" if s.reset is None else f" {s.side} {s.contact}")
             for s in self.surfaces
         ]
+        for event in self.time_events:
+            lines.append(f"{event.name!r} {sympy.srepr(sympy.Tuple(*event.instants))} {event.times is None}")
         return lines + [sympy.srepr(e) for e in form.expressions()]
 
     def surface_index(self, name: str) -> int:
@@ -227,6 +252,7 @@ class System:
         content: dict[str, Any] = {
             "states": base.states,
             "parameters": base.parameters,
+            "time_events": base.time_events,
             "comparator": checked,
             "_base": base,
         }
@@ -244,7 +270,7 @@ class System:
     def _key(self) -> tuple[Any, ...]:
         if self.symbolic is not None:
             return self.digest, self.parameters
-        return self.field, self.states, self.parameters, self.surfaces, self.comparator
+        return self.field, self.states, self.parameters, self.surfaces, self.time_events, self.comparator
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, System):
@@ -266,6 +292,39 @@ class System:
         return (
             f"System(states={' '.join(self.states)!r}, surfaces=[{surfaces}], comparator={self.comparator})"
         )
+
+
+def _clocks(time_events: Any, symbolic: bool) -> tuple[TimeEvent, ...]:
+    """Return time events that fit the system."""
+    items = (time_events,) if isinstance(time_events, TimeEvent) else tuple(time_events)
+    for item in items:
+        if not isinstance(item, TimeEvent):
+            raise ModelError(f"time_events holds {item!r}, expected TimeEvent('name', period=...).")
+        if symbolic and not item.symbolic:
+            raise ModelError(
+                f"time event {item.name!r} has a function, expected numbers and expressions, because the "
+                "equations are expressions."
+            )
+        if not symbolic and (item.expressions() or isinstance(item.reset, tuple)):
+            raise ModelError(
+                f"time event {item.name!r} has an expression, expected numbers and functions, because the "
+                "field is a function: reset=lambda t, x, p: [...]."
+            )
+    return items
+
+
+def _check_clock_names(clocks: Sequence[TimeEvent], surfaces: Sequence[Surface]) -> None:
+    seen = [surface.name for surface in surfaces]
+    for clock in clocks:
+        if clock.name in seen:
+            raise ModelError(f"two surfaces or time events are named {clock.name!r}. Rename one of them.")
+        seen.append(clock.name)
+        for e in clock.instants:
+            if isinstance(e, Expr) and not all(isinstance(q, ParameterSymbol) for q in e.free_symbols):
+                raise ModelError(
+                    f"time event {clock.name!r}: its instants are {e}, expected numbers or parameters. What "
+                    "depends on the state is a Surface."
+                )
 
 
 def _namespace(parameters: Any) -> ParameterNamespace | None:

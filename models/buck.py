@@ -1,4 +1,4 @@
-"""A buck converter under sliding-mode or hysteresis control: C y' = i - y/R, L i' = E u - y, u in {0, 1}.
+"""A buck converter, its switch controlled in three ways: C y' = i - y/R, L i' = E u - y, u in {0, 1}.
 
 The switch is on below the line h = c (y - Vref) + y' = 0. Sliding on it, (y - Vref)' = -c (y - Vref).
 Source: Utkin, Guldner, Shi 1999, chapter 12; Tan, Lai, Tse 2012.
@@ -15,6 +15,7 @@ from filippov.parameter import Parameter, parameters
 from filippov.surface import Surface
 from filippov.symbols import Heaviside, states
 from filippov.system import System
+from filippov.time_event import TimeEvent
 
 
 def buck(
@@ -54,6 +55,54 @@ def buck_hysteresis(width: float = 500.0) -> System:
     return buck().with_comparator(Hysteresis(width))
 
 
+def buck_pwm(
+    Vin: float = 20.0,
+    L: float = 20e-3,
+    C: float = 47e-6,
+    R: float = 22.0,
+    a: float = 8.4,
+    Vref: float = 11.3,
+    VL: float = 3.8,
+    VU: float = 8.2,
+    T: float = 400e-6,
+) -> System:
+    """Return the converter under naturally sampled pulse-width modulation, its ramp a clock's.
+
+    The switch is on while a (v - Vref) lies below a ramp that rises from VL to VU in a period T, and that the
+    time event "clock" sets back at T, 2 T, ...
+
+    Vin, Vref   supply and reference voltage [V]; a   gain
+    L, C, R     inductance [H], capacitance [F], load [ohm], all > 0
+    VL, VU, T   ramp [V] and its period [s]
+
+    Source: di Bernardo, Garofalo, Glielmo, Vasca 1998, IEEE Trans. Circuits Syst. I 45, 133: period
+    doubling at Vin = 24.5, chaos from 32.3.
+    """
+    p = parameters(
+        Vin=Parameter(Vin, "V", 0, description="supply voltage"),
+        L=Parameter(L, "H", 1e-12, description="inductance"),
+        C=Parameter(C, "F", 1e-12, description="capacitance"),
+        R=Parameter(R, "ohm", 1e-12, description="load"),
+        a=Parameter(a, "", 0, description="gain"),
+        Vref=Parameter(Vref, "V", description="reference voltage"),
+        VL=Parameter(VL, "V", description="lower end of the ramp"),
+        VU=Parameter(VU, "V", description="upper end of the ramp"),
+        T=Parameter(T, "s", 1e-12, description="period of the ramp"),
+    )
+    v, i, ramp = states("v i ramp")
+    control = p.a * (v - p.Vref) - ramp
+    return System(
+        {
+            v: (i - v / p.R) / p.C,
+            i: (p.Vin * Heaviside(-control) - v) / p.L,
+            ramp: (p.VU - p.VL) / p.T,
+        },
+        surfaces=[Surface("comparator", control)],
+        parameters=p,
+        time_events=[TimeEvent("clock", period=p.T, start=p.T, reset={ramp: p.VL})],
+    )
+
+
 def _decay(t: float, x: Any, p: Any) -> float:
     """Return (y - Vref) exp(c t): on the line (y - Vref)' = -c (y - Vref)."""
     return float((x[0] - p.Vref) * math.exp(p.c * t))
@@ -78,5 +127,15 @@ HYSTERESIS = register(
         (0.0, 2e-3),
         "Buck converter, its switch a relay with hysteresis.",
         "Tan, Lai, Tse 2012; numbers chosen here",
+    )
+)
+PWM = register(
+    Model(
+        "buck_pwm",
+        buck_pwm,
+        (12.0, 0.55, 3.8),
+        (0.0, 8e-3),
+        "Buck converter under pulse-width modulation with a clock.",
+        "di Bernardo, Garofalo, Glielmo, Vasca 1998, IEEE Trans. Circuits Syst. I 45, 133",
     )
 )

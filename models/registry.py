@@ -49,6 +49,10 @@ BUILT_IN: dict[str, str] = {
     "threshold_harvest": "ecology",
     "buck": "buck",
     "buck_hysteresis": "buck",
+    "buck_pwm": "buck",
+    "bouncing_ball": "impact",
+    "impact_oscillator": "impact",
+    "reset_control": "clegg",
     "two_gene": "gene",
 }
 

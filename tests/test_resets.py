@@ -6,7 +6,8 @@ from itertools import accumulate
 import numpy as np
 import pytest
 
-from filippov import ModelError, Status, Surface, System, cos, parameters, sign, sin, solve, states, t
+from filippov import ModelError, Status, Surface, System, cos, models, parameters, sign, sin, solve, states, t
+from filippov.analysis.saltation import NotDifferentiableError, flow_derivative
 from filippov.events import Stop
 from filippov.solution import Solution
 
@@ -364,3 +365,87 @@ def test_declarations_are_checked(options, message) -> None:
 def test_the_digest_tells_resets_apart() -> None:
     digests = {ball().digest, ball(contact=False).digest, ball(side="both").digest}
     assert len(digests) == 3
+
+
+def test_bank_f13_block_on_a_belt_with_static_friction() -> None:
+    run = solve(models.get("belt_static").build(), models.get("belt_static").x0, (0, 60))
+    sticks = [q for q in run.segments if q.mode == (0,)][1:-1]
+    slips = [q for q in run.segments if q.mode != (0,)][1:-1]
+    assert len(sticks) >= 3
+    assert [q.dwell for q in sticks] == pytest.approx([5] * len(sticks), rel=1e-9)
+    assert [q.dwell for q in slips] == pytest.approx(
+        [2 * math.pi - 2 * math.atan(2.5)] * len(slips), rel=1e-9
+    )
+    assert run.sol(sticks[1].t1)[0] == pytest.approx(1, abs=1e-10)
+    assert run.sol(sticks[1].t0)[0] == pytest.approx(0, abs=1e-10)
+
+
+def test_clegg_integrator_has_its_describing_function() -> None:
+    """Driven by sin t, its first harmonic is (1 + 4j/pi)/j times the input (Clegg 1958)."""
+    (u,) = states("u")
+    system = System({u: sin(t)}, surfaces=[Surface("zero", sin(t), reset={u: 0}, side="both")])
+    run = solve(system, (0,), (0, 4 * math.pi), rtol=1e-12)
+    assert run.events.t[:3] == pytest.approx([math.pi, 2 * math.pi, 3 * math.pi], rel=1e-13)
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    total = 0j
+    for k in (2, 3):
+        times = math.pi * (k + (nodes + 1) / 2)
+        total += np.sum(weights * math.pi / 2 * run.sol(times)[0] * np.exp(-1j * times))
+    assert total / math.pi * 1j == pytest.approx((1 + 4j / math.pi) / 1j, abs=1e-10)
+
+
+def test_reset_control_overshoots_less_than_its_base_loop() -> None:
+    """Beker et al. 2004; after each zero of the error the element starts from 0."""
+    model = models.get("reset_control")
+    run = solve(model.build(), model.x0, (0, 20))
+    assert run.success
+    resets = run.events.of(kind="reset")
+    assert len(resets) >= 2
+    assert all(e.x_after[2] == 0 and abs(1 - e.x[0] - e.x[1]) < 1e-12 for e in resets)
+    z, w, u = states("z w u")
+    base = solve(System({z: w, w: u - 0.2 * w, u: 1 - z - w - u}), model.x0, (0, 20))
+    times = np.linspace(0, 20, 2001)
+    reset_peak, base_peak = (np.max(q.sol(times)[0] + q.sol(times)[1]) for q in (run, base))
+    assert reset_peak < base_peak
+
+
+def oscillator_end(run_state: np.ndarray, phase: float = 0.0) -> np.ndarray:
+    run = solve(models.get("impact_oscillator").build(), run_state, (phase, 12), rtol=1e-12, atol=1e-14)
+    return np.asarray(run.x_end)
+
+
+def test_saltation_of_a_reset_against_differences_and_liouville() -> None:
+    system = models.get("impact_oscillator").build()
+    x0 = np.array([-0.5, 0.1])
+    run = solve(system, x0, (0, 12), rtol=1e-12, atol=1e-14)
+    impacts = len(run.events.of(kind="reset"))
+    assert impacts >= 3
+    exact = flow_derivative(run)
+    step = 1e-6
+    columns = [(oscillator_end(x0 + d) - oscillator_end(x0 - d)) / (2 * step) for d in step * np.eye(2)]
+    assert exact == pytest.approx(np.array(columns).T, rel=1e-6, abs=1e-6)
+    # Each impact multiplies areas by e**2, the damping by exp(-2 zeta t).
+    assert np.linalg.det(exact) == pytest.approx(0.8 ** (2 * impacts) * math.exp(-2 * 0.05 * 12), rel=1e-8)
+
+
+def test_saltation_of_a_moving_surface_and_of_time_events() -> None:
+    moving = table(0.5)
+    clock = models.get("buck_pwm").build()
+    for system, x0, end in (
+        (moving, np.array([1.0, 0.0]), 1.0),
+        (clock, np.array([12.0, 0.55, 3.8]), 1.1e-3),
+    ):
+        options = {"rtol": 1e-13, "atol": 1e-15}
+        run = solve(system, x0, (0, end), **options)
+        assert run.jumps.size
+        exact = flow_derivative(run)
+        steps = 1e-6 * np.eye(len(x0))
+        ends = [[solve(system, x0 + s * d, (0, end), **options).x_end for s in (1, -1)] for d in steps]
+        columns = [(a - b) / 2e-6 for a, b in ends]
+        assert exact == pytest.approx(np.array(columns).T, rel=2e-5, abs=2e-5)
+
+
+def test_the_accumulation_of_impacts_has_no_derivative() -> None:
+    run = solve(ball(), (1, 0), (0, 3), zeno="continue")
+    with pytest.raises(NotDifferentiableError, match="impacts accumulate"):
+        flow_derivative(run)

@@ -38,6 +38,7 @@ from filippov._kernels.codes import (
     ROUGH_NOISE,
     ROUGH_SPAN,
     RTOL,
+    SAME_INSTANT,
     STEP,
     STEP_BUDGET,
     STEPS,
@@ -254,7 +255,7 @@ def advance(
     while True:
         t = clock[T]
         remaining = clock[T_END] - t
-        if remaining * direction <= 0.0:
+        if remaining * direction <= clock[SAME_INSTANT]:
             break
         if count[EVENTS] + M >= count[EVENT_ROOM]:
             code = EVENTS_FULL

@@ -13,6 +13,7 @@ from filippov._kernels.generate import Generated, unit_constants
 from filippov._kernels.jit import CompiledField, compile_field
 from filippov.errors import ModelError
 from filippov.surface import Surface
+from filippov.time_event import TimeEvent
 
 # Compiling a field takes about a second, as long as this many callbacks.
 COMPILE_AFTER = 100_000
@@ -21,23 +22,27 @@ _GUARD = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *([ctypes.c_void_p] *
 
 SOURCE = """
 @kernel
+def inside(t: float, ctx: Indices) -> float:
+    return min(max(t, from_bits(ctx[5])), from_bits(ctx[6]))
+
+@kernel
 def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
-    return call_field(ctx[0], t, x, p, s, m, out)
+    return call_field(ctx[0], inside(t, ctx), x, p, s, m, out)
 
 @kernel
 def guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
-    return call_guard(ctx[1], t, x, p, m, out)
+    return call_guard(ctx[1], inside(t, ctx), x, p, m, out)
 
 @kernel
 def gradients(t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices) -> int:
-    code = call_guard(ctx[2], t, x, p, m, g)
+    code = call_guard(ctx[2], inside(t, ctx), x, p, m, g)
     for i in range(M):
         gt[i] = g[M * N + i]
     return code
 
 @kernel
 def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:
-    return call_guard(ctx[3], t, x, p, p, out)
+    return call_guard(ctx[3], inside(t, ctx), x, p, p, out)
 
 @kernel
 def derive(p: Vector) -> int:
@@ -56,12 +61,25 @@ def callback_unit(n: int, parameters: int, surfaces: tuple[Surface, ...]) -> Gen
     return Generated(SOURCE, unit_constants(n, parameters, surfaces, linear, len(surfaces) < 2, True))
 
 
+def new_context() -> npt.NDArray[np.int64]:
+    """Room for five addresses, and the times between which functions may be called (as bits)."""
+    context = np.zeros(7, dtype=np.int64)
+    context[5:] = np.array([-np.inf, np.inf]).view(np.int64)
+    return context
+
+
 class Callbacks:
     """The user's functions as C addresses. An exception in one stops the loop and is kept in `error`."""
 
     def __init__(
-        self, field: Callable[..., Any], surfaces: tuple[Surface, ...], n: int, record: Callable[[Any], Any]
+        self,
+        field: Callable[..., Any],
+        surfaces: tuple[Surface, ...],
+        n: int,
+        record: Callable[[Any], Any],
+        time_events: tuple[TimeEvent, ...] = (),
     ) -> None:
+        self.time_events = time_events
         self.field, self.surfaces, self.n, self.record = field, surfaces, n, record
         self.error: BaseException | None = None
         self.values: tuple[float, ...] | None = None
@@ -78,7 +96,8 @@ class Callbacks:
             _GUARD(self._resets),
         ]
         addresses = [ctypes.cast(handle, ctypes.c_void_p).value or 0 for handle in self._handles]
-        self.context = np.array(addresses, dtype=np.int64)
+        self.context = new_context()
+        self.context[: len(addresses)] = addresses
 
     def parameters(self, p: npt.NDArray[np.float64]) -> None:
         """Set the record that the user's functions see."""
@@ -142,9 +161,11 @@ class Callbacks:
     def _resets(self, t: float, x: int, p: int, m: int, out: int) -> int:
         try:
             i = int(ctypes.c_double.from_address(out).value)
-            surface = self.surfaces[i]
+            m = len(self.surfaces)
+            source: Surface | TimeEvent = self.surfaces[i] if i < m else self.time_events[i - m]
+            assert source.reset is not None
             value = checked_vector(
-                surface.reset(t, self._state(x), self.p), self.n, None, f"reset of {surface.name!r}"
+                source.reset(t, self._state(x), self.p), self.n, None, f"reset of {source.name!r}"
             )
             ctypes.memmove(out, value.ctypes.data, 8 * self.n)
         except BaseException as error:  # noqa: BLE001 - none can pass through C
@@ -208,6 +229,27 @@ class Callbacks:
                 value = end(t, state, self.p) if callable(end) else end
                 ends.append(checked_number(value, surface.name))
         return np.array(ends)
+
+
+class EventCallbacks(Callbacks):
+    """Functions of user events beside a system of expressions: guards, rows of gradients, slopes in time."""
+
+    def __init__(self, surfaces: tuple[Surface, ...], n: int, record: Callable[[Any], Any]) -> None:
+        super().__init__(_no_field, surfaces, n, record)
+        self._tried = True  # there is no field to compile
+        rows, slopes = _GUARD(self._guarded(self._rows)), _GUARD(self._guarded(self._slopes))
+        self._handles += [rows, slopes]
+        self.context[2:4] = [ctypes.cast(handle, ctypes.c_void_p).value or 0 for handle in (rows, slopes)]
+
+    def _rows(self, t: float, x: int) -> npt.NDArray[np.float64]:
+        return self._gradients(t, x)[: len(self.surfaces) * self.n]
+
+    def _slopes(self, t: float, x: int) -> npt.NDArray[np.float64]:
+        return self._gradients(t, x)[len(self.surfaces) * self.n :]
+
+
+def _no_field(*_: Any) -> Any:
+    raise NotImplementedError
 
 
 def named_write(error: BaseException, name: str) -> BaseException:

@@ -64,14 +64,15 @@ def reset_source(
     sizes: Callable[[set[Symbol]], list[str]],
     assign: Callable[[Sequence[tuple[str, Expr]]], list[str]],
 ) -> list[str]:
-    """The kernel `resets`: one branch a surface, the states that it does not name kept."""
+    """The kernel `resets`: one branch a surface, then one a time event; states not named are kept."""
     lines = [
         "@kernel",
         "def resets(i: int, t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:",
         f"    for j in range({len(form.x)}):",
         "        out[j] = x[j]",
     ]
-    for i, after in enumerate(form.reset):
+    none = (None,) * len(form.h)
+    for i, after in enumerate((*(form.reset or none), *form.time_reset)):
         if after is None:
             continue
         used: set[Symbol] = set().union(*(e.free_symbols for e in after)) & set(form.a)

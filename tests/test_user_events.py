@@ -1,0 +1,180 @@
+"""User events: scipy's meaning, every root, directions in true time, terminal counts."""
+
+import math
+
+import numpy as np
+import pytest
+import sympy
+from scipy.integrate import solve_ivp
+
+from filippov import (
+    ModelError,
+    Status,
+    Surface,
+    System,
+    TimeEvent,
+    UsageError,
+    UserEvent,
+    sign,
+    solve,
+    states,
+    t,
+)
+from filippov.solution import Solution
+
+x, y = states("x y")
+SYMBOLIC = System({x: y, y: -x})
+FUNCTIONS = System(field=lambda t, x, p, s: [x[1], -x[0]], states="x y")
+BOTH = pytest.mark.parametrize("system", [SYMBOLIC, FUNCTIONS], ids=["symbolic", "functions"])
+
+
+def event(g, terminal=False, direction=0.0):
+    def called(t, y):
+        return g(t, y)
+
+    called.terminal, called.direction = terminal, direction
+    return called
+
+
+@BOTH
+def test_the_same_events_as_scipy(system) -> None:
+    events = [
+        event(lambda t, y: y[0]),
+        event(lambda t, y: y[1] - 0.5, direction=1),
+        event(lambda t, y: y[0] * y[1] - 0.25, direction=-1),
+        event(lambda t, y: math.cos(3 * t)),
+    ]
+    run = solve(system, (1, 0), (0, 10), events=events)
+    peer = solve_ivp(
+        lambda t, y: [y[1], -y[0]], (0, 10), (1, 0), events=events, rtol=1e-12, atol=1e-13, max_step=0.05
+    )
+    assert len(run.t_events) == len(run.y_events) == 4
+    for mine, other, states_ in zip(run.t_events, peer.t_events, run.y_events, strict=True):
+        assert mine == pytest.approx(other, abs=1e-8)
+        assert states_ == pytest.approx(np.array([np.cos(mine), -np.sin(mine)]).T, abs=1e-8)
+    assert run.modes == (".",)
+    assert {e.kind for e in run.events} == {"user event"}
+
+
+def test_every_root_of_a_fast_function_is_found() -> None:
+    """cos(40 t) has 127 roots in (0, 10); few of them change the sign between the ends of a step."""
+    run = solve(SYMBOLIC, (1, 0), (0, 10), events=lambda t, y: math.cos(40 * t))
+    assert run.t_events[0] == pytest.approx(math.pi / 80 * np.arange(1, 255, 2), abs=1e-11)
+    pair = solve(SYMBOLIC, (0, 1), (0, 3), rtol=1e-12, events=lambda t, y: y[0] - (1 - 1e-8))
+    assert pair.t_events[0] == pytest.approx(math.pi / 2 + math.acos(1 - 1e-8) * np.array([-1, 1]), abs=1e-7)
+
+
+@BOTH
+def test_terminal(system) -> None:
+    first = solve(system, (1, 0), (0, 20), events=event(lambda t, y: y[0], terminal=True))
+    assert first.status is Status.STOPPED
+    assert first.t[-1] == first.t_events[0][-1] == pytest.approx(math.pi / 2, rel=1e-10)
+    third = solve(system, (1, 0), (0, 20), events=event(lambda t, y: y[0], terminal=3))
+    assert third.t_events[0] == pytest.approx(math.pi / 2 * np.array([1, 3, 5]), rel=1e-9)
+    assert third.t[-1] == third.t_events[0][2]
+    rising = solve(system, (1, 0), (0, 20), events=[UserEvent(lambda t, y: y[0], terminal=2, direction=1)])
+    assert rising.t_events[0] == pytest.approx(math.pi / 2 * np.array([3, 7]), rel=1e-9)
+
+
+@BOTH
+def test_directions_are_in_true_time(system) -> None:
+    back = solve(system, (1, 0), (0, -10), events=event(lambda t, y: y[0], direction=1))
+    assert back.t_events[0] == pytest.approx([-math.pi / 2, -5 * math.pi / 2], rel=1e-9)
+    assert [e.direction for e in back.events] == [1, 1]
+    stop = solve(system, (1, 0), (0, -10), events=event(lambda t, y: y[0], direction=-1, terminal=True))
+    assert stop.t[-1] == pytest.approx(-3 * math.pi / 2, rel=1e-9)
+
+
+def test_a_start_on_a_root_and_a_touching_are_no_events() -> None:
+    run = solve(SYMBOLIC, (0, 1), (0, 4), events=[lambda t, y: y[0], lambda t, y: y[1] ** 2])
+    assert run.t_events[0] == pytest.approx([math.pi], rel=1e-9)
+    assert run.t_events[1].size == 0
+    assert [e.kind for e in run.events if e.index == 1] == ["grazing"]
+
+
+def test_order_of_the_lists() -> None:
+    """Surfaces, then time events, then user events as they were given; modes know only surfaces."""
+    system = System({x: y, y: -sign(x)}, time_events=[TimeEvent("clock", period=1)])
+    events = [lambda t, y: y[1], x - 0.5, event(lambda t, y: y[0] + 0.5)]
+    run = solve(system, (1, 0), (0, 4), events=events)
+    assert run.user_events == ("event", str(x - 0.5), "called")
+    root = math.sqrt(2)
+    assert run.t_events[0] == pytest.approx([root], rel=1e-10)
+    assert run.t_events[1].tolist() == [1, 2, 3, 4]
+    assert run.t_events[2] == pytest.approx([2 * root], rel=1e-10)
+    assert run.t_events[3] == pytest.approx([1], rel=1e-10)
+    assert run.t_events[4] == pytest.approx([2 * root - 1, 2 * root + 1], rel=1e-10)
+    assert run.modes == ("+", "-")
+    assert run.end_mode == (-1,)
+    assert len(run.end_multipliers) == 1
+    assert run.multiplier("x", 0.5) == 1
+
+
+def test_events_through_sliding_and_impacts() -> None:
+    ball = System({x: y, y: -10 + 0 * x}, surfaces=[Surface("floor", x, reset={y: -y / 2})])
+    run = solve(ball, (5, 0), (0, 5), zeno="continue", events=[lambda t, y: y[0] - 0.5, lambda t, y: t - 4])
+    # Heights after the impacts: 5/4 and 5/16.
+    fall, rise = math.sqrt(0.9), (5 - math.sqrt(25 - 10)) / 10
+    assert run.t_events[1] == pytest.approx([fall, 1 + rise, 2 - rise], rel=1e-9)
+    assert run.t_events[2] == pytest.approx([4], rel=1e-12)
+    assert run.end_mode == (0,)
+
+
+def test_an_expression_may_hold_time_and_parameters() -> None:
+    run = solve(SYMBOLIC, (1, 0), (0, 3), events=[x - sympy.cos(2 * t) / 2])
+    times = run.t_events[0]
+    assert np.cos(times) == pytest.approx(np.cos(2 * times) / 2, abs=1e-9)
+    assert len(times) == 1
+
+
+def test_a_file_keeps_the_names(tmp_path) -> None:
+    run = solve(SYMBOLIC, (1, 0), (0, 10), events=[x - 0.5, event(lambda t, y: y[1])])
+    back = Solution.load(run.save(tmp_path / "run.npz"))
+    assert back.user_events == run.user_events
+    assert [q.tolist() for q in back.t_events] == [q.tolist() for q in run.t_events]
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [(None, "None"), ([1.0, 2.0], "shape"), (True, "condition")],
+    ids=["none", "array", "condition"],
+)
+def test_b11_what_is_no_number_is_refused(system, value, message) -> None:
+    with pytest.raises(ModelError, match=message):
+        solve(system, (1, 0), (0, 10), events=lambda t, y: value)
+
+
+@BOTH
+@pytest.mark.parametrize("value", [math.nan, math.inf], ids=str)
+def test_b11_what_is_not_finite_ends_the_run(system, value) -> None:
+    run = solve(system, (1, 0), (0, 10), events=lambda t, y: value)
+    assert run.status is Status.NOT_FINITE
+    assert "'event'" in run.message
+    later = solve(system, (1, 0), (0, 10), events=lambda t, y: 1.0 if t < 5 else value)
+    assert later.status is Status.NOT_FINITE
+    assert later.t_end == pytest.approx(5, abs=0.05)  # dg/dt is a central difference
+
+
+@pytest.mark.parametrize(
+    "attributes",
+    [{"direction": None}, {"terminal": "no"}, {"terminal": -1}, {"direction": "up"}, {"terminal": 1.5}],
+    ids=["direction none", "terminal no", "terminal -1", "direction up", "terminal 1.5"],
+)
+def test_b12_attributes_are_checked(attributes) -> None:
+    def g(t, y):
+        return y[0]
+
+    for name, value in attributes.items():
+        setattr(g, name, value)
+    with pytest.raises(UsageError, match=f"{next(iter(attributes))} is"):
+        solve(SYMBOLIC, (1, 0), (0, 10), events=g)
+
+
+def test_events_that_are_none_of_these() -> None:
+    z = states("z")[0]
+    for events, message in (([3], "an event is 3"), ([z], "holds z"), ([sympy.Abs(x) - 1], "kink")):
+        with pytest.raises(UsageError, match=message):
+            solve(SYMBOLIC, (1, 0), (0, 1), events=events)
+    with pytest.raises(UsageError, match="expression"):
+        solve(FUNCTIONS, (1, 0), (0, 1), events=[x])
