@@ -63,6 +63,7 @@ FLOORS: dict[str, float] = {
     "filippov.analysis.map_rows": 9.35, "filippov.analysis.contraction": 9.4,
     "filippov.analysis.gain_map": 9.5, "filippov.analysis.tuning": 9.5, "filippov.analysis.regions": 9.5,
     "filippov.analysis.basin": 9.5,
+    "filippov.analysis.lyapunov": 9.5, "filippov.analysis.brute_force": 9.5,
     "filippov.analysis.bifurcation": 9.6,
     "filippov.analysis.record": 9.01, "filippov.analysis.identification": 9.02,
     "filippov.analysis.friction_curve": 9.03,

@@ -1,0 +1,72 @@
+"""Exponents against closed forms and Floquet multipliers; brute-force diagrams against known cycles."""
+
+import math
+
+import numpy as np
+import pytest
+from bank import case
+
+from filippov import Surface, System, UsageError, solve, states
+from filippov.analysis.brute_force import brute_force
+from filippov.analysis.lyapunov import lyapunov
+from filippov.analysis.orbit_search import find_orbit
+from filippov.analysis.section import Section
+from filippov.models import get
+from filippov.symbols import sign
+
+
+def test_smooth_linear_system() -> None:
+    x, y = states("x y")
+    got = lyapunov(System({x: -0.3 * x + y, y: -2 * y}), (1, 1), 60, stretch=1.0)
+    assert got.exponents == pytest.approx([-0.3, -2.0], abs=0.02)
+
+
+def test_baker_map_by_resets() -> None:
+    """z' = 1 with z -> z - 1 at 1, where x -> 2 x: a factor of 2 per unit of time, exponent log 2."""
+    x, z = states("x z")
+    tick = Surface("tick", 1 - z, reset={z: z - 1, x: 2 * x})
+    got = lyapunov(System({x: 0 * x, z: 1 + 0 * z}, surfaces=[tick]), (1e-15, 0.25), 100, stretch=1.0)
+    assert got.exponents[0] == pytest.approx(math.log(2), abs=1e-6)
+    assert got.exponents[1] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_relay_cycle_has_the_logarithms_of_its_multipliers() -> None:
+    system = case("R05_relay_oscillator_no_sliding").system
+    start = solve(system, (0, 0.3, 0.15), (0, 60), rtol=1e-10).x_end
+    orbit = find_orbit(system, start)
+    got = lyapunov(system, orbit.x0, 60 * orbit.period, stretch=orbit.period)
+    wanted = np.sort(np.log(np.abs([orbit.trivial, *orbit.multipliers])) / orbit.period)[::-1]
+    assert got.exponents[:2] == pytest.approx(wanted[:2], abs=2e-3)
+
+
+def test_sliding_loses_an_exponent() -> None:
+    x, y = states("x y")
+    got = lyapunov(System({x: -sign(x) + 0.1 * y, y: -y}), (0.5, 0.2), 30, stretch=3.0, transient=5.0)
+    assert got.exponents[0] == pytest.approx(-1.0, abs=0.02)
+    assert got.exponents[1] == -math.inf
+
+
+def test_brute_force_finds_the_stable_cycle_and_then_none() -> None:
+    model = get("hunting")
+    section = Section.from_model(model)
+    got = brute_force(model.build(), section, "P", [10.0, 20.0, 22.0], 0.2, transient=150, keep=8)
+    assert np.abs(got.d[0]) == pytest.approx(np.full(8, 0.252304806412), abs=1e-7)
+    assert got.d[0, 0] == pytest.approx(-got.d[0, 1], abs=1e-7)
+    assert got.period.tolist()[:2] == [2, 2]
+    assert np.max(np.abs(got.d[2])) < 1e-6
+    followed = brute_force(
+        model.build(), section, "P", [10.0, 12.0], 0.2, transient=120, keep=4, follow=True
+    )
+    assert np.abs(followed.d[0]) == pytest.approx(np.full(4, 0.252304806412), abs=1e-7)
+
+
+def test_bad_requests_are_named() -> None:
+    x, y = states("x y")
+    system = System({x: y, y: -x - sign(y)})
+    with pytest.raises(UsageError, match="0 < stretch <= duration"):
+        lyapunov(system, (1, 0), 1.0, stretch=2.0)
+    with pytest.raises(UsageError, match="number is 3"):
+        lyapunov(system, (1, 0), 2.0, stretch=1.0, number=3)
+    model = get("hunting")
+    with pytest.raises(UsageError, match="did you mean 'P'"):
+        brute_force(model.build(), Section.from_model(model), "p", [1.0], 0.1)
