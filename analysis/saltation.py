@@ -98,6 +98,7 @@ def flow_factors(
     jacobian: Callable[..., Any] | None = None,
 ) -> list[Factor]:
     """The factors of the derivative in the order of the motion."""
+    _check_rule(solution)
     sol = solution.sol
     if sol is None:
         raise UsageError(
@@ -133,6 +134,16 @@ def saltation(solution: Solution, event: Event) -> Array:
     return Together(solution, together).saltation()[:n, :n]
 
 
+def _check_rule(solution: Solution) -> None:
+    """Refuse solutions under another rule of sliding: their sliding field is not the one differentiated."""
+    rule = solution.options.sliding
+    if rule != "filippov":
+        raise UsageError(
+            f"the derivative of the flow is that of sliding='filippov', the solution has {rule!r}. Solve "
+            "with the default rule, or take differences of solutions."
+        )
+
+
 def _states(solution: Solution) -> Callable[[Array], Array]:
     """Dense output that may be asked a rounding beyond the span: a step's last node may lie there."""
     sol = solution.sol
@@ -151,6 +162,7 @@ class Together:
     def __init__(
         self, solution: Solution, events: Sequence[Event], names: tuple[str, ...] = (), jacobian: Any = None
     ) -> None:
+        _check_rule(solution)
         self.solution, self.events, self.names, self.jacobian = solution, list(events), names, jacobian
         self.system: System = solution.problem.system
         self.p, self.t, self.x = solution.problem.p, events[0].t, events[0].x

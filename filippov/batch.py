@@ -36,7 +36,7 @@ def cores() -> int:
 
 def lane_unit(machine: Machine, method: str) -> Compiled:
     """The machine's system and method compiled for several trajectories side by side."""
-    return build(machine.unit.source, machine.unit.constants, method, lanes=True)
+    return build(machine.unit.source, machine.constants, method, lanes=True)
 
 
 class Batch:

@@ -41,6 +41,7 @@ _OPTIONS = (
     "max_steps",
     "max_events",
     "nonunique",
+    "sliding",
     "zeno",
 )
 # Methods whose stages are written out one after the other, as lanes need them.
@@ -138,7 +139,7 @@ def solve_many(
     checked = Options(dense_output=False, **options)
     states, values = _points(system, x0, parameters or {})
     count = len(states)
-    machine = Machine(system, checked.method, values[0])
+    machine = Machine(system, checked.method, values[0], sliding=checked.sliding)
     width = _lanes(lanes, machine, checked.method, count)
     unit = lane_unit(machine, checked.method) if width > 1 else None
     workers = system_threads(system, threads, count, 16 * width)
@@ -175,6 +176,7 @@ def _lanes(lanes: int | None, machine: Machine, method: str, count: int) -> int:
         # A guard that bends is searched in every step, which the plain loop does: lanes would not pay.
         linear = bool(machine.unit.constants["ALL_LINEAR"])
         possible = system.symbolic is not None and method in _IN_LANES and linear
+        possible = possible and machine.sliding != "utkin"
         return LANES if possible and count >= _ENOUGH else 1
     if isinstance(lanes, bool) or lanes not in (1, LANES):
         raise UsageError(f"lanes is {lanes!r}, expected 1 or {LANES}.")
@@ -183,6 +185,8 @@ def _lanes(lanes: int | None, machine: Machine, method: str, count: int) -> int:
             f"lanes is {lanes}, but the system is made of plain Python functions, which are called one state "
             "at a time. Give the equations in symbols, or leave lanes at 1."
         )
+    if lanes > 1 and machine.sliding == "utkin":
+        raise UsageError(f"lanes is {lanes}, but sliding='utkin' runs one by one. Leave lanes at 1.")
     if lanes > 1 and method not in _IN_LANES:
         raise UsageError(
             f"lanes is {lanes}, but {method} runs one by one; lanes know {', '.join(_IN_LANES)}."

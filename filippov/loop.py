@@ -64,7 +64,8 @@ def follow(
     """
     system = problem.system
     watch = Watch(users, len(system.surfaces), len(system.time_events))
-    machine = Machine(system, options.method, problem.p, tuple(users[k].surface for k in watch.order))
+    events = tuple(users[k].surface for k in watch.order)
+    machine = Machine(system, options.method, problem.p, events, options.sliding)
     record = None if machine.callbacks is None else machine.callbacks.p
     clocks = Clocks(system, record, problem.parameters, problem.t_span)
     run = Run(machine, problem.x0, problem.t_span, options)

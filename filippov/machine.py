@@ -12,6 +12,7 @@ from filippov._kernels.build import Compiled, build
 from filippov._kernels.callback import Callbacks, EventCallbacks, callback_unit, new_context
 from filippov._kernels.generate import Generated, generate
 from filippov._kernels.generate_events import generate_with_events
+from filippov._kernels.layout import RULES
 from filippov._kernels.tableaus import TABLEAUS, Collocation
 from filippov._kernels.tables import NODES
 from filippov.errors import ModelError
@@ -22,17 +23,19 @@ Array = npt.NDArray[np.float64]
 
 
 @lru_cache(maxsize=256)
-def _generated(system: System) -> Generated:
+def _generated(system: System, blended: bool) -> Generated:
     assert system.symbolic is not None
-    return generate(system.symbolic, system.surfaces)
+    return generate(system.symbolic, system.surfaces, blended)
 
 
 @lru_cache(maxsize=256)
-def _generated_with(system: System, expressions: tuple[Any, ...], functions: int) -> Generated:
+def _generated_with(
+    system: System, expressions: tuple[Any, ...], functions: int, blended: bool
+) -> Generated:
     """The unit with user events; one for any functions."""
     assert system.symbolic is not None
     events = [Surface("event", e, kind="observer") for e in (*expressions, *[_placeholder] * functions)]
-    return generate_with_events(system.symbolic, system.surfaces, tuple(events))
+    return generate_with_events(system.symbolic, system.surfaces, tuple(events), blended)
 
 
 def _placeholder(t: float, x: Any, p: Any) -> float:
@@ -42,14 +45,22 @@ def _placeholder(t: float, x: Any, p: Any) -> float:
 class Machine:
     """The compiled functions of a system. Each run makes its own: scratch and callbacks are not shared."""
 
-    def __init__(self, system: System, method: str, p: Array, events: tuple[Surface, ...] = ()) -> None:
+    def __init__(
+        self, system: System, method: str, p: Array, events: tuple[Surface, ...] = (),
+        sliding: str = "filippov",
+    ) -> None:  # fmt: skip
         self.system, self.surfaces = system, (*system.surfaces, *events)
         self.n, self.m = system.dimension, len(self.surfaces)
         self.callbacks: Callbacks | None = None
         if system.symbolic is not None:
             expressions = tuple(e.h for e in events if e.symbolic)
             functions = events[len(expressions) :]
-            unit = _generated_with(system, expressions, len(functions)) if events else _generated(system)
+            blended = sliding == "utkin"
+            unit = (
+                _generated_with(system, expressions, len(functions), blended)
+                if events
+                else _generated(system, blended)
+            )
             self.context = new_context()
             if functions:
                 self.callbacks = EventCallbacks(functions, self.n, system.parameters.record)
@@ -64,7 +75,11 @@ class Machine:
             self.callbacks.parameters(p)
             self.context = self.callbacks.context
         self.unit = unit
-        self.compiled: Compiled = build(unit.source, unit.constants, method)
+        self.constants = unit.constants | {"RULE": RULES.index(sliding)}
+        if sliding == "utkin" and system.symbolic is None:
+            # One surface: two vertices say all for Filippov, nothing of what lies between them.
+            self.constants["AFFINE"] = False
+        self.compiled: Compiled = build(unit.source, self.constants, method)
         self.p = self.derived(p)
         self.w = np.zeros(self.compiled.layout.doubles)
         self.iw = np.zeros(self.compiled.layout.integers, dtype=np.int64)
@@ -78,16 +93,21 @@ class Machine:
             sides[surface.side][0] if surface.contact else 0 for surface in self.surfaces
         )
         self.event_size = int(unit.constants["EVENT_SIZE"])  # type: ignore[arg-type]
-        self.affine = bool(unit.constants["AFFINE"])
+        self.affine = bool(self.constants["AFFINE"])
         self.calls = 0
-        self.values, self.method = p, method
+        self.values, self.method, self.sliding = p, method, sliding
 
     @cached_property
     def local(self) -> Machine:
         """The machine for trial steps as short as one likes: an explicit one in place of an implicit."""
         if not isinstance(TABLEAUS[self.method], Collocation):
             return self
-        return Machine(self.system, "DOP853", self.values)
+        other = Machine(
+            self.system, "DOP853", self.values, self.surfaces[len(self.system.surfaces) :], self.sliding
+        )
+        # The same functions, parameters and times: only the method differs.
+        other.callbacks, other.context, other.p = self.callbacks, self.context, self.p
+        return other
 
     def derived(self, values: Array) -> Array:
         """Parameters, one row a set, with room for what the field derives from them; one set is derived."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov._kernels.layout import RULES
 from filippov._kernels.tableaus import TABLEAUS
 from filippov.errors import UsageError
 from filippov.events import Stop
@@ -36,6 +37,7 @@ class Options:
     nonunique: str | tuple[str, ...] | Callable[..., Any] = "raise"
     on_graze: str = "continue"
     zeno: str = "stop"
+    sliding: str = "filippov"
     stop: tuple[Stop, ...] = ()
     dense_output: bool = True
 
@@ -58,6 +60,7 @@ class Options:
             choice("nonunique", self.nonunique, POLICIES, or_function=True)
         choice("on_graze", self.on_graze, ("continue", "error"))
         choice("zeno", self.zeno, ("stop", "continue"))
+        choice("sliding", self.sliding, RULES)
         for item in self.stop:
             if not isinstance(item, Stop):
                 raise UsageError(f"stop holds {item!r}, expected Stop(surface, kind, count).")

@@ -244,7 +244,8 @@ class Solution:
         if self.sol is None:
             raise UsageError("the multiplier needs the dense output; solve without dense_output=False.")
         i = names.index(surface)
-        machine = Machine(self.problem.system, self.options.method, self.problem.p)
+        options = self.options
+        machine = Machine(self.problem.system, options.method, self.problem.p, sliding=options.sliding)
         times = np.atleast_1d(np.asarray(t, dtype=float))
         out = np.empty(times.size)
         for k, time in enumerate(times):

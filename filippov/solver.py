@@ -26,7 +26,7 @@ from filippov.user_event import user_events
 
 _OPTIONS = (
     "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
-    "on_graze", "zeno", "stop", "dense_output",
+    "on_graze", "zeno", "sliding", "stop", "dense_output",
 )  # fmt: skip
 _TREE_OPTIONS = ("max_branches", "max_depth", "release_times")
 
@@ -97,6 +97,7 @@ def solve(
                 or times; default: none, only staying and leaving at once
     on_graze    "continue", or "error" to end at a touching of a surface
     zeno        "stop" at an accumulation of events, or "continue" in the limit mode
+    sliding     "filippov" (multi-affine), "moments", or "utkin" (equivalent control); see the page on sliding
     stop        Stop(surface, kind, count) or several: terminal events
     dense_output  keep the interpolants that sol(t) needs
 

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-import filippov.solver
+import filippov.loop
 from filippov import Problem, Surface, System, UsageError, cos, sign, solve, sqrt, states, t
 from filippov._kernels import dense_lu, radau_tables
 from filippov.ensemble import solve_many
@@ -276,8 +276,8 @@ def test_a_motion_that_ends_in_finite_time_is_stopped_there() -> None:
 def test_steps_do_not_depend_on_how_a_run_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = radau(LAG, (0.1, 3.0), (0, 4))
     for chunk in (1, 7):
-        monkeypatch.setattr(filippov.solver, "_CHUNK", chunk)
-        monkeypatch.setattr(filippov.solver, "_LONGEST_CHUNK", chunk)
+        monkeypatch.setattr(filippov.loop, "_CHUNK", chunk)
+        monkeypatch.setattr(filippov.loop, "_LONGEST_CHUNK", chunk)
         cut = radau(LAG, (0.1, 3.0), (0, 4))
         assert np.array_equal(cut.x_end, whole.x_end)
         assert cut.steps == whole.steps

@@ -23,13 +23,14 @@ from filippov._kernels import codes, layout, radau_tables, tables
 from filippov._kernels.compiler import compile_unit, load_object
 from filippov._kernels.layout import Layout
 from filippov._kernels.method import method_constants, method_source
+from filippov._kernels.rules import MOMENTS
 from filippov._kernels.tableaus import TABLEAUS
 from filippov._kernels.unit import Constant, Unit, add_kernels
 
 _FOLDER = Path(__file__).parent
 _FILES = (
-    "elementary", "bernstein", "field", "land", "locate", "control", "resolve", "reset", "record", "advance",
-    "probe", "start", "turn", "ensemble",
+    "elementary", "bernstein", "multiplier", "rules", "field", "land", "locate", "control", "resolve",
+    "reset", "record", "advance", "probe", "start", "turn", "ensemble",
 )  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
 _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_run")
@@ -168,7 +169,7 @@ def build(source: str, constants: Mapping[str, Constant], method: str, lanes: bo
     """
     exported = LANE_EXPORTED if lanes else EXPORTED
     n, m = int(constants["N"]), int(constants["M"])  # type: ignore[arg-type]
-    place = layout.layout(n, m, bool(constants["AFFINE"]), TABLEAUS[method])
+    place = layout.layout(n, m, bool(constants["AFFINE"]), TABLEAUS[method], constants["RULE"] == MOMENTS)
     text = repr((source, sorted(constants.items()), method, lanes)).encode()
     name = hashlib.sha256(_toolchain() + text).hexdigest()[:32]
     with _lock:

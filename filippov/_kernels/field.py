@@ -2,7 +2,8 @@
 
 With k sliding surfaces the field is the multi-affine blend of the 2**k vertex fields f(s_Z = +-1) whose
 multipliers solve dh_i/dt = 0 on every sliding surface (Filippov 1988, section 4; Dieci & Lopez 2012, section
-3). A multiplier outside [-1, 1] is no error here: stiction sets are wider, and the bounds are events.
+3); `rules` has two others. A multiplier outside [-1, 1] is no error here: stiction sets are wider, and the
+bounds are events.
 
 The scratch `w` (offsets W_... of `layout`) holds signs, gradients, vertex fields, their rates, a small matrix
 and vector, and for each surface its multiplier, the multiplier's range over the stages, the rates at s = +1
@@ -12,7 +13,7 @@ calls.
 
 from filippov._kernels.bernstein import solve_linear
 from filippov._kernels.language import Indices, Vector, kernel, shift
-from filippov._kernels.layout import COLUMNS, LEAST, MOST, MULTIPLIER, RATE_MINUS, RATE_PLUS, SLOPE
+from filippov._kernels.layout import COLUMNS, LEAST, MOST, MULTIPLIER, RATE_MINUS, SLOPE
 from filippov._kernels.model import (
     AFFINE,
     CONTACT,
@@ -20,6 +21,7 @@ from filippov._kernels.model import (
     I_CALLS,
     I_LIST,
     I_SLIDING,
+    RULE,
     SIDE,
     W_G,
     W_GT,
@@ -35,6 +37,8 @@ from filippov._kernels.model import (
     guards,
     rhs,
 )
+from filippov._kernels.multiplier import track
+from filippov._kernels.rules import MOMENTS, UTKIN, slide_moments, slide_utkin
 
 
 @kernel
@@ -54,17 +58,6 @@ def clear_ranges(w: Vector, iw: Indices) -> None:
     for c in range(iw[I_SLIDING]):
         mult = shift(w, W_MULT + iw[I_LIST + c] * COLUMNS)
         mult[LEAST], mult[MOST], mult[SLOPE] = 1e300, -1e300, -1e300
-
-
-@kernel
-def track(w: Vector, i: int, value: float, plus: float, minus: float) -> None:
-    """Note a multiplier with the rates it comes from."""
-    mult = shift(w, W_MULT + i * COLUMNS)
-    mult[MULTIPLIER] = value
-    mult[RATE_PLUS], mult[RATE_MINUS] = plus, minus
-    mult[LEAST] = min(mult[LEAST], value)
-    mult[MOST] = max(mult[MOST], value)
-    mult[SLOPE] = max(mult[SLOPE], plus - minus)
 
 
 @kernel
@@ -259,10 +252,14 @@ def field(
         w[W_S + i] = m[i]
     if gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
         return 1
-    if k == 1:
+    if RULE == UTKIN and not AFFINE:
+        code = slide_utkin(t, x, p, m, out, w, iw, ctx)
+    elif k == 1:
         code = slide_one(t, x, p, m, out, w, iw, ctx)
     elif AFFINE:
         code = slide_affine(t, x, p, m, out, w, iw, ctx)
+    elif RULE == MOMENTS:
+        code = slide_moments(t, x, p, m, out, w, iw, ctx)
     else:
         code = slide_multi_affine(t, x, p, m, out, w, iw, ctx)
     if code == 0:

@@ -42,6 +42,8 @@ class _Printer(StrPrinter):
     def __init__(self, names: dict[Symbol, str], sizes: set[Symbol]) -> None:
         super().__init__()
         self.names, self.sizes = names, set(sizes)
+        # Signs between -1 and 1 reach the field, where a branch becomes the mean of both.
+        self.blended = False
 
     def _print_Symbol(self, e: Symbol) -> str:
         return str(self.names.get(e, e.name))
@@ -97,6 +99,9 @@ class _Printer(StrPrinter):
 
     def _print_Select(self, e: Expr) -> str:
         c, plus, minus = (self._print(a) for a in e.args)
+        if self.blended:
+            between = f"(0.5 * ((1.0 + {c}) * {plus} + (1.0 - {c}) * {minus}))"
+            return f"({plus} if {c} == 1.0 else ({minus} if {c} == -1.0 else {between}))"
         return f"({plus} if {c} > 0.0 else {minus})"
 
     def _print_Min(self, e: Expr) -> str:
@@ -205,11 +210,15 @@ def rough(form: SymbolicForm) -> bool:
     return False
 
 
-def generate(form: SymbolicForm, surfaces: tuple[Surface, ...]) -> Generated:
-    """Kernel source of a symbolic system; see `filippov._kernels.model` for the interface."""
+def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = False) -> Generated:
+    """Kernel source of a symbolic system; see `filippov._kernels.model` for the interface.
+
+    blended: a branch on a sign between -1 and 1 is the mean of both (Utkin's rule), not one of them.
+    """
     n, m = len(form.x), len(form.h)
     modes = tuple(sympy.Dummy(f"m{i}") for i in range(m))
     printer = _Printer(_names(form) | {q: f"m[{i}]" for i, q in enumerate(modes)}, set(form.a))
+    printer.blended = blended
     plain_rows = _gradients(form, modes)
     rows, radius = contact_rows(form, plain_rows, modes), contact_radii(form)
     hoisted = Hoisted(form.p)

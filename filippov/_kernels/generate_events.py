@@ -63,12 +63,12 @@ def with_expressions(form: SymbolicForm, expressions: Sequence[Expr], functions:
 
 
 def generate_with_events(
-    form: SymbolicForm, surfaces: tuple[Surface, ...], events: tuple[Surface, ...]
+    form: SymbolicForm, surfaces: tuple[Surface, ...], events: tuple[Surface, ...], blended: bool = False
 ) -> Generated:
-    """The unit of a system with user events, those of expressions first."""
+    """The unit of a system with user events, those of expressions first; `blended` as in `generate`."""
     expressions = [e.h for e in events if e.symbolic]
     functions = len(events) - len(expressions)
-    unit = generate(with_expressions(form, expressions, functions), (*surfaces, *events))
+    unit = generate(with_expressions(form, expressions, functions), (*surfaces, *events), blended)
     if not functions:
         return unit
     first = len(surfaces) + len(expressions)

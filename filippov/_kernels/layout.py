@@ -11,6 +11,8 @@ MULTIPLIER, LEAST, MOST, RATE_PLUS, RATE_MINUS, SLOPE, COLUMNS = 0, 1, 2, 3, 4, 
 MOST_ENUMERATED = 6
 # Trajectories side by side in a lane kernel.
 LANES = 8
+# Rules of sliding by name, in the order of their numbers in `rules`.
+RULES = ("filippov", "moments", "utkin")
 
 
 @dataclass(frozen=True)
@@ -23,9 +25,10 @@ class Layout:
     powers: int
 
 
-def layout(n: int, m: int, affine: bool, tableau: Method) -> Layout:
+def layout(n: int, m: int, affine: bool, tableau: Method, moments: bool = False) -> Layout:
     """Offsets W_... (doubles) and I_... (integers) for n states and m surfaces."""
     vertices = m + 1 if affine else 2 ** min(m, MOST_ENUMERATED) + 1
+    weights = 2 ** min(m, MOST_ENUMERATED) if moments and not affine else 0
     side = max(m, 1)
     powers = len(tableau.dense[0])
     # What an implicit method keeps from step to step; nothing for an explicit one.
@@ -38,6 +41,7 @@ def layout(n: int, m: int, affine: bool, tableau: Method) -> Layout:
         "RATE": max(vertices, 2) * side,
         "MAT": side * side,
         "VEC": side,
+        "MOMENTS": weights * (weights + 1),
         "MULT": m * COLUMNS,
         "K": (tableau.stages + len(tableau.extra)) * n,
         "COEF": powers * n,

@@ -10,7 +10,8 @@ its hysteresis. AFFINE: the field is jointly affine in the signs. ROUGH: it may 
 RESET_FROM[i]: the side from which surface i resets the state, 2 for both, 0 for none; CONTACT[i]: the side on
 which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are any. EVENT_SIZE: doubles of an
 event.
-ORDER: power of the step that the error estimate goes with. IMPLICIT: the stages are solved for.
+RULE: which of the rules of sliding in `rules`. ORDER: power of the step that the error estimate goes with.
+IMPLICIT: the stages are solved for.
 DENSE: powers of the dense output, a row a stage. W_..., I_...: places in the scratch.
 """
 
@@ -21,6 +22,7 @@ from filippov._kernels.tableaus import DOP853
 N, M, P = 1, 1, 1
 AFFINE, ROUGH, ALL_LINEAR = True, False, True
 STAGES, EXTRA, DEGREE_DENSE = 13, 3, 7
+RULE = 0
 ORDER, END_IN_ERROR, IMPLICIT = 8, False, False
 ROLE: list[int] = [0]
 LINEAR: list[int] = [1]
@@ -37,6 +39,7 @@ W_GT = _PLACE["W_GT"]
 W_VERT = _PLACE["W_VERT"]
 W_RATE = _PLACE["W_RATE"]
 W_MAT = _PLACE["W_MAT"]
+W_MOMENTS = _PLACE["W_MOMENTS"]
 W_VEC = _PLACE["W_VEC"]
 W_MULT = _PLACE["W_MULT"]
 W_K = _PLACE["W_K"]

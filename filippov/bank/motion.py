@@ -125,7 +125,7 @@ class Motion:
     def velocity(self, run: Solution, t: float | None = None, side: str = "+") -> tuple[Array, Array]:
         """Field and multipliers of the mode at a time, or at the end of a run."""
         system = run.problem.system
-        machine = Machine(system, self.settings.method, run.problem.p)
+        machine = Machine(system, self.settings.method, run.problem.p, sliding=run.options.sliding)
         if t is None or t == run.t_end:
             at, x, mode = run.t_end, run.x_end, run.end_mode
             guess = run.end_multipliers

@@ -20,7 +20,7 @@ from filippov.status import Status, mode_text
 
 SOLVER = (
     "rtol", "atol", "method", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
-    "zeno",
+    "sliding", "zeno",
 )  # fmt: skip
 EVENT_COLUMNS = (
     "t", "surface", "kind", "before", "after", "direction", "multiplier", "residual", "group", "note",

@@ -168,7 +168,7 @@ def exactness(subject: Subject, solution: Solution, orbit: Array) -> Exactness:
 
 def _heights(system: System, solution: Solution, place: int) -> Callable[[Array, Array], Array]:
     """h of one surface at times and states (n, k)."""
-    machine = Machine(system, solution.options.method, solution.problem.p)
+    machine = Machine(system, solution.options.method, solution.problem.p, sliding=solution.options.sliding)
     mode = np.zeros(len(system.surfaces))
 
     def values(t: Array, x: Array) -> Array:
