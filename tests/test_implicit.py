@@ -44,7 +44,7 @@ def test_tables_satisfy_the_simplifying_assumptions_of_order_five() -> None:
         assert abs(matrix[2] @ nodes ** (q - 1) - 1 / q) < 1e-15
     split = np.array(radau_tables.TO_W).reshape(3, 3) @ np.linalg.inv(matrix)
     split = split @ np.array(radau_tables.TO_Z).reshape(3, 3)
-    pair, turn = radau_tables.PAIR, radau_tables.TURN
+    pair, turn = radau_tables.PAIR, radau_tables.SPIN
     wanted = np.array([[radau_tables.REAL, 0, 0], [0, pair, turn], [0, -turn, pair]])
     assert np.allclose(split, wanted, rtol=0, atol=2e-14)
 

@@ -25,7 +25,7 @@ from filippov._kernels.layout import Layout
 from filippov._kernels.method import method_constants, method_source
 from filippov._kernels.rules import MOMENTS
 from filippov._kernels.tableaus import TABLEAUS
-from filippov._kernels.unit import Constant, Unit, add_kernels
+from filippov._kernels.unit import Constant, KernelError, Unit, add_kernels
 
 _FOLDER = Path(__file__).parent
 _FILES = (
@@ -108,8 +108,10 @@ def _shared() -> tuple[dict[str, Constant], tuple[str, ...]]:
                 values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value]
                 for target, value in zip(names, values, strict=True):
                     number = _number(value)
-                    if isinstance(target, ast.Name) and number is not None:
-                        constants[target.id] = number
+                    if not isinstance(target, ast.Name) or number is None:
+                        continue
+                    if constants.setdefault(target.id, number) != number:
+                        raise KernelError(f"{name}: the constant {target.id} has another value elsewhere")
     return constants, tuple(texts)
 
 

@@ -2,7 +2,7 @@
 
 Z = step (A x I) F(x + Z) is solved for Z = (TO_Z x I) W (Hairer & Wanner 1996, section IV.8):
 
-    (REAL/step - J) dW_1 = r_1,   ((PAIR - i TURN)/step - J) (dW_2 + i dW_3) = r_2 + i r_3
+    (REAL/step - J) dW_1 = r_1,   ((PAIR - i SPIN)/step - J) (dW_2 + i dW_3) = r_2 + i r_3
 
 J is the derivative of the mode's field, sliding included, by differences. It is kept from step to step while
 the iteration converges fast, its LU factors while the step stays the same. The derivatives at the stages go
@@ -63,9 +63,9 @@ from filippov._kernels.radau_tables import (
     REAL,
     ROOT_SPACING,
     SPACING,
+    SPIN,
     TO_W,
     TO_Z,
-    TURN,
     UNDEFINED,
     C,
 )
@@ -154,7 +154,7 @@ def factor_both(step: float, w: Vector, iw: Indices) -> bool:
     for i in range(N):
         lu[i * N + i] += REAL / step
         re[i * N + i] += PAIR / step
-        im[i * N + i] = -TURN / step
+        im[i * N + i] = -SPIN / step
     iw[I_FACTORS] += 2
     w[W_MEMORY + FACTORED] = step
     if not factor(lu, shift_indices(iw, I_PIVOTS), N):
@@ -226,9 +226,9 @@ def newton(
             f0, f1, f2 = f[i], f[N + i], f[2 * N + i]
             r1[i] = TO_W[0] * f0 + TO_W[1] * f1 + TO_W[2] * f2 - REAL / step * v[i]
             r2[i] = TO_W[3] * f0 + TO_W[4] * f1 + TO_W[5] * f2
-            r2[i] -= (PAIR * v[N + i] + TURN * v[2 * N + i]) / step
+            r2[i] -= (PAIR * v[N + i] + SPIN * v[2 * N + i]) / step
             r3[i] = TO_W[6] * f0 + TO_W[7] * f1 + TO_W[8] * f2
-            r3[i] -= (PAIR * v[2 * N + i] - TURN * v[N + i]) / step
+            r3[i] -= (PAIR * v[2 * N + i] - SPIN * v[N + i]) / step
         substitute(shift(w, W_LU), shift_indices(iw, I_PIVOTS), r1, N)
         substitute_complex(shift(w, W_REAL), shift(w, W_IMAG), shift_indices(iw, I_TWINS), r2, r3, N)
         square = 0.0

@@ -1,7 +1,7 @@
 """Constants of the Radau IIA method with three stages (Hairer & Wanner 1996, section IV.8), and positions.
 
 Collocation at C: Z = step (A x I) F(x + Z). The inverse of A has one real eigenvalue REAL and a pair
-PAIR -+ i TURN; with Z = (TO_Z x I) W Newton's matrices fall apart into one real and one complex of n rows.
+PAIR -+ i SPIN; with Z = (TO_Z x I) W Newton's matrices fall apart into one real and one complex of n rows.
 """
 
 import numpy as np
@@ -43,9 +43,9 @@ def _polynomials(nodes: Array) -> Array:
 _A = _matrix()
 _C = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
 _A_INVERSE = np.asarray(np.linalg.inv(_A), dtype=np.float64)
-_REAL, _PAIR, _TURN, _TO_Z = _split(_A_INVERSE)
+_REAL, _PAIR, _SPIN, _TO_Z = _split(_A_INVERSE)
 
-REAL, PAIR, TURN = _REAL, _PAIR, _TURN
+REAL, PAIR, SPIN = _REAL, _PAIR, _SPIN
 C: list[float] = _C.tolist()
 A_INVERSE: list[float] = _A_INVERSE.ravel().tolist()
 TO_Z: list[float] = _TO_Z.ravel().tolist()
