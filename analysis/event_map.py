@@ -5,13 +5,13 @@ Source: Hensen & van de Molengraft 2002 (event map of the hunting loop); Galvane
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.saltation import flow_derivative, onto_section
+from filippov.analysis.saltation import derivative_by_all, onto_section
 from filippov.analysis.section import BoundSection, Section
 from filippov.ensemble import solve_many
 from filippov.solution import Solution
@@ -38,8 +38,15 @@ class EventMap:
         self, system: System, section: Section, *, parameters: Mapping[str, float] | None = None,
         order: int = 1, rtol: float = 1e-10, atol: float = 1e-12, method: str = "DOP853",
     ) -> None:  # fmt: skip
+        options: dict[str, Any] = {"order": order, "rtol": rtol, "atol": atol, "method": method}
+        self._set(system, section, section.bind(system), parameters, **options)
+
+    def _set(
+        self, system: System, section: Section, bound: BoundSection,
+        parameters: Mapping[str, float] | None, *, order: int, rtol: float, atol: float, method: str,
+    ) -> None:  # fmt: skip
         self.system, self.section, self.order = system, section, order
-        self.bound: BoundSection = section.bind(system)
+        self.bound = bound
         self.p = system.parameters.resolve(parameters)
         self.parameters = dict(zip(system.parameters.names, self.p.tolist(), strict=True))
         self.rtol, self.atol, self.method = rtol, atol, method
@@ -53,7 +60,9 @@ class EventMap:
             "method": self.method,
         }
         parameters = {**self.parameters, **changes.pop("parameters", {})}
-        return EventMap(self.system, self.section, parameters=parameters, **{**keep, **changes})
+        made = EventMap.__new__(EventMap)
+        made._set(self.system, self.section, self.bound, parameters, **{**keep, **changes})
+        return made
 
     def power(self, order: int) -> EventMap:
         """The map's own iterate: power(2) of a first return is the second return."""
@@ -120,16 +129,27 @@ class EventMap:
 
     def derivative(self, d: float) -> float:
         """dP/dd from saltation matrices (no differences); NaN where the map does not return."""
-        slope = 1.0
+        return float(self.jet(d)[1])
+
+    def jet(self, d: float, parameters: Sequence[str] = ()) -> Array:
+        """P(d), dP/dd, and dP/dq for the named parameters q, in one array; NaN where the map does not return.
+
+        All derivatives come from saltation matrices; that of the lift by parameters from differences.
+        """
+        names = tuple(parameters)
+        out = np.zeros(2 + len(names))
+        out[:2] = d, 1.0
+        n = self.system.dimension
         for _ in range(self.order):
-            solution = self._solve(d)
+            solution = self._solve(out[0])
             if solution.status is not Status.STOPPED:
-                return float("nan")
-            change = flow_derivative(solution, before_last=True) @ self.bound.start_slope(d, self.p)
-            change = onto_section(solution, solution.events[-1], change)
-            slope *= float(change[self.bound.index])
-            d = float(solution.x_end[self.bound.index])
-        return slope
+                return np.full(out.size, np.nan)
+            change = derivative_by_all(solution, True, names) @ self.bound.start_change(out[0], self.p, names)
+            change = onto_section(solution, solution.events[-1], change, names)[self.bound.index]
+            out[2:] = change[0] * out[2:] + change[1:]
+            out[1] *= change[0]
+            out[0] = solution.x_end[:n][self.bound.index]
+        return out
 
     def fixed_points(self, lo: float, hi: float, points: int = 400) -> tuple[Any, ...]:
         """Every fixed point in [lo, hi] with kind, slope and stability; see `fixed_points`."""

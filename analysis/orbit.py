@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from filippov.analysis.floquet import multipliers, return_matrix, without_trivial
 from filippov.analysis.margin import Margin, margin
+from filippov.analysis.oddness import is_odd
 from filippov.analysis.shooting import Shooting
 from filippov.errors import SolveError, UsageError
 from filippov.events import Event, Mode
@@ -188,11 +189,13 @@ def stored_system(data: Mapping[str, Any], system: System | None, path: Any) -> 
 
 
 def make_orbit(
-    problem: Shooting, u: Array, p: Array, residual: float, motions: Sequence[Solution] | None = None
+    problem: Shooting, u: Array, p: Array, residual: float, motions: Sequence[Solution] | None = None,
+    margins: bool = True,
 ) -> Orbit:
     """The orbit that solves the equations at the unknowns u, with all that is derived from it.
 
-    motions: those from the nodes, where they are known. Raises NotDifferentiableError, SolveError.
+    motions: those from the nodes, where they are known; margins: whether they are wanted. Raises
+    NotDifferentiableError, SolveError.
     """
     pieces = list(motions or problem.motions(u, p))
     nodes, period = problem.split(u, p)
@@ -206,7 +209,9 @@ def make_orbit(
     values = multipliers(matrix, zeros, turns)
     if symmetric:
         half = multipliers(matrix, zeros)
-    elif turns == 1 and _opposite(whole, problem.t0, period, high - low):
+    elif turns == 1 and _opposite(whole, problem.t0, period, high - low) and is_odd(
+        system, p, np.maximum(np.abs(low), np.abs(high)), problem.t0, period, problem.jacobian
+    ):
         found = _half(problem, nodes[0], period, p)
         if found is not None and _same(found**2, values):
             half, symmetric, values = found, True, found**2
@@ -219,7 +224,8 @@ def make_orbit(
     names = system.parameters.names
     return Orbit(
         system, dict(zip(names, p.tolist(), strict=True)), nodes[0].copy(), problem.t0, period, values,
-        trivial, half, word_of(texts, system), texts, low, high, margin(whole, problem.jacobian),
+        trivial, half, word_of(texts, system), texts, low, high,
+        margin(whole, problem.jacobian) if margins else Margin(),
         bool(symmetric), residual, forced, problem.rtol, problem.atol, problem.method, problem, u.copy(),
         tuple(whole),
     )  # fmt: skip

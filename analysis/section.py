@@ -134,6 +134,21 @@ class BoundSection:
         pair = self.start(np.array([d + reach, d - reach]), p)
         return np.asarray((pair[0] - pair[1]) / (2 * reach))
 
+    def start_change(self, d: float, p: Array, names: tuple[str, ...]) -> Array:
+        """Derivative of (initial state, parameters, t) by d and the named parameters: (N, 1 + names)."""
+        n = self.system.dimension
+        out = np.zeros((n + len(names) + 1, 1 + len(names)))
+        out[:n, 0] = self.start_slope(d, p)
+        for k, name in enumerate(names):
+            i = self.system.parameters.index(name)
+            reach = 1e-4 * max(abs(float(p[i])), 1e-3)
+            rows = np.tile(p, (4, 1))
+            rows[:, i] += reach * np.array([-2.0, -1.0, 1.0, 2.0])
+            moved = self.start(np.full(4, d), rows)
+            out[:n, 1 + k] = np.array([1.0, -8.0, 8.0, -1.0]) @ moved / (12.0 * reach)
+            out[n + k, 1 + k] = 1.0
+        return out
+
     def _stack(self, function: Callable[..., Any], d: Array, rows: Array) -> Array:
         columns = function(d, *rows.T)
         return np.column_stack(

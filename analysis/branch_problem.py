@@ -1,0 +1,288 @@
+"""What a continuation can follow: fixed points of a map, orbits, zeros of a function.
+
+A problem has unknowns u and one parameter; `evaluate` gives residual and matrix, `point` describes a solution
+and gives its test functions. Equilibria are in `filippov.analysis.equilibrium_branch`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+
+from filippov.analysis.branch import BranchPoint
+from filippov.analysis.event_map import EventMap
+from filippov.analysis.fixed_points import equilibrium_slope
+from filippov.analysis.orbit import Orbit, make_orbit
+from filippov.analysis.shooting import NoConvergenceError, Shooting
+from filippov.system import System
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+# A cycle this much smaller than at the start is one that shrinks into the equilibrium set.
+_SHRUNK = 1e-5
+
+
+class BranchProblem(Protocol):
+    """Equations F(u, value) = 0 with m unknowns."""
+
+    kind: str
+    scale: Array
+    start: Array
+
+    def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
+        """Residual (m,) and its derivatives by u and the parameter (m, m + 1)."""
+
+    def point(self, u: Array, value: float) -> BranchPoint:
+        """The solution's description with test functions."""
+
+    def moved(self, u: Array, value: float) -> BranchProblem:
+        """The problem for the next step, its phase condition moved here."""
+
+
+class MapProblem:
+    """Fixed points P(d) = d of an event map, as P(d)/d - 1 over log d where the map rests at 0."""
+
+    kind = "map"
+
+    def __init__(self, event_map: EventMap, parameter: str, start: float) -> None:
+        self.event_map, self.parameter = event_map, parameter
+        self.names = (parameter,)
+        self.rests = event_map(0.0) == 0.0 and start > 0
+        self.scale = np.array([3.0 if self.rests else max(abs(start), 1e-3)])
+        # Of an odd map the second iterate's fixed points are those of -P, at half the work.
+        self.half = event_map.order == 2 and self._odd(start)
+        if self.half:
+            self.event_map = event_map.remake(order=1)
+        self.start = np.array([np.log(start) if self.rests else start])
+        self._last: tuple[float, float, Array] | None = None
+
+    def with_parameter(self, name: str, value: float) -> MapProblem:
+        """The same at another value of another parameter."""
+        other = object.__new__(MapProblem)
+        other.__dict__.update(self.__dict__)
+        other.event_map, other._last = self.event_map.remake(parameters={name: value}), None
+        return other
+
+    def _odd(self, start: float) -> bool:
+        """Whether -P has the fixed point that P(P) has, and P is odd there."""
+        once = self.event_map.remake(order=1)
+        d = np.array([start, -start, 0.5 * start, -0.5 * start])
+        image = once(d)
+        odd = np.allclose(image[::2], -image[1::2], rtol=1e-8, atol=0)
+        return bool(odd and abs(image[0] + start) < 1e-3 * abs(start))
+
+    def d(self, u: Array) -> float:
+        """The coordinate on the section."""
+        return float(np.exp(u[0]) if self.rests else u[0])
+
+    def jet(self, u: Array, value: float) -> Array:
+        """P(d), dP/dd, dP/dparameter; those of the last call are kept."""
+        if self._last is None or self._last[:2] != (float(u[0]), value):
+            jet = self.event_map.remake(parameters={self.parameter: value}).jet(self.d(u), self.names)
+            if not np.all(np.isfinite(jet)):
+                raise NoConvergenceError(f"the map does not return at d = {self.d(u):.6g}.")
+            self._last = (float(u[0]), value, -jet if self.half else jet)
+        return self._last[2]
+
+    def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
+        """See `BranchProblem`."""
+        jet, d = self.jet(u, value), self.d(u)
+        if self.rests:
+            ratio = jet[0] / d
+            return np.array([ratio - 1.0]), np.array([[jet[1] - ratio, jet[2] / d]])
+        return np.array([jet[0] - d]), np.array([[jet[1] - 1.0, jet[2]]])
+
+    def point(self, u: Array, value: float) -> BranchPoint:
+        """See `BranchProblem`."""
+        jet, d = self.jet(u, value), self.d(u)
+        half = float(jet[1])
+        slope = half**2 if self.half else half
+        name = "symmetry breaking" if self.half else "period doubling"
+        return BranchPoint(
+            value, tuple(u.tolist()), {self.event_map.section.coordinate: d, "slope": slope},
+            (complex(slope),), abs(slope) < 1.0, tests={name: half + 1.0}, residual=abs(float(jet[0]) - d),
+        )  # fmt: skip
+
+    def moved(self, u: Array, value: float) -> MapProblem:
+        """See `BranchProblem`."""
+        return self
+
+    def ending(self, u: Array, value: float, bounds: tuple[float, float]) -> BranchPoint | None:
+        """The end of the branch where it shrinks into the equilibrium set at 0; None while it does not.
+
+        There the slope of the map at the set is 1, which is solved for.
+        """
+        if not self.rests or u[0] > self.start[0] + np.log(_SHRUNK):
+            return None
+
+        def excess(at: float) -> float:
+            slope, _ = equilibrium_slope(self.event_map.remake(parameters={self.parameter: at}), 1e-3)
+            return float(np.log(abs(slope)))
+
+        reach = 1e-4 * (bounds[1] - bounds[0])
+        for _ in range(12):
+            low, high = value - reach, value + reach
+            if excess(low) * excess(high) < 0:
+                at = float(brentq(excess, low, high, xtol=1e-12, rtol=1e-14))
+                return BranchPoint(
+                    at, (float("-inf"),), {self.event_map.section.coordinate: 0.0, "slope": 1.0},
+                    (1.0 + 0j,), False, special="cycle shrinks into the equilibrium set",
+                    note="the set changes stability",
+                )  # fmt: skip
+            reach *= 2.0
+        return self.point(u, value)
+
+
+class OrbitProblem:
+    """Periodic orbits by (multiple) shooting."""
+
+    kind = "orbit"
+
+    def __init__(self, orbit: Orbit, parameter: str, shooting: Shooting | None = None) -> None:
+        assert orbit.problem is not None
+        assert orbit.unknowns is not None
+        self.parameter, self.names = parameter, (parameter,)
+        self.shooting = shooting or orbit.problem
+        if orbit.symmetric and self.shooting.turns == 1 and len(self.shooting.shares) == 1:
+            # Half the work, and the branch cannot leave for one without the symmetry.
+            self.shooting = replace(self.shooting, symmetry=-np.eye(self.shooting.n), turns=2)
+        self.base = orbit.system.parameters.resolve(dict(orbit.parameters))
+        self.index = orbit.system.parameters.index(parameter)
+        self.start = orbit.unknowns
+        size = np.maximum(orbit.high - orbit.low, 1e-9)
+        parts = [np.tile(size, len(self.shooting.shares))]
+        if self.shooting.period is None:
+            parts.append(np.array([orbit.period]))
+        self.scale = np.concatenate(parts)
+        self._last: tuple[bytes, float, list[Any]] | None = None
+
+    def p(self, value: float) -> Array:
+        """Parameter values, checked against their bounds."""
+        names = self.shooting.system.parameters.names
+        values = dict(zip(names, self.base.tolist(), strict=True))
+        return np.asarray(self.shooting.system.parameters.resolve({**values, self.parameter: value}))
+
+    def with_parameter(self, name: str, value: float) -> OrbitProblem:
+        """The same at another value of another parameter."""
+        other = object.__new__(OrbitProblem)
+        other.__dict__.update(self.__dict__)
+        other.base, other._last = self.base.copy(), None
+        other.base[self.shooting.system.parameters.index(name)] = value
+        return other
+
+    def with_system(self, system: System) -> OrbitProblem:
+        """The same equations for another system of the same states and parameters."""
+        other = object.__new__(OrbitProblem)
+        other.__dict__.update(self.__dict__)
+        other.shooting, other._last = replace(self.shooting, system=system), None
+        return other
+
+    def motions(self, u: Array, value: float) -> list[Any]:
+        """The motions from the nodes; those of the last call are kept."""
+        key = u.tobytes()
+        if self._last is None or self._last[:2] != (key, value):
+            self._last = (key, value, self.shooting.motions(u, self.p(value)))
+        return self._last[2]
+
+    def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
+        """See `BranchProblem`."""
+        p, motions = self.p(value), self.motions(u, value)
+        return self.shooting.residual(u, motions, p), self.shooting.matrix(u, motions, p, self.names)
+
+    def orbit(self, u: Array, value: float, margins: bool = False) -> Orbit:
+        """The orbit with these unknowns."""
+        p, motions = self.p(value), self.motions(u, value)
+        left = float(np.max(np.abs(self.shooting.residual(u, motions, p))))
+        return make_orbit(self.shooting, u, p, left, motions, margins=margins)
+
+    def point(self, u: Array, value: float) -> BranchPoint:
+        """See `BranchProblem`."""
+        orbit = self.orbit(u, value)
+        half = orbit.half_multipliers
+        tests = {"Neimark-Sacker": _pairs(orbit.multipliers if half is None else half)}
+        if half is not None:
+            tests["symmetry breaking"] = _product(half + 1.0)
+        else:
+            tests["period doubling"] = _product(orbit.multipliers + 1.0)
+        names = orbit.system.states
+        data = {"period": orbit.period}
+        for i, name in enumerate(names):
+            data[f"max {name}"], data[f"min {name}"] = float(orbit.high[i]), float(orbit.low[i])
+            data[f"amplitude {name}"] = 0.5 * float(orbit.high[i] - orbit.low[i])
+        return BranchPoint(
+            value, tuple(u.tolist()), data, tuple(complex(v) for v in orbit.multipliers), orbit.stable,
+            orbit.word, orbit.modes, orbit.period, tests, orbit.residual,
+        )  # fmt: skip
+
+    def moved(self, u: Array, value: float) -> OrbitProblem:
+        """See `BranchProblem`."""
+        other = object.__new__(OrbitProblem)
+        other.__dict__.update(self.__dict__)
+        other.shooting = self.shooting.at(u, self.p(value))
+        other._last = None
+        return other
+
+
+class FunctionProblem:
+    """Zeros of a function (u, value) -> residual, as many as unknowns; derivatives by differences."""
+
+    kind = "function"
+
+    def __init__(self, function: Callable[[Array, float], Any], start: Any) -> None:
+        self.function = function
+        self.start = np.atleast_1d(np.asarray(start, dtype=float))
+        self.scale = np.maximum(np.abs(self.start), 1.0)
+
+    def residual(self, u: Array, value: float) -> Array:
+        """The function's value, checked."""
+        left = np.atleast_1d(np.asarray(self.function(u, value), dtype=float))
+        if left.shape != u.shape:
+            raise NoConvergenceError(f"the function returned {left.shape}, expected {u.shape} numbers.")
+        if not np.all(np.isfinite(left)):
+            raise NoConvergenceError(f"the function is not finite at {u.tolist()}, {value:.6g}.")
+        return left
+
+    def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
+        """See `BranchProblem`."""
+        z = np.append(u, value)
+        columns = []
+        for j in range(z.size):
+            reach = 6e-6 * max(abs(z[j]), 1e-2)
+            sides = []
+            for side in (1.0, -1.0):
+                moved = z.copy()
+                moved[j] += side * reach
+                sides.append(self.residual(moved[:-1], float(moved[-1])))
+            columns.append((sides[0] - sides[1]) / (2 * reach))
+        return self.residual(u, value), np.array(columns).T
+
+    def point(self, u: Array, value: float) -> BranchPoint:
+        """See `BranchProblem`; stability is that of u' = F(u, value)."""
+        left, matrix = self.evaluate(u, value)
+        values = np.linalg.eigvals(matrix[:, :-1])
+        data = {f"u{j}": float(v) for j, v in enumerate(u)}
+        return BranchPoint(
+            value, tuple(u.tolist()), data, tuple(complex(v) for v in values), bool(np.all(values.real < 0)),
+            residual=float(np.max(np.abs(left))),
+        )  # fmt: skip
+
+    def moved(self, u: Array, value: float) -> FunctionProblem:
+        """See `BranchProblem`."""
+        return self
+
+
+def _product(values: Complex) -> float:
+    """The product of conjugate numbers: real."""
+    return float(np.prod(values).real) if values.size else 1.0
+
+
+def _pairs(values: Complex) -> float:
+    """Product of 1 - a b over pairs: 0 where two have the product 1, as a pair on the unit circle has."""
+    count = len(values)
+    rest = [1.0 - values[i] * values[j] for i in range(count) for j in range(i + 1, count)]
+    return _product(np.array(rest)) if rest else 1.0

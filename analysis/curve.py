@@ -1,0 +1,216 @@
+"""Curves of special points in two parameters: fold, period doubling, Neimark-Sacker, symmetry breaking, Hopf,
+pseudo-Hopf, boundary equilibrium, grazing.
+
+Unknowns are those of the solution and the first parameter; the equations are those of the solution and the
+vanishing test function, whose derivatives are taken by differences of exact quantities. A fold is where the
+bordered matrix has g = 0 in [J b; c 0] (v, g) = (0, 1) (Govaerts 2000, section 4.1). Grazing is
+the least value of h along the motion that goes on as if the surface were not there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import sympy
+from scipy.optimize import minimize_scalar
+
+from filippov.analysis.branch import Branch, BranchPoint
+from filippov.analysis.branch_problem import MapProblem, OrbitProblem
+from filippov.analysis.continuation import Continuation
+from filippov.analysis.equilibrium_branch import EquilibriumProblem
+from filippov.analysis.special_points import stretches
+from filippov.analysis.variation import mode_field
+from filippov.errors import UsageError
+from filippov.names import unknown
+from filippov.solution import Solution
+from filippov.system import System
+
+Array = npt.NDArray[np.float64]
+_REACH, _SMALLEST = 1e-5, 1e-7
+GRAZING = ("grazing-sliding", "C-bifurcation", "grazing")
+
+
+def curve(
+    run: Continuation,
+    special: BranchPoint,
+    *,
+    parameter: str,
+    bounds: tuple[float, float],
+    direction: int = 0,
+    step: float = 0.02,
+    min_step: float = 1e-6,
+    max_step: float = 0.1,
+    max_points: int = 200,
+    max_time: float = float("inf"),
+) -> Continuation:
+    """The curve of a special point over a second parameter, not begun: iterate over it, or `run()` it.
+
+    run        the continuation that found it (its problem is used); special: the point
+    parameter  the second parameter, from its value in `run` within `bounds`
+
+    Points have the first parameter among their coordinates. Raises UsageError, NoConvergenceError.
+    """
+    problem: Any = run.problem
+    if not isinstance(problem, MapProblem | OrbitProblem | EquilibriumProblem):
+        raise UsageError("curves are for maps, orbits and equilibria, not for a plain function.")
+    system = problem.event_map.system if isinstance(problem, MapProblem) else _system(problem)
+    if parameter not in system.parameters or parameter == problem.parameter:
+        raise UsageError(unknown("second parameter", parameter, run.branch.parameters))
+    names = {name: name for name in special.tests}
+    kind = "grazing" if special.special in GRAZING else names.get(special.special, special.special)
+    if kind == "boundary equilibrium":
+        kind = special.note.split("; ")[1].split(":")[0]
+    if kind not in (*special.tests, "grazing"):
+        known = ", ".join(special.tests)
+        raise UsageError(f"no curve is known for {special.special!r}; known: {known}, grazing.")
+    at = run.branch.parameters[parameter]
+    grazed = _grazed(problem, special) if kind == "grazing" else (0, 1)
+    u = np.array(special.u)
+    made = CurveProblem(problem, kind, parameter, u, special.value, at, run.width, grazed)
+    others = {name: number for name, number in run.branch.parameters.items() if name != parameter}
+    branch = Branch(parameter, f"{kind} curve", others)
+    out = Continuation(made, at, (float(bounds[0]), float(bounds[1])), branch, direction, step)
+    out.min_step, out.max_step, out.max_points, out.max_time = min_step, max_step, max_points, max_time
+    out.prepare()
+    return out
+
+
+def _system(problem: OrbitProblem | EquilibriumProblem) -> Any:
+    return problem.shooting.system if isinstance(problem, OrbitProblem) else problem.system
+
+
+def _grazed(problem: Any, special: BranchPoint) -> tuple[int, int]:
+    """The surface that is grazed, and the side the orbit is on."""
+    system = problem.shooting.system
+    i = next(k for k, surface in enumerate(system.surfaces) if f"surface {surface.name!r}" in special.note)
+    orbit = problem.orbit(np.array(special.u), special.value)
+    time = {1: 0.0, -1: 0.0, 0: 0.0}
+    for mode, duration in stretches(orbit):
+        time[mode[i]] += duration
+    return i, 1 if time[1] > time[-1] else -1
+
+
+def without_surface(system: System, i: int, side: int) -> System:
+    """The system with the sign of surface i held at `side`: the surface is then only watched."""
+    form = system.symbolic
+    if form is None:
+        raise UsageError("a curve of grazing needs a system of expressions, whose sign can be held.")
+    held: dict[Any, Any] = {form.s[i]: sympy.Integer(side)}
+    held[form.a[i]] = side * form.h[i]
+    surfaces = list(system.surfaces)
+    surfaces[i] = replace(surfaces[i], kind="observer", radius=1.0)
+    radius = list(form.radius)
+    radius[i] = (sympy.Integer(-1), sympy.Integer(1))
+    changed = replace(
+        form, field=tuple(f.xreplace(held) for f in form.field), radius=tuple(radius),
+        h=tuple(h if k == i else h.xreplace({form.a[i]: held[form.a[i]]}) for k, h in enumerate(form.h)),
+    )  # fmt: skip
+    out = object.__new__(System)
+    out._set_symbolic(changed, tuple(surfaces))
+    return out
+
+
+def _least(motions: Sequence[Solution], i: int, side: int) -> float:
+    """The least value of side h_i along the motions."""
+    return min(_least_of(motion, i, side) for motion in motions)
+
+
+def _least_of(motion: Solution, i: int, side: int) -> float:
+    system, p, sol = motion.problem.system, motion.problem.p, motion.sol
+    assert sol is not None
+    part = mode_field(system, tuple(1 for _ in system.surfaces))
+
+    def height(t: Array) -> Array:
+        x = np.ascontiguousarray(np.atleast_2d(sol(t).T))
+        return side * part.part("h", t, x, np.ones((t.size, len(system.surfaces))), p)[:, i, 0]
+
+    ends = np.append(sol.start, motion.t_end)
+    grid = np.append((ends[:-1, None] + np.diff(ends)[:, None] * np.arange(8) / 8).ravel(), ends[-1])
+    values = height(grid)
+    k = int(np.argmin(values))
+    if not 0 < k < len(grid) - 1:
+        return float(values[k])
+    found = minimize_scalar(
+        lambda t: float(height(np.array([t]))[0]), bounds=(float(grid[k - 1]), float(grid[k + 1])),
+        method="bounded", options={"xatol": 1e-9 * abs(float(grid[k + 1] - grid[k - 1]))},
+    )  # fmt: skip
+    return min(float(values[k]), float(found.fun))
+
+
+class CurveProblem:
+    """A solution with a vanishing test function; the second parameter is the one that is followed."""
+
+    def __init__(
+        self, inner: Any, test: str, parameter: str, u: Array, value: float, at: float, width: float,
+        grazed: tuple[int, int] = (0, 1),
+    ) -> None:  # fmt: skip
+        self.inner, self.test, self.parameter = inner, test, parameter
+        self.kind = f"{test} curve"
+        self.start = np.append(u, value)
+        self.scale = np.append(inner.scale, width)
+        if test == "fold":
+            matrix = self._inner(at).evaluate(u, value)[1][:, :-1] * inner.scale
+            left, _, right = np.linalg.svd(matrix)
+            self.border = left[:, -1], right[-1]
+        if isinstance(inner, OrbitProblem) and test == "grazing":
+            self.grazed, self.side = grazed
+            self.inner = inner.with_system(without_surface(inner.shooting.system, self.grazed, self.side))
+
+    def _inner(self, second: float) -> Any:
+        return self.inner.with_parameter(self.parameter, second)
+
+    def function(self, problem: Any, u: Array, value: float, matrix: Array) -> float:
+        """The test function."""
+        if self.test == "fold":
+            b, c = self.border
+            block = np.block([[matrix[:, :-1] * problem.scale, b[:, None]], [c[None, :], np.zeros((1, 1))]])
+            return float(np.linalg.solve(block, np.append(np.zeros(len(u)), 1.0))[-1])
+        if self.test == "grazing":
+            return _least(problem.motions(u, value), self.grazed, self.side)
+        return float(problem.point(u, value).tests[self.test])
+
+    def _both(self, z: Array) -> tuple[Array, Array, float]:
+        """Residual and matrix of the solution, and the test, at (u, value, second)."""
+        problem = self._inner(float(z[-1]))
+        residual, matrix = problem.evaluate(z[:-2], float(z[-2]))
+        return residual, matrix, self.function(problem, z[:-2], float(z[-2]), matrix)
+
+    def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
+        """See `filippov.analysis.branch_problem.BranchProblem`."""
+        z = np.append(u, value)
+        residual, matrix, test = self._both(z)
+        m = len(residual)
+        out = np.zeros((m + 1, m + 2))
+        out[:m, : m + 1] = matrix
+        reaches = _REACH * np.append(self.scale, max(abs(value), 1e-2))
+        for j, reach in enumerate(reaches):
+            moved = [self._both(z + side * reach * np.eye(m + 2)[j]) for side in (1.0, -1.0)]
+            out[m, j] = (moved[0][2] - moved[1][2]) / (2 * reach)
+            if j == m + 1:
+                out[:m, j] = (moved[0][0] - moved[1][0]) / (2 * reach)
+        return np.append(residual, test), out
+
+    def point(self, u: Array, value: float) -> BranchPoint:
+        """See `filippov.analysis.branch_problem.BranchProblem`."""
+        found: BranchPoint = self._inner(value).point(u[:-1], float(u[-1]))
+        data = {self.inner.parameter: float(u[-1]), **found.coordinates}
+        # The word at a grazing changes with rounding.
+        return replace(found, value=value, u=tuple(u.tolist()), coordinates=data, tests={}, word="")
+
+    def moved(self, u: Array, value: float) -> CurveProblem:
+        """See `filippov.analysis.branch_problem.BranchProblem`."""
+        other = object.__new__(CurveProblem)
+        other.__dict__.update(self.__dict__)
+        other.inner = self._inner(value).moved(u[:-1], float(u[-1]))
+        return other
+
+    def ending(self, u: Array, value: float, bounds: tuple[float, float]) -> BranchPoint | None:
+        """The end of a fold curve of a map whose cycle shrinks into the equilibrium set; None before that."""
+        inner = self.inner
+        if not isinstance(inner, MapProblem) or not inner.rests or np.exp(u[0]) > _SMALLEST:
+            return None
+        return replace(self.point(u, value), special="cycle shrinks into the equilibrium set")
