@@ -3,6 +3,7 @@
 from math import atan, cos, exp, pi, sin, sqrt
 from pathlib import Path
 
+import bank
 import numpy as np
 import pytest
 from bank import case, number
@@ -135,8 +136,9 @@ def test_c6_no_derivative_at_grazing():
     y, w = states("y w")
     system = System({y: w, w: 2 + (1 - sign(y)) / 2}, surfaces=[Surface("wall", y)])
     run = solve(system, (1, -2), (0, 3))  # y = (t - 1)^2
-    assert [str(event.kind) for event in run.events] == ["grazing"]
-    with pytest.raises(NotDifferentiableError, match="grazes surface 'wall'"):
+    assert "grazing" in {str(event.kind) for event in run.events}
+    assert np.max(np.abs(run.events.t - 1)) < 1e-7
+    with pytest.raises(NotDifferentiableError, match=r"not differentiable at t = 1: .*'wall'"):
         flow_derivative(run)
 
 
@@ -168,7 +170,7 @@ def orbit_of(name):
 
 
 def expected(name, entry):
-    value = case(name).expected[entry]["value"]
+    value = bank.expected(name)[entry]["value"]
     return [number(v) for v in value] if isinstance(value, list) else number(value)
 
 
