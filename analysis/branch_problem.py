@@ -209,6 +209,8 @@ class OrbitProblem:
             tests["symmetry breaking"] = _product(half + 1.0)
         else:
             tests["period doubling"] = _product(orbit.multipliers + 1.0)
+        jumps = sum(kind == "reset" for _, kind, _, _ in orbit.signature)
+        word = orbit.word + (f" with {jumps} resets" if jumps else "")
         names = orbit.system.states
         data = {"period": orbit.period}
         for i, name in enumerate(names):
@@ -216,7 +218,7 @@ class OrbitProblem:
             data[f"amplitude {name}"] = 0.5 * float(orbit.high[i] - orbit.low[i])
         return BranchPoint(
             value, tuple(u.tolist()), data, tuple(complex(v) for v in orbit.multipliers), orbit.stable,
-            orbit.word, orbit.modes, orbit.period, tests, orbit.residual,
+            word, orbit.modes, orbit.period, tests, orbit.residual,
         )  # fmt: skip
 
     def moved(self, u: Array, value: float) -> OrbitProblem:

@@ -17,6 +17,7 @@ from filippov.status import EventKind
 
 Array = npt.NDArray[np.float64]
 _PER_STEP = 6
+_MET = ("switching", "reset")
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,10 @@ def _turns(
                 bounds=(float(times[k - 1]), float(times[k + 1])), method="bounded",
                 options={"xatol": 1e-10 * segment.dwell},
             )  # fmt: skip
-            out.append((min(float(best.fun), float(row[k])), system.surfaces[i].name, float(best.x)))
+            # A state that jumps on the surface meets it, and stays in its mode.
+            met = motion.events.of(system.surfaces[i].name).t
+            if not np.any(np.abs(met - best.x) < 1e-6 * segment.dwell):
+                out.append((min(float(best.fun), float(row[k])), system.surfaces[i].name, float(best.x)))
     return out
 
 
@@ -121,7 +125,7 @@ def _speeds(motion: Solution, jacobian: Callable[..., Any] | None) -> list[tuple
     out = []
     for event in motion.events:
         surfaces = motion.problem.system.surfaces
-        if event.index >= len(surfaces) or surfaces[event.index].kind != "switching":
+        if event.index >= len(surfaces) or surfaces[event.index].kind not in _MET:
             continue
         if event.kind is EventKind.GRAZING:
             out.append((0.0, event.t))

@@ -8,6 +8,7 @@ its neighbours a -> z -> b on a surface (di Bernardo et al. 2008, chapter 8):
     + - 0   switching-sliding: the entry into sliding crosses its border, and the motion crosses first
     0 + 0   adding-sliding: sliding touches the border of sliding
     + - +   C-bifurcation: grazing of a surface that is crossed (also of one where the field is continuous)
+            or where the state jumps
 """
 
 from __future__ import annotations
@@ -40,6 +41,10 @@ def stretches(orbit: Orbit) -> list[tuple[Mode, float]]:
 
 def name_of_change(before: Orbit, after: Orbit) -> tuple[str, str]:
     """(name, note) of the change of the mode word between two orbits close to it."""
+    jumps = [[s for s, kind, _, _ in orbit.signature if kind == "reset"] for orbit in (before, after)]
+    if len(jumps[0]) != len(jumps[1]):
+        surface = (jumps[0] or jumps[1])[0]
+        return "C-bifurcation", f"surface {surface!r}: {len(jumps[0])} -> {len(jumps[1])} resets"
     long, short = sorted((stretches(before), stretches(after)), key=len, reverse=True)
     names = [surface.name for surface in before.system.surfaces]
     goal = [mode for mode, _ in short]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from command import summary
 
-from filippov import System, UsageError, parameters, sign, states
+from filippov import Surface, System, UsageError, parameters, sign, states
 from filippov import cos as cosine
 from filippov import t as time
 from filippov.analysis.branch import Branch
@@ -228,6 +228,19 @@ def test_c8_grazing_with_a_square_root_is_a_c_bifurcation():
     assert abs(special.value - sqrt((1 - 1.7**2) ** 2 + (0.2 * 1.7) ** 2)) < 1e-7
     assert len({point.word for point in branch.points}) == 2
     assert max(point.residual for point in branch.points) < 1e-8
+
+
+def test_grazing_of_an_impact_is_a_c_bifurcation():
+    p = parameters(a=1.0, w=2.0)
+    # The linear motion has amplitude a/sqrt((1 - w^2)^2 + (0.4 w)^2); the stop is at x = 1.
+    stop = Surface("stop", x - 1, reset={v: -v / 2}, side="-")
+    system = System({x: v, v: -x - 0.4 * v + p.a * cosine(p.w * time)}, surfaces=[stop], parameters=p)
+    orbit = find_orbit(system, (0, 0))
+    options = {"bounds": (1.0, 3.3), "direction": 1, "max_points": 30}
+    branch = continuation(system, orbit, parameter="a", **options).run()
+    special = next(point for point in branch.special if point.special != "branch point")
+    assert special.special == "C-bifurcation"
+    assert abs(special.value - sqrt(9 + 0.64)) < 1e-6
 
 
 def test_pseudo_hopf_of_the_bank_and_its_cycle():
