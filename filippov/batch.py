@@ -127,8 +127,7 @@ class _Chunks:
             self.function, self.steps = unit.functions["lane_run"], _CHUNK // LANES
             addresses = [machine.compiled.addresses[name] for name in ENTRIES]
             own = [np.full(LANES, -1, dtype=np.int64), np.array(addresses, dtype=np.int64)]
-            sizes = (codes.CLOCK_SIZE, _TALLIES, n, m, m, batch.p.shape[1], n, place.doubles)
-            wide = [_aligned(size) for size in sizes]
+            wide = _aligned((codes.CLOCK_SIZE, _TALLIES, n, m, m, batch.p.shape[1], n, place.doubles))
             wide[0][[codes.RTOL, codes.TREND]] = 1.0
             wide[3][:] = 1.0
             wide[6][:] = batch.atol[:, None]
@@ -164,11 +163,15 @@ class _Chunks:
         self.more = self.function(self.last, self.steps, *self.addresses) != 0
 
 
-def _aligned(size: int) -> Array:
-    """Zeros for `size` numbers of every lane, on the border of a cache line: shape (size, LANES)."""
-    room = np.zeros(size * LANES + 8)
+def _aligned(sizes: tuple[int, ...]) -> list[Array]:
+    """Zeros for so many numbers of every lane, on the border of a cache line: shapes (size, LANES)."""
+    room = np.zeros(sum(sizes) * LANES + 8)
     first = (-room.ctypes.data // 8) % 8
-    return room[first : first + size * LANES].reshape(size, LANES)
+    arrays = []
+    for size in sizes:
+        arrays.append(room[first : first + size * LANES].reshape(size, LANES))
+        first += size * LANES
+    return arrays
 
 
 def system_threads(system: System, threads: int | None, rows: int, least: int) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -228,12 +228,13 @@ def _collect(
 ) -> Ensemble:  # fmt: skip
     """The ends of a batch, with the rows that need the general path solved by it."""
     system = batch.machine.system
-    statuses = [_STATUS.get(code) for code in batch.code.tolist()]
+    statuses = list(map(_STATUS.get, batch.code.tolist()))
     messages = [""] * len(statuses)
     t, nfev = batch.clock[:, codes.T].copy(), batch.count[:, codes.FIELD_CALLS].copy()
     counts = batch.kinds[:, :-2].reshape(batch.size, batch.machine.m, codes.KINDS).astype(np.int32)
     last = batch.kinds[:, -2:].copy()
-    for q in [q for q, status in enumerate(statuses) if status is None]:
+    general = [q for q, status in enumerate(statuses) if status is None] if None in statuses else []
+    for q in general:
         if not complete:
             statuses[q] = Status.INTERRUPTED
             continue
@@ -249,10 +250,10 @@ def _collect(
             last[q] = event.index, _column(event)
             counts[q, event.index, _column(event)] += 1
         complete = solution.status is not Status.INTERRUPTED
-    done = tuple(status for status in statuses if status is not None)
     names = tuple(surface.name for surface in system.surfaces)
     return Ensemble(
-        t, batch.x, batch.mode.astype(np.int64), done, tuple(messages), nfev, counts, last,
+        t, batch.x, batch.mode.astype(np.int64), cast(tuple[Status, ...], tuple(statuses)), tuple(messages),
+        nfev, counts, last,
         complete=complete, surfaces=names,
     )  # fmt: skip
 

@@ -10,7 +10,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from filippov._kernels import bernstein, build, tables
@@ -143,6 +143,7 @@ def test_first_root_of_known_roots(thousandths: list[int]) -> None:
 
 
 @given(coefficients)
+@example([0.0] * 7 + [-1.0, 0.0])
 def test_first_root_against_numpy(c: list[float]) -> None:
     row = np.array(c)
     row[0] = abs(row[0]) + 0.1

@@ -18,7 +18,6 @@ from filippov._kernels.codes import (
     GRAZING,
     GROW,
     KINDS,
-    KINK,
     MAX_STEP,
     MIN_STEP,
     NO_SLIDING,
@@ -47,6 +46,7 @@ from filippov._kernels.codes import (
     SURFACE,
     T_END,
     T_START,
+    TAKEN,
     TOUCH,
     TREND,
     USER_ERROR,
@@ -55,22 +55,20 @@ from filippov._kernels.codes import (
     T,
 )
 from filippov._kernels.control import (
-    creep_off,
     error_norm,
     finite,
     first_step,
     guard_state,
-    is_rough,
     mark_hits,
     step_factor,
     suspicious,
     time_to_surface,
 )
 from filippov._kernels.field import clear_ranges, field, project, set_mode
-from filippov._kernels.land import EPS, guard_scale, land
+from filippov._kernels.land import EPS, land
 from filippov._kernels.language import NAN, Indices, Vector, kernel, shift, truncate
 from filippov._kernels.layout import COLUMNS, MULTIPLIER
-from filippov._kernels.locate import dense_output, locate
+from filippov._kernels.locate import dense_output, locate, straight
 from filippov._kernels.model import (
     END_IN_ERROR,
     I_CALLS,
@@ -79,36 +77,32 @@ from filippov._kernels.model import (
     RESET_FROM,
     RESETS,
     ROLE,
-    ROUGH,
     STAGES,
     W_ATOL,
-    W_ATTRACT,
     W_BEFORE,
+    W_COEF,
     W_DIRECTION,
     W_END,
     W_F,
-    W_G,
     W_H,
     W_JUMP,
     W_K,
     W_MULT,
-    W_RADIUS,
     W_RTOL,
     W_START,
-    W_TOUCH,
     W_XE,
     W_Y,
     WIDTH,
     M,
     N,
     extra_stages,
-    radii,
     stages,
 )
 from filippov._kernels.radau_tables import NOT_CONVERGED
 from filippov._kernels.record import record_event, store_step
 from filippov._kernels.reset import apply_reset, resets_from
-from filippov._kernels.resolve import resolve_exit, resolve_root, resolve_touch, side_rates
+from filippov._kernels.resolve import resolve_exit, resolve_root, resolve_touch
+from filippov._kernels.segment import renew_state, rough_start
 
 # Intervals in a row that shrink, for each lag: what a motion that is no accumulation hardly ever does.
 ZENO_STREAK = 6
@@ -151,67 +145,6 @@ def shrink_invalid(clock: Vector, m: Vector, step: float, w: Vector) -> tuple[fl
 
 
 @kernel
-def renew_state(
-    t: float, x: Vector, p: Vector, m: Vector, order: Indices, rtol: float, atol: Vector, w: Vector,
-    iw: Indices, ctx: Indices,
-) -> int:  # fmt: skip
-    """Field, guards and radii at the start of a segment; a code of `advance`, REACHED where all is well."""
-    set_mode(m, iw)
-    code = field(t, x, p, m, shift(w, W_K), w, iw, ctx)
-    if code == 0:
-        code = guard_state(t, x, p, m, shift(w, W_K), shift(w, W_START), w, ctx)
-    if code == 0:
-        code = radii(t, x, p, shift(w, W_RADIUS), ctx)
-    if code != 0:
-        return NO_SLIDING if code == 2 else USER_ERROR
-    if not finite(shift(w, W_K), N) or not finite(shift(w, W_START), 2 * M):
-        return NOT_FINITE
-    for i in range(M):
-        # The driver marks sliding that repels in the direction of integration by a negative order.
-        w[W_ATTRACT + i] = -w[W_DIRECTION] if m[i] == 0.0 and order[i] < 0 else w[W_DIRECTION]
-    # Closer to 0 than the integration is accurate, a least value of a guard cannot be told from a touching.
-    for i in range(M):
-        w[W_TOUCH + i] = 0.0
-        if ROLE[i] != KINK and WIDTH[i] == 0.0:
-            w[W_TOUCH + i] = rtol * guard_scale(i, t, x, w)
-            for j in range(N):
-                w[W_TOUCH + i] += atol[j] * abs(w[W_G + i * N + j])
-    return REACHED
-
-
-@kernel
-def rough_start(
-    clock: Vector, t: float, x: Vector, p: Vector, m: Vector, order: Indices, direction: float, w: Vector,
-    iw: Indices, ctx: Indices,
-) -> int:  # fmt: skip
-    """Creep off a surface left tangentially where the field is rough: which, -1 for none, -2 at failure."""
-    if ROUGH:
-        for i in range(M):
-            leaves = order[i] >= 2 and m[i] != 0.0 and ROLE[i] != OBSERVER
-            if leaves and is_rough(t, x, p, m, i, w, iw, ctx):
-                span = clock[STEP]
-                if span <= 0.0:
-                    size, speed = 0.0, 1e-300
-                    for j in range(N):
-                        size = max(size, abs(x[j]))
-                        speed = max(speed, abs(w[W_K + j]))
-                    span = 0.1 * size / speed
-                span = min(span, abs(clock[T_END] - t))
-                tiny = direction * 1e-8 * span
-                # Rounding of the rates that cancel where the surface is left: no step can do better.
-                _, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
-                clock[ROUGH_NOISE] = 16.0 * EPS * max(abs(plus), abs(minus), scale) + 1e-300
-                if creep_off(t, x, p, m, tiny, w, iw, ctx) != 0:
-                    return -2
-                clock[T] = t + tiny
-                clock[STEP] = abs(tiny)
-                clock[RELATIVE] = float(i) + 1.0
-                clock[ROUGH_FROM], clock[ROUGH_SPAN] = t, span
-                return i
-    return -1
-
-
-@kernel
 def event_at_end(t: float, start: float, m: Vector, order: Indices, w: Vector) -> int:
     """The surface whose guard vanishes within rounding after the end of the run, -1 if none: clause E4."""
     for i in range(M):
@@ -240,7 +173,11 @@ def advance(
     w[W_DIRECTION] = direction
     rtol = clock[RTOL]
     steps_left = count[STEP_BUDGET]
-    renew = True
+    taken = clock[TAKEN]
+    clock[TAKEN] = 0.0
+    renew = taken == 0.0
+    if taken > 0.0:
+        set_mode(m, iw)
     # Step control goes on where the last call left it: steps must not depend on how a run is cut into calls.
     grow = clock[GROW] if clock[GROW] > 0.0 else 10.0
     trend = clock[TREND] if clock[TREND] > 0.0 else 1e-300
@@ -295,13 +232,15 @@ def advance(
         elif abs(step) <= 4.0 * EPS * abs(t) or abs(step) < 1e-300:
             code = MIN_STEP
             break
-        clear_ranges(w, iw)
-        failed = stages(t, x, p, m, step, y, w, iw, ctx)
-        if failed == 0 and END_IN_ERROR:
-            failed = field(t + step, y, p, m, last_k, w, iw, ctx)
+        failed, error = 0, taken
         relative = truncate(clock[RELATIVE]) - 1
-        error = NAN
-        if failed == 0:
+        if taken == 0.0:
+            clear_ranges(w, iw)
+            failed = stages(t, x, p, m, step, y, w, iw, ctx)
+            error = NAN
+        if taken == 0.0 and failed == 0 and END_IN_ERROR:
+            failed = field(t + step, y, p, m, last_k, w, iw, ctx)
+        if taken == 0.0 and failed == 0:
             slack = 1.0
             if relative >= 0:
                 slack = max(1.0, clock[ROUGH_SPAN] / abs(t + step - clock[ROUGH_FROM]))
@@ -312,13 +251,14 @@ def advance(
             grow = 1.0
             continue
         te = clock[T_END] if last else t + step
-        if error <= 1.0:
+        if taken == 0.0 and error <= 1.0:
             if iw[I_SLIDING] > 0:
                 failed = project(te, y, p, m, shift(w, W_H), w, iw, ctx)
             if failed == 0 and (iw[I_SLIDING] > 0 or not END_IN_ERROR):
                 failed = field(te, y, p, m, last_k, w, iw, ctx)
             if failed == 0:
                 failed = guard_state(te, y, p, m, last_k, shift(w, W_END), w, ctx)
+        taken = 0.0
         if failed == 1:
             code = USER_ERROR
             break
@@ -359,7 +299,10 @@ def advance(
             look = suspicious(step, m, order, w, iw)
             if look or count[STORE] != 0:
                 failed = extra_stages(t, x, p, m, step, w, iw, ctx)
-                dense_output(x, step, w)
+                if count[STORE] != 0 or not straight(iw):
+                    dense_output(x, step, w)
+                for j in range(N):
+                    w[W_COEF + j] = x[j]
             if look and failed == 0:
                 cause, surface, theta, slope = locate(t, p, m, order, step, w, iw, ctx)
             if failed == 1 or cause == -1:

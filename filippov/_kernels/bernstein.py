@@ -113,7 +113,8 @@ def first_root(
         width = hi - lo
         if row[0] <= 0.0:
             return SIMPLE_ROOT, lo
-        if changes == 1:
+        # Where the end is 0 exactly, one change of sign does not say that the root is there.
+        if changes == 1 and (row[degree] < 0.0 or least >= 0.0):
             return SIMPLE_ROOT, lo + width * bracketed_root(row, degree, work)
         if least > 0.0 and width <= RESOLUTION:
             # No root here; a least value inside the piece, or on the seam to the one before, is a touching.

@@ -30,18 +30,18 @@ from filippov._kernels.unit import Constant, KernelError, Unit, add_kernels
 _FOLDER = Path(__file__).parent
 _FILES = (
     "elementary", "bernstein", "multiplier", "rules", "field", "land", "locate", "control", "resolve",
-    "reset", "record", "advance", "probe", "start", "turn", "ensemble",
+    "reset", "record", "segment", "advance", "probe", "start", "turn", "ensemble",
 )  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
 _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_run")
-ENTRIES = ("launch", "turn", "renew_state")
+ENTRIES = ("launch", "turn", "open_segment")
 # Arguments of the entry points: d double, i integer, a address of an array.
 EXPORTED = {
     "advance": "a" * 18,
     "ensemble": "ii" + "a" * 20,
     "launch": "a" * 9,
     "turn": "i" + "a" * 17,
-    "renew_state": "d" + "a" * 4 + "d" + "a" * 4,
+    "open_segment": "a" * 9,
     "begin": "dd" + "a" * 8,
     "probe": "dd" + "a" * 8,
     "rhs": "d" + "a" * 6,

@@ -7,7 +7,9 @@ every compiled unit, so it holds nothing but integer constants.
 # Positions in `clock` (float64): what the loop reads and leaves behind about time.
 T, T_END, STEP, RTOL, MAX_STEP, T_START, RELATIVE = 0, 1, 2, 3, 4, 5, 6
 ROUGH_FROM, ROUGH_SPAN, ROUGH_NOISE, GROW, TREND, SAME_INSTANT = 7, 8, 9, 10, 11, 12
-CLOCK_SIZE = 13
+# The square of its error where the next step stands in the scratch already, taken in a lane; else 0.
+TAKEN = 13
+CLOCK_SIZE = 14
 
 # Positions in `count` (int64): work done, room left in the buffers, and what stopped the loop.
 FIELD_CALLS, STEPS, REJECTED, EVENTS, RECORDS, STEP_BUDGET, EVENT_BUDGET = 0, 1, 2, 3, 4, 5, 6

@@ -12,11 +12,11 @@ from filippov._kernels.codes import (
     REACHED,
     REJECTED,
     RELATIVE,
-    RTOL,
     STEP,
     STEP_BUDGET,
     STEPS,
     T_END,
+    TAKEN,
     ZENO_ROOM,
     T,
 )
@@ -35,20 +35,25 @@ from filippov._kernels.layout import COLUMNS, LANES
 from filippov._kernels.model import (
     CONTACT,
     I_SLIDING,
+    STAGES,
     W_ATTRACT,
     W_DIRECTION,
+    W_END,
+    W_G,
+    W_GT,
     W_K,
     W_MULT,
     W_RADIUS,
     W_START,
     W_TOUCH,
+    W_Y,
     M,
     N,
     P,
 )
 
 # Plain kernels by their addresses: they belong to a unit of their own.
-LAUNCH, TURN, RENEW, ENTRIES = 0, 1, 2, 3
+LAUNCH_AT, TURN_AT, OPEN_AT = 0, 1, 2
 
 
 @kernel
@@ -70,9 +75,9 @@ def settled(clock: Vector, m: Vector, order: Indices) -> bool:
     """Whether a trajectory is in the middle of a segment that lanes can follow."""
     sliding = 0
     for i in range(M):
-        if order[i] != 0:
-            return False
         if m[i] == 0.0:
+            if order[i] != 0:
+                return False
             # The guard of a resting contact is its rate: another field than a lane's.
             if CONTACT[i] != 0:
                 return False
@@ -91,8 +96,8 @@ def vacate(lane: int, clock_l: Vector, m_l: Vector, rows: Indices) -> None:
 
 @kernel
 def leave(
-    lane: int, clock: Vector, count: Indices, x: Vector, lam: Vector, clock_l: Vector, tally_l: Vector,
-    x_l: Vector, w_l: Vector,
+    lane: int, clock: Vector, count: Indices, x: Vector, order: Indices, lam: Vector, w: Vector,
+    clock_l: Vector, tally_l: Vector, x_l: Vector, order_l: Vector, w_l: Vector,
 ) -> None:  # fmt: skip
     """Hand a lane's state and counts back to its trajectory."""
     draw_in(lane, CLOCK_SIZE, clock_l, clock)
@@ -103,16 +108,32 @@ def leave(
     count[STEP_BUDGET] = truncate(tally_l[LEFT * LANES + lane])
     for i in range(M):
         lam[i] = w_l[(W_MULT + i * COLUMNS) * LANES + lane]
+        order[i] = truncate(order_l[i * LANES + lane])
+    if clock[TAKEN] > 0.0:
+        # The step is done but for a guard that may have vanished in it.
+        draw_in(lane, STAGES * N, shift(w_l, W_K * LANES), shift(w, W_K))
+        draw_in(lane, N, shift(w_l, W_Y * LANES), shift(w, W_Y))
+        draw_in(lane, M * N, shift(w_l, W_G * LANES), shift(w, W_G))
+        draw_in(lane, M, shift(w_l, W_GT * LANES), shift(w, W_GT))
+        draw_in(lane, 2 * M, shift(w_l, W_START * LANES), shift(w, W_START))
+        draw_in(lane, 2 * M, shift(w_l, W_END * LANES), shift(w, W_END))
+        draw_in(lane, 2 * M, shift(w_l, W_RADIUS * LANES), shift(w, W_RADIUS))
+        draw_in(lane, M, shift(w_l, W_TOUCH * LANES), shift(w, W_TOUCH))
+        draw_in(lane, M, shift(w_l, W_ATTRACT * LANES), shift(w, W_ATTRACT))
+        draw_in(lane, M * COLUMNS, shift(w_l, W_MULT * LANES), shift(w, W_MULT))
 
 
 @kernel
 def enter(
-    lane: int, clock: Vector, count: Indices, x: Vector, m: Vector, p: Vector, w: Vector, clock_l: Vector,
-    tally_l: Vector, x_l: Vector, m_l: Vector, p_l: Vector, w_l: Vector, rows: Indices,
+    lane: int, clock: Vector, count: Indices, x: Vector, m: Vector, order: Indices, p: Vector, w: Vector,
+    clock_l: Vector, tally_l: Vector, x_l: Vector, m_l: Vector, order_l: Vector, p_l: Vector, w_l: Vector,
+    rows: Indices,
 ) -> None:  # fmt: skip
     """Put a trajectory in the middle of a segment into a lane, with its field and guards there."""
     spread_out(lane, CLOCK_SIZE, clock, clock_l)
     spread_out(lane, M, m, m_l)
+    for i in range(M):
+        order_l[i * LANES + lane] = float(order[i])
     for other in range(LANES):
         # Empty lanes get numbers that the field is at ease with.
         if other == lane or rows[other] < 0:
@@ -161,25 +182,35 @@ def lane_run(
                 lam, p = shift(lams, q * M), shift(ps, q * P)
                 code = REACHED
                 if fresh:
-                    code = call_at(entries[LAUNCH], clock, x, m, order, lam, p, w, iw, ctx)
+                    code = call_at(entries[LAUNCH_AT], clock, x, m, order, lam, p, w, iw, ctx)
                 else:
-                    leave(lane, clock, count, x, lam, clock_l, tally_l, x_l, w_l)
-                give = 1
-                while code == REACHED or (code == -1 and not settled(clock, m, order)):
+                    leave(
+                        lane, clock, count, x, order, lam, w, clock_l, tally_l, x_l, order_l, w_l
+                    )
+                # A fresh trajectory may go into its lane at once; another has a step of the plain loop to do.
+                ready, led = fresh and code == REACHED, False
+                while code == REACHED:
+                    if ready:
+                        code = call_at(entries[OPEN_AT], clock, x, p, m, order, atol, w, iw, ctx)
+                        led = code == REACHED and settled(clock, m, order)
+                        if led or code != REACHED:
+                            break
+                    ready = True
                     code = call_at(
-                        entries[TURN], give, clock, count, x, m, order, shift_indices(hits, q * M), lam, p,
+                        entries[TURN_AT], 1, clock, count, x, m, order, shift_indices(hits, q * M), lam, p,
                         atol, shift_indices(stops, q * M * KINDS), shift(zenos, q * M * ZENO_ROOM),
                         shift_indices(kinds, q * (M * KINDS + 2)), events, marks, w, iw, ctx,
                     )  # fmt: skip
-                    give = 2
-                    if code == REACHED:
+                    if code != -1:
                         break
-                if code == -1:
-                    code = call_at(entries[RENEW], clock[T], x, p, m, order, clock[RTOL], atol, w, iw, ctx)
-                    if code == REACHED:
-                        enter(lane, clock, count, x, m, p, w, clock_l, tally_l, x_l, m_l, p_l, w_l, rows)
-                        rows[lane] = q
-                        break
+                    code = REACHED
+                if led:
+                    enter(
+                        lane, clock, count, x, m, order, p, w, clock_l, tally_l, x_l, m_l, order_l, p_l, w_l,
+                        rows,
+                    )  # fmt: skip
+                    rows[lane] = q
+                    break
                 codes[q] = code
                 vacate(lane, clock_l, m_l, rows)
                 claim(queue, 1)
@@ -200,7 +231,8 @@ def lane_run(
                 q = rows[lane]
                 leave(
                     lane, shift(clocks, q * CLOCK_SIZE), shift_indices(counts, q * COUNT_SIZE),
-                    shift(xs, q * N), shift(lams, q * M), clock_l, tally_l, x_l, w_l,
+                    shift(xs, q * N), shift_indices(orders, q * M), shift(lams, q * M), w, clock_l, tally_l,
+                    x_l, order_l, w_l,
                 )  # fmt: skip
                 codes[q] = REACHED
                 vacate(lane, clock_l, m_l, rows)

@@ -5,7 +5,7 @@ is rejected. Everything else (an event, or what may be one; an invalid stage; a 
 caller, the lane left as it was.
 """
 
-from filippov._kernels.codes import GROW, MAX_STEP, RTOL, STEP, T_END, T_START, TREND, T
+from filippov._kernels.codes import GROW, MAX_STEP, RTOL, STEP, T_END, T_START, TAKEN, TREND, T
 from filippov._kernels.control import ONE_BITS, error_norm, finite, guard_state
 from filippov._kernels.field import clear_ranges, field, project
 from filippov._kernels.land import EPS
@@ -137,8 +137,9 @@ def lane_step(
     clock[TREND] = size * min(factor, 3.0) if good else clock[TREND]
     clock[GROW] = 10.0 if good else (1.0 if refused else clock[GROW])
     clock[T] = te if good else t
+    clock[TAKEN] = max(error, 1e-300) if valid and not good else 0.0
     tally[LEFT] -= 1.0 if good or refused else 0.0
-    tally[CALLS] += calls if good or refused else 0.0
+    tally[CALLS] += calls if valid or refused else 0.0
     tally[DONE] += 1.0 if good else 0.0
     tally[REFUSED] += 1.0 if refused else 0.0
     for j in range(N):

@@ -19,9 +19,11 @@ from filippov._kernels.model import (
     CONTACTS,
     DEGREE_DENSE,
     DENSE,
+    DENSE_BERNSTEIN,
     EXTRA,
     I_LIST,
     I_SLIDING,
+    IMPLICIT,
     LINEAR,
     STAGES,
     W_ATTRACT,
@@ -29,6 +31,7 @@ from filippov._kernels.model import (
     W_C,
     W_CHECK,
     W_COEF,
+    W_END,
     W_F,
     W_G,
     W_GT,
@@ -39,6 +42,7 @@ from filippov._kernels.model import (
     W_PIECES,
     W_RADIUS,
     W_STACK,
+    W_START,
     W_TOUCH,
     W_WORK,
     W_XM,
@@ -67,6 +71,31 @@ def dense_output(x: Vector, step: float, w: Vector) -> None:
             for r in range(STAGES + EXTRA):
                 total += DENSE[r * (DEGREE_DENSE + 1) + j] * w[W_K + r * N + i]
             w[W_COEF + j * N + i] = step * total
+
+
+@kernel
+def straight(iw: Indices) -> bool:
+    """Whether every guard is linear in the state, so that its polynomial comes straight from the stages."""
+    return ALL_LINEAR and not IMPLICIT and iw[I_SLIDING] == 0
+
+
+@kernel
+def guard_polynomial(i: int, step: float, m: Vector, w: Vector) -> None:
+    """Bernstein coefficients of a linear guard on the step, from its rates along the stages."""
+    c = shift(w, W_C)
+    for a in range(NODES):
+        c[a] = 0.0
+    for r in range(STAGES + EXTRA):
+        rate = 0.0
+        for j in range(N):
+            rate += w[W_G + i * N + j] * w[W_K + r * N + j]
+        for a in range(1, DEGREE):
+            c[a] += DENSE_BERNSTEIN[r * NODES + a] * rate
+    # The ends are samples themselves: rounding in the sums must not move them off zero.
+    c[0] = m[i] * w[W_START + 2 * i] + WIDTH[i]
+    c[DEGREE] = m[i] * w[W_END + 2 * i] + WIDTH[i]
+    for a in range(1, DEGREE):
+        c[a] = c[0] + m[i] * step * (c[a] + w[W_GT + i] * float(a) / float(DEGREE))
 
 
 @kernel
@@ -215,13 +244,13 @@ def locate(
     """
     c, work, pieces = shift(w, W_C), shift(w, W_WORK), shift(w, W_PIECES)
     pieces[0], pieces[1], pieces[2] = 0.0, 1.0, 0.0
-    waiting = 1
+    waiting, direct = 1, straight(iw)
     while waiting > 0:
         waiting -= 1
         piece = shift(pieces, 3 * waiting)
         lo, hi, depth = piece[0], piece[1], piece[2]
         width = hi - lo
-        code = sample(t, step, lo, width, p, m, w, iw, ctx)
+        code = 0 if direct else sample(t, step, lo, width, p, m, w, iw, ctx)
         if code != 0:
             return -code, 0, 0.0, 0.0
         resolved = True
@@ -231,7 +260,9 @@ def locate(
             if row >= M and m[i] != 0.0:
                 continue
             judged = depth < SPLITS and (m[i] == 0.0 or LINEAR[i] == 0)
-            if not to_polynomial(row, judged, w):
+            if direct:
+                guard_polynomial(i, step, m, w)
+            elif not to_polynomial(row, judged, w):
                 resolved = False
                 break
             degree = DEGREE

@@ -6,6 +6,7 @@ Those of an explicit method are its tableau written out; those of an implicit on
 from pathlib import Path
 
 from filippov._kernels.tableaus import Collocation, Method, Row, Tableau
+from filippov._kernels.tables import to_bernstein
 from filippov._kernels.unit import Constant
 
 _FOLDER = Path(__file__).parent
@@ -89,4 +90,5 @@ def method_constants(tableau: Method) -> dict[str, Constant]:
         "IMPLICIT": isinstance(tableau, Collocation),
         "END_IN_ERROR": tableau.end_in_error,
         "DENSE": [value for row in tableau.dense for value in row],
+        "DENSE_BERNSTEIN": to_bernstein(tableau.dense),
     }

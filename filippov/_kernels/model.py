@@ -12,12 +12,14 @@ which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are 
 event.
 RULE: which of the rules of sliding in `rules`. ORDER: power of the step that the error estimate goes with.
 IMPLICIT: the stages are solved for.
-DENSE: powers of the dense output, a row a stage. W_..., I_...: places in the scratch.
+DENSE: powers of the dense output, a row a stage; DENSE_BERNSTEIN: the same in Bernstein form. W_..., I_...:
+places in the scratch.
 """
 
 from filippov._kernels.language import Indices, Vector, kernel
 from filippov._kernels.layout import layout
 from filippov._kernels.tableaus import DOP853
+from filippov._kernels.tables import to_bernstein
 
 N, M, P = 1, 1, 1
 AFFINE, ROUGH, ALL_LINEAR = True, False, True
@@ -31,6 +33,7 @@ RESET_FROM: list[int] = [0]
 CONTACT: list[int] = [0]
 RESETS, CONTACTS, EVENT_SIZE = False, False, 4
 DENSE: list[float] = [value for row in DOP853.dense for value in row]
+DENSE_BERNSTEIN: list[float] = to_bernstein(DOP853.dense)
 _PLACE = layout(N, M, AFFINE, DOP853).constants
 SIDE = _PLACE["SIDE"]
 W_S = _PLACE["W_S"]

@@ -1,5 +1,7 @@
 """Constant tables of root isolation: Chebyshev points of a step and the way from values to Bernstein form."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -28,6 +30,15 @@ def _values_to_bernstein() -> npt.NDArray[np.float64]:
     for j in range(NODES):
         basis[:, j] = _binomial(DEGREE, j) * theta**j * (1.0 - theta) ** (DEGREE - j)
     return np.asarray(np.linalg.inv(basis), dtype=np.float64)
+
+
+def to_bernstein(rows: Sequence[Sequence[float]]) -> list[float]:
+    """Polynomials by their powers, one a row, as Bernstein coefficients of degree DEGREE, row by row."""
+    return [
+        sum(row[j] * _binomial(a, j) / _binomial(DEGREE, j) for j in range(min(a + 1, len(row))))
+        for row in rows
+        for a in range(NODES)
+    ]
 
 
 POSITION: list[float] = _positions().tolist()

@@ -108,8 +108,9 @@ def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
     if "inline" in marks:
         function.attributes.add("alwaysinline")
     for argument, value in zip(node.args.args, function.args, strict=True):
-        # Parameters and modes are only read while stages are computed: no other name writes to them.
-        if "contract" in marks and argument.arg in ("p", "m"):
+        # No other name writes to them: what depends on them alone is computed once.
+        pointer = value.type in (VECTOR, WIDE_VECTOR)
+        if pointer and "contract" in marks and argument.arg in ("x", "p", "m"):
             value.add_attribute("noalias")
     kernel = Kernel(node, function, ("contract",) if "contract" in marks else (), wide)
     unit.waiting.append(kernel)

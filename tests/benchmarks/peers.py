@@ -73,6 +73,97 @@ def scipy_response(t_end: float, rtol: float, method: str = "DOP853") -> np.ndar
     return x
 
 
+def scipy_trajectory(x0: np.ndarray, t_end: float, rtol: float, method: str = "DOP853") -> np.ndarray:
+    """The end of a motion that starts slipping, phase by phase."""
+    t, x, sign = 0.0, np.array(x0), float(np.sign(x0[1]))
+    options = {"method": method, "rtol": rtol, "atol": rtol * 1e-2}
+    while t < t_end:
+        run = solve_ivp(slip(sign), (t, t_end), x, events=stopping(sign), **options)
+        t, x = float(run.t[-1]), run.y[:, -1].copy()
+        if t >= t_end:
+            break
+        x[1] = 0.0
+        force = P * (x[0] + I * x[2])
+        if abs(force) < FS:
+            run = solve_ivp(stick, (t, t_end), x, events=breaking, **options)
+            t, x = float(run.t[-1]), run.y[:, -1].copy()
+            force = P * (x[0] + I * x[2])
+        sign = -float(np.sign(force))
+        if t < t_end:
+            x[1] = sign * 1e-300
+    return x
+
+
+class DiffraxMap:
+    """diffrax's Dopri8 on the slip phase, all points at once under vmap and jit."""
+
+    def __init__(self, rtol: float) -> None:
+        import jax
+
+        jax.config.update("jax_enable_x64", True)
+        import diffrax
+        import jax.numpy as jnp
+        import optimistix
+
+        def field(t: Any, x: Any, args: Any) -> Any:
+            g = FC + (FS - FC) * jnp.exp(-((x[1] / VS) ** 2))
+            return jnp.stack([x[1], (-P * (x[0] + D * x[1] + I * x[2]) + g - B * x[1]) / M, x[0]])
+
+        event = diffrax.Event(
+            lambda t, y, args, **_: y[1], optimistix.Newton(1e-13, 1e-13, optimistix.rms_norm), direction=True
+        )
+
+        def turn(x0: Any) -> Any:
+            return diffrax.diffeqsolve(
+                diffrax.ODETerm(field), diffrax.Dopri8(), 0.0, 100.0, None, x0, event=event, max_steps=4096,
+                stepsize_controller=diffrax.PIDController(rtol=rtol, atol=rtol * 1e-2), throw=False,
+            ).ys[-1, 0]  # fmt: skip
+
+        self.run = jax.jit(jax.vmap(turn))
+
+    def __call__(self, d: np.ndarray) -> np.ndarray:
+        x0 = np.column_stack([d, np.full_like(d, -1e-300), (FS / P - d) / I])
+        return np.asarray(self.run(x0))
+
+
+@dataclass
+class HeyokaBatch:
+    """heyoka's batch integrator, 8 lanes, on the slip phase, its step capped from outside."""
+
+    cap: float
+    lanes: int = 8
+
+    def __post_init__(self) -> None:
+        import heyoka as hy
+
+        x, v, z = hy.make_vars("x", "v", "z")
+        g = FC + (FS - FC) * hy.exp(-((v / VS) ** 2))
+        system = [(x, v), (v, (-P * (x + D * v + I * z) + g - B * v) / M), (z, x)]
+        event = hy.t_event_batch(v, direction=hy.event_direction.positive)
+        self.integrator = hy.taylor_adaptive_batch(
+            system, np.zeros((3, self.lanes)), tol=1e-10, t_events=[event]
+        )
+
+    def __call__(self, d: np.ndarray) -> np.ndarray:
+        ta, out, caps = self.integrator, np.empty_like(d), [self.cap] * self.lanes
+        for first in range(0, d.size, self.lanes):
+            value = np.resize(d[first : first + self.lanes], self.lanes)
+            ta.set_time(0.0)
+            ta.state[:] = (value, np.zeros(self.lanes), (FS / P - value) / I + 3e-17)
+            ta.reset_cooldowns()
+            target, left = np.full(self.lanes, 100.0), self.lanes
+            while left:
+                # The first event of any lane ends the call; that lane then waits where it is.
+                ta.propagate_until(target, max_delta_t=caps)
+                for lane, result in enumerate(ta.propagate_res):
+                    if int(result[0]) == -1 and target[lane] == 100.0:
+                        if first + lane < d.size:
+                            out[first + lane] = ta.state[0, lane]
+                        target[lane] = ta.time[lane]
+                        left -= 1
+        return out
+
+
 @dataclass
 class HeyokaMap:
     """heyoka's scalar Taylor integrator on the slip phase, its step capped from outside."""

@@ -14,6 +14,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +25,7 @@ import peers  # noqa: E402
 from filippov import Solution, solve  # noqa: E402
 from filippov.analysis.event_map import EventMap  # noqa: E402
 from filippov.analysis.section import Section  # noqa: E402
+from filippov.ensemble import solve_many  # noqa: E402
 from filippov.models import get  # noqa: E402
 
 COLD = """
@@ -58,14 +60,20 @@ def event_map(rounds: int) -> None:
     ours = exact.remake(rtol=1e-10, atol=1e-12)
     d = np.linspace(0.001, 0.5, 500)
     truth = exact(d)
-    times = {"ours": [], "scipy": [], "heyoka": []}
     sample = d[::10]
-    caps = heyoka_cap(d, truth)
+    runs: dict[str, Callable[[], object]] = {"ours": lambda: ours(d)}
+    caps, batch = heyoka_cap(d, truth, peers.HeyokaMap), heyoka_cap(d, truth, peers.HeyokaBatch)
+    if caps is not None and batch is not None:
+        runs |= {"heyoka": lambda: caps(d), "batch": lambda: batch(d)}
+    vmap = diffrax_map()
+    if vmap is not None:
+        vmap(d)
+        runs["diffrax"] = lambda: vmap(d)
+    times: dict[str, list[float]] = {name: [] for name in [*runs, "scipy"]}
     for _ in range(rounds):
-        times["ours"].append(median_time(lambda: ours(d), 9))
+        for name, run in runs.items():
+            times[name].append(median_time(run, 9))
         times["scipy"].append(10 * median_time(lambda: peers.scipy_map(sample, 1e-10), 1))
-        if caps is not None:
-            times["heyoka"].append(median_time(lambda: caps(d), 5))
     own = statistics.median(times["ours"])
     print(
         f"event map, 500 points, rtol 1e-10: filippov {own * 1e3:.2f} ms, "
@@ -73,22 +81,29 @@ def event_map(rounds: int) -> None:
     )
     worst = float(np.max(np.abs(peers.scipy_map(d, 1e-10) - truth)))
     row("  scipy solve_ivp(DOP853), timed on 50 points x 10", own, statistics.median(times["scipy"]), worst)
-    if caps is not None:
-        worst = float(np.max(np.abs(caps(d) - truth)))
-        row(
-            "  heyoka, scalar, step capped",
-            own,
-            statistics.median(times["heyoka"]),
-            worst,
-            f"cap {caps.cap} s",
-        )
+    titles = {"heyoka": "heyoka, scalar, step capped", "batch": "heyoka, batch of 8, step capped"}
+    for name, peer in (("heyoka", caps), ("batch", batch)):
+        if peer is not None:
+            worst = float(np.max(np.abs(peer(d) - truth)))
+            row(f"  {titles[name]}", own, statistics.median(times[name]), worst, f"cap {peer.cap} s")
+    if vmap is not None:
+        worst = float(np.max(np.abs(vmap(d) - truth)))
+        row("  diffrax Dopri8, vmap", own, statistics.median(times["diffrax"]), worst)
 
 
-def heyoka_cap(d: np.ndarray, truth: np.ndarray) -> peers.HeyokaMap | None:
+def diffrax_map() -> peers.DiffraxMap | None:
+    try:
+        return peers.DiffraxMap(1e-10)
+    except ImportError:
+        print("  diffrax is not installed (pip install 'filippov[bench]')")
+    return None
+
+
+def heyoka_cap(d: np.ndarray, truth: np.ndarray, kind: type[Any]) -> Any:
     """The largest of a few caps with which heyoka gets every point right."""
     try:
         for cap in (np.inf, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01):
-            peer = peers.HeyokaMap(cap)
+            peer = kind(cap)
             worst = float(np.max(np.abs(peer(d) - truth)))
             if worst < 1e-8:
                 return peer
@@ -96,6 +111,32 @@ def heyoka_cap(d: np.ndarray, truth: np.ndarray) -> peers.HeyokaMap | None:
     except ImportError:
         print("  heyoka is not installed (pip install 'filippov[bench]')")
     return None
+
+
+def trajectories(rounds: int, cores: set[int]) -> None:
+    """10,000 motions of 20 s from states drawn at random; scipy does 20 of them."""
+    system, options = get("hunting").build(), {"rtol": 1e-8, "atol": 1e-10}
+    x0 = np.random.default_rng(0).uniform(-0.5, 0.5, (10_000, 3))
+    exact = solve_many(system, x0, (0, 20), rtol=1e-12, atol=1e-14, threads=1).x
+    own, scipy = [], []
+    for _ in range(rounds):
+        own.append(median_time(lambda: solve_many(system, x0, (0, 20), threads=1, **options), 3))
+        begun = time.perf_counter()
+        ends = np.array([peers.scipy_trajectory(x, 20.0, 1e-8) for x in x0[:20]])
+        scipy.append(500 * (time.perf_counter() - begun))
+    error = np.max(np.abs(solve_many(system, x0, (0, 20), threads=1, **options).x - exact))
+    mine = statistics.median(own)
+    print(f"10,000 trajectories of 20 s, rtol 1e-8: filippov {mine * 1e3:.0f} ms, error {error:.1e}")
+    theirs = float(np.max(np.abs(ends - exact[:20])))
+    row("  scipy solve_ivp(DOP853), timed on 20 x 500", mine, statistics.median(scipy), theirs)
+    if len(cores) > 1:
+        os.sched_setaffinity(0, cores)
+        both = [
+            median_time(lambda: solve_many(system, x0, (0, 20), threads=2, **options), 3)
+            for _ in range(rounds)
+        ]
+        os.sched_setaffinity(0, {min(cores)})
+        print(f"  two cores: {mine / statistics.median(both):.2f} times one")
 
 
 def response(rounds: int) -> None:
@@ -132,8 +173,11 @@ def first_solve() -> None:
 
 if __name__ == "__main__":
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 3
+    everything: set[int] = set()
     if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})  # every solver on one core
+        everything = set(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {min(everything)})  # every solver on one core
     event_map(count)
+    trajectories(count, everything)
     response(count)
     first_solve()
