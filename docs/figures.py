@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
@@ -41,5 +42,15 @@ def hunting() -> None:
     plt.close(whole)
 
 
+def friction_curve() -> None:
+    """Points of a Stribeck curve with noise of 0.02 N, seed 3: the measurements of the README's example."""
+    rng = np.random.default_rng(3)
+    v = np.concatenate((-np.geomspace(0.8, 1e-3, 90), np.geomspace(1e-3, 0.8, 90)))
+    force = np.sign(v) * (2 + 2 * np.exp(-((np.abs(v) / 0.1) ** 2))) + v + 0.02 * rng.standard_normal(v.size)
+    rows = ["velocity [m/s],friction [N]", *(f"{a:.6g},{b:.6g}" for a, b in zip(v, force, strict=True))]
+    (HERE / "_static" / "friction.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
 if __name__ == "__main__":
     hunting()
+    friction_curve()

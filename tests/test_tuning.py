@@ -116,13 +116,16 @@ def test_bad_requests_are_named() -> None:
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "identified.json"
-    content = {"fixed": {"beta": 2.0}, "values": {"vs": 0.1}, "intervals": {"vs": [0.099, 0.101]}}
+    content = {"fixed": {"beta": 2.0}, "values": {"vs": 0.1}, "covariance": [[1e-6]], "level": 0.95}
     file.write_text(json.dumps(content), encoding="utf-8")
     out = tmp_path / "out"
     words = ["tune", "hunting", "--ranges", "P=15:40", "--ranges", "I=8:12", "--samples", "16", "--grid", "6"]
     data = summary(capsys, *words, "--identified", str(file), "-o", str(out))
     assert data["best"]["P"] > FOLD * 0.9
-    assert data["band"] == [{"vs": 0.099}, {"vs": 0.101}]
+    # 1.96 standard errors of 0.001 on both sides.
+    ends = [item["vs"] for item in data["band"][1:]]
+    assert data["band"][0] == {}
+    assert ends == pytest.approx([0.1 - 0.00195996, 0.1 + 0.00195996], abs=1e-8)
     assert {p.name for p in out.iterdir()} == {"tuning.json", "samples.csv", "tuning.png"}
     assert main(["tune", "hunting"]) == 2
     file.write_text("[1, 2", encoding="utf-8")

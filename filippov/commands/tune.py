@@ -5,10 +5,12 @@ from __future__ import annotations
 import importlib
 import itertools
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from filippov.commands.console import Console
 from filippov.commands.folder import Folder
@@ -20,20 +22,35 @@ from filippov.plot_tuning import plot_gain_maps
 LARGEST = 10_000_000
 
 
-def identified(path: str, known: tuple[str, ...]) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """Values and intervals out of the identified.json that `filippov identify` wrote."""
+def identified(path: str, known: tuple[str, ...]) -> tuple[dict[str, float], list[dict[str, float]]]:
+    """Values out of the identified.json that `filippov identify` wrote, and the ends of its confidence region.
+
+    The region is the ellipsoid of the estimate's covariance at its level; the ends are those of its axes.
+    """
     file = Path(path)
     try:
         if file.stat().st_size > LARGEST:
             raise UsageError(f"{path} is larger than {LARGEST} bytes, which no identified.json is.")
         data = json.loads(file.read_text(encoding="utf-8"))
         values = {k: float(v) for k, v in {**data["fixed"], **data["values"]}.items() if k in known}
-        intervals = {k: (float(a), float(b)) for k, (a, b) in data["intervals"].items() if k in known}
+        names = [name for name in data["values"] if name in known]
+        every = list(data["values"])
+        place = [every.index(name) for name in names]
+        covariance = np.array(data["covariance"], dtype=float).reshape(len(every), len(every))
+        radius = math.sqrt(float(chi2.ppf(float(data["level"]), max(len(names), 1))))
     except (OSError, RecursionError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(
             f"{path} is no identified.json of `filippov identify` ({type(error).__name__}: {error})."
         ) from None
-    return values, intervals
+    if not np.all(np.isfinite(covariance)):
+        raise UsageError(f"{path}: the covariance is not finite; the data do not determine every parameter.")
+    sizes, axes = np.linalg.eigh(covariance[np.ix_(place, place)])
+    ends = []
+    for size, axis in zip(np.sqrt(np.maximum(sizes, 0.0)), axes.T, strict=True):
+        for side in (-1.0, 1.0):
+            shift = side * radius * size * axis
+            ends.append({n: values[n] + float(s) for n, s in zip(names, shift, strict=True)})
+    return values, ends
 
 
 def run(settings: dict[str, Any], console: Console) -> int:
@@ -43,17 +60,18 @@ def run(settings: dict[str, Any], console: Console) -> int:
     if not ranges:
         raise UsageError("which gains? give --ranges P=5:60 for each, lowest and highest value.")
     own: dict[str, float] = {}
-    spread: dict[str, tuple[float, float]] = {}
+    ends: list[dict[str, float]] = []
     if settings["identified"] is not None:
-        own, spread = identified(settings["identified"], tuple(loaded.system.parameters.names))
+        own, ends = identified(settings["identified"], tuple(loaded.system.parameters.names))
     values = loaded.values({**own, **settings["parameters"]})
-    spread |= settings["band"]
-    known = {name: loaded.system.parameters[name] for name in spread if name in loaded.system.parameters}
-    for name, declared in known.items():
-        # An interval of an estimate may reach beyond what the parameter can be.
-        if declared.lower is not None:
-            spread[name] = (max(spread[name][0], declared.lower), spread[name][1])
+    spread = settings["band"]
     corners = [dict(zip(spread, pick, strict=True)) for pick in itertools.product(*spread.values())]
+    for end in ends:
+        # The region of an estimate may reach beyond what a parameter can be.
+        for name in end:
+            lower = loaded.system.parameters[name].lower
+            end[name] = end[name] if lower is None else max(end[name], lower)
+    corners = [{**end, **corner} for corner in corners for end in [{}, *ends]]
     section, interval = section_of(loaded, settings), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)
     module = importlib.import_module("filippov.analysis.tuning")
