@@ -241,7 +241,7 @@ _ALL = (
                 metavar="NAME=LOW:HIGH", repeat=True, default={}),
          Option("band", "range of a friction parameter that has to be free of hunting at both ends; can be "
                 "repeated", named_ranges, metavar="NAME=LOW:HIGH", repeat=True, default={}),
-         Option("identified", "identified.json of `filippov identify`: its values, its confidence region as band",
+         Option("identified", "identified.json of `filippov identify`: values and confidence region",
                 text, metavar="FILE"),
          Option("samples", "samples of the ranges", whole, metavar="N", default=256),
          Option("seed", "seed of the samples", whole, metavar="N", default=1),

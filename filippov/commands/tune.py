@@ -23,7 +23,7 @@ LARGEST = 10_000_000
 
 
 def identified(path: str, known: tuple[str, ...]) -> tuple[dict[str, float], list[dict[str, float]]]:
-    """Values out of the identified.json that `filippov identify` wrote, and the ends of its confidence region.
+    """Values out of the identified.json that `filippov identify` wrote, and the ends of their region.
 
     The region is the ellipsoid of the estimate's covariance at its level; the ends are those of its axes.
     """
