@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
@@ -139,9 +140,12 @@ def solve_many(
     checked = Options(dense_output=False, **options)
     states, values = _points(system, x0, parameters or {})
     count = len(states)
-    machine = Machine(system, checked.method, values[0], sliding=checked.sliding)
+    if system.symbolic is not None:
+        machine = _machine(system, checked.method, checked.sliding)
+    else:
+        machine = Machine(system, checked.method, values[0], sliding=checked.sliding)
     width = _lanes(lanes, machine, checked.method, count)
-    unit = lane_unit(machine, checked.method) if width > 1 else None
+    unit = _lane_unit(machine, checked.method) if width > 1 else None
     workers = system_threads(system, threads, count, 16 * width)
     parts: list[Ensemble] = []
     for first in range(0, max(count, 1), _BLOCK):
@@ -168,6 +172,15 @@ def solve_many(
         if not part.complete:
             break
     return _joined(parts, states, span)
+
+
+@lru_cache(maxsize=64)
+def _machine(system: System, method: str, sliding: str) -> Machine:
+    """The machine of a symbolic system; its scratch is nobody's, batches bring their own."""
+    return Machine(system, method, system.parameters.resolve(None), sliding=sliding)
+
+
+_lane_unit = lru_cache(maxsize=64)(lane_unit)
 
 
 def _lanes(lanes: int | None, machine: Machine, method: str, count: int) -> int:

@@ -115,7 +115,7 @@ def heyoka_cap(d: np.ndarray, truth: np.ndarray, kind: type[Any]) -> Any:
 
 def trajectories(rounds: int, cores: set[int]) -> None:
     """10,000 motions of 20 s from states drawn at random; scipy does 20 of them."""
-    system, options = get("hunting").build(), {"rtol": 1e-8, "atol": 1e-10}
+    system, options = get("hunting").build(), {"rtol": 1e-8, "atol": 1e-11}
     x0 = np.random.default_rng(0).uniform(-0.5, 0.5, (10_000, 3))
     exact = solve_many(system, x0, (0, 20), rtol=1e-12, atol=1e-14, threads=1).x
     own, scipy = [], []
