@@ -119,15 +119,16 @@ def routh_array(
     auxiliary polynomial, which the row above holds; so are further zero rows that follow.
     """
     n = len(coefficients) - 1
-    plain = [coefficients[k::2] for k in (0, 1)][: n + 1]
-    result = RouthArray(None, [tuple(row) for row in plain], [], [], complete=False)
+    result = RouthArray(None, [], [], [], complete=False)
     try:
         result.ring = ring = Ring(coefficients, clock)
-        result.rows = []
         _fill(result, ring, n, clock, s)
         result.complete = True
     except OutOfBudgetError as error:
         result.reason = str(error)
+        # The first two rows are the coefficients, which are known without any computation.
+        plain = [tuple(coefficients[k::2]) for k in (0, 1)][: n + 1]
+        result.rows += plain[len(result.rows) :]
     return result
 
 

@@ -13,7 +13,7 @@ from filippov.analysis.budget import Clock, OutOfBudgetError
 from filippov.analysis.equilibria import equilibria
 from filippov.analysis.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.analysis.linearisation import characteristic_polynomial, linearise
-from filippov.analysis.polynomial import exact
+from filippov.analysis.polynomial import Verdict, exact
 from filippov.analysis.set_stability import set_stability
 from filippov.analysis.sliding_stability import sliding_stability
 from filippov.analysis.stability_context import Context
@@ -148,13 +148,23 @@ def _smooth(context: Context, equilibrium: EquilibriumPoint | EquilibriumSet) ->
         statements.append(Statement("the linear part does not decide"))
     else:
         answer = ANSWERS[hurwitz.value]
-        if answer == "undecided":
+        method = "Lyapunov's first method"
+        affine = not context.form.jacobian(equilibrium.mode).has(*context.form.x)
+        if answer == "undecided" and not equilibrium.dimension and affine:
+            bounded = context.bounded(linear.smooth)
+            if bounded is not None:
+                answer, method = ("stable" if bounded else "unstable"), "the mode's field is linear"
+        if answer == "stable":
+            text = "roots on the imaginary axis, with as many eigenvectors: motions stay near"
+        elif answer == "unstable" and hurwitz is not Verdict.UNSTABLE:
+            text = "a repeated root on the imaginary axis with too few eigenvectors: motions grow like t"
+        elif answer == "undecided":
             text = "the linear part has roots on the imaginary axis, so higher terms decide"
         else:
             text = f"all roots lie in the left half plane: the equilibrium is {hurwitz.value}"
             if answer == "unstable":
                 text = "the linear part is unstable, and so is the equilibrium"
-        statements.append(Statement(text, "Lyapunov's first method"))
+        statements.append(Statement(text, method))
     edges = equilibrium.kind == "boundary equilibrium" if isinstance(equilibrium, EquilibriumPoint) else False
     if edges and answer != "unstable":
         statements.append(

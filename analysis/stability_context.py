@@ -110,12 +110,17 @@ class Context:
     def verdict(
         self, polynomial: Sequence[Expr], more: Mapping[Symbol, Expr] | None = None
     ) -> Verdict | None:
-        """Where the roots lie at the parameter values; asymptotically stable if there are none."""
+        """Where the roots lie at the parameter values; asymptotically stable if there are none.
+
+        Roots on the axis are marginal however often they are repeated: of a motion near an equilibrium they
+        say nothing (x'' = -x**3 has the double root 0 and is stable).
+        """
         if len(polynomial) < 2:
             return Verdict.ASYMPTOTICALLY_STABLE
         coefficients = [sympy.S(c).subs({**self.values, **(more or {})}) for c in polynomial]
         try:
-            return count_roots(coefficients).verdict
+            counts = count_roots(coefficients)
+            return counts.verdict if counts.rhp or not counts.axis else Verdict.MARGINALLY_STABLE
         except UsageError:
             numbers = [self.number(c) for c in coefficients]
         if not np.all(np.isfinite(numbers)):
@@ -137,6 +142,24 @@ class Context:
             return Solved(symbol, routh.solve_for(symbol), routh.solve_for(symbol, others))
         except UsageError:
             return None
+
+    def bounded(self, matrix: sympy.Matrix) -> bool | None:
+        """Whether exp(A t) stays bounded: no root on the right, those on the axis with all eigenvectors.
+
+        None where the entries are no numbers at the parameter values.
+        """
+        A = self.numbers(matrix)
+        if not np.all(np.isfinite(A)):
+            return None
+        near = 1e-6 * max(1.0, float(np.linalg.norm(A)))
+        roots = np.linalg.eigvals(A)
+        for root in roots[roots.real > -near]:
+            if root.real > near:
+                return False
+            sizes = np.linalg.svd(A - 1j * root.imag * np.eye(len(A)), compute_uv=False)
+            if np.sum(sizes <= 10 * near) < np.sum(np.abs(roots - 1j * root.imag) <= 10 * near):
+                return False
+        return True
 
     def semisimple(
         self, sliding: SlidingLinearisation, zeros: int, more: Mapping[Symbol, Expr] | None = None
