@@ -23,7 +23,8 @@ MARGIN = 1e-9
 
 def kind_of(form: SymbolicForm, i: int, surface: Surface, opaque: Sequence[Expr]) -> Kind:
     """Return the kind of surface i; ModelError if the declared one contradicts the equations."""
-    used = any(e.has(form.s[i], form.a[i]) for e in (*form.field, *form.h))
+    own = {form.s[i], form.a[i]}
+    used = any(own & e.free_symbols for e in (*form.field, *form.h))
     if surface.kind == "observer" and not used:
         return "observer"
     jumps = _jumps(form, i, opaque)
@@ -45,7 +46,7 @@ def _jumps(form: SymbolicForm, i: int, opaque: Sequence[Expr]) -> bool:
     h = form.plain_h()
     own = {sympy.Abs(h[i]): sympy.S.Zero, sympy.Abs(-h[i]): sympy.S.Zero}
     jumps = []
-    for f in map(decimal, opaque):
+    for f in (decimal(f) for f in opaque if form.s[i] in f.free_symbols):
         if f.has(form.s[i]):
             plus, minus = (f.xreplace({form.s[i]: Integer(m)}).xreplace(own) for m in (1, -1))
             if plus != minus:

@@ -37,6 +37,7 @@ BUILT_IN: dict[str, str] = {
     "belt_static": "belt",
     "belt_stribeck": "belt",
     "two_blocks": "two_blocks",
+    "chain": "chain",
     "oscillator": "oscillator",
     "oscillator_forced": "oscillator",
     "relay": "relay",

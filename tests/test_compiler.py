@@ -13,7 +13,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from filippov._kernels import bernstein, build, tables
+from filippov._kernels import bernstein, build, dense, tables
 from filippov._kernels.compiler import compile_unit, load_object
 from filippov._kernels.unit import KernelError, Unit, add_kernels
 
@@ -46,10 +46,12 @@ def compiled(
     text: str, names: tuple[str, ...], constants: dict[str, Any] | None = None
 ) -> tuple[Any, dict[str, Any]]:
     unit = Unit()
-    unit.constants.update(
-        {k: v for k, v in vars(tables).items() if k.isupper() and isinstance(v, int | float | list)}
-    )
+    for module in (tables, dense):
+        unit.constants.update(
+            {k: v for k, v in vars(module).items() if k.isupper() and isinstance(v, int | float | list)}
+        )
     add_kernels(unit, Path(bernstein.__file__).read_text(encoding="utf-8"))
+    add_kernels(unit, Path(dense.__file__).read_text(encoding="utf-8"))
     add_kernels(unit, text)
     engine = load_object(compile_unit(unit, constants or {}, names))
     kind = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)
@@ -107,7 +109,7 @@ def test_linear_solve_is_the_same_compiled(a: list[float], b: list[float]) -> No
     out[:3] = b
     right = np.array(b)
     done = bool(KERNELS["linear"](one.ctypes.data, out.ctypes.data))
-    assert done == bool(bernstein.solve_linear(two, right, 3, 3))
+    assert done == bool(dense.solve_linear(two, right, 3, 3))
     if done and np.linalg.cond(np.array(a).reshape(3, 3)) < 1e8:
         np.testing.assert_array_equal(out[:3], right)
         np.testing.assert_allclose(right, np.linalg.solve(np.array(a).reshape(3, 3), b), rtol=1e-6, atol=1e-8)

@@ -1,4 +1,4 @@
-"""Root isolation of polynomials of degree 8 in Bernstein form, and a small linear solve.
+"""Root isolation of polynomials of degree 8 in Bernstein form.
 
 All coefficients of one sign prove that there is no root, one change of sign proves exactly one (Lane &
 Riesenfeld 1981); subdivision at the middle decides the rest, down to 2**-DEPTH of the interval.
@@ -133,38 +133,3 @@ def first_root(
         bounds[2 * top + 2], bounds[2 * top + 3] = lo, middle
         top += 2
     return NO_ROOT, 2.0
-
-
-@kernel
-def solve_linear(a: Vector, b: Vector, n: int, stride: int) -> bool:
-    """Solve a y = b in place by elimination with row pivoting; False where a is singular."""
-    for k in range(n):
-        pivot, best = k, abs(a[k * stride + k])
-        for i in range(k + 1, n):
-            if abs(a[i * stride + k]) > best:
-                pivot, best = i, abs(a[i * stride + k])
-        size = 0.0
-        for j in range(k, n):
-            size = max(size, abs(a[pivot * stride + j]))
-        if not (best > 1e-14 * size):
-            return False
-        if pivot != k:
-            for j in range(n):
-                held = a[k * stride + j]
-                a[k * stride + j] = a[pivot * stride + j]
-                a[pivot * stride + j] = held
-            held = b[k]
-            b[k] = b[pivot]
-            b[pivot] = held
-        for i in range(k + 1, n):
-            factor = a[i * stride + k] / a[k * stride + k]
-            if factor != 0.0:
-                for j in range(k + 1, n):
-                    a[i * stride + j] -= factor * a[k * stride + j]
-                b[i] -= factor * b[k]
-    for k in range(n - 1, -1, -1):
-        total = b[k]
-        for j in range(k + 1, n):
-            total -= a[k * stride + j] * b[j]
-        b[k] = total / a[k * stride + k]
-    return True

@@ -29,8 +29,8 @@ from filippov._kernels.unit import Constant, KernelError, Unit, add_kernels
 
 _FOLDER = Path(__file__).parent
 _FILES = (
-    "elementary", "bernstein", "multiplier", "rules", "field", "land", "locate", "control", "resolve",
-    "reset", "record", "segment", "advance", "probe", "start", "turn", "ensemble",
+    "elementary", "bernstein", "dense", "multiplier", "rules", "field", "land", "locate", "control",
+    "resolve", "reset", "record", "segment", "advance", "probe", "start", "turn", "ensemble",
 )  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
 _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_run")
@@ -171,7 +171,9 @@ def build(source: str, constants: Mapping[str, Constant], method: str, lanes: bo
     """
     exported = LANE_EXPORTED if lanes else EXPORTED
     n, m = int(constants["N"]), int(constants["M"])  # type: ignore[arg-type]
-    place = layout.layout(n, m, bool(constants["AFFINE"]), TABLEAUS[method], constants["RULE"] == MOMENTS)
+    colours, largest = int(constants["COLOURS"]), int(constants["LARGEST"])  # type: ignore[arg-type]
+    moments = constants["RULE"] == MOMENTS
+    place = layout.layout(n, m, bool(constants["AFFINE"]), TABLEAUS[method], colours, largest, moments)
     text = repr((source, sorted(constants.items()), method, lanes)).encode()
     name = hashlib.sha256(_toolchain() + text).hexdigest()[:32]
     with _lock:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from filippov._kernels.generate import Generated, unit_constants
 from filippov._kernels.jit import CompiledField, compile_field
+from filippov._kernels.structure import Structure
 from filippov.errors import ModelError
 from filippov.surface import Surface
 from filippov.time_event import TimeEvent
@@ -58,7 +59,9 @@ def resets(i: int, t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: 
 def callback_unit(n: int, parameters: int, surfaces: tuple[Surface, ...]) -> Generated:
     """The unit of any system of this size that is given by plain functions."""
     linear = [surface.linear for surface in surfaces]
-    return Generated(SOURCE, unit_constants(n, parameters, surfaces, linear, len(surfaces) < 2, True))
+    pattern = Structure.full(n, len(surfaces))
+    affine = len(surfaces) < 2
+    return Generated(SOURCE, unit_constants(n, parameters, surfaces, linear, affine, True, pattern))
 
 
 def new_context() -> npt.NDArray[np.int64]:

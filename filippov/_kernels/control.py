@@ -1,14 +1,15 @@
 """Step control: error norm, first step, and the tests that say whether a step needs a closer look."""
 
 from filippov._kernels.codes import ROOT
-from filippov._kernels.field import field
+from filippov._kernels.field import field, rate
 from filippov._kernels.land import EPS, guard_scale
 from filippov._kernels.language import Indices, Vector, from_bits, kernel, shift, sqrt, to_bits
 from filippov._kernels.layout import COLUMNS, LEAST, MOST, SLOPE
 from filippov._kernels.model import (
     ALL_LINEAR,
+    COMPONENT,
     I_CALLS,
-    I_SLIDING,
+    I_PEERS,
     ORDER,
     W_ATTRACT,
     W_CREEP,
@@ -136,7 +137,7 @@ def suspicious(step: float, m: Vector, order: Indices, w: Vector, iw: Indices) -
             below, above = mult[LEAST] - spread, mult[MOST] + spread
             if not (above < w[W_RADIUS + 2 * i + 1] and below > w[W_RADIUS + 2 * i]):
                 return True
-            if iw[I_SLIDING] == 1 and (w[W_ATTRACT + i] < 0.0 or not (mult[SLOPE] < 0.0)):
+            if iw[I_PEERS + COMPONENT[i]] == 1 and (w[W_ATTRACT + i] < 0.0 or not (mult[SLOPE] < 0.0)):
                 return True
             continue
         if not ALL_LINEAR or order[i] > 0:
@@ -159,10 +160,7 @@ def guard_state(
     if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
         return 1
     for i in range(M):
-        total = w[W_GT + i]
-        for j in range(N):
-            total += w[W_G + i * N + j] * f[j]
-        state[2 * i], state[2 * i + 1] = h[i], total
+        state[2 * i], state[2 * i + 1] = h[i], rate(i, f, w)
     return 0
 
 

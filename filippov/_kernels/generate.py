@@ -19,6 +19,7 @@ from filippov._kernels.generate_resets import (
     reset_source,
 )
 from filippov._kernels.hoist import Hoisted
+from filippov._kernels.structure import Structure
 from filippov._kernels.unit import Constant
 from filippov.errors import ModelError
 from filippov.surface import Surface
@@ -178,13 +179,11 @@ def _gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[Expr]
     by = (*form.x, t)
     rows: list[list[Expr]] = []
     for i, h in enumerate(form.h):
-        row = []
-        for j, q in enumerate(by):
-            total = h.diff(q)
-            for k in range(i):
-                if h.has(form.a[k]):
-                    total += h.diff(form.a[k]) * modes[k] * rows[k][j]
-            row.append(total)
+        inside = h.free_symbols
+        row = [h.diff(q) if q in inside else sympy.S.Zero for q in by]
+        for k in (k for k in range(i) if form.a[k] in inside):
+            slope = h.diff(form.a[k]) * modes[k]
+            row = [total + slope * inner for total, inner in zip(row, rows[k], strict=True)]
         rows.append(row)
     return rows
 
@@ -193,9 +192,9 @@ def jointly_affine(form: SymbolicForm) -> bool:
     """Whether the field is a constant plus a sum of terms in one sign each."""
     free = set(form.s)
     for f in form.field:
-        g = convex(f, free)
-        for s in form.s:
-            if g.has(s) and sympy.expand(g.diff(s)).free_symbols & free:
+        g = convex(f, free) if f.free_symbols & free else f
+        for s in g.free_symbols & free:
+            if sympy.expand(g.diff(s)).free_symbols & free:
                 return False
     return True
 
@@ -208,6 +207,16 @@ def rough(form: SymbolicForm) -> bool:
             if power.base.free_symbols & set(form.a) and not whole:
                 return True
     return False
+
+
+def structure(form: SymbolicForm, field: Sequence[Expr], rows: Sequence[Sequence[Expr]]) -> Structure:
+    """Which gradients, field components and signs have to do with each other."""
+    sign, size = {s: i for i, s in enumerate(form.s)}, {a: i for i, a in enumerate(form.a)}
+    return Structure(
+        tuple(tuple(j for j in range(len(form.x)) if row[j] != 0) for row in rows),
+        tuple(frozenset(sign[s] for s in f.free_symbols if s in sign) for f in field),
+        tuple(frozenset(size[a] for a in h.free_symbols if a in size) for h in form.h),
+    )
 
 
 def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = False) -> Generated:
@@ -245,7 +254,9 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     lines += [f"def gradients({arguments}) -> int:"]
     slopes = {a for row in rows for e in row for a in e.free_symbols & set(form.a)}
     lines += _sizes(form, printer, slopes)
-    targets = [(f"g[{i * n + j}]", rows[i][j]) for i in range(m) for j in range(n)]
+    # The other entries are zero from the start and stay so.
+    pattern = structure(form, field, rows)
+    targets = [(f"g[{i * n + j}]", rows[i][j]) for i in range(m) for j in pattern.columns[i]]
     lines += _assign(printer, targets + [(f"gt[{i}]", rows[i][n]) for i in range(m)], "c")
     lines += [
         "    return 0",
@@ -268,7 +279,7 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     varying = {t, *form.x, *form.a}
     linear = [not any(e.free_symbols & varying for e in row) for row in plain_rows]
     constants = unit_constants(
-        n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), rough(form)
+        n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), rough(form), pattern
     )
     return Generated("\n".join(lines), constants)
 
@@ -280,6 +291,7 @@ def unit_constants(
     linear: Sequence[bool],
     affine: bool,
     is_rough: bool,
+    pattern: Structure,
 ) -> dict[str, Constant]:
     """The constants of `filippov._kernels.model` that belong to the system."""
     return {
@@ -293,4 +305,4 @@ def unit_constants(
         "WIDTH": [float(surface.width) for surface in surfaces] or [0.0],
         "ALL_LINEAR": all(linear),
         **reset_constants(n, surfaces),
-    }
+    } | pattern.constants(n)

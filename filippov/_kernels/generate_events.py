@@ -79,4 +79,11 @@ def generate_with_events(
     linear = constants["LINEAR"]
     assert isinstance(linear, list)
     constants |= {"LINEAR": [*linear[:first], *[0] * functions], "ALL_LINEAR": False, "FIRST_CALLED": first}
+    # A function may depend on every state; its row is the last of the gradients.
+    starts, columns = constants["G_FIRST"], constants["G_COLUMN"]
+    assert isinstance(starts, list)
+    assert isinstance(columns, list)
+    n, known = len(form.x), int(starts[first])
+    constants["G_FIRST"] = [*map(int, starts[: first + 1]), *(known + n * (k + 1) for k in range(functions))]
+    constants["G_COLUMN"] = [*map(int, columns[:known]), *list(range(n)) * functions]
     return Generated(source + CALLED, constants)

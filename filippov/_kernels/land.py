@@ -5,10 +5,12 @@ at rounding level and not at the interpolant's.
 """
 
 from filippov._kernels.codes import ROOT, SWITCHING, TOUCH, UPPER
-from filippov._kernels.field import field, project
+from filippov._kernels.field import add_gradient, field, gradient_product, project, rate
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.locate import guard_rows
 from filippov._kernels.model import (
+    G_COLUMN,
+    G_FIRST,
     I_SLIDING,
     IMPLICIT,
     RESET_FROM,
@@ -34,8 +36,8 @@ EPS = 2.220446049250313e-16
 def guard_scale(i: int, t: float, x: Vector, w: Vector) -> float:
     """Size of the terms of h_i, from its gradient: what rounding in h_i is measured by."""
     total = float(abs(w[W_GT + i] * t))
-    for j in range(N):
-        total += abs(w[W_G + i * N + j] * x[j])
+    for a in range(G_FIRST[i], G_FIRST[i + 1]):
+        total += abs(w[W_G + i * N + G_COLUMN[a]] * x[G_COLUMN[a]])
     return total
 
 
@@ -46,13 +48,10 @@ def project_on(t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, ctx
     for _ in range(2):
         if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
             return 1
-        size = 0.0
-        for j in range(N):
-            size += w[W_G + i * N + j] ** 2
+        size = gradient_product(i, i, w)
         if h[i] == 0.0 or size == 0.0:
             return 0
-        for j in range(N):
-            x[j] -= h[i] * w[W_G + i * N + j] / size
+        add_gradient(i, -h[i] / size, x, w)
     return guards(t, x, p, m, h, ctx)
 
 
@@ -95,9 +94,7 @@ def land(
             if abs(value) <= EPS * guard_scale(i, te, xe, w):
                 break
             code = field(te, xe, p, m, f, w, iw, ctx)
-            change = w[W_GT + i]
-            for j in range(N):
-                change += w[W_G + i * N + j] * f[j]
+            change = rate(i, f, w)
         else:
             code = guard_rows(te, xe, p, m, row, w, iw, ctx)
             value = row[i] if cause == UPPER else row[M + i]

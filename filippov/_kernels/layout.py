@@ -25,11 +25,16 @@ class Layout:
     powers: int
 
 
-def layout(n: int, m: int, affine: bool, tableau: Method, moments: bool = False) -> Layout:
-    """Offsets W_... (doubles) and I_... (integers) for n states and m surfaces."""
-    vertices = m + 1 if affine else 2 ** min(m, MOST_ENUMERATED) + 1
+def layout(
+    n: int, m: int, affine: bool, tableau: Method, colours: int, largest: int, moments: bool = False
+) -> Layout:
+    """Offsets W_... (doubles) and I_... (integers) for n states and m surfaces.
+
+    colours: field calls that give the derivatives by all signs; largest: surfaces in the largest component.
+    """
+    vertices = colours + 1 if affine else 2 ** min(m, MOST_ENUMERATED) + 1
     weights = 2 ** min(m, MOST_ENUMERATED) if moments and not affine else 0
-    side = max(m, 1)
+    side = max(largest, 1) if affine else max(m, 1)
     powers = len(tableau.dense[0])
     # What an implicit method keeps from step to step; nothing for an explicit one.
     implicit = n if isinstance(tableau, Collocation) else 0
@@ -38,10 +43,12 @@ def layout(n: int, m: int, affine: bool, tableau: Method, moments: bool = False)
         "G": m * n,
         "GT": m,
         "VERT": max(vertices, 2) * n,
-        "RATE": max(vertices, 2) * side,
-        "MAT": side * side,
+        "RATE": max(vertices, 2) * side if not affine else 0,
+        "MAT": 2 * side * side,
         "VEC": side,
         "MOMENTS": weights * (weights + 1),
+        "SLOPE": side,
+        "RESIDUAL": m,
         "MULT": m * COLUMNS,
         "K": (tableau.stages + len(tableau.extra)) * n,
         "COEF": powers * n,
@@ -90,8 +97,10 @@ def layout(n: int, m: int, affine: bool, tableau: Method, moments: bool = False)
     for name, size in sizes.items():
         constants[f"W_{name}"] = position
         position += size
-    counters = ("CALLS", "JACOBIANS", "FACTORS", "KNOWN")
-    constants |= {"I_SLIDING": 0, "I_LIST": 1}
-    constants |= {f"I_{name}": m + 1 + k for k, name in enumerate(counters)}
-    constants |= {"I_PIVOTS": m + 1 + len(counters), "I_TWINS": m + 1 + len(counters) + implicit}
-    return Layout(constants, position, m + 1 + len(counters) + 2 * implicit, powers)
+    integers = {"SLIDING": 1, "LIST": m, "CALLS": 1, "JACOBIANS": 1, "FACTORS": 1, "KNOWN": 1}
+    integers |= {"GROUP": m, "PLACE": m, "PEERS": max(m, 1), "PIVOTS": implicit, "TWINS": implicit}
+    count = 0
+    for name, size in integers.items():
+        constants[f"I_{name}"] = count
+        count += size
+    return Layout(constants, position, count, powers)

@@ -1,8 +1,8 @@
 """Root isolation: the first event of a step on the step's dense output.
 
 Guards of surfaces off which the motion runs are h_i itself; a sliding surface has two, the rates at the ends
-of its set of signs (one surface) or the distance of its multiplier from them (several). Each is written so
-that it is positive while the mode lasts; the event is where it stops being positive.
+of its set of signs or, where another surface coupled to it slides too, the distance of its multiplier from
+them. Each is written so that it is positive while the mode lasts; the event is where it stops being positive.
 
 Resolution. Linear guards are polynomials of the dense output and are isolated on the whole step. Others are
 sampled at 9 Chebyshev points, checked at two more, and the step is halved (at most SPLITS times) until the
@@ -16,12 +16,16 @@ from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import CHECKS, COLUMNS, MULTIPLIER, RATE_MINUS, RATE_PLUS, SPLITS
 from filippov._kernels.model import (
     ALL_LINEAR,
+    COMPONENT,
     CONTACTS,
     DEGREE_DENSE,
     DENSE,
     DENSE_BERNSTEIN,
     EXTRA,
+    G_COLUMN,
+    G_FIRST,
     I_LIST,
+    I_PEERS,
     I_SLIDING,
     IMPLICIT,
     LINEAR,
@@ -115,7 +119,7 @@ def sliding_guards(out: Vector, w: Vector, iw: Indices) -> None:
         i = iw[I_LIST + c]
         lo, hi = w[W_RADIUS + 2 * i], w[W_RADIUS + 2 * i + 1]
         mult = shift(w, W_MULT + i * COLUMNS)
-        if iw[I_SLIDING] == 1:
+        if iw[I_PEERS + COMPONENT[i]] == 1:
             plus, minus = w[W_ATTRACT + i] * mult[RATE_PLUS], w[W_ATTRACT + i] * mult[RATE_MINUS]
             out[i] = -0.5 * ((1.0 + hi) * plus + (1.0 - hi) * minus)
             out[M + i] = 0.5 * ((1.0 + lo) * plus + (1.0 - lo) * minus)
@@ -213,7 +217,8 @@ def order_at_start(c: Vector, spread: float) -> int:
 def rounding(t: float, step: float, i: int, w: Vector) -> float:
     """What guard i cannot be told from 0 by on this step: the rounding of the dense output in its terms."""
     total = abs(w[W_GT + i]) * max(abs(t), abs(t + step))
-    for j in range(N):
+    for a in range(G_FIRST[i], G_FIRST[i + 1]):
+        j = G_COLUMN[a]
         total += abs(w[W_G + i * N + j]) * max(abs(w[W_COEF + j]), abs(w[W_Y + j]))
     return float(1024.0 * EPS * total)
 
@@ -226,7 +231,8 @@ def stands_still(c: Vector, touch: float, step: float, i: int, w: Vector) -> boo
         least = min(least, c[a])
         most = max(most, c[a])
     moved = float(abs(w[W_GT + i] * step))
-    for j in range(N):
+    for a in range(G_FIRST[i], G_FIRST[i + 1]):
+        j = G_COLUMN[a]
         moved += abs(w[W_G + i * N + j] * (w[W_Y + j] - w[W_COEF + j]))
     return most <= touch and least >= -touch and most - least <= 1e-6 * moved
 

@@ -34,7 +34,16 @@ CONTACT: list[int] = [0]
 RESETS, CONTACTS, EVENT_SIZE = False, False, 4
 DENSE: list[float] = [value for row in DOP853.dense for value in row]
 DENSE_BERNSTEIN: list[float] = to_bernstein(DOP853.dense)
-_PLACE = layout(N, M, AFFINE, DOP853).constants
+# Structure: nonzero columns of every gradient, components of coupled surfaces, colours of signs and their
+# owners (see `structure`).
+G_FIRST: list[int] = [0, 1]
+G_COLUMN: list[int] = [0]
+COMPONENT: list[int] = [0]
+BY_COMPONENT: list[int] = [0]
+COLOUR: list[int] = [0]
+OWNER: list[int] = [0]
+COLOURS, LARGEST = 1, 1
+_PLACE = layout(N, M, AFFINE, DOP853, COLOURS, LARGEST).constants
 SIDE = _PLACE["SIDE"]
 W_S = _PLACE["W_S"]
 W_G = _PLACE["W_G"]
@@ -44,6 +53,8 @@ W_RATE = _PLACE["W_RATE"]
 W_MAT = _PLACE["W_MAT"]
 W_MOMENTS = _PLACE["W_MOMENTS"]
 W_VEC = _PLACE["W_VEC"]
+W_SLOPE = _PLACE["W_SLOPE"]
+W_RESIDUAL = _PLACE["W_RESIDUAL"]
 W_MULT = _PLACE["W_MULT"]
 W_K = _PLACE["W_K"]
 W_COEF = _PLACE["W_COEF"]
@@ -94,6 +105,9 @@ I_FACTORS = _PLACE["I_FACTORS"]
 I_KNOWN = _PLACE["I_KNOWN"]
 I_PIVOTS = _PLACE["I_PIVOTS"]
 I_TWINS = _PLACE["I_TWINS"]
+I_GROUP = _PLACE["I_GROUP"]
+I_PLACE = _PLACE["I_PLACE"]
+I_PEERS = _PLACE["I_PEERS"]
 
 
 @kernel

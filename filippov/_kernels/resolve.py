@@ -1,8 +1,9 @@
 """The simple events, decided in the loop: one surface, rates clear of zero. All else is the general path's.
 
 For a surface reached from side sigma with rates h'(+) and h'(-) of the two fields there: both carry on,
-cross; both point to it, slide; a rate within CLEAR_RATE of zero on its own scale, a second surface, or a
-surface met while sliding on another, is left to `filippov.modes`.
+cross; both point to it, slide; a rate within CLEAR_RATE of zero on its own scale, a second surface, or one
+that is coupled to a sliding one, is left to `filippov.modes`. What slides apart from it does not matter: the
+rates of h do not depend on those signs.
 """
 
 from filippov._kernels.codes import (
@@ -19,9 +20,12 @@ from filippov._kernels.codes import (
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import COLUMNS, MULTIPLIER, RATE_MINUS, RATE_PLUS
 from filippov._kernels.model import (
+    COMPONENT,
     CONTACT,
+    G_COLUMN,
+    G_FIRST,
     I_CALLS,
-    I_SLIDING,
+    I_PEERS,
     ROLE,
     W_ATTRACT,
     W_DIRECTION,
@@ -53,12 +57,12 @@ def side_rates(
     plus, minus, scale = w[W_GT + i], w[W_GT + i], abs(w[W_GT + i])
     for side in range(2):
         for j in range(M):
-            s[j] = m[j]
+            s[j] = m[j] if m[j] != 0.0 else 1.0
         s[i] = 1.0 if side == 0 else -1.0
         code = max(code, rhs(t, x, p, s, m, f, ctx))
         size = 0.0
-        for j in range(N):
-            term = w[W_G + i * N + j] * f[j]
+        for a in range(G_FIRST[i], G_FIRST[i + 1]):
+            term = w[W_G + i * N + G_COLUMN[a]] * f[G_COLUMN[a]]
             size += abs(term)
             if side == 0:
                 plus += term
@@ -85,18 +89,19 @@ def resolve_root(
 ) -> int:
     """Mode after reaching surface i alone; the kind of event, NONE if it is not simple, -1 on failure."""
     sigma = m[i]
+    # The sign of i acts on the multipliers of what is coupled to it.
+    if iw[I_PEERS + COMPONENT[i]] > 0:
+        return NONE
     kind = CROSSING_DOWN if sigma * w[W_DIRECTION] > 0.0 else CROSSING_UP
     if ROLE[i] != SWITCHING or WIDTH[i] > 0.0:
         size = abs(w[W_GT + i])
-        for j in range(N):
-            size += abs(w[W_G + i * N + j] * w[W_F + j])
+        for a in range(G_FIRST[i], G_FIRST[i + 1]):
+            size += abs(w[W_G + i * N + G_COLUMN[a]] * w[W_F + G_COLUMN[a]])
         if not (-sigma * rate > CLEAR_RATE * size):
             return NONE
         m[i] = -sigma
         order[i] = 1 if WIDTH[i] == 0.0 else 0
         return kind
-    if iw[I_SLIDING] > 0:
-        return NONE
     code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
     if code != 0:
         return -1
@@ -125,7 +130,7 @@ def resolve_touch(
     t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, iw: Indices, ctx: Indices
 ) -> int:  # fmt: skip
     """GRAZING, or NONE where the other side leads away from surface i too: then the motion is not unique."""
-    if ROLE[i] == SWITCHING and WIDTH[i] == 0.0 and iw[I_SLIDING] == 0:
+    if ROLE[i] == SWITCHING and WIDTH[i] == 0.0 and iw[I_PEERS + COMPONENT[i]] == 0:
         code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
         if code != 0:
             return -1
@@ -136,10 +141,10 @@ def resolve_touch(
 
 @kernel
 def resolve_exit(m: Vector, order: Indices, cause: int, i: int, slope: float, w: Vector, iw: Indices) -> int:
-    """Mode after the multiplier of the only sliding surface reached an end of its set; NONE if not simple."""
+    """Mode after a multiplier reached an end of its set; NONE where another surface coupled to it slides."""
     mult = shift(w, W_MULT + i * COLUMNS)
     spread = w[W_ATTRACT + i] * (mult[RATE_MINUS] - mult[RATE_PLUS])
-    if iw[I_SLIDING] != 1 or not (spread > 0.0) or not (slope < -CLEAR_RATE * spread):
+    if iw[I_PEERS + COMPONENT[i]] != 1 or not (spread > 0.0) or not (slope < -CLEAR_RATE * spread):
         return NONE
     side = 1.0 if cause == UPPER else -1.0
     end = w[W_RADIUS + 2 * i + 1] if cause == UPPER else w[W_RADIUS + 2 * i]

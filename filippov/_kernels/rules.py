@@ -12,9 +12,9 @@ utkin    f as it is written at signs s with dh_i/dt = 0: the equivalent control 
 Both equal Filippov's where f is a constant plus a sum of terms in one sign each.
 """
 
-from filippov._kernels.bernstein import solve_linear
+from filippov._kernels.dense import solve_linear
 from filippov._kernels.language import Indices, Vector, kernel, shift, sqrt
-from filippov._kernels.layout import COLUMNS, MULTIPLIER
+from filippov._kernels.layout import COLUMNS, MOST_ENUMERATED, MULTIPLIER
 from filippov._kernels.model import (
     I_CALLS,
     I_LIST,
@@ -44,6 +44,8 @@ def slide_moments(
 ) -> int:
     """2**k vertex fields and one linear system for their weights."""
     k = iw[I_SLIDING]
+    if k > MOST_ENUMERATED:
+        return 2
     vertices = 1 << k
     for v in range(vertices):
         for c in range(k):

@@ -24,6 +24,8 @@ from filippov._kernels.field import field, set_mode
 from filippov._kernels.land import EPS, guard_scale
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.model import (
+    G_COLUMN,
+    G_FIRST,
     ROLE,
     ROUGH,
     W_ATTRACT,
@@ -65,8 +67,8 @@ def renew_state(
         w[W_TOUCH + i] = 0.0
         if ROLE[i] != KINK and WIDTH[i] == 0.0:
             w[W_TOUCH + i] = rtol * guard_scale(i, t, x, w)
-            for j in range(N):
-                w[W_TOUCH + i] += atol[j] * abs(w[W_G + i * N + j])
+            for a in range(G_FIRST[i], G_FIRST[i + 1]):
+                w[W_TOUCH + i] += atol[G_COLUMN[a]] * abs(w[W_G + i * N + G_COLUMN[a]])
     return REACHED
 
 
