@@ -53,6 +53,13 @@ def listing(candidates: Sequence[Successor]) -> str:
     return "; ".join(str(candidate) for candidate in candidates)
 
 
+def noted(point: Point, name: str, chosen: Successor) -> str:
+    """The note of an event that goes on in one way: the point's name, and multipliers that are not unique."""
+    names = ", ".join(repr(point.machine.system.surfaces[i].name) for i in chosen.undetermined)
+    shared = f"the multipliers of {names} are not unique, the motion is" if names else ""
+    return "; ".join(text for text in (name, shared) if text)
+
+
 def name_point(
     point: Point, met: Sequence[int], candidates: Sequence[Successor]
 ) -> tuple[str, tuple[Successor, ...]]:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov._kernels import codes
-from filippov.ambiguity import Ambiguity, listing, name_point, picked, point_of
+from filippov.ambiguity import Ambiguity, listing, name_point, noted, picked, point_of
 from filippov.clocks import Clocks
 from filippov.events import Mode
 from filippov.jumps import LONGEST_CHAIN, composed, look_again, pending, starting
@@ -333,9 +333,10 @@ class _Loop:
             run.put(before, (0,) * run.machine.m, tuple(run.lam))
             return self._record(before, np.zeros(run.machine.m), hit, "", jump)
         point = point_of(run)
-        name, candidates = name_point(point, met, successors(point, before, met))
+        happens = None if start or jump is not None else hit
+        name, candidates = name_point(point, met, successors(point, before, met, happens))
         if len(candidates) == 1:
-            return self._take(candidates[0], before, hit, name, start, jump)
+            return self._take(candidates[0], before, hit, noted(point, name, candidates[0]), start, jump)
         names = ", ".join(repr(run.machine.surfaces[i].name) for i in met)
         where = f"at state {_state_text(run)} on {names}"
         if not candidates:

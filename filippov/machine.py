@@ -94,6 +94,9 @@ class Machine:
         )
         self.event_size = int(unit.constants["EVENT_SIZE"])  # type: ignore[arg-type]
         self.affine = bool(self.constants["AFFINE"])
+        # Surfaces whose signs do not act on each other's rates have different numbers.
+        component: Any = unit.constants["COMPONENT"]
+        self.component: tuple[int, ...] = tuple(component[: self.m])
         self.calls = 0
         self.values, self.method, self.sliding = p, method, sliding
 
@@ -137,6 +140,10 @@ class Machine:
         self.calls += 1
         self.call("rhs", float(t), x, self.p, signs, mode, out, self.context)
         return out
+
+    def rate(self, i: int, g: Array, velocity: Array) -> float:
+        """grad h_i . velocity; components of the velocity on which h_i does not depend may be undefined."""
+        return float(np.sum(g[i] * np.where(g[i] == 0.0, 0.0, velocity)))
 
     def guards(self, t: float, x: Array, mode: Array) -> Array:
         """All switching functions."""
