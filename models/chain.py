@@ -13,11 +13,14 @@ from __future__ import annotations
 
 import math
 
+from sympy import Expr, Symbol
+
 from filippov.errors import ModelError
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Hyperbolic
 from filippov.models.registry import Model, register
 from filippov.parameter import Parameter, parameters
+from filippov.surface import Surface
 from filippov.symbols import states
 from filippov.system import System
 
@@ -53,7 +56,8 @@ def chain(
         **friction.parameters(),
     )
     x, v = states([f"x{i}" for i in range(1, n + 1)]), states([f"v{i}" for i in range(1, n + 1)])
-    equations, surfaces = {}, []
+    equations: dict[Symbol, Expr] = {}
+    surfaces: list[Surface] = []
     for i in range(n):
         pull = -p.kp * x[i]
         for j in (i - 1, i + 1):

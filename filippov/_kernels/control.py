@@ -1,10 +1,10 @@
 """Step control: error norm, first step, and the tests that say whether a step needs a closer look."""
 
-from filippov._kernels.codes import ROOT
+from filippov._kernels.codes import LOWER, ROOT, UPPER
 from filippov._kernels.field import field, rate
 from filippov._kernels.land import EPS, guard_scale
 from filippov._kernels.language import Indices, Vector, from_bits, kernel, shift, sqrt, to_bits
-from filippov._kernels.layout import COLUMNS, LEAST, MOST, SLOPE
+from filippov._kernels.layout import COLUMNS, LEAST, MOST, MULTIPLIER, SLOPE
 from filippov._kernels.model import (
     ALL_LINEAR,
     COMPONENT,
@@ -238,7 +238,10 @@ def time_to_surface(m: Vector, w: Vector) -> tuple[float, int]:
 def mark_hits(
     t: float, x: Vector, m: Vector, order: Indices, cause: int, i: int, step: float, hit: Indices, w: Vector
 ) -> int:
-    """Mark every surface whose guard vanishes at the event within rounding, and return how many."""
+    """Mark every surface whose guard vanishes at the event within rounding, and return how many.
+
+    A sliding surface counts where its multiplier stands at an end of its set.
+    """
     total = 0
     for j in range(M):
         hit[j] = 0
@@ -249,6 +252,15 @@ def mark_hits(
             near += abs(w[W_END + 2 * j + 1]) * 32.0 * EPS * max(abs(t), abs(step))
             if abs(m[j] * w[W_END + 2 * j] + WIDTH[j]) <= near:
                 hit[j] = ROOT
+        elif m[j] == 0.0 and abs(order[j]) < 2:
+            mult = shift(w, W_MULT + j * COLUMNS)
+            lo, hi = w[W_RADIUS + 2 * j], w[W_RADIUS + 2 * j + 1]
+            near = 64.0 * EPS * (1.0 + min(abs(lo), abs(hi)))
+            near += abs(mult[MOST] - mult[LEAST]) * 32.0 * EPS * max(abs(t) / abs(step), 1.0)
+            if hi - mult[MULTIPLIER] <= near:
+                hit[j] = UPPER
+            elif mult[MULTIPLIER] - lo <= near:
+                hit[j] = LOWER
         if hit[j] != 0:
             total += 1
     return total

@@ -294,7 +294,7 @@ def unit_constants(
     pattern: Structure,
 ) -> dict[str, Constant]:
     """The constants of `filippov._kernels.model` that belong to the system."""
-    return {
+    own: dict[str, Constant] = {
         "N": n,
         "M": len(surfaces),
         "P": parameters,
@@ -305,4 +305,5 @@ def unit_constants(
         "WIDTH": [float(surface.width) for surface in surfaces] or [0.0],
         "ALL_LINEAR": all(linear),
         **reset_constants(n, surfaces),
-    } | pattern.constants(n)
+    }
+    return own | pattern.constants(n)
