@@ -55,7 +55,7 @@ def listing(candidates: Sequence[Successor]) -> str:
 
 def noted(point: Point, name: str, chosen: Successor) -> str:
     """The note of an event that goes on in one way: the point's name, and multipliers that are not unique."""
-    names = ", ".join(repr(point.machine.system.surfaces[i].name) for i in chosen.undetermined)
+    names = ", ".join(repr(point.machine.surfaces[i].name) for i in chosen.undetermined)
     shared = f"the multipliers of {names} are not unique, the motion is" if names else ""
     return "; ".join(text for text in (name, shared) if text)
 

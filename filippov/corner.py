@@ -59,10 +59,13 @@ def corners(
 def choices(point: Point, base: Mode, group: Sequence[int], radii: Array) -> Iterable[tuple[int, ...]]:
     """Signs of a corner's surfaces that the rates do not refuse."""
     each = [_signs(point, i) for i in group]
+    if len(group) == 1 and point.machine.roles[group[0]] != "switching":
+        # Its rate may depend on the signs of all the others, and decides together with them.
+        return [(sign,) for sign in each[0]]
     if len(group) <= ENUMERATED or (not point.machine.affine and len(group) <= MOST_NONAFFINE):
         return [signs for signs in itertools.product(*each) if _plausible(point, base, group, signs, radii)]
     if not point.machine.affine:
-        names = ", ".join(repr(point.machine.system.surfaces[i].name) for i in group)
+        names = ", ".join(repr(point.machine.surfaces[i].name) for i in group)
         raise ModelError(
             f"{len(group)} surfaces that act on each other meet ({names}) and the field holds products of "
             f"their signs. Corners of more than {MOST_NONAFFINE} need a field that is a sum of terms in one "
@@ -133,7 +136,7 @@ def _complementary(
     """Signs from the complementarity problem of a large corner, for every sign of those that cannot slide."""
     fixed = [i for i in group if not can_slide(point, i)]
     if len(fixed) > ENUMERATED:
-        names = ", ".join(repr(point.machine.system.surfaces[i].name) for i in fixed)
+        names = ", ".join(repr(point.machine.surfaces[i].name) for i in fixed)
         raise ModelError(
             f"{len(fixed)} kinks, observers or relays with hysteresis meet at one corner ({names}), expected "
             f"at most {ENUMERATED}."
