@@ -91,8 +91,8 @@ def guard_polynomial(i: int, step: float, m: Vector, w: Vector) -> None:
         c[a] = 0.0
     for r in range(STAGES + EXTRA):
         rate = 0.0
-        for j in range(N):
-            rate += w[W_G + i * N + j] * w[W_K + r * N + j]
+        for b in range(G_FIRST[i], G_FIRST[i + 1]):
+            rate += w[W_G + i * N + G_COLUMN[b]] * w[W_K + r * N + G_COLUMN[b]]
         for a in range(1, DEGREE):
             c[a] += DENSE_BERNSTEIN[r * NODES + a] * rate
     # The ends are samples themselves: rounding in the sums must not move them off zero.
