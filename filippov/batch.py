@@ -63,11 +63,11 @@ class Batch:
         self.count = np.zeros((k, codes.COUNT_SIZE), dtype=np.int64)
         self.count[:, codes.STEP_BUDGET] = options.max_steps
         self.count[:, codes.EVENT_BUDGET] = options.max_events
-        self.stop = np.zeros((k, m, codes.KINDS), dtype=np.int64)
+        self.stop = np.zeros((k, m, codes.STOPS), dtype=np.int64)
         names = [surface.name for surface in machine.system.surfaces]
         for item in stops:
-            for column in item.columns:
-                self.stop[:, names.index(item.surface), column] = item.count
+            column = self.stop[:, names.index(item.surface), item.column]
+            column[:] = np.where(column > 0, np.minimum(column, item.count), item.count)
         self.zeno = np.zeros((k, m, codes.ZENO_ROOM))
         self.kinds = np.zeros((k, m * codes.KINDS + 2), dtype=np.int64)
         self.kinds[:, -2:] = -1

@@ -124,6 +124,7 @@ _COLUMNS = {
     "grazing": (6,),
     "reset": (7,),
 }
+_EITHER = {"crossing": 8, "sliding exit": 9}
 STOP_KINDS = tuple(_COLUMNS)
 
 
@@ -140,7 +141,7 @@ class Stop:
 
     kind    "crossing", "crossing up", "crossing down", "sliding entry", "sliding exit", "sliding exit up",
             "sliding exit down", "grazing" or "reset"; directions are in true time
-    count   1, 2, ...
+    count   1, 2, ...; without a direction those in either are counted together
 
     Raises UsageError.
     """
@@ -156,6 +157,6 @@ class Stop:
             raise UsageError(f"Stop: count is {self.count!r}, expected 1, 2, ...")
 
     @property
-    def columns(self) -> tuple[int, ...]:
-        """The kernel's numbers for this kind."""
-        return _COLUMNS[self.kind]
+    def column(self) -> int:
+        """Where the kernel counts this kind down."""
+        return _EITHER.get(self.kind) or _COLUMNS[self.kind][0]

@@ -25,11 +25,13 @@ from filippov.status import JUMPED_OVER, EventKind, Status, mode_text
 from filippov.stiffness import Crawl
 from filippov.user_event import UserEvent
 from filippov.watched import Watch
-from filippov.zeno import Accumulation, accumulates, accumulation, rest, rests
+from filippov.zeno import NEAR_END, Accumulation, accumulates, accumulation, rest, rests, second_order
 
 # Steps between two looks at the clock: so many at first, then what takes about _LOOK seconds.
 _CHUNK, _SLOW_CHUNK, _LONGEST_CHUNK = 2_000, 10, 1_000_000
 _LOOK = 0.05
+# So many accumulations, or events after one, at one place: the motion cannot be led out of it.
+MOST_LIMITS, MOST_EVENTS = 4, 100
 
 
 class Turn(NamedTuple):
@@ -104,6 +106,7 @@ class _Loop:
         self.due: list[int] = []
         self.ambiguity: Ambiguity | None = None
         self.accumulations: list[Accumulation] = []
+        self.since = 0
         self.options = run.options
         self.started = time.monotonic()
         self.start_mode: Mode = ()
@@ -199,6 +202,13 @@ class _Loop:
     def _budgets(self) -> tuple[Status, str] | None:
         run, options = self.run, self.options
         self.crawl.look(run)
+        if self.accumulations and self._storm():
+            limit = self.accumulations[-1]
+            return self._end(
+                Status.ZENO,
+                f"events go on accumulating at t = {limit.t:.12g}, state {_state_text(run)}, where the "
+                "motion was to go on: the limit mode is none of the modes (such as sliding of higher order).",
+            )
         if run.attempts >= options.max_steps:
             return self._end(Status.MAX_STEPS)
         if time.monotonic() - self.started > options.max_time:
@@ -206,6 +216,13 @@ class _Loop:
         if self.progress is not None:
             self.progress(run.t, self.t_end)
         return None
+
+    def _storm(self) -> bool:
+        """Whether the motion does not get away from an accumulation that it was to be led out of."""
+        run, last = self.run, self.accumulations[-1]
+        elapsed = abs(last.t - float(run.clock[codes.T_START]))
+        here = [a for a in self.accumulations if abs(a.t - run.t) <= NEAR_END * elapsed]
+        return bool(here) and (len(here) >= MOST_LIMITS or len(run.events) - self.since >= MOST_EVENTS)
 
     def _aim(self) -> None:
         """Let the compiled loop run to the next instant of a time event, or to the end."""
@@ -438,8 +455,15 @@ class _Loop:
             detail += f" There is no resting contact on {names} to go on with (see the docstring of Surface)."
             return self._end(Status.ZENO, detail)
         run.clock[codes.T] = limit.t
-        run.x[:] = limit.x
         run.zeno[:] = 0.0
+        higher = second_order(run, limit)
+        if higher is not None:
+            run.x[:] = higher
+            if rests(run, limit.surfaces):
+                rest(run, limit.surfaces)
+                return self._reached()
+        run.x[:] = limit.x
+        self.since = len(run.events)
         ended = self._classify(limit.surfaces, limit.surfaces, start=False)
         if ended is not None and ended[0] is Status.NO_CONTINUATION and rests(run, limit.surfaces):
             rest(run, limit.surfaces)

@@ -36,7 +36,7 @@ class Run:
         self.count[codes.STORE] = int(options.dense_output)
         self.count[codes.EVENT_ROOM], self.count[codes.RECORD_ROOM] = _EVENT_ROOM + m, _RECORD_ROOM
         self.atol = options.tolerances(machine.system)
-        self.stop = np.zeros((m, codes.KINDS), dtype=np.int64)
+        self.stop = np.zeros((m, codes.STOPS), dtype=np.int64)
         self.zeno = np.zeros((m, codes.ZENO_ROOM))
         powers = machine.compiled.layout.powers
         self.record = np.zeros((_RECORD_ROOM, 2))
@@ -78,13 +78,13 @@ class Run:
         """Set the events at which to stop."""
         names = [surface.name for surface in self.machine.system.surfaces]
         for item in stops:
-            for column in item.columns:
-                self.stop[names.index(item.surface), column] = item.count
+            row = self.stop[names.index(item.surface)]
+            row[item.column] = min(item.count, row[item.column] or item.count)
 
     def stop_at(self, index: int, direction: float) -> None:
         """Stop at the next crossing of a surface: upwards, downwards, or (0) either."""
-        self.stop[index, codes.CROSSING_UP] = int(direction >= 0)
-        self.stop[index, codes.CROSSING_DOWN] = int(direction <= 0)
+        column = codes.CROSSING_UP if direction > 0 else codes.CROSSING_DOWN
+        self.stop[index, codes.CROSSING_EITHER if direction == 0 else column] = 1
 
     def advance(self, steps: int) -> int:
         """Run the compiled loop for at most so many steps; returns its code. User errors are raised."""
@@ -136,19 +136,23 @@ class Run:
 
     def count_down(self, index: int, kind: EventKind, direction: int) -> bool:
         """Count an event found by the general path against the stops; True where the run is to end."""
-        column = {
-            EventKind.CROSSING: codes.CROSSING_UP if direction > 0 else codes.CROSSING_DOWN,
-            EventKind.ENTRY: codes.ENTRY,
-            EventKind.EXIT: codes.EXIT_UP if direction > 0 else codes.EXIT_DOWN,
-            EventKind.GRAZING: codes.GRAZING,
-            EventKind.RESET: codes.RESET,
-            EventKind.TIME: codes.NONE,
-            EventKind.USER: codes.NONE,
-        }[kind]
-        if self.stop[index, column] > 0:
-            self.stop[index, column] -= 1
-            return bool(self.stop[index, column] == 0)
-        return False
+        columns = {
+            EventKind.CROSSING: (
+                codes.CROSSING_EITHER, codes.CROSSING_UP if direction > 0 else codes.CROSSING_DOWN
+            ),
+            EventKind.ENTRY: (codes.ENTRY,),
+            EventKind.EXIT: (codes.EXIT_EITHER, codes.EXIT_UP if direction > 0 else codes.EXIT_DOWN),
+            EventKind.GRAZING: (codes.GRAZING,),
+            EventKind.RESET: (codes.RESET,),
+            EventKind.TIME: (),
+            EventKind.USER: (),
+        }[kind]  # fmt: skip
+        ended = False
+        for column in columns:
+            if self.stop[index, column] > 0:
+                self.stop[index, column] -= 1
+                ended = ended or bool(self.stop[index, column] == 0)
+        return ended
 
     def put(self, mode: Mode, order: tuple[int, ...], multipliers: tuple[float, ...]) -> None:
         """Take up a mode."""

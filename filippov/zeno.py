@@ -146,6 +146,56 @@ def _onto(run: Run, t: float, x: Array, surfaces: tuple[int, ...]) -> Array:
 
 
 SAMPLES = 16
+# How far, in errors of the limit's state, the point where the rates vanish may lie from it.
+WITHIN = 100.0
+NO_INFLUENCE = 1e-9
+
+
+def second_order(run: Run, limit: Accumulation) -> Array | None:
+    """The limit moved to where the rates of its surfaces vanish as well, if no sign acts on these rates.
+
+    Then the motion can stay on a surface only with h = h' = 0 (sliding of second order: super-twisting), and
+    the limit is known to its error only. None where a sign acts on a rate, or where the error is too small to
+    reach there.
+    """
+    chosen = [i for i in limit.surfaces if run.machine.roles[i] == "switching"]
+    if not 0 < len(chosen) <= LARGEST_CORNER or len(chosen) < len(limit.surfaces):
+        return None
+    x = limit.x
+    for _ in range(4):
+        rates, spread = _rates(run, limit.t, x, chosen)
+        if spread > NO_INFLUENCE:
+            return None
+        slopes = []
+        for j in range(len(x)):
+            moved = x.copy()
+            moved[j] += 1e-6 * (1.0 + abs(x[j]))
+            slopes.append((_rates(run, limit.t, moved, chosen)[0] - rates) / (moved[j] - x[j]))
+        h = run.machine.guards(limit.t, x, _on(run, chosen))[chosen]
+        g = run.machine.gradients(limit.t, x, _on(run, chosen))[0][chosen]
+        step, *_ = np.linalg.lstsq(np.vstack([g, np.array(slopes).T]), np.append(h, rates), rcond=None)
+        x = np.ascontiguousarray(x - step)
+    return x if np.max(np.abs(x - limit.x)) <= WITHIN * limit.x_error else None
+
+
+def _on(run: Run, surfaces: Sequence[int]) -> Array:
+    mode = run.mode.copy()
+    mode[list(surfaces)] = 0.0
+    return mode
+
+
+def _rates(run: Run, t: float, x: Array, chosen: Sequence[int]) -> tuple[Array, float]:
+    """dh/dt of surfaces in the middle of what the signs make of it, and how far the signs move it."""
+    mode = _on(run, chosen)
+    g, gt = run.machine.gradients(t, x, mode)
+    rows, scale = [], 1e-300
+    for signs in itertools.product((-1.0, 1.0), repeat=len(chosen)):
+        corner = np.where(mode == 0.0, 1.0, mode)
+        corner[list(chosen)] = signs
+        field = run.machine.rhs(t, x, corner, mode)
+        rows.append(g[chosen] @ field + gt[chosen])
+        scale = max(scale, float(np.max(np.abs(g[chosen]) @ np.abs(field) + np.abs(gt[chosen]))))
+    return np.mean(rows, axis=0), float(np.max(np.ptp(rows, axis=0))) / scale
 
 
 def rests(run: Run, surfaces: tuple[int, ...]) -> bool:

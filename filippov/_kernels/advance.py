@@ -17,7 +17,6 @@ from filippov._kernels.codes import (
     GENERAL,
     GRAZING,
     GROW,
-    KINDS,
     MAX_STEP,
     MIN_STEP,
     NO_SLIDING,
@@ -42,6 +41,7 @@ from filippov._kernels.codes import (
     STEP_BUDGET,
     STEPS,
     STOPPED,
+    STOPS,
     STORE,
     SURFACE,
     T_END,
@@ -66,7 +66,7 @@ from filippov._kernels.control import (
 )
 from filippov._kernels.field import clear_ranges, field, project, set_mode
 from filippov._kernels.land import EPS, land
-from filippov._kernels.language import NAN, Indices, Vector, kernel, shift, truncate
+from filippov._kernels.language import NAN, Indices, Vector, kernel, shift, shift_indices, truncate
 from filippov._kernels.layout import COLUMNS, MULTIPLIER
 from filippov._kernels.locate import dense_output, locate, straight
 from filippov._kernels.model import (
@@ -99,7 +99,7 @@ from filippov._kernels.model import (
     stages,
 )
 from filippov._kernels.radau_tables import NOT_CONVERGED
-from filippov._kernels.record import record_event, store_step
+from filippov._kernels.record import count_down, record_event, store_step
 from filippov._kernels.reset import apply_reset, resets_from
 from filippov._kernels.resolve import resolve_exit, resolve_root, resolve_touch
 from filippov._kernels.segment import renew_state, rough_start
@@ -399,11 +399,9 @@ def advance(
             # The step of a slide says nothing about the motion that leaves it.
             clock[STEP] = 0.0
         clock[RELATIVE] = 0.0
-        if stop[surface * KINDS + kind] > 0:
-            stop[surface * KINDS + kind] -= 1
-            if stop[surface * KINDS + kind] == 0:
-                code = STOPPED
-                break
+        if count_down(shift_indices(stop, STOPS * surface), kind) != 0:
+            code = STOPPED
+            break
         if ROLE[surface] != OBSERVER and kind != GRAZING:
             floor = max(1e-7 * abs(te - clock[T_START]), 1e3 * EPS * abs(te))
             if zeno_remaining(shift(zeno, ZENO_ROOM * surface), te, floor) >= 0.0:

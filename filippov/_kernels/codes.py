@@ -27,9 +27,12 @@ GENERAL, ZENO, NOT_FINITE, MIN_STEP, USER_ERROR, NO_SLIDING = 5, 6, 7, 8, 9, 10
 # Roles of a surface.
 SWITCHING, KINK, OBSERVER, RESETTING = 0, 1, 2, 3
 
-# Kinds of event; also the columns of `stop`, which counts down to a terminal event.
+# Kinds of event; also the columns of `stop`, which counts down to a terminal event and has two more: those of
+# crossings and exits in either direction.
 NONE, CROSSING_UP, CROSSING_DOWN, ENTRY, EXIT_UP, EXIT_DOWN, GRAZING, RESET = 0, 1, 2, 3, 4, 5, 6, 7
 KINDS = 8
+CROSSING_EITHER, EXIT_EITHER = 8, 9
+STOPS = 10
 
 # What `locate` found: the guard itself, the upper or lower bound of a multiplier, a touching of the surface.
 NOTHING, ROOT, UPPER, LOWER, TOUCH = 0, 1, 2, 3, 4

@@ -7,6 +7,7 @@ from filippov._kernels.codes import (
     REACHED,
     REJECTED,
     STEPS,
+    STOPS,
     T_END,
     ZENO_ROOM,
     T,
@@ -59,7 +60,7 @@ def ensemble(
         if code == REACHED:
             code = turn(
                 left, clock, count, x, m, order, shift_indices(hits, q * M), lam, p, atol,
-                shift_indices(stops, q * M * KINDS), shift(zenos, q * M * ZENO_ROOM),
+                shift_indices(stops, q * M * STOPS), shift(zenos, q * M * ZENO_ROOM),
                 shift_indices(kinds, q * (M * KINDS + 2)), events, marks, w, iw, ctx,
             )  # fmt: skip
         left -= count[STEPS] + count[REJECTED] - before + 1

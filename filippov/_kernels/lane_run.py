@@ -15,6 +15,7 @@ from filippov._kernels.codes import (
     STEP,
     STEP_BUDGET,
     STEPS,
+    STOPS,
     T_END,
     TAKEN,
     ZENO_ROOM,
@@ -198,7 +199,7 @@ def lane_run(
                     ready = True
                     code = call_at(
                         entries[TURN_AT], 1, clock, count, x, m, order, shift_indices(hits, q * M), lam, p,
-                        atol, shift_indices(stops, q * M * KINDS), shift(zenos, q * M * ZENO_ROOM),
+                        atol, shift_indices(stops, q * M * STOPS), shift(zenos, q * M * ZENO_ROOM),
                         shift_indices(kinds, q * (M * KINDS + 2)), events, marks, w, iw, ctx,
                     )  # fmt: skip
                     if code != -1:

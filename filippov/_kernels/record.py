@@ -1,6 +1,16 @@
 """What the event loop leaves behind: events, and the dense output of accepted steps."""
 
-from filippov._kernels.codes import EVENTS, RECORDS, RESET
+from filippov._kernels.codes import (
+    CROSSING_DOWN,
+    CROSSING_EITHER,
+    CROSSING_UP,
+    EVENTS,
+    EXIT_DOWN,
+    EXIT_EITHER,
+    EXIT_UP,
+    RECORDS,
+    RESET,
+)
 from filippov._kernels.language import Indices, Vector, kernel, shift, shift_indices, truncate
 from filippov._kernels.model import DEGREE_DENSE, EVENT_SIZE, RESETS, W_BEFORE, W_COEF, W_JUMP, M, N
 
@@ -35,3 +45,23 @@ def store_step(count: Indices, t: float, step: float, rec: Vector, rec_coef: Vec
     for a in range(size):
         rec_coef[n * size + a] = w[W_COEF + a]
     count[RECORDS] = n + 1
+
+
+@kernel
+def count_down(stop: Indices, kind: int) -> int:
+    """Count an event against the terminal ones of its surface; 1 where the run is to end."""
+    either = kind
+    if kind == CROSSING_UP or kind == CROSSING_DOWN:  # noqa: PLR1714, SIM109 - the kernel language has no `in`
+        either = CROSSING_EITHER
+    if kind == EXIT_UP or kind == EXIT_DOWN:  # noqa: PLR1714, SIM109 - as above
+        either = EXIT_EITHER
+    ended = 0
+    if stop[kind] > 0:
+        stop[kind] -= 1
+        if stop[kind] == 0:
+            ended = 1
+    if either != kind and stop[either] > 0:
+        stop[either] -= 1
+        if stop[either] == 0:
+            ended = 1
+    return ended
