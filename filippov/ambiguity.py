@@ -86,6 +86,8 @@ def _name(point: Point, met: Sequence[int], candidates: Sequence[Successor]) -> 
     if not candidates:
         return "", -1
     machine = point.machine
+    if not candidates:
+        return "", -1
     differ = sorted({i for c in candidates for i in met if c.mode[i] != candidates[0].mode[i]})
     if len(candidates) > 1 and len(differ) != 1:
         return CORNER, -1

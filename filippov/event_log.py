@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,9 @@ _KINDS = {
 class EventLog(Events):
     """The events of a run in the order of integration, growing while it runs."""
 
-    def __init__(self, names: tuple[str, ...], sense: int, n: int) -> None:
-        self.names, self.sense, self.n = names, sense, n
+    def __init__(self, names: tuple[str, ...], sense: int, n: int, keep: int | None = None) -> None:
+        self.names, self.sense, self.n, self.keep = names, sense, n, keep
+        self.counts: Counter[tuple[int, EventKind]] = Counter()
         self._made: list[Event] = []
         self._raw: list[tuple[Array, npt.NDArray[np.int64]]] = []
         self._waiting = 0
@@ -78,11 +80,27 @@ class EventLog(Events):
         if len(floats):
             self._raw.append((floats.copy(), marks.copy()))
             self._waiting += len(floats)
+            pairs, numbers = np.unique(marks[:, :2], axis=0, return_counts=True)
+            for (index, kind), number in zip(pairs.tolist(), numbers.tolist(), strict=True):
+                self.counts[index, _KINDS[kind]] += number
+            self._forget()
+
+    @property
+    def total(self) -> int:
+        """The number of events so far, whether they are kept or not."""
+        return self.counts.total()
+
+    def _forget(self) -> None:
+        """With `keep`, drop all but the last events: the run needs no more to go on."""
+        if self.keep is not None and len(self) > 2 * self.keep:
+            del self._items[: -self.keep]
 
     def add(self, *values: Any, **named: Any) -> Event:
         """Append one event found by the general path; returns it."""
         items = self._items
         self._append(*values, **named)
+        self.counts[items[-1].index, items[-1].kind] += 1
+        self._forget()
         return items[-1]
 
     def table(self) -> tuple[Array, Array]:
@@ -100,5 +118,5 @@ class EventLog(Events):
         return len(self) > 0
 
     def __getstate__(self) -> dict[str, Any]:
-        rest = {"_made": self._items, "_raw": [], "_waiting": 0}
+        rest = {"_made": self._items, "_raw": [], "_waiting": 0, "keep": self.keep, "counts": self.counts}
         return {"names": self.names, "sense": self.sense, "n": self.n, **rest}

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from filippov._kernels import codes
 from filippov.ambiguity import Ambiguity, listing, name_point, noted, picked, point_of
 from filippov.clocks import Clocks
+from filippov.diagnosis import STAGNATION, STAGNATION_STEPS, close_call, stagnation, suspect
 from filippov.events import Mode
 from filippov.jumps import LONGEST_CHAIN, composed, look_again, pending, starting
 from filippov.machine import Array, Machine
@@ -25,7 +26,7 @@ from filippov.status import JUMPED_OVER, EventKind, Status, mode_text
 from filippov.stiffness import Crawl
 from filippov.user_event import UserEvent
 from filippov.watched import Watch
-from filippov.zeno import NEAR_END, Accumulation, accumulates, accumulation, rest, rests, second_order
+from filippov.zeno import NEAR_END, Accumulation, accumulates, accumulation, bridge, rest, rests, second_order
 
 # Steps between two looks at the clock: so many at first, then what takes about _LOOK seconds.
 _CHUNK, _SLOW_CHUNK, _LONGEST_CHUNK = 2_000, 10, 1_000_000
@@ -111,6 +112,7 @@ class _Loop:
         self.started = time.monotonic()
         self.start_mode: Mode = ()
         self.stalled, self.general_t = 0, np.inf
+        self.looked = (0, run.t)
         self.crawl = Crawl()
         self.chunk = _CHUNK if run.machine.callbacks is None else _SLOW_CHUNK
 
@@ -175,7 +177,7 @@ class _Loop:
         self.chunk = int(min(max(self.chunk * min(max(ratio, 0.1), 4.0), 1), _LONGEST_CHUNK))
         if code == codes.REACHED:
             return self._reached()
-        if len(run.events) >= options.max_events and code not in (codes.STOPPED, codes.ZENO):
+        if run.events.total >= options.max_events and code not in (codes.STOPPED, codes.ZENO):
             return self._end(Status.MAX_EVENTS)
         if code == codes.STOPPED:
             if options.on_graze == "error" and run.events[-1].kind is EventKind.GRAZING:
@@ -191,7 +193,7 @@ class _Loop:
             return self._zeno()
         failures = {codes.NOT_FINITE: Status.NOT_FINITE, codes.MIN_STEP: Status.MIN_STEP}
         status = failures.get(code, Status.NO_SLIDING)
-        return self._end(status, f"state {_state_text(run)}.")
+        return self._end(status, f"state {_state_text(run)}. {suspect(run)}".rstrip())
 
     def _stopped(self) -> tuple[Status, str] | None:
         event = self.run.events[-1]
@@ -215,6 +217,11 @@ class _Loop:
             return self._end(Status.TIMEOUT)
         if self.progress is not None:
             self.progress(run.t, self.t_end)
+        if run.attempts - self.looked[0] >= STAGNATION_STEPS:
+            left = abs(self.t_end - run.t)
+            moved, self.looked = abs(run.t - self.looked[1]), (run.attempts, run.t)
+            if moved < STAGNATION * left and (why := stagnation(run, moved / left)):
+                return self._end(Status.MIN_STEP, f"state {_state_text(run)}. {why}")
         return None
 
     def _storm(self) -> bool:
@@ -260,7 +267,7 @@ class _Loop:
             ended = self._record(run.signs, run.lam, (), "", jump)
         if ended is None and run.t == self.t_end:
             return self._end(Status.SUCCESS)
-        if ended is None and len(run.events) >= self.options.max_events:
+        if ended is None and run.events.total >= self.options.max_events:
             return self._end(Status.MAX_EVENTS)
         return ended or self._budgets()
 
@@ -353,11 +360,12 @@ class _Loop:
         happens = None if start or jump is not None else hit
         name, candidates = name_point(point, met, successors(point, before, met, happens))
         if len(candidates) == 1:
-            return self._take(candidates[0], before, hit, noted(point, name, candidates[0]), start, jump)
+            note = noted(point, name, candidates[0]) or close_call(run, candidates[0])
+            return self._take(candidates[0], before, hit, note, start, jump)
         names = ", ".join(repr(run.machine.surfaces[i].name) for i in met)
         where = f"at state {_state_text(run)} on {names}"
         if not candidates:
-            return self._end(Status.NO_CONTINUATION, f"{where}.")
+            return self._end(Status.NO_CONTINUATION, f"{where}. {suspect(run)}".rstrip())
         taken = self._choose(candidates, before, hit if jump is None else ())
         ambiguity = Ambiguity(run.t, name, candidates, before, tuple(hit) if jump is None else (), start)
         if taken is None:
@@ -454,6 +462,7 @@ class _Loop:
             names = ", ".join(repr(machine.surfaces[i].name) for i in open_ends)
             detail += f" There is no resting contact on {names} to go on with (see the docstring of Surface)."
             return self._end(Status.ZENO, detail)
+        bridge(run, limit)
         run.clock[codes.T] = limit.t
         run.zeno[:] = 0.0
         higher = second_order(run, limit)

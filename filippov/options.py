@@ -40,6 +40,7 @@ class Options:
     sliding: str = "filippov"
     stop: tuple[Stop, ...] = ()
     dense_output: bool = True
+    save_events: str = "all"
 
     def __post_init__(self) -> None:
         if self.method not in TABLEAUS:
@@ -61,9 +62,22 @@ class Options:
         choice("on_graze", self.on_graze, ("continue", "error"))
         choice("zeno", self.zeno, ("stop", "continue"))
         choice("sliding", self.sliding, RULES)
+        choice("save_events", self.save_events, ("all", "count"))
+        if self.save_events == "count":
+            object.__setattr__(self, "dense_output", False)
         for item in self.stop:
             if not isinstance(item, Stop):
                 raise UsageError(f"stop holds {item!r}, expected Stop(surface, kind, count).")
+
+    def check_span(self, t_span: tuple[float, float]) -> None:
+        """Refuse steps longer than the span: nothing could come of them."""
+        span = abs(t_span[1] - t_span[0])
+        for name in ("first_step", "max_step"):
+            value = getattr(self, name)
+            if value is not None and math.isfinite(value) and 0.0 < span * (1.0 + 1e-12) < value:
+                raise UsageError(
+                    f"{name} is {value:g}, longer than t_span, {span:g}: expected at most that. Leave it out."
+                )
 
     def tolerances(self, system: System) -> npt.NDArray[np.float64]:
         """One absolute tolerance a state."""

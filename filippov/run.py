@@ -14,6 +14,8 @@ from filippov.options import Options
 from filippov.status import EventKind
 
 _EVENT_ROOM, _RECORD_ROOM = 256, 512
+# Events that are kept where they are only counted: what recognising an accumulation looks back on.
+_KEPT = 64
 
 
 class Run:
@@ -44,7 +46,8 @@ class Run:
         self.found = np.zeros((_EVENT_ROOM + m, machine.event_size))
         self.marks = np.zeros((_EVENT_ROOM + m, 2 + 2 * m), dtype=np.int64)
         names = tuple(q.name for q in machine.surfaces) + tuple(q.name for q in machine.system.time_events)
-        self.events = EventLog(names, 1 if span[1] >= span[0] else -1, n)
+        keep = None if options.save_events == "all" else _KEPT
+        self.events = EventLog(names, 1 if span[1] >= span[0] else -1, n, keep)
         self.steps: list[tuple[Array, Array]] = []
         self.direction = 1.0 if span[1] >= span[0] else -1.0
         self._arrays = [
@@ -89,7 +92,7 @@ class Run:
     def advance(self, steps: int) -> int:
         """Run the compiled loop for at most so many steps; returns its code. User errors are raised."""
         self.count[codes.STEP_BUDGET] = steps
-        left = max(self.options.max_events - len(self.events), 1)
+        left = max(self.options.max_events - self.events.total, 1)
         self.count[codes.EVENT_ROOM] = min(_EVENT_ROOM, left) + self.machine.m
         code = int(self.machine.compiled.functions["advance"](*self._arrays))
         self.collect()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +15,7 @@ import numpy.typing as npt
 from filippov._kernels import codes
 from filippov.ambiguity import Ambiguity
 from filippov.errors import UsageError
+from filippov.event_log import EventLog
 from filippov.events import Event, Events, Mode
 from filippov.interpolant import Interpolant
 from filippov.machine import Machine
@@ -145,6 +147,9 @@ class Solution:
         if t_eval is not None:
             direction = self.sol.direction
             reached = t_eval[(t_eval - self.t_end) * direction <= 0]
+            if self.t_end != self.problem.t_span[1] and (not len(reached) or reached[-1] != self.t_end):
+                # A run that ends early ends at a point of its own.
+                reached = np.append(reached, self.t_end)
             return reached, self.sol(reached).reshape(len(self.problem.x0), len(reached))
         times = np.append(self.sol.start, self.t_end)
         times = times[np.append(True, np.diff(times) != 0)]
@@ -186,6 +191,8 @@ class Solution:
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
         """The stretches of one mode; their lengths add up to the span."""
+        if self.options.save_events == "count":
+            raise UsageError("segments need the events, which were counted; pass save_events='all'.")
         out: list[Segment] = []
         begin, mode = self.problem.t_span[0], self.start_mode
         for event in self.events:
@@ -202,6 +209,20 @@ class Solution:
     def modes(self) -> tuple[str, ...]:
         """Modes of the segments, as text."""
         return tuple(mode_text(segment.mode) for segment in self.segments)
+
+    @property
+    def event_counts(self) -> dict[str, dict[str, int]]:
+        """Number of events by surface and kind; all of them, also with save_events="count"."""
+        counts: Counter[tuple[str, str]] = Counter()
+        if isinstance(self.events, EventLog):
+            for (index, kind), number in self.events.counts.items():
+                counts[self.events.names[index], str(kind)] += number
+        else:
+            counts.update((event.surface, str(event.kind)) for event in self.events)
+        out: dict[str, dict[str, int]] = {}
+        for (name, kind_name), number in sorted(counts.items()):
+            out.setdefault(name, {})[kind_name] = number
+        return out
 
     @property
     def t_events(self) -> list[Array]:
@@ -298,7 +319,10 @@ class Solution:
         return dataset(self)
 
     def __repr__(self) -> str:
+        counted = self.options.save_events == "count"
+        parts = "" if counted else f"{len(self.segments)} segments, "
+        number = sum(sum(kinds.values()) for kinds in self.event_counts.values())
         return (
-            f"Solution({self.status.value} at t = {self.t_end:.9g}; {len(self.events)} events, "
-            f"{len(self.segments)} segments, {self.steps} steps, {self.nfev} field calls)"
+            f"Solution({self.status.value} at t = {self.t_end:.9g}; {number} events, "
+            f"{parts}{self.steps} steps, {self.nfev} field calls)"
         )

@@ -26,7 +26,7 @@ from filippov.user_event import user_events
 
 _OPTIONS = (
     "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
-    "on_graze", "zeno", "sliding", "stop", "dense_output",
+    "on_graze", "zeno", "sliding", "stop", "dense_output", "save_events",
 )  # fmt: skip
 _TREE_OPTIONS = ("max_branches", "max_depth", "release_times")
 
@@ -86,7 +86,7 @@ def solve(
     progress    called now and then with (t, t1)
     method      "DOP853" (order 8), "DP5" (order 5), or "Radau" (order 5, implicit) for stiff fields
     rtol, atol  relative and absolute tolerance of a step; atol may be one number a state
-    first_step, max_step         bounds of the step
+    first_step, max_step         bounds of the step, at most the span
     max_steps, max_events, max_time   budgets (max_time in seconds); each ends in a named status
     nonunique   where several modes can follow: "raise" (end with NON_UNIQUE), "stick" (most sliding), "slip"
                 (least sliding), a list of modes such as ["+", "0"] of which the first that can follow is
@@ -100,6 +100,7 @@ def solve(
     sliding     "filippov" (multi-affine), "moments", or "utkin" (equivalent control); see the page on sliding
     stop        Stop(surface, kind, count) or several: terminal events
     dense_output  keep the interpolants that sol(t) needs
+    save_events "all", or "count" to keep only their number and the last few: memory does not grow with them
 
     Returns a Solution; see its `status` and `message`. Raises ModelError, UsageError for bad input, and
     whatever a function of the user raises. Source: event-driven integration after Piiroinen & Kuznetsov 2008
@@ -112,6 +113,7 @@ def solve(
     if "stop" in options:
         options["stop"] = check_stops(options["stop"], problem.system)
     checked = Options(**options)
+    checked.check_span(problem.t_span)
     users = user_events(events)
     for user in users if problem.system.symbolic is None else ():
         if user.symbolic:

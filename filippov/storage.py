@@ -58,6 +58,8 @@ def save(solution: Solution, path: str | Path) -> Path:
     """Write a solution; the file appears complete or not at all. Returns the path, used as it is."""
     if not isinstance(solution, Solution):
         raise UsageError(f"save was given {type(solution).__name__}, expected a Solution.")
+    if solution.options.save_events == "count":
+        raise UsageError("the events were only counted; solve with save_events='all' to save them.")
     header = json.dumps(solution_header(solution), allow_nan=False).encode()
     arrays = {"header": np.frombuffer(header, dtype=np.uint8)} | solution_arrays(solution)
     return write_arrays(path, arrays)

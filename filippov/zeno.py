@@ -145,6 +145,14 @@ def _onto(run: Run, t: float, x: Array, surfaces: tuple[int, ...]) -> Array:
     return np.ascontiguousarray(x)
 
 
+def bridge(run: Run, limit: Accumulation) -> None:
+    """The dense output from the last event to the limit: straight, as nothing else is known of it."""
+    if run.options.dense_output and limit.t != run.t:
+        coef = np.zeros((1, *run.coef.shape[1:]))
+        coef[0, 0], coef[0, 1] = run.x, limit.x - run.x
+        run.steps.append((np.array([[run.t, limit.t - run.t]]), coef))
+
+
 SAMPLES = 16
 # How far, in errors of the limit's state, the point where the rates vanish may lie from it.
 WITHIN = 100.0

@@ -55,6 +55,19 @@ class Linear:
         M[:n, :n], M[:n, n] = A * t, b * t
         return (expm(M) @ np.append(x, 1.0))[:n]
 
+    def grid(self, mode: tuple[int, ...], x: Array, dt: float, count: int) -> Array:
+        """The guards at 0, dt ... count dt: one matrix exponential, applied again and again."""
+        A, b = self.affine(mode)
+        n = len(x)
+        M = np.zeros((n + 1, n + 1))
+        M[:n, :n], M[:n, n] = A * dt, b * dt
+        E, z = expm(M), np.append(x, 1.0)
+        out = [self.guards(mode, x)]
+        for _ in range(count):
+            z = E @ z
+            out.append(self.guards(mode, z[:n]))
+        return np.array(out)
+
     def guards(self, mode: tuple[int, ...], x: Array) -> Array:
         """Positive while the mode lasts: s_i h_i off a surface, 1 - |multiplier| on it."""
         h = self.c @ x - self.d
@@ -103,11 +116,19 @@ def corner(system: Linear, mode: tuple[int, ...], i: int, x: Array) -> tuple[int
     return found[0]
 
 
-def first_zero(f: Callable[[float], Array], end: float, dt: float, skip: int) -> tuple[float, int] | None:
-    """The first time in (0, end] at which an entry of f falls through 0 (grid of width dt, brentq)."""
-    previous, past = 0.0, f(0.0)
-    for time in np.append(np.arange(dt, end, dt), end):
-        value = f(time)
+def first_zero(
+    f: Callable[[float], Array], grid: Callable[[float, int], Array], end: float, dt: float, skip: int
+) -> tuple[float, int] | None:
+    """The first time in (0, end] at which an entry of f falls through 0 (grid of width dt, brentq).
+
+    grid(dt, k): the values of f at 0, dt ... k dt.
+    """
+    count = max(int(np.ceil(end / dt)) - 1, 0)
+    values = grid(dt, count)
+    previous, past = 0.0, values[0]
+    for k in range(1, count + 2):
+        time = k * dt if k <= count else end
+        value = values[k] if k <= count else f(end)
         falls = [
             i
             for i in range(len(value))
@@ -146,7 +167,11 @@ def solve_linear(
     t, x, skip = 0.0, x0, -1
     events: list[tuple[float, int, tuple[int, ...]]] = []
     for _ in range(30):
-        found = first_zero(lambda u, m=mode, y=x: system.guards(m, system.flow(m, y, u)), end - t, 0.01, skip)
+        found = first_zero(
+            lambda u, m=mode, y=x: system.guards(m, system.flow(m, y, u)),
+            lambda dt, count, m=mode, y=x: system.grid(m, y, dt, count),
+            end - t, 0.01, skip,
+        )  # fmt: skip
         if found is None:
             return events, system.flow(mode, x, end - t)
         wait, i = found

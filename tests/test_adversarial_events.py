@@ -58,14 +58,18 @@ def test_a2_all_triples_of_sixteenths() -> None:
 
 @pytest.mark.parametrize("depth", [1e-9, 1e-13])
 def test_a3_close_pair(depth: float) -> None:
-    got = solve(observed(x, field=2 * (t - 1)), (1 - depth,), (0, 2))
-    kinds = [event.kind for event in got.events]
-    if depth == 1e-13 and kinds == [EventKind.GRAZING]:
-        assert got.events[0].t == pytest.approx(1, abs=1e-6)
-    else:
-        assert kinds == [EventKind.CROSSING] * 2
-        np.testing.assert_allclose(got.events.t, [1 - depth**0.5, 1 + depth**0.5], atol=1e-14 / depth**0.5)
-    assert got.end_mode == (1,)
+    system = observed(x, field=2 * (t - 1))
+    for options in ({}, TIGHT):
+        got = solve(system, (1 - depth,), (0, 2), **options)
+        assert got.end_mode == (1,)
+        if depth == 1e-13:
+            # Less below 0 than the rounding of a step's interpolant: not told from a touching.
+            assert [event.kind for event in got.events] == [EventKind.GRAZING]
+            assert got.events[0].t == pytest.approx(1, abs=1e-6)
+        else:
+            assert [event.kind for event in got.events] == [EventKind.CROSSING] * 2
+            accuracy = 1e-15 / depth**0.5 if options else 1e-9
+            np.testing.assert_allclose(got.events.t, [1 - depth**0.5, 1 + depth**0.5], atol=accuracy)
 
 
 def test_a4_exact_tangency() -> None:
@@ -112,6 +116,7 @@ def test_a6_higher_lie_derivatives_decide(power: int) -> None:
 def test_a6_two_folds() -> None:
     visible = solve(modes(y, [1, x], [1, -x], x, y), (0, 0), (0, 1))
     assert visible.status is Status.NON_UNIQUE
+    assert all(text in visible.message for text in ("t = 0", "two-fold", "'s'"))
     invisible = solve(modes(y, [1, -x], [1, x], x, y), (0, 0), (0, 1))
     assert invisible.modes == ("0",)
     np.testing.assert_allclose(invisible.x_end, [1, 0], atol=1e-10)
@@ -158,11 +163,26 @@ def test_a9_restart_at_the_event_point() -> None:
             assert again.x_end[0] == pytest.approx(2 * centre - first.x_end[0], abs=1e-7)
 
 
+def test_a9_three_hundred_balls() -> None:
+    """Thrown up or down, turned round at the floor by hand: 0 re-triggers, 0 fall-through."""
+    ball = System({x: v, v: -1}, surfaces=[Surface("floor", x, kind="observer")])
+    rng = np.random.default_rng(99)
+    for height, speed, restitution in rng.uniform((0.1, -3, 0.1), (3, 3, 1), (300, 3)):
+        first = solve(ball, (height, speed), (0, 20), stop=Stop("floor"), dense_output=False)
+        assert first.t_end == pytest.approx(speed + np.sqrt(speed**2 + 2 * height), rel=1e-9)
+        up = -restitution * first.x_end[1]
+        again = solve(
+            ball, (first.x_end[0], up), (first.t_end, 30), stop=Stop("floor"), dense_output=False
+        )
+        assert again.t_end - first.t_end == pytest.approx(2 * up, rel=1e-9)
+        assert len(again.events) == 1
+
+
 def test_a10_noise_across_the_surface() -> None:
     system = modes(x, [-1], [-1], x)
-    for offset in (1e-14, -1e-14, 1e-17, -1e-17, 0.0):
+    for offset, events in ((1e-14, 1), (1e-17, 1), (0.0, 0), (-1e-17, 0), (-1e-14, 0)):
         got = solve(system, (offset,), (0, 1))
-        assert len(got.events) <= 1
+        assert len(got.events) == events
         assert got.end_mode == (-1,)
 
 
@@ -233,8 +253,20 @@ def test_a17_attraction_costs_few_calls() -> None:
     got = solve(modes(x, [-1], [1], x), (1,), (0, 2), dense_output=False)
     assert got.modes == ("+", "0")
     assert got.x_end[0] == 0
-    assert got.nfev < 100
-    assert solve(modes(x, [-1], [1], x), (1,), (0, 2)).multiplier("s", 1.5) == pytest.approx(0, abs=1e-15)
+    assert got.nfev < 50
+    dense = solve(modes(x, [-1], [1], x), (1,), (0, 2))
+    assert dense.nfev < 50
+    assert dense.multiplier("s", 1.5) == pytest.approx(0, abs=1e-15)
+
+
+def test_a17_line_at_constant_speed() -> None:
+    """x' = -sign(x - y), y' = 1/2: on the line from t = 2/3, with multiplier -1/2."""
+    system = System({x: -sign(x - y), y: Rational(1, 2)}, surfaces=[Surface("line", x - y)])
+    got = solve(system, (1, 0), (0, 2))
+    assert got.events.t == pytest.approx([2 / 3], abs=1e-14)
+    np.testing.assert_allclose(got.x_end, [1, 1], atol=1e-14)
+    assert got.multiplier("line", 1.5) == pytest.approx(-0.5, abs=1e-14)
+    assert got.nfev < 50
 
 
 def test_a17_attracting_line() -> None:
@@ -272,7 +304,9 @@ def test_a19_exit_is_located_on_the_multiplier() -> None:
 def test_a20_grazing_sliding_is_continuous(offset: float) -> None:
     got = solve(FOLD, (-1.0, 0.5 + offset), (0, 2.5), **TIGHT)
     assert got.success, got.message
-    np.testing.assert_allclose(got.x_end, [1.5, 1.125], atol=3e-10)
+    assert np.all(np.isfinite(got.y))
+    # From just below the sliding part is met at its very end; the two differ by no more than they started.
+    np.testing.assert_allclose(got.x_end, [1.5, 1.125], atol=3 * abs(offset) + 1e-12)
 
 
 @pytest.mark.parametrize(("beyond", "mode"), [(1e-12, (0,)), (-1e-12, (-1,)), (1.0, (0,)), (-1.0, (-1,))])
@@ -281,6 +315,17 @@ def test_a21_tiny_normal_speed(beyond: float, mode: tuple[int]) -> None:
     got = solve(modes(y, [1, -1e-12], [1, q.beyond], x, y), (0, 1e-13), (0, 1), parameters={"beyond": beyond})
     assert got.end_mode == mode
     assert got.events[0].t == pytest.approx(0.1, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("speed", "mode", "note"), [(1e-12, (0,), "decided by a margin of 1e-12"), (-1e-12, (-1,), "")]
+)
+def test_a21_margin_is_reported(speed: float, mode: tuple[int], note: str) -> None:
+    """Towards the surface at speed 1, beyond it back to it at 1e-12; away from it that is its whole rate."""
+    q = parameters(beyond=1)
+    got = solve(modes(y, [1, -1], [1, q.beyond], x, y), (0, 0.5), (0, 1), parameters={"beyond": speed})
+    assert got.end_mode == mode
+    assert got.events[0].note == note
 
 
 def test_a21_field_along_the_surface_beyond_it_keeps_the_motion_there() -> None:
@@ -321,13 +366,25 @@ def test_a26_guard_that_is_zero_but_for_noise() -> None:
     for start in ((0.3, 0.03), (0.7, 0.07), (1e3 / 3, 1e2 / 3)):
         got = solve(system, start, (0, 5))
         assert got.success
-        assert len(got.events) < 5
+        assert len(got.events) == 0
 
 
-def test_a26_observed_first_integral_changes_nothing() -> None:
+@pytest.mark.parametrize("start", [0.3, 0.25, 0.7, 1 / 3])
+def test_a26_guard_of_rounding_alone(start: float) -> None:
+    """(x + 1) - 1 - x is 0 but for rounding, on which nothing may depend."""
+    guard = Surface("s", lambda _, z, __: ((z[0] + 1) - 1) - z[0], kind="observer")
+    got = solve(System(field=lambda *_: [1.0], surfaces=[guard], states="x"), (start,), (0, 5))
+    assert got.success, got.message
+    assert len(got.events) <= 4
+    assert got.x_end[0] == pytest.approx(start + 5, abs=1e-13)
+
+
+@pytest.mark.parametrize("options", [{}, TIGHT, {"method": "DP5"}])
+def test_a26_observed_first_integral_changes_nothing(options: dict[str, Any]) -> None:
     circle = System({x: v, v: -x}, surfaces=[Surface("s", x**2 + v**2 - 1, kind="observer")])
-    got = solve(circle, (1, 0), (0, 100))
+    got = solve(circle, (1, 0), (0, 100), **options)
     assert got.success
+    assert len(got.events) == 0
     np.testing.assert_allclose(got.x_end, [np.cos(100), -np.sin(100)], atol=1e-6)
 
 

@@ -1,74 +1,97 @@
-"""Order of the methods with fixed steps: smooth, crossing, along sliding, through its entry and exit."""
+"""Order of the methods with fixed steps: smooth, crossing, along sliding, through its entry and exit.
 
+The error is fitted over step sizes close together, so that where in its step an event happens averages out,
+and between rounding and the point from which the leading term of the error is the largest one.
+"""
+
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
-from sympy import Rational, cos, sin
+from sympy import cos, sin
 
-from filippov import Surface, System, sign, solve, states, t
+from filippov import Solution, Surface, System, parameters, sign, solve, states, t
 
-x, v = states("x v")
-# Coulomb friction with forcing, its motion smooth and not polynomial in every mode.
-FORCED = System({x: v, v: -x - x**3 / 5 + cos(2 * t) - Rational(2, 5) * sign(v)}, surfaces=[Surface("v", v)])
-# Sliding on the circle of radius sqrt 2 with a non-linear field along it.
-DISC = System.from_modes(
-    [Surface("s", x**2 + v**2 - 2)], {"+": [1 - x, -1 - v], "-": [x - v + sin(v), v + x]}, [x, v]
+a, b, w, x, y = states("a b w x y")
+q = parameters(c=1.0, K=1.0)
+# A driven pendulum and a relay on w: every field and every sliding field is an entire function.
+RELAY = System(
+    {
+        a: b,
+        b: -sin(a) + cos(t) / 2 - sign(w) * (1 + a / 4) / 3,
+        w: q.c * b + cos(2 * t) / 4 - q.K * sign(w) * (1 + cos(a) / 3),
+    },
+    surfaces=[Surface("w", w)],
 )
-# x' = 1/(1 - x) while sliding, left at x = 0, t = 3/2: for an odd number of steps in the middle of one.
-FOLD = System.from_modes([Surface("y", v)], {"+": [1, x], "-": [0, 1]}, [x, v])
-CASES: dict[str, tuple[System, tuple[float, float], float, str]] = {
-    "smooth": (FORCED, (-2.0, 0.5), 1.2, "+"),
-    "crossing": (FORCED, (2.0, 1.0), 2.5, "+-"),
-    "along sliding": (DISC, (1.0, 1.0), 1.5, "0"),
-    "entry": (DISC, (-0.3, 0.4), 3.0, "-0"),
-    "exit": (FOLD, (-1.0, 0.0), 3.0, "0+"),
+# Parameters, start, end, modes.
+CASES: dict[str, tuple[dict[str, float], tuple[float, ...], float, str]] = {
+    "smooth": ({"K": 0.2}, (1, 0, 8), 6.0, "+"),
+    "crossing": ({"K": 0.2}, (1, 0, 3), 5.0, "+-"),
+    "along sliding": ({"K": 4}, (1, 0, 0), 6.0, "0"),
+    "entry": ({"K": 1, "c": 0.5}, (1, 0, 3), 6.0, "+0"),
+    "exit": ({"K": 0.8}, (1, 0, 0), 7.0, "0+"),
 }
+ORDERS = {"DP5": 5, "DOP853": 8, "Radau": 5}
+STEPS = np.unique(np.round(np.geomspace(8, 150, 60)).astype(int))
+LARGEST, LEAST = 1e-5, 4e-13
 
 
-def end_state(system: System, x0: tuple[float, float], end: float, method: str, steps: int) -> Any:
+def fixed(system: System, x0: Any, end: float, method: str, steps: int, values: dict[str, float]) -> Solution:
+    """A run with steps of one length."""
     width = end / steps
-    got = solve(system, x0, (0, end), method=method, first_step=width, max_step=width, rtol=1e6, atol=1e6)
-    assert got.success, got.message
-    return got
+    return solve(
+        system, x0, (0, end), method=method, first_step=width, max_step=width, rtol=1e6, atol=1e6,
+        parameters=values,
+    )  # fmt: skip
 
 
-STEPS: dict[tuple[str, str], tuple[int, ...]] = {
-    ("DP5", "smooth"): (14, 20, 28, 40, 56),
-    ("DP5", "crossing"): (14, 20, 28, 40, 56),
-    ("DP5", "along sliding"): (4, 5, 7, 10),
-    ("DP5", "entry"): (14, 20, 28, 40, 56),
-    ("DP5", "exit"): (13, 19, 27, 39, 55),
-    ("DOP853", "smooth"): (4, 5, 6, 7, 8),
-    ("DOP853", "crossing"): (10, 14, 20, 28, 40),
-    ("DOP853", "along sliding"): (2, 3, 4),
-    ("DOP853", "entry"): (10, 14, 20, 28),
-    ("Radau", "smooth"): (14, 20, 28, 40, 56),
-    ("Radau", "crossing"): (14, 20, 28, 40, 56),
-    ("Radau", "along sliding"): (4, 5, 7, 10, 14),
-    ("Radau", "entry"): (14, 20, 28, 40, 56),
-    ("Radau", "exit"): (49, 57, 67, 79, 93),
-}
-
-
-@pytest.mark.parametrize(("method", "name"), STEPS)
-def test_order(method: str, name: str) -> None:
-    system, x0, end, modes = CASES[name]
-    reference = solve(system, x0, (0, end), rtol=1e-13, atol=1e-15)
+@cache
+def errors(method: str, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of steps and errors at the end of the run."""
+    values, x0, end, modes = CASES[name]
+    reference = solve(RELAY, x0, (0, end), rtol=1e-13, atol=1e-15, parameters=values)
     assert "".join(reference.modes) == modes
-    steps = STEPS[method, name]
-    runs = [end_state(system, x0, end, method, k) for k in steps]
+    runs = [fixed(RELAY, x0, end, method, int(k), values) for k in STEPS]
     assert all(run.modes == reference.modes for run in runs)
-    errors = [np.max(np.abs(run.x_end - reference.x_end)) for run in runs]
-    slope = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
-    assert slope > {"DP5": 5, "DOP853": 8, "Radau": 5}[method] - 0.9, (slope, errors)
+    return STEPS, np.array([np.max(np.abs(run.x_end - reference.x_end)) for run in runs])
 
 
-@pytest.mark.parametrize("method", ["DP5", "DOP853", "Radau"])
+@pytest.mark.parametrize("method", ORDERS)
+@pytest.mark.parametrize("name", CASES)
+def test_order(name: str, method: str) -> None:
+    steps, error = errors(method, name)
+    fit = (error < LARGEST) & (error > LEAST)
+    assert np.sum(fit) >= 12
+    slope = -np.polyfit(np.log(steps[fit]), np.log(error[fit]), 1)[0]
+    assert slope > ORDERS[method] - 0.5, (slope, error)
+
+
+@pytest.mark.parametrize("steps", [13, 19, 27, 39])
+@pytest.mark.parametrize("method", ORDERS)
+def test_exit_has_the_error_of_the_sliding_motion(method: str, steps: int) -> None:
+    """x' = 1/(1 - x) while sliding, left at x = 0: the time of the exit is as wrong as x is, no more.
+
+    The method itself shows order 6.6 to 7.2 on this field over steps that are not lost in rounding: its
+    singularity at x = 1 is close. Measured against the same steps without any event, the exit adds nothing.
+    """
+    fold = System.from_modes([Surface("y", y)], {"+": [1, x], "-": [0, 1]}, [x, y])
+    alone = System({x: 1 / (1 - x)})
+    got = fixed(fold, (-1, 0), 3.0, method, steps, {})
+    width = 3.0 / steps
+    smooth = solve(
+        alone, (-1,), (0, 1.5), method=method, first_step=width, max_step=width, rtol=1e6, atol=1e6
+    )
+    assert got.modes == ("0", "+")
+    # x' = 1 there: what is missing in x is what is late in t.
+    assert got.events[0].t - 1.5 == pytest.approx(-smooth.x_end[0], rel=0.02, abs=2e-15)
+
+
+@pytest.mark.parametrize("method", ORDERS)
 @pytest.mark.parametrize("name", CASES)
 def test_error_follows_the_tolerance(name: str, method: str) -> None:
-    system, x0, end, _ = CASES[name]
-    reference = solve(system, x0, (0, end), rtol=1e-13, atol=1e-15).x_end
+    values, x0, end, _ = CASES[name]
+    reference = solve(RELAY, x0, (0, end), rtol=1e-13, atol=1e-15, parameters=values).x_end
     for rtol in (1e-5, 1e-8, 1e-11):
-        got = solve(system, x0, (0, end), method=method, rtol=rtol, atol=rtol)
+        got = solve(RELAY, x0, (0, end), method=method, rtol=rtol, atol=rtol, parameters=values)
         assert np.max(np.abs(got.x_end - reference)) < 100 * rtol

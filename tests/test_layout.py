@@ -26,7 +26,7 @@ FLOORS: dict[str, float] = {
     "filippov.event_log": 2.1, "filippov.machine": 2.1, "filippov.options": 2.1,
     "filippov.complementarity": 0.1, "filippov.candidate": 3, "filippov.corner": 3.01, "filippov.modes": 3.02,
     "filippov.batch": 3, "filippov.problem": 3, "filippov.run": 3,
-    "filippov.clocks": 3, "filippov.watched": 3.1, "filippov.ambiguity": 3.1,
+    "filippov.clocks": 3, "filippov.watched": 3.1, "filippov.ambiguity": 3.1, "filippov.diagnosis": 3.1,
     "filippov.zeno": 3.9, "filippov.jumps": 4, "filippov.solution": 4, "filippov.stiffness": 4,
     "filippov.solution_tree": 4.05,
     "filippov.loop": 4.06, "filippov.branching": 4.07, "filippov.solver": 4.1,

@@ -49,6 +49,7 @@ from filippov._kernels.codes import (
     TAKEN,
     TOUCH,
     TREND,
+    UNRESOLVED,
     USER_ERROR,
     ZENO,
     ZENO_ROOM,
@@ -59,21 +60,25 @@ from filippov._kernels.control import (
     finite,
     first_step,
     guard_state,
+    mark_grazed,
     mark_hits,
+    other_stages,
     step_factor,
     suspicious,
     time_to_surface,
+    uniform,
 )
 from filippov._kernels.field import clear_ranges, field, project, set_mode
 from filippov._kernels.land import EPS, land
 from filippov._kernels.language import NAN, Indices, Vector, kernel, shift, shift_indices, truncate
 from filippov._kernels.layout import COLUMNS, MULTIPLIER
-from filippov._kernels.locate import dense_output, locate, straight
+from filippov._kernels.locate import NOISY, dense_output, guard_noise, locate, straight
 from filippov._kernels.model import (
     END_IN_ERROR,
     I_CALLS,
     I_SLIDING,
     IMPLICIT,
+    LINEAR,
     RESET_FROM,
     RESETS,
     ROLE,
@@ -84,6 +89,7 @@ from filippov._kernels.model import (
     W_DIRECTION,
     W_END,
     W_F,
+    W_GRAZED,
     W_H,
     W_JUMP,
     W_K,
@@ -95,7 +101,6 @@ from filippov._kernels.model import (
     WIDTH,
     M,
     N,
-    extra_stages,
     stages,
 )
 from filippov._kernels.radau_tables import NOT_CONVERGED
@@ -145,13 +150,17 @@ def shrink_invalid(clock: Vector, m: Vector, step: float, w: Vector) -> tuple[fl
 
 
 @kernel
-def event_at_end(t: float, start: float, m: Vector, order: Indices, w: Vector) -> int:
+def event_at_end(
+    t: float, x: Vector, p: Vector, start: float, m: Vector, order: Indices, w: Vector, ctx: Indices
+) -> int:
     """The surface whose guard vanishes within rounding after the end of the run, -1 if none: clause E4."""
     for i in range(M):
         rate = m[i] * w[W_END + 2 * i + 1]
         if rate < 0.0 and order[i] == 0:
             wait = -(m[i] * w[W_END + 2 * i] + WIDTH[i]) / rate
             if wait <= 1e-12 * max(abs(t), abs(t - start)):
+                if LINEAR[i] == 0 and abs(w[W_END + 2 * i]) <= NOISY * guard_noise(i, t, x, p, m, w, ctx):
+                    continue
                 return i
     return -1
 
@@ -209,6 +218,8 @@ def advance(
             if code != REACHED:
                 break
             renew = False
+            if t == clock[T_START]:
+                mark_grazed(m, True, w)
             surface = rough_start(clock, t, x, p, m, order, direction, w, iw, ctx)
             if surface == -2:
                 code = USER_ERROR
@@ -232,11 +243,15 @@ def advance(
         elif abs(step) <= 4.0 * EPS * abs(t) or abs(step) < 1e-300:
             code = MIN_STEP
             break
-        failed, error = 0, taken
+        elif taken == 0.0:
+            # What is added to the state must be what is added to the time, also where t is large.
+            step = (t + step) - t
+        failed, error, line = 0, taken, False
         relative = truncate(clock[RELATIVE]) - 1
         if taken == 0.0:
             clear_ranges(w, iw)
             failed = stages(t, x, p, m, step, y, w, iw, ctx)
+            line = failed == 0 and not IMPLICIT and uniform(x, step, y, w)
             error = NAN
         if taken == 0.0 and failed == 0 and END_IN_ERROR:
             failed = field(t + step, y, p, m, last_k, w, iw, ctx)
@@ -298,18 +313,24 @@ def advance(
             count[STEPS] += 1
             look = suspicious(step, m, order, w, iw)
             if look or count[STORE] != 0:
-                failed = extra_stages(t, x, p, m, step, w, iw, ctx)
+                failed = other_stages(t, x, p, m, step, line, w, iw, ctx)
                 if count[STORE] != 0 or not straight(iw):
                     dense_output(x, step, w)
                 for j in range(N):
                     w[W_COEF + j] = x[j]
             if look and failed == 0:
                 cause, surface, theta, slope = locate(t, p, m, order, step, w, iw, ctx)
+            if cause == UNRESOLVED:
+                count[REJECTED] += 1
+                count[STEPS] -= 1
+                clock[STEP] = 0.125 * abs(step)
+                grow = 1.0
+                continue
             if failed == 1 or cause == -1:
                 code = USER_ERROR
                 break
             if cause == NOTHING and last:
-                surface = event_at_end(te, clock[T_START], m, order, w)
+                surface = event_at_end(te, y, p, clock[T_START], m, order, w, ctx)
                 if surface >= 0:
                     cause, theta = ROOT, 1.0
             if cause == NOTHING:
@@ -329,10 +350,11 @@ def advance(
                 away = relative >= 0 and abs(te - clock[ROUGH_FROM]) > clock[ROUGH_SPAN]
                 if away or (relative >= 0 and m[relative] * w[W_END + 2 * relative + 1] * direction <= 0.0):
                     clock[RELATIVE] = 0.0
+                mark_grazed(m, False, w)
                 clock[T] = te
                 continue
             failed, length, dense_length, residual = land(
-                t, x, p, m, cause, surface, step, theta, slope, xe, w, iw, ctx
+                t, x, p, m, cause, surface, step, theta, slope, line, xe, w, iw, ctx
             )
             if failed == 1:
                 code = USER_ERROR
@@ -346,7 +368,7 @@ def advance(
                 te = clock[T_END]
             if count[STORE] != 0 and te != t:
                 failed = field(t + dense_length, xe, p, m, last_k, w, iw, ctx)
-                failed = extra_stages(t, x, p, m, dense_length, w, iw, ctx)
+                failed = other_stages(t, x, p, m, dense_length, line, w, iw, ctx)
                 dense_output(x, dense_length, w)
                 store_step(count, t, dense_length, rec, rec_coef, w)
         # An event on `surface` at (te, xe).
@@ -380,6 +402,9 @@ def advance(
         for j in range(N):
             x[j] = xe[j]
         if kind == NONE:
+            for i in range(M):
+                if hit[i] != 0:
+                    w[W_GRAZED + i] = 1.0
             code = GENERAL
             break
         for i in range(M):
@@ -387,6 +412,7 @@ def advance(
                 order[i] = 0
         if kind == GRAZING:
             order[surface] = 2
+            w[W_GRAZED + surface] = 1.0
         if m[surface] == 0.0:
             multiplier = w[W_MULT + surface * COLUMNS + MULTIPLIER]
         record_event(events, marks, count, te, x, surface, kind, m, multiplier, residual, w)
@@ -398,6 +424,9 @@ def advance(
         if kind == EXIT_UP or kind == EXIT_DOWN:  # noqa: PLR1714, SIM109 - the kernel language has no `in`
             # The step of a slide says nothing about the motion that leaves it.
             clock[STEP] = 0.0
+        if LINEAR[surface] == 0 and abs(te - t) < 0.25 * abs(step):
+            # A guard that turns faster than the motion: the next event is about as far.
+            clock[STEP] = min(clock[STEP], 4.0 * abs(te - t) + 1e3 * EPS * abs(te))
         clock[RELATIVE] = 0.0
         if count_down(shift_indices(stop, STOPS * surface), kind) != 0:
             code = STOPPED

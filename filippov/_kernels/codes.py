@@ -36,3 +36,4 @@ STOPS = 10
 
 # What `locate` found: the guard itself, the upper or lower bound of a multiplier, a touching of the surface.
 NOTHING, ROOT, UPPER, LOWER, TOUCH = 0, 1, 2, 3, 4
+UNRESOLVED = -3

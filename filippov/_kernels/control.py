@@ -8,16 +8,20 @@ from filippov._kernels.layout import COLUMNS, LEAST, MOST, MULTIPLIER, SLOPE
 from filippov._kernels.model import (
     ALL_LINEAR,
     COMPONENT,
+    EXTRA,
     I_CALLS,
     I_PEERS,
     ORDER,
+    STAGES,
     W_ATTRACT,
     W_CREEP,
     W_END,
     W_F,
     W_G,
+    W_GRAZED,
     W_GT,
     W_H,
+    W_K,
     W_MULT,
     W_RADIUS,
     W_START,
@@ -28,6 +32,7 @@ from filippov._kernels.model import (
     M,
     N,
     error_terms,
+    extra_stages,
     gradients,
     guards,
     rhs,
@@ -105,6 +110,9 @@ def first_step(
     d2 = 0.0
     for i in range(N):
         d2 += ((f1[i] - f[i]) / (atol[i] + rtol * abs(x[i]))) ** 2
+    if d2 == 0.0:
+        # A constant field, as far as can be seen from here.
+        return 0, limit
     d2 = sqrt(d2 / float(N)) / h0
     if not (d2 < 1e300):
         return 0, h0 * 1e-3
@@ -112,6 +120,41 @@ def first_step(
     if d1 > 1e-15 or d2 > 1e-15:
         h1 = (0.01 / max(d1, d2)) ** (1.0 / float(ORDER))
     return 0, min(100.0 * h0, h1, limit)
+
+
+@kernel
+def uniform(x: Vector, step: float, y: Vector, w: Vector) -> bool:
+    """Whether all stages met the same field: then the step is a straight line, and y its exact end."""
+    for a in range(N, (STAGES - 1) * N):
+        if w[W_K + a] != w[W_K + a % N]:
+            return False
+    for j in range(N):
+        y[j] = x[j] + step * w[W_K + j]
+        w[W_K + (STAGES - 1) * N + j] = w[W_K + j]
+    return True
+
+
+@kernel
+def other_stages(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, line: bool, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """The stages that only the dense output needs; on a straight line they are known."""
+    if not line:
+        return extra_stages(t, x, p, m, step, w, iw, ctx)
+    for a in range(STAGES * N, (STAGES + EXTRA) * N):
+        w[W_K + a] = w[W_K + a % N]
+    return 0
+
+
+@kernel
+def mark_grazed(m: Vector, start: bool, w: Vector) -> None:
+    """Keep a touching from being reported twice: the guard has to get clear of 0 in between (hysteresis)."""
+    for i in range(M):
+        clear = abs(w[W_END + 2 * i]) > 1e3 * w[W_TOUCH + i]
+        if start:
+            w[W_GRAZED + i] = 0.0 if abs(w[W_START + 2 * i]) > 1e3 * w[W_TOUCH + i] else 1.0
+        elif clear:
+            w[W_GRAZED + i] = 0.0
 
 
 @kernel

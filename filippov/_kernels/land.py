@@ -4,7 +4,7 @@ The dense output only says where to go; the state at the event comes from the me
 at rounding level and not at the interpolant's.
 """
 
-from filippov._kernels.codes import ROOT, SWITCHING, TOUCH, UPPER
+from filippov._kernels.codes import ROOT, TOUCH, UPPER
 from filippov._kernels.field import add_gradient, field, gradient_product, project, rate
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.locate import guard_rows
@@ -13,12 +13,11 @@ from filippov._kernels.model import (
     G_FIRST,
     I_SLIDING,
     IMPLICIT,
-    RESET_FROM,
-    ROLE,
     W_F,
     W_G,
     W_GT,
     W_H,
+    W_K,
     W_ROW,
     W_XM,
     WIDTH,
@@ -56,6 +55,19 @@ def project_on(t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, ctx
 
 
 @kernel
+def go(
+    t: float, x: Vector, p: Vector, m: Vector, length: float, line: bool, xe: Vector, w: Vector, iw: Indices,
+    ctx: Indices,
+) -> int:  # fmt: skip
+    """A step of the method from (t, x), its end in xe; along a straight line it needs no field."""
+    if not line:
+        return stages(t, x, p, m, length, xe, w, iw, ctx)
+    for j in range(N):
+        xe[j] = x[j] + length * w[W_K + j]
+    return 0
+
+
+@kernel
 def land(
     t: float,
     x: Vector,
@@ -66,6 +78,7 @@ def land(
     step: float,
     theta: float,
     slope: float,
+    line: bool,
     xe: Vector,
     w: Vector,
     iw: Indices,
@@ -78,7 +91,7 @@ def land(
     h, f, xm, row = shift(w, W_H), shift(w, W_F), shift(w, W_XM), shift(w, W_ROW)
     length = theta * step
     dense_length = length
-    code = stages(t, x, p, m, length, xe, w, iw, ctx)
+    code = go(t, x, p, m, length, line, xe, w, iw, ctx)
     value, last = 0.0, 1e300
     for attempt in range(48):
         if code != 0 or cause == TOUCH:
@@ -114,7 +127,7 @@ def land(
         if IMPLICIT or abs(delta) > 1e-5 * abs(step):
             length += delta
             dense_length = length
-            code = stages(t, x, p, m, length, xe, w, iw, ctx)
+            code = go(t, x, p, m, length, line, xe, w, iw, ctx)
             continue
         for j in range(N):
             xm[j] = xe[j] + 0.5 * delta * f[j]
@@ -123,7 +136,7 @@ def land(
             xe[j] += delta * f[j]
         length += delta
     if code == 0:
-        if cause == ROOT and WIDTH[i] == 0.0 and (ROLE[i] == SWITCHING or RESET_FROM[i] != 0):
+        if cause == ROOT and WIDTH[i] == 0.0:
             code = project_on(t + length, xe, p, m, i, w, ctx)
             value = h[i]
         if iw[I_SLIDING] > 0 and project(t + length, xe, p, m, h, w, iw, ctx) != 0:

@@ -64,6 +64,8 @@ def layout(
         "END": 2 * m,
         "RADIUS": 2 * m,
         "TOUCH": m,
+        "GRAZED": m,
+        "NOISE": m,
         "ATTRACT": m,
         "DIRECTION": 1,
         "CREEP": 6 * n,

@@ -7,10 +7,11 @@ them. Each is written so that it is positive while the mode lasts; the event is 
 Resolution. Linear guards are polynomials of the dense output and are isolated on the whole step. Others are
 sampled at 9 Chebyshev points, checked at two more, and the step is halved (at most SPLITS times) until the
 polynomial stands for the guard to 1e-7 of its size: what is narrower than 2**-SPLITS of a step is not seen.
+A guard that needs this in many places asks for a shorter step.
 """
 
 from filippov._kernels.bernstein import bernstein_value, deflate, first_root
-from filippov._kernels.codes import LOWER, NOTHING, ROOT, TOUCH, UPPER
+from filippov._kernels.codes import LOWER, NOTHING, OBSERVER, ROOT, TOUCH, UNRESOLVED, UPPER
 from filippov._kernels.field import field
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import CHECKS, COLUMNS, MULTIPLIER, RATE_MINUS, RATE_PLUS, SPLITS
@@ -29,6 +30,7 @@ from filippov._kernels.model import (
     I_SLIDING,
     IMPLICIT,
     LINEAR,
+    ROLE,
     STAGES,
     W_ATTRACT,
     W_BOUNDS,
@@ -38,6 +40,7 @@ from filippov._kernels.model import (
     W_END,
     W_F,
     W_G,
+    W_GRAZED,
     W_GT,
     W_H,
     W_K,
@@ -46,6 +49,7 @@ from filippov._kernels.model import (
     W_PIECES,
     W_RADIUS,
     W_STACK,
+    W_STAGE,
     W_START,
     W_TOUCH,
     W_WORK,
@@ -60,6 +64,8 @@ from filippov._kernels.model import (
 from filippov._kernels.tables import DEGREE, NODES, POSITION, TO_BERNSTEIN, TOUCHING
 
 CHECK_FIRST, CHECK_APART = 0.3137, 0.4218
+NOISY, NEIGHBOUR = 64.0, 1.2345e-10
+LEAVES = 16
 EPS = 2.220446049250313e-16
 OPEN = 1e299
 
@@ -163,6 +169,10 @@ def sample(
     for q in range(NODES):
         theta = lo + width * POSITION[q]
         dense_value(theta, x, w)
+        if theta == 1.0:
+            # The step's own end: what is 0 there is 0 here.
+            for j in range(N):
+                x[j] = w[W_Y + j]
         code = guard_rows(t + theta * step, x, p, m, shift(w, W_NODE + q * 2 * M), w, iw, ctx)
         if code != 0:
             return code
@@ -177,7 +187,28 @@ def sample(
 
 
 @kernel
-def to_polynomial(row: int, judged: bool, w: Vector) -> bool:
+def guard_noise(i: int, t: float, x: Vector, p: Vector, m: Vector, w: Vector, ctx: Indices) -> float:
+    """The noise of guard i near (t, x): its second differences over a few neighbouring points.
+
+    A smooth function has next to none so close; what is left is rounding inside h, which its gradient does
+    not show (More & Wild 2011). 0 where h cannot be evaluated.
+    """
+    y, h = shift(w, W_STAGE), shift(w, W_H)
+    noise, one, two = 0.0, 0.0, 0.0
+    for q in range(7):
+        factor = 1.0 + NEIGHBOUR * float(q)
+        for j in range(N):
+            y[j] = x[j] * factor
+        if guards(t * factor, y, p, m, h, ctx) != 0:
+            return 0.0
+        if q >= 2:
+            noise = max(noise, abs(h[i] - 2.0 * one + two))
+        two, one = one, h[i]
+    return noise
+
+
+@kernel
+def to_polynomial(row: int, judged: bool, noise: float, w: Vector) -> bool:
     """Bernstein coefficients of one guard on the sampled piece; False where they do not stand for it."""
     c = shift(w, W_C)
     largest = 0.0
@@ -194,7 +225,7 @@ def to_polynomial(row: int, judged: bool, w: Vector) -> bool:
         for q in range(CHECKS):
             u = CHECK_FIRST + CHECK_APART * q
             miss = bernstein_value(c, DEGREE, u, shift(w, W_WORK)) - w[W_CHECK + q * 2 * M + row]
-            if abs(miss) > 1e-7 * largest:
+            if abs(miss) > 1e-7 * largest + NOISY * noise:
                 return False
     return True
 
@@ -224,12 +255,28 @@ def rounding(t: float, step: float, i: int, w: Vector) -> float:
 
 
 @kernel
-def stands_still(c: Vector, touch: float, step: float, i: int, w: Vector) -> bool:
-    """Whether guard i stays within `touch` of 0 while its terms move: a first integral but for errors."""
+def coefficient_range(c: Vector) -> tuple[float, float]:
+    """Least and largest Bernstein coefficient: the guard stays between them."""
     least, most = float(c[0]), float(c[0])
     for a in range(1, NODES):
         least = min(least, c[a])
         most = max(most, c[a])
+    return least, most
+
+
+@kernel
+def sampled_range(row: int, w: Vector) -> tuple[float, float]:
+    """Least and largest sample of a guard: between Chebyshev points a polynomial does not go far beyond."""
+    least, most = float(w[W_NODE + row]), float(w[W_NODE + row])
+    for a in range(1, NODES):
+        least = min(least, w[W_NODE + a * 2 * M + row])
+        most = max(most, w[W_NODE + a * 2 * M + row])
+    return least, most
+
+
+@kernel
+def stands_still(least: float, most: float, touch: float, step: float, i: int, w: Vector) -> bool:
+    """Whether guard i stays within `touch` of 0 while its terms move: a first integral but for errors."""
     moved = float(abs(w[W_GT + i] * step))
     for a in range(G_FIRST[i], G_FIRST[i + 1]):
         j = G_COLUMN[a]
@@ -246,11 +293,12 @@ def locate(
     order[i]: how often guard i vanishes at the start of the step (the root it starts from is divided out);
     for a sliding surface +-2 says that its multiplier starts at an end of its set, +-3 that the rates of both
     sides vanish at the start. A least value of a guard
-    below W_TOUCH is a touching. Cause -1: the user's code failed; -2: no sliding.
+    below W_TOUCH is a touching. Cause -1: the user's code failed; -2: no sliding; UNRESOLVED: the step is too
+    long for its guards.
     """
     c, work, pieces = shift(w, W_C), shift(w, W_WORK), shift(w, W_PIECES)
     pieces[0], pieces[1], pieces[2] = 0.0, 1.0, 0.0
-    waiting, direct = 1, straight(iw)
+    waiting, direct, unresolved = 1, straight(iw), 0
     while waiting > 0:
         waiting -= 1
         piece = shift(pieces, 3 * waiting)
@@ -265,29 +313,50 @@ def locate(
             i = row if row < M else row - M
             if row >= M and m[i] != 0.0:
                 continue
-            judged = depth < SPLITS and (m[i] == 0.0 or LINEAR[i] == 0)
+            judged = m[i] == 0.0 or LINEAR[i] == 0
+            noise = -1.0
             if direct:
                 guard_polynomial(i, step, m, w)
-            elif not to_polynomial(row, judged, w):
-                resolved = False
-                break
+            elif not to_polynomial(row, judged, 0.0, w):
+                if m[i] != 0.0:
+                    dense_value(lo + 0.5 * width, shift(w, W_XM), w)
+                    noise = guard_noise(i, t + (lo + 0.5 * width) * step, shift(w, W_XM), p, m, w, ctx)
+                if noise <= 0.0 or not to_polynomial(row, judged, noise, w):
+                    if depth < SPLITS:
+                        resolved = False
+                        break
+                    low, high = sampled_range(row, w)
+                    if m[i] != 0.0 and max(-low, high) > 1e3 * w[W_TOUCH + i]:
+                        unresolved += 1
+                        if unresolved > LEAVES:
+                            return UNRESOLVED, 0, 0.0, 0.0
             degree = DEGREE
             dip = 0.0
             allowed = w[W_TOUCH + i] if m[i] != 0.0 else 0.0
+            touch = allowed if w[W_GRAZED + i] == 0.0 else 0.0
+            # Hysteresis: what never got clear of 0 since it was last there has to go clearly below it.
+            low, high = sampled_range(row, w)
+            if direct:
+                low, high = coefficient_range(c)
+            if ROLE[i] == OBSERVER and w[W_GRAZED + i] != 0.0 and low >= -16.0 * allowed:
+                continue
             if lo == 0.0 and m[i] != 0.0 and order[i] > 0:
                 degree = deflate(c, order[i])
-                allowed = 0.0
+                allowed, touch = 0.0, 0.0
             elif lo == 0.0 and m[i] == 0.0 and abs(order[i]) >= 2:
                 # At a two-fold (3) both rates vanish: their size at the start is rounding.
                 spread = abs(w[W_NODE + i]) + abs(w[W_NODE + M + i]) if abs(order[i]) == 2 else 1e300
                 degree = deflate(c, order_at_start(c, spread))
             elif allowed > 0.0:
                 # A dip below 0 no deeper than rounding is a touching, not two crossings.
-                if stands_still(c, allowed, step, i, w):
+                if stands_still(low, high, allowed, step, i, w):
                     continue
                 dip = rounding(t, step, i, w)
+                touch += dip if touch > 0.0 else 0.0
                 allowed += dip
-                for a in range(NODES):
+                # A root at the very end of a clear descent is none of these.
+                at_end = c[DEGREE] <= 0.0 and c[DEGREE - 1] > 2.0 * dip
+                for a in range(DEGREE if at_end else NODES):
                     c[a] += dip
             least, most = c[0], c[0]
             for a in range(1, degree + 1):
@@ -296,7 +365,14 @@ def locate(
             # A guard that is zero throughout says nothing: its surface is a first integral of the motion.
             if least > allowed or (least >= 0.0 and most <= 2.0 * dip):
                 continue
-            kind, u = first_root(c, degree, allowed, shift(w, W_STACK), shift(w, W_BOUNDS), work)
+            if m[i] != 0.0 and LINEAR[i] == 0 and degree == DEGREE:
+                if noise < 0.0:
+                    dense_value(lo + 0.5 * width, shift(w, W_XM), w)
+                    noise = guard_noise(i, t + (lo + 0.5 * width) * step, shift(w, W_XM), p, m, w, ctx)
+                # A guard that is nothing but rounding says nothing.
+                if high <= NOISY * noise and low >= -NOISY * noise:
+                    continue
+            kind, u = first_root(c, degree, touch, shift(w, W_STACK), shift(w, W_BOUNDS), work)
             if kind == 0 or u >= best or (kind == TOUCHING and most <= allowed):
                 continue
             best, surface = u, i

@@ -1,0 +1,106 @@
+"""What to suspect where a run cannot go on: a surface nearby, a component that is not finite, a jump."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from filippov.machine import Array
+from filippov.modes import Successor
+from filippov.run import Run
+from filippov.status import mode_text
+
+# Closer than this to an end of its set a multiplier is worth a note.
+CLOSE = 1e-6
+# So many attempts that together take less than this part of what is left: the end is out of reach.
+STAGNATION_STEPS, STAGNATION, STANDSTILL = 4_000, 1e-5, 1e-9
+
+
+def close_call(run: Run, taken: Successor) -> str:
+    """What an event says of sliding that begins next to an end of its multiplier's set; "" elsewhere."""
+    radii = run.machine.radii(run.t, run.x)
+    for i, value in enumerate(taken.mode):
+        low, high = radii[i]
+        room = min(taken.multipliers[i] - low, high - taken.multipliers[i])
+        # At the end itself, to rounding, sliding begins tangentially.
+        if value == 0 and 1e-14 < room / (high - low) < CLOSE:
+            return f"decided by a margin of {room / (high - low):.2g}"
+    return ""
+
+
+def stagnation(run: Run, part: float) -> str:
+    """What holds a run up that has covered only this part of what is left; "" where it may yet get going."""
+    mode = run.mode.copy()
+    signs = np.where(mode == 0.0, 1.0, mode)
+    jump = _jump(run, machine_field(run, signs), signs, mode)
+    if not jump and part >= STANDSTILL:
+        return ""
+    return suspect(run)
+
+
+def machine_field(run: Run, signs: Array) -> Array:
+    """The vertex field at the present point."""
+    return run.machine.rhs(run.t, run.x, signs, run.mode)
+
+
+def suspect(run: Run) -> str:
+    """A sentence on what is odd about the field and the guards at the present point and right beside it."""
+    machine, system = run.machine, run.machine.system
+    mode = run.mode.copy()
+    signs = np.where(mode == 0.0, run.lam, mode)
+    with np.errstate(all="ignore"):
+        here = machine.rhs(run.t, run.x, np.where(mode == 0.0, 1.0, signs), mode)
+        text = _not_finite(here, system.states, run)
+        if text:
+            return text
+        # As far ahead as differences of a plain h reach.
+        for place in (run.x, run.x + run.direction * 5e-3 * (np.abs(run.x) + 1e-9) * np.sign(here)):
+            values = machine.guards(run.t, np.ascontiguousarray(place), mode)
+            for i, value in enumerate(values):
+                if not np.isfinite(value):
+                    return f"Surface {machine.surfaces[i].name!r} has h = {value} next to this point."
+        nearest = _nearest(run)
+        jump = _jump(run, here, signs, mode)
+    return " ".join(part for part in (nearest, jump) if part)
+
+
+def _not_finite(field: Array, states: tuple[str, ...], run: Run) -> str:
+    bad = np.flatnonzero(~np.isfinite(field))
+    if not len(bad):
+        return ""
+    i = int(bad[0])
+    value = "NaN" if np.isnan(field[i]) else str(field[i])
+    return f"The field of mode {mode_text(run.signs)} returned {value} for dy[{i}] (d{states[i]}/dt)."
+
+
+def _nearest(run: Run) -> str:
+    sizes, scale = run.scales()
+    with np.errstate(all="ignore"):
+        distance = sizes / (scale + 1e-300)
+    if not len(distance) or not np.any(np.isfinite(distance)):
+        return ""
+    i = int(np.nanargmin(distance))
+    name = run.machine.surfaces[i].name
+    if not np.isfinite(sizes[i]) or distance[i] > 1e-3:
+        return ""
+    return f"The surface nearest to it is {name!r} (|h| = {sizes[i]:.3g})."
+
+
+def _jump(run: Run, here: Array, signs: Array, mode: Array) -> str:
+    """The component of the field that changes most over a distance at which a smooth one does not change."""
+    machine, largest, text = run.machine, 1e-3, ""
+    signs = np.where(mode == 0.0, 1.0, signs)
+    size = np.max(np.abs(run.x), initial=0.0)
+    for j, name in enumerate(machine.system.states):
+        for side in (1.0, -1.0):
+            x = run.x.copy()
+            x[j] += side * 1e-7 * max(abs(x[j]), 1e-3 * size, 1e10 * float(run.atol[j]), 1e-9)
+            field = machine.rhs(run.t, x, signs, mode)
+            change = np.abs(field - here) / (np.max(np.abs(here)) + np.max(np.abs(field)) + 1e-300)
+            i = int(np.argmax(change))
+            if np.isfinite(change[i]) and change[i] > largest:
+                largest = float(change[i])
+                text = (
+                    f"d{machine.system.states[i]}/dt jumps from {here[i]:.4g} to {field[i]:.4g} where {name} "
+                    "changes by next to nothing: is a surface not declared there?"
+                )
+    return text
