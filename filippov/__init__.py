@@ -43,6 +43,7 @@ _EXPORTS: dict[str, str] = {
     "SolutionTree": "filippov.solution_tree",
     "Status": "filippov.status",
     "Surface": "filippov.surface",
+    "Sweep": "filippov.sweep.plan",
     "System": "filippov.system",
     "TimeEvent": "filippov.time_event",
     "UserEvent": "filippov.user_event",

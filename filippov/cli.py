@@ -3,7 +3,7 @@
     0    done
     1    failed, with a named cause on stderr
     2    wrong usage: unknown name, flag or setting, with a suggestion
-    3    done, and some case of a bank did not pass
+    3    done, and some case of a bank did not pass, or some point of a sweep failed
     130  interrupted; what had been computed is written
 
 Text for people goes to stderr, one JSON document to stdout with --json. `--help` imports nothing heavy.
@@ -82,7 +82,7 @@ def build_parser(known: dict[str, Command]) -> Parser:
     parser = Parser(
         prog="filippov", description="Filippov differential inclusions, solved and analysed exactly.",
         epilog="filippov COMMAND --help tells the flags of a command.\n"
-        "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 a case did not pass, 130 interrupted.",
+        "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 a case or point failed, 130 interrupted.",
     )  # fmt: skip
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and leave")
     parser.words += known

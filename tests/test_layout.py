@@ -35,6 +35,8 @@ FLOORS: dict[str, float] = {
     "filippov.stored_system": 4.95,
     "filippov.graph": 5, "filippov.word": 5, "filippov.storage": 5, "filippov.export": 5,
     "filippov.tree_storage": 5.1,
+    "filippov.user_file": 0.3,
+    "filippov.sweep": 6,
     "filippov.style": 6.9, "filippov.plot_graph": 6.95,
     "filippov.plotting": 7, "filippov.plot_maps": 7, "filippov.plot_comparison": 7,
     "filippov.plot_describing": 7, "filippov.plot_identification": 7, "filippov.plot_tuning": 7,
@@ -98,7 +100,7 @@ LATE: set[tuple[str, str]] = {
 }
 
 # Packages whose modules may import each other: the order among them is their own affair, circles are not.
-TOGETHER = ("filippov._kernels", "filippov.models", "filippov.bank", "filippov.commands")
+TOGETHER = ("filippov._kernels", "filippov.models", "filippov.bank", "filippov.sweep", "filippov.commands")
 
 BUILTINS = {"eval", "exec", "compile", "__import__"}
 PARSERS = {"sympify", "parse_expr"}

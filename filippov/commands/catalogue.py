@@ -26,7 +26,9 @@ from filippov.commands.values import (
     text,
     texts,
     tolerance,
+    varied,
     whole,
+    whole_or_zero,
     words,
 )
 from filippov.configuration import Option
@@ -129,6 +131,25 @@ X_AXIS = Option("x", "horizontal axis: name with its first and last value", name
 Y_AXIS = Option("y", "vertical axis", named_ranges, metavar="NAME=LOW:HIGH", default={})
 CELLS = Option("cells", "cells along each axis", whole, metavar="N", default=60)
 INTERVAL = Option("interval", "interval of the section's coordinate", pair, metavar=("LO", "HI"), count=2)
+VARY = (
+    Option("vary", "values of a parameter, or of an initial state as x0.NAME; LOW:HIGH:COUNT, LOW:HIGH for "
+           "samples that are drawn, or lists in the file; can be repeated", varied,
+           metavar="NAME=LOW:HIGH:COUNT", repeat=True, default={}),
+    _choice("samples", "every combination, the values pair by pair, or n points drawn between the ends",
+            "grid", "list", "latin_hypercube", "sobol", default="grid"),
+    Option("n", "number of points that are drawn", whole, metavar="N", flags=("-n", "--n")),
+    Option("seed", "seed of points that are drawn", whole_or_zero, metavar="N", default=0),
+)  # fmt: skip
+ENGINE = (
+    Option("jobs", "worker processes; default: all cores", whole, metavar="N", flags=("-j", "--jobs")),
+    _choice("executor", "where points are computed", "processes", "dask", default="processes"),
+    Option("scheduler", "address of dask's scheduler; default: a cluster of -j processes here", text,
+           metavar="ADDRESS"),
+    Option("resume", "go on with what the folder holds", switch, default=False),
+    Option("fresh", "remove what the folder holds", switch, default=False),
+    Option("chunk", "points in a chunk; default: about a second's work", whole, metavar="N"),
+    Option("max_memory", "bytes of address space of a worker", whole, metavar="BYTES"),
+)  # fmt: skip
 
 _ALL = (
     Command(
@@ -139,6 +160,29 @@ _ALL = (
                 metavar="N"),
          *TREE),
         "filippov simulate hunting -p P=20 --x0 x=0.1 --t-span 0 50 -o results/run",
+    ),
+    Command(
+        "sweep", "measures over many points: results.csv, results.nc, summary.json; can be resumed", "sweep",
+        (MODEL, PARAMETERS, *VARY,
+         Option("measure", "what is measured, such as end(x), events(surface), amplitude(x), or "
+                "path/to/file.py:name; can be repeated", texts, metavar="MEASURE", repeat=True,
+                default=["end", "t_end"]),
+         Option("tail", "part of the time over which extrema and periods are taken", number, metavar="SHARE",
+                default=0.5),
+         Option("reduce", "summary of every column: mean, min, max, median, std, count", words,
+                metavar="NAME,NAME,..."),
+         *ENGINE, *START, *TOLERANCES),
+        "filippov sweep hunting --vary P=10:30:21 --measure 'amplitude(x)' -j 2 -o results/sweep",
+        needs="filippov.sweep.plan",
+    ),
+    Command(
+        "ensemble", "where many trajectories end, in one process: ends.csv, ends.npz, summary.json", "sweep",
+        (MODEL, PARAMETERS, *VARY,
+         Option("jobs", "threads; default: all cores", whole, metavar="N", flags=("-j", "--jobs")),
+         *(option for option in START if option.name != "max_time"), *TOLERANCES),
+        "filippov ensemble hunting --vary x0.x=-0.3:0.3 --vary P=10:30 --samples sobol -n 1000 "
+        "-o results/ensemble",
+        function="run_ensemble",
     ),
     Command(
         "event-map", "the event map of a section and its fixed points: map.csv, fixed_points.json, map.png",

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +14,7 @@ from filippov.names import closest
 from filippov.options import check_state
 from filippov.problem import Problem
 from filippov.system import System
+from filippov.user_file import load_file, place_of
 
 
 @dataclass(frozen=True)
@@ -73,7 +71,7 @@ def load_model(name: str | None) -> Loaded:
     path, colon, attribute = name.rpartition(":")
     if not colon or not path.endswith(".py"):
         path, attribute = name.removesuffix(":"), ""
-    module = _module(Path(path))
+    module = load_file(Path(path))
     if not attribute:
         raise UsageError(f"{path!r} names a file; name what is in it too: {path}:{_listing(module, '|')}.")
     if not hasattr(module, attribute):
@@ -93,7 +91,7 @@ def _of_object(name: str, value: Any) -> Loaded:
         try:
             made = value()
         except Exception as error:
-            raise ModelError(f"{name} failed: {_place(error, name)}") from error
+            raise ModelError(f"{name} failed: {place_of(error, name)}") from error
     if isinstance(made, registry.Model):
         return _of_model(made)
     if isinstance(made, Problem):
@@ -102,35 +100,6 @@ def _of_object(name: str, value: Any) -> Loaded:
         return Loaded(name, made)
     what = f"returned {type(made).__name__}" if made is not value else f"is {type(made).__name__}"
     raise UsageError(f"{name} {what}, expected a System, a Problem, or a function that returns a System.")
-
-
-def _module(path: Path) -> ModuleType:
-    """Run the user's file, as `python file.py` would find its neighbours."""
-    if not path.is_file():
-        near = closest(path.name, [p.name for p in path.parent.glob("*.py")]) if path.parent.is_dir() else ""
-        raise UsageError(f"there is no file {str(path)!r}; {near or 'give a path from the present folder'}")
-    full = path.resolve()
-    spec = importlib.util.spec_from_file_location(full.stem, full)
-    if spec is None or spec.loader is None:
-        raise UsageError(f"{str(path)!r} cannot be imported.")
-    if str(full.parent) not in sys.path:
-        sys.path.append(str(full.parent))
-    module = importlib.util.module_from_spec(spec)
-    # Registered for dataclasses and pickle, but never in place of a module that something else has imported.
-    sys.modules.setdefault(full.stem, module)
-    try:
-        spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:
-        raise ModelError(f"{str(path)!r} could not be imported: {_place(error, str(path))}") from error
-    return module
-
-
-def _place(error: BaseException, name: str) -> str:
-    """The error with the last line of the user's file that led to it."""
-    file = Path(name.rpartition(":")[0] if name.rpartition(":")[0].endswith(".py") else name).name
-    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).name == file]
-    where = f" (line {lines[-1]})" if lines else ""
-    return f"{type(error).__name__}: {error}{where}"
 
 
 def _listing(module: ModuleType, between: str) -> str:

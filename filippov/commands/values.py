@@ -106,6 +106,30 @@ def named_ranges(value: Any, name: str) -> dict[str, tuple[float, float]]:
     return out
 
 
+def varied(value: Any, name: str) -> dict[str, list[float]]:
+    """Values by name: lists in a table, or text: "P=5:60:12" (twelve values), "P=5:60" (both ends), "P=5"."""
+    out = {}
+    for key, item in named(value, name).items():
+        if not isinstance(item, str):
+            out[key] = numbers(item, f"{name}: {key}")
+            continue
+        ends = item.split(":")
+        if len(ends) > 3:
+            raise UsageError(f"{name}: {key} is {item!r}, expected LOW:HIGH or LOW:HIGH:COUNT.")
+        found = [number(end, f"{name}: {key}") for end in ends[:2]]
+        if len(ends) == 3:
+            count = whole(ends[2], f"{name}: {key}")
+            step = (found[1] - found[0]) / max(count - 1, 1)
+            found = [found[0] + k * step for k in range(count)]
+        out[key] = found
+    return out
+
+
+def whole_or_zero(value: Any, name: str) -> int:
+    """A whole number of at least 0."""
+    return 0 if value in (0, "0") else whole(value, name)
+
+
 def state(value: Any, name: str) -> dict[str, float] | list[float]:
     """A state: "x=0.1,v=0" or a table by name; "0.1,0,0" or a list in order."""
     if isinstance(value, Mapping) or (isinstance(value, str) and "=" in value):

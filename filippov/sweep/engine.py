@@ -1,0 +1,149 @@
+"""Where chunks are computed: the own processes, any executor of concurrent.futures, or dask."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from typing import Any, Protocol
+
+from filippov.batch import cores
+from filippov.errors import SolveError, UsageError
+from filippov.names import unknown
+from filippov.sweep.processes import CONTEXTS, Processes
+from filippov.sweep.rows import Work
+
+EXECUTORS = ("processes", "dask")
+
+
+class Engine(Protocol):
+    """What the driver needs of it. slots: chunks that are in work at a time."""
+
+    slots: int
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Hand over a chunk."""
+
+    def done(self, future: Future[Any]) -> None:
+        """A chunk is done."""
+
+    def lost(self, future: Future[Any], error: BaseException) -> bool:
+        """After the loss of a chunk: whether the chunk may be to blame."""
+
+    def fatal(self, error: BaseException) -> bool:
+        """Whether an error ends the sweep."""
+
+    def cause(self, future: Future[Any]) -> str:
+        """How the worker of a chunk ended."""
+
+    def kill(self, future: Future[Any]) -> None:
+        """End the worker of a chunk, where that is possible."""
+
+    def close(self, at_once: bool) -> None:
+        """End the workers."""
+
+
+class Given:
+    """An executor of the user's, which stays theirs: it is not shut down."""
+
+    def __init__(self, executor: Executor, jobs: int) -> None:
+        self.executor, self.slots = executor, 2 * jobs
+        self.flying: set[Future[Any]] = set()
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        """Hand over a chunk."""
+        future: Future[Any] = self.executor.submit(function, *arguments)
+        self.flying.add(future)
+        future.add_done_callback(self.flying.discard)
+        return future
+
+    def done(self, future: Future[Any]) -> None:
+        """A chunk is done."""
+
+    def lost(self, future: Future[Any], error: BaseException) -> bool:
+        """Raise SolveError for an executor that is broken; out of memory is the chunk's affair."""
+        if isinstance(error, BrokenExecutor):
+            raise SolveError(
+                f"the executor that was given broke ({error}); the chunks that are done are kept. Resume "
+                "with another executor; executor='processes' starts its workers again by itself."
+            )
+        return True
+
+    def fatal(self, error: BaseException) -> bool:
+        """Whether an error ends the sweep."""
+        return not isinstance(error, BrokenExecutor | MemoryError)
+
+    def cause(self, future: Future[Any]) -> str:
+        """How the worker of a chunk ended."""
+        return "running out of memory"
+
+    def kill(self, future: Future[Any]) -> None:
+        """Take the chunk back if it has not begun."""
+        future.cancel()
+
+    def close(self, at_once: bool) -> None:
+        """Take back what has not begun."""
+        for future in list(self.flying):
+            future.cancel()
+
+
+class Dask(Given):
+    """dask.distributed: a scheduler somewhere, or a cluster of `jobs` processes on this machine."""
+
+    def __init__(self, scheduler: Any, jobs: int) -> None:
+        try:
+            self.distributed: Any = importlib.import_module("distributed")
+        except ImportError:
+            raise UsageError(
+                "executor='dask' needs dask.distributed: pip install filippov[clusters]"
+            ) from None
+        self.own: list[Any] = []
+        if isinstance(scheduler, self.distributed.Client):
+            self.client = scheduler
+        else:
+            if scheduler is None:
+                scheduler = self.distributed.LocalCluster(
+                    n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None
+                )
+                self.own.append(scheduler)
+            self.client = self.distributed.Client(scheduler)
+            self.own.insert(0, self.client)
+        workers = len(self.client.scheduler_info(n_workers=-1)["workers"])
+        super().__init__(self.client.get_executor(pure=False), max(jobs, workers))
+
+    def lost(self, future: Future[Any], error: BaseException) -> bool:
+        """Whether the chunk may be to blame: dask has tried it on several workers already."""
+        return not isinstance(error, CancelledError)
+
+    def fatal(self, error: BaseException) -> bool:
+        """Whether an error ends the sweep."""
+        killed = importlib.import_module("distributed.scheduler").KilledWorker
+        return not isinstance(error, MemoryError | CancelledError | killed)
+
+    def cause(self, future: Future[Any]) -> str:
+        """How the workers of a chunk ended."""
+        return str(future.exception()) if future.done() and not future.cancelled() else "a lost worker"
+
+    def close(self, at_once: bool) -> None:
+        """Leave the scheduler; end a cluster of one's own."""
+        super().close(at_once)
+        for item in self.own:
+            item.close(timeout=1 if at_once else 10)
+
+
+def engine_of(
+    work: Work, executor: Any, jobs: int | None, scheduler: Any, context: str, max_memory: int | None
+) -> Engine:
+    """The engine that is asked for. Raises UsageError."""
+    number = jobs or cores()
+    if isinstance(executor, Executor):
+        return Given(executor, number)
+    if executor not in EXECUTORS:
+        raise UsageError(f"{unknown('executor', executor, EXECUTORS)}; or an Executor of concurrent.futures.")
+    if executor == "dask":
+        return Dask(scheduler, number)
+    if scheduler is not None:
+        raise UsageError("scheduler belongs to executor='dask'.")
+    if context not in CONTEXTS:
+        raise UsageError(unknown("context", context, CONTEXTS))
+    return Processes(work, number, context, max_memory)

@@ -1,0 +1,260 @@
+"""Measures: numbers of one solution, asked for by text such as "end(x)" or "amplitude(x)".
+
+    end, end(x)                             state reached, all or one
+    mode(s)                                 sign of a surface s reached
+    t_end, nfev                             time reached, field calls
+    events, events(s), events(s, kind)      number of events
+    dwell(+0), sliding(s)                   time spent in a mode, sliding on a surface
+    period(s), period(s, kind)              mean time between such events in the tail
+    min(x), max(x), mean(x), amplitude(x)   of a state over the tail; amplitude: (max - min)/2
+    path/to/file.py:name       function of the Solution that returns {name: number}
+
+The tail is the last part of the time reached. Of a run that fails only end, t_end, mode, nfev and events are
+kept.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from filippov.ensemble import Ensemble
+from filippov.errors import ModelError, UsageError
+from filippov.events import columns_of
+from filippov.names import unknown
+from filippov.solution import Solution
+from filippov.status import mode_text
+from filippov.sweep.rows import Array
+from filippov.system import System
+from filippov.user_file import load_file
+
+ENDS = ("end", "t_end", "nfev", "mode", "events")
+EVENTS = ("dwell", "sliding", "period")
+TAIL = ("min", "max", "mean", "amplitude")
+NAMES = (*ENDS, *EVENTS, *TAIL)
+FINER = 8
+_TEXT = re.compile(r"\s*([A-Za-z_]+)\s*(?:\((.*)\))?\s*")
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One of the named measures with its arguments, checked against a system."""
+
+    name: str
+    arguments: tuple[str, ...] = ()
+
+    @property
+    def needs(self) -> int:
+        """0: ends only; 1: the events; 2: the dense output."""
+        return 0 if self.name in ENDS else 1 if self.name in EVENTS else 2
+
+    def columns(self, system: System) -> tuple[str, ...]:
+        """Names of what it gives."""
+        if self.name == "end" and not self.arguments:
+            return tuple(f"end({state})" for state in system.states)
+        return (f"{self.name}({', '.join(self.arguments)})" if self.arguments else self.name,)
+
+    def of_ends(self, ends: Ensemble, system: System) -> Array:
+        """Its values for an ensemble, (k, c)."""
+        if self.name == "end":
+            return ends.x[:, [system.state_index(a) for a in self.arguments]] if self.arguments else ends.x
+        if self.name == "mode":
+            return ends.mode[:, [system.surface_index(self.arguments[0])]].astype(float)
+        if self.name == "events":
+            return ends.events(*self.arguments)[:, None].astype(float)
+        return np.asarray(ends.t if self.name == "t_end" else ends.nfev, dtype=float)[:, None]
+
+    def of_solution(self, solution: Solution, tail: float) -> list[float]:
+        """Its values for a solution."""
+        system, first = solution.system, self.arguments[0] if self.arguments else ""
+        if self.name == "end":
+            return [float(solution.x_end[system.state_index(a)]) for a in self.arguments or system.states]
+        if self.name == "mode":
+            return [float(solution.end_mode[system.surface_index(first)])]
+        if self.name == "events":
+            return [float(_events(solution, self.arguments).size)]
+        if self.name in ("t_end", "nfev"):
+            return [float(getattr(solution, self.name))]
+        if not solution.success:
+            return [float("nan")]
+        if self.name == "dwell":
+            return [float(sum(s.dwell for s in solution.segments if mode_text(s.mode) == first))]
+        if self.name == "sliding":
+            place = system.surface_index(first)
+            return [float(sum(s.dwell for s in solution.segments if s.mode[place] == 0))]
+        begin = solution.t_end - tail * (solution.t_end - solution.problem.t_span[0])
+        if self.name == "period":
+            t = _events(solution, self.arguments)
+            t = t[np.abs(solution.t_end - t) <= abs(solution.t_end - begin)]
+            return [float(abs(t[-1] - t[0]) / (t.size - 1)) if t.size > 1 else float("nan")]
+        return [_of_tail(self.name, solution, system.state_index(first), begin)]
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function of the user's, by path and name, or itself where it can be imported.
+
+    names  of the numbers it returns
+    """
+
+    path: str
+    name: str
+    given: Callable[[Solution], Mapping[str, float]] | None = None
+    names: tuple[str, ...] = ()
+    needs = 2
+
+    def columns(self, system: System) -> tuple[str, ...]:
+        """Names of what it gives."""
+        return self.names
+
+    def of_solution(self, solution: Solution, tail: float) -> list[float]:
+        """Its values for a solution. Raises UsageError for other names than at first."""
+        found = self.call(solution)
+        if tuple(found) != self.names:
+            raise UsageError(f"{self.name} returned {', '.join(found)}; at first {', '.join(self.names)}.")
+        return [float(value) for value in found.values()]
+
+    def call(self, solution: Solution) -> Mapping[str, float]:
+        """What the function returns. Raises UsageError for anything but numbers by name."""
+        found: Any = (self.given or _function(self.path, self.name))(solution)
+        if not isinstance(found, Mapping) or not all(isinstance(key, str) for key in found):
+            raise UsageError(
+                f"{self.name} returned {type(found).__name__}, expected a dict of numbers by name."
+            )
+        return found
+
+    @property
+    def digest(self) -> str:
+        """sha256 of its text."""
+        if self.given is None:
+            return hashlib.sha256(Path(self.path).read_bytes()).hexdigest()
+        return source_digest(self.given)
+
+
+def read_measures(given: Any, system: System) -> tuple[Measure | Function, ...]:
+    """Measures from texts and functions. Raises UsageError with a suggestion."""
+    items = [given] if isinstance(given, str) or callable(given) else list(given)
+    if not items:
+        raise UsageError(f"measure is empty, expected at least one of {', '.join(NAMES)} or a function.")
+    found = tuple(_read(item, system) for item in items)
+    if len(set(found)) < len(found):
+        raise UsageError("a measure is asked for twice.")
+    return found
+
+
+def _read(item: Any, system: System) -> Measure | Function:
+    if callable(item):
+        return Function("", getattr(item, "__qualname__", type(item).__name__), item)
+    if not isinstance(item, str):
+        raise UsageError(f"measure holds {item!r}, expected text or a function of the solution.")
+    path, colon, name = item.rpartition(":")
+    if colon and path.endswith(".py"):
+        _function(str(Path(path).resolve()), name)
+        return Function(str(Path(path).resolve()), name)
+    match = _TEXT.fullmatch(item)
+    if match is None or match[1] not in NAMES:
+        raise UsageError(f"{unknown('measure', item, NAMES)}; or path/to/file.py:name")
+    arguments = tuple(part.strip() for part in (match[2] or "").split(",") if part.strip())
+    return _checked(Measure(match[1], arguments), system)
+
+
+def _checked(measure: Measure, system: System) -> Measure:
+    name, arguments = measure.name, measure.arguments
+    most = {"t_end": 0, "nfev": 0, "events": 2, "period": 2}.get(name, 1)
+    least = 0 if name in ("end", "t_end", "nfev", "events") else 1
+    if not least <= len(arguments) <= most:
+        raise UsageError(f"measure {name!r} has {len(arguments)} arguments, expected {least} to {most}.")
+    if not arguments:
+        return measure
+    try:
+        if name in ("events", "period", "sliding", "mode"):
+            system.surface_index(arguments[0])
+        elif name != "dwell":
+            system.state_index(arguments[0])
+    except ModelError as error:
+        raise UsageError(f"measure {name!r}: {error}") from None
+    if len(arguments) > 1:
+        columns_of(arguments[1])
+    if name == "dwell" and (len(arguments[0]) != len(system.surfaces) or set(arguments[0]) - set("+0-")):
+        raise UsageError(
+            f"measure dwell({arguments[0]}): expected one of +, 0, - for each of the "
+            f"{len(system.surfaces)} surfaces."
+        )
+    return measure
+
+
+@lru_cache(maxsize=64)
+def _function(path: str, name: str) -> Callable[[Solution], Mapping[str, float]]:
+    module = load_file(Path(path))
+    found = getattr(module, name, None)
+    if not callable(found):
+        own = [n for n, value in vars(module).items() if callable(value) and not n.startswith("_")]
+        raise UsageError(f"{path!r}: {unknown('function', name, own)}")
+    return found  # type: ignore[no-any-return]
+
+
+def source_digest(*functions: Any) -> str:
+    """sha256 of the text of functions; of their compiled form where there is no text."""
+    total = hashlib.sha256()
+    for function in functions:
+        try:
+            total.update(inspect.getsource(function).encode())
+        except (OSError, TypeError):
+            code = getattr(function, "__code__", None)
+            text = repr(function) if code is None else f"{code.co_code.hex()} {code.co_consts}"
+            total.update(text.encode())
+    return total.hexdigest()
+
+
+def _events(solution: Solution, arguments: Sequence[str]) -> Array:
+    """Times of the events on a surface, of a kind as in `Stop`."""
+    surface, kind = (*arguments, None, None)[:2]
+    word, direction = kind, 0
+    if kind is not None and kind.endswith((" up", " down")):
+        word, _, way = kind.rpartition(" ")
+        direction = 1 if way == "up" else -1
+    return np.asarray(solution.events.of(surface, word, direction).t, dtype=float)
+
+
+def _of_tail(name: str, solution: Solution, state: int, begin: float) -> float:
+    """min, max, mean or amplitude of a state from `begin` to the end."""
+    sol, end = solution.sol, solution.t_end
+    assert sol is not None
+    inner = solution.t[(np.abs(end - solution.t) < abs(end - begin)) & (solution.t != end)]
+    nodes = np.concatenate(([begin], inner, [end]))
+    if name == "mean":
+        if begin == end:
+            return float(sol(end)[state])
+        # Gauss's rule with 5 points is exact for the interpolant of a step, a polynomial of degree 9 or less.
+        places, weights = np.polynomial.legendre.leggauss(5)
+        half = 0.5 * np.diff(nodes)[:, None]
+        t = 0.5 * (nodes[1:] + nodes[:-1])[:, None] + half * places
+        return float(np.sum(half * weights * sol(t.ravel())[state].reshape(t.shape)) / (end - begin))
+    steps = np.diff(nodes)[:, None] * (np.arange(FINER) / FINER)
+    t = np.append((nodes[:-1, None] + steps).ravel(), end)
+    t = t[np.append(True, np.diff(t) != 0)]
+    y = sol(t)[state]
+    low, high = -_highest(sol, t, -y, state, -1.0), _highest(sol, t, y, state, 1.0)
+    return {"min": low, "max": high, "amplitude": 0.5 * (high - low)}[name]
+
+
+def _highest(sol: Any, t: Array, y: Array, state: int, sign: float) -> float:
+    """The largest sign * x(t): the best sample, refined between its neighbours."""
+    best = int(np.argmax(y))
+    low, high = sorted((float(t[max(best - 1, 0)]), float(t[min(best + 1, t.size - 1)])))
+    if low == high:
+        return float(y[best])
+    found = minimize_scalar(
+        lambda time: -sign * float(sol(time)[state]), bounds=(low, high), method="bounded",
+        options={"xatol": 1e-10 * max(1.0, abs(high))},
+    )  # fmt: skip
+    return float(max(y[best], -found.fun))

@@ -1,0 +1,240 @@
+"""A sweep: one problem, what is varied in it, and what is measured at every point."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from filippov.ensemble import solve_many
+from filippov.errors import ModelError, UsageError
+from filippov.names import check_known, unknown
+from filippov.options import Options, check_priority, check_stops, positive
+from filippov.problem import Problem
+from filippov.solver import solve
+from filippov.storage import package_version
+from filippov.sweep.measure import Function, Measure, read_measures, source_digest
+from filippov.sweep.point import START, Plan, compute_many, compute_one
+from filippov.sweep.reduction import check_reduce, reduce_table
+from filippov.sweep.rows import Array, Limits, Rows, Whole
+from filippov.sweep.run import run
+from filippov.sweep.samples import sample, shape_of
+from filippov.sweep.table import Table
+from filippov.system import System
+
+OPTIONS = (
+    "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "nonunique", "on_graze",
+    "zeno",
+)  # fmt: skip
+_TOGETHER = tuple(name for name in OPTIONS if name != "on_graze")
+_ENOUGH = 64
+
+
+class Sweep:
+    """Measures of the solutions of a problem over many parameter values and initial states.
+
+    problem   the template
+    vary      values by name: of parameters, or of initial states as "x0.v"; for samples="latin_hypercube"
+              and "sobol" (low, high) by name
+    samples   "grid" (every combination, the last name fastest), "list" (the first values, the second ones,
+              ...), "latin_hypercube" or "sobol" with n points and a seed
+    measure   texts and functions, see `filippov.sweep.measure`
+    tail      part of the time reached over which extrema and periods are taken, 0 < tail <= 1
+    reduce    names such as "mean" and "max" for a summary of every column, or a function of the Table
+    stop      terminal events; other options as in `solve`
+
+    Where the measures need the ends only, points are computed together in compiled code (`solve_many`), else
+    one by one (`solve`). Raises UsageError, ModelError.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        vary: Mapping[str, Any],
+        samples: str = "grid",
+        *,
+        measure: Any = ("end", "t_end"),
+        n: int | None = None,
+        seed: int = 0,
+        tail: float = 0.5,
+        reduce: Any = None,
+        stop: Any = (),
+        **options: Any,
+    ) -> None:
+        if not isinstance(problem, Problem):
+            raise UsageError(f"Sweep was given {type(problem).__name__}, expected a Problem.")
+        check_known("option", options, OPTIONS, UsageError)
+        if not 0 < positive("tail", tail) <= 1:
+            raise UsageError(f"tail is {tail!r}, expected a number in (0, 1].")
+        if options.get("nonunique") == "branch":
+            raise UsageError("nonunique='branch' gives a tree of solutions; a sweep needs one solution.")
+        self.problem, self.samples = problem, samples
+        self.tail, self.stop = float(tail), check_stops(stop, problem.system)
+        self.options = dict(options)
+        if "nonunique" in options:
+            self.options["nonunique"] = check_priority(options["nonunique"], problem.system)
+        Options(stop=self.stop, **self.options).tolerances(problem.system)
+        self.names = _names(vary, problem.system)
+        self.points: Array = sample(vary, samples, n, seed)
+        self.shape = shape_of(vary, samples, len(self.points))
+        self._check_bounds()
+        self.measures = self._tried(read_measures(measure, problem.system))
+        self.reduce = check_reduce(reduce)
+
+    # -- content ---------------------------------------------------------------------------------------
+
+    @property
+    def system(self) -> System:
+        """The system of the template."""
+        return self.problem.system
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the results."""
+        return tuple(name for measure in self.measures for name in measure.columns(self.system))
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the parameters that are varied, where they have one."""
+        parameters = self.system.parameters
+        units = {name: parameters[name].unit for name in self.names if name in parameters}
+        return {name: unit for name, unit in units.items() if unit}
+
+    @property
+    def first(self) -> int:
+        """Points to begin with in one go."""
+        return 512 if self.lanes else 4
+
+    @cached_property
+    def lanes(self) -> int:
+        """How many trajectories run side by side in compiled code; 0 where points are solved one by one."""
+        together = all(name in _TOGETHER for name in self.options) and not callable(
+            self.options.get("nonunique")
+        )
+        if not together or self.system.symbolic is None or any(measure.needs for measure in self.measures):
+            return 0
+        # A run of no length says how an ensemble of this size would go, and compiles for all workers.
+        start = self.problem.t_span[0]
+        rows = np.tile(self.problem.x0, (min(len(self.points), _ENOUGH), 1))
+        trial = solve_many(
+            self.system, rows, (start, start), parameters=self.problem.parameters, threads=1, **self.options
+        )
+        return trial.lanes
+
+    @cached_property
+    def fields(self) -> dict[str, str]:
+        """All that decides the results, by name."""
+        system = self.system
+        functions = [s.h for s in system.surfaces] if system.symbolic is None else []
+        model = system.digest or source_digest(system.field, *functions)
+        measures = [
+            f"{m.path}:{m.name} {m.digest}" if isinstance(m, Function) else repr(m) for m in self.measures
+        ]
+        points = {name: self.points[:, k].tolist() for k, name in enumerate(self.names)}
+        fields = {
+            "filippov": package_version(), "model": model, "parameters": dict(self.problem.parameters),
+            "x0": self.problem.x0.tolist(), "t_span": self.problem.t_span, "points": points,
+            "measure": measures, "tail": self.tail,
+            "stop": [repr(stop) for stop in self.stop],
+        }  # fmt: skip
+        fields |= {name: _plain(value) for name, value in self.options.items()}
+        return {name: _text(value) for name, value in fields.items()}
+
+    def problem_at(self, point: int) -> Problem:
+        """The problem of one point."""
+        return self.plan.problem_at(point)
+
+    @property
+    def plan(self) -> Plan:
+        """What the points need."""
+        return Plan(
+            self.problem, self.names, self.points, self.measures, self.options, self.stop, self.tail,
+            self.lanes,
+        )  # fmt: skip
+
+    # -- computing -------------------------------------------------------------------------------------
+
+    def compute(self, index: Whole, limits: Limits) -> Rows:
+        """Rows of the points with these numbers."""
+        return (compute_many if self.lanes else compute_one)(self.plan, index, limits)
+
+    def run(self, folder: str | Path | None = None, **how: Any) -> Table:
+        """Compute every point; see `filippov.sweep.run.run` for folder and the keywords."""
+        _ = self.lanes, self.fields  # once, here, for all workers
+        table = run(self, folder, **how)
+        table.shape = self.shape
+        if table.complete and self.reduce is not None:
+            table.reduced = reduce_table(table, self.reduce)
+        return table
+
+    def __getstate__(self) -> dict[str, Any]:
+        # What the driver alone needs stays with it: a reduction may be a lambda.
+        return {**self.__dict__, "reduce": None, "fields": {}}
+
+    # -- checks ----------------------------------------------------------------------------------------
+
+    def _check_bounds(self) -> None:
+        parameters = self.system.parameters
+        for k, name in enumerate(self.names):
+            if name in parameters:
+                for extreme in (self.points[:, k].min(), self.points[:, k].max()):
+                    try:
+                        parameters[name].check(float(extreme), f"parameter {name!r}")
+                    except ModelError as error:
+                        raise UsageError(f"vary: {error}") from None
+
+    def _tried(self, measures: tuple[Measure | Function, ...]) -> tuple[Measure | Function, ...]:
+        """The measures, with the names of what functions return found by a trial at the template."""
+        if not any(isinstance(measure, Function) for measure in measures):
+            return measures
+        solution = solve(self.problem, stop=self.stop, **self.options)
+        out: list[Measure | Function] = []
+        for measure in measures:
+            if isinstance(measure, Function):
+                try:
+                    names = tuple(measure.call(solution))
+                except UsageError:
+                    raise
+                except Exception as error:  # a function of the user's may raise anything
+                    said = f"{type(error).__name__}: {error}"
+                    raise UsageError(
+                        f"measure {measure.name} fails for the template itself: {said}"
+                    ) from error
+                measure = Function(measure.path, measure.name, measure.given, names)  # noqa: PLW2901
+            out.append(measure)
+        made = [name for measure in out for name in measure.columns(self.system)]
+        twice = [name for name in made if made.count(name) > 1 or name in self.names]
+        if twice:
+            raise UsageError(f"two measures (or a coordinate and a measure) are named {twice[0]!r}.")
+        return tuple(out)
+
+
+def _names(vary: Any, system: System) -> tuple[str, ...]:
+    if not isinstance(vary, Mapping):
+        raise UsageError(f"vary is {vary!r}, expected values by name.")
+    known = [*system.parameters.names, *(f"{START}{state}" for state in system.states)]
+    for name in vary:
+        if name not in known:
+            raise UsageError(unknown("name to vary:", name, known))
+    return tuple(vary)
+
+
+def _plain(value: Any) -> Any:
+    if callable(value):
+        return source_digest(value)
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def _text(value: Any) -> str:
+    text = value if isinstance(value, str) else json.dumps(value)
+    return text if len(text) < 200 else f"{len(text)} characters {_digest(text)}"
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+

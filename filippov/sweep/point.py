@@ -1,0 +1,162 @@
+"""The points of a sweep, computed: many together in compiled code, or one by one."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from filippov.ensemble import Ensemble, solve_many
+from filippov.errors import ModelError, UsageError
+from filippov.events import Stop
+from filippov.problem import Problem
+from filippov.solution import Solution
+from filippov.solver import solve
+from filippov.status import Status
+from filippov.sweep.measure import Function, Measure
+from filippov.sweep.rows import ERROR, Array, Limits, Rows, Whole, failed_row
+from filippov.system import System
+
+START = "x0."
+LEAVE = 2.0  # times max_time, after which a point that does not return ends its process
+_OWN_LIMIT = 1.0  # seconds on top
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What of a sweep its points need; the names as in `filippov.sweep.plan.Sweep`."""
+
+    problem: Problem
+    names: tuple[str, ...]
+    points: Array
+    measures: tuple[Measure | Function, ...]
+    options: Mapping[str, Any]
+    stop: tuple[Stop, ...]
+    tail: float
+    lanes: int
+
+    @property
+    def system(self) -> System:
+        """The system of the template."""
+        return self.problem.system
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the results."""
+        return tuple(name for measure in self.measures for name in measure.columns(self.system))
+
+    def problem_at(self, point: int) -> Problem:
+        """The problem of one point."""
+        x0, values = self.problem.x0.copy(), dict(self.problem.parameters)
+        for name, value in zip(self.names, self.points[point].tolist(), strict=True):
+            if name.startswith(START):
+                x0[self.system.state_index(name.removeprefix(START))] = value
+            else:
+                values[name] = value
+        return Problem(self.system, x0, self.problem.t_span, values)
+
+
+class _LateError(Exception):
+    """A point of a batch takes too long."""
+
+
+def compute_many(plan: Plan, index: Whole, limits: Limits) -> Rows:
+    """Rows of points whose measures need the ends only."""
+    try:
+        ends = _ends(plan, index, limits)
+    except _LateError:
+        if len(index) == 1:
+            return compute_one(plan, index, limits)
+        half = len(index) // 2
+        parts = [compute_many(plan, part, limits) for part in (index[:half], index[half:])]
+        return _joined(parts)
+    values = np.hstack([m.of_ends(ends, plan.system) for m in plan.measures])  # type: ignore[union-attr]
+    message = {
+        int(point): ends.message[k] or ends.status[k].advice
+        for k, point in enumerate(index) if not ends.status[k].ok
+    }  # fmt: skip
+    return Rows(index, values, tuple(status.value for status in ends.status), message)
+
+
+def split(plan: Plan, index: Whole) -> tuple[Array, dict[str, Any]]:
+    """Initial states (k, n) and parameters by name of some points, as `solve_many` takes them."""
+    points = plan.points[index]
+    x0 = np.tile(plan.problem.x0, (len(index), 1))
+    parameters: dict[str, Any] = dict(plan.problem.parameters)
+    for k, name in enumerate(plan.names):
+        if name in parameters:
+            parameters[name] = points[:, k]
+        else:
+            x0[:, plan.system.state_index(name.removeprefix(START))] = points[:, k]
+    return x0, parameters
+
+
+def _ends(plan: Plan, index: Whole, limits: Limits) -> Ensemble:
+    x0, parameters = split(plan, index)
+    seen = [0.0, time.monotonic()]
+
+    def look(done: int, _: int) -> None:
+        now = time.monotonic()
+        if done != seen[0]:
+            seen[:] = done, now
+        elif limits.max_time is not None and now - seen[1] > limits.max_time:
+            raise _LateError
+
+    return solve_many(
+        plan.system, x0, plan.problem.t_span, parameters=parameters, stop=plan.stop, threads=1,
+        lanes=plan.lanes, progress=look, **plan.options,
+    )  # fmt: skip
+
+
+def compute_one(plan: Plan, index: Whole, limits: Limits) -> Rows:
+    """Rows of points, each with its own solution; an error of one is its row."""
+    rows = [_row(plan, point, limits) for point in index.tolist()]
+    return _joined(rows)
+
+
+def _row(plan: Plan, point: int, limits: Limits) -> Rows:
+    columns, index = len(plan.columns), np.array([point])
+    watch = None
+    if limits.max_time is not None and limits.late is not None:
+        watch = threading.Timer(LEAVE * limits.max_time + _OWN_LIMIT, limits.late, (point,))
+        watch.daemon = True
+        watch.start()
+    extra: dict[str, Any] = {} if limits.max_time is None else {"max_time": limits.max_time}
+    dense = any(measure.needs == 2 for measure in plan.measures)
+    values = np.full((1, columns), np.nan)
+    try:
+        solution: Solution = solve(
+            plan.problem_at(point), stop=plan.stop, dense_output=dense, **extra, **plan.options
+        )
+        status, message = solution.status.value, {} if solution.success else {point: solution.message}
+        if solution.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        parts: list[float] = []
+        for measure in plan.measures:
+            width = len(measure.columns(plan.system))
+            usable = solution.success or measure.needs == 0
+            parts += measure.of_solution(solution, plan.tail) if usable else [np.nan] * width
+        values[0] = parts
+    except MemoryError:
+        raise
+    except Exception as error:  # noqa: BLE001
+        # Field and measures are the user's and may raise anything: the row says so, the sweep goes on.
+        own = isinstance(error, ModelError | UsageError)
+        said = str(error) if own else f"{type(error).__name__}: {error}"
+        return failed_row(point, columns, ERROR, said)
+    finally:
+        if watch is not None:
+            watch.cancel()
+    return Rows(index, values, (status,), message)
+
+
+def _joined(parts: list[Rows]) -> Rows:
+    message = {point: text for part in parts for point, text in part.message.items()}
+    return Rows(
+        np.concatenate([part.index for part in parts]), np.concatenate([part.values for part in parts]),
+        tuple(status for part in parts for status in part.status), message,
+    )  # fmt: skip

@@ -1,0 +1,83 @@
+"""Rows of a table of results, and the work that makes them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
+# What a row can hold beside the names of `Status`: a function of the user raised; the point ends its worker.
+ERROR, QUARANTINED = "error", "quarantined"
+DONE = ("success", "stopped")
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Results of some points.
+
+    index    numbers of the points, (k,); values: one row each, (k, c), NaN where there is none
+    status   name of a Status, "error" or "quarantined", one each
+    message  cause of a row that failed, by the number of its point
+    """
+
+    index: Whole
+    values: Array
+    status: tuple[str, ...]
+    message: Mapping[int, str] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    @property
+    def failed(self) -> int:
+        """How many rows are no success."""
+        return sum(status not in DONE for status in self.status)
+
+
+def failed_row(point: int, columns: int, status: str, message: str) -> Rows:
+    """The row of one point that has no values."""
+    return Rows(np.array([point]), np.full((1, columns), np.nan), (status,), {point: message})
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What one point may take.
+
+    max_time  seconds, None for no limit
+    late      called with the number of a point that does not return; ends the process, None where that is
+              not possible
+    """
+
+    max_time: float | None = None
+    late: Callable[[int], Any] | None = None
+
+
+class Work(Protocol):
+    """Something to be computed point by point; it is sent to other processes.
+
+    fields   all that decides the results, by name; two runs mix only where every field agrees
+    names    of the coordinates; points: their values, (N, P)
+    columns  of the results; units: of coordinates and columns, where known
+    first    number of points to begin with in one go
+    """
+
+    @property
+    def fields(self) -> Mapping[str, str]: ...  # noqa: D102
+    @property
+    def names(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def points(self) -> Array: ...  # noqa: D102
+    @property
+    def columns(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def units(self) -> Mapping[str, str]: ...  # noqa: D102
+    @property
+    def first(self) -> int: ...  # noqa: D102
+
+    def compute(self, index: Whole, limits: Limits) -> Rows:
+        """Rows of the points with these numbers."""

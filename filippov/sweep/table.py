@@ -1,0 +1,102 @@
+"""The results of a sweep: every point with its row, in the order of the points."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.errors import UsageError
+from filippov.names import unknown
+from filippov.sweep.rows import DONE, Array, Rows, Whole, Work
+
+UNKNOWN = ""
+
+
+@dataclass
+class Table:
+    """Points and what they gave.
+
+    names, points    coordinates and their values, (N, P)
+    columns, values  of the results, (N, c); NaN where there is none
+    status           name of a Status, "error", "quarantined", or "" for a point not computed
+    message          causes of failure by the number of the point
+    known            which points have a row; units: of coordinates and columns, where known
+    shape            of the grid, where the points are one, else (N,)
+    fields           what decided the results, by name
+    damaged          chunks that could not be trusted and were computed again
+    reduced          what `reduce` made of it
+    """
+
+    names: tuple[str, ...]
+    points: Array
+    columns: tuple[str, ...]
+    values: Array
+    status: list[str]
+    known: npt.NDArray[np.bool_]
+    message: dict[int, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    fields: Mapping[str, str] = field(default_factory=dict)
+    shape: tuple[int, ...] = ()
+    damaged: tuple[str, ...] = ()
+    reduced: Any = None
+
+    @classmethod
+    def empty(cls, work: Work) -> Table:
+        """The table of a work before anything is done."""
+        count = len(work.points)
+        values = np.full((count, len(work.columns)), np.nan)
+        return cls(
+            work.names, work.points, work.columns, values, [UNKNOWN] * count, np.zeros(count, dtype=bool),
+            units=work.units, fields=work.fields,
+        )  # fmt: skip
+
+    def add(self, rows: Rows) -> None:
+        """Take in rows; a point that is known already keeps what it has."""
+        for k, point in enumerate(rows.index.tolist()):
+            if not self.known[point]:
+                self.values[point], self.status[point] = rows.values[k], rows.status[k]
+                if point in rows.message:
+                    self.message[point] = rows.message[point]
+        self.known[rows.index] = True
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every point has a row."""
+        return bool(self.known.all())
+
+    @property
+    def failed(self) -> Whole:
+        """Numbers of the points whose run did not do what it was asked to do."""
+        bad = [k for k, status in enumerate(self.status) if status not in DONE and status != UNKNOWN]
+        return np.array(bad, dtype=np.int64)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of points by status."""
+        return {name: self.status.count(name) for name in sorted(set(self.status))}
+
+    @property
+    def content_hash(self) -> str:
+        """sha256 of points, values and status; the same for the same results, however they were computed."""
+        total = hashlib.sha256("\n".join((*self.names, *self.columns)).encode())
+        for array in (self.points, self.values):
+            # Every NaN alike, whatever its bits.
+            total.update(np.where(np.isnan(array), np.nan, array).astype("<f8").tobytes())
+        total.update("\n".join(self.status).encode())
+        return total.hexdigest()
+
+    def __getitem__(self, name: str) -> Array:
+        """A coordinate or a column, (N,). Raises UsageError for a name it does not have."""
+        if name in self.columns:
+            return np.asarray(self.values[:, self.columns.index(name)])
+        if name in self.names:
+            return np.asarray(self.points[:, self.names.index(name)])
+        raise UsageError(unknown("column", name, (*self.names, *self.columns)))
