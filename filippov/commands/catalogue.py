@@ -32,7 +32,9 @@ from filippov.commands.values import (
     words,
 )
 from filippov.configuration import Option
-from filippov.options import METHODS
+
+# As in `filippov.options`, which is not imported for a help text.
+METHODS = ("DOP853", "DP5", "Radau")
 
 
 def _choice(name: str, help_text: str, *known: str, default: str | None = None) -> Option:
@@ -173,7 +175,6 @@ _ALL = (
                 metavar="NAME,NAME,..."),
          *ENGINE, *START, *TOLERANCES),
         "filippov sweep hunting --vary P=10:30:21 --measure 'amplitude(x)' -j 2 -o results/sweep",
-        needs="filippov.sweep.plan",
     ),
     Command(
         "ensemble", "where many trajectories end, in one process: ends.csv, ends.npz, summary.json", "sweep",
