@@ -15,8 +15,10 @@ import pytest
 from command import ROOT, SECTION, command, strict, summary, write_own
 
 from filippov import progress
+from filippov._kernels.layout import RULES
 from filippov.cli import main
 from filippov.commands.catalogue import commands
+from filippov.options import METHODS
 
 HEAVY = ("numpy", "scipy", "sympy", "numba", "llvmlite", "networkx", "matplotlib", "rich")
 
@@ -54,6 +56,14 @@ def test_every_flag_has_help_and_its_command_can_be_loaded(name: str) -> None:
     assert all(len(option.help) > 3 for option in options)
     names = [option.name for option in options]
     assert len(set(names)) == len(names)
+
+
+def test_choices_are_those_of_python() -> None:
+    options = {option.name: option for option in commands()["simulate"].options}
+    for name, known in (("method", METHODS), ("sliding", RULES)):
+        for value in known:
+            assert options[name].read(value, name) == value
+        assert options[name].metavar == "{" + ",".join(known) + "}"
 
 
 def test_json_goes_to_stdout_and_text_to_stderr() -> None:

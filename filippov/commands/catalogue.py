@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from filippov._kernels.layout import RULES
 from filippov.commands.values import (
     destination,
     formulas,
@@ -109,7 +108,7 @@ START = (
     Option("nonunique", "where several modes can follow: raise (end), stick, slip, or modes with commas of "
            "which the first that can follow is taken: +,0; simulate also: branch (follow all)", policy,
            metavar="POLICY"),
-    _choice("sliding", "rule of the field while sliding", *RULES),
+    _choice("sliding", "rule of the field while sliding", "filippov", "moments", "utkin"),
     _choice("zeno", "at an accumulation of events: end, or go on in the limit mode", "stop", "continue"),
     Option("stop", "end at an event: SURFACE, SURFACE:KIND or SURFACE:KIND:COUNT; can be repeated", texts,
            metavar="EVENT", repeat=True),
