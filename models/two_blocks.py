@@ -3,11 +3,22 @@
     x1' = v1, m1 v1' in -k1 x1 - kc (x1 - x2) - F(v1 - vb)
     x2' = v2, m2 v2' in -k2 x2 - kc (x2 - x1) - ratio F(v2 - vb)
 
-Source: Galvanetto & Knudsen 1997, Nonlinear Dynamics 13.
+While both blocks stick, d = x1 - x2 keeps its value, and d alone says when that ends and with which state: so
+d is the coordinate of an event map from one stick of both to the next.
+
+Source: Galvanetto & Knudsen 1997, Nonlinear Dynamics 13, 99-115.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.ensemble import solve_many
+from filippov.events import Stop
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Hyperbolic
 from filippov.models.registry import Model, register
@@ -15,7 +26,11 @@ from filippov.parameter import Parameter, parameters
 from filippov.symbols import states
 from filippov.system import System
 
+Array = npt.NDArray[np.float64]
 LAW = Hyperbolic(Fs=1, gamma=3)
+ENTRIES = (Stop("block 1", "sliding entry"), Stop("block 2", "sliding entry"))
+# Entries of one block that may come before both stick; a turn has two to six.
+MOST_ENTRIES = 60
 
 
 def two_blocks(
@@ -54,6 +69,60 @@ def two_blocks(
         surfaces=[*friction.surfaces(slip1, p, "block 1"), *friction.surfaces(slip2, p, "block 2")],
         parameters=p,
     )
+
+
+def both_stick(system: System, d: Any, parameters: Mapping[str, Any] | None = None) -> Array:
+    """Return states (k, 4) in the middle of the stick of both blocks that has x1 - x2 = d.
+
+    d, parameters   numbers or k of them; NaN where the forces are never both within their levels. The belt
+                    carries both blocks until one of the forces reaches its level, Fs or ratio Fs
+    """
+    p = _values(system, parameters)
+    d = np.atleast_1d(np.asarray(d, dtype=float))
+    level = np.array([-1.0, 1.0])[:, None] * p["Fs"]
+    first = (level - p["kc"] * d) / p["k1"]
+    second = d + (p["ratio"] * level + p["kc"] * d) / p["k2"]
+    low, high = np.maximum(first[0], second[0]), np.minimum(first[1], second[1])
+    x1 = np.where(low <= high, 0.5 * (low + high), np.nan)
+    v = np.broadcast_to(p["vb"], x1.shape)
+    return np.column_stack([x1, v, x1 - d, v])
+
+
+def stick_map(
+    system: System, d: Any, parameters: Mapping[str, Any] | None = None, *, t_max: float = 200.0,
+    rtol: float = 1e-10, atol: float = 1e-12,
+) -> Array:  # fmt: skip
+    """Return P(d): x1 - x2 in the next stick of both blocks after the one with d; shape (k,).
+
+    d, parameters   numbers or k of them, side by side; NaN where both do not stick again
+    """
+    d = np.atleast_1d(np.asarray(d, dtype=float))
+    columns = {name: np.broadcast_to(v, d.shape) for name, v in (parameters or {}).items()}
+    states = both_stick(system, d, columns)
+    out = np.full(d.size, np.nan)
+    open_rows = np.flatnonzero(np.isfinite(states[:, 0]))
+    t = np.zeros(d.size)
+    for _ in range(MOST_ENTRIES):
+        if not open_rows.size:
+            break
+        ends = solve_many(
+            system, states[open_rows], (0.0, t_max), stop=ENTRIES, rtol=rtol, atol=atol,
+            parameters={name: v[open_rows] for name, v in columns.items()},
+        )  # fmt: skip
+        stopped = np.array([status == "stopped" for status in ends.status])
+        t[open_rows] += ends.t
+        both = stopped & np.all(ends.mode[:, :2] == 0, axis=1)
+        out[open_rows[both]] = ends.x[both, 0] - ends.x[both, 2]
+        states[open_rows] = ends.x
+        open_rows = open_rows[stopped & ~both & (t[open_rows] < t_max)]
+    return out
+
+
+def _values(system: System, parameters: Mapping[str, Any] | None) -> dict[str, Any]:
+    given = dict(parameters or {})
+    single = {name: float(np.ravel(v)[0]) for name, v in given.items()}
+    names = system.parameters.names
+    return dict(zip(names, system.parameters.resolve(single).tolist(), strict=True)) | given
 
 
 MODEL = register(
