@@ -90,6 +90,7 @@ class System:
         states: Sequence[Symbol],
         *,
         parameters: ParameterNamespace | None = None,
+        time_events: Sequence[TimeEvent] = (),
     ) -> System:
         """x' = f_m(t, x; p) where the signs of h_1 ... h_k are m, for every sign vector m: "++", "+-", ...
 
@@ -106,9 +107,10 @@ class System:
         table = _mode_fields(fields, len(surfaces), symbols)
         equations = {x: _by_mode(surfaces, table, (), i) for i, x in enumerate(symbols)}
         checked = _equations(equations, None)
-        form, found = assemble(checked, surfaces, _namespace(parameters), spare=True)
+        clocks = _clocks(time_events, symbolic=True)
+        form, found = assemble(checked, surfaces, _namespace(parameters), spare=True, time_events=clocks)
         system = object.__new__(cls)
-        system._set_symbolic(form, found)
+        system._set_symbolic(form, found, clocks)
         return system
 
     # -- construction ----------------------------------------------------------------------------------

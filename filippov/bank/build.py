@@ -19,8 +19,10 @@ from filippov.errors import ModelError
 from filippov.names import check_known, check_name
 from filippov.surface import Surface
 from filippov.system import System
+from filippov.time_event import TimeEvent
 
 SURFACE_KEYS = ("name", "h", "radius", "width", "kind", "reset", "side", "contact")
+TIME_EVENT_KEYS = ("name", "period", "start", "times", "reset")
 MOST_SURFACES = 12
 _WORD = re.compile(r"[^\W\d]\w*")
 
@@ -29,7 +31,8 @@ _WORD = re.compile(r"[^\W\d]\w*")
 class Built:
     """A case as a problem: the system, its start and span, and what its names stand for.
 
-    declared   names of the surfaces in the order of `h` and `event_functions`; kinks have others
+    declared   names of the surfaces in the order of `h` and `event_functions`, then of the time events; kinks
+               have others
     fields     vertex fields by sign vector, as expressions
     """
 
@@ -70,7 +73,8 @@ def build(raw: Mapping[str, Any]) -> Built:
     else:
         system = System(dict(zip(states, fields[""], strict=True)), **options)
     x0, span = _start(raw, names, len(states))
-    return Built(system, x0, span, names, tuple(s.name for s in every), fields)
+    declared = (*(s.name for s in every), *(event.name for event in system.time_events))
+    return Built(system, x0, span, names, declared, fields)
 
 
 def expression(value: Any, names: Mapping[str, Any]) -> Expr:
@@ -103,7 +107,6 @@ def _surface(entry: Any, name: str, names: Mapping[str, Any]) -> Surface:
     if not isinstance(entry, Mapping):
         return Surface(name, expression(entry, names))
     check_known(f"key of surface {name}:", entry, SURFACE_KEYS)
-    known = {field.name for field in dataclasses.fields(Surface)}
     given: dict[str, Any] = {"name": str(entry.get("name", name)), "h": expression(entry.get("h"), names)}
     if "radius" in entry:
         value = entry["radius"]
@@ -115,22 +118,41 @@ def _surface(entry: Any, name: str, names: Mapping[str, Any]) -> Surface:
         if key in entry:
             given[key] = entry[key]
     if "reset" in entry:
-        if not isinstance(entry["reset"], Mapping):
-            raise ModelError(
-                f"reset of surface {name} is {entry['reset']!r:.60}, expected {{state: formula}}."
-            )
-        given["reset"] = {names[k]: expression(v, names) for k, v in entry["reset"].items() if k in names}
-        check_known(f"state in the reset of surface {name}:", entry["reset"], names)
-    for key in given:
-        if key not in known:
-            raise ModelError(f"surface {name}: {key!r} is not supported by this version.")
+        given["reset"] = _reset(entry["reset"], f"surface {name}", names)
     return Surface(**given)
 
 
 def _time_events(raw: Mapping[str, Any], names: Mapping[str, Any]) -> dict[str, Any]:
-    if not raw.get("time_events"):
+    given = raw.get("time_events")
+    if not given:
         return {}
-    raise ModelError("time_events are not supported by this version.")
+    entries = [given] if isinstance(given, Mapping) else given
+    if not isinstance(entries, Sequence) or not all(isinstance(entry, Mapping) for entry in entries):
+        raise ModelError(f"time_events is {given!r:.60}, expected a list of objects.")
+    return {"time_events": [_time_event(entry, f"clock{i}", names) for i, entry in enumerate(entries)]}
+
+
+def _time_event(entry: Mapping[str, Any], name: str, names: Mapping[str, Any]) -> TimeEvent:
+    check_known(f"key of time event {name}:", entry, TIME_EVENT_KEYS)
+    given: dict[str, Any] = {"name": str(entry.get("name", name))}
+    for key in ("period", "start"):
+        if key in entry:
+            given[key] = number(entry[key], names)
+    if "times" in entry:
+        times = entry["times"]
+        if isinstance(times, str) or not isinstance(times, Sequence):
+            raise ModelError(f"times of time event {name} is {times!r:.60}, expected a list.")
+        given["times"] = [number(value, names) for value in times]
+    if "reset" in entry:
+        given["reset"] = _reset(entry["reset"], f"time event {name}", names)
+    return TimeEvent(**given)
+
+
+def _reset(entry: Any, where: str, names: Mapping[str, Any]) -> dict[Any, Any]:
+    if not isinstance(entry, Mapping):
+        raise ModelError(f"reset of {where} is {entry!r:.60}, expected {{state: formula}}.")
+    check_known(f"state in the reset of {where}:", entry, names)
+    return {names[key]: expression(value, names) for key, value in entry.items()}
 
 
 def _fields(raw: Mapping[str, Any], names: Mapping[str, Any], count: int, n: int) -> dict[str, list[Expr]]:

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from filippov.analysis.forcing import depends_on_time
+from filippov.analysis.orbit import Orbit
 from filippov.analysis.saltation import NotDifferentiableError, flow_derivative
 from filippov.bank.expect_state import level_times
 from filippov.bank.motion import Cycle, slides
-from filippov.bank.outcome import Ask, Either, reads
+from filippov.bank.outcome import Ask, Either, Outcome, reads
 from filippov.bank.reason import MissingError, NotUnderstoodError
 from filippov.events import Event
 from filippov.solution import Segment
@@ -23,10 +25,21 @@ from filippov.status import EventKind
     "period of the motion that the run settles on",
 )
 def _period(ask: Ask, match: re.Match[str]) -> Any:
-    part = 0.5 if match["half"] else 1.0
-    if ask.motion.events():
-        return part * ask.motion.cycle.period
-    return part * _by_level(ask)
+    return (0.5 if match["half"] else 1.0) * period_of(ask)
+
+
+def period_of(ask: Ask) -> float:
+    """The period of the motion that the run settles on, else of the orbit near its start."""
+    try:
+        return ask.motion.cycle.period if ask.motion.events() else float(_by_level(ask))
+    except MissingError:
+        return orbit_of(ask).period
+
+
+def orbit_of(ask: Ask) -> Orbit:
+    """The periodic orbit near the start; where the case gives a period, that is the guess of it."""
+    entry = ask.case.expectation("period") or ask.case.expectation("limit_cycle_period")
+    return ask.motion.orbit(None if entry is None else ask.number(entry.value))
 
 
 def _by_level(ask: Ask) -> Any:
@@ -57,20 +70,21 @@ def _duration(ask: Ask, match: re.Match[str]) -> Any:
             stretches = _stretches(ask.motion.cycle)
         except MissingError:
             stretches = ask.motion.main.segments[1:-1] or ask.motion.main.segments
-    # A slip through h = 0 is one phase, whatever modes it passes.
-    lengths: list[float] = []
-    last = None
-    for stretch in stretches:
-        kind = slides(stretch.mode)
-        if kind == wants_slide:
-            if last == kind and lengths:
-                lengths[-1] += stretch.dwell
-            else:
-                lengths.append(stretch.dwell)
-        last = kind
+    lengths = [high - low for kind, low, high in phases(stretches) if kind == wants_slide]
     if not lengths:
         raise MissingError("the motion has no such phase")
     return lengths[0] if match["first"] else Either([lengths[-1], lengths[0]])
+
+
+def phases(stretches: Sequence[Segment]) -> list[tuple[bool, float, float]]:
+    """Whether it slides, begin and end; a slip through h = 0 is one phase, whatever modes it passes."""
+    out: list[tuple[bool, float, float]] = []
+    for stretch in stretches:
+        kind, low = slides(stretch.mode), stretch.t0
+        if out and out[-1][0] == kind:
+            low = out.pop()[1]
+        out.append((kind, low, stretch.t1))
+    return out
 
 
 @reads(
@@ -142,16 +156,8 @@ def _turns(ask: Ask, cycle: Cycle, k: int) -> Any:
        "multipliers of the periodic motion; one: the largest besides the 1 of an autonomous system; half: of "
        "the half map under x -> -x")  # fmt: skip
 def _multipliers(ask: Ask, match: re.Match[str]) -> Any:
-    cycle = ask.motion.cycle
     wanted = np.atleast_1d(ask.wanted())
-    half = bool(match["half"])
-    values = _eigenvalues(ask, cycle, half)
-    autonomous = not any(e.has(_time()) for row in ask.motion.built.fields.values() for e in row) and not any(
-        s.symbolic and s.h.has(_time()) for s in ask.motion.built.system.surfaces
-    )
-    rest = values.copy()
-    if autonomous and rest:
-        rest.remove(min(rest, key=lambda v: abs(v - 1)))
+    values, rest = multipliers_of(ask, bool(match["half"]))
     if wanted.size > 1 or match["many"]:
         rows = [row for row in (values, rest) if len(row) == wanted.size]
         target = sorted(wanted.tolist(), key=abs)
@@ -167,10 +173,45 @@ def _multipliers(ask: Ask, match: re.Match[str]) -> Any:
     return Either(readings)
 
 
-def _time() -> Any:
-    from filippov.symbols import t
+def multipliers_of(ask: Ask, half: bool = False) -> tuple[list[complex], list[complex]]:
+    """Multipliers of the motion that the run settles on, else of the orbit near its start: all of them, and
+    without the 1 of an autonomous system."""
+    try:
+        values = _eigenvalues(ask, ask.motion.cycle, half)
+    except MissingError:
+        orbit = orbit_of(ask)
+        found = orbit.half_multipliers if half else orbit.multipliers
+        if found is None:
+            raise NotUnderstoodError("the periodic motion is not symmetric under x -> -x") from None
+        rest = [complex(v) for v in found]
+        return ([*rest, 1.0 + 0j] if orbit.trivial is not None else rest), rest
+    rest = values.copy()
+    if rest and not depends_on_time(ask.motion.built.system):
+        rest.remove(min(rest, key=lambda v: abs(v - 1)))
+    return values, rest
 
-    return t
+
+@reads(
+    r"(?:limit_cycle|cycle|orbit|periodic_motion)_(?:is_)?(?:stable|stability)",
+    "true or false, stable or unstable: whether all multipliers of the periodic motion are inside the circle",
+)
+def _stability(ask: Ask, _match: re.Match[str]) -> Outcome:
+    word = str(ask.entry.value).strip().casefold()
+    said = {"true": True, "stable": True, "yes": True, "false": False, "unstable": False, "no": False}
+    if word not in said:
+        raise NotUnderstoodError(f"{word!r:.40} is no verdict")
+    largest = max((abs(v) for v in multipliers_of(ask)[1]), default=0.0)
+    right = (largest < 1) == said[word]
+    return Outcome(float(not right), 0.0, "" if right else f"the largest multiplier is {largest:.9g}")
+
+
+@reads(r"floquet_exponent|largest_exponent", "logarithm of the largest multiplier over the period")
+def _exponent(ask: Ask, _match: re.Match[str]) -> Any:
+    rest = multipliers_of(ask)[1]
+    if not rest:
+        raise MissingError("the motion has no multiplier besides 1")
+    with np.errstate(divide="ignore"):
+        return float(np.log(max(abs(v) for v in rest))) / period_of(ask)
 
 
 def _eigenvalues(ask: Ask, cycle: Cycle, half: bool) -> list[complex]:

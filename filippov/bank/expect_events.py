@@ -18,7 +18,7 @@ from filippov.status import EventKind
 
 WORDS = {
     EventKind.CROSSING: "cross", EventKind.ENTRY: "slide", EventKind.EXIT: "exit", EventKind.GRAZING: "graze",
-    EventKind.RESET: "reset",
+    EventKind.RESET: "reset", EventKind.TIME: "time",
 }  # fmt: skip
 _SAME = {
     "enter": "slide", "entry": "slide", "sliding": "slide", "stick": "slide", "saturate": "slide",

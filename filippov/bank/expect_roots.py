@@ -41,12 +41,14 @@ def _places(ask: Ask, _match: re.Match[str]) -> Any:
 
 
 @reads(
-    r"n?_?(?P<what>rhp|axis|lhp)(?:_roots|_count)?|sign_changes|unstable_roots",
+    r"(?:n_?|number_of_)?(?P<what>rhp|axis|lhp)(?:_roots|_poles|_zeros|_count)?|sign_changes"
+    r"|(?:n_|number_of_)?(?P<un>un)?(?P<stable>stable)_(?:roots|poles)",
     "number of roots right of, on or left of the axis",
     ROOT,
 )
 def _one_place(ask: Ask, match: re.Match[str]) -> Any:
-    return getattr(_counts(ask.polynomial), match["what"] or "rhp")
+    what = "lhp" if match["stable"] and not match["un"] else "rhp"
+    return getattr(_counts(ask.polynomial), match["what"] or what)
 
 
 @reads(r"roots|poles|zeros", "all roots as [real, imaginary], in any order", ROOT)
@@ -83,7 +85,19 @@ def _compare_roots(ask: Ask, got: list[complex], wanted: list[complex]) -> Outco
     ROOT,
 )
 def _verdict(ask: Ask, _match: re.Match[str]) -> Outcome:
-    return _judge(_verdict_of(ask.polynomial), str(ask.entry.value))
+    return judge(_verdict_of(ask.polynomial), str(ask.entry.value))
+
+
+@reads(r"(?:is_)?(?P<what>unstable|marginally_stable|marginal)", "true or false", ROOT)
+def _verdict_is(ask: Ask, match: re.Match[str]) -> Outcome:
+    word = str(ask.entry.value).strip().casefold()
+    said = {"true": True, "yes": True, "false": False, "no": False}.get(word)
+    if said is None:
+        raise NotUnderstoodError("it is neither true nor false")
+    wanted = Verdict.UNSTABLE if match["what"] == "unstable" else Verdict.MARGINALLY_STABLE
+    verdict = _verdict_of(ask.polynomial)
+    right = (verdict is wanted) == said
+    return Outcome(float(not right), 0.0, "" if right else f"the polynomial is {verdict.value}")
 
 
 def _verdict_of(polynomial: Polynomial) -> Verdict:
@@ -93,7 +107,8 @@ def _verdict_of(polynomial: Polynomial) -> Verdict:
     return verdict
 
 
-def _judge(verdict: Verdict, text: str) -> Outcome:
+def judge(verdict: Verdict, text: str) -> Outcome:
+    """Whether a verdict is what a text says."""
     word = text.strip().casefold()
     if word in ("true", "stable", "asymptotically stable", "yes"):
         right = verdict is Verdict.ASYMPTOTICALLY_STABLE
@@ -139,7 +154,7 @@ def _iff(ask: Ask, _match: re.Match[str]) -> Outcome:
             continue
         tried += 1
         # Exact counts of the roots at the point decide, whatever the conditions say.
-        counted = _stable_at(polynomial, point)
+        counted = stable_at(polynomial, point)
         if not (expected == got == counted):
             wrong += 1
             example = ", ".join(f"{k} = {v}" for k, v in point.items())
@@ -148,7 +163,8 @@ def _iff(ask: Ask, _match: re.Match[str]) -> Outcome:
     return Outcome(float(wrong), 0.0, f"the conditions differ at {example}" if wrong else "")
 
 
-def _stable_at(polynomial: Polynomial, point: Mapping[Symbol, Expr]) -> Any:
+def stable_at(polynomial: Polynomial, point: Mapping[Symbol, Expr]) -> Any:
+    """Whether all roots are left of the axis at a point of the parameters; None where all vanish."""
     numbers = [c.subs(point) for c in polynomial.coefficients]
     try:
         return sympy.true if count_roots(numbers).verdict is Verdict.ASYMPTOTICALLY_STABLE else sympy.false
@@ -202,7 +218,7 @@ def _at(ask: Ask, match: re.Match[str]) -> Any:
     polynomial = ask.polynomial.at(values)
     value = ask.entry.value
     if isinstance(value, str):
-        return _judge(_verdict_of(polynomial), value)
+        return judge(_verdict_of(polynomial), value)
     wanted = _as_roots(ask, value if value and isinstance(value[0], list) else [value])
     got = polynomial.roots()
     both = wanted if len(wanted) > 1 else [wanted[0], wanted[0].conjugate()]
@@ -233,7 +249,7 @@ def _samples(ask: Ask, _match: re.Match[str]) -> Outcome:
     for values, said in pairs:
         polynomial = ask.polynomial.at(_assigned(ask, values))
         axis = re.fullmatch(r"axis pair \+-\s*j\s*(.+)", said.strip())
-        outcome = _pair(ask, polynomial, axis[1]) if axis else _judge(_verdict_of(polynomial), said)
+        outcome = _pair(ask, polynomial, axis[1]) if axis else judge(_verdict_of(polynomial), said)
         if not outcome.passed:
             return outcome
     return Outcome(0.0, 0.0)

@@ -9,8 +9,6 @@ import numpy as np
 
 from filippov.bank.outcome import Ask, Outcome, reads
 from filippov.bank.reason import MissingError, NotUnderstoodError
-from filippov.modes import Successor
-from filippov.solution import Solution
 from filippov.status import Status
 
 _NUMBERS = {"two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "2": 2, "3": 3, "4": 4, "5": 5, "6": 6}
@@ -22,6 +20,7 @@ _REPORTS = (
     (r"blow|infinite|finite escape|not finite|nan", Status.NOT_FINITE),
     (r"no (?:solution|continuation)", Status.NO_CONTINUATION),
 )
+RELEASES = 7  # departures sampled along sliding that can be left at any time
 NEAR = 1e-8  # how near a time or a point named in a text has to be met, where it has no tolerance
 
 
@@ -70,19 +69,15 @@ def _at_least(text: str) -> int:
     return count + (1 if re.search(r"\band an? (?:direct )?exit|also (?:a |direct )?exit", text) else 0)
 
 
-def branches(ask: Ask, end: float) -> list[Solution]:
-    """The solutions that leave the first point of choice by each of its modes, followed to `end`."""
-    _, candidates = ask.motion.candidates()
-    if not candidates:
+def reached(ask: Ask, time: float, releases: int) -> Any:
+    """States at a time of all solutions, one a row. Raises MissingError where there is one only."""
+    tree = ask.motion.tree(time, releases)
+    if tree.unique:
         raise MissingError("the motion is unique")
-    runs = []
-    for place in range(len(candidates)):
-
-        def pick(found: list[Successor], place: int = place) -> Successor:
-            return found[min(place, len(found) - 1)]
-
-        runs.append(ask.motion.solve(t_end=end, nonunique=pick))
-    return [run for run in runs if abs(run.t_end - end) <= 1e-9 * (1 + abs(end))]
+    found = tree.reachable(time)
+    if not found.complete:
+        raise MissingError(f"not every solution was followed to t = {time:.9g}: {tree.message}")
+    return found.x
 
 
 @reads(
@@ -91,13 +86,9 @@ def branches(ask: Ask, end: float) -> list[Solution]:
 )
 def _reachable(ask: Ask, match: re.Match[str]) -> Any:
     time = ask.number(match["time"])
-    runs = branches(ask, time)
-    if not runs:
-        raise MissingError("no branch reaches the time")
-    ends = np.array([run.x_end for run in runs])
     if isinstance(ask.entry.value, str):
-        return _points(ask, ends)
-    values = ends[:, ask.states.index(match["state"]) if match["state"] else 0]
+        return _points(ask, reached(ask, time, 0))
+    values = reached(ask, time, RELEASES)[:, ask.states.index(match["state"]) if match["state"] else 0]
     wanted = np.atleast_1d(ask.wanted())
     if wanted.shape != (2,):
         raise NotUnderstoodError("it is no interval")

@@ -49,7 +49,7 @@ def _speed(ask: Ask, _match: re.Match[str]) -> Any:
     return Either([row[int(np.argmax(np.abs(row - wanted)))] for row in readings])
 
 
-@reads(r"sliding_field|sliding_vector_field|(?P<repels>repelling_sliding_field|escaping_field)",
+@reads(r"sliding_(?:vector_field|field|vector)|(?P<repels>(?:repelling|escaping)_(?:sliding_)?(?:vector_)?field)",
        "the field of the first sliding; of the sliding candidate where the motion is not unique")  # fmt: skip
 def _field(ask: Ask, match: re.Match[str]) -> Any:
     run, candidates = ask.motion.candidates()

@@ -12,6 +12,7 @@ from filippov.bank.expect_events import WORDS, kind_word, sequence, switches
 from filippov.bank.outcome import Ask, Either, Outcome, reads
 from filippov.bank.reason import MissingError, NotUnderstoodError
 from filippov.events import Event
+from filippov.solution import Solution
 from filippov.status import EventKind
 
 _KINDS = "enter|entry|exit|leave|cross|crossing|slide|stick|switch|event|impact|reset|release"
@@ -184,30 +185,30 @@ def _stop(ask: Ask, match: re.Match[str]) -> Any:
 # -- where a state turns -------------------------------------------------------------------------------
 
 
-def turns(ask: Ask, state: str) -> list[tuple[float, int]]:
+def turns(ask: Ask, state: str, run: Solution | None = None) -> list[tuple[float, int]]:
     """Times at which a state's derivative vanishes, with the direction in which it does."""
     k = ask.states.index(state)
-    run = ask.motion.main
+    run = ask.motion.main if run is None else run
     rows = list(ask.motion.built.fields.values())
     kinds = {row[k] for row in rows}
     if len(kinds) == 1:
         return _merged(ask.motion.zeros(run, next(iter(kinds))))
     assert run.sol is not None
-    times = np.unique(np.concatenate([ask.motion.times(run), _stationary(ask, k)]))
+    times = np.unique(np.concatenate([ask.motion.times(run), _stationary(ask, k, run)]))
     values = run.sol(times)[k]
     inner = np.flatnonzero((values[1:-1] - values[:-2]) * (values[2:] - values[1:-1]) <= 0) + 1
     return [(float(times[i]), int(np.sign(values[i + 1] - values[i]))) for i in inner]
 
 
-def _stationary(ask: Ask, k: int) -> list[float]:
+def _stationary(ask: Ask, k: int, run: Solution) -> list[float]:
     """Times inside the stretches off the surfaces at which the field of a state vanishes."""
     fields = ask.motion.built.fields
     count = len(next(iter(fields)))
     found = []
-    for stretch in ask.motion.main.segments:
+    for stretch in run.segments:
         row = fields.get("".join({1: "+", -1: "-"}.get(sign, "0") for sign in stretch.mode[:count]))
         if row is not None and stretch.t1 > stretch.t0:
-            found += [t for t, _ in ask.motion.zeros(ask.motion.main, row[k], stretch.t0, stretch.t1)]
+            found += [t for t, _ in ask.motion.zeros(run, row[k], stretch.t0, stretch.t1)]
     return found
 
 

@@ -15,12 +15,19 @@ import sympy
 from scipy.optimize import brentq
 from sympy import Expr
 
+from filippov.analysis.budget import OutOfBudgetError
+from filippov.analysis.deadline import within
+from filippov.analysis.orbit import Orbit
+from filippov.analysis.orbit_search import find_orbit
+from filippov.analysis.saltation import NotDifferentiableError
 from filippov.bank.build import Built
 from filippov.bank.reason import MissingError, OutOfTimeError
+from filippov.errors import ModelError, SolveError, UsageError
 from filippov.events import Event, Mode
 from filippov.machine import Machine
 from filippov.modes import Successor
 from filippov.solution import Solution
+from filippov.solution_tree import SolutionTree
 from filippov.solver import solve
 from filippov.status import EventKind, Status
 from filippov.symbols import t as time_symbol
@@ -205,6 +212,43 @@ class Motion:
         if found is None or found.residual > 1e-7:
             raise MissingError(f"the motion does not recur within {LONGEST:g} times its span")
         return found
+
+
+    def orbit(self, period: float | None = None) -> Orbit:
+        """The periodic orbit near the start of the case, stable or not, from a guess of its period.
+
+        Raises MissingError.
+        """
+        left = self.deadline - time.monotonic()
+        if left <= 0:
+            raise OutOfTimeError
+        built, start = self.built, self.built.t_span[0]
+        try:
+            return within(
+                left, lambda: find_orbit(
+                    built.system, built.x0, t0=start, period=period, rtol=self.settings.rtol,
+                    atol=self.settings.atol, method=self.settings.method,
+                )
+            )  # fmt: skip
+        except OutOfBudgetError:
+            raise OutOfTimeError from None
+        except (SolveError, NotDifferentiableError, ModelError, UsageError) as error:
+            raise MissingError(f"no periodic orbit was found: {error}") from None
+
+    def tree(self, t_end: float, release_times: int = 0) -> SolutionTree:
+        """All solutions up to a time, with departures from sliding that can be left sampled."""
+        left = self.deadline - time.monotonic()
+        if left <= 0:
+            raise OutOfTimeError
+        tree = solve(
+            self.built.system, self.built.x0, (self.built.t_span[0], t_end), nonunique="branch",
+            rtol=self.settings.rtol, atol=self.settings.atol, method=self.settings.method, max_time=left,
+            max_branches=256, release_times=release_times or None,
+        )  # fmt: skip
+        self.field_calls += sum(branch.solution.nfev for branch in tree.branches)
+        if tree.status is Status.TIMEOUT:
+            raise OutOfTimeError
+        return tree
 
 
 @dataclass(frozen=True)

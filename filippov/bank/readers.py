@@ -6,11 +6,15 @@ import re
 from collections.abc import Iterator, Sequence
 
 from filippov.bank import (
+    expect_averages,
     expect_cycle,
     expect_events,
     expect_formula,
+    expect_gains,
     expect_model,
+    expect_places,
     expect_roots,
+    expect_rules,
     expect_sets,
     expect_slide,
     expect_state,
@@ -26,8 +30,12 @@ READERS = (
     expect_zeno,
     expect_sets,
     expect_formula,
+    expect_rules,
+    expect_averages,
+    expect_places,
     expect_model,
     expect_roots,
+    expect_gains,
 )
 _PLACES = {module.__name__: place for place, module in enumerate(READERS)}
 _PATTERNS = tuple(sorted(ENTERED, key=lambda entry: _PLACES[entry.reader.__module__]))
