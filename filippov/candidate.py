@@ -20,6 +20,7 @@ from filippov.events import Mode
 from filippov.machine import Array, Machine
 
 CLEAR = 1e-6
+BALANCED = 1e-10
 VANISHING = 1e-9
 TRIALS, SHORTER = 12, 4.0
 OPEN = 1e299
@@ -35,6 +36,7 @@ class Point:
 
     guess    the last multipliers
     resting  surfaces with a contact on which the state may rest
+    met      surfaces that the point lies on
     """
 
     machine: Machine
@@ -44,6 +46,8 @@ class Point:
     step: float
     guess: Array
     resting: frozenset[int] = frozenset()
+    met: frozenset[int] = frozenset()
+    reached: dict[int, float] = field(default_factory=dict, compare=False, repr=False)
     probed: dict[tuple[float, bytes, bytes], Probe] = field(default_factory=dict, compare=False, repr=False)
 
     def gradients(self, mode: Array) -> tuple[Array, Array]:
@@ -53,6 +57,27 @@ class Point:
     def rhs(self, signs: Array, mode: Array) -> Array:
         """The vertex field at signs +-1."""
         return self.machine.rhs(self.t, self.x, signs, mode)
+
+    def reach(self, i: int, mode: Array) -> float:
+        """By how much the signs of the surfaces met move the rate of surface i: where they balance, by 0.
+
+        What is left of forces in balance is rounding of these, however small the sum itself is.
+        """
+        if i not in self.reached:
+            component = self.machine.component
+            group = [j for j in self.met if component[j] == component[i]]
+            g, _ = self.gradients(mode)
+            signs = np.where(mode == 0.0, 1.0, mode)
+            effects = []
+            for j in group:
+                signs[j] = -signs[j]
+                effects.append(self.rhs(signs, mode))
+                signs[j] = -signs[j]
+            base = self.rhs(signs, mode)
+            for k in {i, *group}:
+                change = [abs(self.machine.rate(k, g, effect - base)) for effect in effects]
+                self.reached[k] = float(np.nansum(change))
+        return self.reached[i]
 
     def probe(self, step: float, mode: Array, lam: Array) -> Probe:
         """`Machine.probe` at this point; many surfaces ask for the same one."""
@@ -195,7 +220,7 @@ def clear_rates(
         terms = np.append(g[i] * np.where(g[i] == 0.0, 0.0, velocity), gt[i])
         scale = float(np.sum(np.abs(terms)))
         rate = float(np.sum(terms)) * mode[i] * point.direction
-        if i in tangent or abs(rate) <= CLEAR * scale:
+        if i in tangent or abs(rate) <= CLEAR * scale or abs(rate) <= BALANCED * point.reach(i, mode):
             unclear.append(i)
         elif rate < 0:
             return None

@@ -395,6 +395,9 @@ class _Loop:
     ) -> tuple[Status, str] | None:  # fmt: skip
         run = self.run
         run.put(chosen.mode, chosen.order, chosen.multipliers)
+        if any(a == 0 != b for a, b in zip(before, chosen.mode, strict=True)):
+            # The step of a slide says nothing about the motion that leaves it.
+            run.clock[codes.STEP] = 0.0
         if start:
             return None
         if jump is None:

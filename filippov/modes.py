@@ -73,7 +73,7 @@ def successors(
     where sliding is to be thought over on all of them.
     """
     resting = [i for i in met if point.machine.contacts[i] and (base[i] == 0 or at_rest(point, base, i))]
-    point = replace(point, resting=frozenset(resting))
+    point = replace(point, resting=frozenset(resting), met=frozenset(met))
     radii = point.machine.radii(point.t, point.x)
     groups = corners(point, base, met, hit, radii)
     options = [list(choices(point, base, group, radii)) for group in groups]

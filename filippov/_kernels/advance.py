@@ -135,12 +135,12 @@ def zeno_remaining(zeno: Vector, t: float, floor: float) -> float:
 
 
 @kernel
-def shrink_invalid(clock: Vector, m: Vector, step: float, w: Vector) -> tuple[float, int]:
+def shrink_invalid(clock: Vector, m: Vector, order: Indices, step: float, w: Vector) -> tuple[float, int]:
     """Step after an invalid stage: towards the nearest surface ahead if there is one, else a quarter.
 
     The surface is returned where it is one rounding away, -1 otherwise.
     """
-    wait, surface = time_to_surface(m, w)
+    wait, surface = time_to_surface(m, order, w)
     reach = max(abs(clock[T]), 1e-3 * abs(clock[T_END] - clock[T_START]))
     if surface >= 0 and wait <= 16.0 * EPS * reach:
         return 0.0, surface
@@ -287,7 +287,7 @@ def advance(
             or not finite(shift(w, W_END), 2 * M)
         ):
             count[REJECTED] += 1
-            length, surface = shrink_invalid(clock, m, step, w)
+            length, surface = shrink_invalid(clock, m, order, step, w)
             grow = 2.0
             clock[STEP] = length
             if surface < 0:

@@ -265,12 +265,15 @@ def creep_off(
 
 
 @kernel
-def time_to_surface(m: Vector, w: Vector) -> tuple[float, int]:
-    """Shortest time in which a guard reaches 0 at its present rate, and its surface (-1 for none)."""
+def time_to_surface(m: Vector, order: Indices, w: Vector) -> tuple[float, int]:
+    """Shortest time in which a guard reaches 0 at its present rate, and its surface (-1 for none).
+
+    A surface from which the segment starts is behind, whatever the sign of a rounded rate.
+    """
     best, surface = 1e300, -1
     for i in range(M):
         rate = m[i] * w[W_START + 2 * i + 1]
-        if rate < 0.0:
+        if rate < 0.0 and order[i] == 0:
             wait = -(m[i] * w[W_START + 2 * i] + WIDTH[i]) / rate
             if wait < best:
                 best, surface = max(wait, 0.0), i

@@ -1,0 +1,72 @@
+"""Seconds for 60 s of motion of a chain of n blocks, and what a step costs: python tests/benchmarks/chain.py.
+
+Prints a row for each n and writes the plot of cost against n to the file given by --plot.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from filippov import solve
+from filippov.models.chain import chain, start
+
+SIZES = (1, 2, 5, 10, 20, 50, 100)
+
+
+def measure(n: int, repeats: int = 3) -> tuple[float, float, float, int, int]:
+    """(first solve with compiling, one solve, a step, steps, events): processor time in seconds."""
+    begun = time.process_time()
+    system = chain(n)
+    solve(system, start(n), (0, 0.01), dense_output=False)
+    first = time.process_time() - begun
+    spent = []
+    for _ in range(repeats):
+        begun = time.process_time()
+        run = solve(system, start(n), (0, 60), dense_output=False)
+        spent.append(time.process_time() - begun)
+        assert run.success, run.message
+    steps = run.steps + run.rejected
+    return first, min(spent), min(spent) / steps, steps, len(run.events)
+
+
+def plot(path: str, rows: list[tuple[int, float, float]]) -> None:
+    """Cost of a step and of the run against the number of blocks, on logarithmic axes."""
+    from matplotlib import pyplot as plt
+
+    n, whole, step = np.array(rows).T
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6), layout="constrained")
+    left.loglog(n, 1e6 * step, "o-", label="measured")
+    left.loglog(n, 1e6 * step[-1] * n / n[-1], "--", color="0.6", label="proportional to n")
+    left.set(xlabel="blocks", ylabel="time a step [µs]")
+    left.legend(frameon=False)
+    right.loglog(n, whole, "o-")
+    right.set(xlabel="blocks", ylabel="time for 60 s of motion [s]")
+    figure.savefig(path)
+    plt.close(figure)
+
+
+def main() -> None:
+    """Measure all sizes and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--plot", help="file of the plot")
+    parser.add_argument("--sizes", type=int, nargs="+", default=SIZES)
+    arguments = parser.parse_args()
+    print(f"{'blocks':>6} {'build s':>8} {'run s':>8} {'us/step':>8} {'steps':>7} {'events':>7}")
+    rows = []
+    for n in arguments.sizes:
+        first, whole, step, steps, events = measure(n)
+        rows.append((n, whole, step))
+        print(f"{n:>6} {first:>8.2f} {whole:>8.3f} {1e6 * step:>8.1f} {steps:>7} {events:>7}", flush=True)
+    if arguments.plot:
+        plot(arguments.plot, rows)
+
+
+if __name__ == "__main__":
+    main()
