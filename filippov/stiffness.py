@@ -30,9 +30,12 @@ class Crawl:
 
     def look(self, run: Run, now: bool = False) -> None:
         """Compare the step with the fastest decay here, if the last look is some steps ago."""
-        if run.options.method not in LIMITS or (run.attempts < self._next and not now):
+        # A look costs n field calls and the eigenvalues of an n x n matrix.
+        spacing = max(_SPACING, 32 * run.machine.n)
+        early = run.attempts < max(self._next, spacing)
+        if run.options.method not in LIMITS or (early and not now):
             return
-        self._next = run.attempts + _SPACING + run.attempts // 8
+        self._next = run.attempts + spacing + run.attempts // 8
         rate = fastest_decay(run)
         step = min(float(run.clock[codes.STEP]), run.options.max_step)
         self.products.append(rate * step)
