@@ -20,6 +20,7 @@ from filippov.run import Run
 from filippov.status import mode_text
 
 CORNER, REPELLING = "ambiguous corner", "repelling sliding"
+BEFORE_A_RESET = "before a reset"
 VISIBLE, INVISIBLE, MIXED = "visible two-fold", "invisible two-fold", "visible-invisible two-fold"
 TANGENCY, STICTION = "visible tangency", "sliding or slip"
 
@@ -30,7 +31,8 @@ class Ambiguity:
 
     t           time
     name        "repelling sliding", "visible two-fold", "invisible two-fold", "visible-invisible two-fold",
-                "visible tangency", "sliding or slip" or "ambiguous corner"
+                "visible tangency", "sliding or slip" or "ambiguous corner"; backwards in time "before a
+                reset", without candidates: the state from which the reset led here is not determined
     candidates  every consistent next mode
     before      the mode in which the point was reached
     hit         numbers of the surfaces that were reached there
@@ -45,6 +47,8 @@ class Ambiguity:
     start: bool
 
     def __str__(self) -> str:
+        if not self.candidates:
+            return self.name
         return f"{self.name}, one of {len(self.candidates)}: {listing(self.candidates)}"
 
 

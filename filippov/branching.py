@@ -176,7 +176,9 @@ class _Grower:
     def _part(self, number: int, followed: Followed) -> None:
         """Let every candidate at the end of a branch wait for its turn."""
         ambiguity, depth = followed.solution.ambiguity, self.branches[number].depth
-        if ambiguity is None or self._refuses(self.leaves + len(ambiguity.candidates) - 1, depth + 1):
+        if ambiguity is None or not ambiguity.candidates:
+            return
+        if self._refuses(self.leaves + len(ambiguity.candidates) - 1, depth + 1):
             return
         self.leaves += len(ambiguity.candidates) - 1
         for candidate in ambiguity.candidates:

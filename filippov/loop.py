@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov._kernels import codes
-from filippov.ambiguity import Ambiguity, listing, name_point, noted, picked, point_of
+from filippov.ambiguity import BEFORE_A_RESET, Ambiguity, listing, name_point, noted, picked, point_of
 from filippov.clocks import Clocks
 from filippov.diagnosis import STAGNATION, STAGNATION_STEPS, close_call, stagnation, suspect
 from filippov.events import Mode
@@ -306,6 +306,8 @@ class _Loop:
         names = [self._source(i) for i in resets]
         if run.direction > 0 or not names:
             return None
+        hit = tuple(i for i in resets if i < run.machine.m)
+        self.ambiguity = Ambiguity(run.t, BEFORE_A_RESET, (), run.signs, hit, start=False)
         return self._end(
             Status.NON_UNIQUE,
             f"backwards in time, {', '.join(map(repr, names))} is reached, where a reset may have "

@@ -117,6 +117,9 @@ def test_a_closed_pipe_is_no_traceback() -> None:
         (["simulate", "hunting", "-p", "P"], "expected name=value"),
         (["simulate", "hunting", "-p", "m=-1"], "outside its bounds"),
         (["simulate", "hunting", "--stop", "velocty"], "did you mean 'velocity'?"),
+        (["simulate", "hunting", "--events", "y - 1"], "unknown name 'y'"),
+        (["simulate", "hunting", "--events", "x:sideways"], "up, down or both"),
+        (["simulate", "hunting", "--events", "x", "--nonunique", "branch"], "one solution"),
         (["simulate", "hunting", "--stop", "velocity:sliding enty"], "did you mean 'sliding entry'?"),
         (["simulate", "hunting", "--max-steps", "1.5"], "expected a whole number"),
         (["simulate", "hunting", "--rtol", "nan"], "expected a finite number"),
@@ -366,3 +369,16 @@ def test_ctrl_c_before_there_is_a_result() -> None:
     assert done.returncode == 130
     assert "interrupted" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_roots_to_watch(capsys: pytest.CaptureFixture[str]) -> None:
+    """The second fall through x = 0.05 ends the run."""
+    words = ["simulate", "hunting", "--x0", "x=0.1", "--t-span", "0", "50", "--json"]
+    assert main([*words, "--events", "x - 1/20:down:2", "--events", "v - b/100"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    falls = [e for e in data["events"] if e["surface"] == "x - 1/20"]
+    assert data["status"] == "stopped"
+    assert len(falls) == 2
+    assert all(e["kind"] == "user event" for e in falls)
+    assert all(abs(e["x"]["x"] - 0.05) < 1e-9 and e["x"]["v"] < 0 for e in falls)
+    assert data["t_end"] == falls[-1]["t"]

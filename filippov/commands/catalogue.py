@@ -159,6 +159,8 @@ _ALL = (
         (MODEL, PARAMETERS, *START, *TOLERANCES,
          Option("points", "equally spaced rows of trajectory.csv; default: the ends of the steps", whole,
                 metavar="N"),
+         Option("events", "roots to watch: FORMULA, FORMULA:up, down or both, or FORMULA:up:N to end at the "
+                "N-th; in t, states and parameters; can be repeated", texts, metavar="ROOT", repeat=True),
          *TREE),
         "filippov simulate hunting -p P=20 --x0 x=0.1 --t-span 0 50 -o results/run",
     ),

@@ -11,12 +11,14 @@ import numpy as np
 from filippov.commands.console import Console
 from filippov.commands.folder import Folder
 from filippov.commands.model import load_model
-from filippov.errors import UsageError
+from filippov.errors import ModelError, UsageError
 from filippov.events import Event, Stop
+from filippov.expression import parse_expression
 from filippov.problem import Problem
 from filippov.solution import Solution
 from filippov.solver import solve
 from filippov.status import Status, mode_text
+from filippov.user_event import UserEvent
 
 SOLVER = (
     "rtol", "atol", "method", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
@@ -37,6 +39,8 @@ def run(settings: dict[str, Any], console: Console) -> int:
     if settings.get("nonunique") == "branch":
         from filippov.commands import simulate_tree
 
+        if settings.get("events"):
+            raise UsageError("--events is for one solution; drop it, or --nonunique branch.")
         return simulate_tree.run(loaded.name, problem, settings, console, folder)
     for name in ("max_branches", "max_depth", "release_times"):
         if settings.get(name) is not None:
@@ -65,11 +69,12 @@ def solved(problem: Problem, settings: Mapping[str, Any], console: Console, dens
     """The solution with the solver's settings; `dense` keeps what lies between the events, for files."""
     if settings.get("nonunique") == "branch":
         raise UsageError("--nonunique branch gives a tree of solutions; this command needs one solution.")
+    events = [parse_root(text, problem) for text in settings.get("events") or ()]
     with console.progress("simulate") as progress:
         start = problem.t_span[0]
         solution: Solution = solve(
             problem, progress=lambda t, end: progress(abs(t - start), abs(end - start), f"t = {t:.6g}"),
-            dense_output=dense, **solver_options(settings),
+            events=events or None, dense_output=dense, **solver_options(settings),
         )  # fmt: skip
     return solution
 
@@ -94,6 +99,27 @@ def parse_stop(text: str) -> Stop:
         raise UsageError(f"--stop is {text!r}, expected SURFACE, SURFACE:KIND or SURFACE:KIND:COUNT.")
     kind = rest[0] if rest else "crossing"
     return Stop(surface, kind, int(rest[1]) if len(rest) == 2 else 1)
+
+
+def parse_root(text: str, problem: Problem) -> UserEvent:
+    """FORMULA, FORMULA:DIRECTION or FORMULA:DIRECTION:COUNT."""
+    formula, *rest = (piece.strip() for piece in text.split(":"))
+    directions = {"up": 1.0, "down": -1.0, "both": 0.0}
+    way = rest[0] if rest else "both"
+    if len(rest) > 2 or way not in directions or (len(rest) == 2 and not rest[1].isdecimal()):
+        raise UsageError(
+            f"--events is {text!r}, expected FORMULA, FORMULA:DIRECTION or FORMULA:DIRECTION:COUNT with the "
+            "directions up, down or both."
+        )
+    form = problem.system.symbolic
+    if form is None:
+        raise UsageError("--events needs a model of formulas; with functions use solve(..., events=g).")
+    try:
+        g = parse_expression(formula, {symbol.name: symbol for symbol in (*form.x, *form.p)})
+    except ModelError as error:
+        raise UsageError(f"--events: {error}") from None
+    count = int(rest[1]) if len(rest) == 2 else 0
+    return UserEvent(g, terminal=count, direction=directions[way], name=formula)
 
 
 def summarise(name: str, solution: Solution) -> dict[str, Any]:
