@@ -90,6 +90,8 @@ class EventMap:
             stop=self.section.stop, rtol=self.rtol, atol=self.atol, method=self.method, max_steps=MOST_STEPS,
         )  # fmt: skip
         values = ends.x[:, self.bound.index].copy()
+        if ends.status.count(Status.STOPPED) == len(values):
+            return values, ends.status
         lost = [q for q, status in enumerate(ends.status) if status is not Status.STOPPED]
         for q in lost:
             # A motion that never leaves the section rests there: its coordinate does not change.

@@ -117,9 +117,9 @@ class BoundSection:
     def start(self, d: Array, p: Array) -> Array:
         """Initial states for coordinates d (k,) and parameter rows p (k, P) or (P,): (k, n)."""
         values = np.atleast_1d(np.asarray(d, dtype=float))
-        rows = np.broadcast_to(p, (values.size, p.shape[-1]))
         if self._functions is not None:
-            return self._stack(self._functions[0], values, rows)
+            return self._stack(self._functions[0], values, p)
+        rows = np.broadcast_to(p, (values.size, p.shape[-1]))
         lift: Any = self.section.lift
         out = [
             lift(float(v), self.system.parameters.record(row)) for v, row in zip(values, rows, strict=True)
@@ -129,7 +129,7 @@ class BoundSection:
     def start_slope(self, d: float, p: Array) -> Array:
         """Derivative of the initial state by d: (n,). A lift given as a function is differenced."""
         if self._functions is not None:
-            return np.asarray(self._stack(self._functions[1], np.array([d]), p[None, :])[0])
+            return np.asarray(self._stack(self._functions[1], np.array([d]), p)[0])
         reach = 1e-6 * max(abs(d), 1e-3)
         pair = self.start(np.array([d + reach, d - reach]), p)
         return np.asarray((pair[0] - pair[1]) / (2 * reach))
@@ -149,8 +149,8 @@ class BoundSection:
             out[n + k, 1 + k] = 1.0
         return out
 
-    def _stack(self, function: Callable[..., Any], d: Array, rows: Array) -> Array:
-        columns = function(d, *rows.T)
-        return np.column_stack(
-            [np.broadcast_to(np.asarray(column, dtype=float), d.shape) for column in columns]
-        )
+    def _stack(self, function: Callable[..., Any], d: Array, p: Array) -> Array:
+        out = np.empty((d.size, self.system.dimension))
+        for place, column in enumerate(function(d, *p.T)):
+            out[:, place] = column
+        return out

@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -55,19 +56,18 @@ class Batch:
         self.values, self.x = values, states.copy()
         self.mode, self.lam = np.ones((k, m)), np.zeros((k, m))
         self.order, self.hit = np.zeros((k, m), dtype=np.int64), np.zeros((k, m), dtype=np.int64)
-        self.clock = np.zeros((k, codes.CLOCK_SIZE))
-        self.clock[:, [codes.T, codes.T_START]] = span[0]
-        self.clock[:, codes.T_END] = span[1]
-        self.clock[:, codes.RTOL], self.clock[:, codes.MAX_STEP] = options.rtol, options.max_step
-        self.clock[:, codes.STEP] = options.first_step or 0.0
-        self.count = np.zeros((k, codes.COUNT_SIZE), dtype=np.int64)
-        self.count[:, codes.STEP_BUDGET] = options.max_steps
-        self.count[:, codes.EVENT_BUDGET] = options.max_events
-        self.stop = np.zeros((k, m, codes.STOPS), dtype=np.int64)
+        clock, count = np.zeros(codes.CLOCK_SIZE), np.zeros(codes.COUNT_SIZE, dtype=np.int64)
+        clock[codes.T] = clock[codes.T_START] = span[0]
+        clock[codes.T_END] = span[1]
+        clock[codes.RTOL], clock[codes.MAX_STEP] = options.rtol, options.max_step
+        clock[codes.STEP] = options.first_step or 0.0
+        count[codes.STEP_BUDGET], count[codes.EVENT_BUDGET] = options.max_steps, options.max_events
+        stop = np.zeros((m, codes.STOPS), dtype=np.int64)
         names = [surface.name for surface in machine.system.surfaces]
         for item in stops:
-            column = self.stop[:, names.index(item.surface), item.column]
-            column[:] = np.where(column > 0, np.minimum(column, item.count), item.count)
+            place = names.index(item.surface), item.column
+            stop[place] = min(stop[place], item.count) if stop[place] > 0 else item.count
+        self.clock, self.count, self.stop = _rows(k, clock), _rows(k, count), _rows(k, stop)
         self.zeno = np.zeros((k, m, codes.ZENO_ROOM))
         self.kinds = np.zeros((k, m * codes.KINDS + 2), dtype=np.int64)
         self.kinds[:, -2:] = -1
@@ -161,6 +161,13 @@ class _Chunks:
             self.more = left != 0 or self.row < self.last
             return
         self.more = self.function(self.last, self.steps, *self.addresses) != 0
+
+
+def _rows(k: int, row: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """The same for each of k trajectories."""
+    rows = np.empty((k, *row.shape), dtype=row.dtype)
+    rows[:] = row
+    return rows
 
 
 def _aligned(sizes: tuple[int, ...]) -> list[Array]:

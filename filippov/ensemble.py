@@ -33,6 +33,8 @@ _STATUS = {
     codes.MIN_STEP: Status.MIN_STEP,
     codes.NO_SLIDING: Status.NO_SLIDING,
 }
+# The same as a table over all codes, from UNFINISHED on; None where `solve` has to decide.
+_OF_CODE = np.array([_STATUS.get(code) for code in range(UNFINISHED, codes.NO_SLIDING + 1)], dtype=object)
 _OPTIONS = (
     "method",
     "rtol",
@@ -164,8 +166,7 @@ def solve_many(
                 batch.run(workers, unit, look)
         except KeyboardInterrupt:
             complete = False
-        part = _collect(batch, states[rows], span, stops, options, complete)
-        part = replace(part, lanes=width, threads=workers)
+        part = _collect(batch, states[rows], span, stops, options, complete, width, workers)
         if measure is not None:
             part = replace(part, measured=_measured(measure, part))
         parts.append(part)
@@ -219,29 +220,32 @@ def _points(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
         raise UsageError(
             f"x0[{row}]: state {system.states[column]!r} is {states[row, column]}, expected a number."
         )
-    single = {k: v for k, v in parameters.items() if np.ndim(v) == 0}
-    columns = {k: np.asarray(v, dtype=float) for k, v in parameters.items() if np.ndim(v) != 0}
+    single, columns = dict(parameters), {}
+    for name, value in parameters.items():
+        if not isinstance(value, float) and np.ndim(value) != 0:
+            columns[name] = np.asarray(single.pop(name), dtype=float)
     lengths = {len(column) for column in columns.values()} | {len(states)}
     count = max(lengths)
     if not lengths <= {1, count}:
         raise UsageError(f"x0 and parameters have lengths {sorted(lengths)}, expected one length or 1.")
     base = system.parameters.resolve({**single, **{k: float(column[0]) for k, column in columns.items()}})
-    values = np.tile(base, (count, 1))
+    values = np.empty((count, len(base)))
+    values[:] = base
     for name, column in columns.items():
         declared = system.parameters[name]
         for extreme in (float(np.min(column)), float(np.max(column))):
             declared.check(extreme, f"parameter {name!r}")
         values[:, system.parameters.index(name)] = column
-    return np.ascontiguousarray(np.broadcast_to(states, (count, system.dimension))), values
+    return states if len(states) == count else np.repeat(states, count, axis=0), values
 
 
 def _collect(
     batch: Batch, start: Array, span: tuple[float, float], stops: tuple[Stop, ...],
-    options: Mapping[str, Any], complete: bool,
+    options: Mapping[str, Any], complete: bool, lanes: int, threads: int,
 ) -> Ensemble:  # fmt: skip
     """The ends of a batch, with the rows that need the general path solved by it."""
     system = batch.machine.system
-    statuses = list(map(_STATUS.get, batch.code.tolist()))
+    statuses: list[Status | None] = _OF_CODE[batch.code - UNFINISHED].tolist()
     messages = [""] * len(statuses)
     t, nfev = batch.clock[:, codes.T].copy(), batch.count[:, codes.FIELD_CALLS].copy()
     counts = batch.kinds[:, :-2].reshape(batch.size, batch.machine.m, codes.KINDS).astype(np.int32)
@@ -267,7 +271,7 @@ def _collect(
     return Ensemble(
         t, batch.x, batch.mode.astype(np.int64), cast(tuple[Status, ...], tuple(statuses)), tuple(messages),
         nfev, counts, last,
-        complete=complete, surfaces=names,
+        complete=complete, lanes=lanes, threads=threads, surfaces=names,
     )  # fmt: skip
 
 

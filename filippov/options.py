@@ -48,8 +48,12 @@ class Options:
         positive("rtol", self.rtol)
         if self.rtol < SMALLEST_RTOL:
             raise UsageError(f"rtol is {self.rtol:g}, expected at least {SMALLEST_RTOL:.2g} (100 roundings).")
-        atol = np.asarray(number_array("atol", self.atol))
-        if not np.all(np.isfinite(atol)) or np.any(atol < 0):
+        if isinstance(self.atol, float):
+            good = 0.0 <= self.atol < math.inf
+        else:
+            atol = np.asarray(number_array("atol", self.atol))
+            good = bool(np.all(np.isfinite(atol)) and not np.any(atol < 0))
+        if not good:
             raise UsageError(f"atol is {self.atol}, expected numbers >= 0.")
         if self.first_step is not None:
             positive("first_step", self.first_step)

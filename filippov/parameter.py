@@ -19,6 +19,8 @@ from filippov.names import check_name, unknown
 def as_number(value: object, what: str) -> float:
     """Return `value` as a finite float; raise ModelError for text, booleans, complex numbers, NaN and inf."""
     number: float
+    if isinstance(value, float) and math.isfinite(value):
+        return float(value)
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
     if isinstance(value, (bool, np.bool_)):

@@ -62,6 +62,19 @@ def spring() -> System:
     return System({x: v, v: -x - p.f * sign(v)})
 
 
+@pytest.mark.parametrize("lanes", [1, 8])
+def test_surfaces_left_and_met_again_in_one_step(lanes: int) -> None:
+    """Parabolas, exact at any step: a quarter turn from rest at x = a takes sqrt(2 a)."""
+    x, y = states("x y")
+    bounce = System({x: y, y: -sign(x)})
+    quarter = np.sqrt(2 * np.linspace(0.5, 2.0, 70))
+    ends = solve_many(bounce, np.column_stack([quarter**2 / 2, 0 * quarter]), (0, 40), lanes=lanes)
+    np.testing.assert_array_equal(ends.events("x", "crossing"), np.floor((40 / quarter + 1) / 2))
+    angle = (40 / quarter) % 4
+    height = np.where((angle < 1) | (angle > 3), 1 - np.minimum(angle, 4 - angle) ** 2, (angle - 2) ** 2 - 1)
+    np.testing.assert_allclose(ends.x[:, 0], height * quarter**2 / 2, atol=1e-8)
+
+
 def test_half_turns_of_a_dry_oscillator_are_those_of_the_closed_form() -> None:
     amplitude = np.linspace(1.05, 9.7, 200)
     ends = solve_many(spring(), np.column_stack([amplitude, 0 * amplitude]), (0, 40), lanes=8, threads=1)

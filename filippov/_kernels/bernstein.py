@@ -38,33 +38,42 @@ def deflate(c: Vector, order: int) -> int:
 
 
 @kernel
+def bernstein_slope(c: Vector, degree: int, u: float, work: Vector) -> tuple[float, float]:
+    """Value and derivative at u in [0, 1], by de Casteljau."""
+    for j in range(degree + 1):
+        work[j] = c[j]
+    for r in range(degree - 1):
+        for j in range(degree - r):
+            work[j] = (1.0 - u) * work[j] + u * work[j + 1]
+    return (1.0 - u) * work[0] + u * work[1], float(degree) * (work[1] - work[0])
+
+
+@kernel
 def bracketed_root(c: Vector, degree: int, work: Vector) -> float:
-    """The one root of c in [0, 1], c[0] > 0 >= c[degree]: regula falsi (Illinois) beside bisection."""
+    """The one root of c in [0, 1], c[0] > 0 >= c[degree]: Newton's steps, bisection where they leave it."""
     lo, hi = 0.0, 1.0
-    f_lo, f_hi = c[0], c[degree]
-    if f_hi == 0.0:
+    if c[degree] == 0.0:
         return 1.0
-    side = 0
+    u, before = float(c[0] / (c[0] - c[degree])), 0.0
     for iteration in range(80):
-        u = (lo * f_hi - hi * f_lo) / (f_hi - f_lo)
-        if not (lo < u < hi) or iteration % 8 == 7:
-            u = 0.5 * (lo + hi)
-        f = bernstein_value(c, degree, u, work)
+        f, slope = bernstein_slope(c, degree, u, work)
         if f > 0.0:
-            lo, f_lo = u, f
-            if side == 1:
-                f_hi *= 0.5
-            side = 1
+            lo = u
         elif f < 0.0:
-            hi, f_hi = u, f
-            if side == -1:
-                f_lo *= 0.5
-            side = -1
+            hi = u
         else:
-            return float(u)
-        if hi - lo <= 1e-15:
+            return u
+        following = u - f / slope if slope < 0.0 else -1.0
+        newton = lo < following < hi and iteration % 8 != 7
+        if not newton:
+            following = 0.5 * (lo + hi)
+        change = abs(following - u)
+        u = following
+        # Near a simple root each step is a constant times the square of the one before.
+        if hi - lo <= 1e-15 or change <= 1e-15 or (newton and change * change * change <= 1e-17 * before):
             break
-    return hi
+        before = change * change if newton else 0.0
+    return u
 
 
 @kernel

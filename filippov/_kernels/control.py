@@ -11,7 +11,9 @@ from filippov._kernels.model import (
     EXTRA,
     I_CALLS,
     I_PEERS,
+    IMPLICIT,
     ORDER,
+    PER_NODE,
     STAGES,
     W_ATTRACT,
     W_CREEP,
@@ -167,11 +169,26 @@ def finite(x: Vector, n: int) -> bool:
 
 
 @kernel
+def leaves(i: int, twice: bool, step: float, side: float, w: Vector) -> bool:
+    """Whether guard i, zero at the start of the step (twice: its rate too), grows all the way through it.
+
+    Its rates along the stages, by theta where they start from zero, keep clear of 0 by more than their range.
+    """
+    least, most = 1e300, -1e300
+    for r in range(1, STAGES):
+        growth = side * step * rate(i, shift(w, W_K + r * N), w)
+        growth = growth * PER_NODE[r] if twice else growth
+        least, most = min(least, growth), max(most, growth)
+    return least > most - least
+
+
+@kernel
 def suspicious(step: float, m: Vector, order: Indices, w: Vector, iw: Indices) -> bool:
     """Whether a guard may vanish in the step: no if it keeps clear of 0 by more than it bends.
 
     For linear guards the test is on the cubic through both ends of the step; it is skipped for others, which
-    are always sampled. Multipliers are judged by their range over the stages.
+    are always sampled. One that starts from 0 is clear if it grows throughout (see `leaves`). Multipliers are
+    judged by their range over the stages.
     """
     for i in range(M):
         if m[i] == 0.0:
@@ -183,8 +200,12 @@ def suspicious(step: float, m: Vector, order: Indices, w: Vector, iw: Indices) -
             if iw[I_PEERS + COMPONENT[i]] == 1 and (w[W_ATTRACT + i] < 0.0 or not (mult[SLOPE] < 0.0)):
                 return True
             continue
-        if not ALL_LINEAR or order[i] > 0:
+        if not ALL_LINEAR:
             return True
+        if order[i] > 0:
+            if IMPLICIT or WIDTH[i] > 0.0 or order[i] > 2 or not leaves(i, order[i] == 2, step, m[i], w):
+                return True
+            continue
         h0, h1 = m[i] * w[W_START + 2 * i] + WIDTH[i], m[i] * w[W_END + 2 * i] + WIDTH[i]
         d0, d1 = m[i] * w[W_START + 2 * i + 1] * step, m[i] * w[W_END + 2 * i + 1] * step
         bend = abs(h1 - h0 - d0) + abs(2.0 * (h1 - h0) - d0 - d1)

@@ -6,7 +6,7 @@ caller, the lane left as it was.
 """
 
 from filippov._kernels.codes import GROW, MAX_STEP, RTOL, STEP, T_END, T_START, TAKEN, TREND, T
-from filippov._kernels.control import ONE_BITS, error_norm, finite, guard_state
+from filippov._kernels.control import ONE_BITS, error_norm, finite, guard_state, leaves
 from filippov._kernels.field import clear_ranges, field, project
 from filippov._kernels.land import EPS
 from filippov._kernels.language import (
@@ -68,6 +68,10 @@ def may_vanish(step: float, m: Vector, order: Vector, w: Vector, iw: Indices) ->
         bend = abs(h1 - h0 - d0) + abs(2.0 * (h1 - h0) - d0 - d1)
         least = min(h0, h1, h0 + d0 * THIRD, h1 - d1 * THIRD)
         clear = least > bend + w[W_TOUCH + i] and order[i] == 0.0
+        if anywhere(order[i] > 0.0):
+            grows = leaves(i, order[i] == 2.0, step, m[i], w)
+            started = order[i] == 1.0 or order[i] == 2.0
+            clear = clear or (started and grows and WIDTH[i] == 0.0)
         if not ALL_LINEAR:
             clear = False
         if iw[I_SLIDING] > 0:
@@ -145,6 +149,8 @@ def lane_step(
     for j in range(N):
         x[j] = y[j] if good else x[j]
         w[W_K + j] = last_k[j] if good else w[W_K + j]
+    for i in range(M):
+        order[i] = 0.0 if good else order[i]
     for i in range(2 * M):
         w[W_START + i] = w[W_END + i] if good else w[W_START + i]
     return mask_bits(not good and not refused) + (mask_bits(good and last) << FINISHED)

@@ -86,9 +86,17 @@ def method_constants(tableau: Method) -> dict[str, Constant]:
         "STAGES": tableau.stages,
         "EXTRA": len(tableau.extra),
         "DEGREE_DENSE": len(tableau.dense[0]) - 1,
+        "PER_NODE": _per_node(tableau),
         "ORDER": tableau.error_order if isinstance(tableau, Collocation) else tableau.order,
         "IMPLICIT": isinstance(tableau, Collocation),
         "END_IN_ERROR": tableau.end_in_error,
         "DENSE": [value for row in tableau.dense for value in row],
         "DENSE_BERNSTEIN": to_bernstein(tableau.dense),
     }
+
+
+def _per_node(method: Method) -> list[float]:
+    """1 / theta of every main stage, 1 at the start of the step."""
+    if isinstance(method, Collocation):
+        return [1.0] * method.stages
+    return [1.0, *[1.0 / node for node in method.main_nodes], 1.0]

@@ -12,6 +12,7 @@ which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are 
 event.
 RULE: which of the rules of sliding in `rules`. ORDER: power of the step that the error estimate goes with.
 IMPLICIT: the stages are solved for.
+PER_NODE: 1 / theta of every main stage.
 DENSE: powers of the dense output, a row a stage; DENSE_BERNSTEIN: the same in Bernstein form. W_..., I_...:
 places in the scratch.
 """
@@ -32,6 +33,7 @@ WIDTH: list[float] = [0.0]
 RESET_FROM: list[int] = [0]
 CONTACT: list[int] = [0]
 RESETS, CONTACTS, EVENT_SIZE = False, False, 4
+PER_NODE: list[float] = [1.0, *[1.0 / node for node in DOP853.main_nodes], 1.0]
 DENSE: list[float] = [value for row in DOP853.dense for value in row]
 DENSE_BERNSTEIN: list[float] = to_bernstein(DOP853.dense)
 # Structure: nonzero columns of every gradient, components of coupled surfaces, colours of signs and their
