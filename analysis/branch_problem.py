@@ -155,6 +155,9 @@ class OrbitProblem:
         self.index = orbit.system.parameters.index(parameter)
         self.start = orbit.unknowns
         size = np.maximum(orbit.high - orbit.low, 1e-9)
+        # A state that stands still along the orbit still moves along the branch.
+        still = size < 1e-6 * np.max(size)
+        size[still] = np.maximum(np.abs(orbit.high), np.max(size))[still]
         parts = [np.tile(size, len(self.shooting.shares))]
         if self.shooting.period is None:
             parts.append(np.array([orbit.period]))

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 
 from filippov.analysis.branch import BranchPoint
+from filippov.analysis.branch_point import locate
 from filippov.analysis.branch_problem import OrbitProblem
 from filippov.analysis.corrector import FAILURES, Along, Corrector
 from filippov.analysis.equilibrium_branch import EquilibriumProblem
@@ -18,6 +19,7 @@ from filippov.analysis.special_points import confirmed, name_of_change
 Array = npt.NDArray[np.float64]
 _BISECTIONS = 44
 _AWAY = 1e-5
+_SAME = 1e-4
 _BOUNDARY = ("boundary ", "upper ", "lower ")
 
 
@@ -40,10 +42,16 @@ class Crossings:
             changed.remove("branch point")
         length = float(a.tangent @ (b.z - a.z))
         for name in changed:
-            located = self._locate(a, name, length)
+            located = self._meeting(a, b) if name == "branch point" else self._locate(a, name, length)
             if located is not None and confirmed(name, located[1].point):
                 share, at = located
                 found.append((share, replace(at.point, special=_title(name)), name, at))
+        meetings = [at.z for _, _, name, at in found if name == "branch point"]
+        # A branch that turns where it meets another one has no fold of its own.
+        found = [
+            item for item in found
+            if item[2] != "fold" or not any(np.linalg.norm(item[3].z - z) < _SAME for z in meetings)
+        ]  # fmt: skip
         found.sort(key=lambda item: item[0])
         points: list[BranchPoint] = []
         for _, point, name, at in found:
@@ -70,6 +78,21 @@ class Crossings:
             # A test that an orbit does not have, or without a change of sign: nothing was found.
             return None
         return share, last[share]
+
+    def _meeting(self, a: Along, b: Along) -> tuple[float, Along] | None:
+        """The branch point between two points, where the corrector's matrix is singular."""
+        corrector = a.corrector
+        # The determinant is linear there, the test its root.
+        left, right = (abs(q.point.tests["branch point"]) ** len(a.z) for q in (a, b))
+        try:
+            z = locate(corrector.equations, a.z + left / (left + right) * (b.z - a.z))
+            share = float(a.tangent @ (z - a.z)) / float(a.tangent @ (b.z - a.z))
+            point = corrector.problem.point(*corrector.plain(z))
+        except FAILURES:
+            return None
+        if not -_SAME < share < 1 + _SAME or np.linalg.norm(z - a.z) > 2 * np.linalg.norm(b.z - a.z):
+            return None
+        return share, Along(corrector, z, a.tangent, replace(point, tangent=tuple(a.tangent.tolist())))
 
     # -- change of the word --------------------------------------------------------------------------------
 

@@ -1,5 +1,5 @@
-"""Curves of special points in two parameters: fold, period doubling, Neimark-Sacker, symmetry breaking, Hopf,
-pseudo-Hopf, boundary equilibrium, grazing.
+"""Curves of special points in two parameters: fold, branch point, period doubling, Neimark-Sacker, symmetry
+breaking, Hopf, pseudo-Hopf, boundary equilibrium, grazing.
 
 Unknowns are those of the solution and the first parameter; the equations are those of the solution and the
 vanishing test function, whose derivatives are taken by differences of exact quantities. A fold is where the
@@ -19,6 +19,7 @@ import sympy
 from scipy.optimize import minimize_scalar
 
 from filippov.analysis.branch import Branch, BranchPoint
+from filippov.analysis.branch_point import BranchPointCurve
 from filippov.analysis.branch_problem import MapProblem, OrbitProblem
 from filippov.analysis.continuation import Continuation
 from filippov.analysis.equilibrium_branch import EquilibriumProblem
@@ -64,13 +65,17 @@ def curve(
     kind = "grazing" if special.special in GRAZING else names.get(special.special, special.special)
     if kind == "boundary equilibrium":
         kind = special.note.split("; ")[1].split(":")[0]
-    if kind not in (*special.tests, "grazing"):
-        known = ", ".join(special.tests)
+    if kind not in (*special.tests, "grazing", "branch point"):
+        known = ", ".join(dict.fromkeys((*special.tests, "branch point")))
         raise UsageError(f"no curve is known for {special.special!r}; known: {known}, grazing.")
     at = run.branch.parameters[parameter]
     grazed = _grazed(problem, special) if kind == "grazing" else (0, 1)
     u = np.array(special.u)
-    made = CurveProblem(problem, kind, parameter, u, special.value, at, run.width, grazed)
+    made: Any
+    if kind == "branch point":
+        made = BranchPointCurve(problem, parameter, u, special.value, at, run.width)
+    else:
+        made = CurveProblem(problem, kind, parameter, u, special.value, at, run.width, grazed)
     others = {name: number for name, number in run.branch.parameters.items() if name != parameter}
     branch = Branch(parameter, f"{kind} curve", others)
     out = Continuation(made, at, (float(bounds[0]), float(bounds[1])), branch, direction, step)

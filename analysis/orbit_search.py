@@ -282,13 +282,13 @@ class _Search:
         x0 = np.asarray(sol(start, side="+"))
         speed = base.gate @ velocity_at(base.system, mode, start, x0, self.p, base.jacobian)
         goal = base.gate @ x0
-        knots = np.append(sol.start[sol.start > start], motion.t_end)
-        if len(knots) < 2:
+        knots = np.concatenate([[start], sol.start[sol.start > start], [motion.t_end]])
+        if len(knots) < 3:
             return None
         inner = (knots[:-1, None] + np.diff(knots)[:, None] * np.arange(8) / 8).ravel()
-        t = np.concatenate([[start], inner, knots[-1:]])
+        t = np.append(inner, knots[-1])
         x = sol(t, side="+")
-        size = np.maximum(np.ptp(x, axis=1), 1e-12 * (1 + np.max(np.abs(x))))
+        size = np.maximum(np.ptp(x, axis=1), 1e-9 * (1 + np.max(np.abs(x))))
         unit = speed / size**2
         height = unit @ (x - goal[:, None])
         away = np.linalg.norm((x - goal[:, None]) / size[:, None], axis=0)

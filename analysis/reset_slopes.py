@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import sympy
 from sympy import Expr
 
 from filippov.errors import UsageError
-from filippov.events import Event
+from filippov.events import Event, Mode
 from filippov.symbolic import SymbolicForm
 from filippov.symbols import t as time
 from filippov.system import System
@@ -20,20 +21,25 @@ Array = npt.NDArray[np.float64]
 
 def reset_slopes(system: System, event: Event, names: tuple[str, ...], p: Array) -> Array:
     """dR/dy of the reset y+ = R(y) at an event: (N, N). UsageError for a system of plain functions."""
-    form = _form(system)
-    m = len(system.surfaces)
-    after = form.reset[event.index] if event.index < m else form.time_reset[event.index - m]
-    assert after is not None
-    signs = {s: sympy.Integer(sign) for s, sign in zip(form.s, event.before, strict=True)}
-    sizes = form.sizes_at_mode(event.before)
-    states = sympy.Matrix([e.xreplace(signs).xreplace(sizes) for e in after])
-    by = [*form.x, *(next(q for q in form.p if q.name == name) for name in names), time]
-    out = np.eye(len(by))
+    form, slopes = _form(system), _slopes(system, event.index, tuple(event.before), names)
+    out = np.eye(len(form.x) + len(names) + 1)
     values = dict(zip((*form.x, *form.p), (*event.x, *p), strict=True)) | {time: event.t}
     numbers = {q: sympy.Float(float(v), 17) for q, v in values.items()}
-    slopes = states.jacobian(by).xreplace(numbers).evalf(17)
-    out[: len(form.x)] = np.array(slopes.tolist(), dtype=float)
+    out[: len(form.x)] = np.array(slopes.xreplace(numbers).evalf(17).tolist(), dtype=float)
     return out
+
+
+@lru_cache(maxsize=128)
+def _slopes(system: System, index: int, before: Mode, names: tuple[str, ...]) -> Any:
+    """dR/dy as expressions: an immutable matrix (n, N)."""
+    form, m = _form(system), len(system.surfaces)
+    after = form.reset[index] if index < m else form.time_reset[index - m]
+    assert after is not None
+    signs = {s: sympy.Integer(sign) for s, sign in zip(form.s, before, strict=True)}
+    sizes = form.sizes_at_mode(before)
+    states = sympy.Matrix([e.xreplace(signs).xreplace(sizes) for e in after])
+    by = [*form.x, *(next(q for q in form.p if q.name == name) for name in names), time]
+    return sympy.ImmutableMatrix(states.jacobian(by))
 
 
 def instant_slopes(system: System, event: Event, names: tuple[str, ...], p: Array) -> Array:

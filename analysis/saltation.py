@@ -293,9 +293,15 @@ def _passive(event: Event) -> bool:
 
 
 def onto_section(solution: Solution, event: Event, change: Array, names: tuple[str, ...] = ()) -> Array:
-    """Variation of the state (n or N rows) at an event: that at fixed time, moved along the motion to it."""
+    """Variation of y at an event: that at fixed time, moved along the motion to it, and through its reset.
+
+    change: (N, any number), y = (x, parameters, t).
+    """
     here = Together(solution, [event], names)
     velocity = here.field(event.before)[1]
     slope, rate = here.rate(event.before, event.index, 1 if event.after[event.index] > 0 else -1)
     rows = change.shape[0]
-    return np.asarray(change - np.multiply.outer(velocity[:rows], slope[:rows] @ change) / rate)
+    moved = np.asarray(change - np.multiply.outer(velocity[:rows], slope[:rows] @ change) / rate)
+    if event.x_after is None:
+        return moved
+    return np.asarray(reset_slopes(here.system, event, names, here.p)[:rows, :rows] @ moved)
