@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -232,15 +233,23 @@ class Continuation:
 
     def _begin(self, way: int) -> Along:
         """The first point with its tangent; that of a stored branch where it is resumed."""
-        corrector = Corrector(self.problem, self.width)
-        stored = self.branch.points[-1 if way == (self.direction or 1) else 0] if self.branch.points else None
-        going_on = bool(self._resumed) and self.branch.state.get("way") == way
-        if stored is not None and going_on:
-            u, value = np.array(stored.u), stored.value
-            self.problem = self.problem.moved(u, value)
+        points = self.branch.points
+        if self._resumed and self.branch.state.get("way") == way:
+            end = -1 if way == (self.direction or 1) else 0
+            while len(points) > 1 and points[end].special:
+                # It is found again on the way from the point before it.
+                points.pop(end)
+            stored = points[end]
+            u = np.array(stored.u)
+            if isinstance(self.problem, EquilibriumProblem):
+                self.problem = self.problem.in_mode(stored.modes[0], u)
+            self.problem = self.problem.moved(u, stored.value)
             corrector = Corrector(self.problem, self.width)
-            z = corrector.scaled(u, value)
-            return corrector.along(z, np.array(stored.tangent) if stored.tangent else None, way)
+            tangent = np.array(stored.tangent) if stored.tangent else None
+            found = corrector.along(corrector.scaled(u, stored.value), tangent, way)
+            # Signs of tests that are 0 here to rounding stay as they were.
+            return replace(found, point=stored) if stored.tests else found
+        corrector = Corrector(self.problem, self.width)
         return corrector.along(self._z, None, way)
 
     def prepare(self) -> None:

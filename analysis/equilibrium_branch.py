@@ -132,6 +132,15 @@ class EquilibriumProblem:
         """See `filippov.analysis.branch_problem.BranchProblem`."""
         return self
 
+    def in_mode(self, text: str, u: Array) -> EquilibriumProblem:
+        """The problem of another mode, as `mode_text` writes it, at its unknowns."""
+        if text == mode_text(self.mode):
+            return self
+        n = self.system.dimension
+        values = dict(zip(self.system.parameters.names, self.base.tolist(), strict=True))
+        mode = tuple({"+": 1, "0": 0, "-": -1}[sign] for sign in text)
+        return EquilibriumProblem(self.system, mode, self.parameter, u[:n], values, u[n:])
+
     def across(self, test: str, u: Array) -> tuple[EquilibriumProblem, str]:
         """The problem on the other side of a boundary, starting there, and the test that then has to grow."""
         side, _, name = test.partition(" ")

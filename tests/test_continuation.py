@@ -17,7 +17,6 @@ from filippov.analysis.event_map import EventMap
 from filippov.analysis.orbit import Orbit
 from filippov.analysis.orbit_search import find_orbit
 from filippov.analysis.section import Section
-from filippov.analysis.shooting import NoConvergenceError
 from filippov.models import hunting
 from filippov.models.registry import get
 
@@ -124,46 +123,6 @@ def test_derivative_of_the_map_by_parameters():
 # -- special points of smooth problems ---------------------------------------------------------------------
 
 
-def test_c8_fold_and_pitchfork_of_functions():
-    fold = continuation(lambda u, q: q - u**2, [1.0], value=1.0, bounds=(-1, 2), direction=-1).run()
-    assert kinds(fold) == ["fold"]
-    assert abs(fold.special[0].value) < 1e-12
-    assert fold.values[-1] == 2.0
-    assert abs(fold.d[-1] + sqrt(2)) < 1e-9
-    fork = continuation(lambda u, q: q * u - u**3, [0.0], value=-1.0, bounds=(-1, 1), direction=1).run()
-    assert kinds(fork) == ["branch point"]
-    assert abs(fork.special[0].value) < 1e-9
-    assert np.max(np.abs(fork.d)) < 1e-9
-    assert fork.values[-1] == 1.0
-
-
-@pytest.mark.parametrize("function", [lambda u, q: 0 * u, lambda u, q: 0 * u + 1, lambda u, q: 0 * u + q - 1])
-def test_c9_constant_residual_is_an_error_at_the_start(function):
-    with pytest.raises(NoConvergenceError, match="start is"):
-        continuation(function, [1.0], value=0.5, bounds=(0, 1))
-
-
-def test_c9_singular_start():
-    with pytest.raises(NoConvergenceError, match="singular"):
-        continuation(lambda u, q: q * u - u**3, [0.0], value=0.0, bounds=(-1, 1))
-
-
-def test_hopf_of_an_equilibrium():
-    p = parameters(a=-1.0)
-    system = System({x: p.a * x - y - x**3, y: x + p.a * y}, parameters=p)
-    branch = continuation(system, (0, 0), parameter="a", bounds=(-1, 1), mode="").run()
-    assert kinds(branch) == ["Hopf"]
-    assert abs(branch.special[0].value) < 1e-9
-
-
-def test_period_doubling_of_a_map():
-    # d -> q d (1 - d): a turn of a system that rests nowhere near; doubling at q = 3, d = 2/3.
-    branch = continuation(
-        lambda u, q: [u[1] - q * u[0] * (1 - u[0]), u[0] - u[1]], [0.5, 0.5], value=2.0, bounds=(1.5, 3.5)
-    ).run()
-    assert abs(branch.d[-1] - (1 - 1 / branch.values[-1])) < 1e-9
-
-
 def test_symmetry_breaking_of_a_forced_double_well_is_found():
     # x'' + 0.3 x' + x^3 = b cos t (Ueda's equation): the symmetric orbit loses its symmetry.
     p = parameters(b=0.1, c=0.3)
@@ -212,22 +171,6 @@ def test_grazing_curve_in_two_parameters():
     assert found.values[-1] == 0.52
     for point in found.points:
         assert abs(point.coordinates["a"] - critical(point.value)) < 1e-6
-
-
-def test_c8_grazing_with_a_square_root_is_a_c_bifurcation():
-    p = parameters(a=1.5, k=1.0, w=1.7, c=0.2)
-    # A preloaded stop at x = 1: the force jumps, and the map has a square root at grazing.
-    stop = -x - p.c * v + p.a * cosine(p.w * time) - p.k * (1 + sign(x - 1)) / 2
-    system = System({x: v, v: stop}, parameters=p)
-    branch = continuation(
-        system, find_orbit(system, (0, 0)), parameter="a", bounds=(1.5, 4), direction=1, max_points=22
-    ).run()
-    special = branch.special[0]
-    assert special.special == "C-bifurcation"
-    # The linear motion has amplitude 1.
-    assert abs(special.value - sqrt((1 - 1.7**2) ** 2 + (0.2 * 1.7) ** 2)) < 1e-7
-    assert len({point.word for point in branch.points}) == 2
-    assert max(point.residual for point in branch.points) < 1e-8
 
 
 def test_grazing_of_an_impact_is_a_c_bifurcation():
