@@ -40,7 +40,7 @@ FLOORS: dict[str, float] = {
     "filippov.style": 6.9, "filippov.plot_graph": 6.95,
     "filippov.plotting": 7, "filippov.plot_maps": 7, "filippov.plot_comparison": 7,
     "filippov.plot_describing": 7, "filippov.plot_identification": 7, "filippov.plot_tuning": 7,
-    "filippov.plot_regions": 7,
+    "filippov.plot_regions": 7, "filippov.plot_lyapunov": 7,
     "filippov.plot_orbits": 7, "filippov.plot_branch": 7,
     "filippov.plot_tree": 7,
     "filippov": 8,

@@ -1,6 +1,8 @@
 """Exponents against closed forms and Floquet multipliers; brute-force diagrams against known cycles."""
 
+import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from filippov.analysis.brute_force import brute_force
 from filippov.analysis.lyapunov import lyapunov
 from filippov.analysis.orbit_search import find_orbit
 from filippov.analysis.section import Section
+from filippov.cli import main
 from filippov.models import get
 from filippov.symbols import sign
 
@@ -70,3 +73,31 @@ def test_bad_requests_are_named() -> None:
     model = get("hunting")
     with pytest.raises(UsageError, match="did you mean 'P'"):
         brute_force(model.build(), Section.from_model(model), "p", [1.0], 0.1)
+
+
+def test_pulse_width_modulation_from_period_one_to_chaos() -> None:
+    # Both smooth modes contract areas by exp(-t/(R C)), and the comparator only switches the supply.
+    model = get("buck_pwm")
+    system, period = model.build(), 400e-6
+    for supply, chaotic in ((20.0, False), (33.0, True)):
+        got = lyapunov(
+            system, model.x0, 100 * period, stretch=period, transient=50 * period, parameters={"Vin": supply}
+        )
+        assert got.exponents[:2].sum() == pytest.approx(-1 / (22 * 47e-6), rel=1e-6)
+        assert bool(got.exponents[0] > 100) is chaotic
+        assert got.exponents[2] == -math.inf
+
+
+def test_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = ["--json", "--quiet", "-o", str(tmp_path)]
+    run = ["lyapunov", "buck_pwm", "-p", "Vin=20", "--duration", "8e-3", "--stretch", "4e-4"]
+    assert main([*run, "--number", "2", *out]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert len(found["exponents"]) == 2
+    run = ["diagram", "hunting", "--parameter", "P", "--values", "10", "22", "--count", "3", "--start", "0.2"]
+    assert main([*run, "--transient", "150", "--keep", "4", *out]) == 0
+    assert json.loads(capsys.readouterr().out)["period"][0] == 2
+    names = {f"{name}.{end}" for name in ("exponents", "diagram") for end in ("json", "csv", "png")}
+    assert {path.name for path in tmp_path.iterdir()} == names
+    assert main(["lyapunov", "buck_pwm", "--duration", "1"]) == 2
+    assert main(["diagram", "hunting"]) == 2
