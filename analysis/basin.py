@@ -19,7 +19,9 @@ from filippov.analysis.section import Section
 from filippov.ensemble import solve_many
 from filippov.errors import UsageError
 from filippov.names import unknown
+from filippov.problem import Problem
 from filippov.status import Status
+from filippov.sweep.plan import Sweep
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
@@ -80,6 +82,7 @@ def basin(
     points: int = 400,
     rtol: float = 1e-8,
     threads: int | None = None,
+    engine: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Basin:
     """Basins over two states; `at` gives the others (default 0).
@@ -87,6 +90,8 @@ def basin(
     x, y      (name, values) of the states
     interval  (lo, hi) of the section's coordinate in which attractors are looked for
     order     iterate of the map whose fixed points are the attractors; points: of that search
+    engine    keywords of `filippov.sweep.run.run`, such as {"folder": ..., "jobs": 8, "resume": True}: the
+              states are followed by worker processes and kept in the folder; None: here, by threads
     progress  called with (states done, states)
 
     Ctrl-C returns what is done. Raises UsageError.
@@ -113,8 +118,12 @@ def basin(
     d = np.full(len(states), np.nan)
     label = np.full(len(states), UNKNOWN)
     complete = True
+    if engine is not None:
+        d, rest_at, complete = _by_engine(turns, states, rtol, engine, progress)
+        known = ~np.isnan(rest_at)
+        label[known] = _labels(d[known], rest_at[known] == 1, pieces, cycle_of, attractors)
     try:
-        for first in range(0, len(states), CHUNK):
+        for first in range(0, 0 if engine is not None else len(states), CHUNK):
             part = slice(first, first + CHUNK)
             ends = solve_many(
                 system, states[part], (0.0, section.t_max), stop=section.stop, parameters=turns.parameters,
@@ -135,6 +144,25 @@ def basin(
     return Basin(
         (x[0], y[0]), across, up, rest_of, label.reshape(shape), attractors, d.reshape(shape), complete
     )
+
+
+def _by_engine(
+    turns: EventMap, states: Array, rtol: float, engine: Mapping[str, Any],
+    progress: Callable[[int, int], None] | None,
+) -> tuple[Array, Array, bool]:
+    """Coordinates of first events, whether the motion rests there (NaN: not computed), and completeness."""
+    section, system = turns.section, turns.system
+    problem = Problem(system, states[0], (0.0, section.t_max), turns.parameters)
+    measure = (f"end({section.coordinate})", f"mode({section.surface})")
+    sweep = Sweep(
+        problem, {f"x0.{name}": states[:, k] for k, name in enumerate(system.states)}, "list",
+        measure=measure, stop=section.stop, rtol=rtol, atol=1e-3 * rtol, max_steps=MOST_STEPS,
+    )  # fmt: skip
+    table = sweep.run(**engine, progress=progress)
+    status = np.array(table.status)
+    rest = np.where(table.known, (status == Status.SUCCESS) & (table[measure[1]] == 0), np.nan)
+    d = np.where((status == Status.STOPPED) | (rest == 1), table[measure[0]], np.nan)
+    return d, rest, table.complete
 
 
 def _largest(turns: EventMap, d: float) -> float:

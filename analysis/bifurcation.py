@@ -11,16 +11,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq, root
 
+from filippov.analysis.cell_work import DiagramWork, fixed_points_of
 from filippov.analysis.event_map import EventMap
 from filippov.analysis.fixed_points import FixedPoint, equilibrium_slope
 from filippov.analysis.section import Section
 from filippov.errors import UsageError
 from filippov.names import unknown
+from filippov.sweep.run import run
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
@@ -108,12 +111,15 @@ def bifurcation(
     points: int = 400,
     rtol: float = 1e-10,
     atol: float = 1e-12,
+    engine: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Diagram:
     """Fixed points of the order-th iterate of the section's map over values of one parameter.
 
     interval    of the coordinate that is searched
     points      of the grid on it
+    engine      keywords of `filippov.sweep.run.run`, such as {"folder": ..., "jobs": 8, "resume": True}: the
+                values are computed by worker processes and kept in the folder; None: in this process
     progress    called with (done, all)
 
     Raises UsageError, ModelError. Source: Hensen & van de Molengraft 2002, section 5, for the diagrams of
@@ -124,7 +130,18 @@ def bifurcation(
     base = EventMap(system, section, parameters=parameters, order=order, rtol=rtol, atol=atol)
     ordered = sorted(float(v) for v in values)
     found: list[tuple[FixedPoint, ...]] = []
-    for number, value in enumerate(ordered):
+    if engine is not None:
+        options = {"order": order, "rtol": rtol, "atol": atol}
+        unit = system.parameters[parameter].unit
+        work = DiagramWork(
+            system, section, (parameter,), np.array(ordered)[:, None], interval, points, options,
+            dict(parameters or {}), {parameter: unit} if unit else {},
+        )  # fmt: skip
+        table = run(work, **engine, progress=progress)
+        if not table.complete:
+            raise KeyboardInterrupt
+        found = fixed_points_of(table)
+    for number, value in enumerate(() if found else ordered):
         found.append(base.remake(parameters={parameter: value}).fixed_points(*interval, points))
         if progress is not None:
             progress(number + 1, len(ordered))

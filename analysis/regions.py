@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.map_rows import MapRows, coordinates
+from filippov.analysis.cell_work import CellWork, map_rows
+from filippov.analysis.cells import cells
 from filippov.analysis.section import Section
 from filippov.errors import UsageError
 from filippov.names import unknown
+from filippov.sweep.run import run
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
-CLOSEST, REFINEMENTS, SLOPE, JUMP = 1e-5, 7, 1e-4, 0.05
-NEAR, FINER = 0.2, 7
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,7 @@ def regions(
     rtol: float = 1e-8,
     borders: Sequence[tuple[str, Array]] = (),
     threads: int | None = None,
+    engine: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Regions:
     """Number and stability of the cycles over two parameters.
@@ -90,7 +91,9 @@ def regions(
     interval   (0, hi) of the section's coordinate
     order      turns of the map after which a cycle closes (2 for symmetric hunting)
     points     coordinates in a cell; borders: curves to be kept with the map
-    progress   called with (rows done, rows)
+    engine     keywords of `filippov.sweep.run.run`, such as {"folder": ..., "jobs": 8, "resume": True}: the
+               cells are computed by worker processes and kept in the folder; None: here, by threads
+    progress   called with (rows done, rows), with an engine with (cells done, cells)
 
     Ctrl-C returns the rows that are done. Raises UsageError.
     """
@@ -105,12 +108,24 @@ def regions(
         )
     across, up = np.asarray(x[1], dtype=float), np.asarray(y[1], dtype=float)
     shape = (up.size, across.size)
+    if engine is not None:
+        pairs = np.column_stack([axis.ravel() for axis in np.meshgrid(across, up)])
+        units = {name: system.parameters[name].unit for name in (x[0], y[0])}
+        work = CellWork(
+            system, section, (x[0], y[0]), pairs, hi, points, order, rtol, dict(parameters or {}),
+            {name: unit for name, unit in units.items() if unit}, across.size,
+        )  # fmt: skip
+        table = run(work, **engine, progress=progress)
+        found = [table[name].reshape(shape) for name in work.columns]
+        count = [np.where(np.isnan(part), -1, part).astype(np.int64) for part in found[:2]]
+        return Regions(
+            (x[0], y[0]), across, up, count[0], count[1], found[2] == 1.0, found[3], found[4], tuple(borders),
+            table.complete, dict(parameters or {}),
+        )  # fmt: skip
     cycles, stable = np.full(shape, -1), np.full(shape, -1)
     calm, lost = np.zeros(shape, dtype=bool), np.full(shape, np.nan)
     amplitude = np.full(shape, np.nan)
-    rows_of_map = MapRows(
-        system, section, order=order, rtol=rtol, atol=1e-3 * rtol * CLOSEST * hi, threads=threads
-    )
+    rows_of_map = map_rows(system, section, order, rtol, hi, threads)
     complete = True
     try:
         for i, value in enumerate(up):
@@ -125,87 +140,3 @@ def regions(
         (x[0], y[0]), across, up, cycles, stable, calm, amplitude, lost, tuple(borders), complete,
         dict(parameters or {}),
     )  # fmt: skip
-
-
-def cells(
-    turns: MapRows, rows: Array, hi: float, points: int
-) -> tuple[Whole, Whole, npt.NDArray[np.bool_], Array, Array]:
-    """cycles, stable, set_stable, amplitude and lost of parameter rows (k, P), each of shape (k,)."""
-    d = coordinates(hi, points, CLOSEST)
-    grid = np.broadcast_to(d, (len(rows), d.size))
-    image = turns(rows, grid)
-    gap = image - grid
-    cell, low, high = _brackets(turns, rows, d, gap)
-    root, slope, real = _roots(turns, rows[cell], low, high)
-    cell, root, slope = cell[real], root[real], slope[real]
-    count = np.bincount(cell, minlength=len(rows))
-    firm = np.abs(slope) < 1
-    held = np.bincount(cell[firm], minlength=len(rows))
-    amplitude = np.full(len(rows), np.nan)
-    for where, place in zip(cell[firm], root[firm], strict=True):
-        amplitude[where] = np.nanmax([amplitude[where], place])
-    calm = np.abs(image[:, 0]) < d[0]
-    return count, held, calm, amplitude, np.mean(np.isnan(image), axis=1)
-
-
-def _brackets(turns: MapRows, rows: Array, d: Array, gap: Array) -> tuple[Whole, Array, Array]:
-    """Cells and intervals in which P(d) - d changes its sign."""
-    cell, k = np.nonzero(gap[:, :-1] * gap[:, 1:] < 0)
-    found = [(cell, d[k], d[k + 1])]
-    # An extremum close to 0 of the same sign as its neighbours: a pair of cycles may stand between.
-    size = np.abs(gap)
-    inner = size[:, 1:-1]
-    tip = (
-        (gap[:, :-2] * gap[:, 1:-1] > 0) & (gap[:, 1:-1] * gap[:, 2:] > 0)
-        & (inner <= size[:, :-2]) & (inner <= size[:, 2:]) & (inner < NEAR * d[1:-1])
-    )  # fmt: skip
-    where, k = np.nonzero(tip)
-    if where.size:
-        low, high = d[k], d[k + 2]
-        side = np.sign(gap[where, k + 1])
-        for _ in range(2):
-            finer = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, FINER)
-            again = (turns(rows[where], finer) - finer) * side[:, None]
-            again = np.where(np.isnan(again), np.inf, again)
-            best = np.argmin(again, axis=1)
-            line = np.arange(where.size)
-            least, at = again[line, best], finer[line, best]
-            low = finer[line, np.maximum(best - 1, 0)]
-            high = finer[line, np.minimum(best + 1, FINER - 1)]
-        through = least < 0
-        found.append((where[through], d[k][through], at[through]))
-        found.append((where[through], at[through], d[k + 2][through]))
-    return tuple(np.concatenate(part) for part in zip(*found, strict=True))  # type: ignore[return-value]
-
-
-def _roots(
-    turns: MapRows, rows: Array, low: Array, high: Array
-) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    """Roots of P(d) - d in their brackets with the slope of P there, and which of them are no jumps."""
-    if not low.size:
-        return low, low, np.zeros(0, dtype=bool)
-
-    def gap(d: Array) -> Array:
-        return turns(rows, d[:, None])[:, 0] - d
-
-    a, b, first, second = low.copy(), high.copy(), gap(low), gap(high)
-    before = np.maximum(np.abs(first), np.abs(second))
-    last = np.zeros(low.size)
-    for _ in range(REFINEMENTS):
-        middle = np.where(first != second, (a * second - b * first) / (second - first), 0.5 * (a + b))
-        middle = np.clip(middle, np.minimum(a, b), np.maximum(a, b))
-        value = gap(middle)
-        right = first * value < 0
-        # Illinois: an end that stays twice has its value halved, so that both ends move.
-        first = np.where(right, np.where(last > 0, 0.5 * first, first), value)
-        second = np.where(right, value, np.where(last < 0, 0.5 * second, second))
-        a, b = np.where(right, a, middle), np.where(right, middle, b)
-        last = np.where(right, 1.0, -1.0)
-    left = np.abs(value)
-    reach = SLOPE * middle
-    slope = 1.0 + (gap(middle + reach) - gap(middle - reach)) / (2 * reach)
-    real = np.isfinite(slope) & ((left < JUMP * before) | (left < 1e-6 * np.abs(middle)))
-    # One step of Newton's method with the slope that is known anyway.
-    root = np.where(real & (slope != 1.0), middle - value / np.where(slope != 1.0, slope - 1.0, 1.0), middle)
-    inside = (root > np.minimum(low, high)) & (root < np.maximum(low, high))
-    return np.where(inside, root, middle), slope, real

@@ -1,5 +1,6 @@
 """Regions over two parameters and basins over two states, against what is known of the hunting loop."""
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from command import summary
 
 from filippov import UsageError, solve
 from filippov.analysis.basin import basin
+from filippov.analysis.bifurcation import bifurcation
 from filippov.analysis.regions import regions
 from filippov.analysis.section import Section
 from filippov.analysis.static_cycle import static_cycles
@@ -76,6 +78,31 @@ def test_the_map_has_the_symmetry_of_the_loop() -> None:
     found = basin(SYSTEM, SECTION, ("x", x), ("v", v), (-0.6, 0.6))
     np.testing.assert_array_equal(found.label, found.label[::-1, ::-1])
     np.testing.assert_allclose(found.d, -found.d[::-1, ::-1], atol=1e-7)
+
+
+def test_the_engine_of_sweeps_gives_the_same_pictures(tmp_path: Path) -> None:
+    gains, widths = [10.0, 20.0, 21.5, 27.0], [0.5, 1.0, 2.0]
+    plain = regions(SYSTEM, SECTION, ("P", gains), ("beta", widths), (0, 0.5))
+    states = (("x", np.linspace(-0.3, 0.3, 9)), ("v", np.linspace(-1, 1, 8)))
+    flow = basin(SYSTEM, SECTION, *states, (-0.5, 0.5))
+    with ThreadPoolExecutor(1) as pool:
+        engine = {"folder": tmp_path / "regions", "executor": pool, "jobs": 1}
+        stored = regions(SYSTEM, SECTION, ("P", gains), ("beta", widths), (0, 0.5), engine=engine)
+        next((tmp_path / "regions/chunks").glob("*.npz")).unlink()
+        again = regions(
+            SYSTEM, SECTION, ("P", gains), ("beta", widths), (0, 0.5), engine={**engine, "resume": True}
+        )
+        kept = basin(SYSTEM, SECTION, *states, (-0.5, 0.5), engine={"executor": pool})
+        setting = {"parameter": "P", "values": [18, 20, 22], "interval": (0.0, 0.5), "points": 100}
+        diagram = bifurcation(SYSTEM, SECTION, **setting, engine={"executor": pool})  # type: ignore[arg-type]
+    assert stored.cycles.tolist() == again.cycles.tolist() == plain.cycles.tolist()
+    assert stored.stable.tolist() == plain.stable.tolist()
+    assert stored.set_stable.tolist() == plain.set_stable.tolist()
+    np.testing.assert_allclose(stored.amplitude, plain.amplitude, rtol=1e-7)
+    np.testing.assert_array_equal(again.amplitude, stored.amplitude)
+    np.testing.assert_array_equal(kept.label, flow.label)
+    np.testing.assert_allclose(kept.d, flow.d, atol=1e-7)
+    assert diagram == bifurcation(SYSTEM, SECTION, **setting)  # type: ignore[arg-type]
 
 
 def test_bad_requests_are_named() -> None:

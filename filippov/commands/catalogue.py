@@ -34,6 +34,7 @@ from filippov.configuration import Option
 
 # As in `filippov.options`, which is not imported for a help text.
 METHODS = ("DOP853", "DP5", "Radau")
+RULES = ("filippov", "moments", "utkin")
 
 
 def _choice(name: str, help_text: str, *known: str, default: str | None = None) -> Option:
@@ -205,7 +206,7 @@ _ALL = (
          Option("count", "number of its values", whole, metavar="N", default=22),
          Option("points", "points of the search at each value", whole, metavar="N", default=400),
          Option("order", "iterate of the map that is taken", whole, metavar="K", default=2),
-         INTERVAL, *SECTION, *TOLERANCES[:2]),
+         INTERVAL, *SECTION, *TOLERANCES[:2], *ENGINE),
         "filippov bifurcation hunting --parameter P --values 10 31 -o results/bifurcation",
         function="run_bifurcation", needs="filippov.analysis.bifurcation",
     ),
@@ -264,7 +265,8 @@ _ALL = (
         (MODEL, PARAMETERS, X_AXIS, Y_AXIS, CELLS, INTERVAL, *SECTION,
          Option("order", "turns after which a cycle closes", whole, metavar="K", default=2),
          Option("points", "coordinates that are tried in a cell", whole, metavar="N", default=40),
-         Option("rtol", "relative tolerance of a step", number, metavar="R", default=1e-8)),
+         Option("rtol", "relative tolerance of a step", number, metavar="R", default=1e-8),
+         *ENGINE),
         "filippov regions hunting --x P=10:31 --y I=2:20 -o results/regions",
         function="run_regions", needs="filippov.analysis.regions",
     ),
@@ -276,7 +278,8 @@ _ALL = (
          INTERVAL, *SECTION,
          Option("order", "iterate of the map whose fixed points are the attractors", whole, metavar="K",
                 default=2),
-         Option("rtol", "relative tolerance of a step", number, metavar="R", default=1e-8)),
+         Option("rtol", "relative tolerance of a step", number, metavar="R", default=1e-8),
+         *ENGINE),
         "filippov basin hunting --x x=-0.4:0.4 --y v=-2:2 -o results/basin",
         function="run_basin", needs="filippov.analysis.basin",
     ),

@@ -11,6 +11,7 @@ import numpy as np
 from filippov.commands.console import Console
 from filippov.commands.folder import Folder
 from filippov.commands.model import Loaded, load_model
+from filippov.commands.sweep import engine
 from filippov.errors import ModelError, UsageError
 from filippov.names import unknown
 from filippov.plot_maps import plot_diagram, plot_event_map
@@ -127,7 +128,7 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
         diagram = module.bifurcation(
             loaded.system, section, parameter=parameter, values=np.linspace(low, high, settings["count"]),
             interval=interval, parameters={k: v for k, v in values.items() if k != parameter},
-            progress=progress, **options,
+            engine=engine(settings, folder), progress=progress, **options,
         )  # fmt: skip
     found_at = list(zip(diagram.values, diagram.points, strict=True))
     rows = [(value, point) for value, found in found_at for point in found]

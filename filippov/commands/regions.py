@@ -11,6 +11,7 @@ from filippov.commands.console import Console
 from filippov.commands.folder import Folder
 from filippov.commands.maps import interval_of, section_of
 from filippov.commands.model import load_model
+from filippov.commands.sweep import engine
 from filippov.errors import UsageError
 from filippov.plot_regions import plot_basin, plot_regions
 
@@ -39,7 +40,7 @@ def run_regions(settings: dict[str, Any], console: Console) -> int:
         result = module.regions(
             loaded.system, section, x, y, interval, order=settings["order"], points=settings["points"],
             rtol=settings["rtol"], parameters={k: v for k, v in values.items() if k not in (x[0], y[0])},
-            progress=progress,
+            engine=engine(settings, folder), progress=progress,
         )  # fmt: skip
     data = {"model": loaded.name} | result.to_dict()
     console.result(data)
@@ -68,7 +69,8 @@ def run_basin(settings: dict[str, Any], console: Console) -> int:
     with console.progress("basin") as progress:
         result = module.basin(
             loaded.system, section, x, y, interval, at=settings["at"], parameters=values,
-            order=settings["order"], rtol=settings["rtol"], progress=progress,
+            order=settings["order"], rtol=settings["rtol"], engine=engine(settings, folder),
+            progress=progress,
         )  # fmt: skip
     data = {"model": loaded.name, "parameters": values} | result.to_dict()
     console.result(data)

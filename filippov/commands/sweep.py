@@ -108,6 +108,14 @@ def run_ensemble(settings: dict[str, Any], console: Console) -> int:
     return INTERRUPTED if not ends.complete else FAILED if not ends.success.all() else 0
 
 
+def engine(settings: dict[str, Any], folder: Folder) -> dict[str, Any] | None:
+    """How another command is to compute in workers, None where nothing was said about that."""
+    asked = settings["jobs"] or settings["resume"] or settings["fresh"] or settings["scheduler"]
+    if not asked and settings["executor"] == "processes":
+        return None
+    return {"folder": folder.path, **{name: settings[name] for name in HOW}}
+
+
 def _start(settings: dict[str, Any]) -> tuple[Problem, dict[str, Any]]:
     """The template and the solver's options. What is varied needs no value of its own."""
     loaded = load_model(settings["model"])

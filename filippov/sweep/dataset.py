@@ -100,7 +100,7 @@ def load_table(folder: str | Path) -> Table:
 class _Stored:
     """The work of a folder, whose model is not at hand."""
 
-    first = 1
+    first = grain = 1
 
     def __init__(self, manifest: dict[str, Any], points: Any) -> None:
         self.fields, self.units = dict(manifest["fields"]), dict(manifest["units"])

@@ -29,7 +29,7 @@ from filippov.system import System
 
 OPTIONS = (
     "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "nonunique", "on_graze",
-    "zeno",
+    "sliding", "zeno",
 )  # fmt: skip
 _TOGETHER = tuple(name for name in OPTIONS if name != "on_graze")
 _ENOUGH = 64
@@ -109,6 +109,11 @@ class Sweep:
     def first(self) -> int:
         """Points to begin with in one go."""
         return 512 if self.lanes else 4
+
+    @property
+    def grain(self) -> int:
+        """Points that are always computed together."""
+        return self.plan.grain
 
     @cached_property
     def lanes(self) -> int:

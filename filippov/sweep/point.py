@@ -18,10 +18,11 @@ from filippov.solution import Solution
 from filippov.solver import solve
 from filippov.status import Status
 from filippov.sweep.measure import Function, Measure
-from filippov.sweep.rows import ERROR, Array, Limits, Rows, Whole, failed_row
+from filippov.sweep.rows import ERROR, Array, Limits, Rows, Whole, failed_row, in_blocks, joined
 from filippov.system import System
 
 START = "x0."
+BLOCK = 512
 LEAVE = 2.0  # times max_time, after which a point that does not return ends its process
 _OWN_LIMIT = 1.0  # seconds on top
 
@@ -38,6 +39,11 @@ class Plan:
     stop: tuple[Stop, ...]
     tail: float
     lanes: int
+
+    @property
+    def grain(self) -> int:
+        """Points that are computed side by side; alone in its lane a point has the same bits everywhere."""
+        return BLOCK if self.lanes > 1 else 1
 
     @property
     def system(self) -> System:
@@ -66,14 +72,20 @@ class _LateError(Exception):
 
 def compute_many(plan: Plan, index: Whole, limits: Limits) -> Rows:
     """Rows of points whose measures need the ends only."""
+    return in_blocks(
+        index, plan.grain, len(plan.points), limits, lambda block: _together(plan, block, limits)
+    )
+
+
+def _together(plan: Plan, index: Whole, limits: Limits) -> Rows:
     try:
         ends = _ends(plan, index, limits)
     except _LateError:
         if len(index) == 1:
             return compute_one(plan, index, limits)
         half = len(index) // 2
-        parts = [compute_many(plan, part, limits) for part in (index[:half], index[half:])]
-        return _joined(parts)
+        parts = [_together(plan, part, limits) for part in (index[:half], index[half:])]
+        return joined(parts)
     values = np.hstack([m.of_ends(ends, plan.system) for m in plan.measures])  # type: ignore[union-attr]
     message = {
         int(point): ends.message[k] or ends.status[k].advice
@@ -115,7 +127,7 @@ def _ends(plan: Plan, index: Whole, limits: Limits) -> Ensemble:
 def compute_one(plan: Plan, index: Whole, limits: Limits) -> Rows:
     """Rows of points, each with its own solution; an error of one is its row."""
     rows = [_row(plan, point, limits) for point in index.tolist()]
-    return _joined(rows)
+    return joined(rows)
 
 
 def _row(plan: Plan, point: int, limits: Limits) -> Rows:
@@ -152,11 +164,3 @@ def _row(plan: Plan, point: int, limits: Limits) -> Rows:
         if watch is not None:
             watch.cancel()
     return Rows(index, values, (status,), message)
-
-
-def _joined(parts: list[Rows]) -> Rows:
-    message = {point: text for part in parts for point, text in part.message.items()}
-    return Rows(
-        np.concatenate([part.index for part in parts]), np.concatenate([part.values for part in parts]),
-        tuple(status for part in parts for status in part.status), message,
-    )  # fmt: skip

@@ -51,10 +51,12 @@ class Limits:
     max_time  seconds, None for no limit
     late      called with the number of a point that does not return; ends the process, None where that is
               not possible
+    apart     compute the points asked for and no others of their block: one of them may end the process
     """
 
     max_time: float | None = None
     late: Callable[[int], Any] | None = None
+    apart: bool = False
 
 
 class Work(Protocol):
@@ -64,6 +66,8 @@ class Work(Protocol):
     names    of the coordinates; points: their values, (N, P)
     columns  of the results; units: of coordinates and columns, where known
     first    number of points to begin with in one go
+    grain    points that are always computed together, as a block 0 ... grain - 1, grain ... 2 grain - 1, ...:
+             where the last digits of a result depend on its neighbours these are then always the same
     """
 
     @property
@@ -78,6 +82,39 @@ class Work(Protocol):
     def units(self) -> Mapping[str, str]: ...  # noqa: D102
     @property
     def first(self) -> int: ...  # noqa: D102
+    @property
+    def grain(self) -> int: ...  # noqa: D102
 
     def compute(self, index: Whole, limits: Limits) -> Rows:
         """Rows of the points with these numbers."""
+
+
+def in_blocks(
+    index: Whole, grain: int, points: int, limits: Limits, compute: Callable[[Whole], Rows]
+) -> Rows:
+    """Rows of the points asked for, computed block by block."""
+    if limits.apart or grain == 1:
+        return compute(index)
+    parts = []
+    for block in np.unique(index // grain).tolist():
+        rows = compute(np.arange(block * grain, min((block + 1) * grain, points)))
+        parts.append(chosen(rows, np.isin(rows.index, index)))
+    return joined(parts)
+
+
+def chosen(rows: Rows, which: npt.NDArray[np.bool_]) -> Rows:
+    """Some of the rows."""
+    index = rows.index[which]
+    status = tuple(status for status, keep in zip(rows.status, which.tolist(), strict=True) if keep)
+    kept = set(index.tolist())
+    message = {point: text for point, text in rows.message.items() if point in kept}
+    return Rows(index, rows.values[which], status, message)
+
+
+def joined(parts: list[Rows]) -> Rows:
+    """All rows of several."""
+    message = {point: text for part in parts for point, text in part.message.items()}
+    return Rows(
+        np.concatenate([part.index for part in parts]), np.concatenate([part.values for part in parts]),
+        tuple(status for part in parts for status in part.status), message,
+    )  # fmt: skip

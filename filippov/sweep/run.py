@@ -94,7 +94,7 @@ def run(
 class _Driver:
     """Chunks waiting and chunks in work.
 
-    blame  how often the worker of a chunk ended, by future or beside the waiting chunk
+    Beside each chunk stands how often its worker ended, and whether it is a part of one that did so twice.
     """
 
     def __init__(
@@ -105,8 +105,8 @@ class _Driver:
         self.max_time, self.chunk, self.progress = max_time, chunk, progress
         self.size = chunk or work.first
         self.rest: Whole = np.zeros(0, dtype=np.int64)
-        self.again: deque[tuple[Whole, int]] = deque()
-        self.flying: dict[Future[Any], tuple[Whole, int, float]] = {}
+        self.again: deque[tuple[Whole, int, bool]] = deque()
+        self.flying: dict[Future[Any], tuple[Whole, int, bool, float]] = {}
         self.done = 0
 
     def run(self) -> Table:
@@ -130,36 +130,39 @@ class _Driver:
         while self.rest.size or self.again or self.flying:
             while (self.rest.size or self.again) and len(self.flying) < self.engine.slots:
                 self._submit(*self._next())
-            deadline = min((end for _, _, end in self.flying.values()), default=np.inf)
+            deadline = min((end for *_, end in self.flying.values()), default=np.inf)
             left = None if deadline == np.inf else max(0.0, deadline - time.monotonic())
             ready, _ = wait(self.flying, timeout=left, return_when=FIRST_COMPLETED)
             for future in ready:
                 self._finish(future)
-            for future, (index, blame, end) in list(self.flying.items()):
+            for future, (index, blame, apart, end) in list(self.flying.items()):
                 if time.monotonic() > end:
                     self.engine.kill(future)
-                    self.flying[future] = index, blame, np.inf
+                    self.flying[future] = index, blame, apart, np.inf
 
-    def _next(self) -> tuple[Whole, int]:
+    def _next(self) -> tuple[Whole, int, bool]:
         if self.again:
             return self.again.popleft()
         # Towards the end chunks get smaller, so that no worker waits long for the last one.
         share = -(-self.rest.size // (2 * self.engine.slots))
-        size = self.chunk or max(1, min(self.size, share))
+        size = min(self.chunk or max(1, min(self.size, share)), self.rest.size)
+        # To the end of a block: the points of one are computed together in any case.
+        grain = self.work.grain
+        size = int(np.searchsorted(self.rest, (self.rest[size - 1] // grain + 1) * grain))
         part, self.rest = self.rest[:size], self.rest[size:]
-        return part, 0
+        return part, 0, False
 
-    def _submit(self, index: Whole, blame: int) -> None:
+    def _submit(self, index: Whole, blame: int, apart: bool) -> None:
         end = np.inf
         if self.max_time is not None:
             end = time.monotonic() + 2 * len(index) * self.max_time + GRACE
         future = self.engine.submit(
-            compute, self.work, index, str(self.store.chunks), self.store.key, self.max_time
+            compute, self.work, index, str(self.store.chunks), self.store.key, self.max_time, apart
         )
-        self.flying[future] = index, blame, end
+        self.flying[future] = index, blame, apart, end
 
     def _finish(self, future: Future[Any]) -> None:
-        index, blame, _ = self.flying.pop(future)
+        index, blame, apart, _ = self.flying.pop(future)
         error = CancelledError() if future.cancelled() else future.exception()
         if error is None:
             self.engine.done(future)
@@ -178,10 +181,10 @@ class _Driver:
         if not left.size:
             return
         if blame < KILLS:
-            self.again.append((left, blame))
+            self.again.append((left, blame, apart))
         elif left.size > 1:
             half = left.size // 2
-            self.again.extend(((left[:half], blame - 1), (left[half:], blame - 1)))
+            self.again.extend(((left[:half], blame - 1, True), (left[half:], blame - 1, True)))
         else:
             self._set_aside(int(left[0]), cause, blame)
 

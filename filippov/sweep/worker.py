@@ -34,8 +34,10 @@ class Outcome:
     full: bool = False
 
 
-def compute(work: Work, index: Whole, folder: str, key: str, max_time: float | None) -> Outcome:
-    """Compute the points with these numbers and write their chunk."""
+def compute(
+    work: Work, index: Whole, folder: str, key: str, max_time: float | None, apart: bool
+) -> Outcome:
+    """Compute the points with these numbers and write their chunk; `apart` as in Limits."""
     begun = time.monotonic()
     chunks = Path(folder)
 
@@ -47,7 +49,7 @@ def compute(work: Work, index: Whole, folder: str, key: str, max_time: float | N
         os._exit(LATE)
 
     alone = multiprocessing.parent_process() is not None
-    rows = work.compute(index, Limits(max_time, late if alone else None))
+    rows = work.compute(index, Limits(max_time, late if alone else None, apart))
     try:
         write_chunk(chunks, key, rows)
     except FullError as error:
