@@ -75,6 +75,24 @@ class Linear:
         return np.array([m * value if m else 1 - abs(v) for m, value, v in zip(mode, h, s, strict=True)])
 
 
+    def guard_slope(self, mode: tuple[int, ...], i: int, x: Array) -> Array:
+        """Gradient of guard i: that of s_i h_i off its surface, of 1 - |multiplier| on it."""
+        if mode[i]:
+            return mode[i] * self.c[i]
+        sliding = [j for j, v in enumerate(mode) if v == 0]
+        gain = self.c[sliding] @ self.B[sliding].T
+        slopes = -np.linalg.solve(gain, self.c[sliding] @ self.A)
+        return -float(np.sign(self.multipliers(mode, x)[i])) * slopes[sliding.index(i)]
+
+    def jump(self, mode: tuple[int, ...], after: tuple[int, ...], i: int, x: Array) -> tuple[Array, float]:
+        """Saltation matrix at an event, and how far a displacement of size 1 moves its time."""
+        before, later = (A @ x + b for A, b in (self.affine(mode), self.affine(after)))
+        slope = self.guard_slope(mode, i, x)
+        rate = float(slope @ before)
+        salt = np.eye(len(x)) + np.outer(later - before, slope) / rate
+        return salt, float(np.linalg.norm(slope)) / abs(rate)
+
+
 def next_mode(system: Linear, mode: tuple[int, ...], i: int, x: Array) -> tuple[int, ...]:
     """The mode after guard i of one surface vanished at x."""
     if mode[i] == 0:
@@ -156,16 +174,39 @@ def first_zero(
     return None
 
 
-def solve_linear(
-    system: Linear, x0: Array, end: float
-) -> tuple[list[tuple[float, int, tuple[int, ...]]], Array]:
-    """Events (time, surface, mode after) and the final state; NotGenericError near anything delicate."""
+@dataclass(frozen=True)
+class Answer:
+    """Events (time, surface, mode after), the final state, and what the motion makes of small errors.
+
+    state, times   largest factor by which an error made anywhere grows until the end, and in the time of each
+                   event: norms of products of matrix exponentials and saltation matrices
+    """
+
+    events: list[tuple[float, int, tuple[int, ...]]]
+    final: Array
+    state: float
+    times: Array
+
+
+def _growth(factors: list[Array]) -> float:
+    """Largest norm of a product of the last factors, at least 1."""
+    total, largest = np.eye(len(factors[0])), 1.0
+    for factor in reversed(factors):
+        total = total @ factor
+        largest = max(largest, float(np.linalg.norm(total, 2)))
+    return largest
+
+
+def solve_linear(system: Linear, x0: Array, end: float) -> Answer:
+    """The motion from x0 until `end`; NotGenericError near anything delicate."""
     h = system.c @ x0 - system.d
     if np.min(np.abs(h)) < 1e-3:
         raise NotGenericError
     mode: tuple[int, ...] = tuple(int(v) for v in np.sign(h))
     t, x, skip = 0.0, x0, -1
     events: list[tuple[float, int, tuple[int, ...]]] = []
+    factors: list[Array] = []
+    times: list[float] = []
     for _ in range(30):
         found = first_zero(
             lambda u, m=mode, y=x: system.guards(m, system.flow(m, y, u)),
@@ -173,9 +214,15 @@ def solve_linear(
             end - t, 0.01, skip,
         )  # fmt: skip
         if found is None:
-            return events, system.flow(mode, x, end - t)
+            factors.append(expm(system.affine(mode)[0] * (end - t)))
+            return Answer(events, system.flow(mode, x, end - t), _growth(factors), np.array(times))
         wait, i = found
+        factors.append(expm(system.affine(mode)[0] * wait))
         x, t = system.flow(mode, x, wait), t + wait
-        mode, skip = next_mode(system, mode, i, x), i
+        after = next_mode(system, mode, i, x)
+        salt, moved = system.jump(mode, after, i, x)
+        times.append(_growth(factors) * moved)
+        factors.append(salt)
+        mode, skip = after, i
         events.append((t, i, mode))
     raise NotGenericError
