@@ -96,6 +96,7 @@ from filippov._kernels.model import (
     W_MULT,
     W_RTOL,
     W_START,
+    W_TOUCH,
     W_XE,
     W_Y,
     WIDTH,
@@ -163,6 +164,19 @@ def event_at_end(
                     continue
                 return i
     return -1
+
+
+@kernel
+def touch_or_root(i: int, length: float, m: Vector, w: Vector) -> int:
+    """TOUCH where h turns back before it is deeper beyond the surface than W_TOUCH, else ROOT.
+
+    The depth is that of the parabola with the rate at the event and its mean change over the step.
+    """
+    rate = w[W_END + 2 * i + 1]
+    turn = (rate - w[W_START + 2 * i + 1]) / length
+    if m[i] * turn > 0.0 and rate * rate <= 2.0 * abs(turn) * w[W_TOUCH + i]:
+        return TOUCH
+    return ROOT
 
 
 @kernel
@@ -378,6 +392,8 @@ def advance(
         if failed == 1 or guard_state(te, xe, p, m, f, shift(w, W_END), w, ctx) != 0:
             code = USER_ERROR
             break
+        if cause == ROOT and m[surface] != 0.0 and te != t:
+            cause = touch_or_root(surface, te - t, m, w)
         count[SURFACE], count[CAUSE] = surface, cause
         hits = mark_hits(te, xe, m, order, cause, surface, step, hit, w)
         multiplier = w[W_MULT + surface * COLUMNS + MULTIPLIER] if m[surface] == 0.0 else NAN

@@ -35,6 +35,7 @@ from filippov._kernels.model import (
     W_MULT,
     W_RADIUS,
     W_S,
+    W_START,
     WIDTH,
     M,
     N,
@@ -134,6 +135,8 @@ def resolve_touch(
         code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
         if code != 0:
             return -1
+        # A rate that is a state itself has no scale of its own: what it came down from is one.
+        scale = max(scale, abs(w[W_START + 2 * i + 1]))
         if m[i] * (minus if m[i] > 0.0 else plus) < -CLEAR_RATE * scale:
             return NONE
     return GRAZING
