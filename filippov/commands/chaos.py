@@ -57,6 +57,7 @@ def run_diagram(settings: dict[str, Any], console: Console) -> int:
         raise UsageError("over which values of which parameter? give --parameter NAME --values LO HI.")
     if parameter not in loaded.system.parameters:
         raise UsageError(unknown("parameter", parameter, loaded.system.parameters))
+    low, high = settings["values"]
     section = section_of(loaded, settings)
     start = settings["start"]
     if start is None:
@@ -65,7 +66,7 @@ def run_diagram(settings: dict[str, Any], console: Console) -> int:
     module = importlib.import_module("filippov.analysis.brute_force")
     with console.progress("diagram") as progress:
         found = module.brute_force(
-            loaded.system, section, parameter, np.linspace(*settings["values"], settings["count"]), start,
+            loaded.system, section, parameter, np.linspace(low, high, settings["count"]), start,
             transient=settings["transient"], keep=settings["keep"], follow=settings["follow"],
             rtol=settings["rtol"], progress=progress,
             parameters={name: value for name, value in values.items() if name != parameter},
