@@ -214,7 +214,8 @@ def test_path_joins_its_pieces() -> None:
     assert path.modes == ("0", "+")
     assert np.all(np.diff(path.t) > 0)
     assert path.t[-1] == 2
-    np.testing.assert_allclose(path.y, path.sol(path.t), atol=1e-14)
+    # The states at events are landed on by a step, the dense output is its polynomial: alike to rtol.
+    np.testing.assert_allclose(path.y, path.sol(path.t), atol=1e-12)
     assert [event.group for event in path.events] == sorted({event.group for event in path.events})
     assert sum(segment.dwell for segment in path.segments) == pytest.approx(2, abs=1e-14)
     with pytest.raises(UsageError, match="outside"):

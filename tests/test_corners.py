@@ -48,6 +48,16 @@ def press(P: float = 1.8) -> System:
     )
 
 
+def test_a22_from_every_corner_of_an_inclusion_something_follows() -> None:
+    """Filippov 1988, section 7: solutions exist, so constant fields of any kind leave at least one mode."""
+    random = np.random.default_rng(22)
+    for _ in range(60):
+        f = random.integers(-3, 4, (2, 2, 2))
+        fields = {a + b: [int(v) for v in f[i, j]] for i, a in enumerate("+-") for j, b in enumerate("+-")}
+        got = solve(System.from_modes([Surface("a", x), Surface("b", y)], fields, (x, y)), (0, 0), (0, 0.1))
+        assert got.status in (Status.SUCCESS, Status.NON_UNIQUE), (fields, got.message)
+
+
 def test_a24_forces_not_unique_motion_unique() -> None:
     """Three contacts hold two bodies: they stick until the load P tau is F1 + F12, then u' = P tau - 2."""
     run = solve(press(), (0, 0, 0), (0, 2))

@@ -41,6 +41,7 @@ from filippov._kernels.model import (
     W_DIRECTION,
     W_END,
     W_G,
+    W_GRAZED,
     W_GT,
     W_K,
     W_MULT,
@@ -110,6 +111,7 @@ def leave(
     for i in range(M):
         lam[i] = w_l[(W_MULT + i * COLUMNS) * LANES + lane]
         order[i] = truncate(order_l[i * LANES + lane])
+    draw_in(lane, M, shift(w_l, W_GRAZED * LANES), shift(w, W_GRAZED))
     if clock[TAKEN] > 0.0:
         # The step is done but for a guard that may have vanished in it.
         draw_in(lane, STAGES * N, shift(w_l, W_K * LANES), shift(w, W_K))
@@ -147,6 +149,7 @@ def enter(
     spread_out(lane, 2 * M, shift(w, W_START), shift(w_l, W_START * LANES))
     spread_out(lane, 2 * M, shift(w, W_RADIUS), shift(w_l, W_RADIUS * LANES))
     spread_out(lane, M, shift(w, W_TOUCH), shift(w_l, W_TOUCH * LANES))
+    spread_out(lane, M, shift(w, W_GRAZED), shift(w_l, W_GRAZED * LANES))
     spread_out(lane, M, shift(w, W_ATTRACT), shift(w_l, W_ATTRACT * LANES))
     spread_out(lane, M * COLUMNS, shift(w, W_MULT), shift(w_l, W_MULT * LANES))
     w_l[W_DIRECTION * LANES + lane] = w[W_DIRECTION]

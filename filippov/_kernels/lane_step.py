@@ -30,6 +30,7 @@ from filippov._kernels.model import (
     W_ATTRACT,
     W_DIRECTION,
     W_END,
+    W_GRAZED,
     W_H,
     W_K,
     W_MULT,
@@ -151,6 +152,8 @@ def lane_step(
         w[W_K + j] = last_k[j] if good else w[W_K + j]
     for i in range(M):
         order[i] = 0.0 if good else order[i]
+        clear = abs(w[W_END + 2 * i]) > 1e3 * w[W_TOUCH + i]
+        w[W_GRAZED + i] = 0.0 if good and clear else w[W_GRAZED + i]
     for i in range(2 * M):
         w[W_START + i] = w[W_END + i] if good else w[W_START + i]
     return mask_bits(not good and not refused) + (mask_bits(good and last) << FINISHED)

@@ -15,11 +15,12 @@ from filippov._kernels.codes import (
     RTOL,
     STEP,
     T_END,
+    T_START,
     TREND,
     USER_ERROR,
     T,
 )
-from filippov._kernels.control import creep_off, finite, first_step, guard_state, is_rough
+from filippov._kernels.control import creep_off, finite, first_step, guard_state, is_rough, mark_grazed
 from filippov._kernels.field import field, set_mode
 from filippov._kernels.land import EPS, guard_scale
 from filippov._kernels.language import Indices, Vector, kernel, shift
@@ -116,6 +117,8 @@ def open_segment(
     code = renew_state(t, x, p, m, order, clock[RTOL], atol, w, iw, ctx)
     if code != REACHED:
         return code
+    if t == clock[T_START]:
+        mark_grazed(m, True, w)
     surface = -1
     if clock[RELATIVE] == 0.0:
         surface = rough_start(clock, t, x, p, m, order, direction, w, iw, ctx)

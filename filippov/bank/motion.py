@@ -33,6 +33,7 @@ from filippov.status import EventKind, Status
 from filippov.symbols import t as time_symbol
 
 Array = npt.NDArray[np.float64]
+LEAST_STEPS = 100
 SAMPLES = 64  # of each stretch of one mode, where zeros and extremes are looked for
 LONGEST = 16.0  # how many times its span a motion is followed until it recurs
 
@@ -79,6 +80,9 @@ class Motion:
             "rtol": self.settings.rtol, "atol": self.settings.atol, "method": self.settings.method,
             "max_time": left, **options,
         }  # fmt: skip
+        if span[0] != span[1]:
+            # A short pulse in a field that is constant elsewhere is not to be stepped over.
+            chosen.setdefault("max_step", abs(span[1] - span[0]) / LEAST_STEPS)
         run: Solution = solve(self.built.system, start, span, **chosen)
         self.field_calls += run.nfev
         if run.status is Status.TIMEOUT:
