@@ -166,15 +166,18 @@ def event_at_end(
     return -1
 
 
+SHALLOW = 1e-2
+
+
 @kernel
 def touch_or_root(i: int, length: float, m: Vector, w: Vector) -> int:
-    """TOUCH where h turns back before it is deeper beyond the surface than W_TOUCH, else ROOT.
+    """TOUCH where h turns back before it is deeper beyond the surface than SHALLOW W_TOUCH, else ROOT.
 
     The depth is that of the parabola with the rate at the event and its mean change over the step.
     """
     rate = w[W_END + 2 * i + 1]
     turn = (rate - w[W_START + 2 * i + 1]) / length
-    if m[i] * turn > 0.0 and rate * rate <= 2.0 * abs(turn) * w[W_TOUCH + i]:
+    if m[i] * turn > 0.0 and rate * rate <= 2.0 * abs(turn) * SHALLOW * w[W_TOUCH + i]:
         return TOUCH
     return ROOT
 
