@@ -50,12 +50,18 @@ def press(P: float = 1.8) -> System:
 
 def test_a22_from_every_corner_of_an_inclusion_something_follows() -> None:
     """Filippov 1988, section 7: solutions exist, so constant fields of any kind leave at least one mode."""
+    names = [f"f{corner}{i}" for corner in range(4) for i in range(2)]
+    q = parameters(**dict.fromkeys(names, 1.0))
+    fields = {
+        key: [getattr(q, f"f{corner}{i}") for i in range(2)]
+        for corner, key in enumerate(("++", "+-", "-+", "--"))
+    }
+    system = System.from_modes([Surface("a", x), Surface("b", y)], fields, (x, y), parameters=q)
     random = np.random.default_rng(22)
-    for _ in range(60):
-        f = random.integers(-3, 4, (2, 2, 2))
-        fields = {a + b: [int(v) for v in f[i, j]] for i, a in enumerate("+-") for j, b in enumerate("+-")}
-        got = solve(System.from_modes([Surface("a", x), Surface("b", y)], fields, (x, y)), (0, 0), (0, 0.1))
-        assert got.status in (Status.SUCCESS, Status.NON_UNIQUE), (fields, got.message)
+    for _ in range(100):
+        values = dict(zip(names, random.integers(-3, 4, 8).astype(float).tolist(), strict=True))
+        got = solve(system, (0, 0), (0, 0.1), parameters=values)
+        assert got.status in (Status.SUCCESS, Status.NON_UNIQUE), (values, got.message)
 
 
 def test_a24_forces_not_unique_motion_unique() -> None:

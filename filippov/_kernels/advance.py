@@ -177,7 +177,8 @@ def touch_or_root(i: int, length: float, m: Vector, w: Vector) -> int:
     """
     rate = w[W_END + 2 * i + 1]
     turn = (rate - w[W_START + 2 * i + 1]) / length
-    if m[i] * turn > 0.0 and rate * rate <= 2.0 * abs(turn) * SHALLOW * w[W_TOUCH + i]:
+    # Written without squares, which would underflow in a guard of tiny values.
+    if m[i] * turn > 0.0 and abs(rate) * abs(rate / turn) <= 2.0 * SHALLOW * w[W_TOUCH + i]:
         return TOUCH
     return ROOT
 
