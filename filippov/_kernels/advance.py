@@ -171,14 +171,16 @@ SHALLOW = 1e-2
 
 @kernel
 def touch_or_root(i: int, length: float, m: Vector, w: Vector) -> int:
-    """TOUCH where h turns back before it is deeper beyond the surface than SHALLOW W_TOUCH, else ROOT.
+    """TOUCH where h turns back before it is noticeably beyond the surface, else ROOT.
 
     The depth is that of the parabola with the rate at the event and its mean change over the step.
     """
     rate = w[W_END + 2 * i + 1]
     turn = (rate - w[W_START + 2 * i + 1]) / length
-    # Written without squares, which would underflow in a guard of tiny values.
-    if m[i] * turn > 0.0 and abs(rate) * abs(rate / turn) <= 2.0 * SHALLOW * w[W_TOUCH + i]:
+    # Far below what the step resolves and below the height it came down from, however loose the tolerance is;
+    # written without squares, which would underflow in a guard of tiny values.
+    shallow = min(SHALLOW * w[W_TOUCH + i], 1e-6 * abs(w[W_START + 2 * i]))
+    if m[i] * turn > 0.0 and abs(rate) * abs(rate / turn) <= 2.0 * shallow:
         return TOUCH
     return ROOT
 
