@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import gc
 import sys
 import threading
 from collections.abc import Callable
@@ -12,6 +11,8 @@ from typing import TypeVar
 from filippov.analysis.budget import OutOfBudgetError
 
 T = TypeVar("T")
+
+_stopping = threading.Lock()
 
 
 class _StoppedError(BaseException):
@@ -52,22 +53,23 @@ def within(seconds: float, function: Callable[[], T]) -> T:
 def _stop(thread: threading.Thread) -> None:
     """Raise _StoppedError in the thread until it ends, at most for a second.
 
-    Never inside a callback of the garbage collector, where an exception is printed and lost: none starts
-    while the collector is off, and one that is running is waited for.
+    Where it arrives in a callback of a weak reference or of the garbage collector Python drops it with a
+    word on stderr; the word is kept back and the exception raised again.
     """
-    collecting = gc.isenabled()
-    gc.disable()
-    try:
-        for _ in range(200):
-            frame = sys._current_frames().get(thread.ident or 0)
-            callbacks = {getattr(callback, "__code__", None) for callback in gc.callbacks}
-            if frame is None or frame.f_code not in callbacks:
+    with _stopping:
+        shown = sys.unraisablehook
+
+        def hook(report: sys.UnraisableHookArgs) -> None:
+            if report.exc_type is not _StoppedError:
+                shown(report)
+
+        sys.unraisablehook = hook
+        try:
+            for _ in range(200):
                 stop = ctypes.py_object(_StoppedError)
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), stop)
-            del frame
-            thread.join(0.005)
-            if not thread.is_alive():
-                return
-    finally:
-        if collecting:
-            gc.enable()
+                thread.join(0.005)
+                if not thread.is_alive():
+                    return
+        finally:
+            sys.unraisablehook = shown

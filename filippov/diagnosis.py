@@ -97,10 +97,33 @@ def _jump(run: Run, here: Array, signs: Array, mode: Array) -> str:
             field = machine.rhs(run.t, x, signs, mode)
             change = np.abs(field - here) / (np.max(np.abs(here)) + np.max(np.abs(field)) + 1e-300)
             i = int(np.argmax(change))
-            if np.isfinite(change[i]) and change[i] > largest:
+            if np.isfinite(change[i]) and change[i] > largest and _stays(run, j, x[j], i, signs, mode):
                 largest = float(change[i])
                 text = (
                     f"d{machine.system.states[i]}/dt jumps from {here[i]:.4g} to {field[i]:.4g} where {name} "
                     "changes by next to nothing: is a surface not declared there?"
                 )
     return text
+
+
+def _stays(run: Run, j: int, end: float, i: int, signs: Array, mode: Array) -> bool:
+    """Whether component i of the field changes as much over ever smaller parts of the way of x_j to `end`."""
+
+    def value(at: float) -> float:
+        x = run.x.copy()
+        x[j] = at
+        return float(run.machine.rhs(run.t, x, signs, mode)[i])
+
+    a, b = float(run.x[j]), float(end)
+    at_a, at_b = value(a), value(b)
+    whole = abs(at_b - at_a)
+    for _ in range(20):
+        middle = 0.5 * (a + b)
+        if middle in (a, b):
+            break
+        at_middle = value(middle)
+        if abs(at_middle - at_a) > abs(at_b - at_middle):
+            b, at_b = middle, at_middle
+        else:
+            a, at_a = middle, at_middle
+    return abs(at_b - at_a) > 0.5 * whole

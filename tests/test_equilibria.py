@@ -1,5 +1,7 @@
 """Equilibria against closed forms, and against the inclusion itself: 0 in F(x)."""
 
+import weakref
+
 import numpy as np
 import pytest
 import sympy
@@ -181,6 +183,22 @@ def test_budget_ends_with_a_note() -> None:
     found = equilibria(system, budget=1e-9)
     assert len(found) == 0
     assert "budget" in found.notes[0]
+
+
+def test_within_stops_what_spends_its_time_in_callbacks() -> None:
+    class Thing:
+        pass
+
+    def forever() -> None:
+        while True:
+            thing = Thing()
+            weakref.finalize(thing, lambda: sum(range(300)))
+            del thing
+
+    # An exception that arrives in such a callback is dropped by Python, with a warning that would fail this test.
+    for _ in range(5):
+        with pytest.raises(OutOfBudgetError):
+            within(0.02, forever)
 
 
 def test_within_stops_what_never_asks() -> None:

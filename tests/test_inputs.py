@@ -275,6 +275,15 @@ def test_b18_there_and_back() -> None:
     assert resting.status is Status.NON_UNIQUE
 
 
+@pytest.mark.parametrize("phase", np.linspace(0.0, 6.0, 7))
+def test_b20_fast_but_smooth_is_no_stagnation(phase: float) -> None:
+    # x'' = -w^2 x with w = 1e9 in mixed units: each phase of the turn, next to x = 0 also.
+    fast = System({x: v, v: -1e18 * x})
+    start = (np.cos(phase), -1e9 * np.sin(phase))
+    got = solve(fast, start, (0, 6), max_steps=30_000)
+    assert got.status is Status.MAX_STEPS, got.message
+
+
 def test_b20_stagnation_is_named() -> None:
     chattering = plain(lambda _, y, __, ___: [-1.0 if y[0] > 0 else 1.0, 0.0])
     got = solve(chattering, (1, 0), (0, 3))
