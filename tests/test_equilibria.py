@@ -195,7 +195,7 @@ def test_within_stops_what_spends_its_time_in_callbacks() -> None:
             weakref.finalize(thing, lambda: sum(range(300)))
             del thing
 
-    # An exception that arrives in such a callback is dropped by Python, with a warning that would fail this test.
+    # An exception that arrives in such a callback is dropped by Python, with a warning that fails this test.
     for _ in range(5):
         with pytest.raises(OutOfBudgetError):
             within(0.02, forever)
