@@ -185,6 +185,26 @@ class OrbitProblem:
         other.shooting, other._last = replace(self.shooting, system=system), None
         return other
 
+    def phased(self, u: Array, value: float, t: float) -> tuple[OrbitProblem, Array]:
+        """The same orbit of a forced system from another state of it, and that state: one after which the
+        time t is inside the motion. Unchanged where the orbit has several nodes or is not forced."""
+        shooting = self.shooting
+        if shooting.period is None or len(shooting.shares) != 1:
+            return self, u
+        motion = self.motions(u, value)[0]
+        low, high = motion.problem.t_span
+        for share in (0.37, 0.55, 0.22, 0.71):
+            at = low + (t - low - share * (high - low)) % (high - low)
+            if 0 not in next((s.mode for s in motion.segments if s.t0 < at < s.t1), (0,)):
+                break
+        else:
+            return self, u
+        state, period = motion.sol(at), shooting.period(self.p(value))
+        other = object.__new__(OrbitProblem)
+        other.__dict__.update(self.__dict__)
+        other.shooting, other._last = replace(shooting, t0=at % period, sliding=((),)), None
+        return other, state
+
     def motions(self, u: Array, value: float) -> list[Any]:
         """The motions from the nodes; those of the last call are kept."""
         key = u.tobytes()

@@ -1,10 +1,12 @@
 """Curves of special points in two parameters: fold, branch point, period doubling, Neimark-Sacker, symmetry
-breaking, Hopf, pseudo-Hopf, boundary equilibrium, grazing.
+breaking, Hopf, pseudo-Hopf, boundary equilibrium, grazing, and the changes of sliding: crossing-sliding,
+switching-sliding, adding-sliding.
 
 Unknowns are those of the solution and the first parameter; the equations are those of the solution and the
 vanishing test function, whose derivatives are taken by differences of exact quantities. A fold is where the
 bordered matrix has g = 0 in [J b; c 0] (v, g) = (0, 1) (Govaerts 2000, section 4.1). Grazing is
-the least value of h along the motion that goes on as if the surface were not there.
+the least value of h along the motion that goes on as if the surface were not there; the changes of sliding
+are in `filippov.analysis.sliding_border`.
 """
 
 from __future__ import annotations
@@ -23,6 +25,8 @@ from filippov.analysis.branch_point import BranchPointCurve
 from filippov.analysis.branch_problem import MapProblem, OrbitProblem
 from filippov.analysis.continuation import Continuation
 from filippov.analysis.equilibrium_branch import EquilibriumProblem
+from filippov.analysis.shooting import NoConvergenceError
+from filippov.analysis.sliding_border import ADDING, ARRIVALS, Contact, contacts
 from filippov.analysis.special_points import stretches
 from filippov.analysis.variation import mode_field
 from filippov.errors import UsageError
@@ -33,6 +37,10 @@ from filippov.system import System
 Array = npt.NDArray[np.float64]
 _REACH, _SMALLEST = 1e-5, 1e-7
 GRAZING = ("grazing-sliding", "C-bifurcation", "grazing")
+BORDERS = (*ARRIVALS, ADDING)
+# On the border itself an orbit enters and leaves sliding at one instant, which no location of events
+# resolves: it is kept this far inside.
+_ASIDE = 1e-9
 
 
 def curve(
@@ -65,11 +73,11 @@ def curve(
     kind = "grazing" if special.special in GRAZING else names.get(special.special, special.special)
     if kind == "boundary equilibrium":
         kind = special.note.split("; ")[1].split(":")[0]
-    if kind not in (*special.tests, "grazing", "branch point"):
-        known = ", ".join(dict.fromkeys((*special.tests, "branch point")))
-        raise UsageError(f"no curve is known for {special.special!r}; known: {known}, grazing.")
+    if kind not in (*special.tests, "grazing", "branch point", *BORDERS):
+        known = ", ".join(dict.fromkeys((*special.tests, "branch point", "grazing", *BORDERS)))
+        raise UsageError(f"no curve is known for {special.special!r}; known: {known}.")
     at = run.branch.parameters[parameter]
-    grazed = _grazed(problem, special) if kind == "grazing" else (0, 1)
+    grazed = _grazed(problem, special) if kind in ("grazing", *BORDERS) else (0, 1)
     u = np.array(special.u)
     made: Any
     if kind == "branch point":
@@ -164,6 +172,13 @@ class CurveProblem:
         if isinstance(inner, OrbitProblem) and test == "grazing":
             self.grazed, self.side = grazed
             self.inner = inner.with_system(without_surface(inner.shooting.system, self.grazed, self.side))
+        if test in BORDERS:
+            # The contact is kept away from the ends of the motion, which it would leave by otherwise.
+            self.grazed = grazed[0]
+            contact = self._nearest(self._inner(at), u, value)
+            self.inner, u = self._inner(at).phased(u, value, contact.t)
+            self.start = np.append(u, value)
+            self.contact = self._nearest(self.inner, u, value)
 
     def _inner(self, second: float) -> Any:
         return self.inner.with_parameter(self.parameter, second)
@@ -176,7 +191,27 @@ class CurveProblem:
             return float(np.linalg.solve(block, np.append(np.zeros(len(u)), 1.0))[-1])
         if self.test == "grazing":
             return _least(problem.motions(u, value), self.grazed, self.side)
+        if self.test in BORDERS:
+            return self._contact(problem, u, value).gap - _ASIDE
         return float(problem.point(u, value).tests[self.test])
+
+    def _found(self, problem: OrbitProblem, u: Array, value: float) -> list[Contact]:
+        found = contacts(self.test, problem.motions(u, value), self.grazed)
+        if not found:
+            raise NoConvergenceError(f"the orbit has no contact with the border of sliding: {self.test}.")
+        return found
+
+    def _nearest(self, problem: OrbitProblem, u: Array, value: float) -> Contact:
+        """The contact nearest to the border."""
+        return min(self._found(problem, u, value), key=lambda contact: abs(contact.gap))
+
+    def _contact(self, problem: OrbitProblem, u: Array, value: float) -> Contact:
+        """The contact next to the last one."""
+        shooting = problem.shooting
+        scale = problem.scale[: shooting.n]
+        period = 0.0 if shooting.period is None else float(shooting.period(problem.p(value)))
+        found = self._found(problem, u, value)
+        return min(found, key=lambda contact: contact.distance(self.contact, scale, period))
 
     def _both(self, z: Array) -> tuple[Array, Array, float]:
         """Residual and matrix of the solution, and the test, at (u, value, second)."""
@@ -210,7 +245,10 @@ class CurveProblem:
         """See `filippov.analysis.branch_problem.BranchProblem`."""
         other = object.__new__(CurveProblem)
         other.__dict__.update(self.__dict__)
-        other.inner = self._inner(value).moved(u[:-1], float(u[-1]))
+        inner = self._inner(value)
+        if self.test in BORDERS:
+            other.contact = self._contact(inner, u[:-1], float(u[-1]))
+        other.inner = inner.moved(u[:-1], float(u[-1]))
         return other
 
     def ending(self, u: Array, value: float, bounds: tuple[float, float]) -> BranchPoint | None:

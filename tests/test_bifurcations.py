@@ -2,7 +2,7 @@
 one state, equilibria with a boundary; curves in two parameters; files and interrupts at special points."""
 
 from collections.abc import Callable
-from math import acos, cos, pi, sin, sqrt, tanh
+from math import acos, atan, cos, pi, sin, sqrt, tan, tanh
 from pathlib import Path
 from typing import Any
 
@@ -163,32 +163,35 @@ def forced(**values: float) -> System:
     return System({x: force - p.c * x - sign(x)}, parameters=p)
 
 
-def grazing() -> float:
-    # x = (b - 1)/c + A cos(w t - phi)/sqrt(c^2 + w^2) has the least value 0; b = 2, c = 0.4, w = 1.1.
-    return sqrt(0.4**2 + 1.1**2) / 0.4
+def grazing(b: float = 2.0, c: float = 0.4, w: float = 1.1) -> float:
+    # x = (b - 1)/c + A cos(w t - phi)/sqrt(c^2 + w^2) has the least value 0.
+    return (b - 1) * sqrt(c * c + w * w) / c
 
 
-def crossing() -> float:
-    # An odd orbit that crosses down at f = -1: x = 0 at t and half a period later; c = 0.3, w = 1.2.
-    c, w = 0.3, 1.2
+def crossing(c: float = 0.3, w: float = 1.2) -> float:
+    # An odd orbit that crosses down at f = -1: x = 0 at t and half a period later.
     return sqrt(1 + (((c * c + w * w) * tanh(c * pi / 2 / w) / c + c) / w) ** 2)
 
 
-def switching() -> float:
+def switching(A: float = 3.0) -> float:
     # Off at f = 1 rising, back on x = 0 at f = -1 rising: (b - 1)(t1 - t0) + A (sin t1 - sin t0) = 0.
     def left(b: float) -> float:
-        off, on = acos((1 - b) / 3), acos((-1 - b) / 3)
-        return (b - 1) * (2 * pi - on + off) + 3 * (sin(off) - sin(on))
+        off, on = acos((1 - b) / A), acos((-1 - b) / A)
+        return (b - 1) * (2 * pi - on + off) + A * (sin(off) - sin(on))
 
     return float(brentq(left, 0.5, 1.2, xtol=1e-15))
 
 
-SLIDING: dict[str, tuple[str, Callable[[], float], dict[str, float], float]] = {
+def adding(b: float = 0.3, B: float = 1.0) -> float:
+    # The lower maximum of f, at t = pi, is b - A + B = 1.
+    return b + B - 1
+
+
+SLIDING: dict[str, tuple[str, Callable[..., float], dict[str, float], float]] = {
     "grazing-sliding": ("A", grazing, {"b": 2.0, "c": 0.4, "w": 1.1}, 2.0),
     "crossing-sliding": ("A", crossing, {"c": 0.3, "w": 1.2}, 0.1),
     "switching-sliding": ("b", switching, {"A": 3.0}, 0.3),
-    # The lower maximum of f, at t = pi, is b - A + B = 1.
-    "adding-sliding": ("A", lambda: 0.3, {"b": 0.3, "B": 1.0}, 0.3),
+    "adding-sliding": ("A", adding, {"b": 0.3, "B": 1.0}, 0.3),
 }
 
 
@@ -209,6 +212,55 @@ def test_sliding_bifurcation_is_named_located_and_passed(kind, way):
     assert len({q.word for q in run.branch.points}) == 2
     # Every orbit that slides forgets where it came from.
     assert all((q.multipliers[0] == 0) == ("0" in q.word) for q in run.branch.points if not q.special)
+
+
+CURVES: dict[str, tuple[str, float]] = {
+    "grazing-sliding": ("b", 2.3), "crossing-sliding": ("c", 0.5), "switching-sliding": ("A", 3.5),
+    "adding-sliding": ("B", 1.15),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("way", [1, -1], ids=["up", "down"])
+@pytest.mark.parametrize("kind", list(CURVES))
+def test_curve_of_a_sliding_bifurcation_in_two_parameters(kind: str, way: int) -> None:
+    (name, exact, others, guess), (second, last) = SLIDING[kind], CURVES[kind]
+    at = exact()
+    system = forced(**others, **{name: at - 0.05 * way})
+    run = continuation(
+        system, find_orbit(system, (guess,)), parameter=name, bounds=(at - 0.05, at + 0.05), direction=way,
+        **COARSE,
+    )  # fmt: skip
+    bounds = (others.get(second, 1.0), last)
+    options = {"bounds": bounds, "direction": 1, "step": 0.3, "max_step": 1.0}
+    found = curve(run, the(run, kind), parameter=second, **options).run()
+    assert found.values[-1] == last
+    assert len(found.points) > 3
+    for point in found.points:
+        assert abs(point.coordinates[name] - exact(**{second: point.value})) < 2e-8
+
+
+def den_hartog(w: float) -> float:
+    """Friction above which the mass in x'' + x + S Sgn(x') = cos(w t) stops at its turning points.
+
+    Den Hartog 1931, for an odd motion that turns twice in a period: after the turn at t = phi/w the
+    acceleration is 0. Between turns x = S + a cos t + b sin t + g cos(w t), g = 1/(1 - w^2).
+    """
+    g, half = 1 / (1 - w * w), pi / w
+    phi = atan(-w * tan(half / 2))
+    return abs((1 - g) * cos(phi) * (1 + cos(half)) + w * g * sin(phi) * sin(half)) / 2
+
+
+def test_den_hartogs_border_of_motions_without_stops() -> None:
+    p = parameters(S=0.75, w=0.8)
+    system = System({x: y, y: -x + cosine(p.w * time) - p.S * sign(y)}, parameters=p)
+    start = find_orbit(system, (1.5, 0.0), transient=40)
+    run = continuation(system, start, parameter="S", bounds=(0.75, 0.85), direction=1, **COARSE)
+    point = the(run, "crossing-sliding")
+    assert abs(point.value - den_hartog(0.8)) < 1e-8
+    found = curve(run, point, parameter="w", bounds=(0.7, 0.95), step=0.2, max_step=0.5).run()
+    assert tuple(found.values[[0, -1]]) == (0.7, 0.95)
+    for q in found.points:
+        assert abs(q.coordinates["S"] - den_hartog(q.value)) < 1e-8
 
 
 # -- equilibria --------------------------------------------------------------------------------------------
