@@ -19,6 +19,7 @@ from filippov.analysis.event_map import EventMap
 from filippov.analysis.fixed_points import equilibrium_slope
 from filippov.analysis.orbit import Orbit, make_orbit
 from filippov.analysis.shooting import NoConvergenceError, Shooting
+from filippov.errors import UsageError
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
@@ -66,6 +67,14 @@ class MapProblem:
         other = object.__new__(MapProblem)
         other.__dict__.update(self.__dict__)
         other.event_map, other._last = self.event_map.remake(parameters={name: value}), None
+        return other
+
+    def doubled(self) -> MapProblem:
+        """The fixed points of twice as many turns; for an odd map those without the symmetry."""
+        other = object.__new__(MapProblem)
+        other.__dict__.update(self.__dict__)
+        other.event_map = self.event_map.remake(order=2 * self.event_map.order)
+        other.half, other._last = False, None
         return other
 
     def _odd(self, start: float) -> bool:
@@ -183,6 +192,26 @@ class OrbitProblem:
         other = object.__new__(OrbitProblem)
         other.__dict__.update(self.__dict__)
         other.shooting, other._last = replace(self.shooting, system=system), None
+        return other
+
+    def doubled(self) -> OrbitProblem:
+        """The orbits of twice the period, of a symmetric orbit those of its period without the symmetry.
+
+        Raises UsageError for an orbit of several nodes.
+        """
+        shooting = self.shooting
+        if len(shooting.shares) != 1:
+            raise UsageError("the orbit has several nodes; find it with one (nodes=1) to leave it there.")
+        other = object.__new__(OrbitProblem)
+        other.__dict__.update(self.__dict__)
+        other._last = None
+        if shooting.turns > 1:
+            other.shooting = replace(shooting, symmetry=None, turns=1)
+        elif shooting.period is not None:
+            other.shooting = replace(shooting, period=shooting.period.times(2))
+        else:
+            other.shooting, other.scale = shooting, self.scale.copy()
+            other.scale[-1] *= 2
         return other
 
     def phased(self, u: Array, value: float, t: float) -> tuple[OrbitProblem, Array]:

@@ -141,6 +141,7 @@ class Continuation:
         self.stopped = False
         self._resumed: list[BranchPoint] = []
         self._iterator: Iterator[BranchPoint] | None = None
+        self._first: Along | None = None
 
     def __iter__(self) -> Iterator[BranchPoint]:
         return self
@@ -249,8 +250,14 @@ class Continuation:
             found = corrector.along(corrector.scaled(u, stored.value), tangent, way)
             # Signs of tests that are 0 here to rounding stay as they were.
             return replace(found, point=stored) if stored.tests else found
+        if self._first is not None:
+            return replace(self._first, tangent=way * self._first.tangent)
         corrector = Corrector(self.problem, self.width)
         return corrector.along(self._z, None, way)
+
+    def begin_at(self, first: Along) -> None:
+        """Begin at a point with a tangent of its own: a branch point, where the equations give two."""
+        self._first = first
 
     def prepare(self) -> None:
         """Correct the start. Raises NoConvergenceError where it is no solution, or singular."""

@@ -116,6 +116,15 @@ class Period:
 
         return value, slopes
 
+    def times(self, count: int) -> Period:
+        """A multiple of this period."""
+        other = object.__new__(Period)
+        other.__dict__.update(self.__dict__)
+        value, slopes = self._value, self._slopes
+        other.text = None
+        other._value, other._slopes = (lambda p: count * value(p)), (lambda p: count * slopes(p))
+        return other
+
     def __call__(self, p: Array) -> float:
         """The period at resolved parameter values."""
         value = self._value(p)

@@ -64,7 +64,7 @@ FLOORS: dict[str, float] = {
     "filippov.analysis.branch_point": 9.42, "filippov.analysis.corrector": 9.43,
     "filippov.analysis.crossing": 9.44,
     "filippov.analysis.continuation": 9.45, "filippov.analysis.curve": 9.46,
-    "filippov.analysis.sliding_border": 9.455,
+    "filippov.analysis.sliding_border": 9.455, "filippov.analysis.switch": 9.46,
     "filippov.analysis.stability_result": 9.34, "filippov.analysis.stability_context": 9.35,
     "filippov.analysis.stability_text": 9.35, "filippov.analysis.sliding_stability": 9.36,
     "filippov.analysis.set_stability": 9.37,

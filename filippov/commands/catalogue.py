@@ -239,6 +239,10 @@ _ALL = (
          Option("max_step", "longest step", number, metavar="S"),
          Option("max_points", "budget of points", whole, metavar="N"),
          Option("max_time", "budget of wall-clock seconds", number, metavar="SECONDS"),
+         Option("switch", "follow also the branches that leave at branch points, period doublings and "
+                "symmetry breaking: branch-1.json, ...", switch, default=False),
+         Option("curve", "second parameter, over which every special point is followed: curve-1.json, "
+                "..., curves.png", named_ranges, metavar="NAME=LOW:HIGH", default={}),
          Option("resume", "branch.json of a run that was interrupted", text, metavar="FILE")),
         "filippov continue hunting --parameter P --from 10 --to 31 --start 0.25 -o results/branch",
         needs="filippov.analysis.continuation",

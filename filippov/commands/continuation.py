@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ from filippov.commands.console import Console
 from filippov.commands.folder import Folder
 from filippov.commands.maps import section_of
 from filippov.commands.model import Loaded, load_model
-from filippov.errors import UsageError
+from filippov.errors import ModelError, SolveError, UsageError
 from filippov.names import unknown
 
 FILE = "branch.json"
@@ -43,15 +45,25 @@ def run(settings: dict[str, Any], console: Console) -> int:
     with console.progress("continuation") as progress:
         branch = follow.run(progress)
     _tell(branch, console)
+    others, curves = _switched(follow, settings, options, console), _curves(follow, settings, console)
     data = {"model": loaded.name, "parameter": parameter, "parameters": branch.parameters,
             "kind": branch.kind, "message": branch.message,
             "special": [_row(point, branch) for point in branch.special],
-            "points": [_row(point, branch) for point in branch.points]}  # fmt: skip
+            "points": [_row(point, branch) for point in branch.points],
+            "switched": [_data(other) for other in others], "curves": [_data(found) for found in curves]}
     console.result(data)
-    columns = ("special", "value", "stable", "word", "period", *_coordinates(branch))
-    folder.csv("branch.csv", columns, ([_row(q, branch).get(c) for c in columns] for q in branch.points))
-    folder.file(FILE, branch.save)
-    folder.picture("branch.png", lambda: branch.plot(title=loaded.name))
+    _write(folder, "branch", branch)
+    for name, found in (("branch", others), ("curve", curves)):
+        for number, item in enumerate(found, 1):
+            _write(folder, f"{name}-{number}", item)
+    plots = importlib.import_module("filippov.plot_branch")
+    folder.picture("branch.png", lambda: plots.plot_branches([branch, *others], title=loaded.name))
+    if curves:
+        labels = {"coordinate": parameter}
+        folder.picture("curves.png", lambda: plots.plot_branches(
+            curves, coordinate=parameter, names=[item.kind for item in curves], labels=labels,
+            title=loaded.name,
+        ))  # fmt: skip
     folder.report()
     if "interrupted" in branch.message:
         where = Path(settings["output"] or ".") / FILE
@@ -78,6 +90,63 @@ def _start(
     with console.progress("orbit") as progress:
         orbit = find(problem.system, problem.x0, parameters=values, progress=progress)
     return orbit, {}
+
+
+def _switched(
+    follow: Any, settings: dict[str, Any], options: dict[str, Any], console: Console
+) -> list[Any]:
+    """The branches that leave at special points, with --switch."""
+    if not settings["switch"]:
+        return []
+    module = importlib.import_module("filippov.analysis.switch")
+    at = [point for point in follow.branch.special if point.special in module.SWITCHES]
+    if not at:
+        console.say(f"no other branch leaves: there is none of {', '.join(module.SWITCHES)}")
+    return _run_all([(p, partial(module.switch, follow, p, **options)) for p in at], "switch", console)
+
+
+def _curves(follow: Any, settings: dict[str, Any], console: Console) -> list[Any]:
+    """The curves of special points over a second parameter, with --curve NAME=LOW:HIGH."""
+    if not settings["curve"]:
+        return []
+    if len(settings["curve"]) != 1:
+        raise UsageError(f"--curve takes one parameter, given {', '.join(settings['curve'])}.")
+    ((name, bounds),) = settings["curve"].items()
+    curve = importlib.import_module("filippov.analysis.curve").curve
+    at = follow.branch.special
+    made = [(p, partial(curve, follow, p, parameter=name, bounds=bounds)) for p in at]
+    return _run_all(made, "curve", console)
+
+
+def _run_all(made: Sequence[tuple[Any, Callable[[], Any]]], what: str, console: Console) -> list[Any]:
+    """Run continuations one after the other; one that cannot be made is named, the others go on."""
+    found: list[Any] = []
+    for point, make in made:
+        try:
+            run = make()
+            with console.progress(what) as progress:
+                found.append(run.run(progress))
+        except (ModelError, UsageError, SolveError) as error:
+            console.warn(f"{what} at {point.special} ({point.value:.6g}): {error}")
+            continue
+        _tell(found[-1], console)
+        if "interrupted" in found[-1].message:
+            break
+    return found
+
+
+def _write(folder: Folder, name: str, branch: Any) -> None:
+    columns = ("special", "value", "stable", "word", "period", *_coordinates(branch))
+    folder.csv(f"{name}.csv", columns, ([_row(q, branch).get(c) for c in columns] for q in branch.points))
+    folder.file(f"{name}.json", branch.save)
+
+
+def _data(branch: Any) -> dict[str, Any]:
+    """A branch as plain data."""
+    return {
+        "parameter": branch.parameter, "kind": branch.kind, "message": branch.message,
+        "points": [_row(point, branch) for point in branch.points],
+    }  # fmt: skip
 
 
 def _coordinates(branch: Any) -> list[str]:
