@@ -153,13 +153,19 @@ def picked(
     return fitting[0] if len(fitting) == 1 else None
 
 
+# Shortest trial step, of the time that has passed.
+LEAST_TRIAL = 1e-9
+
+
 def point_of(run: Run) -> Point:
     """The present point, with a trial step on the scale of the motion."""
     t_end = float(run.clock[codes.T_END])
     _, field, _, _ = run.machine.probe(run.t, 0.0, run.x, run.mode, run.lam)
     size = float(np.max(np.abs(run.x), initial=0.0)) + 1e-3
     speed = float(np.max(np.abs(field), initial=0.0)) + 1e-300
-    hint = float(run.clock[codes.STEP]) or np.inf
+    # Steps that shrank towards a rough point say nothing of the motion that follows.
+    least = LEAST_TRIAL * abs(run.t - float(run.clock[codes.T_START]))
+    hint = max(float(run.clock[codes.STEP]), least) or np.inf
     step = min(hint, 1e-2 * size / speed, abs(t_end - run.t) or np.inf, run.options.max_step)
     if not np.isfinite(step):
         step = 1e-3

@@ -115,11 +115,16 @@ def leading_term(
         if code != 0:
             return None
         values = pick(rows)
-        order, size = first_derivative(values - values[0], scale)
+        # The point may lie by a rounding on the side on which the mode's guard has no value.
+        start = values[0] if np.isfinite(values[0]) else 0.0
+        if not np.all(np.isfinite(values[1:])):
+            step /= SHORTER
+            continue
+        order, size = first_derivative(values - start, scale)
         if order == last[0] and (order == 0 or 0.8 < size * SHORTER**order / last[1] < 1.25):
             return order, float(np.sign(size))
         last, step = (order, size), step / SHORTER
-    return last[0], float(np.sign(last[1]))
+    return (last[0], float(np.sign(last[1]))) if last[0] >= 0 else None
 
 
 def multiplier_guesses(point: Point, sliding: Sequence[int]) -> list[Array]:
@@ -220,7 +225,9 @@ def clear_rates(
         terms = np.append(g[i] * np.where(g[i] == 0.0, 0.0, velocity), gt[i])
         scale = float(np.sum(np.abs(terms)))
         rate = float(np.sum(terms)) * mode[i] * point.direction
-        if i in tangent or abs(rate) <= CLEAR * scale or abs(rate) <= BALANCED * point.reach(i, mode):
+        # A guard with a root in it has no rate where the root vanishes.
+        rough = not np.isfinite(rate)
+        if rough or i in tangent or abs(rate) <= max(CLEAR * scale, BALANCED * point.reach(i, mode)):
             unclear.append(i)
         elif rate < 0:
             return None
@@ -240,7 +247,9 @@ def leaves(
     orders = dict.fromkeys(free, 1)
     g, gt = point.gradients(mode)
     for i in unclear:
-        size = float(np.sum(np.abs(g[i] * point.x)) + abs(gt[i] * point.t))
+        with np.errstate(invalid="ignore"):
+            sizes = np.abs(np.append(g[i] * point.x, gt[i] * point.t))
+        size = float(np.sum(sizes[np.isfinite(sizes)]))
         term = leading_term(point, mode, lam, partial(_row, 0, i), size)
         if term is None or term[1] < 0:
             return None

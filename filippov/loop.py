@@ -367,6 +367,10 @@ class _Loop:
         names = ", ".join(repr(run.machine.surfaces[i].name) for i in met)
         where = f"at state {_state_text(run)} on {names}"
         if not candidates:
+            # A corner that a motion enters tangentially may be none of its modes, and yet a place to rest in.
+            if jump is None and rests(run, met):
+                rest(run, met)
+                return self._reached()
             return self._end(Status.NO_CONTINUATION, f"{where}. {suspect(run)}".rstrip())
         taken = self._choose(candidates, before, hit if jump is None else ())
         ambiguity = Ambiguity(run.t, name, candidates, before, tuple(hit) if jump is None else (), start)
@@ -478,11 +482,7 @@ class _Loop:
                 return self._reached()
         run.x[:] = limit.x
         self.since = len(run.events)
-        ended = self._classify(limit.surfaces, limit.surfaces, start=False)
-        if ended is not None and ended[0] is Status.NO_CONTINUATION and rests(run, limit.surfaces):
-            rest(run, limit.surfaces)
-            return self._reached()
-        return ended or self._budgets()
+        return self._classify(limit.surfaces, limit.surfaces, start=False) or self._budgets()
 
 
 def _kind(before: int, after: int, hit: bool) -> EventKind | None:

@@ -143,7 +143,8 @@ class Machine:
 
     def rate(self, i: int, g: Array, velocity: Array) -> float:
         """grad h_i . velocity; components of the velocity on which h_i does not depend may be undefined."""
-        return float(np.sum(g[i] * np.where(g[i] == 0.0, 0.0, velocity)))
+        with np.errstate(invalid="ignore"):
+            return float(np.sum(g[i] * np.where(g[i] == 0.0, 0.0, velocity)))
 
     def guards(self, t: float, x: Array, mode: Array) -> Array:
         """All switching functions."""

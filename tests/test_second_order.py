@@ -57,3 +57,39 @@ def test_a_limit_that_moves_ends_with_a_name_and_not_in_a_storm() -> None:
     assert "higher order" in got.message
     assert got.x_end[1] == pytest.approx(-0.3 * math.sin(got.t_end), abs=1e-4)
     assert len(got.events) < 1000
+
+
+@pytest.mark.parametrize(("a", "power"), [(1, sympy.Rational(1, 2)), (2, sympy.Rational(2, 3))])
+def test_terminal_sliding_ends_in_the_origin_and_rests(a: int, power: sympy.Rational) -> None:
+    # On y = -a |x|^p sign x: x' = -a x^p, 0 after x^(1-p) / (a (1-p)) (Venkataraman & Gulati 1993).
+    surface = Y + a * abs(X) ** power * sign(X)
+    got = solve(System({X: Y, Y: -3 * sign(surface)}), (1, 1), (0, 10), rtol=1e-10, atol=1e-12)
+    entry, rest = got.events
+    p = float(power)
+    after = abs(entry.x[0]) ** (1 - p) / (a * (1 - p))
+    assert got.status is Status.SUCCESS
+    assert abs(entry.x[1] + a * entry.x[0] ** p) < 1e-9
+    assert rest.t == pytest.approx(entry.t + after, abs=1e-5)  # x^(1-p) of an error of 1e-12 in x
+    np.testing.assert_allclose(got.x_end, 0, atol=1e-12)
+
+
+def test_parabolic_switching_curve_ends_in_the_origin_and_rests() -> None:
+    # Least time from (2, 0) with |u| <= 1: sqrt(2) to the curve x = -y |y| / 2, sqrt(2) along it.
+    got = solve(System({X: Y, Y: -sign(X + Y * abs(Y) / 2)}), (2, 0), (0, 10))
+    assert got.status is Status.SUCCESS
+    assert got.events[0].t == pytest.approx(math.sqrt(2), abs=1e-9)
+    assert got.sol(2)[0] == pytest.approx((2 * math.sqrt(2) - 2) ** 2 / 2, rel=1e-7)
+    assert np.max(np.abs(got.sol(np.linspace(2.8285, 10, 9)))) < 1e-4
+    np.testing.assert_allclose(got.x_end, 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["DOP853", "DP5", "Radau"])
+@pytest.mark.parametrize("power", [sympy.Rational(1, 10), sympy.Rational(1, 3), sympy.Rational(1, 2)])
+def test_rough_equilibrium_is_reached_and_kept(power: sympy.Rational, method: str) -> None:
+    # x' = -x^p: x^(1-p) = 1 - (1 - p) t, then 0 for ever.
+    got = solve(System({X: -sign(X) * abs(X) ** power}), (1,), (0, 12), method=method, rtol=1e-11, atol=1e-15)
+    assert got.status is Status.SUCCESS
+    assert abs(got.x_end[0]) < 1e-14
+    assert got.events[0].t == pytest.approx(1 / (1 - float(power)), abs=1e-6)
+    middle = got.sol(0.5)[0]
+    assert middle == pytest.approx((1 - (1 - float(power)) * 0.5) ** (1 / (1 - float(power))), rel=1e-9)

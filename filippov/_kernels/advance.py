@@ -56,6 +56,7 @@ from filippov._kernels.codes import (
     T,
 )
 from filippov._kernels.control import (
+    at_rest,
     error_norm,
     finite,
     first_step,
@@ -217,7 +218,7 @@ def advance(
         w[W_RTOL] = rtol
         for j in range(N):
             w[W_ATOL + j] = atol[j]
-    code = REACHED
+    code, rested = REACHED, False
     while True:
         t = clock[T]
         remaining = clock[T_END] - t
@@ -261,8 +262,13 @@ def advance(
         if last:
             step = remaining
         elif abs(step) <= 4.0 * EPS * abs(t) or abs(step) < 1e-300:
-            code = MIN_STEP
-            break
+            if rested or not at_rest(w):
+                code = MIN_STEP
+                break
+            # The equilibrium of a rough field was reached by ever shorter steps; to stay there needs none.
+            rested = True
+            clock[STEP] = max(1024.0 * EPS * abs(t), 1e-12 * abs(remaining))
+            continue
         elif taken == 0.0:
             # What is added to the state must be what is added to the time, also where t is large.
             step = (t + step) - t

@@ -125,6 +125,15 @@ def first_step(
 
 
 @kernel
+def at_rest(w: Vector) -> bool:
+    """Whether the field at the start of the step is 0."""
+    fastest = 0.0
+    for j in range(N):
+        fastest = max(fastest, abs(w[W_K + j]))
+    return fastest == 0.0
+
+
+@kernel
 def uniform(x: Vector, step: float, y: Vector, w: Vector) -> bool:
     """Whether all stages met the same field: then the step is a straight line, and y its exact end."""
     for a in range(N, (STAGES - 1) * N):

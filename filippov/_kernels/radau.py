@@ -294,11 +294,34 @@ def estimate(
 
 
 @kernel
+def still(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> bool:
+    """Whether to stay at x solves the stages; in a rough equilibrium no Jacobian would find it."""
+    for i in range(N):
+        if w[W_K + i] != 0.0:
+            return False
+    for q in range(3):
+        at = shift(w, W_K + (q + 1) * N)
+        if evaluate(t + C[q] * step, x, p, m, at, w, iw, ctx) != 0:
+            return False
+        for i in range(N):
+            if at[i] != 0.0:
+                return False
+    for i in range(N):
+        y[i], w[W_REACHED + i], w[W_ERROR + i] = x[i], x[i], 0.0
+    return True
+
+
+@kernel
 def stages(
     t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Vector, iw: Indices, ctx: Indices
 ) -> int:
     """Derivatives at the three stages in W_K, the end in y; NOT_CONVERGED where Newton's iteration fails."""
     memory, z = shift(w, W_MEMORY), shift(w, W_Z)
+    if still(t, x, p, m, step, y, w, iw, ctx):
+        memory[LAST_STEP], memory[PAST_STEP] = 0.0, 0.0
+        return 0
     if differences(shift(w, W_JAC_MODE), m, M) > 0:
         iw[I_KNOWN] = 0
         memory[LAST_STEP], memory[PAST_STEP] = 0.0, 0.0
