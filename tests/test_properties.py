@@ -12,6 +12,8 @@ from linear_oracle import Answer, Linear, NotGenericError, solve_linear
 
 from filippov import Solution, Surface, System, parameters, sign, solve, states
 
+# The nightly profile takes minutes a test.
+pytestmark = pytest.mark.timeout(3600)
 SIZES = [(2, 1), (3, 1), (4, 1), (6, 1), (2, 2), (3, 2), (5, 2), (4, 3), (6, 3)]
 END = 3.0
 RTOL = 1e-10
