@@ -35,6 +35,8 @@ _SPANS = 12
 _PERIODS = 400
 # An orbit that repels is left soon: only so many stretches are looked at for a start.
 _FIRST = 4
+# A motion may be seen to come back only after some turns; how near it then is after one of them.
+_MOST_TURNS, _SAME = 32, 1e-6
 
 
 def find_orbit(
@@ -224,10 +226,25 @@ class _Search:
         u, left = newton(problem, u, self.p)
         if base.period is None:
             self._check(problem, u, period)
+        if base.period is None and count == base.turns == 1:
+            u, left = self._shortest(problem, u, left)
         found = make_orbit(problem, u, self.p, left)
         if found.trivial is not None and abs(found.trivial - 1.0) > 1e-2:
             raise NoConvergenceError("Newton's method went to an equilibrium.")
         return found
+
+    def _shortest(self, problem: Shooting, u: Array, left: float) -> tuple[Array, float]:
+        """The same orbit with its least period, where it was found with a multiple of it."""
+        sol = problem.motions(u, self.p)[0].sol
+        assert sol is not None
+        size = float(np.max(np.ptp(sol(np.linspace(0.0, float(u[-1]), 64)), axis=1)))
+        for count in range(_MOST_TURNS, 1, -1):
+            if np.max(np.abs(sol(float(u[-1]) / count) - u[:-1])) < _SAME * size:
+                try:
+                    return newton(problem, np.append(u[:-1], u[-1] / count), self.p)
+                except SolveError:
+                    continue
+        return u, left
 
     def _check(self, problem: Shooting, u: Array, guess: float) -> None:
         """An equilibrium solves the equations as well."""
