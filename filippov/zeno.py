@@ -229,7 +229,7 @@ def _rates(run: Run, t: float, x: Array, chosen: Sequence[int]) -> tuple[Array, 
     return np.mean(rows, axis=0), float(np.max(np.ptp(rows, axis=0))) / scale
 
 
-def rests(run: Run, surfaces: tuple[int, ...]) -> bool:
+def rests(run: Run, surfaces: Sequence[int]) -> bool:
     """Whether 0 is among the velocities of the inclusion at this point, now and until the end of the run.
 
     Where the signs do not act on the surfaces to first order (twisting, Fuller's problem) no multipliers
@@ -257,7 +257,7 @@ def rests(run: Run, surfaces: tuple[int, ...]) -> bool:
     return True
 
 
-def rest(run: Run, surfaces: tuple[int, ...]) -> None:
+def rest(run: Run, surfaces: Sequence[int]) -> None:
     """Stay where the run is until its end: every switching surface of the limit is slid on, nothing moves."""
     before = run.signs
     for i in surfaces:
