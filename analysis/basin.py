@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.event_map import MOST_STEPS, EventMap
+from filippov.analysis.event_map import EventMap
 from filippov.analysis.section import Section
+from filippov.analysis.turn import MOST_STEPS
 from filippov.ensemble import solve_many
 from filippov.errors import UsageError
 from filippov.names import unknown
@@ -106,6 +107,7 @@ def basin(
             "states, and others in `at`."
         )
     turns = EventMap(system, section, parameters=parameters, order=order)
+    place, surface = turns.bound.index, turns.bound.surface
     pieces = turns.basins(*interval, points)
     cycle_of = {p.attractor: _largest(turns, p.attractor) for p in pieces if p.attractor is not None}
     attractors = tuple(dict.fromkeys(cycle_of.values()))
@@ -131,8 +133,8 @@ def basin(
             )  # fmt: skip
             back = np.array([status is Status.STOPPED for status in ends.status])
             done = np.array([status is Status.SUCCESS for status in ends.status])
-            rest = done & (ends.mode[:, turns.bound.surface] == 0)
-            found = np.where(back | rest, ends.x[:, turns.bound.index], np.nan)
+            rest = done & (ends.mode[:, surface] == 0)
+            found = np.where(back | rest, ends.x[:, place], np.nan)
             d[part] = found
             label[part] = _labels(found, rest, pieces, cycle_of, attractors)
             if progress is not None:

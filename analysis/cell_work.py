@@ -35,7 +35,7 @@ def _fields(system: System, section: Section, **others: Any) -> dict[str, str]:
     lift = source_digest(section.lift) if callable(section.lift) else str(dict(section.lift))
     said = {
         "filippov": package_version(), "model": system.digest or source_digest(system.field, *functions),
-        "section": f"{section.stop!r} {section.coordinate} {lift} {section.t_max!r}",
+        "section": f"{section.stop!r} {section.coordinate} {lift} {section.t_max!r} {section.after}".rstrip(),
     }  # fmt: skip
     return said | {name: json.dumps(value) for name, value in others.items()}
 

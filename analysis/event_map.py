@@ -13,15 +13,12 @@ import numpy.typing as npt
 
 from filippov.analysis.saltation import derivative_by_all, onto_section
 from filippov.analysis.section import BoundSection, Section
-from filippov.ensemble import solve_many
+from filippov.analysis.turn import motion, turns
 from filippov.solution import Solution
-from filippov.solver import solve
 from filippov.status import Status
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
-# A turn takes tens of steps; one that takes this many does not return.
-MOST_STEPS = 200_000
 
 
 class EventMap:
@@ -85,21 +82,21 @@ class EventMap:
         return values, tuple(statuses)
 
     def _turn(self, d: Array) -> tuple[Array, tuple[Status, ...]]:
-        ends = solve_many(
-            self.system, self.bound.start(d, self.p), (0.0, self.section.t_max), parameters=self.parameters,
-            stop=self.section.stop, rtol=self.rtol, atol=self.atol, method=self.method, max_steps=MOST_STEPS,
+        x, ended, resting = turns(
+            self.bound, self.bound.start(d, self.p), self.parameters, rtol=self.rtol, atol=self.atol,
+            method=self.method,
         )  # fmt: skip
-        values = ends.x[:, self.bound.index].copy()
-        if ends.status.count(Status.STOPPED) == len(values):
-            return values, ends.status
-        lost = [q for q, status in enumerate(ends.status) if status is not Status.STOPPED]
+        values = self.bound.read(x)
+        if ended.count(Status.STOPPED) == len(values):
+            return values, tuple(ended)
+        lost = [q for q, status in enumerate(ended) if status is not Status.STOPPED]
         for q in lost:
             # A motion that never leaves the section rests there: its coordinate does not change.
-            rests = ends.status[q] is Status.SUCCESS and ends.mode[q, self.bound.surface] == 0
+            rests = ended[q] is Status.SUCCESS and resting[q]
             if not (rests and abs(values[q] - d[q]) <= 1e-15 * abs(d[q])):
                 values[q] = np.nan
         came = [Status.NO_RETURN if q in lost and np.isnan(values[q]) and status is Status.SUCCESS else status
-                for q, status in enumerate(ends.status)]  # fmt: skip
+                for q, status in enumerate(ended)]  # fmt: skip
         return values, tuple(came)
 
     def __call__(self, d: Any) -> Any:
@@ -116,18 +113,15 @@ class EventMap:
 
     def orbit(self, d: float) -> tuple[Solution, ...]:
         """The motion behind the map, one solution a turn."""
-        turns = []
+        motions: list[Solution] = []
         for _ in range(self.order):
-            turns.append(self._solve(d))
-            d = float(turns[-1].x_end[self.bound.index])
-        return tuple(turns)
+            motions.append(self._solve(d))
+            d = float(self.bound.read(motions[-1].x_end[None])[0])
+        return tuple(motions)
 
     def _solve(self, d: float) -> Solution:
-        return solve(
-            self.system, self.bound.start(np.array([d]), self.p)[0], (0.0, self.section.t_max),
-            parameters=self.parameters, stop=self.section.stop, rtol=self.rtol, atol=self.atol,
-            method=self.method, max_steps=MOST_STEPS,
-        )  # fmt: skip
+        x0 = self.bound.start(np.array([d]), self.p)[0]
+        return motion(self.bound, x0, self.parameters, rtol=self.rtol, atol=self.atol, method=self.method)
 
     def derivative(self, d: float) -> float:
         """dP/dd from saltation matrices (no differences); NaN where the map does not return."""
@@ -147,10 +141,11 @@ class EventMap:
             if solution.status is not Status.STOPPED:
                 return np.full(out.size, np.nan)
             change = derivative_by_all(solution, True, names) @ self.bound.start_change(out[0], self.p, names)
-            change = onto_section(solution, solution.events[-1], change, names)[self.bound.index]
+            slope = self.bound.slope(solution.x_end)
+            change = slope @ onto_section(solution, solution.events[-1], change, names)[:n]
             out[2:] = change[0] * out[2:] + change[1:]
             out[1] *= change[0]
-            out[0] = solution.x_end[:n][self.bound.index]
+            out[0] = self.bound.read(solution.x_end[None])[0]
         return out
 
     def fixed_points(self, lo: float, hi: float, points: int = 400) -> tuple[Any, ...]:

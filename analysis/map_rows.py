@@ -7,9 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.event_map import MOST_STEPS
 from filippov.analysis.section import Section
-from filippov.ensemble import solve_many
+from filippov.analysis.turn import turns
 from filippov.status import Status
 from filippov.system import System
 
@@ -51,15 +50,14 @@ class MapRows:
         return image.reshape(d.shape)
 
     def _turn(self, rows: Array, d: Array) -> Array:
-        ends = solve_many(
-            self.system, self.bound.start(d, rows), (0.0, self.section.t_max), stop=self.section.stop,
-            rtol=self.rtol, atol=self.atol, max_steps=MOST_STEPS, threads=self.threads,
-            parameters={name: rows[:, k] for k, name in enumerate(self.system.parameters.names)},
+        x, ended, resting = turns(
+            self.bound, self.bound.start(d, rows),
+            {name: rows[:, k] for k, name in enumerate(self.system.parameters.names)},
+            rtol=self.rtol, atol=self.atol, threads=self.threads,
         )  # fmt: skip
-        back = np.array([status is Status.STOPPED for status in ends.status])
-        done = np.array([status is Status.SUCCESS for status in ends.status])
-        rest = done & (ends.mode[:, self.bound.surface] == 0)
-        return np.asarray(np.where(back, ends.x[:, self.bound.index], np.where(rest, 0.0, np.nan)))
+        back = np.array([status is Status.STOPPED for status in ended])
+        done = np.array([status is Status.SUCCESS for status in ended])
+        return np.asarray(np.where(back, self.bound.read(x), np.where(done & resting, 0.0, np.nan)))
 
 
 def coordinates(hi: float, points: int, closest: float) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,13 +23,15 @@ D = sympy.Dummy("d", real=True)
 
 @dataclass(frozen=True)
 class Section:
-    """The events of one kind on one surface, with one state as coordinate on it.
+    """The events of one kind on a surface (or several), with a number as coordinate on them.
 
-    surface, kind  the event that ends a turn of the map (as in `Stop`)
-    coordinate     name of the state that is read there
+    surface, kind  the event that ends a turn of the map (as in `Stop`); several surfaces with commas between
+    coordinate     what is read there: the name of a state, or a formula in states (sympy or text)
     lift           where a turn starts for a coordinate d: an expression a state (sympy or text) in `d` and
                    the parameters, or a function (d, p) -> x0 with p by name
     t_max          longest time of a turn; a motion that takes longer does not return
+    after          mode after the event, such as "0" or "+0" with * for any sign, one a surface of the system:
+                   other events do not end a turn; "": any. For systems that do not depend on time
 
     Raises UsageError, ModelError.
     """
@@ -39,12 +41,15 @@ class Section:
     coordinate: str
     lift: Mapping[str, Any] | Callable[..., Any] = field(hash=False)
     t_max: float = 100.0
+    after: str = ""
 
     def __post_init__(self) -> None:
         if self.kind not in STOP_KINDS:
             raise UsageError(unknown("kind of event", self.kind, STOP_KINDS))
         if not self.t_max > 0:
             raise UsageError(f"Section: t_max is {self.t_max}, expected a number > 0.")
+        if set(self.after) - set("+0-*"):
+            raise UsageError(f"Section: after is {self.after!r}, expected signs +, 0, - or * for any.")
 
     @classmethod
     def from_model(cls, model: Any) -> Section:
@@ -54,20 +59,33 @@ class Section:
             raise UsageError(
                 f"model {model.name!r} proposes no section; give Section(surface, kind, coordinate, lift)."
             )
-        return cls(data.surface, data.kind, data.coordinate, data.lift, data.t_max)
+        return cls(data.surface, data.kind, data.coordinate, data.lift, data.t_max, data.after)
 
     @property
-    def stop(self) -> Stop:
-        """The terminal event of a turn."""
-        return Stop(self.surface, self.kind)
+    def surfaces(self) -> tuple[str, ...]:
+        """Names of the surfaces."""
+        return tuple(name.strip() for name in self.surface.split(","))
+
+    @property
+    def stops(self) -> tuple[Stop, ...]:
+        """The events of which one ends a turn, one a surface."""
+        return tuple(Stop(name, self.kind) for name in self.surfaces)
+
+    @property
+    def stop(self) -> Stop | tuple[Stop, ...]:
+        """The event, or events, of which one ends a turn."""
+        return self.stops[0] if len(self.stops) == 1 else self.stops
 
     def bind(self, system: System) -> BoundSection:
         """The section on a system: names checked, the lift compiled to numpy with its derivative."""
         names = [surface.name for surface in system.surfaces]
-        if self.surface not in names:
-            raise UsageError(unknown("surface", self.surface, names))
-        if self.coordinate not in system.states:
-            raise UsageError(unknown("state", self.coordinate, system.states))
+        for name in self.surfaces:
+            if name not in names:
+                raise UsageError(unknown("surface", name, names))
+        if self.after and len(self.after) != len(names):
+            raise UsageError(
+                f"Section: after is {self.after!r}, expected {len(names)} signs, for {', '.join(names)}."
+            )
         return BoundSection(self, system)
 
 
@@ -76,11 +94,60 @@ class BoundSection:
 
     def __init__(self, section: Section, system: System) -> None:
         self.section, self.system = section, system
-        self.index = system.state_index(section.coordinate)
-        self.surface = system.surface_index(section.surface)
+        self.surfaces = [system.surface_index(name) for name in section.surfaces]
+        self._read = None if section.coordinate in system.states else self._formula(section.coordinate)
         self._functions: tuple[Callable[..., Any], Callable[..., Any]] | None = None
         if not callable(section.lift):
             self._functions = self._compile(section.lift)
+
+    @property
+    def index(self) -> int:
+        """Place of the state that is the coordinate. Raises UsageError where it is a formula."""
+        if self._read is not None:
+            raise UsageError(
+                f"the section's coordinate is the formula {self.section.coordinate!r}; expected one state, "
+                f"of {', '.join(self.system.states)}."
+            )
+        return self.system.state_index(self.section.coordinate)
+
+    @property
+    def surface(self) -> int:
+        """Place of the one surface. Raises UsageError where a mode is asked for or there are several."""
+        if len(self.surfaces) > 1 or self.section.after:
+            raise UsageError(
+                "the section has several surfaces or asks for a mode after the event; expected one surface "
+                "and any mode."
+            )
+        return self.surfaces[0]
+
+    def wanted(self, mode: Sequence[int]) -> bool:
+        """Whether the mode after an event is one that ends a turn."""
+        signs = {"+": 1, "0": 0, "-": -1}
+        return all(a == "*" or signs[a] == m for a, m in zip(self.section.after, mode, strict=False))
+
+    def read(self, x: Array) -> Array:
+        """The coordinate of states (k, n): (k,)."""
+        if self._read is None:
+            return np.array(x[:, self.index])
+        return np.array(np.broadcast_to(self._read[0](*x.T), len(x)), dtype=float)
+
+    def slope(self, x: Array) -> Array:
+        """Derivative of the coordinate by the states at x (n,): (n,)."""
+        if self._read is None:
+            return np.asarray(np.eye(len(x))[self.index])
+        return np.array([float(v) for v in self._read[1](*x)])
+
+    def _formula(self, text: Any) -> tuple[Callable[..., Any], Callable[..., Any]]:
+        names = {name: sympy.Symbol(name, real=True) for name in self.system.states}
+        try:
+            formula = parse_expression(text, names) if isinstance(text, str) else sympy.S(text)
+        except ModelError as error:
+            raise UsageError(
+                f"the section's coordinate is {text!r}, expected a state or a formula in states: {error}"
+            ) from None
+        symbols = list(names.values())
+        slopes = [formula.diff(q) for q in symbols]
+        return sympy.lambdify(symbols, formula, "numpy"), sympy.lambdify(symbols, slopes, "numpy")
 
     def _compile(self, lift: Mapping[str, Any]) -> tuple[Callable[..., Any], Callable[..., Any]]:
         symbols: dict[str, sympy.Symbol] = {

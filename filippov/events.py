@@ -156,6 +156,10 @@ class Stop:
         if type(self.count) is not int or self.count < 1:
             raise UsageError(f"Stop: count is {self.count!r}, expected 1, 2, ...")
 
+    def counted(self, count: int) -> Stop:
+        """The same with another count."""
+        return Stop(self.surface, self.kind, count)
+
     @property
     def column(self) -> int:
         """Where the kernel counts this kind down."""

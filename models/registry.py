@@ -74,9 +74,9 @@ class Invariant:
 class SectionData:
     """The event map a model proposes, as plain data (see `filippov.analysis.section.Section`).
 
-    surface, kind  the event that ends a turn; coordinate: the state read there
+    surface, kind  the event that ends a turn; coordinate: the state, or a formula in states, read there
     lift           where a turn starts: an expression a state, as text in d and the parameters
-    interval       of the coordinate that is looked at; t_max: longest turn
+    interval       of the coordinate that is looked at; t_max: longest turn; after: mode after the event
     """
 
     surface: str
@@ -85,6 +85,7 @@ class SectionData:
     lift: Mapping[str, str]
     interval: tuple[float, float]
     t_max: float = 100.0
+    after: str = ""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from filippov.ensemble import solve_many
 from filippov.events import Stop
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Hyperbolic
-from filippov.models.registry import Model, register
+from filippov.models.registry import Model, SectionData, register
 from filippov.parameter import Parameter, parameters
 from filippov.symbols import states
 from filippov.system import System
@@ -31,6 +31,10 @@ LAW = Hyperbolic(Fs=1, gamma=3)
 ENTRIES = (Stop("block 1", "sliding entry"), Stop("block 2", "sliding entry"))
 # Entries of one block that may come before both stick; a turn has two to six.
 MOST_ENTRIES = 60
+# x1 in the middle of the stick of both that has x1 - x2 = d (see `both_stick`), as a formula.
+MIDDLE = (
+    "(Max((-Fs - kc*d)/k1, d + (-ratio*Fs + kc*d)/k2) + Min((Fs - kc*d)/k1, d + (ratio*Fs + kc*d)/k2))/2"
+)
 
 
 def two_blocks(
@@ -133,5 +137,14 @@ MODEL = register(
         (0.0, 40.0),
         "Two coupled blocks on a moving belt: stick-slip of one or both.",
         "Galvanetto & Knudsen 1997; numbers chosen here",
+        section=SectionData(
+            "block 1, block 2",
+            "sliding entry",
+            "x1 - x2",
+            {"x1": MIDDLE, "v1": "vb", "x2": f"{MIDDLE} - d", "v2": "vb"},
+            (-0.676, 0.676),
+            200.0,
+            "00",
+        ),
     )
 )

@@ -56,7 +56,7 @@ FLOORS: dict[str, float] = {
     "filippov.analysis.equilibria": 9.13, "filippov.analysis.linearisation": 9.13,
     "filippov.analysis.forcing": 9.06, "filippov.analysis.orbit_file": 9.06,
     "filippov.analysis.reset_slopes": 9.1,
-    "filippov.analysis.saltation": 9.2, "filippov.analysis.event_map": 9.3,
+    "filippov.analysis.saltation": 9.2, "filippov.analysis.event_map": 9.3, "filippov.analysis.turn": 9.25,
     "filippov.analysis.shooting": 9.25, "filippov.analysis.floquet": 9.26, "filippov.analysis.margin": 9.26,
     "filippov.analysis.oddness": 9.26, "filippov.analysis.orbit": 9.4, "filippov.analysis.orbit_search": 9.42,
     "filippov.analysis.branch": 9.07, "filippov.analysis.branch_problem": 9.43,

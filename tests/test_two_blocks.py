@@ -1,14 +1,20 @@
 """Two blocks on a belt: the event map of the stick of both, against phases put together with scipy."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from command import summary
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from filippov import solve
+from filippov import UsageError, solve
+from filippov.analysis.basin import basin
+from filippov.analysis.event_map import EventMap
 from filippov.analysis.orbit_search import find_orbit
+from filippov.analysis.section import Section
+from filippov.models import get
 from filippov.models.two_blocks import both_stick, stick_map, two_blocks
 
 SYSTEM = two_blocks()
@@ -60,6 +66,53 @@ def turn(d: float) -> tuple[float, float]:
         if not side.any():
             return float(y[0] - y[2]), spent
     raise AssertionError("no stick of both blocks")
+
+
+SECTION = Section.from_model(get("two_blocks"))
+
+
+@pytest.mark.parametrize("d", [-0.6, -0.35, -0.1, 0.05, 0.3, 0.47, 0.6])
+def test_event_map_of_the_model_agrees_with_phases_of_scipy(d: float) -> None:
+    turns = EventMap(SYSTEM, SECTION)
+    assert turns(d) == pytest.approx(turn(d)[0], abs=1e-9)
+    h = 1e-4
+    slope = (8 * (turn(d + h)[0] - turn(d - h)[0]) - turn(d + 2 * h)[0] + turn(d - 2 * h)[0]) / (12 * h)
+    assert turns.derivative(d) == pytest.approx(slope, abs=1e-6)
+    assert turns.orbit(d)[-1].end_mode == (0, 0)
+
+
+def test_derivative_by_the_speed_of_the_belt() -> None:
+    turns, h = EventMap(SYSTEM, SECTION, rtol=1e-12, atol=1e-14), 1e-4
+    at = [turns.remake(parameters={"vb": VB + k * h})(0.3) for k in (-2, -1, 1, 2)]
+    slope = (8 * (at[2] - at[1]) - at[3] + at[0]) / (12 * h)
+    assert turns.jet(0.3, ("vb",))[2] == pytest.approx(slope, abs=1e-7)
+
+
+def test_sections_that_do_not_fit_are_named() -> None:
+    parts = (SECTION.kind, SECTION.coordinate, SECTION.lift)
+    with pytest.raises(UsageError, match="expected 2 signs, for block 1, block 2"):
+        Section("block 1", *parts, after="0").bind(SYSTEM)
+    with pytest.raises(UsageError, match="expected signs"):
+        Section("block 1", *parts, after="stick")
+    with pytest.raises(UsageError, match="block 3"):
+        Section("block 1, block 3", *parts).bind(SYSTEM)
+    with pytest.raises(UsageError, match="a state or a formula in states"):
+        Section("block 1", SECTION.kind, "x1 - y", SECTION.lift).bind(SYSTEM)
+    with pytest.raises(UsageError, match="expected one state"):
+        basin(SYSTEM, SECTION, ("x1", [0.0, 1.0]), ("x2", [0.0, 1.0]), (-0.6, 0.6))
+
+
+def test_commands_take_the_section(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["event-map", "two_blocks", "-p", "vb=0.1", "--points", "30"]
+    data = summary(capsys, *words, "-o", str(tmp_path))
+    slopes = {round(point["d"], 4): point["slope"] for point in data["fixed_points"]}
+    assert slopes[-0.3888] == pytest.approx(-2.56335283, abs=1e-6)
+    assert (tmp_path / "map.png").is_file()
+    parts = ["--surface", "block 1, block 2", "--event", "sliding entry", "--coordinate", "x1 - x2"]
+    again = summary(capsys, *words, *parts, "--after", "00")
+    assert again["fixed_points"] == data["fixed_points"]
+    other = summary(capsys, *words, *parts)
+    assert other["fixed_points"] != data["fixed_points"]
 
 
 @pytest.mark.parametrize("d", [-0.6, -0.35, -0.1, 0.05, 0.3, 0.47, 0.6])

@@ -121,9 +121,13 @@ TREE = (
            "one whole number or times with commas", releases, metavar="N|T,T,..."),
 )  # fmt: skip
 SECTION = (
-    Option("surface", "surface of the section, where the model proposes none", text, metavar="NAME"),
+    Option("surface", "surface of the section, where the model proposes none; several with commas", text,
+           metavar="NAME"),
     Option("event", "kind of event that ends a turn, such as 'sliding entry'", text, metavar="KIND"),
-    Option("coordinate", "state that is read on the section", text, metavar="STATE"),
+    Option("after", "mode after the event, such as 0 or +0, with * for any sign: other events do not end a "
+           "turn", text, metavar="MODE"),
+    Option("coordinate", "what is read on the section: a state or a formula in states", text,
+           metavar="STATE"),
     Option("lift", "where a turn starts, a formula in d and parameters for each state: x=d,v=0", formulas,
            metavar="FORMULAS"),
     Option("t_max", "longest time of a turn", number, metavar="T"),

@@ -17,6 +17,7 @@ from filippov.names import unknown
 from filippov.plot_maps import plot_diagram, plot_event_map
 
 PARTS = ("surface", "event", "coordinate", "lift")
+CONDITION = "after"
 SPECIAL_COLUMNS = ("kind", "value", "d", "residual", "note")
 POINT_COLUMNS = ("d", "kind", "slope", "stable", "residual", "period", "note")
 CHUNK = 64
@@ -30,13 +31,17 @@ def section_of(loaded: Loaded, settings: dict[str, Any]) -> Any:
     if own is None and len(given) < len(PARTS):
         missing = ", ".join(f"--{name}" for name in PARTS if name not in given)
         raise UsageError(f"{loaded.name} proposes no section; give {missing}.")
+    if settings.get(CONDITION) is not None:
+        given[CONDITION] = settings[CONDITION]
     base = {} if own is None else {
         "surface": own.surface, "event": own.kind, "coordinate": own.coordinate, "lift": own.lift,
+        CONDITION: own.after if given.keys().isdisjoint(("surface", "event")) else "",
     }  # fmt: skip
     chosen = base | given
     own_time = 100.0 if own is None else own.t_max
     t_max = own_time if settings.get("t_max") is None else settings["t_max"]
-    made = section(chosen["surface"], chosen["event"], chosen["coordinate"], chosen["lift"], t_max)
+    made = section(chosen["surface"], chosen["event"], chosen["coordinate"], chosen["lift"], t_max,
+                   chosen.get(CONDITION, ""))  # fmt: skip
     try:
         made.bind(loaded.system)
     except ModelError as error:  # the system is made, so it is the lift
@@ -88,7 +93,8 @@ def run_event_map(settings: dict[str, Any], console: Console) -> int:
     _tell(points, console)
     data = {
         "model": loaded.name, "parameters": values, "order": settings["order"], "interval": [lo, hi],
-        "section": {"surface": section.surface, "kind": section.kind, "coordinate": section.coordinate},
+        "section": {"surface": section.surface, "kind": section.kind, "coordinate": section.coordinate,
+                    "after": section.after},
         "fixed_points": [point_data(point) for point in points], "complete": code == 0,
     }  # fmt: skip
     if orbit is not None:
