@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from filippov.analysis.saltation import derivative_by_all, onto_section
 from filippov.analysis.section import BoundSection, Section
-from filippov.analysis.turn import motion, turns
+from filippov.analysis.turn import MOST_STEPS, motion, turns
+from filippov.ensemble import Prepared
 from filippov.solution import Solution
 from filippov.status import Status
 from filippov.system import System
@@ -47,6 +48,11 @@ class EventMap:
         self.p = system.parameters.resolve(parameters)
         self.parameters = dict(zip(system.parameters.names, self.p.tolist(), strict=True))
         self.rtol, self.atol, self.method = rtol, atol, method
+        self._prepared: Prepared | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Machine code stays in its process."""
+        return {**vars(self), "_prepared": None}
 
     def remake(self, **changes: Any) -> EventMap:
         """The same map with other parameters (updated by name), order or tolerances."""
@@ -82,10 +88,22 @@ class EventMap:
         return values, tuple(statuses)
 
     def _turn(self, d: Array) -> tuple[Array, tuple[Status, ...]]:
-        x, ended, resting = turns(
-            self.bound, self.bound.start(d, self.p), self.parameters, rtol=self.rtol, atol=self.atol,
-            method=self.method,
-        )  # fmt: skip
+        start = self.bound.start(d, self.p)
+        if self.section.after:
+            x, ended, resting = turns(
+                self.bound, start, self.parameters, rtol=self.rtol, atol=self.atol, method=self.method
+            )
+        else:
+            if self._prepared is None:
+                self._prepared = Prepared(
+                    self.system, (0.0, self.section.t_max), stop=self.section.stop, rtol=self.rtol,
+                    atol=self.atol, method=self.method, max_steps=MOST_STEPS,
+                )  # fmt: skip
+            rows = np.empty((d.size, self.p.size))
+            rows[:] = self.p
+            ends = self._prepared.run(start, rows)
+            x, ended = ends.x, list(ends.status)
+            resting = np.any(ends.mode[:, self.bound.surfaces] == 0, axis=1)
         values = self.bound.read(x)
         if ended.count(Status.STOPPED) == len(values):
             return values, tuple(ended)

@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from filippov._kernels import codes
 from filippov._kernels.build import ENTRIES, Compiled, build
-from filippov._kernels.layout import LANES
 from filippov.events import Stop
 from filippov.machine import Array, Machine
 from filippov.options import Options
@@ -35,9 +34,9 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def lane_unit(machine: Machine, method: str) -> Compiled:
+def lane_unit(machine: Machine, method: str, lanes: int) -> Compiled:
     """The machine's system and method compiled for several trajectories side by side."""
-    return build(machine.unit.source, machine.constants, method, lanes=True)
+    return build(machine.unit.source, machine.constants, method, lanes)
 
 
 class Batch:
@@ -63,9 +62,8 @@ class Batch:
         clock[codes.STEP] = options.first_step or 0.0
         count[codes.STEP_BUDGET], count[codes.EVENT_BUDGET] = options.max_steps, options.max_events
         stop = np.zeros((m, codes.STOPS), dtype=np.int64)
-        names = [surface.name for surface in machine.system.surfaces]
         for item in stops:
-            place = names.index(item.surface), item.column
+            place = machine.system.surface_index(item.surface), item.column
             stop[place] = min(stop[place], item.count) if stop[place] > 0 else item.count
         self.clock, self.count, self.stop = _rows(k, clock), _rows(k, count), _rows(k, stop)
         self.zeno = np.zeros((k, m, codes.ZENO_ROOM))
@@ -76,7 +74,6 @@ class Batch:
         self.p = machine.derived(values)
         # The next row to be taken and the number of those that are done: the threads share them.
         self.queue = np.zeros(2, dtype=np.int64)
-        self.halt = threading.Event()
 
     def run(
         self, threads: int, unit: Compiled | None, look: Callable[[int], None] | None = None
@@ -91,55 +88,98 @@ class Batch:
                 if look is not None:
                     look(int(self.queue[1]))
             return
+        halt = threading.Event()
         with ThreadPoolExecutor(threads) as pool:
-            work = [pool.submit(self._work, unit) for _ in range(threads)]
+            work = [pool.submit(self._work, unit, halt) for _ in range(threads)]
             try:
                 while wait(work, timeout=_WAITING).not_done:
                     if look is not None:
                         look(int(self.queue[1]))
             finally:
-                self.halt.set()
+                halt.set()
             for done in work:
                 done.result()
 
-    def _work(self, unit: Compiled | None) -> None:
+    def _work(self, unit: Compiled | None, halt: threading.Event) -> None:
         for _ in self._chunks(unit):
-            if self.halt.is_set():
+            if halt.is_set():
                 return
 
     def _chunks(self, unit: Compiled | None) -> _Chunks:
         return _Chunks(self, unit)
 
 
+class _Room:
+    """One thread's scratch: lanes, events and what a step needs, kept for the machine's next batch."""
+
+    def __init__(self, machine: Machine, unit: Compiled | None) -> None:
+        n, m, place = machine.n, machine.m, machine.compiled.layout
+        width = int(machine.unit.constants["P"])  # type: ignore[arg-type]
+        lanes = 1 if unit is None else unit.lanes
+        sizes = (codes.CLOCK_SIZE, _TALLIES, n, m, m, width, n, place.doubles) if unit else ()
+        total, starts = 0, []
+        for size in sizes:
+            starts.append(total)
+            total += size * lanes
+        events = (_EVENT_ROOM + m) * machine.event_size
+        room = np.zeros(total + events + place.doubles + 8)
+        # Vectors must not lie across two cache lines.
+        first = (-room.ctypes.data // 8) % 8
+        self.doubles = room[first:]
+        base = self.doubles.ctypes.data
+        self.wide = [
+            self.doubles[start : start + size * lanes].reshape(size, lanes)
+            for start, size in zip(starts, sizes, strict=True)
+        ]
+        marks = (_EVENT_ROOM + m) * (2 + 2 * m)
+        self.integers = np.zeros(lanes + 2 * place.integers + marks, dtype=np.int64)
+        whole = self.integers.ctypes.data
+        self.rows = self.integers[:lanes]
+        self.entries = np.array([machine.compiled.addresses[name] for name in ENTRIES], dtype=np.int64)
+        inside = place.integers
+        self.before = [whole]
+        if unit is not None:
+            self.before += [self.entries.ctypes.data, *(base + 8 * start for start in starts)]
+            self.before.append(whole + 8 * lanes)
+        self.events, self.marks = base + 8 * total, whole + 8 * (lanes + inside)
+        self.after = [
+            base + 8 * (total + events), whole + 8 * (lanes + inside + marks), machine.context.ctypes.data
+        ]  # fmt: skip
+
+    def clear(self, atol: Array) -> None:
+        """As new: what a batch leaves behind must not reach the next."""
+        self.doubles[:] = 0.0
+        self.integers[:] = 0
+        self.rows[:] = -1
+        if self.wide:
+            self.wide[0][[codes.RTOL, codes.TREND]] = 1.0
+            self.wide[3][:] = 1.0
+            self.wide[6][:] = atol[:, None]
+
+
 class _Chunks:
     """One thread's part of a batch: an iterator that works for a chunk of steps at a time."""
 
     def __init__(self, batch: Batch, unit: Compiled | None) -> None:
-        machine, m, n = batch.machine, batch.machine.m, batch.machine.n
-        self.batch, self.unit = batch, unit
+        machine = batch.machine
+        self.batch, self.last, self.steps = batch, batch.size, _CHUNK
         self.function = machine.compiled.functions["ensemble"]
-        self.last, self.steps = batch.size, _CHUNK
-        place = machine.compiled.layout
-        own: list[npt.NDArray[np.float64] | Whole]
-        if unit is None:
-            own = [np.full(1, -1, dtype=np.int64)]
-        else:
-            self.function, self.steps = unit.functions["lane_run"], _CHUNK // LANES
-            addresses = [machine.compiled.addresses[name] for name in ENTRIES]
-            own = [np.full(LANES, -1, dtype=np.int64), np.array(addresses, dtype=np.int64)]
-            wide = _aligned((codes.CLOCK_SIZE, _TALLIES, n, m, m, batch.p.shape[1], n, place.doubles))
-            wide[0][[codes.RTOL, codes.TREND]] = 1.0
-            wide[3][:] = 1.0
-            wide[6][:] = batch.atol[:, None]
-            own += [*wide, np.zeros(place.integers, dtype=np.int64)]
-        self.arrays = [
-            batch.queue, *own, batch.clock, batch.count, batch.x, batch.mode, batch.order, batch.hit,
-            batch.lam, batch.p, batch.atol, batch.stop, batch.zeno, batch.kinds,
-            np.zeros((_EVENT_ROOM + m, machine.event_size)),
-            np.zeros((_EVENT_ROOM + m, 2 + 2 * m), dtype=np.int64), batch.code, np.zeros(place.doubles),
-            np.zeros(place.integers, dtype=np.int64), machine.context,
+        if unit is not None:
+            self.function, self.steps = unit.functions["lane_run"], _CHUNK // unit.lanes
+        self.rooms = machine.rooms.setdefault(unit.lanes if unit is not None else 1, [])
+        try:
+            self.room = self.rooms.pop()
+        except IndexError:
+            self.room = _Room(machine, unit)
+        self.room.clear(batch.atol)
+        rows = (
+            batch.clock, batch.count, batch.x, batch.mode, batch.order, batch.hit, batch.lam, batch.p,
+            batch.atol, batch.stop, batch.zeno, batch.kinds,
+        )  # fmt: skip
+        self.addresses = [
+            batch.queue.ctypes.data, *self.room.before, *[array.ctypes.data for array in rows],
+            self.room.events, self.room.marks, batch.code.ctypes.data, *self.room.after,
         ]  # fmt: skip
-        self.addresses = [array.ctypes.data for array in self.arrays]
         self.row = 0
         self.more = True
 
@@ -148,11 +188,12 @@ class _Chunks:
 
     def __next__(self) -> None:
         if not self.more:
+            self.rooms.append(self.room)
             raise StopIteration
         machine = self.batch.machine
         if machine.callbacks is not None:
             # One row a call: the parameters of plain functions are handed over before it.
-            if self.arrays[1][0] < 0:
+            if self.room.rows[0] < 0:
                 machine.callbacks.parameters(self.batch.values[self.row])
                 self.batch.queue[0] = self.row
                 self.row += 1
@@ -170,19 +211,9 @@ def _rows(k: int, row: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return rows
 
 
-def _aligned(sizes: tuple[int, ...]) -> list[Array]:
-    """Zeros for so many numbers of every lane, on the border of a cache line: shapes (size, LANES)."""
-    room = np.zeros(sum(sizes) * LANES + 8)
-    first = (-room.ctypes.data // 8) % 8
-    arrays = []
-    for size in sizes:
-        arrays.append(room[first : first + size * LANES].reshape(size, LANES))
-        first += size * LANES
-    return arrays
-
-
 def system_threads(system: System, threads: int | None, rows: int, least: int) -> int:
     """How many threads: as asked, at most one for every `least` rows, one for plain Python functions."""
     if system.symbolic is None:
         return 1
-    return max(1, min(threads or cores(), rows // least or 1))
+    most = rows // least or 1
+    return max(1, min(threads or cores(), most)) if most > 1 else 1

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov._kernels import codes
-from filippov._kernels.layout import LANES
+from filippov._kernels.build import widest
+from filippov._kernels.layout import LANES, MOST_LANES
 from filippov.batch import UNFINISHED, Batch, lane_unit, system_threads
 from filippov.errors import UsageError
 from filippov.events import Event, Stop, columns_of
@@ -51,6 +52,8 @@ _OPTIONS = (
 _IN_LANES = ("DOP853", "DP5")
 # Fewer rows than this do not repay the compilation of lanes.
 _ENOUGH = 64
+# A thread of its own for every so many rows, one by one and in lanes.
+_ROWS_EACH = (16, 128)
 # Rows in memory at a time with all that a running trajectory needs.
 _BLOCK = 1 << 16
 
@@ -68,7 +71,7 @@ class Ensemble:
     measured   what `measure` made of them, None without it
     complete   False where the work was interrupted; trajectories that had not ended have status INTERRUPTED
                and the state of their last step
-    lanes      trajectories side by side in the compiled code: 8, or 1; threads: how many worked
+    lanes      trajectories side by side in the compiled code: 16, 8 or 1; threads: how many worked
     """
 
     t: Array
@@ -125,8 +128,9 @@ def solve_many(
     parameters  values by name, each a number or k numbers
     stop        terminal events, as in `solve`
     threads     default: all cores (1 for systems of plain Python functions)
-    lanes       trajectories side by side in vector instructions: 8 or 1; default: 8 where the system is
-                symbolic with switching functions linear in (t, x), and there are 64 trajectories or more
+    lanes       trajectories side by side in vector instructions: 16, 8 or 1; default: where the system is
+                symbolic with switching functions linear in (t, x), and there are 64 trajectories or more, 16
+                on processors with AVX-512 and 8 on others
     measure     function of the Ensemble of a block of trajectories (up to 65,536, in order) that returns an
                 array with a row for each; the blocks' results, joined, are `measured`
     progress    called with (trajectories done, k) now and then
@@ -137,42 +141,64 @@ def solve_many(
     Ctrl-C the trajectories done so far are returned, with `complete` False.
     Raises UsageError, ModelError, and what `measure` and `progress` raise.
     """
-    check_known("option", options, _OPTIONS, UsageError)
-    span, stops = check_span(t_span), check_stops(stop, system)
-    checked = Options(dense_output=False, **options)
+    prepared = Prepared(system, t_span, stop=stop, threads=threads, lanes=lanes, **options)
     states, values = _points(system, x0, parameters or {})
-    count = len(states)
-    if system.symbolic is not None:
-        machine = _machine(system, checked.method, checked.sliding)
-    else:
-        machine = Machine(system, checked.method, values[0], sliding=checked.sliding)
-    width = _lanes(lanes, machine, checked.method, count)
-    unit = _lane_unit(machine, checked.method) if width > 1 else None
-    workers = system_threads(system, threads, count, 16 * width)
-    parts: list[Ensemble] = []
-    for first in range(0, max(count, 1), _BLOCK):
-        rows = slice(first, min(first + _BLOCK, count))
-        batch = Batch(machine, states[rows], values[rows], span, stops, checked)
+    return prepared.run(states, values, measure=measure, progress=progress)
 
-        def look(done: int, first: int = first) -> None:
-            if progress is not None:
-                progress(first + done, count)
 
-        complete = True
-        try:
-            if system.time_events:
-                batch.code[:] = codes.GENERAL  # the driver of `solve` stops at the instants
-            else:
-                batch.run(workers, unit, look)
-        except KeyboardInterrupt:
-            complete = False
-        part = _collect(batch, states[rows], span, stops, options, complete, width, workers)
-        if measure is not None:
-            part = replace(part, measured=_measured(measure, part))
-        parts.append(part)
-        if not part.complete:
-            break
-    return _joined(parts, states, span)
+class Prepared:
+    """What calls of `solve_many` with one system, span and options have in common, checked and compiled once.
+
+    Arguments as there.
+    """
+
+    def __init__(
+        self, system: System, t_span: Any, *, stop: Stop | tuple[Stop, ...] = (), threads: int | None = None,
+        lanes: int | None = None, **options: Any,
+    ) -> None:  # fmt: skip
+        check_known("option", options, _OPTIONS, UsageError)
+        self.system, self.options = system, options
+        self.span, self.stops = check_span(t_span), check_stops(stop, system)
+        self.checked = Options(dense_output=False, **options)
+        self.threads, self.lanes = threads, lanes
+        self.machine: Machine | None = None
+        if system.symbolic is not None:
+            self.machine = _machine(system, self.checked.method, self.checked.sliding)
+
+    def run(
+        self, states: Array, values: Array, *, measure: Callable[[Ensemble], Any] | None = None,
+        progress: Callable[[int, int], object] | None = None,
+    ) -> Ensemble:  # fmt: skip
+        """The ends of trajectories from states (k, n) with rows of parameters (k, P)."""
+        count, system, checked, span = len(states), self.system, self.checked, self.span
+        machine = self.machine or Machine(system, checked.method, values[0], sliding=checked.sliding)
+        width = _lanes(self.lanes, machine, checked.method, count)
+        unit = _lane_unit(machine, checked.method, width) if width > 1 else None
+        workers = system_threads(system, self.threads, count, _ROWS_EACH[width > 1])
+        parts: list[Ensemble] = []
+        for first in range(0, max(count, 1), _BLOCK):
+            rows = slice(first, min(first + _BLOCK, count))
+            batch = Batch(machine, states[rows], values[rows], span, self.stops, checked)
+
+            def look(done: int, first: int = first) -> None:
+                if progress is not None:
+                    progress(first + done, count)
+
+            complete = True
+            try:
+                if system.time_events:
+                    batch.code[:] = codes.GENERAL  # the driver of `solve` stops at the instants
+                else:
+                    batch.run(workers, unit, look)
+            except KeyboardInterrupt:
+                complete = False
+            part = _collect(batch, states[rows], span, self.stops, self.options, complete, width, workers)
+            if measure is not None:
+                part = replace(part, measured=_measured(measure, part))
+            parts.append(part)
+            if not part.complete:
+                break
+        return _joined(parts, states, span)
 
 
 @lru_cache(maxsize=64)
@@ -191,9 +217,9 @@ def _lanes(lanes: int | None, machine: Machine, method: str, count: int) -> int:
         linear = bool(machine.unit.constants["ALL_LINEAR"])
         possible = system.symbolic is not None and method in _IN_LANES and linear
         possible = possible and machine.sliding != "utkin"
-        return LANES if possible and count >= _ENOUGH else 1
-    if isinstance(lanes, bool) or lanes not in (1, LANES):
-        raise UsageError(f"lanes is {lanes!r}, expected 1 or {LANES}.")
+        return widest() if possible and count >= _ENOUGH else 1
+    if isinstance(lanes, bool) or lanes not in (1, LANES, MOST_LANES):
+        raise UsageError(f"lanes is {lanes!r}, expected 1, {LANES} or {MOST_LANES}.")
     if lanes > 1 and system.symbolic is None:
         raise UsageError(
             f"lanes is {lanes}, but the system is made of plain Python functions, which are called one state "
@@ -245,8 +271,8 @@ def _collect(
 ) -> Ensemble:  # fmt: skip
     """The ends of a batch, with the rows that need the general path solved by it."""
     system = batch.machine.system
-    statuses: list[Status | None] = _OF_CODE[batch.code - UNFINISHED].tolist()
-    messages = [""] * len(statuses)
+    statuses = _statuses(batch.code)
+    messages = [""] * batch.size
     t, nfev = batch.clock[:, codes.T].copy(), batch.count[:, codes.FIELD_CALLS].copy()
     counts = batch.kinds[:, :-2].reshape(batch.size, batch.machine.m, codes.KINDS).astype(np.int32)
     last = batch.kinds[:, -2:].copy()
@@ -273,6 +299,14 @@ def _collect(
         nfev, counts, last,
         complete=complete, lanes=lanes, threads=threads, surfaces=names,
     )  # fmt: skip
+
+
+def _statuses(code: npt.NDArray[np.int64]) -> list[Status | None]:
+    first = int(code[0]) if code.size else UNFINISHED
+    if np.all(code == first):
+        return [_STATUS.get(first)] * code.size
+    known: list[Status | None] = _OF_CODE[code - UNFINISHED].tolist()
+    return known
 
 
 def _column(event: Event) -> int:

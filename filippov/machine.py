@@ -99,6 +99,8 @@ class Machine:
         self.component: tuple[int, ...] = tuple(component[: self.m])
         self.calls = 0
         self.values, self.method, self.sliding = p, method, sliding
+        # Scratch of batches by their lanes that waits for the next one (see `batch`).
+        self.rooms: dict[int, list[Any]] = {}
 
     @cached_property
     def local(self) -> Machine:

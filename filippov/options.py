@@ -85,6 +85,8 @@ class Options:
 
     def tolerances(self, system: System) -> npt.NDArray[np.float64]:
         """One absolute tolerance a state."""
+        if isinstance(self.atol, float):
+            return np.full(system.dimension, self.atol)
         atol = np.asarray(self.atol, dtype=float)
         if atol.ndim and atol.shape != (system.dimension,):
             raise UsageError(

@@ -11,6 +11,7 @@ import sympy
 
 from filippov import ModelError, Status, Surface, System, UsageError, parameters, sign, sqrt, states
 from filippov import ensemble as ensembles
+from filippov._kernels.build import widest
 from filippov.analysis.event_map import EventMap
 from filippov.analysis.section import Section
 from filippov.ensemble import Ensemble, solve_many
@@ -50,8 +51,8 @@ def assert_alike(one: Ensemble, other: Ensemble, allowed: float = 10.0) -> None:
 def test_lanes_end_where_the_plain_loop_does(name: str) -> None:
     system, x0, span = starts(name, 21)
     plain = solve_many(system, x0, span, lanes=1, threads=1, **OPTIONS)
-    lanes = solve_many(system, x0, span, lanes=8, threads=1, **OPTIONS)
-    assert (plain.lanes, lanes.lanes) == (1, 8)
+    lanes = solve_many(system, x0, span, lanes=widest(), threads=1, **OPTIONS)
+    assert (plain.lanes, lanes.lanes) == (1, widest())
     assert_alike(plain, lanes)
 
 
@@ -62,7 +63,7 @@ def spring() -> System:
     return System({x: v, v: -x - p.f * sign(v)})
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("lanes", [1, 8, 16])
 def test_surfaces_left_and_met_again_in_one_step(lanes: int) -> None:
     """Parabolas, exact at any step: a quarter turn from rest at x = a takes sqrt(2 a)."""
     x, y = states("x y")
@@ -137,7 +138,7 @@ def test_the_order_of_rows_does_not_matter() -> None:
     np.testing.assert_array_equal(mixed.counts, ends.counts[order])
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("lanes", [1, 8, 16])
 def test_threads_share_the_rows(lanes: int) -> None:
     system, x0, _ = starts("hunting", 300)
     one = solve_many(system, x0, SPAN, lanes=lanes, threads=1, **OPTIONS)
@@ -147,7 +148,7 @@ def test_threads_share_the_rows(lanes: int) -> None:
     np.testing.assert_array_equal(two.counts, one.counts)
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("lanes", [1, 8, 16])
 def test_budgets_end_a_trajectory_by_name(lanes: int) -> None:
     x0 = np.column_stack([np.linspace(7.1, 9, 16), np.zeros(16)])
     few = solve_many(spring(), x0, (0, 40), lanes=lanes, max_steps=5)
@@ -169,7 +170,7 @@ def test_terminal_events_leave_their_time_and_state() -> None:
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("lanes", [1, 8, 16])
 def test_an_interrupted_ensemble_keeps_what_is_done(
     lanes: int, threads: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -92,7 +92,7 @@ def test_points_together_and_one_by_one_agree(tmp_path: Path) -> None:
     together = Sweep(brake(), vary, measure=["end", "t_end", "events"], stop=Stop("rest", "sliding entry"))
     single = Sweep(brake(), vary, measure=["end", "t_end", "events", "dwell(0)"],
                    stop=Stop("rest", "sliding entry"))  # fmt: skip
-    assert together.lanes == 8
+    assert together.lanes in (8, 16)
     assert single.lanes == 0
     a, b = serial(together), serial(single)
     assert np.allclose(a["t_end"], a["x0.v"] / a["mu"], atol=1e-9)
@@ -104,7 +104,7 @@ def test_chunks_of_any_size_give_the_same_bits(tmp_path: Path) -> None:
     vary = {"P": np.linspace(10, 30, 40), "x0.x": np.linspace(-0.3, 0.3, 30)}
     model = get("hunting")
     sweep = Sweep(Problem(model.build(), model.x0, (0, 3)), vary, measure=["end", "nfev"])
-    assert sweep.lanes == 8
+    assert sweep.lanes in (8, 16)
     plain = serial(sweep)
     assert serial(sweep, tmp_path, chunk=100).content_hash == plain.content_hash
     for path in sorted((tmp_path / "chunks").glob("*.npz"))[:2]:

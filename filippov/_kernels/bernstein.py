@@ -38,33 +38,43 @@ def deflate(c: Vector, order: int) -> int:
 
 
 @kernel
-def bernstein_slope(c: Vector, degree: int, u: float, work: Vector) -> tuple[float, float]:
-    """Value and derivative at u in [0, 1], by de Casteljau."""
-    for j in range(degree + 1):
-        work[j] = c[j]
-    for r in range(degree - 1):
-        for j in range(degree - r):
-            work[j] = (1.0 - u) * work[j] + u * work[j + 1]
-    return (1.0 - u) * work[0] + u * work[1], float(degree) * (work[1] - work[0])
+def newton_step(c: Vector, degree: int, u: float) -> tuple[float, float, float]:
+    """p and p' at u in [0, 1], both up to positive factors, and p / p' there (0 where p' is).
+
+    p = (1 - u)**n sum a_j q**j with q = u / (1 - u) where u is below 1/2, from the other end above (Schumaker
+    & Volk 1986): as stable as de Casteljau, at a fraction of the work.
+    """
+    forward = u <= 0.5
+    near = u if forward else 1.0 - u
+    far = 1.0 - u if forward else u
+    q = near / far
+    value, slope = 0.0, 0.0
+    for k in range(degree + 1):
+        j = degree - k if forward else k
+        slope = slope * q + value
+        value = value * q + BINOMIAL[degree * NODES + j] * c[j]
+    change = slope / far - float(degree) * value
+    change = change if forward else -change
+    return value, change, (value * far / change if change != 0.0 else 0.0)
 
 
 @kernel
-def bracketed_root(c: Vector, degree: int, work: Vector) -> float:
+def bracketed_root(c: Vector, degree: int) -> float:
     """The one root of c in [0, 1], c[0] > 0 >= c[degree]: Newton's steps, bisection where they leave it."""
     lo, hi = 0.0, 1.0
     if c[degree] == 0.0:
         return 1.0
     u, before = float(c[0] / (c[0] - c[degree])), 0.0
     for iteration in range(80):
-        f, slope = bernstein_slope(c, degree, u, work)
-        if f > 0.0:
+        value, slope, step = newton_step(c, degree, u)
+        if value > 0.0:
             lo = u
-        elif f < 0.0:
+        elif value < 0.0:
             hi = u
         else:
             return u
-        following = u - f / slope if slope < 0.0 else -1.0
-        newton = lo < following < hi and iteration % 8 != 7
+        following = u - step
+        newton = slope < 0.0 and lo < following < hi and iteration % 8 != 7
         if not newton:
             following = 0.5 * (lo + hi)
         change = abs(following - u)
@@ -124,7 +134,7 @@ def first_root(
             return SIMPLE_ROOT, lo
         # Where the end is 0 exactly, one change of sign does not say that the root is there.
         if changes == 1 and (row[degree] < 0.0 or least >= 0.0):
-            return SIMPLE_ROOT, lo + width * bracketed_root(row, degree, work)
+            return SIMPLE_ROOT, lo + width * bracketed_root(row, degree)
         if least > 0.0 and width <= RESOLUTION:
             # No root here; a least value inside the piece, or on the seam to the one before, is a touching.
             falls, rises = row[1] < row[0], row[degree] > row[degree - 1]

@@ -21,7 +21,7 @@ from typing import Any
 
 from filippov._kernels import codes, layout, radau_tables, tables
 from filippov._kernels.compiler import compile_unit, load_object
-from filippov._kernels.layout import Layout
+from filippov._kernels.layout import LANES, MOST_LANES, Layout
 from filippov._kernels.method import method_constants, method_source
 from filippov._kernels.rules import MOMENTS
 from filippov._kernels.tableaus import TABLEAUS
@@ -66,6 +66,7 @@ class Compiled:
     addresses: Mapping[str, int]
     layout: Layout
     engine: object
+    lanes: int = 1
 
 
 def cache_folder() -> Path:
@@ -86,6 +87,14 @@ def _toolchain() -> bytes:
 
     parts += [binding.get_host_cpu_name().encode(), binding.get_host_cpu_features().flatten().encode()]
     return b"\0".join(hashlib.sha256(part).digest() for part in parts)
+
+
+@cache
+def widest() -> int:
+    """Trajectories side by side that suit this processor: two vectors of 8 where it has them, else 8."""
+    from llvmlite import binding
+
+    return MOST_LANES if binding.get_host_cpu_features().get("avx512f", False) else LANES
 
 
 @cache
@@ -126,12 +135,13 @@ def _number(node: ast.expr) -> int | float | bool | None:
 
 
 def _compile(
-    source: str, constants: Mapping[str, Constant], method: str, place: Layout, exported: Mapping[str, str]
-) -> bytes:
+    source: str, constants: Mapping[str, Constant], method: str, place: Layout, exported: Mapping[str, str],
+    lanes: int,
+) -> bytes:  # fmt: skip
     tableau = TABLEAUS[method]
     shared, texts = _shared()
-    unit = Unit()
-    unit.constants.update(shared)
+    unit = Unit(width=max(lanes, LANES))
+    unit.constants.update({**shared, "LANES": unit.width})
     unit.constants.update(place.constants)
     unit.constants.update(method_constants(tableau))
     for text in (source, method_source(tableau), *texts):
@@ -164,12 +174,12 @@ def _write(path: Path, code: bytes) -> None:
         return
 
 
-def build(source: str, constants: Mapping[str, Constant], method: str, lanes: bool = False) -> Compiled:
+def build(source: str, constants: Mapping[str, Constant], method: str, lanes: int = 1) -> Compiled:
     """The compiled unit of a system: its kernel source, its constants (N, M, ROLE ...) and a method.
 
-    lanes  the unit that runs several trajectories side by side, in place of the plain one
+    lanes  trajectories side by side: 1, 8 or 16
     """
-    exported = LANE_EXPORTED if lanes else EXPORTED
+    exported = LANE_EXPORTED if lanes > 1 else EXPORTED
     n, m = int(constants["N"]), int(constants["M"])  # type: ignore[arg-type]
     colours, largest = int(constants["COLOURS"]), int(constants["LARGEST"])  # type: ignore[arg-type]
     moments = constants["RULE"] == MOMENTS
@@ -182,7 +192,7 @@ def build(source: str, constants: Mapping[str, Constant], method: str, lanes: bo
         path = cache_folder() / f"{name}.unit"
         code = _read(path)
         if code is None:
-            code = _compile(source, constants, method, place, exported)
+            code = _compile(source, constants, method, place, exported, lanes)
             _write(path, code)
         engine = load_object(code)
         functions, addresses = {}, {}
@@ -190,5 +200,5 @@ def build(source: str, constants: Mapping[str, Constant], method: str, lanes: bo
             kinds = [_KINDS[letter] for letter in arguments]
             addresses[function] = engine.get_function_address(function)
             functions[function] = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds)(addresses[function])
-        _loaded[name] = Compiled(functions, addresses, place, engine)
+        _loaded[name] = Compiled(functions, addresses, place, engine, lanes)
         return _loaded[name]

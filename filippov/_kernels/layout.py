@@ -9,8 +9,8 @@ from filippov._kernels.tables import DEGREE, DEPTH, NODES
 SPLITS, CHECKS = 10, 2
 MULTIPLIER, LEAST, MOST, RATE_PLUS, RATE_MINUS, SLOPE, COLUMNS = 0, 1, 2, 3, 4, 5, 6
 MOST_ENUMERATED = 6
-# Trajectories side by side in a lane kernel.
-LANES = 8
+# Trajectories side by side in a lane kernel: two vectors keep a processor busier whose vectors hold 8.
+LANES, MOST_LANES = 8, 16
 # Rules of sliding by name, in the order of their numbers in `rules`.
 RULES = ("filippov", "moments", "utkin")
 

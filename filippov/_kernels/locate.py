@@ -335,9 +335,7 @@ def locate(
             allowed = w[W_TOUCH + i] if m[i] != 0.0 else 0.0
             touch = allowed if w[W_GRAZED + i] == 0.0 else 0.0
             # Hysteresis: what never got clear of 0 since it was last there has to go clearly below it.
-            low, high = sampled_range(row, w)
-            if direct:
-                low, high = coefficient_range(c)
+            low, high = coefficient_range(c) if direct else sampled_range(row, w)
             if ROLE[i] == OBSERVER and w[W_GRAZED + i] != 0.0 and low >= -16.0 * allowed:
                 continue
             if lo == 0.0 and m[i] != 0.0 and order[i] > 0:
@@ -382,9 +380,9 @@ def locate(
                 cause = ROOT
             else:
                 cause = UPPER if row < M else LOWER
-            upper, lower = min(1.0, u + 1e-4), max(0.0, u - 1e-4)
-            slope = bernstein_value(c, degree, upper, work) - bernstein_value(c, degree, lower, work)
-            slope /= (upper - lower) * width
+                upper, lower = min(1.0, u + 1e-4), max(0.0, u - 1e-4)
+                slope = bernstein_value(c, degree, upper, work) - bernstein_value(c, degree, lower, work)
+                slope /= (upper - lower) * width
         if not resolved:
             middle = 0.5 * (lo + hi)
             piece[0], piece[1], piece[2] = middle, hi, depth + 1.0

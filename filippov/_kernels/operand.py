@@ -5,24 +5,16 @@ from collections.abc import Sequence
 
 from llvmlite import ir
 
-from filippov._kernels.layout import LANES
 from filippov._kernels.unit import (
     BIT,
     DOUBLE,
     LONG,
     VECTOR,
-    WIDE,
-    WIDE_BIT,
-    WIDE_LONG,
-    WIDE_VECTOR,
     Constant,
     Kernel,
     KernelError,
     Unit,
 )
-
-_WIDENED = {DOUBLE: WIDE, LONG: WIDE_LONG, BIT: WIDE_BIT}
-_SUFFIX = {DOUBLE: "f64", WIDE: f"v{LANES}f64"}
 
 
 class Operands:
@@ -30,6 +22,7 @@ class Operands:
 
     def __init__(self, unit: Unit, kernel: Kernel) -> None:
         self.unit, self.kernel = unit, kernel
+        self.wide, self.wide_long, self.wide_bit = unit.wide, unit.wide_long, unit.wide_bit
         self.entry = ir.IRBuilder(kernel.function.append_basic_block("entry"))
         self.b = ir.IRBuilder(kernel.function.append_basic_block("body"))
 
@@ -41,24 +34,24 @@ class Operands:
             return self.b.sitofp(value, DOUBLE)
         if value.type == BIT:
             return self.b.uitofp(value, DOUBLE)
-        if value.type == WIDE_LONG:
-            return self.b.sitofp(value, WIDE)
-        if value.type == WIDE_BIT:
-            return self.b.uitofp(value, WIDE)
+        if value.type == self.wide_long:
+            return self.b.sitofp(value, self.wide)
+        if value.type == self.wide_bit:
+            return self.b.uitofp(value, self.wide)
         return value
 
     def splat(self, value: ir.Value) -> ir.Value:
         """The same number in every lane."""
-        kind = _WIDENED[value.type]
+        kind = ir.VectorType(value.type, self.unit.width)
         if isinstance(value, ir.Constant):
-            return ir.Constant(kind, [value.constant] * LANES)
+            return ir.Constant(kind, [value.constant] * self.unit.width)
         whole = self.b.insert_element(ir.Constant(kind, ir.Undefined), value, ir.Constant(LONG, 0))
-        places = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+        places = ir.Constant(ir.VectorType(ir.IntType(32), self.unit.width), [0] * self.unit.width)
         return self.b.shuffle_vector(whole, ir.Constant(kind, ir.Undefined), places)
 
     def alike(self, left: ir.Value, right: ir.Value) -> tuple[ir.Value, ir.Value]:
         """Both in lanes where one of them is, both doubles where one of them is."""
-        kinds = (DOUBLE, WIDE)
+        kinds = (DOUBLE, self.wide)
         if (left.type in kinds) != (right.type in kinds):
             left, right = self.double(left), self.double(right)
         wide = [isinstance(value.type, ir.VectorType) for value in (left, right)]
@@ -69,7 +62,7 @@ class Operands:
         return left, right
 
     def bit(self, value: ir.Value) -> ir.Value:
-        if value.type in (BIT, WIDE_BIT):
+        if value.type in (BIT, self.wide_bit):
             return value
         if value.type == LONG:
             return self.b.icmp_signed("!=", value, ir.Constant(LONG, 0))
@@ -82,11 +75,11 @@ class Operands:
             return self.double(value)
         if kind == LONG and value.type == BIT:
             return self.b.zext(value, LONG)
-        if kind == WIDE_VECTOR and value.type == VECTOR:
-            return self.b.bitcast(value, WIDE_VECTOR)
-        if kind == WIDE and value.type in (DOUBLE, LONG):
+        if kind == self.unit.wide_vector and value.type == VECTOR:
+            return self.b.bitcast(value, self.unit.wide_vector)
+        if kind == self.wide and value.type in (DOUBLE, LONG):
             return self.splat(self.double(value))
-        if kind == WIDE_BIT and value.type == BIT:
+        if kind == self.wide_bit and value.type == BIT:
             return self.splat(value)
         raise self.fail(node, f"a {value.type} where a {kind} is needed")
 
@@ -107,15 +100,15 @@ class Operands:
         return self.b.gep(self.unit.tables[name], [zero, zero], inbounds=True)
 
     def intrinsic(self, name: str, values: Sequence[ir.Value]) -> ir.Value:
-        if any(value.type == WIDE for value in values):
-            values = [value if value.type == WIDE else self.splat(value) for value in values]
+        if any(value.type == self.wide for value in values):
+            values = [value if value.type == self.wide else self.splat(value) for value in values]
         of = values[0].type
-        return self.b.call(
-            self.unit.intrinsic(name, ir.FunctionType(of, [of] * len(values)), _SUFFIX[of]), values
-        )
+        suffix = f"v{self.unit.width}f64" if of == self.wide else "f64"
+        kind = ir.FunctionType(of, [of] * len(values))
+        return self.b.call(self.unit.intrinsic(name, kind, suffix), values)
 
     def choose(self, values: Sequence[ir.Value], sign: str) -> ir.Value:
-        whole = all(value.type in (LONG, WIDE_LONG) for value in values)
+        whole = all(value.type in (LONG, self.wide_long) for value in values)
         best = values[0] if whole else self.double(values[0])
         for given in values[1:]:
             best, value = self.alike(best, given if whole else self.double(given))
@@ -127,9 +120,9 @@ class Operands:
     def each(self, name: str, values: Sequence[ir.Value]) -> ir.Value:
         """A function of the C library, lane by lane."""
         function = self.unit.external(name, len(values))
-        values = [value if value.type == WIDE else self.splat(self.double(value)) for value in values]
-        result: ir.Value = ir.Constant(WIDE, ir.Undefined)
-        for lane in range(LANES):
+        values = [value if value.type == self.wide else self.splat(self.double(value)) for value in values]
+        result: ir.Value = ir.Constant(self.wide, ir.Undefined)
+        for lane in range(self.unit.width):
             place = ir.Constant(LONG, lane)
             one = self.b.call(function, [self.b.extract_element(value, place) for value in values])
             result = self.b.insert_element(result, one, place)
@@ -137,10 +130,10 @@ class Operands:
 
     def ask(self, name: str, mask: ir.Value) -> ir.Value:
         """A mask as one answer, or as the bits of an integer."""
-        kind = ir.IntType(LANES)
+        kind = ir.IntType(self.unit.width)
         bits = self.b.bitcast(self.splat(mask) if mask.type == BIT else mask, kind)
         if name == "mask_bits":
             return self.b.zext(bits, LONG)
         if name == "anywhere":
             return self.b.icmp_unsigned("!=", bits, ir.Constant(kind, 0))
-        return self.b.icmp_unsigned("==", bits, ir.Constant(kind, 2**LANES - 1))
+        return self.b.icmp_unsigned("==", bits, ir.Constant(kind, 2**self.unit.width - 1))

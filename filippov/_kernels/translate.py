@@ -13,10 +13,6 @@ from filippov._kernels.unit import (
     LONG,
     VECTOR,
     VOID,
-    WIDE,
-    WIDE_BIT,
-    WIDE_LONG,
-    WIDE_VECTOR,
     Kernel,
     Unit,
 )
@@ -83,25 +79,26 @@ class _Body(Operands):
 
     def pointer(self, node: ast.Subscript) -> ir.Value:
         base, offset = self.value(node.value), self.value(node.slice)
-        if base.type not in (VECTOR, INDICES, WIDE_VECTOR) or offset.type != LONG:
+        if base.type not in (VECTOR, INDICES, self.unit.wide_vector) or offset.type != LONG:
             raise self.fail(node, "arrays are indexed by one integer")
         return self.b.gep(base, [offset], inbounds=True)
 
     def value_Subscript(self, node: ast.Subscript) -> ir.Value:
         pointer = self.pointer(node)
-        return self.b.load(pointer, align=8) if pointer.type == WIDE_VECTOR else self.b.load(pointer)
+        wide = pointer.type == self.unit.wide_vector
+        return self.b.load(pointer, align=8) if wide else self.b.load(pointer)
 
     def value_UnaryOp(self, node: ast.UnaryOp) -> ir.Value:
         value = self.value(node.operand)
         if isinstance(node.op, ast.Not):
             return self.b.not_(self.bit(value))
         if isinstance(node.op, ast.USub):
-            return self.b.fneg(value) if value.type in (DOUBLE, WIDE) else self.b.neg(value)
+            return self.b.fneg(value) if value.type in (DOUBLE, self.wide) else self.b.neg(value)
         return value
 
     def arithmetic(self, op: ast.operator, left: ir.Value, right: ir.Value, node: ast.AST) -> ir.Value:
         left, right = self.alike(left, right)
-        if left.type in (LONG, WIDE_LONG) and not isinstance(op, ast.Div | ast.Pow):
+        if left.type in (LONG, self.wide_long) and not isinstance(op, ast.Div | ast.Pow):
             table = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.FloorDiv: "sdiv", ast.Mod: "srem"}
             table |= {ast.LShift: "shl", ast.RShift: "ashr", ast.BitAnd: "and_", ast.BitOr: "or_"}
             return getattr(self.b, table[type(op)])(left, right)
@@ -124,7 +121,7 @@ class _Body(Operands):
             right = self.value(comparator)
             sign = _COMPARE[type(op)]
             left, right = self.alike(left, right)
-            if left.type in (LONG, WIDE_LONG):
+            if left.type in (LONG, self.wide_long):
                 test = self.b.icmp_signed(sign, left, right)
             elif sign == "!=":
                 test = self.b.fcmp_unordered(sign, self.double(left), self.double(right))
@@ -160,7 +157,7 @@ class _Body(Operands):
 
     def value_IfExp(self, node: ast.IfExp) -> ir.Value:
         test = self.bit(self.value(node.test))
-        if test.type == WIDE_BIT:
+        if test.type == self.wide_bit:
             left, right = self.alike(self.value(node.body), self.value(node.orelse))
             if not isinstance(left.type, ir.VectorType):
                 left, right = self.splat(left), self.splat(right)
@@ -172,7 +169,8 @@ class _Body(Operands):
         left_end = self.b.block
         self.b.position_at_end(no)
         right = self.value(node.orelse)
-        kind = left.type if left.type == right.type else WIDE if WIDE in (left.type, right.type) else DOUBLE
+        kinds = (left.type, right.type)
+        kind = left.type if left.type == right.type else self.wide if self.wide in kinds else DOUBLE
         right = self.cast(right, kind, node)
         right_end = self.b.block
         self.b.branch(done)
@@ -223,12 +221,12 @@ class _Body(Operands):
             # The bits of 2**n, |n| < 1023.
             bits = self.b.add(*self.alike(values[0], ir.Constant(LONG, 1023)))
             bits = self.b.shl(*self.alike(bits, ir.Constant(LONG, 52)))
-            return self.b.bitcast(bits, WIDE if bits.type == WIDE_LONG else DOUBLE)
+            return self.b.bitcast(bits, self.wide if bits.type == self.wide_long else DOUBLE)
         if name == "to_bits":
             bits = self.double(values[0])
-            return self.b.bitcast(bits, WIDE_LONG if bits.type == WIDE else LONG)
+            return self.b.bitcast(bits, self.wide_long if bits.type == self.wide else LONG)
         if name == "from_bits":
-            return self.b.bitcast(values[0], WIDE if values[0].type == WIDE_LONG else DOUBLE)
+            return self.b.bitcast(values[0], self.wide if values[0].type == self.wide_long else DOUBLE)
         if name in ("anywhere", "everywhere", "mask_bits"):
             return self.ask(name, self.bit(values[0]))
         if name == "claim":
@@ -242,7 +240,7 @@ class _Body(Operands):
         if name == "float":
             return self.double(values[0])
         if name == "truncate":
-            return self.b.fptosi(values[0], WIDE_LONG if values[0].type == WIDE else LONG)
+            return self.b.fptosi(values[0], self.wide_long if values[0].type == self.wide else LONG)
         if name in ("shift", "shift_indices"):
             return self.b.gep(values[0], [values[1]], inbounds=True)
         if name == "power":
@@ -275,7 +273,7 @@ class _Body(Operands):
             self.store(target.id, value, target)
         elif isinstance(target, ast.Subscript):
             pointer = self.pointer(target)
-            aligned = {"align": 8} if pointer.type == WIDE_VECTOR else {}
+            aligned = {"align": 8} if pointer.type == self.unit.wide_vector else {}
             self.b.store(self.cast(value, pointer.type.pointee, target), pointer, **aligned)
         elif isinstance(target, ast.Tuple) and isinstance(value.type, ir.LiteralStructType):
             for i, item in enumerate(target.elts):

@@ -1,6 +1,7 @@
 """An LLVM module in the making: its kernels as syntax trees and functions, and the constants they share."""
 
 import ast
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from llvmlite import ir
@@ -10,10 +11,6 @@ from filippov._kernels.layout import LANES
 DOUBLE, LONG, BIT, VOID = ir.DoubleType(), ir.IntType(64), ir.IntType(1), ir.VoidType()
 VECTOR, INDICES = DOUBLE.as_pointer(), LONG.as_pointer()
 _ANNOTATED = {"float": DOUBLE, "int": LONG, "bool": BIT, "Vector": VECTOR, "Indices": INDICES}
-# What stands in a lane kernel for a number and an array of numbers.
-WIDE = ir.VectorType(DOUBLE, LANES)
-WIDE_LONG, WIDE_BIT, WIDE_VECTOR = ir.VectorType(LONG, LANES), ir.VectorType(BIT, LANES), WIDE.as_pointer()
-_IN_LANES = {"float": WIDE, "int": LONG, "bool": WIDE_BIT, "Vector": WIDE_VECTOR, "Indices": INDICES}
 
 Constant = int | float | bool | list[float] | list[int]
 
@@ -36,7 +33,8 @@ class Kernel:
 class Unit:
     """One LLVM module: its source texts by the names of their kernels, and the constants they share.
 
-    A kernel is declared when it is first asked for, and then waits for its translation.
+    A kernel is declared when it is first asked for, and then waits for its translation. `width` is the number
+    of lanes; `wide`, `wide_vector` ... are what stands in a lane kernel for a number and an array of numbers.
     """
 
     constants: dict[str, Constant] = field(default_factory=dict)
@@ -47,6 +45,17 @@ class Unit:
     waiting: list[Kernel] = field(default_factory=list)
     tables: dict[str, ir.GlobalVariable] = field(default_factory=dict)
     module: ir.Module = field(default_factory=lambda: ir.Module("filippov"))
+    width: int = LANES
+
+    def __post_init__(self) -> None:
+        self.constants["LANES"] = self.width
+        self.wide = ir.VectorType(DOUBLE, self.width)
+        self.wide_long, self.wide_bit = ir.VectorType(LONG, self.width), ir.VectorType(BIT, self.width)
+        self.wide_vector = self.wide.as_pointer()
+        self.in_lanes = {
+            "float": self.wide, "int": LONG, "bool": self.wide_bit, "Vector": self.wide_vector,
+            "Indices": INDICES,
+        }  # fmt: skip
 
     def external(self, name: str, count: int) -> ir.Function:
         """A function of the C library on doubles."""
@@ -74,42 +83,42 @@ class Unit:
         return self.lanes[name]
 
 
-def _annotation(node: ast.expr | None, where: str, wide: bool) -> ir.Type:
-    if isinstance(node, ast.Name) and node.id in _ANNOTATED:
-        return (_IN_LANES if wide else _ANNOTATED)[node.id]
+def _annotation(node: ast.expr | None, where: str, kinds: Mapping[str, ir.Type]) -> ir.Type:
+    if isinstance(node, ast.Name) and node.id in kinds:
+        return kinds[node.id]
     raise KernelError(f"{where}: annotate with float, int, bool, Vector or Indices")
 
 
-def _result(node: ast.expr | None, where: str, wide: bool) -> ir.Type:
+def _result(node: ast.expr | None, where: str, kinds: Mapping[str, ir.Type]) -> ir.Type:
     if node is None or (isinstance(node, ast.Constant) and node.value is None):
         return VOID
     if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Tuple):
-        return ir.LiteralStructType([_annotation(item, where, wide) for item in node.slice.elts])
-    return _annotation(node, where, wide)
+        return ir.LiteralStructType([_annotation(item, where, kinds) for item in node.slice.elts])
+    return _annotation(node, where, kinds)
 
 
 def _marks(node: ast.FunctionDef) -> set[str]:
     return {mark.id for mark in node.decorator_list if isinstance(mark, ast.Name)}
 
 
-def _signature(node: ast.FunctionDef, wide: bool) -> ir.FunctionType:
-    arguments = [_annotation(a.annotation, f"{node.name}({a.arg})", wide) for a in node.args.args]
-    return ir.FunctionType(_result(node.returns, node.name, wide), arguments)
+def _signature(node: ast.FunctionDef, kinds: Mapping[str, ir.Type]) -> ir.FunctionType:
+    arguments = [_annotation(a.annotation, f"{node.name}({a.arg})", kinds) for a in node.args.args]
+    return ir.FunctionType(_result(node.returns, node.name, kinds), arguments)
 
 
 def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
-    marks, kind = _marks(node), _signature(node, wide)
+    marks, kind = _marks(node), _signature(node, unit.in_lanes if wide else _ANNOTATED)
     function = ir.Function(unit.module, kind, f"{node.name}.lanes" if wide else node.name)
     function.linkage = "internal"
     function.attributes.add("nounwind")
     if unit.lane_texts:
         # Vectors put aside on the stack must not lie across two cache lines.
-        function.attributes.alignstack = 8 * LANES
+        function.attributes.alignstack = 64
     if "inline" in marks:
         function.attributes.add("alwaysinline")
     for argument, value in zip(node.args.args, function.args, strict=True):
         # No other name writes to them: what depends on them alone is computed once.
-        pointer = value.type in (VECTOR, WIDE_VECTOR)
+        pointer = value.type in (VECTOR, unit.wide_vector)
         if pointer and "contract" in marks and argument.arg in ("x", "p", "m"):
             value.add_attribute("noalias")
     kernel = Kernel(node, function, ("contract",) if "contract" in marks else (), wide)
@@ -124,7 +133,7 @@ def add_kernels(unit: Unit, text: str) -> None:
             continue
         marks = _marks(node)
         if marks & {"lanes", "kernel", "contract"}:
-            _signature(node, wide=False)
+            _signature(node, _ANNOTATED)
         if "lanes" in marks:
             unit.lane_texts[node.name] = node
         elif marks & {"kernel", "contract"}:
