@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linprog
 
 from filippov.errors import UsageError
 
@@ -138,6 +137,8 @@ def _apart(z: Array, other: Array) -> bool:
 
 def _family(box: Box, active: npt.NDArray[np.int64], free: npt.NDArray[np.int64], z: Array) -> list[Array]:
     """Two ends, or the only point, of the polyhedron of solutions with these active bounds."""
+    from scipy.optimize import linprog  # takes longer to import than all else
+
     fixed = np.flatnonzero(active != 0)
     w = box.slack(z)
     scale = box.size

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import nnls
 
 from filippov._kernels import codes
 from filippov.events import Event
@@ -236,6 +235,8 @@ def rests(run: Run, surfaces: Sequence[int]) -> bool:
     follow from staying on them; a state at which 0 is a convex combination of the vertex fields is a
     solution all the same.
     """
+    from scipy.optimize import nnls
+
     switching = [i for i in surfaces if run.machine.roles[i] == "switching"]
     if not 0 < len(switching) <= LARGEST_CORNER:
         return False

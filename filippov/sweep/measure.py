@@ -25,7 +25,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from filippov.ensemble import Ensemble
 from filippov.errors import ModelError, UsageError
@@ -249,6 +248,8 @@ def _of_tail(name: str, solution: Solution, state: int, begin: float) -> float:
 
 def _highest(sol: Any, t: Array, y: Array, state: int, sign: float) -> float:
     """The largest sign * x(t): the best sample, refined between its neighbours."""
+    from scipy.optimize import minimize_scalar
+
     best = int(np.argmax(y))
     low, high = sorted((float(t[max(best - 1, 0)]), float(t[min(best + 1, t.size - 1)])))
     if low == high:
