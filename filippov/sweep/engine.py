@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from typing import Any, Protocol
 
@@ -11,7 +10,8 @@ from filippov.batch import cores
 from filippov.errors import SolveError, UsageError
 from filippov.names import unknown
 from filippov.sweep.processes import CONTEXTS, Processes
-from filippov.sweep.rows import Work
+from filippov.sweep.rows import Whole, Work
+from filippov.sweep.worker import Outcome, compute
 
 EXECUTORS = ("processes", "dask")
 
@@ -21,8 +21,10 @@ class Engine(Protocol):
 
     slots: int
 
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Hand over a chunk."""
+    def submit(
+        self, index: Whole, folder: str, key: str, max_time: float | None, apart: bool
+    ) -> Future[Outcome]:
+        """Hand over a chunk, as `worker.compute` takes it."""
 
     def done(self, future: Future[Any]) -> None:
         """A chunk is done."""
@@ -46,13 +48,15 @@ class Engine(Protocol):
 class Given:
     """An executor of the user's, which stays theirs: it is not shut down."""
 
-    def __init__(self, executor: Executor, jobs: int) -> None:
-        self.executor, self.slots = executor, 2 * jobs
+    def __init__(self, work: Work, executor: Executor, jobs: int) -> None:
+        self.work, self.executor, self.slots = work, executor, 2 * jobs
         self.flying: set[Future[Any]] = set()
 
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Hand over a chunk."""
-        future: Future[Any] = self.executor.submit(function, *arguments)
+    def submit(
+        self, index: Whole, folder: str, key: str, max_time: float | None, apart: bool
+    ) -> Future[Outcome]:
+        """Hand over a chunk with the work: which process takes it, and what it knows, cannot be told."""
+        future = self.executor.submit(compute, self.work, index, folder, key, max_time, apart)
         self.flying.add(future)
         future.add_done_callback(self.flying.discard)
         return future
@@ -90,7 +94,7 @@ class Given:
 class Dask(Given):
     """dask.distributed: a scheduler somewhere, or a cluster of `jobs` processes on this machine."""
 
-    def __init__(self, scheduler: Any, jobs: int) -> None:
+    def __init__(self, work: Work, scheduler: Any, jobs: int) -> None:
         try:
             self.distributed: Any = importlib.import_module("distributed")
         except ImportError:
@@ -109,7 +113,7 @@ class Dask(Given):
             self.client = self.distributed.Client(scheduler)
             self.own.insert(0, self.client)
         workers = len(self.client.scheduler_info(n_workers=-1)["workers"])
-        super().__init__(self.client.get_executor(pure=False), max(jobs, workers))
+        super().__init__(work, self.client.get_executor(pure=False), max(jobs, workers))
 
     def lost(self, future: Future[Any], error: BaseException) -> bool:
         """Whether the chunk may be to blame: dask has tried it on several workers already."""
@@ -137,11 +141,11 @@ def engine_of(
     """The engine that is asked for. Raises UsageError."""
     number = jobs or cores()
     if isinstance(executor, Executor):
-        return Given(executor, number)
+        return Given(work, executor, number)
     if executor not in EXECUTORS:
         raise UsageError(f"{unknown('executor', executor, EXECUTORS)}; or an Executor of concurrent.futures.")
     if executor == "dask":
-        return Dask(scheduler, number)
+        return Dask(work, scheduler, number)
     if scheduler is not None:
         raise UsageError("scheduler belongs to executor='dask'.")
     if context not in CONTEXTS:

@@ -16,7 +16,8 @@ from typing import Any
 
 from filippov.errors import SolveError, UsageError
 from filippov.sweep import worker
-from filippov.sweep.rows import Work
+from filippov.sweep.rows import Whole, Work
+from filippov.sweep.worker import Outcome
 
 CONTEXTS = ("spawn", "forkserver")
 MOST_FAILED_STARTS = 3
@@ -67,11 +68,14 @@ class Processes:
         self.busy: dict[Future[Any], _Lane] = {}
         self.failed_starts = 0
 
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Hand a chunk to a worker that has none."""
+    def submit(
+        self, index: Whole, folder: str, key: str, max_time: float | None, apart: bool
+    ) -> Future[Outcome]:
+        """Hand a chunk to a worker that has none; the work it received at its start."""
         lane = self.idle.pop() if self.idle else _Lane(self._executor, self.work)
+        chunk = index, folder, key, max_time, apart
         try:
-            future = lane.executor.submit(function, *arguments)
+            future = lane.executor.submit(worker.compute_received, *chunk)
         except BrokenProcessPool as error:  # it died since its last chunk
             future = Future()
             future.set_exception(error)

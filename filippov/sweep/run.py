@@ -23,7 +23,7 @@ from filippov.sweep.processes import check_main
 from filippov.sweep.rows import QUARANTINED, Whole, Work, failed_row
 from filippov.sweep.store import Store, missing, try_folder
 from filippov.sweep.table import Table
-from filippov.sweep.worker import Outcome, compute
+from filippov.sweep.worker import Outcome
 
 TARGET, LARGEST = 1.0, 8192  # seconds and points of a chunk
 KILLS, PASSES = 2, 3
@@ -156,9 +156,7 @@ class _Driver:
         end = np.inf
         if self.max_time is not None:
             end = time.monotonic() + 2 * len(index) * self.max_time + GRACE
-        future = self.engine.submit(
-            compute, self.work, index, str(self.store.chunks), self.store.key, self.max_time, apart
-        )
+        future = self.engine.submit(index, str(self.store.chunks), self.store.key, self.max_time, apart)
         self.flying[future] = index, blame, apart, end
 
     def _finish(self, future: Future[Any]) -> None:

@@ -60,10 +60,20 @@ def compute(
     return Outcome(len(index), rows.failed, time.monotonic() - begun)
 
 
+_received: list[Work] = []
+
+
 def hello(work: Work) -> int:
-    """Receive the work, which imports all it needs; the number of the process."""
-    del work
+    """Receive the work, which imports all it needs, and keep it; the number of the process."""
+    _received[:] = [work]
     return os.getpid()
+
+
+def compute_received(
+    index: Whole, folder: str, key: str, max_time: float | None, apart: bool
+) -> Outcome:
+    """`compute` of the work that this process has received: it may be large, and is sent once only."""
+    return compute(_received[0], index, folder, key, max_time, apart)
 
 
 def begin(max_memory: int | None) -> None:
