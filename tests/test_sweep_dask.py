@@ -38,7 +38,8 @@ def test_dask_workers_killed_at_random_lose_nothing(client: Any, tmp_path: Path)
     check(plain)
     generator = np.random.default_rng(2)
     for turn in range(ROUNDS):
-        client.wait_for_workers(4)
+        client.cluster.scale(4)  # a nanny whose worker is killed while it starts may give up
+        client.wait_for_workers(4, timeout=120)
         pids = list(client.run(os.getpid).values())
         out = tmp_path / f"out{turn}"
 
