@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from filippov._kernels import codes
 from filippov.machine import Array
 from filippov.modes import Successor
 from filippov.run import Run
@@ -34,7 +35,7 @@ def stagnation(run: Run, part: float) -> str:
     jump = _jump(run, machine_field(run, signs), signs, mode)
     if not jump and part >= STANDSTILL:
         return ""
-    return suspect(run)
+    return suspect(run) if jump or _nearest(run, abs(run.t)) else ""
 
 
 def machine_field(run: Run, signs: Array) -> Array:
@@ -58,7 +59,8 @@ def suspect(run: Run) -> str:
             for i, value in enumerate(values):
                 if not np.isfinite(value):
                     return f"Surface {machine.surfaces[i].name!r} has h = {value} next to this point."
-        nearest = _nearest(run)
+        # A surface in t is near where what is left to it is next to nothing for the run.
+        nearest = _nearest(run, max(abs(run.clock[codes.T_START]), abs(run.clock[codes.T_END])))
         jump = _jump(run, here, signs, mode)
     return " ".join(part for part in (nearest, jump) if part)
 
@@ -72,10 +74,12 @@ def _not_finite(field: Array, states: tuple[str, ...], run: Run) -> str:
     return f"The field of mode {mode_text(run.signs)} returned {value} for dy[{i}] (d{states[i]}/dt)."
 
 
-def _nearest(run: Run) -> str:
+def _nearest(run: Run, longest: float) -> str:
+    """The surface nearest to the point, for times of this size."""
     sizes, scale = run.scales()
     with np.errstate(all="ignore"):
-        distance = sizes / (scale + 1e-300)
+        _, slope = run.machine.gradients(run.t, run.x, run.mode)
+        distance = sizes / (np.maximum(scale, np.abs(slope) * longest) + 1e-300)
     if not len(distance) or not np.any(np.isfinite(distance)):
         return ""
     i = int(np.nanargmin(distance))

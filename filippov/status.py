@@ -70,8 +70,9 @@ _ADVICE = {
         "time, a division by zero, or a field that is not defined for this state."
     ),
     Status.MIN_STEP: (
-        "The step fell below the spacing of t. Common causes: a field that is discontinuous where no surface "
-        "is declared, a singularity, or a large t with a fast motion (shift the origin of time)."
+        "The step fell below the spacing of t, or far below the times of the run. Common causes: a field "
+        "that is discontinuous where no surface is declared, a singularity, or a large t with a fast motion "
+        "(shift the origin of time)."
     ),
     Status.GRAZING: "The motion touches a surface and on_graze='error' was asked for.",
     Status.NO_RETURN: (

@@ -1,4 +1,4 @@
-"""Profiles of the property tests: FILIPPOV_PROFILE=nightly runs many more examples."""
+"""Profiles of the property tests by FILIPPOV_PROFILE: "ci" as in .ci/run, "nightly" for many more."""
 
 import os
 

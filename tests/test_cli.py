@@ -85,6 +85,22 @@ def test_without_json_stdout_is_empty_and_quiet_is_silent(capsys: pytest.Capture
     assert capsys.readouterr() == ("", "")
 
 
+def test_events_can_be_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["simulate", "hunting", "--t-span", "0", "30", "--json"]
+    assert main(words) == 0
+    kept = strict(capsys.readouterr().out)
+    assert main([*words, "--save-events", "count", "-o", str(tmp_path / "run")]) == 0
+    out, err = capsys.readouterr()
+    counted = strict(out)
+    assert sorted(counted["event_counts"], key=str) == sorted(kept["event_counts"], key=str)
+    assert "no solution.npz" in err
+    assert {path.name for path in (tmp_path / "run").iterdir()} == {
+        "events.csv", "trajectory.csv", "summary.json",
+    }  # fmt: skip
+    assert main([*words, "--save-events", "some"]) == 2
+    assert main([*words, "--save-events", "count", "--nonunique", "branch"]) == 2
+
+
 def test_a_closed_pipe_is_no_traceback() -> None:
     reading, writing = os.pipe()
     os.close(reading)

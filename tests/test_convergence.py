@@ -67,6 +67,15 @@ def test_order(name: str, method: str) -> None:
     assert slope > ORDERS[method] - 0.5, (slope, error)
 
 
+def test_entry_of_the_implicit_method_is_of_order_five() -> None:
+    """The error of the time of entry over the fifth power of the step is one number."""
+    values, x0, end, _ = CASES["entry"]
+    exact = solve(RELAY, x0, (0, end), rtol=1e-13, atol=1e-15, parameters=values).events[0].t
+    runs = {k: fixed(RELAY, x0, end, "Radau", k, values) for k in (20, 29, 42, 61, 88, 127, 150)}
+    constant = [(run.events[0].t - exact) / (end / k) ** 5 for k, run in runs.items()]
+    assert constant == pytest.approx([constant[-1]] * len(constant), rel=0.05)
+
+
 @pytest.mark.parametrize("steps", [13, 19, 27, 39])
 @pytest.mark.parametrize("method", ORDERS)
 def test_exit_has_the_error_of_the_sliding_motion(method: str, steps: int) -> None:

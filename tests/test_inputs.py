@@ -297,6 +297,30 @@ def test_b20_stagnation_is_named() -> None:
     assert -1e-6 < singular.t_end <= 0
 
 
+@pytest.mark.parametrize("method", ["DP5", "DOP853", "Radau"])
+@pytest.mark.parametrize("power", [1, 2])
+def test_b20_stagnation_towards_a_pole_in_t(method: str, power: int) -> None:
+    """x' = t^-power ends before its pole, with the surface there named and never met."""
+    pole = System({x: t**-power}, surfaces=[Surface("clock", t, kind="observer")])
+    got = solve(pole, (0,), (-1, 1), method=method, max_steps=30_000)
+    assert got.status is Status.MIN_STEP
+    assert -1e-90 < got.t_end < 0
+    assert not got.events
+    assert "'clock'" in got.message
+    assert "state x = " in got.message
+    exact = np.log(-got.t_end) if power == 1 else -1 / got.t_end - 1
+    assert got.x_end[0] == pytest.approx(exact, rel=1e-6)
+
+
+def test_b20_jump_without_a_surface_is_named_by_the_implicit_method() -> None:
+    chattering = plain(lambda _, y, __, ___: [-1.0 if y[0] > 0 else 1.0, 0.0])
+    got = solve(chattering, (1, 0), (0, 3), method="Radau")
+    assert got.status is Status.MIN_STEP
+    assert got.t_end == pytest.approx(1, abs=1e-9)
+    assert got.steps + got.rejected < 20_000
+    assert all(text in got.message for text in ("state x = ", "dx/dt jumps from", "surface not declared"))
+
+
 def test_b21_many_events_end_in_a_named_status() -> None:
     system = System({x: v, v: -x}, surfaces=[Surface("x", x, kind="observer")])
     got = solve(system, (1, 0), (0, 1e6), max_events=500, dense_output=False, rtol=1e-6)
@@ -309,10 +333,9 @@ def test_b21_counted_events_take_no_memory() -> None:
     system = System({x: 1}, surfaces=[Surface("clock", sin(q.w * t), kind="observer")])
     peak = {}
     for number in (500, 5_000):
+        span = (0.5, number * np.pi + 0.5)
         tracemalloc.start()
-        got = solve(
-            system, (0,), (0.5, number * np.pi + 0.5), save_events="count", max_events=2_000_000, rtol=1e-6
-        )
+        got = solve(system, (0,), span, save_events="count", max_events=2_000_000, rtol=1e-6, max_step=50)
         peak[number] = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         assert got.success, got.message
@@ -321,6 +344,13 @@ def test_b21_counted_events_take_no_memory() -> None:
     assert peak[5_000] < 1.5 * peak[500] + 100_000
     with pytest.raises(UsageError, match="save_events"):
         _ = got.segments
+    span = (0.5, 1_000_000 * np.pi + 0.5)
+    million = solve(
+        system, (0,), span, save_events="count", max_events=2_000_000, rtol=1e-6, max_step=50, method="DP5"
+    )
+    assert million.event_counts == {"clock": {"crossing": 1_000_000}}
+    assert max(len(million.events), len(million.t)) <= 400
+    assert million.events[-1].t == pytest.approx(1_000_000 * np.pi, rel=1e-12)
     capped = solve(system, (0,), (0.5, 1e6), save_events="count", max_events=1_000)
     assert capped.status is Status.MAX_EVENTS
     with pytest.raises(UsageError, match="save_events"):

@@ -61,6 +61,7 @@ from filippov._kernels.control import (
     finite,
     first_step,
     guard_state,
+    least_step,
     mark_grazed,
     mark_hits,
     other_stages,
@@ -261,7 +262,7 @@ def advance(
         last = abs(step) >= abs(remaining) * (1.0 - 1e-12)
         if last:
             step = remaining
-        elif abs(step) <= 4.0 * EPS * abs(t) or abs(step) < 1e-300:
+        elif abs(step) <= least_step(t, clock[T_START], clock[T_END]):
             if rested or not at_rest(w):
                 code = MIN_STEP
                 break
@@ -317,7 +318,7 @@ def advance(
             grow = 2.0
             clock[STEP] = length
             if surface < 0:
-                if length <= 4.0 * EPS * abs(t) or length < 1e-300:
+                if length <= least_step(t, clock[T_START], clock[T_END]):
                     code = NO_SLIDING if failed == 2 else MIN_STEP if failed == NOT_CONVERGED else NOT_FINITE
                     break
                 continue

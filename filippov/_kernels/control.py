@@ -54,6 +54,13 @@ def combine(square5: float, square3: float, step: float, n: float) -> float:
 
 
 @kernel
+def least_step(t: float, start: float, end: float) -> float:
+    """The step below which a run is stuck: the spacing of t, and around t = 0 what its squares keep apart."""
+    least = max(1e-100 * max(abs(start), abs(end)), 1e-300)
+    return max(4.0 * EPS * abs(t), least)
+
+
+@kernel
 def error_norm(
     x: Vector, y: Vector, step: float, rtol: float, atol: Vector, relative: int, slack: float,
     noise: float, w: Vector,

@@ -6,9 +6,8 @@ caller, the lane left as it was.
 """
 
 from filippov._kernels.codes import GROW, MAX_STEP, RTOL, STEP, T_END, T_START, TAKEN, TREND, T
-from filippov._kernels.control import ONE_BITS, error_norm, finite, guard_state, leaves
+from filippov._kernels.control import ONE_BITS, error_norm, finite, guard_state, least_step, leaves
 from filippov._kernels.field import clear_ranges, field, project
-from filippov._kernels.land import EPS
 from filippov._kernels.language import (
     Indices,
     Vector,
@@ -110,7 +109,7 @@ def lane_step(
     last = abs(step) >= abs(remaining) * (1.0 - 1e-12)
     step = remaining if last else step
     size = abs(step)
-    stuck = tally[LEFT] <= 0.0 or (not last and (size <= 4.0 * EPS * abs(t) or size < 1e-300))
+    stuck = tally[LEFT] <= 0.0 or (not last and size <= least_step(t, clock[T_START], clock[T_END]))
     te = clock[T_END] if last else t + step
     clear_ranges(w, iw)
     if iw[I_SLIDING] > 0:

@@ -166,6 +166,8 @@ _ALL = (
                 metavar="N"),
          Option("events", "roots to watch: FORMULA, FORMULA:up, down or both, or FORMULA:up:N to end at the "
                 "N-th; in t, states and parameters; can be repeated", texts, metavar="ROOT", repeat=True),
+         _choice("save_events", "keep every event, or count them: memory does not grow, the tables have the "
+                 "last few only", "all", "count"),
          *TREE),
         "filippov simulate hunting -p P=20 --x0 x=0.1 --t-span 0 50 -o results/run",
     ),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -22,7 +21,7 @@ from filippov.user_event import UserEvent
 
 SOLVER = (
     "rtol", "atol", "method", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
-    "sliding", "zeno",
+    "sliding", "zeno", "save_events",
 )  # fmt: skip
 EVENT_COLUMNS = (
     "t", "surface", "kind", "before", "after", "direction", "multiplier", "residual", "group", "note",
@@ -39,13 +38,16 @@ def run(settings: dict[str, Any], console: Console) -> int:
     if settings.get("nonunique") == "branch":
         from filippov.commands import simulate_tree
 
-        if settings.get("events"):
-            raise UsageError("--events is for one solution; drop it, or --nonunique branch.")
+        for name in ("events", "save_events"):
+            if settings.get(name):
+                flag = f"--{name.replace('_', '-')}"
+                raise UsageError(f"{flag} is for one solution; drop it, or --nonunique branch.")
         return simulate_tree.run(loaded.name, problem, settings, console, folder)
     for name in ("max_branches", "max_depth", "release_times"):
         if settings.get(name) is not None:
             raise UsageError(f"--{name.replace('_', '-')} needs --nonunique branch.")
-    solution = solved(problem, settings, console, dense=folder.path is not None)
+    counted = settings.get("save_events") == "count"
+    solution = solved(problem, settings, console, dense=folder.path is not None and not counted)
     summary = summarise(loaded.name, solution)
     states = problem.system.states
     console.result(summary | {"events": [event_data(event, states) for event in solution.events]})
@@ -58,8 +60,11 @@ def run(settings: dict[str, Any], console: Console) -> int:
     t, y = _samples(solution, points)
     folder.csv("trajectory.csv", ("t", *states), np.vstack([t, y]).T.tolist())
     folder.json("summary.json", summary)
-    folder.file("solution.npz", solution.save)
-    if solution.status is not Status.INTERRUPTED:
+    if counted and folder.path is not None:
+        console.say("events were counted: no solution.npz, no response.png; the tables have the last few")
+    elif not counted:
+        folder.file("solution.npz", solution.save)
+    if solution.status is not Status.INTERRUPTED and not counted:
         folder.picture("response.png", lambda: solution.plot(title=loaded.name))
     folder.report()
     return exit_code(solution)
@@ -125,7 +130,7 @@ def parse_root(text: str, problem: Problem) -> UserEvent:
 def summarise(name: str, solution: Solution) -> dict[str, Any]:
     """What happened, without the events themselves."""
     problem, system = solution.problem, solution.system
-    kinds = Counter((event.surface, str(event.kind)) for event in solution.events)
+    counted = solution.options.save_events == "count"
     return {
         "model": name,
         "parameters": dict(problem.parameters),
@@ -137,8 +142,12 @@ def summarise(name: str, solution: Solution) -> dict[str, Any]:
         "t_end": solution.t_end,
         "x_end": dict(zip(system.states, solution.x_end.tolist(), strict=True)),
         "end_mode": mode_text(solution.end_mode),
-        "dwell_times": dict(solution.dwell_times()),
-        "event_counts": [{"surface": s, "kind": k, "count": n} for (s, k), n in kinds.items()],
+        "dwell_times": {} if counted else dict(solution.dwell_times()),
+        "event_counts": [
+            {"surface": surface, "kind": kind, "count": number}
+            for surface, kinds in solution.event_counts.items()
+            for kind, number in kinds.items()
+        ],
         "steps": solution.steps,
         "rejected": solution.rejected,
         "nfev": solution.nfev,
@@ -176,10 +185,16 @@ def _samples(solution: Solution, points: int | None) -> tuple[Any, Any]:
 
 
 def _tell(solution: Solution, console: Console) -> None:
-    for event in solution.events[:SHOWN]:
+    number = sum(sum(kinds.values()) for kinds in solution.event_counts.values())
+    for event in solution.events[:SHOWN] if number == len(solution.events) else ():
         console.say(str(event))
-    if len(solution.events) > SHOWN:
-        console.say(f"... and {len(solution.events) - SHOWN} more events")
+    if number > SHOWN:
+        counts = [
+            f"{n} {kind} of {name}"
+            for name, kinds in solution.event_counts.items()
+            for kind, n in kinds.items()
+        ]
+        console.say(f"{number} events: {', '.join(counts)}")
     end = ", ".join(f"{n} = {v:.12g}" for n, v in zip(solution.system.states, solution.x_end, strict=True))
     console.say(f"t = {solution.t_end:.12g}  {end}  (mode {mode_text(solution.end_mode)})")
     if solution.success:
