@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.borders import exact_borders
 from filippov.analysis.cell_work import CellWork, map_rows
 from filippov.analysis.cells import cells
 from filippov.analysis.section import Section
@@ -80,7 +81,7 @@ def regions(
     order: int = 2,
     points: int = 40,
     rtol: float = 1e-8,
-    borders: Sequence[tuple[str, Array]] = (),
+    borders: Sequence[tuple[str, Array]] | str = (),
     threads: int | None = None,
     engine: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -90,7 +91,9 @@ def regions(
     x, y       (name, values) of the parameters
     interval   (0, hi) of the section's coordinate
     order      turns of the map after which a cycle closes (2 for symmetric hunting)
-    points     coordinates in a cell; borders: curves to be kept with the map
+    points     coordinates in a cell
+    borders    "exact": the fold of cycles and the change of stability of the set are computed as curves
+               (see `filippov.analysis.borders`) and kept with the map; or curves (name, points (k, 2))
     engine     keywords of `filippov.sweep.run.run`, such as {"folder": ..., "jobs": 8, "resume": True}: the
                cells are computed by worker processes and kept in the folder; None: here, by threads
     progress   called with (rows done, rows), with an engine with (cells done, cells)
@@ -106,7 +109,15 @@ def regions(
             f"axes {x[0]!r} and {y[0]!r}, interval {interval}, points {points}: expected two parameters, "
             "(0, hi) and at least 8 points."
         )
+    if isinstance(borders, str) and borders != "exact":
+        raise UsageError(f"borders is {borders!r}, expected 'exact' or curves (name, points (k, 2)).")
     across, up = np.asarray(x[1], dtype=float), np.asarray(y[1], dtype=float)
+
+    def curves(amplitude: Array) -> tuple[tuple[str, Array], ...]:
+        if not isinstance(borders, str):
+            return tuple(borders)
+        return exact_borders(system, section, x, y, amplitude, parameters=parameters, order=order)
+
     shape = (up.size, across.size)
     if engine is not None:
         pairs = np.column_stack([axis.ravel() for axis in np.meshgrid(across, up)])
@@ -119,8 +130,8 @@ def regions(
         found = [table[name].reshape(shape) for name in work.columns]
         count = [np.where(np.isnan(part), -1, part).astype(np.int64) for part in found[:2]]
         return Regions(
-            (x[0], y[0]), across, up, count[0], count[1], found[2] == 1.0, found[3], found[4], tuple(borders),
-            table.complete, dict(parameters or {}),
+            (x[0], y[0]), across, up, count[0], count[1], found[2] == 1.0, found[3], found[4],
+            curves(found[3]) if table.complete else (), table.complete, dict(parameters or {}),
         )  # fmt: skip
     cycles, stable = np.full(shape, -1), np.full(shape, -1)
     calm, lost = np.zeros(shape, dtype=bool), np.full(shape, np.nan)
@@ -137,6 +148,7 @@ def regions(
     except KeyboardInterrupt:
         complete = False
     return Regions(
-        (x[0], y[0]), across, up, cycles, stable, calm, amplitude, lost, tuple(borders), complete,
+        (x[0], y[0]), across, up, cycles, stable, calm, amplitude, lost,
+        curves(amplitude) if complete else (), complete,
         dict(parameters or {}),
     )  # fmt: skip

@@ -71,6 +71,7 @@ FLOORS: dict[str, float] = {
     "filippov.analysis.fixed_points": 9.4, "filippov.analysis.stability": 9.4,
     "filippov.analysis.map_rows": 9.35, "filippov.analysis.contraction": 9.4,
     "filippov.analysis.gain_map": 9.5, "filippov.analysis.tuning": 9.5, "filippov.analysis.regions": 9.5,
+    "filippov.analysis.borders": 9.48,
     "filippov.analysis.cells": 9.41, "filippov.analysis.cell_work": 9.45,
     "filippov.analysis.basin": 9.5,
     "filippov.analysis.lyapunov": 9.5, "filippov.analysis.brute_force": 9.5,

@@ -6,11 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import summary
+from scipy.optimize import brentq
 
 from filippov import UsageError, solve
 from filippov.analysis.basin import basin
 from filippov.analysis.bifurcation import bifurcation
+from filippov.analysis.event_map import EventMap
 from filippov.analysis.regions import regions
+from filippov.analysis.rest_map import growth, rest_map
 from filippov.analysis.section import Section
 from filippov.analysis.static_cycle import static_cycles
 from filippov.models import get
@@ -129,3 +132,24 @@ def test_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert stored["label"].shape == (5, 5)
 
 
+
+
+def test_exact_borders_against_the_return_map_and_the_fold() -> None:
+    def factor(P: float, I: float) -> float:
+        return growth([rest_map([1.0, P + 1, P, P * I])]) - 1
+
+    axes = ("P", np.linspace(4, 31, 7)), ("I", np.linspace(8, 12, 3))
+    found = regions(SYSTEM, SECTION, *axes, (0, 0.5), points=16, borders="exact")
+    (name, fold), (other, change) = found.borders
+    assert (name, other) == ("fold of two cycles", "set changes stability")
+    for P, I in change:
+        assert abs(P - brentq(factor, 0.5, 25, args=(I,))) < 1e-7
+    assert fold[0, 1] == 8
+    assert fold[-1, 1] == 12
+    second = EventMap(SYSTEM, SECTION, order=2, parameters={"I": float(fold[0, 1])})
+    # On both sides of the fold: two cycles, and none.
+    beside = [second.remake(parameters={"P": float(fold[0, 0]) + s}) for s in (-0.05, 0.05)]
+    count = [len(side.fixed_points(1e-4, 0.2, 60)) for side in beside]
+    assert count == [2, 0]
+    with pytest.raises(UsageError, match="'exact' or curves"):
+        regions(SYSTEM, SECTION, *axes, (0, 0.5), borders="all")

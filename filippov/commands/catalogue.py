@@ -276,8 +276,10 @@ _ALL = (
          Option("order", "turns after which a cycle closes", whole, metavar="K", default=2),
          Option("points", "coordinates that are tried in a cell", whole, metavar="N", default=40),
          Option("rtol", "relative tolerance of a step", number, metavar="R", default=1e-8),
+         _choice("borders", "the fold of cycles and the change of stability of the set as exact curves",
+                 "exact"),
          *ENGINE),
-        "filippov regions hunting --x P=10:31 --y I=2:20 -o results/regions",
+        "filippov regions hunting --x P=10:31 --y I=2:20 --borders exact -o results/regions",
         function="run_regions", needs="filippov.analysis.regions",
     ),
     Command(

@@ -40,11 +40,14 @@ def run_regions(settings: dict[str, Any], console: Console) -> int:
         result = module.regions(
             loaded.system, section, x, y, interval, order=settings["order"], points=settings["points"],
             rtol=settings["rtol"], parameters={k: v for k, v in values.items() if k not in (x[0], y[0])},
-            engine=engine(settings, folder), progress=progress,
+            engine=engine(settings, folder), progress=progress, borders=settings["borders"] or (),
         )  # fmt: skip
     data = {"model": loaded.name} | result.to_dict()
     console.result(data)
     console.say(f"{int(np.sum(result.cycles > 0))} of {result.cycles.size} cells have a cycle")
+    for name, points in result.borders:
+        (x0, y0), (x1, y1) = points[0], points[-1]
+        console.say(f"{name}: from {x[0]} {x0:.6g}, {y[0]} {y0:.6g} to {x[0]} {x1:.6g}, {y[0]} {y1:.6g}")
     folder.json("regions.json", data)
     columns = (x[0], y[0], "cycles", "stable", "set_stable", "amplitude", "lost")
     grid = np.meshgrid(result.x, result.y)
