@@ -32,6 +32,7 @@ def client() -> Iterator[Any]:
         yield found
 
 
+@pytest.mark.timeout(3600)  # for the nightly profile
 def test_dask_workers_killed_at_random_lose_nothing(client: Any, tmp_path: Path) -> None:
     harm = write_case(tmp_path, "slow", 120)
     plain = serial(sweep_of(harm, "plain", 120))

@@ -58,6 +58,7 @@ def test_d01_a_point_that_kills_its_worker_is_set_aside_and_no_other_is_lost(tmp
     assert again.content_hash == table.content_hash
 
 
+@pytest.mark.timeout(3600)  # for the nightly profile
 def test_d02_runs_killed_at_any_moment_and_resumed_lose_nothing(tmp_path: Path) -> None:
     harm = write_case(tmp_path, "slow", 240)
     plain = serial(sweep_of(harm, "plain", 240))
