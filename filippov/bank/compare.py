@@ -3,45 +3,23 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from filippov.bank import peer_diffrax, peer_heyoka, peer_scipy
-from filippov.bank.build import build
 from filippov.bank.case import chosen, read_bank
-from filippov.bank.peer import CannotError, Given, HangError, Limits, Peer, given, worst
+from filippov.bank.peer import Limits, Peer
+from filippov.bank.peer_process import PeerProcess
+from filippov.bank.peer_row import FAMILIES, OUTCOMES, PeerRow
 from filippov.bank.peer_scipy import FILIPPOV
-from filippov.errors import ModelError, UsageError
+from filippov.bank.target import whole_and_parts
+from filippov.errors import UsageError
 from filippov.names import unknown
 
-FAMILIES: dict[str, tuple[Peer, ...]] = {
-    "scipy": peer_scipy.PEERS, "heyoka": peer_heyoka.PEERS, "diffrax": peer_diffrax.PEERS,
+_MARKS = {
+    "right": "yes", "wrong": "WRONG", "silent": "silent", "hang": "hang", "error": "error", "cannot": "-",
 }  # fmt: skip
-OUTCOMES = ("right", "wrong", "hang", "error", "cannot")
-_MARKS = {"right": "yes", "wrong": "WRONG", "hang": "hang", "error": "error", "cannot": "-"}
-
-
-@dataclass(frozen=True)
-class PeerRow:
-    """What one solver made of one case.
-
-    outcome   "right", "wrong", "hang" (not done within the field calls or the time allowed), "error" (raised,
-              or ended early), "cannot" (the case cannot be written for it)
-    reported  whether the solver said that it succeeded
-    error     largest difference of the states compared
-    """
-
-    id: str
-    peer: str
-    outcome: str
-    reported: bool
-    error: float | None
-    message: str = ""
 
 
 @dataclass(frozen=True)
@@ -53,6 +31,7 @@ class PeerTable:
     rtol: float
     tolerance: float
     max_calls: int
+    max_time: float
 
     def count(self, peer: str, outcome: str, reported: bool | None = None) -> int:
         """How often a solver had an outcome."""
@@ -80,33 +59,49 @@ def compare_bank(
     rtol: float = 1e-8,
     tolerance: float = 1e-6,
     max_calls: int = 50_000,
-    max_time: float = 60.0,
+    max_time: float = 20.0,
     progress: Callable[..., None] | None = None,
 ) -> PeerTable:
-    """Every case with states at given times, through every solver naively.
+    """Every case that is a motion, through every solver naively, each solver in a process of its own.
 
     peers      "scipy", "heyoka", "diffrax"; default: those that are installed
     rtol       of every solver; the absolute tolerance is rtol / 100
-    tolerance  right means: all states within tolerance (1 + |x|), far above rtol
+    tolerance  right means: all that is compared within tolerance (1 + |value|), far above rtol
     max_calls  field calls for each case and solver, max_time: seconds
+    progress   called with (done, of, what)
 
+    Cases that are polynomials alone are left out; a case with labelled parts counts as its parts. An
+    interrupt ends the run; KeyboardInterrupt carries the table of the rows that are there as its argument.
     Raises UsageError for a solver that is unknown or not installed.
     """
-    solvers = (FILIPPOV, *_solvers(peers))
-    rows: list[PeerRow] = []
-    cases = chosen(read_bank(bank), only)
-    for place, case in enumerate(cases):
-        try:
-            item = given(case, build(case.raw))
-        except ModelError:
-            continue
-        for solver in solvers if item is not None else ():
-            if progress is not None:
-                progress(place, len(cases), f"{case.id}, {solver.name}")
-            assert item is not None
-            rows.append(_row(case.id, solver, item, Limits(rtol, rtol / 100, max_calls, max_time), tolerance))
-    versions = {solver.module: solver.version for solver in solvers if solver is not FILIPPOV}
-    return PeerTable(tuple(rows), versions, rtol, tolerance, max_calls)
+    solvers = (*FILIPPOV, *_solvers(peers))
+    cases = [
+        one
+        for case in chosen(read_bank(bank), only)
+        if case.raw.get("polynomial") is None
+        for one in whole_and_parts(case)
+    ]
+    versions = {solver.module: solver.version for solver in solvers if solver not in FILIPPOV}
+    rows: dict[tuple[int, int], PeerRow] = {}
+
+    def table() -> PeerTable:
+        return PeerTable(tuple(rows[k] for k in sorted(rows)), versions, rtol, tolerance, max_calls, max_time)
+
+    try:
+        for column, solver in enumerate(solvers):
+            process = PeerProcess(solver.name)
+            try:
+                for line, case in enumerate(cases):
+                    if progress is not None:
+                        done = column * len(cases) + line
+                        progress(done, len(solvers) * len(cases), f"{case.id}, {solver.name}")
+                    limits = Limits(rtol, rtol / 100, max_calls, max_time)
+                    rows[line, column] = process.run(case, limits, tolerance)
+            finally:
+                process.close()
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(table()) from None
+    return table()
 
 
 def _solvers(names: Sequence[str] | None) -> list[Peer]:
@@ -120,23 +115,6 @@ def _solvers(names: Sequence[str] | None) -> list[Peer]:
             raise UsageError(f"the peer {name!r} is not installed.")
         out += FAMILIES[name]
     return out
-
-
-def _row(name: str, solver: Peer, case: Given, limits: Limits, tolerance: float) -> PeerRow:
-    limits.started = time.monotonic()
-    try:
-        states, reported = solver.solve(case, limits)
-    except HangError:
-        return PeerRow(name, solver.name, "hang", False, None)
-    except CannotError as error:
-        return PeerRow(name, solver.name, "cannot", False, None, str(error)[:200])
-    except Exception as error:  # noqa: BLE001 (a solver may raise anything; it is its outcome)
-        return PeerRow(name, solver.name, "error", False, None, f"{type(error).__name__}: {error}"[:200])
-    if not reported:
-        return PeerRow(name, solver.name, "error", False, None, "ended early")
-    gap, ratio = worst(case, states, tolerance)
-    shown = float(gap) if np.isfinite(gap) else None
-    return PeerRow(name, solver.name, "right" if ratio <= 1 else "wrong", reported, shown)
 
 
 # -- texts ---------------------------------------------------------------------------------------------
@@ -156,8 +134,10 @@ def peers_text(table: PeerTable) -> str:
     versions = ", ".join(f"{name} {version}" for name, version in table.versions.items())
     lines.append(
         f"{len(table.cases)} cases at rtol {table.rtol:g}; right: within {table.tolerance:g} (1 + |x|); "
-        f"at most {table.max_calls} field calls; {versions}"
+        f"at most {table.max_calls} field calls and {table.max_time:g} s; {versions}"
     )
+    reasons = {row.id: row.message for row in table.rows if row.outcome == "cannot"}
+    lines += [f"  cannot be stated: {name}: {reason}" for name, reason in reasons.items()]
     return "\n".join(lines)
 
 

@@ -8,23 +8,18 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import itertools
-import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 import sympy
 from sympy import Expr, Symbol
 
 from filippov.bank.build import Built
-from filippov.bank.case import Case, number
-from filippov.errors import ModelError
+from filippov.bank.case import Case
+from filippov.bank.target import Array, Target, targets
 from filippov.symbols import t as time_symbol
-
-Array = npt.NDArray[np.float64]
-_AT = re.compile(r"(?P<state>\w+)(?:_at_|\()(?P<time>[^()\[\]=]+(?:\([^()]*\))?)\)?")
 
 
 class HangError(Exception):
@@ -35,23 +30,22 @@ class CannotError(Exception):
     """The case cannot be written for this solver."""
 
 
-@dataclass(frozen=True)
-class Target:
-    """A state that is known at a time: values of some components."""
-
-    t: float
-    places: tuple[int, ...]
-    values: tuple[float, ...]
+class SaidError(Exception):
+    """The solver says that the solution is not unique."""
 
 
 @dataclass(frozen=True)
 class Given:
-    """A case as a naive user has it: x' = f(t, x, sgn h), a start, and times at which x is asked for."""
+    """A case as a naive user has it: x' = f(t, x, sgn h), a start, and times at which x is asked for.
+
+    ambiguous  whether its solution is not unique, so that what is asked for is that the solver says so
+    """
 
     built: Built
     targets: tuple[Target, ...]
     h: tuple[Expr, ...]
     rows: Mapping[tuple[int, ...], Sequence[Expr]]
+    ambiguous: bool = False
 
     @property
     def symbols(self) -> list[Symbol]:
@@ -103,51 +97,37 @@ class Peer:
         return importlib.metadata.version(self.module)
 
 
-def given(case: Case, built: Built) -> Given | None:
-    """The case for naive solvers; None where it has no targets, or more than signs in it."""
-    if any(s.reset is not None or s.width or s.wide for s in built.system.surfaces):
-        return None
-    targets = tuple(_targets(case, built))
-    if not targets:
-        return None
+def given(case: Case, built: Built) -> Given:
+    """The case for naive solvers. Raises CannotError where it is more than a field with signs in it."""
+    for surface in built.system.surfaces:
+        if surface.reset is not None:
+            raise CannotError("a reset: it takes events and restarts")
+        if surface.width:
+            raise CannotError("a hysteresis: a sign has no memory")
+        if surface.wide:
+            raise CannotError("static friction above the slip curve: a sign has no such values")
+    if built.system.time_events:
+        raise CannotError("a clock: it takes restarts")
+    ambiguous = case.expectation("must_report") is not None
+    asked = targets(case, built)
+    if ambiguous:
+        asked = (Target(built.t_span[1], (), ()),)
+    if not asked:
+        raise CannotError("no state at a known time is expected")
     count = len(next(iter(built.fields)))
     named = {s.name: s for s in built.system.surfaces}
     h = tuple(named[name].h for name in built.declared[:count])
     rows = {tuple(1 if c == "+" else -1 for c in signs): row for signs, row in built.fields.items()}
-    return Given(built, targets, h, rows)
-
-
-def _targets(case: Case, built: Built) -> list[Target]:
-    start, end = built.t_span
-    states, found = built.system.states, []
-    for entry in case.expected:
-        match = _AT.fullmatch(entry.name)
-        try:
-            if entry.name in ("final_state", "final"):
-                at, name = number(entry.fields.get("t", end), built.names), "state"
-            elif match is not None and (match["state"] in states or match["state"] in ("state", "x", "y")):
-                at, name = number(match["time"], built.names), match["state"]
-            else:
-                continue
-            values = entry.value if isinstance(entry.value, list) else [entry.value]
-            numbers = tuple(number(value, built.names) for value in values)
-        except ModelError:
-            continue
-        if start < at <= end * (1 + 1e-12):
-            alone = len(numbers) == 1 and name in states
-            places = (states.index(name),) if alone else tuple(range(len(numbers)))
-            found.append(Target(min(at, end), places, numbers))
-    return found
+    return Given(built, asked, h, rows, ambiguous)
 
 
 def worst(case: Given, states: Array, tolerance: float) -> tuple[float, float]:
-    """Largest error, and the largest error over its tolerance, which is relative to 1 + |x|."""
+    """Largest error, and the largest error over its tolerance, which is relative to 1 + |value|."""
     error = ratio = 0.0
     for target in case.targets:
-        x = states[case.times.index(target.t)]
-        for place, value in zip(target.places, target.values, strict=True):
-            gap = abs(float(x[place]) - value)
-            error = max(error, gap) if np.isfinite(gap) else np.inf
+        gaps = target.gaps(case.built, states[case.times.index(target.t)])
+        for gap, value in zip(gaps, target.values, strict=True):
+            error = max(error, float(gap)) if np.isfinite(gap) else np.inf
             ratio = max(ratio, gap / (tolerance * (1 + abs(value)))) if np.isfinite(gap) else np.inf
     return error, ratio
 

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import sympy
 
-from filippov.bank.peer import Array, CannotError, Given, HangError, Limits, Peer
+from filippov.bank.peer import CannotError, Given, HangError, Limits, Peer
+from filippov.bank.target import Array
 
 STAGES = {"Tsit5": 6, "Dopri8": 13}
 

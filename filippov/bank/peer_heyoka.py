@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from sympy import Abs, Dummy, Expr, Float, Rational
 
-from filippov.bank.peer import Array, CannotError, Given, Limits, Peer
+from filippov.bank.peer import CannotError, Given, Limits, Peer
+from filippov.bank.target import Array
 from filippov.symbols import t as time_symbol
 
 STEPS = 200  # between two looks at what is allowed; a step of order n counts as n field calls

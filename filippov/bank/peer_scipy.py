@@ -8,8 +8,10 @@ from functools import partial
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from filippov.bank.peer import Array, Given, Limits, Peer, numeric_field
+from filippov.bank.peer import Given, HangError, Limits, Peer, SaidError, numeric_field
+from filippov.bank.target import Array
 from filippov.solver import solve
+from filippov.status import Status
 
 
 def run_scipy(method: str, case: Given, limits: Limits) -> tuple[Array, bool]:
@@ -27,19 +29,27 @@ def run_scipy(method: str, case: Given, limits: Limits) -> tuple[Array, bool]:
     return states, bool(found.success)
 
 
-def run_filippov(case: Given, limits: Limits) -> tuple[Array, bool]:
+def run_filippov(method: str, case: Given, limits: Limits) -> tuple[Array, bool]:
     """The same by this package."""
     start, _ = case.built.t_span
     found = solve(
-        case.built.system, case.built.x0, (start, case.times[-1]), rtol=limits.rtol, atol=limits.atol,
-        max_time=limits.seconds, t_eval=case.times, zeno="continue",
+        case.built.system, case.built.x0, (start, case.times[-1]), method=method, rtol=limits.rtol,
+        atol=limits.atol, max_steps=limits.calls, max_time=limits.seconds, t_eval=case.times, zeno="continue",
     )  # fmt: skip
+    if found.nfev > limits.calls or found.status in (Status.MAX_STEPS, Status.TIMEOUT):
+        raise HangError
+    if found.status is Status.NON_UNIQUE:
+        raise SaidError(found.message)
     states = np.full((len(case.times), len(case.built.x0)), np.nan)
-    states[: found.y.shape[1]] = found.y.T
+    if found.success:
+        states[: found.y.shape[1]] = found.y.T
     return states, found.success
 
 
-FILIPPOV = Peer("filippov", "filippov", run_filippov)
+FILIPPOV = tuple(
+    Peer(name, "filippov", partial(run_filippov, method))
+    for name, method in (("filippov", "DOP853"), ("filippov Radau", "Radau"))
+)
 PEERS = tuple(
     Peer(f"scipy {method}", "scipy", partial(run_scipy, method)) for method in ("RK45", "LSODA", "Radau")
 )

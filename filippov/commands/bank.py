@@ -75,10 +75,18 @@ def _compare(settings: dict[str, Any], console: Console) -> int:
         if settings[name] is not None:
             raise UsageError(f"--{name} goes with: filippov bank run FILE")
     given = {key: settings[key] for key in ("rtol", "max_time") if settings[key] is not None}
+    code = 0
     with console.progress("bank compare") as progress:
-        table = compare_bank(
-            settings["file"], only=settings["only"], peers=settings["peers"], progress=progress, **given
-        )
+        try:
+            table = compare_bank(
+                settings["file"], only=settings["only"], peers=settings["peers"], progress=progress, **given
+            )
+        except KeyboardInterrupt as interrupt:
+            if not interrupt.args:
+                raise
+            table, code = interrupt.args[0], INTERRUPTED
     _write(settings, console, peers_json(table))
     console.say(peers_text(table))
-    return 0
+    if code:
+        console.warn(f"interrupted; {len(table.rows)} rows are kept")
+    return code
