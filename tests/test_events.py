@@ -432,3 +432,28 @@ def test_time_limit_is_not_waited_for() -> None:
     system = System(field=field, states="x")
     got = solve(system, (0,), (0, 1e6), max_step=0.01, max_time=0.2)
     assert got.status is Status.TIMEOUT
+
+
+@pytest.mark.parametrize("method", ["DP5", "DOP853", "Radau"])
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(
+    ("start", "reached", "modes"), [((-1.5, 0), 1, "-+"), ((0, 0), 1, "0+"), ((0, 1), 0, "+")]
+)
+def test_visible_fold_met_exactly(
+    start: tuple[float, float], reached: int, modes: str, side: int, scale: float, method: str
+) -> None:
+    """x' = y - sign x, y' = 1 at its fold (0, 1), from below, along sliding, from itself: (t - t1)^2/2."""
+    x, y = states("x y")
+    q = parameters(T=1.0, side=1.0)
+    fold = System({x: (y - sign(x)) / q.T, y: q.side / q.T})
+    got = solve(
+        fold, (side * start[0], side * start[1]), (0, 3 * scale), method=method,
+        parameters={"T": scale, "side": side},
+    )  # fmt: skip
+    swap = {"+": "+", "-": "-", "0": "0"} if side > 0 else {"+": "-", "-": "+", "0": "0"}
+    assert got.success
+    assert "".join(got.modes) == "".join(swap[mode] for mode in modes)
+    assert [e.t / scale for e in got.events] == pytest.approx([reached] if len(modes) > 1 else [], abs=1e-13)
+    exact = [side * (3 - reached) ** 2 / 2, side * (start[1] + 3)]
+    assert got.x_end == pytest.approx(np.array(exact), abs=1e-12)
