@@ -69,7 +69,12 @@ def event_map(rounds: int) -> None:
     d = np.linspace(0.001, 0.5, 500)
     truth = exact(d)
     sample = d[::10]
-    runs: dict[str, Callable[[], object]] = {"ours": lambda: ours(d)}
+    starts = ours.bound.start(d, ours.p)
+    single = partial(
+        solve_many, ours.system, starts, (0.0, ours.section.t_max), parameters=ours.parameters,
+        stop=ours.section.stop, rtol=1e-10, atol=1e-12, lanes=1,
+    )  # fmt: skip
+    runs: dict[str, Callable[[], object]] = {"ours": lambda: ours(d), "single": single}
     caps, batch = heyoka_cap(d, truth, peers.HeyokaMap), heyoka_cap(d, truth, peers.HeyokaBatch)
     if caps is not None and batch is not None:
         runs |= {"heyoka": lambda: caps(d), "batch": lambda: batch(d)}
@@ -87,6 +92,8 @@ def event_map(rounds: int) -> None:
         f"event map, 500 points, rtol 1e-10: filippov {min(own) * 1e3:.2f} ms "
         f"(median {statistics.median(own) * 1e3:.2f}), error {np.max(np.abs(ours(d) - truth)):.1e}"
     )
+    worst = float(np.max(np.abs(single().x[:, ours.bound.index] - truth)))
+    row("  the same one by one", own, times["single"], worst)
     worst = float(np.max(np.abs(peers.scipy_map(d, 1e-10) - truth)))
     row("  scipy solve_ivp(DOP853), timed on 50 points x 10", own, times["scipy"], worst)
     titles = {"heyoka": "heyoka, scalar, step capped", "batch": "heyoka, batch of 8, step capped"}
@@ -135,6 +142,9 @@ def trajectories(rounds: int, cores: set[int]) -> None:
         scipy.append(500 * (time.process_time() - begun))
     error = np.max(np.abs(solve_many(system, x0, (0, 20), threads=1, **options).x - exact))
     print(f"10,000 trajectories of 20 s, rtol 1e-8: filippov {min(own) * 1e3:.0f} ms, error {error:.1e}")
+    single = partial(solve_many, system, x0, (0, 20), threads=1, lanes=1, **options)
+    worst = float(np.max(np.abs(single().x - exact)))
+    row("  the same one by one", own, times_of(single, 2), worst)
     theirs = float(np.max(np.abs(ends - exact[:20])))
     row("  scipy solve_ivp(DOP853), timed on 20 x 500", own, scipy, theirs)
     if len(cores) > 1:
