@@ -75,9 +75,9 @@ def _turns(
     times = np.append(
         (knots[:-1, None] + np.diff(knots)[:, None] * np.arange(_PER_STEP) / _PER_STEP).ravel(), knots[-1]
     )
-    # Not the ends themselves: there the dense output may belong to another mode.
-    times[0] += 1e-9 * segment.dwell
-    times[-1] -= 1e-9 * segment.dwell
+    # Not the ends themselves: there the dense output may belong to another mode. First steps may be shorter.
+    near = 1e-9 * segment.dwell
+    times = np.unique(np.clip(times, segment.t0 + near, segment.t1 - near))
 
     def distances(t: Array) -> Array:
         return _distances(motion, segment.mode, wanted, t, sliding, jacobian)

@@ -101,6 +101,18 @@ class LinearSlip:
         return float("nan") if time is None else float(-self.at(time, ratio)[0] - ratio)
 
 
+    def roughly(self, ratio: float) -> float:
+        """`excess` from the table of times, between two of which v is taken for straight."""
+        rows = ratio * self.rows[:, :, 0] + self.rows[:, :, 1]
+        found = np.nonzero(rows[1:, 1] >= 0)[0]
+        found = found[found > 0]
+        if not found.size:
+            return float("nan")
+        k = int(found[0])
+        share = rows[k, 1] / (rows[k, 1] - rows[k + 1, 1])
+        return float(-(rows[k, 0] + share * (rows[k + 1, 0] - rows[k, 0])) - ratio)
+
+
 def coulomb_ratio(*, m: float, P: float, D: float, I: float, b: float = 0.0) -> float | None:
     """Ratio of successive stick positions under Coulomb friction alone, -a_x(T); None: no stop on the way.
 
@@ -124,10 +136,13 @@ def static_cycles(
         raise UsageError(f"Fs = {Fs}, Fc = {Fc}: expected Fs > Fc >= 0; with Fs = Fc use coulomb_ratio.")
     slip = LinearSlip(m=m, P=P, D=D, I=I, b=b)
     ratios = np.geomspace(1e-4, 1e4, RATIOS)
-    excess = [slip.excess(float(ratio)) for ratio in ratios]
+    rough = np.array([slip.roughly(float(ratio)) for ratio in ratios])
+    # A root may be on the other side of a point of the scan than it seems.
+    near = np.flatnonzero(rough[:-1] * rough[1:] < 0)
+    near = np.unique(np.clip([near - 1, near, near + 1], 0, RATIOS - 2))
     cycles = []
-    for low, high, first, second in zip(ratios[:-1], ratios[1:], excess[:-1], excess[1:], strict=True):
-        if not first * second < 0:
+    for low, high in zip(ratios[near], ratios[near + 1], strict=True):
+        if not slip.excess(float(low)) * slip.excess(float(high)) < 0:
             continue
         ratio = float(brentq(slip.excess, low, high, xtol=1e-15 * high, rtol=1e-14))
         time = slip.stop(ratio)

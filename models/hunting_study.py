@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from filippov.models.hunting_questions import QUESTIONS
 from filippov.models.hunting_text import CAPTIONS, DIFFERENCES, SUMMARY
 from filippov.models.karnopp import hunting_karnopp
 from filippov.models.laws import Stribeck
@@ -79,6 +80,11 @@ STUDY = register_study(
             "P(P(d))": "P(P(d)) [m]",
             "fixed points": "fixed points d* of P(P(d)) [m]",
             "parameter": "controller gain P [N/m]",
+            "plane": "integral rate I [1/s]",
+            "ending": "exponent β [-]",
+            "fold": "controller gain P at the fold [N/m]",
+            "amplitude": "amplitude of x: rest position [m]",
+            "input": "amplitude of the velocity [m/s]",
             "curve x": "velocity v [m/s]",
             "curve y": "dry friction g(|v|) sgn v [N]",
         },
@@ -138,5 +144,6 @@ STUDY = register_study(
         summary=SUMMARY,
         differences=DIFFERENCES,
         captions=CAPTIONS,
+        questions=QUESTIONS,
     )
 )

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 
-def _flow(text: str) -> str:
+def flow(text: str) -> str:
     """Text in one line."""
     return " ".join(text.split())
 
 
 SUMMARY = (
-    _flow(
+    flow(
         """
         A mass under dry Stribeck friction is held at 0 by a PID controller: m v' ∈ −u −
         F(v), x' = v, z' = x, u = P (x + D v + I z). Friction at rest is a set, so the loop
@@ -18,7 +18,7 @@ SUMMARY = (
         is an event that is located and landed on. There is no band around v = 0.
         """
     ),
-    _flow(
+    flow(
         """
         With β = 2 the loop has two limit cycles at P = 10 N/m, an unstable one at d =
         {cycle_2_1:.10f} m and a stable one at d = {cycle_2_2:.10f} m: which of hunting and
@@ -33,7 +33,7 @@ SUMMARY = (
 DIFFERENCES = (
     (
         "The stick force",
-        _flow(
+        flow(
             """
             Equation 1 of the paper prints the stick force with the sign that doubles u
             in place of cancelling it. Its equation 2, the inclusion, is right and is
@@ -43,7 +43,7 @@ DIFFERENCES = (
     ),
     (
         "The simulation model",
-        _flow(
+        flow(
             """
             The paper integrates the Switch model, three ordinary differential equations
             with a band of half-width 1e-8 m/s around v = 0. Here the inclusion itself
@@ -55,7 +55,7 @@ DIFFERENCES = (
     ),
     (
         "Stability of the equilibrium set for β > 1",
-        _flow(
+        flow(
             """
             The paper's table 4 says stable. That is so on its range of gains, and for
             every P above {change_rest_2:.8f} N/m; below it the linearised return map at
@@ -66,7 +66,7 @@ DIFFERENCES = (
     ),
     (
         "Where the set changes stability for β = 1",
-        _flow(
+        flow(
             """
             The paper reads it off the diagram, near P = 27 N/m. Here it is the root of
             |slope| = 1 of the second iterate at the set, {change_1:.8f} N/m, and it
@@ -79,7 +79,7 @@ DIFFERENCES = (
     ),
     (
         "The map at the origin for β = 0.5",
-        _flow(
+        flow(
             """
             The friction curve has an infinite slope at v = 0, so the map does not pass
             through the origin: P(0+) = {jump_0_5:.8f} m. A motion that leaves the set,
@@ -91,7 +91,7 @@ DIFFERENCES = (
     ),
     (
         "Figures of the paper",
-        _flow(
+        flow(
             """
             The scan of the paper that was at hand has lost many digits. The figures in
             the columns ‘paper’ are those that survive or were restored by computing
@@ -105,7 +105,7 @@ DIFFERENCES = (
     ),
     (
         "Table 4 is a statement about a range",
-        _flow(
+        flow(
             """
             ‘Always’ and ‘never’ in the computed column mean: at every gain that was
             computed, which are named below the table. For β < 1 the instability of the
@@ -117,20 +117,20 @@ DIFFERENCES = (
 )
 
 CAPTIONS = {
-    "friction": _flow(
+    "friction": flow(
         """
         The force is a set at v = 0, the thick bar. The slope beside it is 0 for β = 2,
         finite for β = 1 and infinite for β = 0.5; that decides what a linearisation can
         say.
         """
     ),
-    "response": _flow(
+    "response": flow(
         """
         Shaded: stick. In stick the friction takes any value between -1 and 1 times Fs and
         cancels u; slip begins where it reaches ±1.
         """
     ),
-    "phase": _flow(
+    "phase": flow(
         """
         The equilibrium set is the segment x = v = 0, |z| ≤ Fs/(P I): a point in the left
         plane, a segment in the right one.

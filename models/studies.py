@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from filippov.errors import ModelError, UsageError
+from filippov.models.questions import Questions
 from filippov.names import closest
 from filippov.system import System
 
@@ -77,13 +78,15 @@ class Study:
     goal               the question whether some value has a stable set and no stable cycle, in words
     variants           models to compare with, over `widths`
     labels             axis labels with units, by name of state, "t", "d", "P" (the map), the parameter,
-                       "curve x", "curve y", "multiplier"
+                       "curve x", "curve y", "multiplier"; for the questions "plane", "ending" (the second
+                       parameters), "fold", "amplitude", "input"
     mode_names         words for modes
     stated_*           what the source states: parameters, fixed points by case, places and bounds by case,
                        classification
     summary            paragraphs at the head of the report
     differences        (title, text): what differs from the source, and why. In all texts {fold_2:.8f} and
                        the like stand for computed values (see filippov.report.facts)
+    questions          what is asked beyond the cases
     """
 
     name: str
@@ -112,6 +115,7 @@ class Study:
     summary: tuple[str, ...] = ()
     differences: tuple[tuple[str, str], ...] = ()
     captions: Mapping[str, str] = field(default_factory=dict)
+    questions: Questions = field(default_factory=Questions)
 
     def case(self, key: str) -> StudyCase:
         """The case of a key."""

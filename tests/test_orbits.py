@@ -292,6 +292,16 @@ def test_b02_multiplier_and_crossings():
     assert abs(orbit.period - 2 * (b - a)) < 1e-9
 
 
+def test_an_orbit_that_leaves_the_surface_in_tiny_steps_has_margins():
+    # beta = 0.5: the friction curve has an infinite slope at rest, and slip begins with steps near rounding.
+    half = EventMap(hunting(), Section.from_model(get("hunting")), parameters={"beta": 0.5})
+    start = half.bound.start(0.178589691249, half.p)[0]
+    orbit = find_orbit(hunting(), start, symmetry="odd", parameters={"beta": 0.5})
+    assert abs(orbit.amplitude["x"] + half(orbit.amplitude["x"])) < 1e-9
+    assert orbit.margin.distance == float("inf")  # it nowhere turns back from v = 0
+    assert 0 < orbit.margin.transversality < 1
+
+
 def test_b05_grazing_amplitude_is_where_the_margin_vanishes():
     item = case("B05_grazing_sliding_belt")
     orbit = find_orbit(item.system, item.x0)

@@ -403,7 +403,9 @@ _ALL = (
     Command(
         "study", "a whole study with its report", "study",
         (Option("name", "the study: hunting", one_of("hunting"), metavar="{hunting}", flags=("name",)),
-         Option("quick", "coarser, to see whether it works", switch, default=False)),
+         Option("quick", "coarser, to see whether it works", switch, default=False),
+         Option("resolution", "factor of the number of points in maps and searches, 0.1 to 20", number,
+                metavar="F", default=1.0)),
         "filippov study hunting -o results/hunting", needs="filippov.report",
     ),
     Command(

@@ -17,7 +17,9 @@ def run(settings: dict[str, Any], console: Console) -> int:
     folder = Folder(settings["output"] or f"results/{name}", console)
     with console.progress(f"study {name}") as progress:
         output = Path(folder.path or ".")
-        summary = module.run_study(name, output, progress=progress, quick=settings["quick"])
+        summary = module.run_study(
+            name, output, progress=progress, quick=settings["quick"], resolution=settings["resolution"]
+        )
     console.result(summary)
     console.say(f"wrote the report into {folder.path}")
     return 0

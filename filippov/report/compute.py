@@ -19,6 +19,7 @@ from filippov.graph import observed_graph
 from filippov.machine import Machine
 from filippov.models.registry import Model
 from filippov.models.studies import Study, StudyCase
+from filippov.report.effort import Effort
 from filippov.report.independent import Orbits
 from filippov.report.results import Agreement, CaseResult, Exactness, Samples
 from filippov.solution import Solution
@@ -28,25 +29,6 @@ from filippov.word import mode_word
 
 Array = npt.NDArray[np.float64]
 Tell = Callable[[float, str], None]
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How much is computed."""
-
-    points: int = 400
-    samples: int = 500
-    stride: int = 1
-    stages: tuple[int, int] = (160, 200)
-    tolerances: tuple[float, float] = (1e-10, 1e-13)
-    shooting: float = 1e-12
-    iterates: int = 30
-    widths: int = 1
-
-    @classmethod
-    def quick(cls) -> Effort:
-        """Coarser, for a look whether it works."""
-        return cls(200, 160, 3, (100, 160), shooting=1e-9, widths=3)
 
 
 @dataclass(frozen=True)

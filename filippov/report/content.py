@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from filippov.report import tables
 from filippov.report.facts import facts
+from filippov.report.finding_sections import cycle_sections, design_sections, relative_section
 from filippov.report.html import definitions, figure, page, paragraph, preformatted, section, source, table
 from filippov.report.results import CaseResult, Results
 
@@ -20,10 +21,13 @@ def document(results: Results, drawings: Mapping[str, str]) -> str:
         ("map", "Event map and iterates", made.maps()),
         ("fixed-points", "Fixed points of the second iterate", made.fixed_points()),
         ("bifurcation", f"Bifurcation in {made.parameter}", made.bifurcation()),
+        *cycle_sections(results, made.drawn),
         ("classification", "Classification", [table(tables.classes(results))]),
         ("stability", "Stability report", made.stability()),
         ("graph", "Modes and transitions", made.graph()),
         ("comparison", "Comparison with band models", made.comparison()),
+        relative_section(results, made.drawn),
+        *design_sections(results, made.drawn),
         ("checks", "Independent checks", [table(tables.checks(results)), table(tables.exactness(results))]),
         ("differences", "What differs from the paper, and why", [definitions(made.differences())]),
         (

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from filippov.report.finding_facts import finding_facts, finding_summary
 from filippov.report.results import CaseResult, Results
 
 
@@ -37,6 +38,7 @@ def facts(results: Results) -> Facts:
         out |= {f"jump_{slug}": jump.above for jump in result.jumps if jump.d == 0}
         if result.bound is not None:
             out[f"bound_{slug}"] = result.bound
+    out |= finding_facts(results)
     return out
 
 
@@ -92,6 +94,7 @@ def summary(results: Results) -> dict[str, Any]:
         "cycles": {c.case.key: _cycles(c) for c in cases},
         "classification": classification(results),
         "comparison": _comparison(results),
+        **_without_infinities(finding_summary(results)),
         "timing": {k: round(v, 4) for k, v in results.timing.items()},
     }
 
@@ -124,6 +127,15 @@ def _point(q: Any) -> dict[str, Any]:
     if q.note or out["slope"] is None:
         out["note"] = q.note or f"the slope is {q.slope}"
     return out
+
+
+def _without_infinities(data: Any) -> Any:
+    """The same with null for what is not finite, at any depth."""
+    if isinstance(data, dict):
+        return {k: _without_infinities(v) for k, v in data.items()}
+    if isinstance(data, list | tuple):
+        return [_without_infinities(v) for v in data]
+    return _number(data)
 
 
 def _number(value: Any) -> Any:

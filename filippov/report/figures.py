@@ -10,6 +10,7 @@ import numpy as np
 from filippov.plot_graph import plot_graph
 from filippov.plot_maps import plot_diagram, plot_event_map, plot_iterates
 from filippov.plotting import plot_phase, plot_solution
+from filippov.report.finding_figures import finding_figures
 from filippov.report.results import CaseResult, Results, Samples
 from filippov.style import GREY, INK, SERIES, new_figure, style
 
@@ -37,7 +38,7 @@ def figures(results: Results) -> dict[str, Draw]:
     out["graph"] = lambda: possible(results)
     if results.comparison:
         out["comparison"] = lambda: comparison(results)
-    return out
+    return out | finding_figures(results)
 
 
 def curves(results: Results) -> Figure:

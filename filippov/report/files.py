@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from filippov.report.finding_facts import finding_files
 from filippov.report.results import CaseResult, Results
 from filippov.status import mode_text
 
@@ -120,6 +121,7 @@ def data_files(results: Results) -> Iterator[tuple[str, Sequence[str], Rows]]:
         rows = results.comparison.rows
         names = tuple(dict.fromkeys(key for row in rows for key in row))
         yield "comparison.csv", names, [[row.get(name) for name in names] for row in rows]
+    yield from finding_files(results)
 
 
 def _response(case: CaseResult) -> list[tuple[Any, ...]]:

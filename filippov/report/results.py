@@ -17,6 +17,7 @@ from filippov.analysis.fixed_points import Basin, FixedPoint, Jump
 from filippov.analysis.stability import StabilityReport
 from filippov.models.registry import Model
 from filippov.models.studies import Curve, Study, StudyCase
+from filippov.report.findings import Findings
 from filippov.solution import Solution
 from filippov.system import System
 
@@ -118,6 +119,7 @@ class Results:
     """A computed study.
 
     comparison  with the variants, None without any; timing: seconds by stage; machine: what it ran on
+    findings    answers to the study's questions
     """
 
     study: Study
@@ -128,6 +130,7 @@ class Results:
     comparison: Comparison | None
     timing: dict[str, float] = field(default_factory=dict)
     machine: Mapping[str, str] = field(default_factory=dict)
+    findings: Findings = field(default_factory=Findings)
 
     @property
     def main(self) -> CaseResult:

@@ -17,27 +17,31 @@ from filippov.analysis.comparison_result import Comparison
 from filippov.graph import possible_graph
 from filippov.models import registry
 from filippov.models.studies import Study, get_study
-from filippov.report.compute import Effort, Subject, case_result
+from filippov.report.compute import Subject, case_result
 from filippov.report.content import document
+from filippov.report.effort import Effort
 from filippov.report.facts import summary
 from filippov.report.figures import figures
 from filippov.report.files import data_files, save_figure, write, write_csv
+from filippov.report.questions import findings
 from filippov.report.results import Results
 from filippov.style import style
 
 Progress = Callable[..., object]
-# Shares of the whole: cases, comparison; the rest is writing.
-CASES, COMPARED = 0.45, 0.75
+# Shares of the whole: cases, comparison, questions; the rest is writing.
+CASES, COMPARED, ASKED = 0.25, 0.4, 0.85
 PACKAGES = ("filippov", "numpy", "scipy", "sympy", "networkx", "llvmlite", "matplotlib")
 
 
 def run_study(
-    name: str, output: str | Path, *, progress: Progress | None = None, quick: bool = False
-) -> dict[str, Any]:
+    name: str, output: str | Path, *, progress: Progress | None = None, quick: bool = False,
+    resolution: float = 1.0,
+) -> dict[str, Any]:  # fmt: skip
     """Run a study into a folder and return its summary.
 
     progress  called with (done, all, what)
     quick     coarser, to see whether it works
+    resolution   factor of the number of points in maps, diagrams, searches, 0.1 to 20
 
     Writes report.html, summary.json, figures as SVG and PNG, data as CSV. Raises UsageError for an
     unknown name, ImportError without matplotlib.
@@ -47,14 +51,16 @@ def run_study(
     os.environ.setdefault("MPLBACKEND", "Agg")
     with style():  # without matplotlib this is the time to say so, not the end
         pass
-    results = compute(get_study(name), Effort.quick() if quick else Effort(), tell)
+    study = get_study(name)
+    effort = (Effort.quick() if quick else Effort()).finer(resolution)
+    results = compute(study, effort, tell)
     folder.mkdir(parents=True, exist_ok=True)
     for file, columns, rows in data_files(results):
         write_csv(folder / file, columns, rows)
     drawings, begun = {}, time.perf_counter()
     todo = figures(results)
     for k, (file, draw) in enumerate(todo.items()):
-        tell(COMPARED + (1 - COMPARED) * k / len(todo), f"figure {file}")
+        tell(ASKED + (1 - ASKED) * k / len(todo), f"figure {file}")
         drawings[file] = save_figure(folder, file, draw())
     results.timing["figures"] = time.perf_counter() - begun
     results.timing["total"] = time.perf_counter() - since
@@ -85,7 +91,11 @@ def compute(study: Study, effort: Effort, tell: Callable[[float, str], None]) ->
     compared = _compared(subject, effort, tell)
     if compared is not None:
         timing["comparison"] = time.perf_counter() - begun
-    return Results(study, model, subject.system, tuple(cases), graph, compared, timing, _machine())
+    def asking(fraction: float, what: str) -> None:
+        tell(COMPARED + (ASKED - COMPARED) * fraction, what)
+
+    found = findings(subject, cases, effort, asking, timing)
+    return Results(study, model, subject.system, tuple(cases), graph, compared, timing, _machine(), found)
 
 
 def _compared(subject: Subject, effort: Effort, tell: Callable[[float, str], None]) -> Comparison | None:
