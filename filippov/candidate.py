@@ -22,6 +22,8 @@ from filippov.machine import Array, Machine
 CLEAR = 1e-6
 BALANCED = 1e-10
 VANISHING = 1e-9
+# Excursions that are rounding, of the size of the terms of a guard.
+SHALLOW = 1e-12
 TRIALS, SHORTER = 12, 4.0
 OPEN = 1e299
 NO_RATE = 1e-12
@@ -95,8 +97,13 @@ def first_derivative(values: Array, scale: float) -> tuple[int, float]:
     if not np.isfinite(largest) or largest <= noise:
         return 0, 0.0
     powers = _MONOMIAL @ values
+    least = max(VANISHING * largest, noise)
     for order in range(1, NODES - 1):
-        if abs(powers[order]) > max(VANISHING * largest, noise):
+        if abs(powers[order]) > least:
+            # Where the point was located next to an extremum, what is left of the slope turns round at once.
+            turns = order == 1 and powers[1] * powers[2] < 0 and abs(powers[2]) > least
+            if turns and powers[1] ** 2 <= 4.0 * SHALLOW * scale * abs(powers[2]):
+                continue
             return order, float(powers[order])
     return 0, 0.0
 

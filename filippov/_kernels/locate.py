@@ -66,6 +66,8 @@ from filippov._kernels.tables import DEGREE, NODES, POSITION, TO_BERNSTEIN, TOUC
 CHECK_FIRST, CHECK_APART = 0.3137, 0.4218
 NOISY, NEIGHBOUR = 64.0, 1.2345e-10
 LEAVES = 16
+# Of the rates on both sides of a sliding surface: an excess of the multiplier that is rounding.
+BRUSH = 1e-10
 EPS = 2.220446049250313e-16
 OPEN = 1e299
 
@@ -208,10 +210,33 @@ def guard_noise(i: int, t: float, x: Vector, p: Vector, m: Vector, w: Vector, ct
 
 
 @kernel
-def to_polynomial(row: int, judged: bool, noise: float, w: Vector) -> bool:
-    """Bernstein coefficients of one guard on the sampled piece; False where they do not stand for it."""
+def coefficient_range(c: Vector) -> tuple[float, float]:
+    """Least and largest Bernstein coefficient: the guard stays between them."""
+    least, most = float(c[0]), float(c[0])
+    for a in range(1, NODES):
+        least = min(least, c[a])
+        most = max(most, c[a])
+    return least, most
+
+
+@kernel
+def sampled_range(row: int, w: Vector) -> tuple[float, float]:
+    """Least and largest sample of a guard: between Chebyshev points a polynomial does not go far beyond."""
+    least, most = float(w[W_NODE + row]), float(w[W_NODE + row])
+    for a in range(1, NODES):
+        least = min(least, w[W_NODE + a * 2 * M + row])
+        most = max(most, w[W_NODE + a * 2 * M + row])
+    return least, most
+
+
+@kernel
+def to_polynomial(row: int, judged: bool, noise: float, brush: float, w: Vector) -> bool:
+    """Bernstein coefficients of one guard on the sampled piece; False where they do not stand for it.
+
+    brush: where it is not negative, the guard is asked for its sign as well, if it is not as small as this.
+    """
     c = shift(w, W_C)
-    largest = 0.0
+    largest, worst = 0.0, 0.0
     for a in range(NODES):
         total = 0.0
         for b in range(NODES):
@@ -227,6 +252,11 @@ def to_polynomial(row: int, judged: bool, noise: float, w: Vector) -> bool:
             miss = bernstein_value(c, DEGREE, u, shift(w, W_WORK)) - w[W_CHECK + q * 2 * M + row]
             if abs(miss) > 1e-7 * largest + NOISY * noise:
                 return False
+            worst = max(worst, abs(miss))
+    if brush >= 0.0 and worst > brush:
+        bound, _ = coefficient_range(c)
+        least, _ = sampled_range(row, w)
+        return bound > 4.0 * worst or least < -4.0 * worst
     return True
 
 
@@ -252,26 +282,6 @@ def rounding(t: float, step: float, i: int, w: Vector) -> float:
         j = G_COLUMN[a]
         total += abs(w[W_G + i * N + j]) * max(abs(w[W_COEF + j]), abs(w[W_Y + j]))
     return float(1024.0 * EPS * total)
-
-
-@kernel
-def coefficient_range(c: Vector) -> tuple[float, float]:
-    """Least and largest Bernstein coefficient: the guard stays between them."""
-    least, most = float(c[0]), float(c[0])
-    for a in range(1, NODES):
-        least = min(least, c[a])
-        most = max(most, c[a])
-    return least, most
-
-
-@kernel
-def sampled_range(row: int, w: Vector) -> tuple[float, float]:
-    """Least and largest sample of a guard: between Chebyshev points a polynomial does not go far beyond."""
-    least, most = float(w[W_NODE + row]), float(w[W_NODE + row])
-    for a in range(1, NODES):
-        least = min(least, w[W_NODE + a * 2 * M + row])
-        most = max(most, w[W_NODE + a * 2 * M + row])
-    return least, most
 
 
 @kernel
@@ -314,14 +324,16 @@ def locate(
             if row >= M and m[i] != 0.0:
                 continue
             judged = m[i] == 0.0 or LINEAR[i] == 0
-            noise = -1.0
+            noise, brush = -1.0, -1.0
+            if m[i] == 0.0:
+                brush = BRUSH * (abs(w[W_NODE + i]) + abs(w[W_NODE + M + i]))
             if direct:
                 guard_polynomial(i, step, m, w)
-            elif not to_polynomial(row, judged, 0.0, w):
+            elif not to_polynomial(row, judged, 0.0, brush, w):
                 if m[i] != 0.0:
                     dense_value(lo + 0.5 * width, shift(w, W_XM), w)
                     noise = guard_noise(i, t + (lo + 0.5 * width) * step, shift(w, W_XM), p, m, w, ctx)
-                if noise <= 0.0 or not to_polynomial(row, judged, noise, w):
+                if noise <= 0.0 or not to_polynomial(row, judged, noise, brush, w):
                     if depth < SPLITS:
                         resolved = False
                         break
@@ -355,6 +367,11 @@ def locate(
                 # A root at the very end of a clear descent is none of these.
                 at_end = c[DEGREE] <= 0.0 and c[DEGREE - 1] > 2.0 * dip
                 for a in range(DEGREE if at_end else NODES):
+                    c[a] += dip
+            elif m[i] == 0.0:
+                # A multiplier that comes to the end of its set and turns back, to rounding, does not leave it.
+                dip = brush
+                for a in range(NODES):
                     c[a] += dip
             least, most = c[0], c[0]
             for a in range(1, degree + 1):
