@@ -369,7 +369,7 @@ def locate(
                 for a in range(DEGREE if at_end else NODES):
                     c[a] += dip
             elif m[i] == 0.0:
-                # A multiplier that comes to the end of its set and turns back, to rounding, does not leave it.
+                # A multiplier that comes to the end of its set and turns back, does not leave it.
                 dip = brush
                 for a in range(NODES):
                     c[a] += dip
