@@ -108,23 +108,42 @@ def flow_factors(
     mode: Mode = solution.start_mode
     out: list[Factor] = []
     begin = 0
+    leaving: tuple[Array, Array] | None = None
 
-    def stretch(end: int, t: float) -> None:
+    def stretch(end: int, t: float, x: Array) -> None:
         if end > begin:
             field = mode_field(system, mode, names, jacobian)
             steps = (sol.start[begin:end], sol.step[begin:end])
-            out.append(Factor(t, mode, transition(field, *steps, _states(solution), p)))
+            matrix = transition(field, *steps, _states(solution), p)
+            if leaving is not None:
+                matrix = _along(field, matrix, *leaving, t, x, p)
+            out.append(Factor(t, mode, matrix))
 
     for _, group in itertools.groupby(solution.events, key=lambda event: event.group):
         events = list(group)
         t = events[0].t
         end = int(np.searchsorted(sol.direction * sol.start, sol.direction * t, side="left"))
-        stretch(end, t)
+        stretch(end, t, events[0].x)
         begin, mode = end, events[-1].after
+        here = Together(solution, events, names, jacobian)
         if not (before_last and t == solution.t_end and events[-1] is solution.events[-1]):
-            out.append(Factor(t, mode, Together(solution, events, names, jacobian).saltation()))
-    stretch(len(sol.start), solution.t_end)
+            out.append(Factor(t, mode, here.saltation()))
+        leaving = here.leaving()
+    stretch(len(sol.start), solution.t_end, solution.x_end)
     return out
+
+
+def _along(
+    field: ModeField, matrix: Array, slope: Array, velocity: Array, t: float, x: Array, p: Array
+) -> Array:
+    """A transition matrix from an exit, made to carry y' at the exit into y' at (t, x), as the flow does.
+
+    Next to a surface where the field has an infinite slope, the quadrature excites a motion that only a
+    displacement across the manifold of exits excites; what moves along y' is known without it.
+    """
+    s = field.multipliers(np.array([t]), x[None, :], p)
+    there = field.velocity(np.array([t]), x[None, :], s, p)[0]
+    return np.asarray(matrix + np.outer(there - matrix @ velocity, slope) / (slope @ velocity))
 
 
 def saltation(solution: Solution, event: Event) -> Array:
@@ -224,6 +243,14 @@ class Together:
         if len(reached) == 1:
             return self._one(self.before, self.after, reached[0])
         return self._several(reached)
+
+    def leaving(self) -> tuple[Array, Array] | None:
+        """G_y and y' where the instant is one sliding exit, across which y' is continuous; else None."""
+        if len(self.events) != 1 or self.events[0].kind is not EventKind.EXIT:
+            return None
+        (event,) = self.events
+        slope = self.guard(self.before, event.index, 1 if event.after[event.index] > 0 else -1)
+        return slope, self.field(self.after)[1]
 
     def _reset(self, events: Sequence[Event]) -> Array:
         if len(events) > 1:

@@ -300,6 +300,9 @@ def test_an_orbit_that_leaves_the_surface_in_tiny_steps_has_margins():
     assert abs(orbit.amplitude["x"] + half(orbit.amplitude["x"])) < 1e-9
     assert orbit.margin.distance == float("inf")  # it nowhere turns back from v = 0
     assert 0 < orbit.margin.transversality < 1
+    d, h = orbit.amplitude["x"], 1e-5
+    slope = float((half(d + h) - half(d - h)) / (2 * h))
+    assert orbit.multipliers[0].real == pytest.approx(slope**2, abs=1e-7)
 
 
 def test_b05_grazing_amplitude_is_where_the_margin_vanishes():

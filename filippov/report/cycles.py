@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +11,6 @@ import sympy
 from filippov.analysis.branch import Branch, BranchPoint
 from filippov.analysis.continuation import Continuation, continuation
 from filippov.analysis.curve import curve
-from filippov.analysis.orbit import Orbit
 from filippov.analysis.orbit_search import find_orbit
 from filippov.analysis.regions import Regions, regions
 from filippov.analysis.rest_map import growth, rest_map, threshold
@@ -24,8 +22,6 @@ from filippov.report.results import CaseResult
 Array = npt.NDArray[np.float64]
 Tell = Callable[[float, str], None]
 TIGHT = 1e-13
-# Relative difference of the two ways to a multiplier up to which they agree.
-AGREE = 1e-6
 # Longest step along a branch, in units of its size: short enough to be drawn.
 LONGEST = 0.04
 # Points of the border at which the set changes stability, and of the scan for each.
@@ -37,10 +33,10 @@ def case_cycles(subject: Subject, result: CaseResult) -> tuple[CaseCycles, tuple
     study = subject.study
     once = result.event_map
     orbits = tuple(
-        _with_slope(find_orbit(
+        find_orbit(
             subject.system, once.bound.start(np.array([q.d]), once.p)[0],
             symmetry=study.questions.symmetry, parameters=result.parameters,
-        ), q.slope)
+        )
         for q in result.cycles
     )  # fmt: skip
     runs = _runs(subject, result, 1e-12)
@@ -57,19 +53,6 @@ def case_cycles(subject: Subject, result: CaseResult) -> tuple[CaseCycles, tuple
     spread = max((abs(a - b) / abs(b) for a, b in pairs), default=0.0)
     branches = tuple(run.branch for run in runs)
     return CaseCycles(result.case.key, orbits, branches, at, spread, len(pairs)), runs
-
-
-def _with_slope(orbit: Orbit, slope: float) -> Orbit:
-    """The orbit with the map's slope as its first multiplier where the two differ.
-
-    Where the field has an infinite slope at the surface, variations lose digits as the orbit leaves it; the
-    map's derivative, which agrees with central differences, does not start there.
-    """
-    if abs(orbit.multipliers[0] - slope) <= AGREE * abs(slope):
-        return orbit
-    values = orbit.multipliers.copy()
-    values[0] = slope
-    return replace(orbit, multipliers=values)
 
 
 def _place(point: BranchPoint) -> float:
