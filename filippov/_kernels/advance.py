@@ -74,7 +74,7 @@ from filippov._kernels.field import clear_ranges, field, project, set_mode
 from filippov._kernels.land import EPS, land
 from filippov._kernels.language import NAN, Indices, Vector, kernel, shift, shift_indices, truncate
 from filippov._kernels.layout import COLUMNS, MULTIPLIER
-from filippov._kernels.locate import NOISY, dense_output, guard_noise, locate, straight
+from filippov._kernels.locate import BRUSH, NOISY, dense_output, guard_noise, locate, straight
 from filippov._kernels.model import (
     END_IN_ERROR,
     I_CALLS,
@@ -96,6 +96,7 @@ from filippov._kernels.model import (
     W_JUMP,
     W_K,
     W_MULT,
+    W_ROW,
     W_RTOL,
     W_START,
     W_TOUCH,
@@ -422,7 +423,7 @@ def advance(
                 kind = resolve_root(
                     te, xe, p, m, order, surface, w[W_END + 2 * surface + 1] * direction, w, iw, ctx
                 )
-            else:
+            elif residual <= BRUSH * (abs(w[W_ROW + surface]) + abs(w[W_ROW + M + surface])):
                 kind = resolve_exit(m, order, cause, surface, slope, w, iw)
         if kind == -1:
             code = USER_ERROR
