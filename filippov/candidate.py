@@ -24,6 +24,8 @@ BALANCED = 1e-10
 VANISHING = 1e-9
 # Excursions that are rounding, of the size of the terms of a guard.
 SHALLOW = 1e-12
+# Of what the signs make of a rate: what is left of one that vanishes where the end of sliding was located.
+LOCATED = 1e-7
 TRIALS, SHORTER = 12, 4.0
 OPEN = 1e299
 NO_RATE = 1e-12
@@ -90,30 +92,38 @@ class Point:
         return self.probed[key]
 
 
-def first_derivative(values: Array, scale: float) -> tuple[int, float]:
-    """Order and coefficient of the first power of theta in the guard: (0, 0.0) if it is zero throughout."""
-    largest = float(np.max(np.abs(values[1:])))
+def first_derivative(values: Array, scale: float, located: bool = False) -> tuple[int, float]:
+    """Order and coefficient of the first power of theta in the guard: (0, 0.0) if it is zero throughout.
+
+    located: the rate vanishes at the point, up to the error of locating it; scale is that of the rate.
+    """
+    powers = _MONOMIAL @ values
+    first = 1
+    if located:
+        powers, first = powers * np.arange(NODES), 2
+    largest = float(np.max(np.abs(powers[first:] if located else values[1:])))
     noise = 64 * np.finfo(float).eps * scale
     if not np.isfinite(largest) or largest <= noise:
         return 0, 0.0
-    powers = _MONOMIAL @ values
     least = max(VANISHING * largest, noise)
-    for order in range(1, NODES - 1):
+    for order in range(first, NODES - 1):
         if abs(powers[order]) > least:
             # Where the point was located next to an extremum, what is left of the slope turns round at once.
-            turns = order == 1 and powers[1] * powers[2] < 0 and abs(powers[2]) > least
-            if turns and powers[1] ** 2 <= 4.0 * SHALLOW * scale * abs(powers[2]):
+            now, then = float(powers[order]), float(powers[order + 1])
+            turns = order == first and now * then < 0 and abs(then) > least
+            if turns and now**2 <= 4.0 * SHALLOW * scale * abs(then):
                 continue
-            return order, float(powers[order])
+            return order, now
     return 0, 0.0
 
 
 def leading_term(
-    point: Point, mode: Array, lam: Array, pick: Callable[[Array], Array], scale: float
+    point: Point, mode: Array, lam: Array, pick: Callable[[Array], Array], scale: float, spread: float = 0.0
 ) -> tuple[int, float] | None:
     """Order and sign of the first power of time in a guard along a mode; None where it cannot be followed.
 
-    pick: the guard out of the rows of `Machine.probe`. The trial step is shortened until two lengths agree on
+    pick: the guard out of the rows of `Machine.probe`. spread: where its rate vanishes, by how much the signs
+    move that rate; else 0. The trial step is shortened until two lengths agree on
     the term, so that what a polynomial on a long step makes up is not taken for a derivative.
     """
     step, last = point.step, (-1, 0.0)
@@ -127,7 +137,8 @@ def leading_term(
         if not np.all(np.isfinite(values[1:])):
             step /= SHORTER
             continue
-        order, size = first_derivative(values - start, scale)
+        located = spread > 0.0
+        order, size = first_derivative(values - start, spread * abs(step) if located else scale, located)
         if order == last[0] and (order == 0 or 0.8 < size * SHORTER**order / last[1] < 1.25):
             return order, float(np.sign(size))
         last, step = (order, size), step / SHORTER
@@ -257,7 +268,10 @@ def leaves(
         with np.errstate(invalid="ignore"):
             sizes = np.abs(np.append(g[i] * point.x, gt[i] * point.t))
         size = float(np.sum(sizes[np.isfinite(sizes)]))
-        term = leading_term(point, mode, lam, partial(_row, 0, i), size)
+        rate, spread = abs(point.machine.rate(i, g, velocity) + float(gt[i])), 0.0
+        if i in tangent and i not in point.resting and rate <= LOCATED * point.reach(i, mode):
+            spread = point.reach(i, mode)
+        term = leading_term(point, mode, lam, partial(_row, 0, i), size, spread)
         if term is None or term[1] < 0:
             return None
         orders[i] = term[0]

@@ -353,7 +353,7 @@ def locate(
             if lo == 0.0 and m[i] != 0.0 and order[i] > 0:
                 degree = deflate(c, order[i])
                 allowed, touch = 0.0, 0.0
-            elif lo == 0.0 and m[i] == 0.0 and abs(order[i]) >= 2:
+            elif lo == 0.0 and m[i] == 0.0 and (abs(order[i]) > 2 or (abs(order[i]) == 2 and c[0] < -brush)):
                 # At a two-fold (3) both rates vanish: their size at the start is rounding.
                 spread = abs(w[W_NODE + i]) + abs(w[W_NODE + M + i]) if abs(order[i]) == 2 else 1e300
                 degree = deflate(c, order_at_start(c, spread))
