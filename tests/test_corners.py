@@ -1,13 +1,14 @@
 """Corners of several surfaces, decided each by its own rates; large ones; the chain of blocks."""
 
+import math
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
-from sympy import sign
+from sympy import Rational, cos, sign
 
-from filippov import Status, Surface, System, parameters, solve, states
+from filippov import Status, Surface, System, parameters, solve, states, t
 from filippov.models.belt import belt
 from filippov.models.chain import chain, start
 from filippov.models.laws import StaticCoulomb
@@ -192,3 +193,22 @@ def test_a_tower_of_blocks_leaves_from_rest(k: int) -> None:
     expected = np.zeros(half)
     expected[0] = 5 - 1.5 - (1 if half > 1 else 0)
     assert np.allclose(run.x_end, expected, rtol=0, atol=1e-12)
+
+
+def test_multipliers_with_a_pole_ahead_leave_their_set_before_it() -> None:
+    """s1 = 7 / (96 - 112 cos 2t) in the corner (-7/40, 0), until s1 = 1 at cos 2t = 89/112."""
+    a, b = states("a b")
+    h = [b, a + 2 * b / 5 + Rational(7, 40)]
+    s0, s1 = sign(h[0]), sign(h[1])
+    field = {
+        a: Rational(7, 5) * s1 * cos(2 * t) - Rational(6, 5) * s1 - a / 2 - Rational(4, 5) * b,
+        b: s0 * s1 / 10 - Rational(6, 5) * s0 - Rational(12, 25) * s1 + Rational(9, 20) * a * b - b / 2
+        + Rational(1, 10),
+    }  # fmt: skip
+    system = System(field, surfaces=[Surface("h0", h[0]), Surface("h1", h[1])])
+    run = solve(system, (-1.62, -0.85), (0, 2.9), rtol=1e-10, atol=1e-12)
+    assert run.success, run.message
+    times = np.linspace(1.2, 2.8, 9)
+    np.testing.assert_allclose(run.multiplier("h1", times), 7 / (96 - 112 * np.cos(2 * times)), rtol=1e-9)
+    leaving = [e for e in run.events if e.before == (0, 0)]
+    assert leaving[0].t == pytest.approx(math.pi - math.acos(89 / 112) / 2, abs=1e-9)

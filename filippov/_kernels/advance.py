@@ -17,6 +17,7 @@ from filippov._kernels.codes import (
     GENERAL,
     GRAZING,
     GROW,
+    LOST,
     MAX_STEP,
     MIN_STEP,
     NO_SLIDING,
@@ -49,7 +50,6 @@ from filippov._kernels.codes import (
     TAKEN,
     TOUCH,
     TREND,
-    UNRESOLVED,
     USER_ERROR,
     ZENO,
     ZENO_ROOM,
@@ -348,7 +348,8 @@ def advance(
                     w[W_COEF + j] = x[j]
             if look and failed == 0:
                 cause, surface, theta, slope = locate(t, p, m, order, step, w, iw, ctx)
-            if cause == UNRESOLVED:
+            # Multipliers without a value somewhere in the step have left their sets before that.
+            if cause <= LOST:
                 count[REJECTED] += 1
                 count[STEPS] -= 1
                 clock[STEP] = 0.125 * abs(step)

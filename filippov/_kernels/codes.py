@@ -35,5 +35,6 @@ CROSSING_EITHER, EXIT_EITHER = 8, 9
 STOPS = 10
 
 # What `locate` found: the guard itself, the upper or lower bound of a multiplier, a touching of the surface.
+# A step that is too long to tell: for its guards, or as multipliers have no value in it.
 NOTHING, ROOT, UPPER, LOWER, TOUCH = 0, 1, 2, 3, 4
-UNRESOLVED = -3
+UNRESOLVED, LOST = -3, -2
