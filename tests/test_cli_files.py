@@ -163,8 +163,10 @@ def test_compare_hands_over_and_writes(
 def test_study_hands_over(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def run_study(name: str, output: Path, progress: Any, quick: bool) -> dict[str, Any]:
-        assert name == "hunting"
+    def run_study(
+        name: str, output: Path, progress: Any, quick: bool, resolution: float
+    ) -> dict[str, Any]:
+        assert (name, resolution) == ("hunting", 1.0)
         assert output.is_dir()
         progress("friction curves")
         progress(1, 3)

@@ -17,6 +17,7 @@ from filippov._kernels.model import (
     I_SLIDING,
     RESET_FROM,
     ROLE,
+    W_END,
     W_F,
     W_G,
     W_GT,
@@ -86,7 +87,8 @@ def apply_reset(
         if j != i and not (m[j] * h[j] + WIDTH[j] > 8.0 * EPS * guard_scale(j, t, y, w)):
             return NONE
     side = m[i]
-    if abs(h[i]) > 64.0 * EPS * guard_scale(i, t, y, w):
+    # What the location left of h at the event says nothing of the side on which the state is put.
+    if abs(h[i]) > max(64.0 * EPS * guard_scale(i, t, y, w), 2.0 * abs(w[W_END + 2 * i])):
         m[i] = 1.0 if h[i] > 0.0 else -1.0
         order[i] = 0
         return RESET
