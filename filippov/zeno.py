@@ -250,6 +250,8 @@ def rests(run: Run, surfaces: Sequence[int]) -> bool:
             corner[switching] = signs
             fields.append(run.machine.rhs(float(t), run.x, corner, mode))
         velocities = np.array(fields).T
+        if not np.all(np.isfinite(velocities)):
+            return False
         size = float(np.max(np.abs(velocities))) + 1e-300
         combination = np.vstack([velocities / size, np.ones(velocities.shape[1])])
         _, gap = nnls(combination, np.append(np.zeros(len(run.x)), 1.0))

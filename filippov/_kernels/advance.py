@@ -395,6 +395,8 @@ def advance(
             te = clock[T_END] if last and theta >= 1.0 else t + length
             if (te - clock[T_END]) * direction > 0.0:
                 te = clock[T_END]
+            if dense_length == 0.0:
+                dense_length = length
             if count[STORE] != 0 and te != t:
                 failed = field(t + dense_length, xe, p, m, last_k, w, iw, ctx)
                 failed = other_stages(t, x, p, m, dense_length, line, w, iw, ctx)
