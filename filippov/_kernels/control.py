@@ -46,16 +46,10 @@ ONE_BITS = 4606988764016040477
 
 
 @kernel
-def combine(square5: float, square3: float, step: float, n: float, rtol: float) -> float:
-    """Square of the error's norm from its one or two estimates (Hairer, Norsett & Wanner 1993, II.10).
-
-    Their combination e5**2 / (0.1 e3) is of order 8 where the step resolves the field, and next to nothing
-    where it does not and e3 is a part of the solution that is seen. In a step that is resolved e5 is about
-    rtol**(-1/4) tolerances, being of order 6, and e3 about rtol**(-1/2); ten times that is too much.
-    """
+def combine(square5: float, square3: float, step: float, n: float) -> float:
+    """Square of the error's norm from its one or two estimates (Hairer, Norsett & Wanner 1993, II.10)."""
     if ORDER == 8:
-        square = square5 * square5 / ((square5 + 0.01 * square3) * n + 1e-300)
-        return step * step * max(square, max(0.01 * sqrt(rtol) * square5, 1e-2 * rtol * square3) / n)
+        return step * step * square5 * square5 / ((square5 + 0.01 * square3) * n + 1e-300)
     return step * step * square5 / n
 
 
@@ -83,10 +77,10 @@ def error_norm(
         scale = 1.0 / (atol[i] + rtol * max(abs(x[i]), abs(y[i])))
         square5 += (e5 * scale) ** 2
         square3 += (e3 * scale) ** 2
-    norm = combine(square5, square3, step, float(N), rtol)
+    norm = combine(square5, square3, step, float(N))
     if relative >= 0:
         scale = rtol * slack * abs(rise) + noise * abs(step)
-        norm = max(norm, combine((guard5 / scale) ** 2, (guard3 / scale) ** 2, step, 1.0, rtol))
+        norm = max(norm, combine((guard5 / scale) ** 2, (guard3 / scale) ** 2, step, 1.0))
     return norm
 
 
