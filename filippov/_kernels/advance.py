@@ -60,6 +60,7 @@ from filippov._kernels.control import (
     error_norm,
     finite,
     first_step,
+    go_straight,
     guard_state,
     least_step,
     mark_grazed,
@@ -96,6 +97,7 @@ from filippov._kernels.model import (
     W_JUMP,
     W_K,
     W_MULT,
+    W_RADIUS,
     W_ROW,
     W_RTOL,
     W_START,
@@ -105,6 +107,7 @@ from filippov._kernels.model import (
     WIDTH,
     M,
     N,
+    radii,
     stages,
 )
 from filippov._kernels.radau_tables import NOT_CONVERGED
@@ -274,13 +277,15 @@ def advance(
         elif taken == 0.0:
             # What is added to the state must be what is added to the time, also where t is large.
             step = (t + step) - t
-        failed, error, line = 0, taken, False
+        failed, error = 0, taken
         relative = truncate(clock[RELATIVE]) - 1
         if taken == 0.0:
             clear_ranges(w, iw)
             failed = stages(t, x, p, m, step, y, w, iw, ctx)
-            line = failed == 0 and not IMPLICIT and uniform(x, step, y, w)
             error = NAN
+        line = failed == 0 and not IMPLICIT and uniform(w)
+        if line and taken == 0.0:
+            go_straight(x, step, y, w)
         if taken == 0.0 and failed == 0 and END_IN_ERROR:
             failed = field(t + step, y, p, m, last_k, w, iw, ctx)
         if taken == 0.0 and failed == 0:
@@ -406,7 +411,11 @@ def advance(
         for i in range(M):
             w[W_BEFORE + i] = m[i]
         failed = field(te, xe, p, m, f, w, iw, ctx)
-        if failed == 1 or guard_state(te, xe, p, m, f, shift(w, W_END), w, ctx) != 0:
+        if (
+            failed == 1
+            or guard_state(te, xe, p, m, f, shift(w, W_END), w, ctx) != 0
+            or radii(te, xe, p, shift(w, W_RADIUS), ctx) != 0
+        ):
             code = USER_ERROR
             break
         if cause == ROOT and m[surface] != 0.0 and te != t:

@@ -29,7 +29,7 @@ from filippov._kernels.unit import Constant, KernelError, Unit, add_kernels
 
 _FOLDER = Path(__file__).parent
 _FILES = (
-    "elementary", "bernstein", "dense", "multiplier", "rules", "field", "land", "locate", "control",
+    "elementary", "bernstein", "dense", "multiplier", "rules", "field", "land", "points", "locate", "control",
     "resolve", "reset", "record", "segment", "advance", "probe", "start", "turn", "ensemble",
 )  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
@@ -183,7 +183,10 @@ def build(source: str, constants: Mapping[str, Constant], method: str, lanes: in
     n, m = int(constants["N"]), int(constants["M"])  # type: ignore[arg-type]
     colours, largest = int(constants["COLOURS"]), int(constants["LARGEST"])  # type: ignore[arg-type]
     moments = constants["RULE"] == MOMENTS
-    place = layout.layout(n, m, bool(constants["AFFINE"]), TABLEAUS[method], colours, largest, moments)
+    points = int(constants["P"]) if constants["WIDE"] else None  # type: ignore[arg-type]
+    place = layout.layout(
+        n, m, bool(constants["AFFINE"]), TABLEAUS[method], colours, largest, moments, points
+    )
     text = repr((source, sorted(constants.items()), method, lanes)).encode()
     name = hashlib.sha256(_toolchain() + text).hexdigest()[:32]
     with _lock:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov._kernels.generate import Generated, unit_constants
+from filippov._kernels.generate import TWICE, Generated, unit_constants
 from filippov._kernels.jit import CompiledField, compile_field
 from filippov._kernels.structure import Structure
 from filippov.errors import ModelError
@@ -29,6 +29,9 @@ def inside(t: float, ctx: Indices) -> float:
 @kernel
 def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
     return call_field(ctx[0], inside(t, ctx), x, p, s, m, out)
+
+@kernel
+{TWICE}
 
 @kernel
 def guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
@@ -53,7 +56,7 @@ def derive(p: Vector) -> int:
 def resets(i: int, t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
     out[0] = float(i)
     return call_guard(ctx[4], t, x, p, m, out)
-"""
+""".replace("{TWICE}", "\n".join(TWICE))
 
 
 def callback_unit(n: int, parameters: int, surfaces: tuple[Surface, ...]) -> Generated:
@@ -61,7 +64,9 @@ def callback_unit(n: int, parameters: int, surfaces: tuple[Surface, ...]) -> Gen
     linear = [surface.linear for surface in surfaces]
     pattern = Structure.full(n, len(surfaces))
     affine = len(surfaces) < 2
-    return Generated(SOURCE, unit_constants(n, parameters, surfaces, linear, affine, True, pattern))
+    moving = [any(callable(end) for end in surface.radius) for surface in surfaces]
+    constants = unit_constants(n, parameters, surfaces, linear, affine, True, pattern, moving)
+    return Generated(SOURCE, constants)
 
 
 def new_context() -> npt.NDArray[np.int64]:

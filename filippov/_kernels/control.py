@@ -12,6 +12,7 @@ from filippov._kernels.model import (
     I_CALLS,
     I_PEERS,
     IMPLICIT,
+    MOVING,
     ORDER,
     PER_NODE,
     STAGES,
@@ -141,15 +142,20 @@ def at_rest(w: Vector) -> bool:
 
 
 @kernel
-def uniform(x: Vector, step: float, y: Vector, w: Vector) -> bool:
-    """Whether all stages met the same field: then the step is a straight line, and y its exact end."""
-    for a in range(N, (STAGES - 1) * N):
+def uniform(w: Vector) -> bool:
+    """Whether all stages met the same field: then the step is a straight line."""
+    for a in range(N, (STAGES - 1) * N):  # noqa: SIM110 - the kernel language has no `all`
         if w[W_K + a] != w[W_K + a % N]:
             return False
+    return True
+
+
+@kernel
+def go_straight(x: Vector, step: float, y: Vector, w: Vector) -> None:
+    """The exact end of a step along a straight line, and the field there."""
     for j in range(N):
         y[j] = x[j] + step * w[W_K + j]
         w[W_K + (STAGES - 1) * N + j] = w[W_K + j]
-    return True
 
 
 @kernel
@@ -204,10 +210,12 @@ def suspicious(step: float, m: Vector, order: Indices, w: Vector, iw: Indices) -
 
     For linear guards the test is on the cubic through both ends of the step; it is skipped for others, which
     are always sampled. One that starts from 0 is clear if it grows throughout (see `leaves`). Multipliers are
-    judged by their range over the stages.
+    judged by their range over the stages, if the ends of their sets stand still.
     """
     for i in range(M):
         if m[i] == 0.0:
+            if MOVING[i] != 0:
+                return True
             mult = shift(w, W_MULT + i * COLUMNS)
             spread = mult[MOST] - mult[LEAST]
             below, above = mult[LEAST] - spread, mult[MOST] + spread

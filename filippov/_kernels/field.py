@@ -15,7 +15,7 @@ counts the field calls.
 """
 
 from filippov._kernels.dense import solve_or_least
-from filippov._kernels.language import Indices, Vector, kernel, shift
+from filippov._kernels.language import Indices, Vector, inline, kernel, shift
 from filippov._kernels.layout import COLUMNS, LEAST, MOST, MOST_ENUMERATED, MULTIPLIER, SLOPE
 from filippov._kernels.model import (
     AFFINE,
@@ -43,6 +43,7 @@ from filippov._kernels.model import (
     W_RATE,
     W_RESIDUAL,
     W_S,
+    W_S2,
     W_SLOPE,
     W_VEC,
     W_VERT,
@@ -50,6 +51,7 @@ from filippov._kernels.model import (
     N,
     gradients,
     guards,
+    pair,
     rhs,
 )
 from filippov._kernels.multiplier import track
@@ -114,7 +116,15 @@ def clear_ranges(w: Vector, iw: Indices) -> None:
         mult[LEAST], mult[MOST], mult[SLOPE] = 1e300, -1e300, -1e300
 
 
+@inline
 @kernel
+def take_out_one(i: int, h: float, out: Vector, w: Vector) -> None:
+    """Subtract from out the multiple of one gradient along which its linearised guard changes by h."""
+    size = gradient_product(i, i, w)
+    if size > 0.0:
+        add_gradient(i, -h / size, out, w)
+
+
 @kernel
 def take_out(vector: Vector, h: Vector, out: Vector, w: Vector, iw: Indices) -> None:
     """Subtract from out the combination of gradients along which the linearised guards change by h."""
@@ -122,10 +132,7 @@ def take_out(vector: Vector, h: Vector, out: Vector, w: Vector, iw: Indices) -> 
     while first < iw[I_SLIDING]:
         last = iw[I_GROUP + first]
         if last == first + 1:
-            i = iw[I_LIST + first]
-            size = gradient_product(i, i, w)
-            if size > 0.0:
-                add_gradient(i, -h[i] / size, out, w)
+            take_out_one(iw[I_LIST + first], h[iw[I_LIST + first]], out, w)
         else:
             for again in range(2):
                 for c in range(first, last):
@@ -140,9 +147,20 @@ def take_out(vector: Vector, h: Vector, out: Vector, w: Vector, iw: Indices) -> 
         first = last
 
 
+@inline
+@kernel
+def only_sliding(iw: Indices) -> int:
+    """The surface of a motion that slides on one; known beforehand where there is no other."""
+    return 0 if M == 1 else iw[I_LIST]
+
+
 @kernel
 def remove_residual(out: Vector, w: Vector, iw: Indices) -> None:
     """Take out of the field what rounding left across the surfaces, so that h stays where it is."""
+    if iw[I_SLIDING] == 1:
+        i = only_sliding(iw)
+        take_out_one(i, rate(i, out, w), out, w)
+        return
     for c in range(iw[I_SLIDING]):
         i = iw[I_LIST + c]
         w[W_RESIDUAL + i] = rate(i, out, w)
@@ -154,15 +172,14 @@ def slide_one(
     t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
 ) -> int:
     """One sliding surface: the convex combination of the two vertex fields that stays on it."""
-    i = iw[I_LIST]
-    w[W_S + i] = -1.0
-    if rhs(t, x, p, shift(w, W_S), m, shift(w, W_VERT), ctx) != 0:
-        return 1
-    w[W_S + i] = 1.0
-    if rhs(t, x, p, shift(w, W_S), m, shift(w, W_VERT + N), ctx) != 0:
+    i, low, high = only_sliding(iw), shift(w, W_VERT), shift(w, W_VERT + N)
+    for j in range(M):
+        w[W_S2 + j] = w[W_S + j]
+    w[W_S + i], w[W_S2 + i] = -1.0, 1.0
+    if pair(t, x, p, shift(w, W_S), shift(w, W_S2), m, low, high, ctx) != 0:
         return 1
     iw[I_CALLS] += 2
-    minus, plus = rate(i, shift(w, W_VERT), w), rate(i, shift(w, W_VERT + N), w)
+    minus, plus = rate(i, low, w), rate(i, high, w)
     # Both rates alike and not zero: the sign does not act on the surface, nothing holds the motion on it.
     # A contact always holds it: its rates differ by 1, however large both are.
     if CONTACT[i] == 0 and abs(plus - minus) < 1e-9 * (abs(plus) + abs(minus)):
@@ -172,7 +189,7 @@ def slide_one(
         value = -(plus + minus) / (plus - minus)
     weight = 0.5 * (1.0 + value)
     for j in range(N):
-        out[j] = w[W_VERT + j] + weight * (w[W_VERT + N + j] - w[W_VERT + j])
+        out[j] = low[j] + weight * (high[j] - low[j])
     track(w, i, value, plus, minus)
     return 0
 

@@ -27,6 +27,18 @@ from filippov.symbolic import SymbolicForm, convex
 from filippov.symbols import t
 
 INLINED = 2500
+# `pair` where two calls of `rhs` are the best there is.
+PAIR = (
+    "def pair(t: float, x: Vector, p: Vector, s: Vector, s2: Vector, m: Vector, out: Vector, out2: Vector, "
+    "ctx: Indices) -> int:"
+)
+TWICE = [
+    PAIR,
+    "    code = rhs(t, x, p, s, m, out, ctx)",
+    "    if code != 0:",
+    "        return code",
+    "    return rhs(t, x, p, s2, m, out2, ctx)",
+]
 _ROLES = {"switching": 0, "kink": 1, "observer": 2, "reset": 3}
 _FUNCTIONS = {
     sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan", sympy.exp: "exp", sympy.log: "log",
@@ -235,16 +247,8 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     derived = list(hoisted.derived.items())
     printer.names |= {symbol: f"p[{len(form.p) + k}]" for k, (_, symbol) in enumerate(derived)}
     used: set[Symbol] = set().union(*(f.free_symbols for f in form.field)) & set(form.a)
-    lines = [
-        "@contract",
-        "def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:",
-    ]
-    lines += _sizes(form, printer, used)
-    lines += _assign(printer, [(f"out[{i}]", f) for i, f in enumerate(field)], "c")
-    # Small fields go into every stage, which spares the way through memory; large ones would bloat the unit.
-    if sum(map(len, lines)) < INLINED:
-        lines.insert(0, "@inline")
-    lines += ["    return 0", "", "@kernel"]
+    lines = field_source(printer, form, field, _sizes(form, printer, used))
+    lines += ["", "@kernel"]
     lines += ["def guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:"]
     inside: set[Symbol] = set().union(*(h.free_symbols for h in form.h)) & set(form.a) if m else set()
     lines += _sizes(form, printer, inside)
@@ -279,9 +283,34 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     varying = {t, *form.x, *form.a}
     linear = [not any(e.free_symbols & varying for e in row) for row in plain_rows]
     constants = unit_constants(
-        n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), rough(form), pattern
-    )
+        n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), rough(form), pattern,
+        moving=[any(e.free_symbols & varying for e in ends) for ends in form.radius],
+        wide=lines[0] == "@inline" and m > 0,
+    )  # fmt: skip
     return Generated("\n".join(lines), constants)
+
+
+def field_source(
+    printer: _Printer, form: SymbolicForm, field: Sequence[Expr], sizes: Sequence[str]
+) -> list[str]:
+    """The kernels `rhs` and `pair` of a field."""
+    single = [
+        "@contract",
+        "def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:",
+        *sizes,
+        *_assign(printer, [(f"out[{i}]", f) for i, f in enumerate(field)], "c"),
+        "    return 0",
+        "",
+    ]
+    # Small fields go into every stage, which spares the way through memory; large ones would bloat the unit.
+    if sum(map(len, single)) >= INLINED:
+        return [*single, "@contract", *TWICE]
+    others = {s: sympy.Dummy(f"s{i}", real=True) for i, s in enumerate(form.s)}
+    printer.names |= {other: f"s2[{i}]" for i, other in enumerate(others.values())}
+    results = [(f"out[{i}]", f) for i, f in enumerate(field)]
+    results += [(f"out2[{i}]", f.xreplace(others)) for i, f in enumerate(field)]
+    both = ["@contract", PAIR, *sizes, *_assign(printer, results, "c"), "    return 0"]
+    return ["@inline", *single, "@inline", *both]
 
 
 def unit_constants(
@@ -292,6 +321,8 @@ def unit_constants(
     affine: bool,
     is_rough: bool,
     pattern: Structure,
+    moving: Sequence[bool],
+    wide: bool = False,
 ) -> dict[str, Constant]:
     """The constants of `filippov._kernels.model` that belong to the system."""
     own: dict[str, Constant] = {
@@ -300,9 +331,11 @@ def unit_constants(
         "P": parameters,
         "AFFINE": affine,
         "ROUGH": is_rough,
+        "WIDE": wide,
         "ROLE": [_ROLES[surface.kind] for surface in surfaces] or [0],
         "LINEAR": [int(flag) for flag in linear] or [1],
         "WIDTH": [float(surface.width) for surface in surfaces] or [0.0],
+        "MOVING": [int(flag) for flag in moving] or [0],
         "ALL_LINEAR": all(linear),
         **reset_constants(n, surfaces),
     }

@@ -12,12 +12,14 @@ from filippov._kernels.model import (
     W_GT,
     W_MULT,
     W_S,
+    W_S2,
     W_VERT,
     W_XM,
     M,
     N,
     gradients,
     guards,
+    pair,
     rhs,
 )
 
@@ -69,10 +71,8 @@ def slide(
     gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx)
     for i in range(M):
         w[W_S + i] = -1.0 if m[i] == 0.0 else m[i]
-    rhs(t, x, p, shift(w, W_S), m, low, ctx)
-    for i in range(M):
-        w[W_S + i] = 1.0 if m[i] == 0.0 else m[i]
-    rhs(t, x, p, shift(w, W_S), m, high, ctx)
+        w[W_S2 + i] = 1.0 if m[i] == 0.0 else m[i]
+    pair(t, x, p, shift(w, W_S), shift(w, W_S2), m, low, high, ctx)
     size = pick_gradient(m, w)
     drift, value, slides = 0.0, 0.0, 0.0
     for i in range(M):

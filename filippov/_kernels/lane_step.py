@@ -24,6 +24,7 @@ from filippov._kernels.model import (
     ALL_LINEAR,
     END_IN_ERROR,
     I_SLIDING,
+    MOVING,
     ORDER,
     STAGES,
     W_ATTRACT,
@@ -79,6 +80,7 @@ def may_vanish(step: float, m: Vector, order: Vector, w: Vector, iw: Indices) ->
             spread = mult[MOST] - mult[LEAST]
             below, above = mult[LEAST] - spread, mult[MOST] + spread
             inside = above < w[W_RADIUS + 2 * i + 1] and below > w[W_RADIUS + 2 * i]
+            inside = inside and MOVING[i] == 0
             holds = inside and w[W_ATTRACT + i] > 0.0 and mult[SLOPE] < 0.0
             clear = (holds and m[i] == 0.0) or (clear and m[i] != 0.0)
         doubt = doubt if clear else 1.0

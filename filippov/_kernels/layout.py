@@ -26,11 +26,19 @@ class Layout:
 
 
 def layout(
-    n: int, m: int, affine: bool, tableau: Method, colours: int, largest: int, moments: bool = False
+    n: int,
+    m: int,
+    affine: bool,
+    tableau: Method,
+    colours: int,
+    largest: int,
+    moments: bool = False,
+    points: int | None = None,
 ) -> Layout:
     """Offsets W_... (doubles) and I_... (integers) for n states and m surfaces.
 
-    colours: field calls that give the derivatives by all signs; largest: surfaces in the largest component.
+    colours: field calls that give the derivatives by all signs; largest: surfaces in the largest component;
+    points: parameters of a field that is sampled in lanes (see `points`).
     """
     vertices = colours + 1 if affine else 2 ** min(m, MOST_ENUMERATED) + 1
     weights = 2 ** min(m, MOST_ENUMERATED) if moments and not affine else 0
@@ -40,6 +48,7 @@ def layout(
     implicit = n if isinstance(tableau, Collocation) else 0
     sizes = {
         "S": m,
+        "S2": m,
         "G": m * n,
         "GT": m,
         "VERT": max(vertices, 2) * n,
@@ -93,6 +102,7 @@ def layout(
         "DIFF": 3 * implicit,
         "ERROR": implicit,
         "MEMORY": MEMORY,
+        "WIDE": 0 if points is None else LANES * (1 + 3 * n + points + 9 * m + m * n),
     }
     constants: dict[str, int] = {"SIDE": side, "DEGREE": DEGREE, "NODES": NODES}
     position = 0

@@ -12,12 +12,14 @@ A guard that needs this in many places asks for a shorter step.
 
 from filippov._kernels.bernstein import bernstein_value, deflate, first_root
 from filippov._kernels.codes import LOWER, NOTHING, OBSERVER, ROOT, TOUCH, UNRESOLVED, UPPER
-from filippov._kernels.field import field
+from filippov._kernels.field import field, only_sliding
 from filippov._kernels.language import Indices, Vector, kernel, shift
-from filippov._kernels.layout import CHECKS, COLUMNS, MULTIPLIER, RATE_MINUS, RATE_PLUS, SPLITS
+from filippov._kernels.layout import CHECKS, COLUMNS, LANES, MULTIPLIER, RATE_MINUS, RATE_PLUS, SPLITS
 from filippov._kernels.model import (
+    AFFINE,
     ALL_LINEAR,
     COMPONENT,
+    CONTACT,
     CONTACTS,
     DEGREE_DENSE,
     DENSE,
@@ -25,12 +27,14 @@ from filippov._kernels.model import (
     EXTRA,
     G_COLUMN,
     G_FIRST,
+    I_CALLS,
     I_LIST,
     I_PEERS,
     I_SLIDING,
     IMPLICIT,
     LINEAR,
     ROLE,
+    RULE,
     STAGES,
     W_ATTRACT,
     W_BOUNDS,
@@ -55,12 +59,15 @@ from filippov._kernels.model import (
     W_WORK,
     W_XM,
     W_Y,
+    WIDE,
     WIDTH,
     M,
     N,
     guards,
     radii,
 )
+from filippov._kernels.points import place_point, point_rows, prepare_points, take_rows
+from filippov._kernels.rules import UTKIN
 from filippov._kernels.tables import DEGREE, NODES, POSITION, TO_BERNSTEIN, TOUCHING
 
 CHECK_FIRST, CHECK_APART = 0.3137, 0.4218
@@ -163,10 +170,41 @@ def guard_rows(
 
 
 @kernel
+def sample_in_lanes(
+    t: float, step: float, lo: float, width: float, p: Vector, m: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """As `sample`, for a motion that slides on one surface of a small symbolic system."""
+    i, first, x = only_sliding(iw), 0, shift(w, W_XM)
+    prepare_points(p, m, w)
+    while first < NODES + CHECKS:
+        # Lanes that are left over in the last round keep their points.
+        filled = min(LANES, NODES + CHECKS - first)
+        for lane in range(filled):
+            q = first + lane
+            at = POSITION[q] if q < NODES else CHECK_FIRST + CHECK_APART * (q - NODES)
+            theta = lo + width * at
+            dense_value(theta, x, w)
+            for j in range(N):
+                x[j] = w[W_Y + j] if theta == 1.0 else x[j]
+            place_point(lane, t + theta * step, x, w)
+        if point_rows(i, w[W_ATTRACT + i], w, ctx) != 0:
+            return 2
+        for lane in range(filled):
+            q = first + lane
+            take_rows(lane, shift(w, W_NODE + q * 2 * M if q < NODES else W_CHECK + (q - NODES) * 2 * M), w)
+        first += LANES
+    iw[I_CALLS] += 2 * (NODES + CHECKS)
+    return 0
+
+
+@kernel
 def sample(
     t: float, step: float, lo: float, width: float, p: Vector, m: Vector, w: Vector, iw: Indices, ctx: Indices
 ) -> int:
     """Guards on one piece of the step: at the Chebyshev points, and where they are to be checked."""
+    if WIDE:  # noqa: SIM102 - told apart when the unit is made
+        if iw[I_SLIDING] == 1 and CONTACT[only_sliding(iw)] == 0 and (AFFINE or RULE != UTKIN):
+            return sample_in_lanes(t, step, lo, width, p, m, w, iw, ctx)
     x = shift(w, W_XM)
     for q in range(NODES):
         theta = lo + width * POSITION[q]

@@ -6,7 +6,9 @@ instead. The trivial system is x' = 0 with h = 1.
 
 N, M, P: numbers of states, surfaces, and parameters with what is derived from them.
 ROLE[i], LINEAR[i], WIDTH[i]: what surface i is, whether its guard is linear in (t, x), and the half width of
-its hysteresis. AFFINE: the field is jointly affine in the signs. ROUGH: it may hold a power of |h| below 1.
+its hysteresis. MOVING[i]: the ends of its set of signs depend on t or x.
+AFFINE: the field is jointly affine in the signs. ROUGH: it may hold a power of |h| below 1. WIDE: it is small
+enough to be sampled in lanes.
 RESET_FROM[i]: the side from which surface i resets the state, 2 for both, 0 for none; CONTACT[i]: the side on
 which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are any. EVENT_SIZE: doubles of an
 event.
@@ -23,12 +25,13 @@ from filippov._kernels.tableaus import DOP853
 from filippov._kernels.tables import to_bernstein
 
 N, M, P = 1, 1, 1
-AFFINE, ROUGH, ALL_LINEAR = True, False, True
+AFFINE, ROUGH, ALL_LINEAR, WIDE = True, False, True, False
 STAGES, EXTRA, DEGREE_DENSE = 13, 3, 7
 RULE = 0
 ORDER, END_IN_ERROR, IMPLICIT = 8, False, False
 ROLE: list[int] = [0]
 LINEAR: list[int] = [1]
+MOVING: list[int] = [0]
 WIDTH: list[float] = [0.0]
 RESET_FROM: list[int] = [0]
 CONTACT: list[int] = [0]
@@ -48,6 +51,7 @@ COLOURS, LARGEST = 1, 1
 _PLACE = layout(N, M, AFFINE, DOP853, COLOURS, LARGEST).constants
 SIDE = _PLACE["SIDE"]
 W_S = _PLACE["W_S"]
+W_S2 = _PLACE["W_S2"]
 W_G = _PLACE["W_G"]
 W_GT = _PLACE["W_GT"]
 W_VERT = _PLACE["W_VERT"]
@@ -101,6 +105,7 @@ W_REACHED = _PLACE["W_REACHED"]
 W_DIFF = _PLACE["W_DIFF"]
 W_ERROR = _PLACE["W_ERROR"]
 W_MEMORY = _PLACE["W_MEMORY"]
+W_WIDE = _PLACE["W_WIDE"]
 I_SLIDING = _PLACE["I_SLIDING"]
 I_LIST = _PLACE["I_LIST"]
 I_CALLS = _PLACE["I_CALLS"]
@@ -118,6 +123,15 @@ I_PEERS = _PLACE["I_PEERS"]
 def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
     """The field at signs s (every entry +1 or -1) with |h_i| = m_i h_i; nonzero: the user's code failed."""
     out[0] = 0.0
+    return 0
+
+
+@kernel
+def pair(
+    t: float, x: Vector, p: Vector, s: Vector, s2: Vector, m: Vector, out: Vector, out2: Vector, ctx: Indices
+) -> int:  # fmt: skip
+    """The field at two vectors of signs, s and s2; what does not depend on them is computed once."""
+    out[0], out2[0] = 0.0, 0.0
     return 0
 
 
