@@ -79,6 +79,7 @@ from filippov._kernels.locate import BRUSH, NOISY, dense_output, guard_noise, lo
 from filippov._kernels.model import (
     END_IN_ERROR,
     I_CALLS,
+    I_PIECES,
     I_SLIDING,
     IMPLICIT,
     LINEAR,
@@ -173,6 +174,8 @@ def event_at_end(
 
 
 SHALLOW = 1e-2
+# Pieces into which the guards of a step may split it for steps to go on growing.
+PIECES = 64
 
 
 @kernel
@@ -344,7 +347,7 @@ def advance(
             clock[STEP] = max(clock[STEP], proposal) if last else proposal
             grow = 10.0
             count[STEPS] += 1
-            look = suspicious(step, m, order, w, iw)
+            look = suspicious(step, m, order, line, w, iw)
             if look or count[STORE] != 0:
                 failed = other_stages(t, x, p, m, step, line, w, iw, ctx)
                 if count[STORE] != 0 or not straight(iw):
@@ -363,6 +366,9 @@ def advance(
             if failed == 1 or cause == -1:
                 code = USER_ERROR
                 break
+            if look and iw[I_PIECES] > PIECES:
+                # Guards that turn faster than the motion: longer steps cost more and hide what happens.
+                clock[STEP] = min(clock[STEP], abs(step) * float(PIECES) / float(iw[I_PIECES]))
             if cause == NOTHING and last:
                 surface = event_at_end(te, y, p, clock[T_START], m, order, w, ctx)
                 if surface >= 0:

@@ -65,7 +65,8 @@ def callback_unit(n: int, parameters: int, surfaces: tuple[Surface, ...]) -> Gen
     pattern = Structure.full(n, len(surfaces))
     affine = len(surfaces) < 2
     moving = [any(callable(end) for end in surface.radius) for surface in surfaces]
-    constants = unit_constants(n, parameters, surfaces, linear, affine, True, pattern, moving)
+    straight = [False] * len(surfaces)
+    constants = unit_constants(n, parameters, surfaces, linear, affine, True, pattern, moving, straight)
     return Generated(SOURCE, constants)
 
 

@@ -11,11 +11,13 @@ from filippov._kernels.model import (
     EXTRA,
     I_CALLS,
     I_PEERS,
+    I_SLIDING,
     IMPLICIT,
     MOVING,
     ORDER,
     PER_NODE,
     STAGES,
+    STRAIGHT,
     W_ATTRACT,
     W_CREEP,
     W_END,
@@ -205,16 +207,18 @@ def leaves(i: int, twice: bool, step: float, side: float, w: Vector) -> bool:
 
 
 @kernel
-def suspicious(step: float, m: Vector, order: Indices, w: Vector, iw: Indices) -> bool:
+def suspicious(step: float, m: Vector, order: Indices, line: bool, w: Vector, iw: Indices) -> bool:
     """Whether a guard may vanish in the step: no if it keeps clear of 0 by more than it bends.
 
     For linear guards the test is on the cubic through both ends of the step; it is skipped for others, which
     are always sampled. One that starts from 0 is clear if it grows throughout (see `leaves`). Multipliers are
-    judged by their range over the stages, if the ends of their sets stand still.
+    judged by their range over the stages, if these are many and the ends of their sets stand still. On a
+    straight line nothing keeps a step shorter than what a multiplier does on the way: unless that is straight
+    too, it has to be looked at.
     """
     for i in range(M):
         if m[i] == 0.0:
-            if MOVING[i] != 0:
+            if IMPLICIT or MOVING[i] != 0 or (line and (STRAIGHT[i] == 0 or iw[I_SLIDING] > 1)):
                 return True
             mult = shift(w, W_MULT + i * COLUMNS)
             spread = mult[MOST] - mult[LEAST]

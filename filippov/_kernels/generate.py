@@ -221,6 +221,17 @@ def rough(form: SymbolicForm) -> bool:
     return False
 
 
+def straight_rate(form: SymbolicForm, i: int, row: Sequence[Expr], linear: Sequence[bool]) -> bool:
+    """Whether the rate of surface i is affine in t and x while the motion slides on it."""
+    rate = row[-1] + sum(slope * f for slope, f in zip(row, form.field, strict=False) if slope != 0)
+    rate = rate.subs(form.a[i], 0)
+    varying = {t, *form.x, *form.a}
+    sizes = (linear[k] for k, a in enumerate(form.a) if a in rate.free_symbols)
+    return linear[i] and all(sizes) and not any(
+        rate.diff(q).free_symbols & varying for q in rate.free_symbols & varying
+    )
+
+
 def structure(form: SymbolicForm, field: Sequence[Expr], rows: Sequence[Sequence[Expr]]) -> Structure:
     """Which gradients, field components and signs have to do with each other."""
     sign, size = {s: i for i, s in enumerate(form.s)}, {a: i for i, a in enumerate(form.a)}
@@ -285,6 +296,7 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     constants = unit_constants(
         n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), rough(form), pattern,
         moving=[any(e.free_symbols & varying for e in ends) for ends in form.radius],
+        straight=[straight_rate(form, i, plain_rows[i], linear) for i in range(m)],
         wide=lines[0] == "@inline" and m > 0,
     )  # fmt: skip
     return Generated("\n".join(lines), constants)
@@ -322,6 +334,7 @@ def unit_constants(
     is_rough: bool,
     pattern: Structure,
     moving: Sequence[bool],
+    straight: Sequence[bool],
     wide: bool = False,
 ) -> dict[str, Constant]:
     """The constants of `filippov._kernels.model` that belong to the system."""
@@ -336,6 +349,7 @@ def unit_constants(
         "LINEAR": [int(flag) for flag in linear] or [1],
         "WIDTH": [float(surface.width) for surface in surfaces] or [0.0],
         "MOVING": [int(flag) for flag in moving] or [0],
+        "STRAIGHT": [int(flag) for flag in straight] or [0],
         "ALL_LINEAR": all(linear),
         **reset_constants(n, surfaces),
     }

@@ -79,6 +79,8 @@ def generate_with_events(
     linear = constants["LINEAR"]
     assert isinstance(linear, list)
     constants |= {"LINEAR": [*linear[:first], *[0] * functions], "ALL_LINEAR": False, "FIRST_CALLED": first}
+    # What calls a function cannot run in lanes.
+    constants["WIDE"] = False
     # A function may depend on every state; its row is the last of the gradients.
     starts, columns = constants["G_FIRST"], constants["G_COLUMN"]
     assert isinstance(starts, list)

@@ -27,6 +27,7 @@ from filippov._kernels.model import (
     MOVING,
     ORDER,
     STAGES,
+    STRAIGHT,
     W_ATTRACT,
     W_DIRECTION,
     W_END,
@@ -60,6 +61,15 @@ def step_factor(square: float) -> float:
 
 
 @lanes
+def bent(w: Vector) -> bool:
+    """Where the stages met different fields; see `control.uniform`."""
+    change = 0.0
+    for a in range(N, (STAGES - 1) * N):
+        change = max(change, abs(w[W_K + a] - w[W_K + a % N]))
+    return change > 0.0
+
+
+@lanes
 def may_vanish(step: float, m: Vector, order: Vector, w: Vector, iw: Indices) -> bool:
     """Where a guard may have vanished in the step; see `control.suspicious`."""
     doubt = 0.0
@@ -81,6 +91,8 @@ def may_vanish(step: float, m: Vector, order: Vector, w: Vector, iw: Indices) ->
             below, above = mult[LEAST] - spread, mult[MOST] + spread
             inside = above < w[W_RADIUS + 2 * i + 1] and below > w[W_RADIUS + 2 * i]
             inside = inside and MOVING[i] == 0
+            if STRAIGHT[i] == 0:
+                inside = inside and bent(w)
             holds = inside and w[W_ATTRACT + i] > 0.0 and mult[SLOPE] < 0.0
             clear = (holds and m[i] == 0.0) or (clear and m[i] != 0.0)
         doubt = doubt if clear else 1.0

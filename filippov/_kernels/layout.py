@@ -109,7 +109,7 @@ def layout(
     for name, size in sizes.items():
         constants[f"W_{name}"] = position
         position += size
-    integers = {"SLIDING": 1, "LIST": m, "CALLS": 1, "JACOBIANS": 1, "FACTORS": 1, "KNOWN": 1}
+    integers = {"SLIDING": 1, "LIST": m, "CALLS": 1, "JACOBIANS": 1, "FACTORS": 1, "KNOWN": 1, "PIECES": 1}
     integers |= {"GROUP": m, "PLACE": m, "PEERS": max(m, 1), "PIVOTS": implicit, "TWINS": implicit}
     count = 0
     for name, size in integers.items():

@@ -30,6 +30,7 @@ from filippov._kernels.model import (
     I_CALLS,
     I_LIST,
     I_PEERS,
+    I_PIECES,
     I_SLIDING,
     IMPLICIT,
     LINEAR,
@@ -342,13 +343,15 @@ def locate(
     for a sliding surface +-2 says that its multiplier starts at an end of its set, +-3 that the rates of both
     sides vanish at the start. A least value of a guard
     below W_TOUCH is a touching. Cause -1: the user's code failed; -2: no sliding; UNRESOLVED: the step is too
-    long for its guards.
+    long for its guards. iw[I_PIECES]: how many pieces of the step were looked at.
     """
     c, work, pieces = shift(w, W_C), shift(w, W_WORK), shift(w, W_PIECES)
     pieces[0], pieces[1], pieces[2] = 0.0, 1.0, 0.0
     waiting, direct, unresolved = 1, straight(iw), 0
+    iw[I_PIECES] = 0
     while waiting > 0:
         waiting -= 1
+        iw[I_PIECES] += 1
         piece = shift(pieces, 3 * waiting)
         lo, hi, depth = piece[0], piece[1], piece[2]
         width = hi - lo
@@ -376,7 +379,7 @@ def locate(
                         resolved = False
                         break
                     low, high = sampled_range(row, w)
-                    if m[i] != 0.0 and max(-low, high) > 1e3 * w[W_TOUCH + i]:
+                    if max(-low, high) > 1e3 * (w[W_TOUCH + i] if m[i] != 0.0 else brush):
                         unresolved += 1
                         if unresolved > LEAVES:
                             return UNRESOLVED, 0, 0.0, 0.0

@@ -6,7 +6,8 @@ instead. The trivial system is x' = 0 with h = 1.
 
 N, M, P: numbers of states, surfaces, and parameters with what is derived from them.
 ROLE[i], LINEAR[i], WIDTH[i]: what surface i is, whether its guard is linear in (t, x), and the half width of
-its hysteresis. MOVING[i]: the ends of its set of signs depend on t or x.
+its hysteresis. MOVING[i]: the ends of its set of signs depend on t or x. STRAIGHT[i]: its rates on
+both sides are affine in t and x on it.
 AFFINE: the field is jointly affine in the signs. ROUGH: it may hold a power of |h| below 1. WIDE: it is small
 enough to be sampled in lanes.
 RESET_FROM[i]: the side from which surface i resets the state, 2 for both, 0 for none; CONTACT[i]: the side on
@@ -32,6 +33,7 @@ ORDER, END_IN_ERROR, IMPLICIT = 8, False, False
 ROLE: list[int] = [0]
 LINEAR: list[int] = [1]
 MOVING: list[int] = [0]
+STRAIGHT: list[int] = [0]
 WIDTH: list[float] = [0.0]
 RESET_FROM: list[int] = [0]
 CONTACT: list[int] = [0]
@@ -112,6 +114,7 @@ I_CALLS = _PLACE["I_CALLS"]
 I_JACOBIANS = _PLACE["I_JACOBIANS"]
 I_FACTORS = _PLACE["I_FACTORS"]
 I_KNOWN = _PLACE["I_KNOWN"]
+I_PIECES = _PLACE["I_PIECES"]
 I_PIVOTS = _PLACE["I_PIVOTS"]
 I_TWINS = _PLACE["I_TWINS"]
 I_GROUP = _PLACE["I_GROUP"]
