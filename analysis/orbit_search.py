@@ -16,6 +16,7 @@ from filippov.analysis.shooting import (
     ReturnError,
     Shooting,
     newton,
+    onto_surfaces,
     resolved,
     symmetry_matrix,
     velocity_at,
@@ -152,6 +153,13 @@ class _Search:
             raise SolveError(f"the motion from the guess ended early: {out.message}", out)
         return out
 
+    def state(self, motion: Solution, t: float) -> Array:
+        """The state at t, on the surfaces that the motion slides on there: its dense output may be off."""
+        if motion.sol is None:
+            return motion.x_end
+        sliding = tuple(i for i, sign in enumerate(motion.mode_at(t, "+")) if sign == 0)
+        return onto_surfaces(self.base.system, np.asarray(motion.sol(t, side="+")), t, self.p, sliding)
+
     def run(self, x0: Array, t0: float, length: float) -> tuple[Array, float]:
         """Where a transient leads."""
         end = self.motion(x0, t0, length, dense=False)
@@ -191,8 +199,7 @@ class _Search:
         length = period / self.base.turns
         start = _anchor(motion, min(length, motion.t_end - motion.problem.t_span[0]))
         if start > motion.problem.t_span[0]:
-            x = np.asarray(motion.sol(start, side="+")) if motion.sol is not None else motion.x_end
-            shifted = self.motion(x, start, length)
+            shifted = self.motion(self.state(motion, start), start, length)
         else:
             shifted = self.motion(motion.problem.x0, motion.problem.t_span[0], length)
         sol = shifted.sol
@@ -296,7 +303,7 @@ class _Search:
         assert sol is not None
         start = _anchor(motion, motion.t_end - motion.problem.t_span[0], begin)
         mode = motion.mode_at(start, "+")
-        x0 = np.asarray(sol(start, side="+"))
+        x0 = self.state(motion, start)
         speed = base.gate @ velocity_at(base.system, mode, start, x0, self.p, base.jacobian)
         goal = base.gate @ x0
         knots = np.concatenate([[start], sol.start[sol.start > start], [motion.t_end]])

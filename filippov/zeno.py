@@ -22,6 +22,8 @@ NEAR_REST = 1e-7
 LONGEST_LAP, LAPS = 6, 4
 STEADY = 0.05
 SLOWEST = 0.9999
+# The law's answers may move again by as much as they moved in the last laps, and a little more.
+MOVES = 2.0
 # The least of many estimates of an error is too small by more than one of them is.
 CHOSEN = 4.0
 NEAR_END = 1e-6
@@ -124,7 +126,7 @@ def _limit(run: Run, ends: Sequence[Event], surfaces: tuple[int, ...]) -> Accumu
     started = float(run.clock[codes.T_START])
     # By how much the law's answer moved in the last lap, which may agree by chance; rounding of the times,
     # which 1 - r enlarges; the tolerance of the run.
-    error = float(np.max(moves * ratio ** np.arange(len(moves))[::-1]))
+    error = MOVES * float(np.max(moves * ratio ** np.arange(len(moves))[::-1]))
     error += 8 * EPS * abs(times[-1]) / (1.0 - ratio) ** 2
     error += run.options.rtol * abs(times[-1] - started)
     remaining = laps[-1] * ratio / (1.0 - ratio)

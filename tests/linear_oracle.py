@@ -197,8 +197,8 @@ def _growth(factors: list[Array]) -> float:
     return largest
 
 
-def solve_linear(system: Linear, x0: Array, end: float) -> Answer:
-    """The motion from x0 until `end`; NotGenericError near anything delicate."""
+def solve_linear(system: Linear, x0: Array, end: float, most: int = 30) -> Answer:
+    """The motion from x0 until `end`; NotGenericError near anything delicate, and for `most` events."""
     h = system.c @ x0 - system.d
     if np.min(np.abs(h)) < 1e-3:
         raise NotGenericError
@@ -207,7 +207,7 @@ def solve_linear(system: Linear, x0: Array, end: float) -> Answer:
     events: list[tuple[float, int, tuple[int, ...]]] = []
     factors: list[Array] = []
     times: list[float] = []
-    for _ in range(30):
+    for _ in range(most):
         found = first_zero(
             lambda u, m=mode, y=x: system.guards(m, system.flow(m, y, u)),
             lambda dt, count, m=mode, y=x: system.grid(m, y, dt, count),
