@@ -217,19 +217,25 @@ def leaves(i: int, twice: bool, step: float, side: float, w: Vector) -> bool:
     return least > most - least
 
 
+# Stages that are enough for the range of a multiplier over them to tell that it turns fast.
+MANY_STAGES = 10
+
+
 @kernel
 def suspicious(step: float, m: Vector, order: Indices, line: bool, w: Vector, iw: Indices) -> bool:
     """Whether a guard may vanish in the step: no if it keeps clear of 0 by more than it bends.
 
     For linear guards the test is on the cubic through both ends of the step; it is skipped for others, which
     are always sampled. One that starts from 0 is clear if it grows throughout (see `leaves`). Multipliers are
-    judged by their range over the stages, if these are many and the ends of their sets stand still. On a
-    straight line nothing keeps a step shorter than what a multiplier does on the way: unless that is straight
-    too, it has to be looked at.
+    judged by their range over the stages, if these are many and the ends of their sets stand still: what
+    holds a motion on a surface may turn faster than the motion, which then takes steps as long as it likes.
+    On a straight line it can always do so, unless the rates are straight too.
     """
     for i in range(M):
         if m[i] == 0.0:
-            if IMPLICIT or MOVING[i] != 0 or (line and (STRAIGHT[i] == 0 or iw[I_SLIDING] > 1)):
+            if IMPLICIT or MOVING[i] != 0 or (line and iw[I_SLIDING] > 1):
+                return True
+            if STRAIGHT[i] == 0 and (line or STAGES < MANY_STAGES):
                 return True
             mult = shift(w, W_MULT + i * COLUMNS)
             spread = mult[MOST] - mult[LEAST]

@@ -6,7 +6,15 @@ caller, the lane left as it was.
 """
 
 from filippov._kernels.codes import GROW, MAX_STEP, RTOL, STEP, T_END, T_START, TAKEN, TREND, T
-from filippov._kernels.control import ONE_BITS, error_norm, finite, guard_state, least_step, leaves
+from filippov._kernels.control import (
+    MANY_STAGES,
+    ONE_BITS,
+    error_norm,
+    finite,
+    guard_state,
+    least_step,
+    leaves,
+)
 from filippov._kernels.field import clear_ranges, field, project
 from filippov._kernels.language import (
     Indices,
@@ -92,7 +100,7 @@ def may_vanish(step: float, m: Vector, order: Vector, w: Vector, iw: Indices) ->
             inside = above < w[W_RADIUS + 2 * i + 1] and below > w[W_RADIUS + 2 * i]
             inside = inside and MOVING[i] == 0
             if STRAIGHT[i] == 0:
-                inside = inside and bent(w)
+                inside = inside and bent(w) and STAGES >= MANY_STAGES
             holds = inside and w[W_ATTRACT + i] > 0.0 and mult[SLOPE] < 0.0
             clear = (holds and m[i] == 0.0) or (clear and m[i] != 0.0)
         doubt = doubt if clear else 1.0
