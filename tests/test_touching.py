@@ -8,6 +8,7 @@ import pytest
 from sympy import Rational, sin
 
 from filippov import Status, System, parameters, sign, solve, states, t
+from filippov.models import get
 
 x, y, z = states("x y z")
 p = parameters(excess=0.0)
@@ -52,3 +53,16 @@ def test_a_start_at_the_end_of_the_set() -> None:
     assert run.success
     assert not run.events
     assert run.end_mode == (0,)
+
+
+@pytest.mark.parametrize("beyond", [0.0, 1e-17, -1e-17, 1e-15, -1e-15, 1e-13, -1e-13, 1e-11, -1e-11])
+@pytest.mark.parametrize("length", [1e-12, 1e-9, 1e-6])
+def test_a_moment_around_break_away_is_only_short(beyond: float, length: float) -> None:
+    """Rest with the multiplier within rounding of its end, and an infinite slope beyond it (beta = 1/2)."""
+    x = 0.17858969124869198
+    short = solve(
+        get("hunting").build(), (x, 0, (0.4 - x) / 10 + beyond), (0, length), parameters={"beta": 0.5},
+        rtol=1e-11, atol=1e-13, zeno="continue", nonunique="stick",
+    )  # fmt: skip
+    assert short.success, short.message
+    assert short.x_end == pytest.approx([x, 0, (0.4 - x) / 10 + beyond + x * length], rel=0, abs=1e-9)

@@ -341,9 +341,9 @@ def locate(
 
     order[i]: how often guard i vanishes at the start of the step (the root it starts from is divided out);
     for a sliding surface +-2 says that its multiplier starts at an end of its set, +-3 that the rates of both
-    sides vanish at the start. A least value of a guard
-    below W_TOUCH is a touching. Cause -1: the user's code failed; -2: no sliding; UNRESOLVED: the step is too
-    long for its guards. iw[I_PIECES]: how many pieces of the step were looked at.
+    sides vanish at the start. A least value of a guard below W_TOUCH is a touching. Cause -1: the user's code
+    failed; -2: no sliding; UNRESOLVED: the step is too long for its guards. iw[I_PIECES] counts the pieces on
+    which a guard was no polynomial, however small; what is no more than rounding is not counted.
     """
     c, work, pieces = shift(w, W_C), shift(w, W_WORK), shift(w, W_PIECES)
     pieces[0], pieces[1], pieces[2] = 0.0, 1.0, 0.0
@@ -351,7 +351,6 @@ def locate(
     iw[I_PIECES] = 0
     while waiting > 0:
         waiting -= 1
-        iw[I_PIECES] += 1
         piece = shift(pieces, 3 * waiting)
         lo, hi, depth = piece[0], piece[1], piece[2]
         width = hi - lo
@@ -375,11 +374,13 @@ def locate(
                     dense_value(lo + 0.5 * width, shift(w, W_XM), w)
                     noise = guard_noise(i, t + (lo + 0.5 * width) * step, shift(w, W_XM), p, m, w, ctx)
                 if noise <= 0.0 or not to_polynomial(row, judged, noise, brush, w):
+                    low, high = sampled_range(row, w)
+                    known = 1e3 * (w[W_TOUCH + i] if m[i] != 0.0 else brush)
+                    iw[I_PIECES] += 1 if high - low > known else 0
                     if depth < SPLITS:
                         resolved = False
                         break
-                    low, high = sampled_range(row, w)
-                    if max(-low, high) > 1e3 * (w[W_TOUCH + i] if m[i] != 0.0 else brush):
+                    if max(-low, high) > known:
                         unresolved += 1
                         if unresolved > LEAVES:
                             return UNRESOLVED, 0, 0.0, 0.0
