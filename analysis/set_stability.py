@@ -6,12 +6,13 @@ What is decided, and by what:
   for h' >= C h**e with e < 1 leaves h = 0 in a time that does not depend on how near the motion starts;
 - ends with a linear slip field, in dimension 2 and 3: the return map of filippov.analysis.rest_map.
   Routh-Hurwitz on the slip polynomial is sufficient there and not necessary;
-- in higher dimensions nothing follows from the slip polynomial alone: undecided, unless a hook knows the map.
+- in higher dimensions the slip polynomial says nothing by itself: where every slide drifts along the segment,
+  the return map is followed numerically (filippov.analysis.drift_map); else undecided, unless a hook knows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ import sympy
 from sympy import Expr, Rational, Symbol
 
 from filippov.analysis.branches import short
+from filippov.analysis.drift_map import drift_map
 from filippov.analysis.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.analysis.linearisation import (
     SlipLinearisation,
@@ -40,6 +42,8 @@ from filippov.analysis.stability_result import (
 
 PAPER = "Hensen & van de Molengraft 2002, section 3"
 PROOF = "proved in filippov.analysis.rest_map"
+FOLLOWED = "computed, see filippov.analysis.drift_map"
+Sides = list[tuple[str, SlipLinearisation]]
 EDGE = 1e-9
 NARROW = 1e-6
 
@@ -161,6 +165,7 @@ class _Ends:
         # The return map needs both ends, dimension 2 or 3, and the drift along the set that it describes.
         closed = attracts and found.bounded and len(found.ends) == 2
         self.mapped = closed and ((self.n == 3 and drifts) or self.n == 2)
+        self.followed = closed and self.n > 3 and drifts
         self.place = found.mode.index("0")
 
     def cases(self) -> tuple[SlipCase, ...]:
@@ -205,9 +210,7 @@ class _Ends:
         total = sum((c * v for c, v in zip(sliding.gradient, vector, strict=True)), sympy.S.Zero)
         return short(total if side == "+" else -total)
 
-    def _case(
-        self, group: list[tuple[str, SlipLinearisation]], both: list[tuple[str, SlipLinearisation]]
-    ) -> SlipCase:
+    def _case(self, group: Sides, both: Sides) -> SlipCase:
         context, slip = self.context, group[0][1]
         put = dict(slip.case.put)
         polynomial = self._polynomial(slip)
@@ -229,7 +232,12 @@ class _Ends:
             criterion = "sufficient"
             answer, statements = self._decide(maps, hurwitz)
             if solved is not None:
-                solved = self._threshold(solved, [p for p in polynomials if p is not None], put)
+                solved = self._threshold(solved, lambda symbol: self._mapper(polynomials, symbol, put))
+        elif self.followed and (drifting := self._follower(both, None, put)(0.0)):
+            maps = drifting
+            answer, statements = self._decide(maps, None)
+            if solved is not None:
+                solved = self._threshold(solved, lambda symbol: self._follower(both, symbol, put))
         else:
             text = (
                 "the slip polynomial alone does not decide for the set here; the event map at its ends does"
@@ -273,7 +281,7 @@ class _Ends:
                 out.append(Statement(text))
         return out
 
-    def _leaves(self, group: list[tuple[str, SlipLinearisation]]) -> list[Statement]:
+    def _leaves(self, group: Sides) -> list[Statement]:
         """Why motions leave the set from arbitrarily near, or [] where this is not so."""
         if len(self.found.ends) != 2:
             return []
@@ -305,7 +313,7 @@ class _Ends:
     def _decide(self, maps: tuple[RestMap, ...], hurwitz: bool | None) -> tuple[Answer, list[Statement]]:
         factor = growth(maps)
         kappa = " and ".join(_slope_text(m) for m in dict.fromkeys(maps))
-        statements = [
+        statements = [] if self.followed else [
             Statement(
                 "Routh-Hurwitz on the slip polynomial is sufficient for the set to be stable, not necessary, "
                 "for slip lasts a finite time; the return map at the ends decides",
@@ -315,9 +323,8 @@ class _Ends:
         if self.n == 2:
             statements.append(Statement(f"beyond an end, slip {self._told(maps)}", PROOF))
             return ("asymptotically stable" if factor < 1 or self._returns(maps) else "unstable"), statements
-        statements.append(
-            Statement(f"return map from one rest position to the next, linearised at an end: {kappa}", PROOF)
-        )
+        text = f"return map from one rest position to the next, linearised at an end: {kappa}"
+        statements.append(Statement(text, FOLLOWED if self.followed else PROOF))
         if abs(factor - 1) < 1e-9:
             return "undecided", statements
         answer: Answer = "asymptotically stable" if factor < 1 else "unstable"
@@ -335,20 +342,56 @@ class _Ends:
         turning = any(m.outcome == "returns" for m in maps)
         return "comes to rest inside the set after half a turn" if turning else "converges to the end"
 
+    def _mapper(
+        self, polynomials: Sequence[tuple[Expr, ...] | None], symbol: Symbol, put: dict[Symbol, Expr]
+    ) -> Callable[[float], tuple[RestMap, ...]]:
+        """The return maps of the ends as functions of one parameter."""
+        fixed = self._others(symbol, put)
+        known = [p for p in polynomials if p is not None]
+        rows = [[sympy.lambdify(symbol, c.subs(fixed), "math") for c in p] for p in known]
+        return lambda value: tuple(rest_map([float(c(value)) for c in row]) for row in rows)
+
+    def _follower(
+        self, both: Sides, symbol: Symbol | None, put: dict[Symbol, Expr]
+    ) -> Callable[[float], tuple[RestMap, ...]]:
+        """The same in dimension 4 and up; () where one of them is not decided."""
+        fixed, free, rows = self._others(symbol, put), symbol or sympy.Dummy(), []
+        for side, slip in both:
+            end = linearise(self.context.system, self._end(side), values=self.context.put, sides=[]).sliding
+            if slip.matrix is None or end is None or end.matrix is None:
+                return lambda _: ()
+            normal = sympy.Matrix(end.gradient).T * (1 if side == "+" else -1)
+            parts = (slip.matrix, end.matrix, normal)
+            rows.append([sympy.lambdify(free, sympy.Matrix(part).subs(fixed), "numpy") for part in parts])
+
+        def maps(value: float) -> tuple[RestMap, ...]:
+            ends = [[np.array(part(value), dtype=float) for part in row] for row in rows]
+            if not all(np.all(np.isfinite(part)) for end in ends for part in end):
+                return ()
+            first = ends[0]
+            # The other end is often this one mirrored.
+            mirrored = all(np.array_equal(a, b) for a, b in zip(first[:2], ends[-1][:2], strict=True))
+            found = [drift_map(A, J, c.ravel()) for A, J, c in (ends[:1] if mirrored else ends)]
+            return tuple(m for m in found if m is not None) * (len(ends) // len(found)) if all(found) else ()
+
+        return maps
+
+    def _others(self, symbol: Symbol | None, put: dict[Symbol, Expr]) -> dict[Symbol, Expr]:
+        """The values of all parameters but one."""
+        return {q: v for q, v in {**self.context.values, **put}.items() if q != symbol}
+
     def _threshold(
-        self, solved: Solved, polynomials: list[tuple[Expr, ...]], put: dict[Symbol, Expr]
+        self, solved: Solved, maps_of: Callable[[Symbol], Callable[[float], tuple[RestMap, ...]]]
     ) -> Solved:
         """Where the set changes stability in the parameter, by the return map."""
-        symbol = solved.symbol
-        fixed = {q: v for q, v in {**self.context.values, **put}.items() if q != symbol}
-        rows = [[sympy.lambdify(symbol, c.subs(fixed), "math") for c in p] for p in polynomials]
+        symbol, maps_at = solved.symbol, maps_of(solved.symbol)
 
         def measure(value: float) -> float:
             self.context.clock.check()
-            maps = [rest_map([float(c(value)) for c in row]) for row in rows]
+            maps = maps_at(value)
             if self.n == 2:
                 return 0.0 if self._returns(maps) else 2.0
-            return growth(maps)
+            return growth(maps) if maps else float("nan")
 
         marks = [float(v) for v in solved.numeric.atoms(sympy.Number) if v > 0]
         value = self.context.number(symbol)
