@@ -6,6 +6,7 @@ The oracle is the closed form of x' = -k x, and the hash of a run that nothing d
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
 import pickle
 import resource
@@ -27,6 +28,7 @@ from sweep_case import ROOT, check, decay, serial, start, sweep_of, write_case
 from filippov import Problem, Sweep, System, UsageError, parameters, solve, states
 from filippov.models import registry
 from filippov.sweep.dataset import load_table
+from filippov.sweep.processes import Processes
 
 ROUNDS = 30 if os.environ.get("FILIPPOV_PROFILE") == "nightly" else 5
 
@@ -416,3 +418,20 @@ def test_d20_a_clock_that_jumps_changes_nothing(tmp_path: Path, monkeypatch: pyt
     clock = iter(range(10**9, 0, -1000))
     monkeypatch.setattr(time, "time", lambda: float(next(clock)))
     check(serial(sweep_of(write_case(tmp_path)), max_time=50.0))
+
+
+def test_d04_an_interrupt_while_a_chunk_is_handed_over_leaves_no_worker(tmp_path: Path) -> None:
+    class Interrupted(dict[Any, Any]):
+        def __setitem__(self, key: Any, value: Any) -> None:
+            raise KeyboardInterrupt
+
+    engine = Processes(sweep_of(write_case(tmp_path, "sleeps", 12), "sleeps", 12), 1)
+    engine.busy = Interrupted()
+    with pytest.raises(KeyboardInterrupt):
+        engine.submit(np.arange(6, 8), str(tmp_path), "k", None, False)
+    (process,) = multiprocessing.active_children()
+    engine.close(at_once=True)
+    end = time.monotonic() + 10
+    while Path(f"/proc/{process.pid}").exists():  # the executor's own thread waits for it, too
+        assert time.monotonic() < end
+        time.sleep(0.01)

@@ -64,6 +64,8 @@ class Processes:
         check_sendable(work)
         self.work, self.slots = work, jobs
         self.context, self.max_memory = multiprocessing.get_context(context), max_memory
+        # All of them: one that an interrupt caught between idle and busy is to be ended as well.
+        self.lanes: list[_Lane] = []
         self.idle: list[_Lane] = []
         self.busy: dict[Future[Any], _Lane] = {}
         self.failed_starts = 0
@@ -72,7 +74,11 @@ class Processes:
         self, index: Whole, folder: str, key: str, max_time: float | None, apart: bool
     ) -> Future[Outcome]:
         """Hand a chunk to a worker that has none; the work it received at its start."""
-        lane = self.idle.pop() if self.idle else _Lane(self._executor, self.work)
+        if not self.idle:
+            with _no_interrupt():
+                self.lanes.append(_Lane(self._executor, self.work))
+            self.idle.append(self.lanes[-1])
+        lane = self.idle.pop()
         chunk = index, folder, key, max_time, apart
         try:
             future = lane.executor.submit(worker.compute_received, *chunk)
@@ -96,6 +102,7 @@ class Processes:
             self.idle.append(lane)
             return True
         lane.end(at_once=True)
+        self.lanes.remove(lane)
         if lane.began:
             self.failed_starts = 0
             return True
@@ -130,8 +137,9 @@ class Processes:
 
     def close(self, at_once: bool) -> None:
         """End the workers."""
-        for lane in (*self.idle, *self.busy.values()):
+        for lane in self.lanes:
             lane.end(at_once)
+        self.lanes.clear()
         self.idle.clear()
         self.busy.clear()
 
