@@ -32,10 +32,9 @@ class _Lane:
 
     def __init__(self, jobs: Callable[[], ProcessPoolExecutor], work: Work) -> None:
         before = set(multiprocessing.active_children())
-        with _no_interrupt():
-            self.executor = jobs()
-            self.hello: Future[int] = self.executor.submit(worker.hello, work)
-            started = set(multiprocessing.active_children()) - before
+        self.executor = jobs()
+        self.hello: Future[int] = self.executor.submit(worker.hello, work)
+        started = set(multiprocessing.active_children()) - before
         self.process: BaseProcess | None = next(iter(started), None)
 
     @property
