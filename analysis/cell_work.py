@@ -18,11 +18,11 @@ from filippov.analysis.map_rows import MapRows
 from filippov.analysis.section import Section
 from filippov.errors import SolveError
 from filippov.status import Status
-from filippov.storage import package_version
 from filippov.sweep.measure import source_digest
 from filippov.sweep.rows import Limits, Rows, Whole, in_blocks
 from filippov.sweep.table import Table
 from filippov.system import System
+from filippov.version import package_version
 
 Array = npt.NDArray[np.float64]
 MOST = 64  # fixed points of one value

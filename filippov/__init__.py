@@ -35,7 +35,8 @@ _SYMBOLS = [
 _EXPORTS: dict[str, str] = {
     **dict.fromkeys(_SYMBOLS, "filippov.symbols"),
     **dict.fromkeys(("ModelError", "NonUniqueError", "SolveError", "UsageError"), "filippov.errors"),
-    **dict.fromkeys(("Parameter", "parameters"), "filippov.parameter"),
+    "Parameter": "filippov.parameter",
+    "parameters": "filippov.parameter_symbol",
     **dict.fromkeys(("Band", "Exact", "Hysteresis", "Smooth"), "filippov.comparator"),
     **dict.fromkeys(("Ensemble", "solve_many"), "filippov.ensemble"),
     "EventKind": "filippov.status",

@@ -14,7 +14,7 @@ from filippov.errors import ModelError
 from filippov.extract import Extractor
 from filippov.kinds import kind_of
 from filippov.names import closest, unknown
-from filippov.parameter import ParameterNamespace, ParameterSymbol
+from filippov.parameter_symbol import ParameterNamespace, ParameterSymbol
 from filippov.surface import Surface
 from filippov.symbolic import Contact, SymbolicForm
 from filippov.symbols import t

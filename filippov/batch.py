@@ -23,6 +23,8 @@ _EVENT_ROOM = 64
 # Steps of one call into compiled code, in which nobody looks up: some tens of milliseconds.
 _CHUNK = 50_000
 _WAITING = 0.05
+# Rows that a thread takes at a time, and parts of its share of all rows: at the end no thread waits long.
+_MOST_TAKEN, _PARTS = 16, 32
 UNFINISHED = -1
 _TALLIES = 4
 
@@ -72,8 +74,9 @@ class Batch:
         self.code = np.full(k, UNFINISHED, dtype=np.int64)
         self.atol = options.tolerances(machine.system)
         self.p = machine.derived(values)
-        # The next row to be taken and the number of those that are done: the threads share them.
-        self.queue = np.zeros(2, dtype=np.int64)
+        # What has been taken, the number of rows that are done, and how many are taken at a time: the
+        # threads share them.
+        self.queue = np.array([0, 0, 1])
 
     def run(
         self, threads: int, unit: Compiled | None, look: Callable[[int], None] | None = None
@@ -88,6 +91,8 @@ class Batch:
                 if look is not None:
                     look(int(self.queue[1]))
             return
+        if self.machine.callbacks is None:
+            self.queue[2] = max(1, min(_MOST_TAKEN, self.size // (_PARTS * threads)))
         halt = threading.Event()
         with ThreadPoolExecutor(threads) as pool:
             work = [pool.submit(self._work, unit, halt) for _ in range(threads)]
@@ -132,7 +137,9 @@ class _Room:
             for start, size in zip(starts, sizes, strict=True)
         ]
         marks = (_EVENT_ROOM + m) * (2 + 2 * m)
-        self.integers = np.zeros(lanes + 2 * place.integers + marks, dtype=np.int64)
+        # The rows under way, and what is left of those that the thread has taken.
+        mine = lanes + 2
+        self.integers = np.zeros(mine + 2 * place.integers + marks, dtype=np.int64)
         whole = self.integers.ctypes.data
         self.rows = self.integers[:lanes]
         self.entries = np.array([machine.compiled.addresses[name] for name in ENTRIES], dtype=np.int64)
@@ -140,10 +147,10 @@ class _Room:
         self.before = [whole]
         if unit is not None:
             self.before += [self.entries.ctypes.data, *(base + 8 * start for start in starts)]
-            self.before.append(whole + 8 * lanes)
-        self.events, self.marks = base + 8 * total, whole + 8 * (lanes + inside)
+            self.before.append(whole + 8 * mine)
+        self.events, self.marks = base + 8 * total, whole + 8 * (mine + inside)
         self.after = [
-            base + 8 * (total + events), whole + 8 * (lanes + inside + marks), machine.context.ctypes.data
+            base + 8 * (total + events), whole + 8 * (mine + inside + marks), machine.context.ctypes.data
         ]  # fmt: skip
 
     def clear(self, atol: Array) -> None:
@@ -213,7 +220,7 @@ def _rows(k: int, row: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 def system_threads(system: System, threads: int | None, rows: int, least: int) -> int:
     """How many threads: as asked, at most one for every `least` rows, one for plain Python functions."""
-    if system.symbolic is None:
+    if system.field is not None:
         return 1
     most = rows // least or 1
     return max(1, min(threads or cores(), most)) if most > 1 else 1

@@ -20,7 +20,6 @@ from filippov.machine import Array, Machine
 from filippov.names import check_known, unknown
 from filippov.options import Options, check_span, check_stops
 from filippov.problem import Problem
-from filippov.solver import solve
 from filippov.status import Status
 from filippov.system import System
 
@@ -162,8 +161,10 @@ class Prepared:
         self.checked = Options(dense_output=False, **options)
         self.threads, self.lanes = threads, lanes
         self.machine: Machine | None = None
-        if system.symbolic is not None:
+        if system.field is None:
             self.machine = _machine(system, self.checked.method, self.checked.sliding)
+            # An equal system may have been here before: what was made of it is this one's as well.
+            system.units.update(self.machine.system.units)
 
     def run(
         self, states: Array, values: Array, *, measure: Callable[[Ensemble], Any] | None = None,
@@ -186,7 +187,7 @@ class Prepared:
 
             complete = True
             try:
-                if system.time_events:
+                if system.clocked:
                     batch.code[:] = codes.GENERAL  # the driver of `solve` stops at the instants
                 else:
                     batch.run(workers, unit, look)
@@ -215,12 +216,12 @@ def _lanes(lanes: int | None, machine: Machine, method: str, count: int) -> int:
     if lanes is None:
         # A guard that bends is searched in every step, which the plain loop does: lanes would not pay.
         linear = bool(machine.unit.constants["ALL_LINEAR"])
-        possible = system.symbolic is not None and method in _IN_LANES and linear
+        possible = system.field is None and method in _IN_LANES and linear
         possible = possible and machine.sliding != "utkin"
         return widest() if possible and count >= _ENOUGH else 1
     if isinstance(lanes, bool) or lanes not in (1, LANES, MOST_LANES):
         raise UsageError(f"lanes is {lanes!r}, expected 1, {LANES} or {MOST_LANES}.")
-    if lanes > 1 and system.symbolic is None:
+    if lanes > 1 and system.field is not None:
         raise UsageError(
             f"lanes is {lanes}, but the system is made of plain Python functions, which are called one state "
             "at a time. Give the equations in symbols, or leave lanes at 1."
@@ -282,6 +283,8 @@ def _collect(
             statuses[q] = Status.INTERRUPTED
             continue
         values = dict(zip(system.parameters.names, batch.values[q].tolist(), strict=True))
+        from filippov.solver import solve
+
         solution = solve(
             Problem(system, start[q], span, values), stop=stops, dense_output=False, **options
         )
@@ -293,7 +296,7 @@ def _collect(
             last[q] = event.index, _column(event)
             counts[q, event.index, _column(event)] += 1
         complete = solution.status is not Status.INTERRUPTED
-    names = tuple(surface.name for surface in system.surfaces)
+    names = system.surface_names
     return Ensemble(
         t, batch.x, batch.mode.astype(np.int64), cast(tuple[Status, ...], tuple(statuses)), tuple(messages),
         nfev, counts, last,

@@ -25,7 +25,7 @@ from sympy import Expr, Symbol
 
 from filippov.errors import ModelError
 from filippov.events import Mode
-from filippov.parameter import ParameterSymbol
+from filippov.parameter_symbol import ParameterSymbol
 from filippov.status import EventKind, mode_text
 from filippov.symbolic import SymbolicForm
 from filippov.symbols import t

@@ -10,7 +10,7 @@ import sympy
 from sympy import Expr, Integer, Symbol
 
 from filippov.errors import ModelError
-from filippov.parameter import ParameterSymbol
+from filippov.parameter_symbol import ParameterSymbol
 from filippov.surface import Kind, Surface
 from filippov.symbolic import SymbolicForm
 from filippov.symbols import t

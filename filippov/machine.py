@@ -10,8 +10,7 @@ import numpy.typing as npt
 
 from filippov._kernels.build import Compiled, build
 from filippov._kernels.callback import Callbacks, EventCallbacks, callback_unit, new_context
-from filippov._kernels.generate import Generated, generate
-from filippov._kernels.generate_events import generate_with_events
+from filippov._kernels.generated import Generated
 from filippov._kernels.layout import RULES
 from filippov._kernels.tableaus import TABLEAUS, Collocation
 from filippov._kernels.tables import NODES
@@ -20,10 +19,21 @@ from filippov.surface import Surface
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
+_SIDES: dict[str, tuple[int, ...]] = {"+": (1,), "-": (-1,), "both": (1, -1)}
+
+
+def _unit(system: System, blended: bool) -> Generated:
+    """The unit of a system of expressions, made once and kept with it: another process need not make it."""
+    if blended not in system.units:
+        system.units[blended] = _generated(system, blended)
+    unit: Generated = system.units[blended]
+    return unit
 
 
 @lru_cache(maxsize=256)
 def _generated(system: System, blended: bool) -> Generated:
+    from filippov._kernels.generate import generate
+
     assert system.symbolic is not None
     return generate(system.symbolic, system.surfaces, blended)
 
@@ -33,6 +43,8 @@ def _generated_with(
     system: System, expressions: tuple[Any, ...], functions: int, blended: bool
 ) -> Generated:
     """The unit with user events; one for any functions."""
+    from filippov._kernels.generate_events import generate_with_events
+
     assert system.symbolic is not None
     events = [Surface("event", e, kind="observer") for e in (*expressions, *[_placeholder] * functions)]
     return generate_with_events(system.symbolic, system.surfaces, tuple(events), blended)
@@ -49,17 +61,17 @@ class Machine:
         self, system: System, method: str, p: Array, events: tuple[Surface, ...] = (),
         sliding: str = "filippov",
     ) -> None:  # fmt: skip
-        self.system, self.surfaces = system, (*system.surfaces, *events)
-        self.n, self.m = system.dimension, len(self.surfaces)
+        self.system, self.events = system, events
+        self.n, self.m = system.dimension, len(system.surface_names) + len(events)
         self.callbacks: Callbacks | None = None
-        if system.symbolic is not None:
+        if system.field is None:
             expressions = tuple(e.h for e in events if e.symbolic)
             functions = events[len(expressions) :]
             blended = sliding == "utkin"
             unit = (
                 _generated_with(system, expressions, len(functions), blended)
                 if events
-                else _generated(system, blended)
+                else _unit(system, blended)
             )
             self.context = new_context()
             if functions:
@@ -68,7 +80,6 @@ class Machine:
                 self.context = self.callbacks.context
         else:
             unit = callback_unit(self.n, len(system.parameters), self.surfaces)
-            assert system.field is not None
             self.callbacks = Callbacks(
                 system.field, self.surfaces, self.n, system.parameters.record, system.time_events
             )
@@ -76,22 +87,13 @@ class Machine:
             self.context = self.callbacks.context
         self.unit = unit
         self.constants = unit.constants | {"RULE": RULES.index(sliding)}
-        if sliding == "utkin" and system.symbolic is None:
+        if sliding == "utkin" and system.field is not None:
             # One surface: two vertices say all for Filippov, nothing of what lies between them.
             self.constants["AFFINE"] = False
         self.compiled: Compiled = build(unit.source, self.constants, method)
         self.p = self.derived(p)
         self.w = np.zeros(self.compiled.layout.doubles)
         self.iw = np.zeros(self.compiled.layout.integers, dtype=np.int64)
-        self.roles = tuple(surface.kind for surface in self.surfaces)
-        self.widths = tuple(surface.width for surface in self.surfaces)
-        sides: dict[str, tuple[int, ...]] = {"+": (1,), "-": (-1,), "both": (1, -1)}
-        self.resets_from = tuple(
-            () if surface.reset is None else sides[surface.side] for surface in self.surfaces
-        )
-        self.contacts = tuple(
-            sides[surface.side][0] if surface.contact else 0 for surface in self.surfaces
-        )
         self.event_size = int(unit.constants["EVENT_SIZE"])  # type: ignore[arg-type]
         self.affine = bool(self.constants["AFFINE"])
         # Surfaces whose signs do not act on each other's rates have different numbers.
@@ -103,13 +105,36 @@ class Machine:
         self.rooms: dict[int, list[Any]] = {}
 
     @cached_property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """The surfaces of the system and the events."""
+        return (*self.system.surfaces, *self.events)
+
+    @cached_property
+    def roles(self) -> tuple[str, ...]:
+        """The kind of each surface."""
+        return tuple(surface.kind for surface in self.surfaces)
+
+    @cached_property
+    def widths(self) -> tuple[float, ...]:
+        """The width of the hysteresis of each surface."""
+        return tuple(surface.width for surface in self.surfaces)
+
+    @cached_property
+    def resets_from(self) -> tuple[tuple[int, ...], ...]:
+        """The signs from which each surface resets the state."""
+        return tuple(() if q.reset is None else _SIDES[q.side] for q in self.surfaces)
+
+    @cached_property
+    def contacts(self) -> tuple[int, ...]:
+        """The side from which each surface may be rested on, 0 for none."""
+        return tuple(_SIDES[q.side][0] if q.contact else 0 for q in self.surfaces)
+
+    @cached_property
     def local(self) -> Machine:
         """The machine for trial steps as short as one likes: an explicit one in place of an implicit."""
         if not isinstance(TABLEAUS[self.method], Collocation):
             return self
-        other = Machine(
-            self.system, "DOP853", self.values, self.surfaces[len(self.system.surfaces) :], self.sliding
-        )
+        other = Machine(self.system, "DOP853", self.values, self.events, self.sliding)
         # The same functions, parameters and times: only the method differs.
         other.callbacks, other.context, other.p = self.callbacks, self.context, self.p
         return other

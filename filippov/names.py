@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import difflib
 import keyword
+import re
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from filippov.errors import ModelError
+from filippov.symbolic_value import is_symbol
+
+if TYPE_CHECKING:
+    from sympy import Symbol
 
 TIME = "t"
 
@@ -80,3 +86,18 @@ def check_unique(names: Iterable[str], kind: str) -> tuple[str, ...]:
             raise ModelError(f"{kind} name {name!r} is given twice. Every {kind} needs its own name.")
         seen.append(name)
     return tuple(seen)
+
+
+def state_names(names: str | Sequence[str | Symbol]) -> tuple[str, ...]:
+    """Return checked, different names from "x v z", "x, v, z" or a sequence of names or symbols."""
+    if is_symbol(names):
+        names = [names]
+    if isinstance(names, str):
+        parts: list[object] = list(re.split(r"[\s,]+", names.strip(" ,\t\n")))
+    elif isinstance(names, Sequence):
+        parts = [n.name if is_symbol(n) else n for n in names]
+    else:
+        raise ModelError(f"states are {names!r}, expected text such as 'x v z' or a list of names.")
+    if not parts or parts == [""]:
+        raise ModelError("no state was named, expected at least one, for instance states('x v').")
+    return check_unique((check_name(part, "state") for part in parts), "state")

@@ -199,7 +199,7 @@ def check_priority(nonunique: Any, system: System) -> Any:
             f"nonunique is {nonunique!r}, expected one of {', '.join(POLICIES)}, a list of modes such as "
             "['+', '0'], or a function from the list of candidates to the one to take."
         )
-    names = [surface.name for surface in system.surfaces]
+    names = system.surface_names
     for mode in modes:
         if len(mode) != len(names) or set(mode) - set("+0-"):
             raise UsageError(
@@ -219,7 +219,7 @@ def check_count(name: str, value: object) -> int:
 def check_stops(stops: Sequence[Stop] | Stop, system: System) -> tuple[Stop, ...]:
     """Stops whose surfaces the system has."""
     items = (stops,) if isinstance(stops, Stop) else tuple(stops)
-    names = [surface.name for surface in system.surfaces]
+    names = system.surface_names
     given: Sequence[object] = items  # what is no Stop is refused with the other options
     for item in given:
         if isinstance(item, Stop) and item.surface not in names:

@@ -1,4 +1,4 @@
-"""Parameters: their defaults, units and bounds, as symbols for expressions and as numbers for a run."""
+"""Parameters: their defaults, units and bounds, and as numbers for a run."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import math
 import numbers
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn, Self
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
-import sympy
 
 from filippov.errors import ModelError
 from filippov.names import check_name, unknown
+from filippov.symbolic_value import is_expression, is_symbol
 
 
 def as_number(value: object, what: str) -> float:
@@ -25,7 +25,7 @@ def as_number(value: object, what: str) -> float:
         value = value.item()
     if isinstance(value, (bool, np.bool_)):
         raise ModelError(f"{what} is {value!r}, expected a number. Write 1.0 or 0.0.")
-    if isinstance(value, (numbers.Real, sympy.Expr)):
+    if isinstance(value, numbers.Real) or is_expression(value):
         try:
             number = float(value)
         except (TypeError, ValueError, OverflowError):
@@ -81,98 +81,15 @@ class Parameter:
         return number
 
 
-class ParameterSymbol(sympy.Symbol):
-    """A real sympy symbol that carries its Parameter and its place in the declaration.
-
-    Both belong to the identity of the symbol: two symbols of one name and different defaults are different
-    objects to sympy's caches. The sign that the bounds imply is among its assumptions.
-    """
-
-    __slots__ = ("parameter", "position")
-    parameter: Parameter
-    position: int
-
-    def __new__(cls, name: str, parameter: Parameter, position: int = 0) -> Self:
-        """Make the symbol; `position` is its place in the declaration."""
-        assumptions: dict[str, bool] = {"real": True}
-        if parameter.lower is not None and parameter.lower >= 0:
-            assumptions["positive" if parameter.lower > 0 else "nonnegative"] = True
-        if parameter.upper is not None and parameter.upper <= 0:
-            assumptions["negative" if parameter.upper < 0 else "nonpositive"] = True
-        symbol: Self = sympy.Symbol.__xnew__(cls, name, **assumptions)
-        symbol.parameter = parameter
-        symbol.position = position
-        return symbol
-
-    def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]:
-        return (self.name, self.parameter, self.position), {}
-
-    def _hashable_content(self) -> tuple[Any, ...]:
-        content = super()._hashable_content()
-        return (*content, f"{self.position} {self.parameter!r}")
-
-
-class ParameterNamespace:
-    """What `parameters(...)` returns: the symbols by attribute (p.m), by name (p["m"]) and in order."""
+class Declaration:
+    """Declared parameters in order; what `parameters(...)` returns is one, with their symbols."""
 
     __slots__ = ("_symbols",)
-    _symbols: dict[str, ParameterSymbol]
-
-    def __init__(self, symbols: Mapping[str, ParameterSymbol]) -> None:
-        object.__setattr__(self, "_symbols", dict(symbols))
-
-    def __getattr__(self, name: str) -> ParameterSymbol:
-        if name.startswith("_"):
-            raise AttributeError(name)
-        try:
-            return self._symbols[name]
-        except KeyError:
-            raise AttributeError(unknown("parameter", name, self._symbols)) from None
-
-    def __getitem__(self, name: str) -> ParameterSymbol:
-        try:
-            return self._symbols[name]
-        except KeyError:
-            raise KeyError(unknown("parameter", name, self._symbols)) from None
-
-    def __setattr__(self, name: str, value: object) -> NoReturn:
-        raise AttributeError(
-            f"parameters are declared once: write parameters({name}=...), or give the value to the run."
-        )
-
-    def __iter__(self) -> Iterator[ParameterSymbol]:
-        return iter(self._symbols.values())
-
-    def __len__(self) -> int:
-        return len(self._symbols)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._symbols
-
-    def __dir__(self) -> list[str]:
-        return list(self._symbols)
-
-    def __repr__(self) -> str:
-        return "parameters(" + ", ".join(f"{s.name}={s.parameter.default:g}" for s in self) + ")"
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return ParameterNamespace, (self._symbols,)
+    _symbols: dict[str, Any]
 
 
-def parameters(**values: object) -> ParameterNamespace:
-    """Declare the parameters of a model: parameters(m=1, beta=Parameter(2, lower=0)).
-
-    Each value is a default (a finite real number) or a Parameter. Raises ModelError for a name that is no
-    identifier or a keyword, and for a value that is not a finite real number.
-    """
-    symbols: dict[str, ParameterSymbol] = {}
-    for position, (given, value) in enumerate(values.items()):
-        name = check_name(given, "parameter")
-        symbols[name] = ParameterSymbol(name, _as_parameter(name, value), position)
-    return ParameterNamespace(symbols)
-
-
-def _as_parameter(name: str, value: object) -> Parameter:
+def as_parameter(name: str, value: object) -> Parameter:
+    """A default (a finite real number) or a Parameter, as a Parameter. Raises ModelError."""
     if isinstance(value, Parameter):
         return value
     return Parameter(as_number(value, f"the default of parameter {name!r}"))
@@ -242,18 +159,18 @@ class ParameterSet:
     _items: dict[str, Parameter]
     _index: dict[str, int]
 
-    def __init__(self, items: Mapping[str, object] | ParameterNamespace | ParameterSet | None = None) -> None:
+    def __init__(self, items: Mapping[str, object] | Declaration | ParameterSet | None = None) -> None:
         if isinstance(items, ParameterSet):
             found: dict[str, Parameter] = dict(items._items)
-        elif isinstance(items, ParameterNamespace):
-            found = {symbol.name: symbol.parameter for symbol in items}
+        elif isinstance(items, Declaration):
+            found = {name: symbol.parameter for name, symbol in items._symbols.items()}
         elif items is None or isinstance(items, Mapping):
             found = {}
             for given, value in (items or {}).items():
                 name = check_name(given, "parameter")
                 if name in found:
                     raise ModelError(f"parameter {name!r} is given twice.")
-                found[name] = _as_parameter(name, value)
+                found[name] = as_parameter(name, value)
         else:
             raise ModelError(
                 f"parameters are {items!r}, expected parameters(m=1, ...) or a dict of name: number or "
@@ -307,7 +224,7 @@ class ParameterSet:
     def index(self, name: object) -> int:
         """Return the place of a parameter given by name or by symbol; ModelError with a suggestion if "
         "unknown."""
-        key = name.name if isinstance(name, sympy.Symbol) else name
+        key = name.name if is_symbol(name) else name
         if isinstance(key, str) and key in self._index:
             return self._index[key]
         raise ModelError(unknown("parameter", key, self._items))

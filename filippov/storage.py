@@ -9,7 +9,6 @@ A system of plain functions is not stored, only its names.
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
 import math
 from dataclasses import asdict, fields
@@ -29,8 +28,8 @@ from filippov.options import Options
 from filippov.problem import Problem
 from filippov.solution import Solution
 from filippov.status import EventKind, Status
-from filippov.stored_system import system_data, system_of
 from filippov.system import System
+from filippov.version import package_version
 from filippov.zeno import Accumulation
 
 FORMAT, VERSION = "filippov solution", 1
@@ -92,19 +91,13 @@ def load(path: str | Path, system: System | None = None, *, max_bytes: int = MAX
             raise archive.refuse(f"is incomplete or damaged ({type(error).__name__}: {error})") from None
 
 
-def package_version() -> str:
-    """The version of the installed package; "unknown" in a bare checkout."""
-    try:
-        return importlib.metadata.version("filippov")
-    except importlib.metadata.PackageNotFoundError:
-        return "unknown"
-
-
 # -- writing ---------------------------------------------------------------------------------------------
 
 
 def solution_header(solution: Solution) -> dict[str, Any]:
     """All of a solution but its arrays, for JSON."""
+    from filippov.stored_system import system_data
+
     system: System = solution.system
     return {
         "format": FORMAT,
@@ -233,6 +226,8 @@ def stored_system_of(header: dict[str, Any], given: System | None, archive: Arch
                 "plain functions" if header["digest"] is None else "expressions that cannot be stored exactly"
             )
             raise archive.refuse(f"holds a solution of a system with {what}. Give it: load(path, system=...)")
+        from filippov.stored_system import system_of
+
         given = system_of(header["system"])
     elif not isinstance(given, System):
         raise UsageError(f"system is {type(given).__name__}, expected a System.")

@@ -10,10 +10,11 @@ from sympy import Expr, Symbol
 from filippov.assemble import with_contacts
 from filippov.comparator import Band, Comparator, Exact, Hysteresis, Smooth
 from filippov.errors import ModelError
-from filippov.parameter import Parameter, ParameterSymbol
+from filippov.names import state_names
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import ParameterSymbol
 from filippov.surface import Surface
 from filippov.symbolic import SymbolicForm
-from filippov.symbols import state_names
 from filippov.system import System
 from filippov.time_event import TimeEvent
 from filippov.tree import Reader, Symbols, Writer

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
-import sympy
-from sympy.logic.boolalg import Boolean
-
-from filippov.check import as_expression
 from filippov.errors import ModelError
 from filippov.parameter import as_number
+from filippov.symbolic_value import is_condition, is_expression, is_symbol
+
+if TYPE_CHECKING:
+    from sympy import Expr
 
 Kind = Literal["switching", "kink", "observer", "reset"]
 Side = Literal["+", "-", "both"]
@@ -58,13 +58,13 @@ class Surface:
         if not _is_text(self.name):
             raise ModelError(f"a surface has the name {self.name!r}, expected non-empty text.")
         where = f"surface {self.name!r}"
-        if isinstance(self.h, Boolean) and not isinstance(self.h, sympy.Expr):
+        if is_condition(self.h):
             raise ModelError(
                 f"{where}: h = {self.h} is a condition, expected a continuous function that changes its "
                 "sign. "
                 "Give the difference of its two sides."
             )
-        if not isinstance(self.h, sympy.Expr) and not callable(self.h):
+        if not is_expression(self.h) and not callable(self.h):
             raise ModelError(
                 f"{where}: h is {self.h!r} ({type(self.h).__name__}), expected a sympy expression or a "
                 "function h(t, x, p)."
@@ -119,7 +119,7 @@ class Surface:
     @property
     def symbolic(self) -> bool:
         """Whether h is a sympy expression."""
-        return isinstance(self.h, sympy.Expr)
+        return is_expression(self.h)
 
     @property
     def wide(self) -> bool:
@@ -127,7 +127,7 @@ class Surface:
         return any(not isinstance(b, float) or not math.isclose(abs(b), 1.0) for b in self.radius)
 
 
-def reset_pairs(value: Any, where: str) -> tuple[tuple[str, sympy.Expr], ...]:
+def reset_pairs(value: Any, where: str) -> tuple[tuple[str, Expr], ...]:
     """A reset as pairs of a state's name and its value after; ModelError for anything but a mapping."""
     if isinstance(value, tuple) and all(isinstance(q, tuple) and len(q) == 2 for q in value):
         value = dict(value)
@@ -135,9 +135,11 @@ def reset_pairs(value: Any, where: str) -> tuple[tuple[str, sympy.Expr], ...]:
         raise ModelError(
             f"{where} is {value!r}, expected a mapping from states to their values after it: {{v: -p.e*v}}."
         )
-    out: dict[str, sympy.Expr] = {}
+    from filippov.check import as_expression
+
+    out: dict[str, Expr] = {}
     for key, after in value.items():
-        name = key.name if isinstance(key, sympy.Symbol) else key
+        name = key.name if is_symbol(key) else key
         if not isinstance(name, str):
             raise ModelError(f"{where} holds the key {key!r}, expected a state or its name.")
         if name in out:
@@ -158,7 +160,7 @@ def _bounds(radius: object, where: str) -> tuple[Bound, Bound]:
         low, high = (_bound(b, where) for b in radius)
     else:
         high = _bound(radius, where)
-        low = _Negative(high) if callable(high) and not isinstance(high, sympy.Expr) else -high
+        low = _Negative(high) if callable(high) and not is_expression(high) else -high
     if (isinstance(low, float) and low > -1 + 1e-12) or (isinstance(high, float) and high < 1 - 1e-12):
         raise ModelError(
             f"{where}: the set at h = 0 is [{low}, {high}], which does not contain [-1, 1]. "
@@ -168,9 +170,9 @@ def _bounds(radius: object, where: str) -> tuple[Bound, Bound]:
 
 
 def _bound(value: object, where: str) -> Bound:
-    if isinstance(value, sympy.Expr) and not value.is_number:
+    if is_expression(value) and not value.is_number:
         return value
-    if callable(value) and not isinstance(value, sympy.Expr):
+    if callable(value) and not is_expression(value):
         return value
     return as_number(value, f"{where}: radius")
 

@@ -16,7 +16,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.errors import UsageError
-from filippov.parameter import ParameterSymbol
+from filippov.parameter_symbol import ParameterSymbol
 from filippov.symbols import t
 
 

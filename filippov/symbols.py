@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 from sympy import (
@@ -24,8 +23,7 @@ from sympy import (
     tanh,
 )
 
-from filippov.errors import ModelError
-from filippov.names import check_name, check_unique
+from filippov.names import state_names
 
 __all__ = [
     "Abs",
@@ -50,21 +48,6 @@ __all__ = [
 ]
 
 t = Symbol("t", real=True)
-
-
-def state_names(names: str | Sequence[str | Symbol]) -> tuple[str, ...]:
-    """Return checked, different names from "x v z", "x, v, z" or a sequence of names or symbols."""
-    if isinstance(names, Symbol):
-        names = [names]
-    if isinstance(names, str):
-        parts: list[object] = list(re.split(r"[\s,]+", names.strip(" ,\t\n")))
-    elif isinstance(names, Sequence):
-        parts = [n.name if isinstance(n, Symbol) else n for n in names]
-    else:
-        raise ModelError(f"states are {names!r}, expected text such as 'x v z' or a list of names.")
-    if not parts or parts == [""]:
-        raise ModelError("no state was named, expected at least one, for instance states('x v').")
-    return check_unique((check_name(part, "state") for part in parts), "state")
 
 
 def states(names: str | Sequence[str]) -> tuple[Symbol, ...]:

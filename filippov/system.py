@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
+import pickle
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
-import sympy
-from sympy import Expr, Symbol
-
-from filippov.assemble import assemble
-from filippov.check import as_expression
 from filippov.comparator import Comparator, Exact, check_comparator
 from filippov.errors import ModelError
-from filippov.names import closest
-from filippov.parameter import ParameterNamespace, ParameterSet, ParameterSymbol
-from filippov.regularize import regularize_functions, regularize_symbolic
+from filippov.names import closest, state_names
+from filippov.parameter import ParameterSet
 from filippov.surface import Surface
-from filippov.symbolic import Select, SymbolicForm
-from filippov.symbols import state_names
+from filippov.symbolic_value import is_expression, is_symbol
 from filippov.time_event import TimeEvent
 
+if TYPE_CHECKING:
+    import sympy
+    from sympy import Expr, Symbol
+
+    from filippov.parameter_symbol import ParameterNamespace
+    from filippov.symbolic import SymbolicForm
+
 Field = Callable[..., Any]
+# What holds expressions and is packed for the way to another process, which may never ask for it.
+_HEAVY = ("surfaces", "symbolic", "time_events", "_base")
 
 
 class System:
@@ -43,19 +45,24 @@ class System:
     """
 
     __slots__ = (
-        "_base", "_digest", "comparator", "field", "parameters", "states", "surfaces", "symbolic",
-        "time_events",
+        "_base", "_digest", "_packed", "clocked", "comparator", "field", "parameters", "states",
+        "surface_names", "surfaces", "symbolic", "time_events", "units",
     )  # fmt: skip
 
     states: tuple[str, ...]
     parameters: ParameterSet
     surfaces: tuple[Surface, ...]
+    surface_names: tuple[str, ...]
     time_events: tuple[TimeEvent, ...]
+    clocked: bool
     comparator: Comparator
     symbolic: SymbolicForm | None
     field: Field | None
+    # What the compiled loop was given of it, by what was asked for (see `filippov.machine`): it goes along.
+    units: dict[Any, Any]
     _base: System | None
     _digest: str | None
+    _packed: bytes | None
 
     def __init__(
         self,
@@ -76,8 +83,11 @@ class System:
         if isinstance(surfaces, Surface):
             surfaces = (surfaces,)
         if equations is not None:
-            checked = _equations(equations, states)
-            form, found = assemble(checked, tuple(surfaces), _namespace(parameters), time_events=clocks)
+            from filippov.assemble import assemble
+            from filippov.equations import read_equations, read_namespace
+
+            checked = read_equations(equations, states)
+            form, found = assemble(checked, tuple(surfaces), read_namespace(parameters), time_events=clocks)
             self._set_symbolic(form, found, clocks)
             return
         self._set_functions(field, surfaces, states, parameters, clocks)
@@ -99,16 +109,19 @@ class System:
                  state, in order or as a dict
         Source: Filippov 1988, chapter 2, section 4.
         """
+        from filippov.assemble import assemble
+        from filippov.equations import by_mode, read_equations, read_modes, read_namespace
+
         symbols = tuple(states)
         surfaces = [g if isinstance(g, Surface) else Surface(str(g), g) for g in h]
         for surface in surfaces:
             if not surface.symbolic:
                 raise ModelError(f"surface {surface.name!r}: h is a function, expected an expression.")
-        table = _mode_fields(fields, len(surfaces), symbols)
-        equations = {x: _by_mode(surfaces, table, (), i) for i, x in enumerate(symbols)}
-        checked = _equations(equations, None)
+        table = read_modes(fields, len(surfaces), symbols)
+        equations = {x: by_mode(surfaces, table, (), i) for i, x in enumerate(symbols)}
+        checked = read_equations(equations, None)
         clocks = _clocks(time_events, symbolic=True)
-        form, found = assemble(checked, surfaces, _namespace(parameters), spare=True, time_events=clocks)
+        form, found = assemble(checked, surfaces, read_namespace(parameters), spare=True, time_events=clocks)
         system = object.__new__(cls)
         system._set_symbolic(form, found, clocks)
         return system
@@ -146,7 +159,7 @@ class System:
         for surface in surfaces:
             if not isinstance(surface, Surface):
                 raise ModelError(f"surfaces holds {surface!r}, expected Surface('name', h).")
-            if surface.symbolic or any(isinstance(bound, Expr) for bound in surface.radius):
+            if surface.symbolic or any(is_expression(bound) for bound in surface.radius):
                 raise ModelError(
                     f"surface {surface.name!r}: h or radius is an expression, expected a function of (t, "
                     "x, p) or a "
@@ -175,7 +188,11 @@ class System:
         )
 
     def _set(self, **content: Any) -> None:
-        for name, value in {"comparator": Exact(), "_base": None, "_digest": None, **content}.items():
+        rest: dict[str, Any] = {"comparator": Exact(), "_base": None, "_digest": None, "_packed": None}
+        rest["units"] = {}
+        rest["surface_names"] = tuple(surface.name for surface in content["surfaces"])
+        rest["clocked"] = bool(content["time_events"])
+        for name, value in {**rest, **content}.items():
             object.__setattr__(self, name, value)
 
     def __setattr__(self, name: str, value: object) -> NoReturn:
@@ -199,14 +216,14 @@ class System:
     @property
     def digest(self) -> str | None:
         """sha256 of the model as text (names, expressions, kinds, comparator); None for plain functions."""
-        if self.symbolic is None:
-            return None
-        if self._digest is None:
+        if self._digest is None and self.symbolic is not None:
             text = hashlib.sha256("\n".join(self._lines(self.symbolic)).encode()).hexdigest()
             object.__setattr__(self, "_digest", text)
         return self._digest
 
     def _lines(self, form: SymbolicForm) -> list[str]:
+        import sympy
+
         lines = ["filippov system 1", repr(self.states), repr(self.parameters.names), repr(self.comparator)]
         lines += [
             f"{s.name!r} {s.kind} {s.width!r}" + ("" if s.reset is None else f" {s.side} {s.contact}")
@@ -218,7 +235,7 @@ class System:
 
     def surface_index(self, name: str) -> int:
         """Return the place of a surface; ModelError with a suggestion if there is none of this name."""
-        names = [surface.name for surface in self.surfaces]
+        names = self.surface_names
         if name in names:
             return names.index(name)
         hint = closest(str(name), names)
@@ -228,7 +245,7 @@ class System:
 
     def state_index(self, name: str | Symbol) -> int:
         """Return the place of a state given by name or symbol; ModelError with a suggestion if unknown."""
-        key = name.name if isinstance(name, Symbol) else name
+        key = name.name if is_symbol(name) else name
         if key in self.states:
             return self.states.index(key)
         hint = closest(str(key), self.states)
@@ -246,6 +263,8 @@ class System:
 
     def with_comparator(self, comparator: Comparator) -> System:
         """Return the system with another comparator in the place of Sgn on its switching surfaces."""
+        from filippov.regularize import regularize_functions, regularize_symbolic
+
         checked = check_comparator(comparator)
         base = self.exact
         if isinstance(checked, Exact):
@@ -270,7 +289,7 @@ class System:
     # -- identity --------------------------------------------------------------------------------------
 
     def _key(self) -> tuple[Any, ...]:
-        if self.symbolic is not None:
+        if self.field is None:
             return self.digest, self.parameters
         return self.field, self.states, self.parameters, self.surfaces, self.time_events, self.comparator
 
@@ -283,11 +302,23 @@ class System:
         return hash(self._key())
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in self.__slots__}
+        if self.field is not None:
+            return {name: getattr(self, name) for name in self.__slots__}
+        packed = self._packed or pickle.dumps({name: getattr(self, name) for name in _HEAVY})
+        light = {name: getattr(self, name) for name in self.__slots__ if name not in _HEAVY}
+        return light | {"_digest": self.digest, "_packed": packed}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
             object.__setattr__(self, name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        # Asked for what is not there: the first time after the way from another process.
+        if name not in _HEAVY:
+            raise AttributeError(f"a System has no attribute {name!r}.")
+        assert self._packed is not None
+        self.__setstate__(pickle.loads(self._packed))  # noqa: S301  # packed by __getstate__, not from a file
+        return object.__getattribute__(self, name)
 
     def __repr__(self) -> str:
         surfaces = ", ".join(surface.name for surface in self.surfaces)
@@ -322,112 +353,15 @@ def _check_clock_names(clocks: Sequence[TimeEvent], surfaces: Sequence[Surface])
             raise ModelError(f"two surfaces or time events are named {clock.name!r}. Rename one of them.")
         seen.append(clock.name)
         for e in clock.instants:
-            if isinstance(e, Expr) and not all(isinstance(q, ParameterSymbol) for q in e.free_symbols):
-                raise ModelError(
-                    f"time event {clock.name!r}: its instants are {e}, expected numbers or parameters. What "
-                    "depends on the state is a Surface."
-                )
+            if is_expression(e):
+                _check_instant(e, clock.name)
 
 
-def _namespace(parameters: Any) -> ParameterNamespace | None:
-    if parameters is None or isinstance(parameters, ParameterNamespace):
-        return parameters
-    raise ModelError(
-        f"parameters are {parameters!r}, expected the object that parameters(...) returned, because the "
-        "equations hold "
-        "its symbols. It may be left out."
-    )
+def _check_instant(e: Expr, name: str) -> None:
+    from filippov.parameter_symbol import ParameterSymbol
 
-
-def _equations(equations: Any, states: Any) -> dict[Symbol, Expr]:
-    """Return checked equations, in the order of `states` where given."""
-    if not isinstance(equations, Mapping):
-        raise ModelError(f"equations are {equations!r}, expected a dict {{x: dx/dt, v: dv/dt}}.")
-    if not equations:
-        raise ModelError("there is no equation, expected at least one: System({x: ...}).")
-    out: dict[Symbol, Expr] = {}
-    for symbol, value in equations.items():
-        if not isinstance(symbol, Symbol) or isinstance(symbol, ParameterSymbol):
-            raise ModelError(
-                f"an equation is given for {symbol!r} ({type(symbol).__name__}), expected a state. "
-                "Make the states with x, v = states('x v')."
-            )
-        state_names([symbol])
-        if symbol != Symbol(symbol.name, real=True):
-            raise ModelError(
-                f"the state {symbol.name!r} is not the real symbol of this name. Make the states with "
-                f"states({symbol.name!r})."
-            )
-        out[symbol] = as_expression(value, f"the equation of {symbol.name!r}")
-    if states is None:
-        return out
-    order = state_names(states)
-    by_name = {symbol.name: symbol for symbol in out}
-    for name in order:
-        if name not in by_name:
-            raise ModelError(f"state {name!r} has no equation. Add one: {{..., {name}: ...}}.")
-    for name in by_name:
-        if name not in order:
-            raise ModelError(
-                f"there is an equation for {name!r}, which states={' '.join(order)!r} does not name."
-            )
-    return {by_name[name]: out[by_name[name]] for name in order}
-
-
-def _mode_fields(fields: Any, k: int, symbols: tuple[Symbol, ...]) -> dict[tuple[int, ...], list[Expr]]:
-    """Return one list of expressions for each of the 2^k sign vectors."""
-    if not isinstance(fields, Mapping):
+    if not all(isinstance(q, ParameterSymbol) for q in e.free_symbols):
         raise ModelError(
-            f"fields are {fields!r}, expected a dict from sign vectors such as '+-' to vector fields."
+            f"time event {name!r}: its instants are {e}, expected numbers or parameters. What depends on the "
+            "state is a Surface."
         )
-    signs = {"+": (1,), "-": (-1,), "*": (1, -1), 1: (1,), -1: (-1,)}
-    out: dict[tuple[int, ...], list[Expr]] = {}
-    for key, value in fields.items():
-        entries = list(key) if isinstance(key, (str, tuple)) else [key]
-        if len(entries) != k or any(e not in signs for e in entries):
-            raise ModelError(
-                f"fields holds the sign vector {key!r}, expected {k} entries, each '+', '-' or '*' (either)."
-            )
-        if isinstance(value, Mapping):
-            missing = [x.name for x in symbols if x not in value]
-            if missing or len(value) != len(symbols):
-                raise ModelError(
-                    f"field {key!r}: expected one equation for each of {', '.join(map(str, symbols))}."
-                )
-            row: Any = [value[x] for x in symbols]
-        else:
-            row = value
-        if not isinstance(row, Sequence) or isinstance(row, str) or len(row) != len(symbols):
-            raise ModelError(
-                f"field {key!r} is {value!r}, expected {len(symbols)} expressions, one for each of "
-                f"{', '.join(map(str, symbols))}."
-            )
-        exprs = [
-            as_expression(e, f"field {key!r}, the equation of {x.name!r}")
-            for x, e in zip(symbols, row, strict=True)
-        ]
-        for vector in itertools.product(*(signs[e] for e in entries)):
-            if vector in out:
-                raise ModelError(f"fields holds the sign vector {_text(vector)!r} twice (by {key!r}).")
-            out[vector] = exprs
-    missing_modes = [_text(v) for v in itertools.product((1, -1), repeat=k) if v not in out]
-    if missing_modes:
-        raise ModelError(
-            f"fields has no entry for {', '.join(missing_modes)}. Give one for every sign vector; '*' "
-            "stands for either "
-            "sign, also where a combination cannot occur."
-        )
-    return out
-
-
-def _text(vector: Sequence[int]) -> str:
-    return "".join("+" if m > 0 else "-" for m in vector)
-
-
-def _by_mode(
-    surfaces: Sequence[Surface], table: Mapping[tuple[int, ...], list[Expr]], known: tuple[int, ...], i: int
-) -> Expr:
-    if len(known) == len(surfaces):
-        return table[known][i]
-    plus, minus = (_by_mode(surfaces, table, (*known, m), i) for m in (1, -1))
-    return Select(surfaces[len(known)].h, plus, minus)

@@ -10,7 +10,7 @@ import sympy
 from sympy import Expr, Rational, S, Symbol
 
 from filippov.errors import ModelError
-from filippov.parameter import ParameterSymbol
+from filippov.parameter_symbol import ParameterSymbol
 from filippov.surface import Surface
 
 DIGITS = 40

@@ -6,14 +6,15 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
-
-import sympy
-from sympy import Expr
+from typing import TYPE_CHECKING, Any
 
 from filippov.errors import ModelError
 from filippov.parameter import as_number
 from filippov.surface import reset_pairs
+from filippov.symbolic_value import is_expression
+
+if TYPE_CHECKING:
+    from sympy import Expr
 
 # A number, an expression in parameters, or a function p -> float.
 Instant = Any
@@ -65,7 +66,7 @@ class TimeEvent:
     @property
     def symbolic(self) -> bool:
         """Whether it fits a system of expressions: no functions in it."""
-        return not any(callable(q) and not isinstance(q, Expr) for q in (*self.instants, self.reset))
+        return not any(callable(q) and not is_expression(q) for q in (*self.instants, self.reset))
 
     @property
     def instants(self) -> tuple[Instant, ...]:
@@ -75,7 +76,7 @@ class TimeEvent:
     def expressions(self) -> list[Expr]:
         """Every expression in it."""
         pairs = self.reset if isinstance(self.reset, tuple) else ()
-        return [q for q in (*self.instants, *(e for _, e in pairs)) if isinstance(q, Expr)]
+        return [q for q in (*self.instants, *(e for _, e in pairs)) if is_expression(q)]
 
     def _check_numbers(self) -> None:
         if all(isinstance(q, float) for q in self.instants):
@@ -96,16 +97,18 @@ class TimeEvent:
         """The instants at parameter values: p for functions, by name for expressions."""
         out = []
         for q in self.instants:
-            if isinstance(q, Expr):
-                out.append(float(q.xreplace({s: sympy.Float(values[s.name]) for s in q.free_symbols})))
+            if is_expression(q):
+                from sympy import Float
+
+                out.append(float(q.xreplace({s: Float(values[s.name]) for s in q.free_symbols})))
             else:
                 out.append(as_number(q(p), f"time event {self.name!r}") if callable(q) else q)
         return self.checked(out)
 
 
 def _instant(value: Any, where: str) -> float | Expr | Callable[..., float]:
-    if isinstance(value, Expr) and not value.is_number:
+    if is_expression(value) and not value.is_number:
         return value
-    if callable(value) and not isinstance(value, Expr):
+    if callable(value) and not is_expression(value):
         return value
     return as_number(value, where)

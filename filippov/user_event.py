@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from sympy import Expr
 
 from filippov.errors import UsageError
 from filippov.surface import Surface
+from filippov.symbolic_value import is_expression
 
 
 @dataclass(frozen=True)
@@ -32,12 +32,12 @@ class UserEvent:
     name: str = ""
 
     def __post_init__(self) -> None:
-        if not callable(self.g) and not isinstance(self.g, Expr):
+        if not callable(self.g) and not is_expression(self.g):
             raise UsageError(
                 f"an event is {self.g!r}, expected a function g(t, y) -> float, an expression or a UserEvent."
             )
         if not self.name:
-            plain = str(self.g) if isinstance(self.g, Expr) else getattr(self.g, "__name__", "")
+            plain = str(self.g) if is_expression(self.g) else getattr(self.g, "__name__", "")
             object.__setattr__(self, "name", "event" if plain in ("", "<lambda>") else plain)
         whole = isinstance(self.terminal, (bool, int, np.bool_, np.integer))
         if not whole or int(self.terminal) < 0:
@@ -54,7 +54,7 @@ class UserEvent:
     @property
     def symbolic(self) -> bool:
         """Whether g is an expression."""
-        return isinstance(self.g, Expr)
+        return is_expression(self.g)
 
     @property
     def surface(self) -> Surface:
@@ -77,7 +77,8 @@ def user_events(events: Any) -> tuple[UserEvent, ...]:
     """What `solve` was given as events: functions with scipy's attributes, expressions, UserEvents."""
     if events is None:
         return ()
-    if callable(events) or isinstance(events, (Expr, UserEvent)) or not isinstance(events, Sequence):
+    one = callable(events) or isinstance(events, UserEvent) or is_expression(events)
+    if one or not isinstance(events, Sequence):
         events = (events,)
     return tuple(
         item

@@ -8,7 +8,8 @@ from typing import Any
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Hyperbolic, StaticCoulomb, Stribeck
 from filippov.models.registry import Invariant, Model, register
-from filippov.parameter import Parameter, parameters
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import parameters
 from filippov.symbols import states
 from filippov.system import System
 

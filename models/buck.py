@@ -11,7 +11,8 @@ from typing import Any
 
 from filippov.comparator import Hysteresis
 from filippov.models.registry import Invariant, Model, register
-from filippov.parameter import Parameter, parameters
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import parameters
 from filippov.surface import Surface
 from filippov.symbols import Heaviside, states
 from filippov.system import System

@@ -19,7 +19,8 @@ from filippov.errors import ModelError
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Hyperbolic
 from filippov.models.registry import Model, register
-from filippov.parameter import Parameter, parameters
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import parameters
 from filippov.surface import Surface
 from filippov.symbols import states
 from filippov.system import System

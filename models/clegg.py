@@ -6,7 +6,8 @@ Clegg 1958, AIEE Trans. 77, 41; Beker, Hollot, Chait, Han 2004, Automatica 40, 9
 from __future__ import annotations
 
 from filippov.models.registry import Model, register
-from filippov.parameter import Parameter, parameters
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import parameters
 from filippov.surface import Surface
 from filippov.symbols import states
 from filippov.system import System

@@ -13,7 +13,8 @@ from typing import ClassVar
 from sympy import Expr
 
 from filippov.models.friction import declare
-from filippov.parameter import Parameter, ParameterNamespace
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import ParameterNamespace
 
 
 @dataclass(frozen=True)

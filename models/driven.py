@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.mass import REFERENCE_LAW
-from filippov.parameter import Parameter, parameters
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import parameters
 from filippov.symbols import states, t
 from filippov.system import System
 

@@ -6,7 +6,8 @@ import math
 from typing import Any
 
 from filippov.models.registry import Invariant, Model, register
-from filippov.parameter import Parameter, parameters
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import parameters
 from filippov.surface import Surface
 from filippov.symbols import Heaviside, states
 from filippov.system import System

@@ -24,7 +24,8 @@ import sympy
 from sympy import Abs, Expr, Symbol, sign
 
 from filippov.errors import ModelError
-from filippov.parameter import Parameter, ParameterNamespace, ParameterSet, as_number, parameters
+from filippov.parameter import Parameter, ParameterSet, as_number
+from filippov.parameter_symbol import ParameterNamespace, parameters
 from filippov.surface import Surface
 
 # One number for both directions, or a pair (v > 0, v < 0).

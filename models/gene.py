@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from filippov.models.friction import declare
 from filippov.models.registry import Model, register
-from filippov.parameter import parameters
+from filippov.parameter_symbol import parameters
 from filippov.surface import Surface
 from filippov.symbols import Heaviside, states
 from filippov.system import System

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from filippov.models.registry import Model, register
-from filippov.parameter import Parameter, parameters
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import parameters
 from filippov.surface import Surface
 from filippov.symbols import cos, states, t
 from filippov.system import System

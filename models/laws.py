@@ -9,7 +9,8 @@ from sympy import Expr, exp
 
 from filippov.errors import ModelError
 from filippov.models.friction import SMALLEST, FrictionLaw, Level, Sides, declare, sides, viscosity
-from filippov.parameter import Parameter, ParameterNamespace
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import ParameterNamespace
 
 
 @dataclass(frozen=True)

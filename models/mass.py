@@ -19,7 +19,8 @@ from filippov.models.controllers import PID, Controller
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Coulomb, StaticCoulomb, Stribeck
 from filippov.models.registry import Invariant, Model, SectionData, register
-from filippov.parameter import Parameter, ParameterNamespace, parameters
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import ParameterNamespace, parameters
 from filippov.symbols import states
 from filippov.system import System
 

@@ -7,7 +7,7 @@ from typing import Any
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Coulomb
 from filippov.models.registry import Invariant, Model, register
-from filippov.parameter import parameters
+from filippov.parameter_symbol import parameters
 from filippov.symbols import sin, states
 from filippov.system import System
 

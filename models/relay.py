@@ -14,7 +14,8 @@ from __future__ import annotations
 from functools import partial
 
 from filippov.models.registry import Model, register
-from filippov.parameter import Parameter, parameters
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import parameters
 from filippov.surface import Surface
 from filippov.symbols import sign, states
 from filippov.system import System

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from filippov.comparator import Hysteresis
 from filippov.models.registry import Model, register
-from filippov.parameter import Parameter, parameters
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import parameters
 from filippov.surface import Surface
 from filippov.symbols import Heaviside, states
 from filippov.system import System

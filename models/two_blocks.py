@@ -22,7 +22,8 @@ from filippov.events import Stop
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Hyperbolic
 from filippov.models.registry import Model, SectionData, register
-from filippov.parameter import Parameter, parameters
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import parameters
 from filippov.symbols import states
 from filippov.system import System
 

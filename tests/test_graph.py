@@ -16,7 +16,7 @@ from filippov.comparator import Band, Hysteresis
 from filippov.errors import ModelError, UsageError
 from filippov.graph import observed_graph, possible_graph, recurrent_part
 from filippov.graph_io import dot_text, graphml_text, load_graph, quoted, save_graph
-from filippov.parameter import parameters
+from filippov.parameter_symbol import parameters
 from filippov.solution import Solution
 from filippov.solver import solve
 from filippov.surface import Surface

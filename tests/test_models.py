@@ -32,7 +32,7 @@ from filippov.models import (
     hunting,
     registry,
 )
-from filippov.parameter import parameters
+from filippov.parameter_symbol import parameters
 
 ROOT = Path(__file__).resolve().parent.parent
 TABLE_1 = {"m": 1.0, "P": 10.0, "D": 1.0, "I": 10.0, "Fs": 4.0, "Fc": 2.0, "vs": 0.1, "beta": 2.0, "b": 1.0}

@@ -10,7 +10,8 @@ import sympy as sp
 
 from filippov.errors import ModelError, UsageError
 from filippov.names import check_known, check_name, closest, unknown
-from filippov.parameter import Parameter, ParameterSet, ParameterSymbol, parameters
+from filippov.parameter import Parameter, ParameterSet
+from filippov.parameter_symbol import ParameterSymbol, parameters
 from filippov.symbols import states
 from filippov.system import System
 

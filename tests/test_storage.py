@@ -21,7 +21,8 @@ import sympy as sp
 from filippov.comparator import Band, Hysteresis, Smooth
 from filippov.errors import ModelError, UsageError
 from filippov.events import Stop
-from filippov.parameter import Parameter, parameters
+from filippov.parameter import Parameter
+from filippov.parameter_symbol import parameters
 from filippov.solution import Solution
 from filippov.solver import solve
 from filippov.storage import load, save

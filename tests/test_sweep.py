@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +45,28 @@ def test_a_grid_is_every_combination_with_the_last_name_fastest() -> None:
     found = serial(sweep)
     assert np.allclose(found["end(x)"], found["x0.x"] * np.exp(-2 * found["k"]), rtol=1e-8)
     assert np.all(found["t_end"] == 2)
+
+
+def test_a_worker_computes_without_sympy(tmp_path: Path) -> None:
+    # Its import is half the start of a process; a worker needs expressions only where `solve` takes over.
+    sweep = Sweep(decay(), {"k": np.linspace(1, 2, 64)}, measure=["end", "events"])
+    assert sweep.lanes > 1
+    parcel = tmp_path / "work"
+    parcel.write_bytes(pickle.dumps(sweep))
+    code = """
+import pickle, sys
+import numpy as np
+from pathlib import Path
+from filippov.sweep.rows import Limits
+work = pickle.loads(Path(sys.argv[1]).read_bytes())
+rows = work.compute(np.arange(64), Limits())
+assert "sympy" not in sys.modules and set(rows.status) == {"success"}
+assert [surface.name for surface in work.system.surfaces] == list(work.system.surface_names)
+assert "sympy" in sys.modules and work.system.symbolic is not None
+np.save(sys.argv[1] + ".npy", rows.values)
+"""
+    subprocess.run([sys.executable, "-c", code, str(parcel)], check=True)
+    assert np.array_equal(np.load(f"{parcel}.npy"), sweep.compute(np.arange(64), Limits()).values)
 
 
 def test_a_list_pairs_values_and_drawn_points_fill_their_box() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 import pkgutil
 import subprocess
@@ -16,10 +17,11 @@ import sympy as sp
 import filippov
 from filippov.comparator import Band, Exact, Hysteresis, Smooth
 from filippov.errors import ModelError, NonUniqueError, SolveError, UsageError
-from filippov.parameter import parameters
+from filippov.parameter_symbol import parameters
 from filippov.surface import Surface
 from filippov.symbols import states, t
 from filippov.system import System
+from filippov.time_event import TimeEvent
 
 x, v, z = states("x v z")
 
@@ -435,3 +437,39 @@ def test_errors_carry_the_solution_through_pickle() -> None:
     error = pickle.loads(pickle.dumps(NonUniqueError("two", solution=[1])))  # noqa: S301
     assert isinstance(error, SolveError)
     assert (str(error), error.solution) == ("two", [1])
+
+
+def test_a_system_that_was_sent_is_the_one_it_was() -> None:
+    p = parameters(k=2.0, T=0.5)
+    clock = TimeEvent("clock", period=p.T, reset={v: 0})
+    system = System({x: v, v: -p.k * x - sp.sign(v)}, time_events=[clock]).with_comparator(Band(0.1))
+    for again in (pickle.loads(pickle.dumps(system)), copy.deepcopy(system)):  # noqa: S301
+        twice = pickle.loads(pickle.dumps(again))  # noqa: S301  # sent on before anyone has looked into it
+        for other in (twice, again):
+            assert other.clocked
+            assert other.surface_names == system.surface_names
+            assert other == system
+            assert hash(other) == hash(system)
+            assert other.symbolic == system.symbolic
+            assert other.surfaces == system.surfaces
+            assert other.time_events == system.time_events
+            assert other.exact == system.exact != system
+            with pytest.raises(AttributeError, match="no attribute 'surface'"):
+                other.surface  # noqa: B018
+            with pytest.raises(AttributeError, match="immutable"):
+                other.symbolic = None  # type: ignore[misc]
+
+
+def test_functions_need_no_sympy() -> None:
+    code = """
+import sys
+from filippov import Problem, Surface, System, solve_many
+from filippov.solver import solve
+system = System(
+    field=lambda t, x, p, s: [-s[0]], surfaces=[Surface("x", lambda t, x, p: x[0])], states="x"
+)
+assert abs(solve(Problem(system, [1.0], (0, 2))).x_end[0]) < 1e-12
+assert abs(solve_many(system, [[1.0], [0.5]], (0, 2)).x).max() < 1e-12
+assert "sympy" not in sys.modules
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov._kernels.generate import TWICE, Generated, unit_constants
+from filippov._kernels.generated import TWICE, Generated, unit_constants
 from filippov._kernels.jit import CompiledField, compile_field
 from filippov._kernels.structure import Structure
 from filippov.errors import ModelError

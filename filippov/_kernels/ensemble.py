@@ -30,6 +30,20 @@ def launch(
 
 
 @kernel
+def another(last: int, queue: Indices, mine: Indices) -> bool:
+    """Whether one of `last` trajectories is left: mine[0] is its number.
+
+    A thread takes queue[2] of them at a time, neighbours in memory: on a cache line that two threads write to
+    each waits for the other. queue[0] counts what has been taken, mine[1] is the end of its part.
+    """
+    mine[0] += 1
+    if mine[0] >= mine[1]:
+        mine[0] = claim(queue, 0) * queue[2]
+        mine[1] = min(mine[0] + queue[2], last)
+    return float(mine[1] - mine[0]) > 0.0
+
+
+@kernel
 def ensemble(
     last: int, steps: int, queue: Indices, mine: Indices, clocks: Vector, counts: Indices, xs: Vector,
     ms: Vector, orders: Indices, hits: Indices, lams: Vector, ps: Vector, atol: Vector, stops: Indices,
@@ -39,17 +53,17 @@ def ensemble(
     """Run trajectories from the queue until it is empty or about `steps` steps are done; 1 if some are left.
 
     codes[q] says how each ended, nothing is kept of the way there. A trajectory that the compiled path cannot
-    decide ends with GENERAL at the place where it cannot. queue[0] is the next trajectory of `last`, and
-    queue[1] counts those that are done; threads share it. mine[0] is the one under way, -1 for none.
+    decide ends with GENERAL at the place where it cannot. Threads share the queue (see `another`), queue[1]
+    counts the trajectories that are done. mine[0] is the one under way, -1 for none.
     """
     left = steps
     while left > 0:
         q = mine[0]
         fresh = q < 0
         if fresh:
-            q = claim(queue, 0)
-            if q >= last:
+            if not another(last, queue, shift_indices(mine, 1)):
                 return 0
+            q = mine[1]
             mine[0] = q
         clock, count = shift(clocks, q * CLOCK_SIZE), shift_indices(counts, q * COUNT_SIZE)
         x, m, order = shift(xs, q * N), shift(ms, q * M), shift_indices(orders, q * M)

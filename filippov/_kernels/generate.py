@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import sympy
@@ -15,31 +14,17 @@ from filippov._kernels.generate_resets import (
     contact_guards,
     contact_radii,
     contact_rows,
-    reset_constants,
     reset_source,
 )
+from filippov._kernels.generated import PAIR, TWICE, Generated, unit_constants
 from filippov._kernels.hoist import Hoisted
 from filippov._kernels.structure import Structure
-from filippov._kernels.unit import Constant
 from filippov.errors import ModelError
 from filippov.surface import Surface
 from filippov.symbolic import SymbolicForm, convex
 from filippov.symbols import t
 
 INLINED = 2500
-# `pair` where two calls of `rhs` are the best there is.
-PAIR = (
-    "def pair(t: float, x: Vector, p: Vector, s: Vector, s2: Vector, m: Vector, out: Vector, out2: Vector, "
-    "ctx: Indices) -> int:"
-)
-TWICE = [
-    PAIR,
-    "    code = rhs(t, x, p, s, m, out, ctx)",
-    "    if code != 0:",
-    "        return code",
-    "    return rhs(t, x, p, s2, m, out2, ctx)",
-]
-_ROLES = {"switching": 0, "kink": 1, "observer": 2, "reset": 3}
 _FUNCTIONS = {
     sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan", sympy.exp: "exp", sympy.log: "log",
     sympy.tanh: "tanh", sympy.sinh: "sinh", sympy.cosh: "cosh", sympy.asin: "asin", sympy.acos: "acos",
@@ -140,14 +125,6 @@ class _Printer(StrPrinter):
         if name.startswith("_print_") and any(name == f"_print_{f.__name__}" for f in _FUNCTIONS):
             return self._print_Function
         raise AttributeError(name)
-
-
-@dataclass(frozen=True)
-class Generated:
-    """Kernel source and constants of a system, ready for `build`."""
-
-    source: str
-    constants: dict[str, Constant]
 
 
 def _assign(printer: _Printer, results: Sequence[tuple[str, Expr]], prefix: str) -> list[str]:
@@ -323,34 +300,3 @@ def field_source(
     results += [(f"out2[{i}]", f.xreplace(others)) for i, f in enumerate(field)]
     both = ["@contract", PAIR, *sizes, *_assign(printer, results, "c"), "    return 0"]
     return ["@inline", *single, "@inline", *both]
-
-
-def unit_constants(
-    n: int,
-    parameters: int,
-    surfaces: tuple[Surface, ...],
-    linear: Sequence[bool],
-    affine: bool,
-    is_rough: bool,
-    pattern: Structure,
-    moving: Sequence[bool],
-    straight: Sequence[bool],
-    wide: bool = False,
-) -> dict[str, Constant]:
-    """The constants of `filippov._kernels.model` that belong to the system."""
-    own: dict[str, Constant] = {
-        "N": n,
-        "M": len(surfaces),
-        "P": parameters,
-        "AFFINE": affine,
-        "ROUGH": is_rough,
-        "WIDE": wide,
-        "ROLE": [_ROLES[surface.kind] for surface in surfaces] or [0],
-        "LINEAR": [int(flag) for flag in linear] or [1],
-        "WIDTH": [float(surface.width) for surface in surfaces] or [0.0],
-        "MOVING": [int(flag) for flag in moving] or [0],
-        "STRAIGHT": [int(flag) for flag in straight] or [0],
-        "ALL_LINEAR": all(linear),
-        **reset_constants(n, surfaces),
-    }
-    return own | pattern.constants(n)

@@ -8,7 +8,8 @@ from dataclasses import replace
 import sympy
 from sympy import Expr, Symbol
 
-from filippov._kernels.generate import Generated, generate
+from filippov._kernels.generate import generate
+from filippov._kernels.generated import Generated
 from filippov.errors import UsageError
 from filippov.extract import NONSMOOTH
 from filippov.surface import Surface

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import sympy
 from sympy import Expr, Symbol
 
-from filippov.surface import Surface
 from filippov.symbolic import Select, SymbolicForm
 from filippov.symbols import t
 
@@ -80,18 +78,3 @@ def reset_source(
         lines.append(f"    if i == {i}:")
         lines += [f"    {line}" for line in (*sizes(used), *assign(targets))]
     return [*lines, "    return 0", ""]
-
-
-def reset_constants(n: int, surfaces: Sequence[Surface]) -> dict[str, Any]:
-    """The constants of `filippov._kernels.model` that say which surfaces reset the state."""
-    sides = {"+": 1, "-": -1, "both": 2}
-    come = [sides[q.side] if q.reset is not None else 0 for q in surfaces]
-    contact = [sides[q.side] if q.contact else 0 for q in surfaces]
-    resets = any(come)
-    return {
-        "RESET_FROM": come or [0],
-        "CONTACT": contact or [0],
-        "RESETS": resets,
-        "CONTACTS": any(contact),
-        "EVENT_SIZE": 3 + 2 * n if resets else 3 + n,
-    }

@@ -21,6 +21,7 @@ from filippov._kernels.codes import (
     ZENO_ROOM,
     T,
 )
+from filippov._kernels.ensemble import another
 from filippov._kernels.lane_step import CALLS, DONE, FINISHED, LEFT, REFUSED, TALLIES, lane_step
 from filippov._kernels.language import (
     Indices,
@@ -163,7 +164,10 @@ def lane_run(
     ps: Vector, atol: Vector, stops: Indices, zenos: Vector, kinds: Indices, events: Vector, marks: Indices,
     codes: Indices, w: Vector, iw: Indices, ctx: Indices,
 ) -> int:  # fmt: skip
-    """As `ensemble`, in lanes: rows[l] is the trajectory of lane l, -1 for none; it outlives the call."""
+    """As `ensemble`, in lanes: rows[l] is the trajectory of lane l, -1 for none; it outlives the call.
+
+    Behind them stands what is left of the rows that this thread has taken.
+    """
     todo, more = 0, True
     for lane in range(LANES):
         if rows[lane] < 0:
@@ -177,8 +181,8 @@ def lane_run(
                 fresh = q < 0
                 if fresh:
                     if more:
-                        q = claim(queue, 0)
-                        more = q < last
+                        more = another(last, queue, shift_indices(rows, LANES))
+                        q = rows[LANES]
                     if not more:
                         break
                 clock, count = shift(clocks, q * CLOCK_SIZE), shift_indices(counts, q * COUNT_SIZE)

@@ -22,7 +22,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,11 +30,13 @@ from filippov.ensemble import Ensemble
 from filippov.errors import ModelError, UsageError
 from filippov.events import columns_of
 from filippov.names import unknown
-from filippov.solution import Solution
 from filippov.status import mode_text
 from filippov.sweep.rows import Array
 from filippov.system import System
 from filippov.user_file import load_file
+
+if TYPE_CHECKING:
+    from filippov.solution import Solution
 
 ENDS = ("end", "t_end", "nfev", "mode", "events")
 EVENTS = ("dwell", "sliding", "period")

@@ -16,16 +16,14 @@ from filippov.errors import ModelError, UsageError
 from filippov.names import check_known, unknown
 from filippov.options import Options, check_priority, check_stops, positive
 from filippov.problem import Problem
-from filippov.solver import solve
-from filippov.storage import package_version
 from filippov.sweep.measure import Function, Measure, read_measures, source_digest
 from filippov.sweep.point import START, Plan, compute_many, compute_one
 from filippov.sweep.reduction import check_reduce, reduce_table
 from filippov.sweep.rows import Array, Limits, Rows, Whole
-from filippov.sweep.run import run
 from filippov.sweep.samples import sample, shape_of
 from filippov.sweep.table import Table
 from filippov.system import System
+from filippov.version import package_version
 
 OPTIONS = (
     "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "nonunique", "on_graze",
@@ -121,7 +119,7 @@ class Sweep:
         together = all(name in _TOGETHER for name in self.options) and not callable(
             self.options.get("nonunique")
         )
-        if not together or self.system.symbolic is None or any(measure.needs for measure in self.measures):
+        if not together or self.system.field is not None or any(measure.needs for measure in self.measures):
             return 0
         # A run of no length says how an ensemble of this size would go, and compiles for all workers.
         start = self.problem.t_span[0]
@@ -170,6 +168,8 @@ class Sweep:
 
     def run(self, folder: str | Path | None = None, **how: Any) -> Table:
         """Compute every point; see `filippov.sweep.run.run` for folder and the keywords."""
+        from filippov.sweep.run import run
+
         _ = self.lanes, self.fields  # once, here, for all workers
         table = run(self, folder, **how)
         table.shape = self.shape
@@ -197,6 +197,8 @@ class Sweep:
         """The measures, with the names of what functions return found by a trial at the template."""
         if not any(isinstance(measure, Function) for measure in measures):
             return measures
+        from filippov.solver import solve
+
         solution = solve(self.problem, stop=self.stop, **self.options)
         out: list[Measure | Function] = []
         for measure in measures:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -122,8 +123,10 @@ class Processes:
         """How the worker of a chunk ended, for people."""
         process, code = self.busy[future].process, None
         if process is not None:
-            process.join(1.0)
-            code = process.exitcode
+            # The executor waits for it too: whoever is told how it ended tells the other a moment later.
+            until = time.monotonic() + 1.0
+            while (code := process.exitcode) is None and time.monotonic() < until:
+                time.sleep(0.01)
         if code is not None and code < 0:
             return f"signal {signal.Signals(-code).name}"
         return "an exit of its own" if code is None else f"exit code {code}"
