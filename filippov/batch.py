@@ -27,6 +27,8 @@ _WAITING = 0.05
 _MOST_TAKEN, _PARTS = 16, 32
 UNFINISHED = -1
 _TALLIES = 4
+# Lanes of trajectories that do not slide, and of those that do.
+_GROUPS = 2
 
 
 def cores() -> int:
@@ -122,10 +124,11 @@ class _Room:
         width = int(machine.unit.constants["P"])  # type: ignore[arg-type]
         lanes = 1 if unit is None else unit.lanes
         sizes = (codes.CLOCK_SIZE, _TALLIES, n, m, m, width, n, place.doubles) if unit else ()
-        total, starts = 0, []
+        stride, starts = 0, []
         for size in sizes:
-            starts.append(total)
-            total += size * lanes
+            starts.append(stride)
+            stride += size * lanes
+        total = _GROUPS * stride
         events = (_EVENT_ROOM + m) * machine.event_size
         room = np.zeros(total + events + place.doubles + 8)
         # Vectors must not lie across two cache lines.
@@ -133,16 +136,17 @@ class _Room:
         self.doubles = room[first:]
         base = self.doubles.ctypes.data
         self.wide = [
-            self.doubles[start : start + size * lanes].reshape(size, lanes)
+            [self.doubles[g * stride + start :][: size * lanes].reshape(size, lanes) for g in range(_GROUPS)]
             for start, size in zip(starts, sizes, strict=True)
         ]
         marks = (_EVENT_ROOM + m) * (2 + 2 * m)
-        # The rows under way, and what is left of those that the thread has taken.
-        mine = lanes + 2
+        # The rows under way, what is left of those that the thread has taken, and in lanes those that wait.
+        mine = 3 if unit is None else 4 + _GROUPS * lanes * (1 + 3 * (1 + m))
         self.integers = np.zeros(mine + 2 * place.integers + marks, dtype=np.int64)
         whole = self.integers.ctypes.data
-        self.rows = self.integers[:lanes]
-        self.entries = np.array([machine.compiled.addresses[name] for name in ENTRIES], dtype=np.int64)
+        self.rows = self.integers[:1] if unit is None else self.integers[4 : 4 + _GROUPS * lanes]
+        addresses = [machine.compiled.addresses[name] for name in ENTRIES]
+        self.entries = np.array([*addresses, stride], dtype=np.int64)
         inside = place.integers
         self.before = [whole]
         if unit is not None:
@@ -159,9 +163,10 @@ class _Room:
         self.integers[:] = 0
         self.rows[:] = -1
         if self.wide:
-            self.wide[0][[codes.RTOL, codes.TREND]] = 1.0
-            self.wide[3][:] = 1.0
-            self.wide[6][:] = atol[:, None]
+            for group in range(_GROUPS):
+                self.wide[0][group][[codes.RTOL, codes.TREND]] = 1.0
+                self.wide[3][group][:] = 1.0
+                self.wide[6][group][:] = atol[:, None]
 
 
 class _Chunks:

@@ -33,7 +33,7 @@ _FILES = (
     "resolve", "reset", "record", "segment", "advance", "probe", "start", "turn", "ensemble",
 )  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
-_LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_run")
+_LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_seat", "lane_run")
 ENTRIES = ("launch", "turn", "open_segment")
 # Arguments of the entry points: d double, i integer, a address of an array.
 EXPORTED = {
