@@ -137,8 +137,6 @@ def test_chunks_of_any_size_give_the_same_bits(tmp_path: Path) -> None:
     assert serial(sweep, tmp_path, resume=True).content_hash == plain.content_hash
     rows = sweep.compute(np.array([3, 700, 701]), Limits())
     assert np.array_equal(rows.values, plain.values[[3, 700, 701]])
-    apart = sweep.compute(np.array([3, 700, 701]), Limits(apart=True))
-    assert np.allclose(apart.values[:, :3], plain.values[[3, 700, 701], :3], atol=1e-9)
 
 
 def test_failures_are_rows_with_their_cause(tmp_path: Path) -> None:

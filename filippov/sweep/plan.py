@@ -50,6 +50,8 @@ class Sweep:
     one by one (`solve`). Raises UsageError, ModelError.
     """
 
+    grain = 1
+
     def __init__(
         self,
         problem: Problem,
@@ -107,11 +109,6 @@ class Sweep:
     def first(self) -> int:
         """Points to begin with in one go."""
         return 512 if self.lanes else 4
-
-    @property
-    def grain(self) -> int:
-        """Points that are always computed together."""
-        return self.plan.grain
 
     @cached_property
     def lanes(self) -> int:

@@ -16,7 +16,7 @@ from filippov.events import Stop
 from filippov.problem import Problem
 from filippov.status import Status
 from filippov.sweep.measure import Function, Measure
-from filippov.sweep.rows import ERROR, Array, Limits, Rows, Whole, failed_row, in_blocks, joined
+from filippov.sweep.rows import ERROR, Array, Limits, Rows, Whole, failed_row, joined
 from filippov.system import System
 
 START = "x0."
@@ -37,15 +37,6 @@ class Plan:
     stop: tuple[Stop, ...]
     tail: float
     lanes: int
-
-    @property
-    def grain(self) -> int:
-        """Points that are computed side by side, so that each has the same neighbours in every run.
-
-        At the end of a block lanes run empty, which costs 2 to 4 % of BLOCK points; where there are many
-        points, blocks are larger, but no fewer than about a hundred: workers share them.
-        """
-        return BLOCK * max(1, min(4, len(self.points) // 50_000)) if self.lanes > 1 else 1
 
     @property
     def system(self) -> System:
@@ -73,10 +64,9 @@ class _LateError(Exception):
 
 
 def compute_many(plan: Plan, index: Whole, limits: Limits) -> Rows:
-    """Rows of points whose measures need the ends only."""
-    return in_blocks(
-        index, plan.grain, len(plan.points), limits, lambda block: _together(plan, block, limits)
-    )
+    """Rows of points whose measures need the ends only; neighbours change nothing, to the last bit."""
+    size = len(index) if limits.max_time is None else BLOCK  # what is late is looked for in halves
+    return joined([_together(plan, index[k : k + size], limits) for k in range(0, len(index), size)])
 
 
 def _together(plan: Plan, index: Whole, limits: Limits) -> Rows:

@@ -67,7 +67,7 @@ class Work(Protocol):
     columns  of the results; units: of coordinates and columns, where known
     first    number of points to begin with in one go
     grain    points that are always computed together, as a block 0 ... grain - 1, grain ... 2 grain - 1, ...:
-             where the last digits of a result depend on its neighbours these are then always the same
+             where a result depends on its neighbours these are then always the same
     """
 
     @property
