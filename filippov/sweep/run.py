@@ -143,9 +143,11 @@ class _Driver:
     def _next(self) -> tuple[Whole, int, bool]:
         if self.again:
             return self.again.popleft()
-        # Towards the end chunks get smaller, so that no worker waits long for the last one.
-        share = -(-self.rest.size // (2 * self.engine.slots))
-        size = min(self.chunk or max(1, min(self.size, share)), self.rest.size)
+        # Towards the end chunks get smaller, so that no worker waits long for another's last one; few points
+        # side by side would not fill the lanes.
+        workers = self.engine.slots
+        share = self.rest.size if workers == 1 else -(-self.rest.size // (2 * workers))
+        size = min(self.chunk or max(1, min(self.size, max(share, self.work.first))), self.rest.size)
         # To the end of a block: the points of one are computed together in any case.
         grain = self.work.grain
         size = int(np.searchsorted(self.rest, (self.rest[size - 1] // grain + 1) * grain))
