@@ -24,7 +24,7 @@ _EVENT_ROOM = 64
 _CHUNK = 50_000
 _WAITING = 0.05
 # Rows that a thread takes at a time, and parts of its share of all rows: at the end no thread waits long.
-_MOST_TAKEN, _PARTS = 16, 32
+_MOST_TAKEN, _PARTS = 64, 32
 UNFINISHED = -1
 _TALLIES = 4
 # Lanes of trajectories that do not slide, and of those that do.
