@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov._kernels.build import Compiled, build
+from filippov._kernels.build import Compiled, build, generation
 from filippov._kernels.callback import Callbacks, EventCallbacks, callback_unit, new_context
 from filippov._kernels.generated import Generated
 from filippov._kernels.layout import RULES
@@ -23,10 +23,14 @@ _SIDES: dict[str, tuple[int, ...]] = {"+": (1,), "-": (-1,), "both": (1, -1)}
 
 
 def _unit(system: System, blended: bool) -> Generated:
-    """The unit of a system of expressions, made once and kept with it: another process need not make it."""
-    if blended not in system.units:
-        system.units[blended] = _generated(system, blended)
-    unit: Generated = system.units[blended]
+    """The unit of a system of expressions, made once and kept with it: another process need not make it.
+
+    Nor does it use one that another version has made.
+    """
+    key = generation(), blended
+    if key not in system.units:
+        system.units[key] = _generated(system, blended)
+    unit: Generated = system.units[key]
     return unit
 
 

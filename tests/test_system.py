@@ -16,7 +16,9 @@ import sympy as sp
 
 import filippov
 from filippov.comparator import Band, Exact, Hysteresis, Smooth
+from filippov.ensemble import solve_many
 from filippov.errors import ModelError, NonUniqueError, SolveError, UsageError
+from filippov.machine import Machine
 from filippov.parameter_symbol import parameters
 from filippov.surface import Surface
 from filippov.symbols import states, t
@@ -458,6 +460,17 @@ def test_a_system_that_was_sent_is_the_one_it_was() -> None:
                 other.surface  # noqa: B018
             with pytest.raises(AttributeError, match="immutable"):
                 other.symbolic = None  # type: ignore[misc]
+
+
+def test_a_system_from_another_version_has_its_loop_made_anew() -> None:
+    system = hunting()
+    solve_many(system, [0.1, 0.0, 0.0], (0, 1), threads=1)
+    (key,) = system.units
+    # As if another version had sent it, with a unit that this one cannot use.
+    other = pickle.loads(pickle.dumps(system))  # noqa: S301
+    other.units.clear()
+    other.units[b"older", False] = None
+    assert Machine(other, "DOP853", other.parameters.defaults).unit == system.units[key]
 
 
 def test_functions_need_no_sympy() -> None:

@@ -79,10 +79,16 @@ def cache_folder() -> Path:
 
 
 @cache
+def generation() -> bytes:
+    """What the loop and its generator are made of: another one needs units made anew."""
+    parts = [path.read_bytes() for path in sorted(_FOLDER.glob("*.py"))]
+    return hashlib.sha256(b"\0".join(hashlib.sha256(part).digest() for part in parts)).digest()
+
+
+@cache
 def _toolchain() -> bytes:
     """All that a unit depends on besides the system."""
-    parts = [path.read_bytes() for path in sorted(_FOLDER.glob("*.py"))]
-    parts += [version("llvmlite").encode(), platform.machine().encode()]
+    parts = [generation(), version("llvmlite").encode(), platform.machine().encode()]
     from llvmlite import binding
 
     parts += [binding.get_host_cpu_name().encode(), binding.get_host_cpu_features().flatten().encode()]
