@@ -129,8 +129,9 @@ def test_neighbours_of_difficult_trajectories_are_as_without_them() -> None:
     assert not plain.success.all()
 
 
-@pytest.mark.parametrize("lanes", [8, 16])
-@pytest.mark.parametrize("name", sorted(BUILT_IN))
+@pytest.mark.parametrize(
+    ("name", "lanes"), [*((name, 8) for name in sorted(BUILT_IN)), ("hunting", 16), ("two_blocks", 16)]
+)
 def test_neighbours_order_and_threads_change_no_bit(name: str, lanes: int) -> None:
     # 150 rows are more than both groups of lanes hold, so that some wait; 7 are fewer than one group holds.
     system, x0, (t0, t1) = starts(name, 150)
