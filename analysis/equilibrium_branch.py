@@ -84,7 +84,7 @@ class EquilibriumProblem:
     def point(self, u: Array, value: float) -> BranchPoint:
         """See `filippov.analysis.branch_problem.BranchProblem`."""
         at, n = self._at(u, value), self.system.dimension
-        names = [surface.name for surface in self.system.surfaces]
+        names = self.system.surface_names
         data = dict(zip(self.system.states, u[:n].tolist(), strict=True))
         data |= {f"multiplier {names[i]}": float(u[n + k]) for k, i in enumerate(self.sliding)}
         tests: dict[str, float] = {}

@@ -78,7 +78,7 @@ class Section:
 
     def bind(self, system: System) -> BoundSection:
         """The section on a system: names checked, the lift compiled to numpy with its derivative."""
-        names = [surface.name for surface in system.surfaces]
+        names = system.surface_names
         for name in self.surfaces:
             if name not in names:
                 raise UsageError(unknown("surface", name, names))

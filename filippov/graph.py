@@ -137,7 +137,7 @@ def recurrent_part(graph: nx.MultiDiGraph) -> nx.MultiDiGraph:
 
 def _empty(system: System, kind: str) -> nx.MultiDiGraph:
     return nx.MultiDiGraph(
-        kind=kind, surfaces=[surface.name for surface in system.surfaces], states=list(system.states)
+        kind=kind, surfaces=list(system.surface_names), states=list(system.states)
     )
 
 

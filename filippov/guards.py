@@ -82,7 +82,7 @@ class Guards:
             )
         self.system = system
         self.form = _with_values(system.symbolic, _numbers(system, values))
-        self.names = tuple(surface.name for surface in system.surfaces)
+        self.names = system.surface_names
         self.labels = {s: Symbol(f"s[{n}]", real=True) for s, n in zip(self.form.s, self.names, strict=True)}
         # Each mode is looked at from all its neighbours.
         self.vertex = lru_cache(None)(self.form.at_mode)

@@ -1,4 +1,4 @@
-"""Parameters: their defaults, units and bounds, and as numbers for a run."""
+"""Parameters: their defaults, units and bounds, and their values in a run."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ def solution_header(solution: Solution) -> dict[str, Any]:
         "system": system_data(system),
         "states": list(system.states),
         "user_events": list(solution.user_events),
-        "surfaces": [surface.name for surface in system.surfaces],
+        "surfaces": list(system.surface_names),
         "parameters": dict(solution.problem.parameters),
         "options": _option_data(solution.options),
         "status": solution.status.value,
@@ -237,7 +237,7 @@ def stored_system_of(header: dict[str, Any], given: System | None, archive: Arch
             f"system's is "
             f"{_short(given.digest)}. Give the system that was solved, or none"
         )
-    own = {"surfaces": [surface.name for surface in given.surfaces], "states": list(given.states)}
+    own = {"surfaces": list(given.surface_names), "states": list(given.states)}
     for what, names in {**own, "parameters": list(given.parameters.names)}.items():
         if names != list(header[what]):
             raise archive.refuse(
@@ -266,7 +266,7 @@ def _options(data: dict[str, Any]) -> Options:
 def _events(header: dict[str, Any], data: dict[str, Array], system: System) -> Events:
     notes = {int(i): str(text) for i, text in header["notes"]}
     rows = {int(i): x for i, x in zip(data["event_jumps"], data["event_x_after"], strict=True)}
-    names = [q.name for q in system.surfaces] + [q.name for q in system.time_events]
+    names = [*system.surface_names, *(q.name for q in system.time_events)]
     names += header["user_events"]
     items = []
     for i, t in enumerate(data["event_t"].tolist()):

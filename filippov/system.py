@@ -188,10 +188,11 @@ class System:
         )
 
     def _set(self, **content: Any) -> None:
-        rest: dict[str, Any] = {"comparator": Exact(), "_base": None, "_digest": None, "_packed": None}
-        rest["units"] = {}
-        rest["surface_names"] = tuple(surface.name for surface in content["surfaces"])
-        rest["clocked"] = bool(content["time_events"])
+        rest: dict[str, Any] = {
+            "comparator": Exact(), "_base": None, "_digest": None, "_packed": None, "units": {},
+            "surface_names": tuple(surface.name for surface in content["surfaces"]),
+            "clocked": bool(content["time_events"]),
+        }  # fmt: skip
         for name, value in {**rest, **content}.items():
             object.__setattr__(self, name, value)
 

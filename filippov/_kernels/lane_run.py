@@ -116,7 +116,6 @@ def lane_run(
             empty = sliding if group == 1 else free
             shifted, lane, own = group * stride, 0, shift_indices(rows, LANES_AT + group * LANES)
             while empty > 0:
-                fresh, q = False, -1
                 if rows[WAITING_AT + group] > 0:
                     rows[WAITING_AT + group] -= 1
                     place = place_of(group, rows[WAITING_AT + group])
@@ -124,11 +123,9 @@ def lane_run(
                     reopen(q, grazed, entries, clocks, xs, ms, orders, ps, atol, w, iw, ctx)
                 elif group == 0 and more and rows[WAITING_AT + 1] < LANES:
                     more = another(last, queue, shift_indices(rows, TAKEN_AT))
-                    if more:
-                        fresh, q = True, rows[TAKEN_AT]
-                if q < 0:
-                    break
-                if fresh:
+                    if not more:
+                        break
+                    q = rows[TAKEN_AT]
                     code = drive(
                         q, True, entries, clocks, counts, xs, ms, orders, hits, lams, ps, atol, stops, zenos,
                         kinds, events, marks, w, iw, ctx,
@@ -140,6 +137,8 @@ def lane_run(
                     if slides(shift(ms, q * M)) == 1:
                         wait(q, 1, w, rows)
                         continue
+                else:
+                    break
                 while own[lane] >= 0:
                     lane += 1
                 enter(
