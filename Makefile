@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 FILES := $(shell find filippov models analysis -type f ! -path '*/__pycache__/*' | LC_ALL=C sort | cksum | cut -d' ' -f1)
 INSTALL := $(BIN)/python -m pip install --quiet --config-settings editable_mode=strict --editable
 
-.PHONY: study test lint docs wheel-test clean
+.PHONY: study test test-oldest lint docs wheel-test clean
 .DELETE_ON_ERROR:
 
 study: $(VENV)/.use-$(FILES)
@@ -17,6 +17,22 @@ study: $(VENV)/.use-$(FILES)
 
 test: $(VENV)/.use-$(FILES)
 	$(BIN)/python -m pytest -n 2 $(PYTEST)
+
+# The oldest versions that pyproject.toml allows, in an environment of their own, tests of every dependency from the
+# bare checkout. What these versions warn of about each other is no failure.
+OLDEST := .venv-oldest
+OLDEST_PYTHON ?= $(shell command -v python$$($(PYTHON) tests/oldest.py python) || echo $(PYTHON))
+
+test-oldest: $(OLDEST)/.made
+	$(OLDEST)/bin/python -m pytest -n 2 -W default::DeprecationWarning -W default::PendingDeprecationWarning \
+	  $$($(OLDEST)/bin/python tests/oldest.py tests)
+
+$(OLDEST)/.made: pyproject.toml tests/oldest.py
+	rm -rf $(OLDEST)
+	$(OLDEST_PYTHON) -m venv $(OLDEST)
+	$(OLDEST)/bin/python tests/oldest.py requirements > $(OLDEST)/requirements.txt
+	$(OLDEST)/bin/python -m pip install --quiet --requirement $(OLDEST)/requirements.txt
+	touch $@
 
 # mypy sees filippov.models and filippov.analysis where the installation links them (the folder on the path that the
 # .pth file names), and the rest in the checkout.
@@ -31,7 +47,7 @@ wheel-test: $(VENV)/.develop-$(FILES)
 	$(BIN)/python tests/check_wheel.py
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info docs/_build docs/jupyter_execute .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(OLDEST) build dist *.egg-info docs/_build docs/jupyter_execute .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 $(VENV)/.use-$(FILES): $(VENV)/.made pyproject.toml
 	rm -rf $(VENV)/.use-* build/__editable__.*

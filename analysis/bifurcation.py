@@ -19,8 +19,9 @@ from scipy.optimize import brentq, root
 
 from filippov.analysis.cell_work import DiagramWork, fixed_points_of
 from filippov.analysis.event_map import EventMap
-from filippov.analysis.fixed_points import FixedPoint, equilibrium_slope
+from filippov.analysis.fixed_points import FixedPoint
 from filippov.analysis.section import Section
+from filippov.analysis.set_slope import equilibrium_slope
 from filippov.errors import UsageError
 from filippov.names import unknown
 from filippov.sweep.run import run
@@ -140,6 +141,7 @@ def bifurcation(
         table = run(work, **engine, progress=progress)
         if not table.complete:
             raise KeyboardInterrupt
+        table.raise_errors()
         found = fixed_points_of(table)
     for number, value in enumerate(() if found else ordered):
         found.append(base.remake(parameters={parameter: value}).fixed_points(*interval, points))

@@ -18,8 +18,8 @@ from filippov.analysis.continuation import continuation
 from filippov.analysis.corrector import FAILURES
 from filippov.analysis.curve import curve
 from filippov.analysis.event_map import EventMap
-from filippov.analysis.fixed_points import equilibrium_slope
 from filippov.analysis.section import Section
+from filippov.analysis.set_slope import equilibrium_slope
 from filippov.errors import UsageError
 from filippov.system import System
 

@@ -16,8 +16,8 @@ from scipy.optimize import brentq
 
 from filippov.analysis.branch import BranchPoint
 from filippov.analysis.event_map import EventMap
-from filippov.analysis.fixed_points import equilibrium_slope
 from filippov.analysis.orbit import Orbit, make_orbit
+from filippov.analysis.set_slope import equilibrium_slope
 from filippov.analysis.shooting import NoConvergenceError, Shooting
 from filippov.errors import UsageError
 from filippov.system import System

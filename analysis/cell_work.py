@@ -18,9 +18,11 @@ from filippov.analysis.map_rows import MapRows
 from filippov.analysis.section import Section
 from filippov.errors import SolveError
 from filippov.status import Status
-from filippov.sweep.measure import source_digest
-from filippov.sweep.rows import Limits, Rows, Whole, in_blocks
+from filippov.sweep.dependence import Dependence, dependence, plain_system
+from filippov.sweep.points import Whole
+from filippov.sweep.rows import Limits, Rows, in_blocks
 from filippov.sweep.table import Table
+from filippov.sweep.toolchain import own_sources, toolchain
 from filippov.system import System
 from filippov.version import package_version
 
@@ -31,13 +33,25 @@ _NUMBERS = ("d", "slope", "residual", "period")
 
 
 def _fields(system: System, section: Section, **others: Any) -> dict[str, str]:
-    functions = [s.h for s in system.surfaces] if system.symbolic is None else []
-    lift = source_digest(section.lift) if callable(section.lift) else str(dict(section.lift))
+    lift = _depends(section.lift).digest if callable(section.lift) else str(dict(section.lift))
     said = {
-        "filippov": package_version(), "model": system.digest or source_digest(system.field, *functions),
+        "filippov": f"{package_version()} {own_sources()}", **toolchain(),
+        "model": system.digest or _model(system).digest,
         "section": f"{section.stop!r} {section.coordinate} {lift} {section.t_max!r} {section.after}".rstrip(),
     }  # fmt: skip
     return said | {name: json.dumps(value) for name, value in others.items()}
+
+
+def _model(system: System) -> Dependence:
+    return Dependence("") if system.field is None else dependence(*plain_system(system))
+
+
+def _depends(lift: Any) -> Dependence:
+    return dependence(lift) if callable(lift) else Dependence("")
+
+
+def _unseen(system: System, section: Section) -> tuple[str, ...]:
+    return (*_model(system).unseen, *_depends(section.lift).unseen)
 
 
 @dataclass(frozen=True)
@@ -69,9 +83,14 @@ class CellWork:
     def fields(self) -> dict[str, str]:
         """All that decides the results."""
         return _fields(
-            self.system, self.section, names=self.names, points=self.points.tolist(), hi=self.hi,
+            self.system, self.section, names=self.names, hi=self.hi,
             tries=self.tries, order=self.order, rtol=self.rtol, parameters=dict(self.parameters),
         )  # fmt: skip
+
+    @cached_property
+    def unseen(self) -> tuple[str, ...]:
+        """What decides them as well and cannot be seen beforehand."""
+        return _unseen(self.system, self.section)
 
     def compute(self, index: Whole, limits: Limits) -> Rows:
         """The cells with these numbers."""
@@ -115,9 +134,14 @@ class DiagramWork:
     def fields(self) -> dict[str, str]:
         """All that decides the results."""
         return _fields(
-            self.system, self.section, names=self.names, points=self.points.tolist(), interval=self.interval,
+            self.system, self.section, names=self.names, interval=self.interval,
             tries=self.tries, parameters=dict(self.parameters), **self.options,
         )  # fmt: skip
+
+    @cached_property
+    def unseen(self) -> tuple[str, ...]:
+        """What decides them as well and cannot be seen beforehand."""
+        return _unseen(self.system, self.section)
 
     def compute(self, index: Whole, limits: Limits) -> Rows:
         """The values with these numbers."""

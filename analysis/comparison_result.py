@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+
+from filippov.json_text import json_text
 
 QUANTITIES = {
     "error_P": "error of P(d)",
@@ -164,7 +165,7 @@ class Comparison:
             }
             for trend in self.trends
         ]  # fmt: skip
-        return json.dumps({"rows": list(self.rows), "trends": trends}, indent=2, allow_nan=False) + "\n"
+        return json_text({"rows": list(self.rows), "trends": trends}, indent=2)
 
     def plot(self, **options: Any) -> Any:
         """Differences and work over the width (see `filippov.plot_comparison`)."""

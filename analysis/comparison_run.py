@@ -65,8 +65,8 @@ class ExactRun:
     ) -> None:  # fmt: skip
         if section.kind != "sliding entry":
             raise UsageError(f"the section is a {section.kind!r}, expected a 'sliding entry'.")
-        self.system, self.section = system, section
-        self.bound = section.bind(system)
+        self.system, self.bound = system, section.bind(system)
+        section = self.section = self.bound.section
         self.p = system.parameters.resolve(parameters)
         self.parameters = dict(zip(system.parameters.names, self.p.tolist(), strict=True))
         self.given = dict(parameters or {})

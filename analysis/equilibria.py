@@ -17,6 +17,7 @@ from sympy import Expr, Symbol
 from filippov import symbols
 from filippov.analysis.branches import Branch, DegenerateError, Elimination, UnsolvedError
 from filippov.analysis.budget import Clock, OutOfBudgetError
+from filippov.analysis.clocks import mover
 from filippov.analysis.equilibria_numeric import NumericMode, numeric_equilibria
 from filippov.analysis.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet
 from filippov.analysis.existence import Existence, ModeProblem
@@ -69,7 +70,9 @@ def equilibria(
             break
         notes += [note for note in said if note not in notes]
         found += more
-    found = _without_doubles(found)
+    found, moved = _kept(system, found, p)
+    notes += moved
+    found = _without_doubles(found, system, p)
     if system.symbolic is None and t is None and chosen:
         notes.append("plain functions were searched numerically, at t = 0.")
     return Equilibria(
@@ -94,8 +97,11 @@ def _modes(system: System, modes: Sequence[str] | None) -> tuple[list[str], list
             mode_signs(system, mode)
         return list(dict.fromkeys(modes)), []
     # The field does not jump on a kink, so what lies on it is found in the modes beside it.
-    signs = {"switching": "+0-", "kink": "+-", "observer": "+"}
+    signs = {"switching": "+0-", "kink": "+-", "reset": "+-", "observer": "+"}
     options = [signs[s.kind] if s.width == 0 else "+-" for s in system.surfaces]
+    form = system.symbolic
+    for i, contact in enumerate(form.contact if form is not None else ()):
+        options[i] = "+0-" if contact is not None else options[i]
     total = 1
     for option in options:
         total *= len(option)
@@ -176,13 +182,36 @@ def _apart(branches: list[Branch]) -> tuple[list[Branch], list[Branch]]:
     return [b for b in branches if b not in moving], moving
 
 
+def _kept(
+    system: System, found: list[EquilibriumPoint | EquilibriumSet], p: Any
+) -> tuple[list[EquilibriumPoint | EquilibriumSet], list[str]]:
+    """Leave out what the reset of a time event moves, with a note each."""
+    numbers = _numbers(system, p)
+    kept: list[EquilibriumPoint | EquilibriumSet] = []
+    notes = []
+    for e in found:
+        name = mover(system, e, p, numbers)
+        if name is None:
+            kept.append(e)
+        else:
+            text = f"what balances the field is moved by {name!r} and is no equilibrium."
+            notes.append(f"mode {e.mode!r}: {text}")
+    return kept, list(dict.fromkeys(notes))
+
+
+def _numbers(system: System, p: Any) -> dict[Symbol, Expr]:
+    form = system.symbolic
+    return {} if form is None else {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
+
+
 def _without_doubles(
-    found: list[EquilibriumPoint | EquilibriumSet],
+    found: list[EquilibriumPoint | EquilibriumSet], system: System, p: Any
 ) -> list[EquilibriumPoint | EquilibriumSet]:
     """Leave out a point that is an end of a set, and what the two sides of a kink or a surface both have."""
     kept: list[EquilibriumPoint | EquilibriumSet] = []
     places: list[tuple[float, ...]] = []
     formulas = set()
+    numbers = _numbers(system, p)
     for e in found:
         if isinstance(e, EquilibriumSet) and (e.x, e.domain) not in formulas:
             formulas.add((e.x, e.domain))
@@ -191,8 +220,20 @@ def _without_doubles(
     for e in found:
         if isinstance(e, EquilibriumPoint) and not any(_near(e.value, place) for place in places):
             places.append(e.value)
-            kept.append(e)
+            if not any(_inside(e, s, numbers) for s in kept if isinstance(s, EquilibriumSet)):
+                kept.append(e)
     return kept
+
+
+def _inside(point: EquilibriumPoint, found: EquilibriumSet, numbers: Mapping[Symbol, Expr]) -> bool:
+    """Whether a point of the same mode lies in a set whose free symbols are states."""
+    at = dict(zip(point.states, point.value, strict=True))
+    if point.mode != found.mode or any(q.name not in at for q in found.free):
+        return False
+    put = {q: sympy.Float(at[q.name], 20) for q in found.free}
+    within = all(a <= at[q.name] <= b for q, (a, b) in zip(found.free, found.bounds, strict=True))
+    values = [e.subs(put).subs(numbers).evalf(20) for e in found.x]
+    return within and all(v.is_number for v in values) and _near([float(v) for v in values], point.value)
 
 
 def _near(x: Sequence[float], y: Sequence[float]) -> bool:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import sympy
 from sympy import Expr, Symbol
 
-PointKind = Literal["equilibrium", "pseudo-equilibrium", "boundary equilibrium"]
+PointKind = Literal["equilibrium", "pseudo-equilibrium", "resting contact", "boundary equilibrium"]
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,9 @@ class EquilibriumPoint:
     multipliers  (surface, s) for each surface that the point lies on: f(x, s) = 0
     value        x at the parameter values, floats
     s_value      the multipliers at the parameter values
-    kind         "equilibrium" of a smooth mode, "pseudo-equilibrium" on a switching surface, or "boundary
-                 equilibrium": a multiplier is at an end of its set, or the point lies on a kink
+    kind         "equilibrium" of a smooth mode, "pseudo-equilibrium" on a switching surface, "resting
+                 contact" on a surface with impacts, or "boundary equilibrium": a multiplier is at an end of
+                 its set, or the point lies on a kink or on a surface with a reset
     conditions   inequalities in the parameters under which it exists
     exact        whether x holds for all parameters near the values
     degenerate   the special parameter values on which the result rests, such as "I = 0"

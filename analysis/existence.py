@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -35,6 +35,7 @@ class ModeProblem:
     x, sliding   unknowns: the states, and one multiplier a sliding surface
     names        surface names of `sliding`
     limits       (lo, hi) of each multiplier
+    kind         of a point inside all the bounds
     """
 
     mode: str
@@ -44,6 +45,7 @@ class ModeProblem:
     equations: tuple[Expr, ...]
     bounds: tuple[Bound, ...]
     limits: tuple[tuple[Expr, Expr], ...]
+    kind: PointKind
 
     @classmethod
     def of(cls, system: System, form: SymbolicForm, mode: str) -> ModeProblem:
@@ -53,9 +55,10 @@ class ModeProblem:
         on = [i for i, m in enumerate(signs) if m == 0]
         renamed = {form.s[i]: multiplier_symbol(system, i, len(on) == 1, taken) for i in on}
         rows = [at_rest(f).xreplace(renamed) for f in form.at_mode(mode)]
-        h = [at_rest(g) for g in form.h_at_mode(mode)]
         sizes = form.sizes_at_mode(mode)
-        limits = {i: tuple(at_rest(r.xreplace(sizes)) for r in form.radius[i]) for i in on}
+        # The places: in contact h_at_mode gives the rate, which vanishes wherever the field does.
+        h = [at_rest(g.xreplace(sizes)) for g in form.h]
+        limits = {i: tuple(at_rest(r.xreplace(sizes)) for r in _ends(form, i)) for i in on}
         bounds: list[Bound] = []
         for i, (surface, m) in enumerate(zip(system.surfaces, signs, strict=True)):
             if m and surface.kind != "observer":
@@ -64,7 +67,8 @@ class ModeProblem:
                 bounds.append(Bound(g, surface.kind == "switching", surface.name))
             elif not m:
                 s, (low, high) = renamed[form.s[i]], limits[i]
-                bounds += [Bound(s - low, False, surface.name), Bound(high - s, False, surface.name)]
+                ends = [g for g, end in ((s - low, low), (high - s, high)) if end.is_infinite is not True]
+                bounds += [Bound(g, False, surface.name) for g in ends]
         return cls(
             mode,
             form.x,
@@ -73,6 +77,7 @@ class ModeProblem:
             (*(h[i] for i in on), *rows),
             tuple(bounds),
             tuple((limits[i][0], limits[i][1]) for i in on),
+            _kind(form, on),
         )
 
     def put(self, values: Mapping[Symbol, Expr]) -> ModeProblem:
@@ -89,6 +94,22 @@ class ModeProblem:
     def has(self, symbol: Symbol) -> bool:
         """Whether an equation or a bound holds the symbol."""
         return any(e.has(symbol) for e in (*self.equations, *(b.g for b in self.bounds)))
+
+
+def _kind(form: SymbolicForm, on: Sequence[int]) -> PointKind:
+    if not on:
+        return "equilibrium"
+    rests = bool(form.contact) and all(form.contact[i] is not None for i in on)
+    return "resting contact" if rests else "pseudo-equilibrium"
+
+
+def _ends(form: SymbolicForm, i: int) -> tuple[Expr, Expr]:
+    """The set of the multiplier of surface i; in contact it is open towards the obstacle."""
+    low, high = form.radius[i]
+    contact = form.contact[i] if form.contact else None
+    if contact is None:
+        return low, high
+    return (-sympy.oo, high) if contact.side > 0 else (low, sympy.oo)
 
 
 def exact_width(width: float) -> Expr:
@@ -161,7 +182,7 @@ class Existence:
         # On a switching surface it belongs to the sliding mode, whose closure holds it.
         if any(e and b.strict for e, b in zip(edge, bounds, strict=True)):
             return None
-        kind: PointKind = "pseudo-equilibrium" if problem.sliding else "equilibrium"
+        kind: PointKind = problem.kind
         x = tuple(branch[q] for q in problem.x)
         s = tuple(branch[q] for q in problem.sliding)
         value = [self.number(e) for e in x]

@@ -1,13 +1,14 @@
 """Fixed points, jumps and basins of an event map on an interval.
 
-Roots of P(d) - d are bracketed on a grid that is dense near 0 as well, pairs that a grid would step over are
-found from the extrema of P(d) - d (where the exact slope is 1), and each is polished at a tight tolerance. A
-change of sign across a jump of the map is no fixed point, and is told apart by what is left of P(d) - d.
+Roots of P(d) - d are bracketed on a grid that is dense near 0 as well, and beside an equilibrium set at 0 on
+one that is even in log d down to rounding. Pairs that a grid would step over are found from the extrema of
+P(d) - d (where the exact slope is 1), and each is polished at a tight tolerance. A change of sign across a
+jump of the map is no fixed point, and is told apart by what is left of P(d) - d.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
+from filippov.analysis.saltation import NotDifferentiableError
+from filippov.analysis.set_slope import equilibrium_slope, near_set
 from filippov.errors import UsageError
 
 if TYPE_CHECKING:
@@ -22,7 +25,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 TIGHT = 1e-12
-LEVELS = 24
+# Halvings between the coarse grid and the smallest coordinate, a decade in about three.
+PER_DECADE = 6
 
 
 @dataclass(frozen=True)
@@ -83,18 +87,52 @@ def grid(lo: float, hi: float, points: int) -> Array:
 def fixed_points(event_map: EventMap, lo: float, hi: float, points: int = 400) -> tuple[FixedPoint, ...]:
     """All fixed points of the map in [lo, hi], in order, the equilibrium set at 0 among them."""
     d = grid(lo, hi, points)
-    gap = event_map(d) - d
+    fine = event_map.remake(rtol=min(event_map.rtol, TIGHT), atol=min(event_map.atol, TIGHT * 1e-2))
+    searches = [(fine, d, event_map(d) - d)]
     found: list[FixedPoint] = []
     if lo <= 0.0 <= hi and event_map(0.0) == 0.0:
-        found.append(equilibrium_set(event_map, 1e-3 * max(abs(lo), abs(hi))))
-    fine = event_map.remake(rtol=min(event_map.rtol, TIGHT), atol=min(event_map.atol, TIGHT * 1e-2))
-    for a, b in _brackets(fine, d, gap):
-        point = _polish(fine, a, b)
-        if point is not None and all(
-            abs(point.d - other.d) > 1e-9 * (abs(point.d) + 1e-9) for other in found
-        ):
-            found.append(point)
+        at_set = equilibrium_set(event_map, 1e-3 * max(abs(lo), abs(hi)))
+        for first in (d[d > 0][:1], d[d < 0][-1:]):
+            if first.size and np.isfinite(at_set.slope):
+                near, rest, gap = _beside_set(event_map, float(first[0]))
+                searches.append((near, rest, gap))
+                at_set = _told(at_set, rest, gap)
+        found.append(at_set)
+    for at, places, gap in searches:
+        for a, b in _brackets(at, places, gap):
+            point = _polish(at, a, b)
+            if point is not None and all(
+                abs(point.d - other.d) > 1e-9 * max(abs(point.d), abs(other.d)) for other in found
+            ):
+                found.append(point)
     return tuple(sorted(found, key=lambda point: point.d))
+
+
+def _beside_set(event_map: EventMap, first: float) -> tuple[EventMap, Array, Array]:
+    """From the grid's coordinate next to the set down to what rounding leaves, evenly in log d."""
+    near, least = near_set(event_map, first)
+    count = max(2, 1 + int(PER_DECADE * np.log10(max(abs(first) / least, 1.0))))
+    d = np.sort(first * np.geomspace(1.0, min(least / abs(first), 0.5), count))
+    gap = near(d) - d
+    # P(d) = d to the last bit is rounding: the motion came back before it left.
+    left = np.isfinite(gap) & (gap != 0.0)
+    return near, d[left], gap[left]
+
+
+def _told(at_set: FixedPoint, d: Array, gap: Array) -> FixedPoint:
+    """The equilibrium set, with a note where its slope and the motions next to it contradict each other.
+
+    Between two neighbouring fixed points that are both stable, or both not, there is another one.
+    """
+    if not d.size:
+        return at_set
+    last = int(np.argmin(np.abs(d)))
+    grows = gap[last] * d[last] > 0
+    if at_set.slope <= 0 or not np.isfinite(gap[last]) or grows != at_set.stable:
+        return at_set
+    kind = "unstable" if at_set.stable else "stable"
+    note = f"{kind} cycle between the set and |d| = {abs(d[last]):.1g} is not resolved"
+    return replace(at_set, note="; ".join(filter(None, (at_set.note, note))))
 
 
 def _brackets(event_map: EventMap, d: Array, gap: Array) -> list[tuple[float, float]]:
@@ -117,12 +155,12 @@ def _brackets(event_map: EventMap, d: Array, gap: Array) -> list[tuple[float, fl
 
 def extremum(event_map: EventMap, a: float, b: float) -> float | None:
     """Where the slope of the map is 1 between a and b, None if it is not."""
-    left, right = event_map.derivative(a) - 1.0, event_map.derivative(b) - 1.0
-    if not left * right < 0:
-        return None
     try:
+        left, right = event_map.derivative(a) - 1.0, event_map.derivative(b) - 1.0
+        if not left * right < 0:
+            return None
         return float(brentq(lambda d: event_map.derivative(d) - 1.0, a, b, xtol=1e-13 * max(abs(a), abs(b))))
-    except ValueError:
+    except (NotDifferentiableError, ValueError):
         return None
 
 
@@ -146,63 +184,6 @@ def _polish(event_map: EventMap, a: float, b: float) -> FixedPoint | None:
     slope = event_map.derivative(d)
     period = float(sum(turn.t_end for turn in orbit))
     return FixedPoint(d, "limit cycle", slope, bool(abs(slope) < 1.0), left, period)
-
-
-def equilibrium_slope(event_map: EventMap, reach: float, side: float = 1.0) -> tuple[float, str]:
-    """Limit of P(d)/d for d -> 0 on one side, and a note: infinite where the map jumps at 0.
-
-    It is the product of the limits over the turns of the map, each on the side to which the turn before it
-    leads.
-    """
-    slope, notes = 1.0, []
-    for _ in range(event_map.order):
-        one, note = _one_turn_slope(event_map.remake(order=1), side * reach)
-        slope *= one
-        side = side if one > 0 else -side
-        notes.append(note)
-        if not np.isfinite(one):
-            return float(np.inf), note
-    return slope, next((note for note in notes if note), "")
-
-
-def _one_turn_slope(event_map: EventMap, reach: float) -> tuple[float, str]:
-    """Limit of P(d)/d from ratios at reach, reach/2, ..., extrapolated (Romberg) until rounding takes over.
-
-    The absolute tolerance is what rounding leaves of the starting states.
-    """
-    size = float(np.max(np.abs(event_map.bound.start(np.array([reach]), event_map.p))))
-    fine = event_map.remake(rtol=TIGHT * 0.1, atol=2.0 * float(np.finfo(float).eps) * size)
-    d = reach * 0.5 ** np.arange(LEVELS)
-    ratios = fine(d) / d
-    good = int(np.argmin(np.isfinite(ratios))) if not np.all(np.isfinite(ratios)) else LEVELS
-    d, ratios = d[:good], ratios[:good]
-    if good < 6:
-        return float("nan"), "the map does not return near the equilibrium set"
-    growth = np.abs(ratios[1:] / ratios[:-1])
-    if abs(ratios[-1]) > 10.0 and np.all(growth[-5:] > 1.05) and growth[-1] > growth[-3] - 1e-3:
-        sign = float(np.sign(ratios[-1]))
-        if np.all(growth[-3:] > 1.9):
-            return (
-                sign * np.inf,
-                f"the map jumps at the equilibrium set: P(0+) = {float(ratios[-1] * abs(d[-1])):.9g}",
-            )
-        return sign * np.inf, "the slope of the map grows without bound at the equilibrium set"
-    table: list[Array] = [ratios]
-    for j in range(1, min(6, good - 2)):
-        previous = table[-1]
-        table.append(previous[1:] + (previous[1:] - previous[:-1]) / (2.0**j - 1.0))
-    best, error = float(ratios[-1]), np.inf
-    for column in table[1:]:
-        changes = np.abs(np.diff(column))
-        if np.min(changes) < error:
-            place = int(np.argmin(changes))
-            best, error = float(column[place + 1]), float(changes[place])
-    note = (
-        ""
-        if error < 1e-6 * max(1.0, abs(best))
-        else f"slope at the equilibrium set known to {error:.1g} only"
-    )
-    return best, note
 
 
 def equilibrium_set(event_map: EventMap, reach: float) -> FixedPoint:

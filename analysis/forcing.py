@@ -1,4 +1,4 @@
-"""How a system depends on time: not at all, or periodically through sines and cosines of t."""
+"""How a system depends on time: not at all, or periodically through sines and cosines of t and clocks."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
+from filippov.analysis.polynomial import exact
 from filippov.errors import UsageError
 from filippov.expression import parse_expression
 from filippov.symbols import t as time
@@ -34,13 +35,21 @@ def depends_on_time(system: System) -> bool:
     return not all(np.array_equal(values[0], value) for value in values[1:])
 
 
+def is_forced(system: System) -> bool:
+    """Whether a solution shifted in time is none: t stands in the equations, or a clock ticks."""
+    return depends_on_time(system) or any(e.period is not None for e in system.time_events)
+
+
 @lru_cache(maxsize=128)
 def forcing_period(system: System) -> sympy.Expr | None:
-    """Period of the forcing, from the sines and cosines in t; None where it is not clear."""
+    """Period of the forcing, from the sines and cosines in t and the clocks; None where it is not clear."""
     form = system.symbolic
-    if form is None:
+    clocks = [e.period for e in system.time_events if e.period is not None]
+    if any(callable(q) and not isinstance(q, sympy.Expr) for q in clocks):
         return None
-    rates = set()
+    rates = {2 * sympy.pi / exact(q) for q in clocks}
+    if form is None:
+        return _common(rates) if not depends_on_time(system) else None
     for expression in form.expressions():
         waves = expression.atoms(sympy.sin, sympy.cos, sympy.tan)
         hidden = {wave: sympy.Dummy() for wave in waves if time in wave.free_symbols}
@@ -51,6 +60,11 @@ def forcing_period(system: System) -> sympy.Expr | None:
             if rate.free_symbols & {time, *form.x, *form.s, *form.a}:
                 return None
             rates.add(sympy.simplify(rate))
+    return _common(rates)
+
+
+def _common(rates: set[sympy.Expr]) -> sympy.Expr | None:
+    """The common period of angular frequencies; None where their ratios are not rational."""
     if not rates:
         return None
     first = next(iter(rates))
@@ -116,8 +130,8 @@ class Period:
 
         return value, slopes
 
-    def times(self, count: int) -> Period:
-        """A multiple of this period."""
+    def times(self, count: float) -> Period:
+        """A multiple of this period, or a part of it."""
         other = object.__new__(Period)
         other.__dict__.update(self.__dict__)
         value, slopes = self._value, self._slopes

@@ -262,8 +262,10 @@ def _extent(motions: Sequence[Solution]) -> tuple[Array, Array]:
         assert sol is not None
         ends = np.append(sol.start, motion.t_end)
         x = sol(np.append((ends[:-1, None] + np.diff(ends)[:, None] * np.arange(8) / 8).ravel(), ends[-1]))
+        # At a reset the state has two values.
+        jumps = np.hstack([sol(ends, side=side) for side in ("-", "+")])
         for sign, into in ((1.0, lows), (-1.0, highs)):
-            best = np.min(sign * x, axis=1)
+            best = np.minimum(np.min(sign * x, axis=1), np.min(sign * jumps, axis=1))
             for i, row in enumerate(sign * x):
                 k = int(np.argmin(row)) // 8
                 for step in {max(k - 1, 0), min(k, len(sol.start) - 1)}:

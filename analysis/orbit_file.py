@@ -4,32 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import tempfile
 from pathlib import Path
 from typing import Any
 
 from filippov.errors import UsageError
+from filippov.json_text import json_text
+from filippov.whole_file import write_whole
 
 LARGEST_FILE = 256 << 20
 
 
 def write_json(path: str | Path, data: Any) -> Path:
     """Write plain data; infinities and NaN as text. Returns the path."""
-    target = Path(path)
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            json.dump(_out(data), file, ensure_ascii=False, indent=1, allow_nan=False)
-            file.write("\n")
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).chmod(0o644)
-        Path(name).replace(target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-    return target
+    return write_whole(path, json_text(_out(data)))
 
 
 def read_json(path: str | Path, form: str, version: int) -> dict[str, Any]:

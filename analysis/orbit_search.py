@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.forcing import Period, depends_on_time
+from filippov.analysis.forcing import Period, forcing_period, is_forced
 from filippov.analysis.orbit import Orbit, make_orbit
 from filippov.analysis.shooting import (
     NoConvergenceError,
@@ -38,6 +38,8 @@ _PERIODS = 400
 _FIRST = 4
 # A motion may be seen to come back only after some turns; how near it then is after one of them.
 _MOST_TURNS, _SAME = 32, 1e-6
+# A forced motion is back where it started, on an orbit, to this part of its extent.
+_BACK = 1e-4
 
 
 def find_orbit(
@@ -65,7 +67,8 @@ def find_orbit(
     period      autonomous: a guess of T, for an orbit that does not attract; without it the first return of
                 the motion is taken. Forced: the period, a number or a formula in the parameters such as
                 "2*pi/omega", or a multiple of the forcing's for subharmonic orbits; default: read off the
-                sines and cosines of t
+                sines and cosines of t and the clocks, and the least multiple after which the motion from the
+                guess comes back
     symmetry    "odd" for x(t + T/2) = -x(t), or a matrix G for x(t + T/k) = G x(t): the part of the orbit is
                 solved for. An odd orbit is also recognised without it
     nodes       points of multiple shooting, for orbits that repel strongly
@@ -94,7 +97,7 @@ def find_orbit(
     x0 = points[0]
     p = resolved(system, parameters)
     matrix, turns = symmetry_matrix(symmetry, system)
-    forced = depends_on_time(system) or (period is not None and not isinstance(period, int | float))
+    forced = is_forced(system) or (period is not None and not isinstance(period, int | float))
     base = Shooting(
         system, x0, np.zeros_like(x0), t0, period=Period(system, period) if forced else None, symmetry=matrix,
         turns=turns, rtol=rtol, atol=atol, method=method, jacobian=jacobian,
@@ -107,7 +110,7 @@ def find_orbit(
     if transient > 0:
         x0, t0 = search.run(x0, t0, transient)
     if base.period is not None:
-        return search.forced(x0, t0)
+        return search.forced(x0, t0, follow=period is None)
     if period is not None:
         if not 0 < float(period) < np.inf:
             raise UsageError(f"period is {period!r}, expected a number > 0.")
@@ -172,10 +175,17 @@ class _Search:
 
     # -- forced ------------------------------------------------------------------------------------------
 
-    def forced(self, x0: Array, t0: float) -> Orbit:
-        """Newton's method on the stroboscopic map; where it fails, again after more and more periods."""
-        assert self.base.period is not None
-        period, done, wait = self.base.period(self.p), 0, 0
+    def forced(self, x0: Array, t0: float, follow: bool) -> Orbit:
+        """Newton's method on the stroboscopic map; where it fails, again after more and more periods.
+
+        follow: the orbit may take several periods, as many as the motion from the guess needs to come back
+        """
+        forcing = self.base.period
+        assert forcing is not None
+        if follow:
+            forcing = forcing.times(self._subharmonic(x0, t0, forcing(self.p)))
+            self.base = replace(self.base, period=forcing)
+        period, done, wait = forcing(self.p), 0, 0
         error: Exception | None = None
         while done <= _PERIODS:
             if wait:
@@ -189,6 +199,16 @@ class _Search:
             wait = max(4, 2 * wait)
             self.tell(done * period, f"after {done} periods")
         raise NoConvergenceError(f"no periodic orbit was found in {done} periods of the forcing: {error}")
+
+    def _subharmonic(self, x0: Array, t0: float, period: float) -> int:
+        """The number of periods after which the motion from x0 is back; 1 where it is not on an orbit."""
+        first = self.motion(x0, t0, period)
+        size, x = np.maximum(np.ptp(first.y, axis=1), 1e-9 * (1.0 + np.max(np.abs(first.y)))), first.x_end
+        gaps = [float(np.max(np.abs(x - x0) / size))]
+        while gaps[-1] > _BACK and len(gaps) < _MOST_TURNS:
+            x = self.motion(x, t0 + len(gaps) * period, period, dense=False).x_end
+            gaps.append(float(np.max(np.abs(x - x0) / size)))
+        return len(gaps) if gaps[-1] <= _BACK else 1
 
     def near(self, x0: Array, t0: float, period: float) -> Orbit:
         """Newton's method with a given guess of the period."""
@@ -233,8 +253,11 @@ class _Search:
         u, left = newton(problem, u, self.p)
         if base.period is None:
             self._check(problem, u, period)
-        if base.period is None and count == base.turns == 1:
-            u, left = self._shortest(problem, u, left)
+        if count == base.turns == 1:
+            if base.period is None:
+                u, left = self._shortest(problem, u, left)
+            else:
+                problem, u, left = self._least(problem, u, left)
         found = make_orbit(problem, u, self.p, left)
         if found.trivial is not None and abs(found.trivial - 1.0) > 1e-2:
             raise NoConvergenceError("Newton's method went to an equilibrium.")
@@ -252,6 +275,28 @@ class _Search:
                 except SolveError:
                     continue
         return u, left
+
+    def _least(self, problem: Shooting, u: Array, left: float) -> tuple[Shooting, Array, float]:
+        """The same forced orbit with its least period, where it was found with a multiple of it."""
+        own = forcing_period(problem.system)
+        if own is None or problem.period is None:
+            return problem, u, left
+        ratio = problem.period(self.p) / Period(problem.system)(self.p)
+        multiple = round(ratio)
+        if abs(ratio - multiple) > 1e-9 * ratio or multiple < 2:
+            return problem, u, left
+        sol = problem.motions(u, self.p)[0].sol
+        assert sol is not None
+        length = problem.period(self.p)
+        size = float(np.max(np.ptp(sol(np.linspace(problem.t0, problem.t0 + length, 64)), axis=1)))
+        for count in (k for k in range(multiple, 1, -1) if multiple % k == 0):
+            if np.max(np.abs(sol(problem.t0 + length / count) - u)) < _SAME * size:
+                try:
+                    part = replace(problem, period=problem.period.times(1.0 / count))
+                    return part, *newton(part, u, self.p)
+                except SolveError:
+                    continue
+        return problem, u, left
 
     def _check(self, problem: Shooting, u: Array, guess: float) -> None:
         """An equilibrium solves the equations as well."""

@@ -20,6 +20,7 @@ from filippov.analysis.cells import cells
 from filippov.analysis.section import Section
 from filippov.errors import UsageError
 from filippov.names import unknown
+from filippov.sweep.rows import ERROR
 from filippov.sweep.run import run
 from filippov.system import System
 
@@ -127,6 +128,7 @@ def regions(
             {name: unit for name, unit in units.items() if unit}, across.size,
         )  # fmt: skip
         table = run(work, **engine, progress=progress)
+        table.raise_errors(ERROR)
         found = [table[name].reshape(shape) for name in work.columns]
         count = [np.where(np.isnan(part), -1, part).astype(np.int64) for part in found[:2]]
         return Regions(

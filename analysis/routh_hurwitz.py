@@ -84,7 +84,10 @@ class RouthHurwitz(RouthResult):
         if allowed is None or main is None or zero is None:
             return None
         for value in sympy.Complement(sympy.S.Reals, zero) if self.cases else ():
-            if self.at({x: value}).verdict is Verdict.ASYMPTOTICALLY_STABLE:
+            # Where all coefficients vanish together every s is a root.
+            if all(c.subs(x, value).is_zero for c in self.coefficients):
+                main = main - sympy.FiniteSet(value)
+            elif self.at({x: value}).verdict is Verdict.ASYMPTOTICALLY_STABLE:
                 main = main.union(sympy.FiniteSet(value))
         return main.intersect(allowed)
 

@@ -31,7 +31,8 @@ from filippov.analysis.variation import ModeField, mode_field, transition
 from filippov.errors import UsageError
 from filippov.events import Event, Mode
 from filippov.machine import Machine
-from filippov.modes import Point, successors
+from filippov.modes import successors
+from filippov.point import Point
 from filippov.solution import Solution
 from filippov.status import JUMPED_OVER, EventKind, mode_text
 from filippov.system import System

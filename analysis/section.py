@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy.typing as npt
 import sympy
 
 from filippov.errors import ModelError, UsageError
-from filippov.events import STOP_KINDS, Stop
+from filippov.events import STOP_KINDS, Stop, turned
 from filippov.expression import parse_expression
 from filippov.names import unknown
 from filippov.system import System
@@ -25,7 +25,8 @@ D = sympy.Dummy("d", real=True)
 class Section:
     """The events of one kind on a surface (or several), with a number as coordinate on them.
 
-    surface, kind  the event that ends a turn of the map (as in `Stop`); several surfaces with commas between
+    surface, kind  the event that ends a turn of the map (as in `Stop`); several surfaces with commas between.
+                   A surface is named, or given by the formula of its h, written either way round
     coordinate     what is read there: the name of a state, or a formula in states (sympy or text)
     lift           where a turn starts for a coordinate d: an expression a state (sympy or text) in `d` and
                    the parameters, or a function (d, p) -> x0 with p by name
@@ -79,14 +80,22 @@ class Section:
     def bind(self, system: System) -> BoundSection:
         """The section on a system: names checked, the lift compiled to numpy with its derivative."""
         names = system.surface_names
-        for name in self.surfaces:
-            if name not in names:
-                raise UsageError(unknown("surface", name, names))
+        try:
+            places = [system.surface_place(name) for name in self.surfaces]
+        except ModelError as error:
+            raise UsageError(str(error)) from None
         if self.after and len(self.after) != len(names):
             raise UsageError(
                 f"Section: after is {self.after!r}, expected {len(names)} signs, for {', '.join(names)}."
             )
-        return BoundSection(self, system)
+        kinds = {self.kind if sense > 0 else turned(self.kind) for _, sense in places}
+        if len(kinds) > 1:
+            raise UsageError(
+                f"Section: {self.surface!r} with kind {self.kind!r} means {' and '.join(sorted(kinds))} on "
+                f"{', '.join(names)}; expected one kind. Write every surface by its name."
+            )
+        surface = ", ".join(names[place] for place, _ in places)
+        return BoundSection(replace(self, surface=surface, kind=kinds.pop()), system)
 
 
 class BoundSection:

@@ -10,28 +10,19 @@ from sympy import Expr, Symbol
 
 from filippov.analysis import stability_text
 from filippov.analysis.budget import Clock, OutOfBudgetError
+from filippov.analysis.contact_stability import contact_stability, in_contact
 from filippov.analysis.equilibria import equilibria
 from filippov.analysis.equilibrium import EquilibriumPoint, EquilibriumSet
-from filippov.analysis.linearisation import characteristic_polynomial, linearise
-from filippov.analysis.polynomial import Verdict, exact
+from filippov.analysis.periodic_stability import with_time
+from filippov.analysis.polynomial import exact
+from filippov.analysis.set_parts import parts
 from filippov.analysis.set_stability import set_stability
 from filippov.analysis.sliding_stability import sliding_stability
+from filippov.analysis.smooth_stability import smooth_stability
 from filippov.analysis.stability_context import Context
-from filippov.analysis.stability_result import (
-    Answer,
-    EquilibriumStability,
-    SetStability,
-    StabilityResult,
-    Statement,
-)
+from filippov.analysis.stability_result import EquilibriumStability, SetStability, StabilityResult
 from filippov.errors import ModelError
 from filippov.system import System
-
-ANSWERS: dict[str, Answer] = {
-    "asymptotically stable": "asymptotically stable",
-    "marginally stable": "undecided",
-    "unstable": "unstable",
-}
 
 
 class StabilityReport(StabilityResult):
@@ -98,7 +89,7 @@ def stability_report(
     for equilibrium in found:
         context = Context(system, form, values, told, symbol, hook, clock)
         try:
-            items.append(_item(context, equilibrium, t))
+            items += _items(context, equilibrium, t)
         except OutOfBudgetError as error:
             notes.append(
                 f"stopped after {len(items)} of {len(found)} equilibria: {error}. Give a larger budget."
@@ -114,72 +105,23 @@ def _signs(values: Mapping[Symbol, Expr]) -> list[Any]:
     return [r for q, v in values.items() if v != 0 and (r := q > 0 if v > 0 else q < 0) != sympy.true]
 
 
-def _item(
+def _items(
     context: Context, equilibrium: EquilibriumPoint | EquilibriumSet, t: float | None
-) -> EquilibriumStability:
+) -> list[EquilibriumStability]:
+    """The analysis of a point, or of a set in parts of one verdict each."""
     context.clock.check()
     context = context.put_degenerate(equilibrium.degenerate, t)
+    if "0" not in equilibrium.mode and isinstance(equilibrium, EquilibriumSet):
+        pieces = parts(context, equilibrium)
+        return [with_time(context, smooth_stability(context, part), t) for part in pieces]
+    return [with_time(context, _item(context, equilibrium), t)]
+
+
+def _item(context: Context, equilibrium: EquilibriumPoint | EquilibriumSet) -> EquilibriumStability:
     if "0" not in equilibrium.mode:
-        return _smooth(context, equilibrium)
+        return smooth_stability(context, equilibrium)
     if isinstance(equilibrium, EquilibriumSet):
         return set_stability(context, equilibrium)
+    if in_contact(context, equilibrium.mode):
+        return contact_stability(context, equilibrium)
     return sliding_stability(context, equilibrium)
-
-
-def _smooth(context: Context, equilibrium: EquilibriumPoint | EquilibriumSet) -> EquilibriumStability:
-    """Jacobian and Routh-Hurwitz of a smooth mode; along a set, without the zero roots that belong to it."""
-    linear = linearise(context.system, equilibrium, values=context.put)
-    assert linear.smooth is not None
-    whole = characteristic_polynomial(linear.smooth)
-    polynomial, zeros = context.without_zeros(whole, equilibrium.dimension)
-    statements = []
-    if isinstance(equilibrium, EquilibriumSet):
-        statements.append(Statement(f"the set has dimension {equilibrium.dimension}: as many roots are 0"))
-        free = {
-            q: sympy.Rational(str(_inner(*b)))
-            for q, b in zip(equilibrium.free, equilibrium.bounds, strict=True)
-        }
-    else:
-        free = {}
-    routh = context.routh(polynomial)
-    answer: Answer = "undecided"
-    hurwitz = context.verdict(polynomial, free)
-    if zeros < equilibrium.dimension or hurwitz is None:
-        statements.append(Statement("the linear part does not decide"))
-    else:
-        answer = ANSWERS[hurwitz.value]
-        method = "Lyapunov's first method"
-        affine = not context.form.jacobian(equilibrium.mode).has(*context.form.x)
-        if answer == "undecided" and not equilibrium.dimension and affine:
-            bounded = context.bounded(linear.smooth)
-            if bounded is not None:
-                answer, method = ("stable" if bounded else "unstable"), "the mode's field is linear"
-        if answer == "stable":
-            text = "roots on the imaginary axis, with as many eigenvectors: motions stay near"
-        elif answer == "unstable" and hurwitz is not Verdict.UNSTABLE:
-            text = "a repeated root on the imaginary axis with too few eigenvectors: motions grow like t"
-        elif answer == "undecided":
-            text = "the linear part has roots on the imaginary axis, so higher terms decide"
-        else:
-            text = f"all roots lie in the left half plane: the equilibrium is {hurwitz.value}"
-            if answer == "unstable":
-                text = "the linear part is unstable, and so is the equilibrium"
-        statements.append(Statement(text, method))
-    edges = equilibrium.kind == "boundary equilibrium" if isinstance(equilibrium, EquilibriumPoint) else False
-    if edges and answer != "unstable":
-        statements.append(
-            Statement("it lies on a kink: the Jacobian is that of one side, and both sides together decide")
-        )
-        answer = "undecided"
-    solved = context.solved(routh) if routh is not None else None
-    return EquilibriumStability(
-        equilibrium, linear, polynomial, routh, False, answer, (), answer, tuple(statements), solved
-    )
-
-
-def _inner(low: float, high: float) -> float:
-    if abs(low) == float("inf") and abs(high) == float("inf"):
-        return 0.1
-    if abs(low) == float("inf") or abs(high) == float("inf"):
-        return low + 1.0 if abs(low) < float("inf") else high - 1.0
-    return 0.45 * low + 0.55 * high

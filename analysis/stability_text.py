@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +18,8 @@ from filippov.analysis.stability_result import (
     StabilityResult,
     Statement,
 )
+from filippov.escape import latex, markdown, printable
+from filippov.json_text import json_text
 
 
 @dataclass(frozen=True)
@@ -55,29 +56,20 @@ def _indented(routh: Any) -> str:
     return routh_text.text(routh, "    ")
 
 
-_SPECIAL = str.maketrans(
-    {"_": r"\_", "&": r"\&", "%": r"\%", "#": r"\#", "^": r"\^{}", "|": r"$|$", "*": r"$*$"}
-)
-
-
-def _escaped(text: str) -> str:
-    return text.translate(_SPECIAL).replace("<", "$<$").replace(">", "$>$")
-
-
-TEXT = Style(_plain, _underlined, lambda s: f"  - {s}", _indented, str)
+TEXT = Style(_plain, _underlined, lambda s: f"  - {s}", _indented, printable)
 MARKDOWN = Style(
     _tex,
     lambda n, s: f"{'#' * (n + 1)} {s}",
     lambda s: f"- {s}",
     routh_text.markdown,
-    lambda s: s.replace("**", r"\*\*").replace("|", r"\|"),
+    markdown,
 )
 LATEX = Style(
     _tex,
     lambda n, s: f"\\{('section', 'subsection', 'paragraph')[n - 1]}{{{s}}}",
     lambda s: s + r"\par",
     routh_text.latex,
-    _escaped,
+    latex,
 )
 
 
@@ -100,9 +92,11 @@ def _item(item: EquilibriumStability, result: StabilityResult, style: Style) -> 
     on = ", ".join(name for name, c in zip(result.surfaces, e.mode, strict=True) if c == "0")
     kind = "set of equilibria" if isinstance(e, EquilibriumSet) else e.kind
     where = f", mode {e.mode}" if e.mode else ""
-    title = style.escape(f"{kind[0].upper()}{kind[1:]}{where}" + (f", sliding on {on}" if on else ""))
+    how = "on" if kind == "resting contact" else "sliding on"
+    title = style.escape(f"{kind[0].upper()}{kind[1:]}{where}" + (f", {how} {on}" if on else ""))
     lines = [style.item(line) for line in _place(e, style)]
-    blocks = [style.heading(2, title), "\n".join(lines)]
+    verdict = f"Verdict at the parameter values: {item.answer}."
+    blocks = [style.heading(2, title), verdict, "\n".join(lines)]
     if item.polynomial is not None and len(item.polynomial) > 1:
         of = "sliding field" if on else "linear part"
         whole = item.routh is not None and len(item.routh.coefficients) == len(item.polynomial)
@@ -115,7 +109,6 @@ def _item(item: EquilibriumStability, result: StabilityResult, style: Style) -> 
     blocks.append("\n".join(style.item(_statement(s, style)) for s in item.statements))
     for case in item.cases:
         blocks += _case(case, bool(getattr(e, "ends", ())), style)
-    blocks.append(f"Verdict at the parameter values: {item.answer}.")
     return [b for b in blocks if b]
 
 
@@ -178,10 +171,11 @@ def _case(case: SlipCase, ends: bool, style: Style) -> list[str]:
     if case.solved is not None:
         lines += _solved(case.solved, style)
     lines += [_statement(s, style) for s in case.statements]
-    criterion = (
-        f"; the Routh-Hurwitz condition is {case.criterion} for it" if case.criterion != "none" else ""
-    )
-    lines.append(f"at the parameter values the set is {case.answer} in this case{criterion}")
+    if case.criterion == "sufficient":
+        lines.append("the Routh-Hurwitz conditions are sufficient for a stable set, not necessary")
+    elif case.criterion != "none":
+        lines.append(f"the Routh-Hurwitz conditions are {case.criterion} for a stable set")
+    lines.append(f"at the parameter values the set is {case.answer} in this case")
     return [*blocks, "\n".join(style.item(line) for line in lines)]
 
 
@@ -224,7 +218,7 @@ def as_dict(result: StabilityResult) -> dict[str, Any]:
 
 def as_json(result: StabilityResult) -> str:
     """`as_dict` as JSON."""
-    return json.dumps(as_dict(result), indent=2, ensure_ascii=False, allow_nan=False)
+    return json_text(as_dict(result), indent=2)
 
 
 def _item_dict(item: EquilibriumStability) -> dict[str, Any]:

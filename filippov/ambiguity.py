@@ -12,16 +12,20 @@ import numpy as np
 from filippov._kernels import codes
 from filippov.errors import UsageError
 from filippov.events import Mode
+from filippov.leading import Terms, leading_term
 from filippov.machine import Array, Machine
-from filippov.modes import Point, Successor, leading_term, successors
+from filippov.modes import Successor, successors
 from filippov.options import Options
+from filippov.point import Point
 from filippov.problem import Problem
 from filippov.run import Run
 from filippov.status import mode_text
 
 CORNER, REPELLING = "ambiguous corner", "repelling sliding"
+SPIRAL = "spiral out of a corner"
 BEFORE_A_RESET = "before a reset"
 VISIBLE, INVISIBLE, MIXED = "visible two-fold", "invisible two-fold", "visible-invisible two-fold"
+NEUTRAL = 1e-9
 TANGENCY, STICTION = "visible tangency", "sliding or slip"
 
 
@@ -31,8 +35,10 @@ class Ambiguity:
 
     t           time
     name        "repelling sliding", "visible two-fold", "invisible two-fold", "visible-invisible two-fold",
-                "visible tangency", "sliding or slip" or "ambiguous corner"; backwards in time "before a
-                reset", without candidates: the state from which the reset led here is not determined
+                "visible tangency", "sliding or slip", "ambiguous corner" or "spiral out of a corner": what
+                goes round the corner through the modes off it gets away from it, in infinitely many
+                crossings, and is none of the candidates; backwards in time "before a reset", without
+                candidates: the state from which the reset led here is not determined
     candidates  every consistent next mode
     before      the mode in which the point was reached
     hit         numbers of the surfaces that were reached there
@@ -90,8 +96,10 @@ def _name(point: Point, met: Sequence[int], candidates: Sequence[Successor]) -> 
     if not candidates:
         return "", -1
     machine = point.machine
-    if not candidates:
-        return "", -1
+    if len(candidates) == 1 and any(
+        spirals_out(point, candidates[0].mode, pair) for pair in _pairs(point, candidates[0].mode)
+    ):
+        return SPIRAL, -1
     differ = sorted({i for c in candidates for i in met if c.mode[i] != candidates[0].mode[i]})
     if len(candidates) > 1 and len(differ) != 1:
         return CORNER, -1
@@ -115,6 +123,43 @@ def _name(point: Point, met: Sequence[int], candidates: Sequence[Successor]) -> 
     return STICTION, surface
 
 
+def _pairs(point: Point, mode: Mode) -> list[list[int]]:
+    """Corners of two surfaces that a mode slides on."""
+    groups: dict[int, list[int]] = {}
+    for i, value in enumerate(mode):
+        if value == 0 and point.machine.roles[i] == "switching" and not point.machine.contacts[i]:
+            groups.setdefault(point.machine.component[i], []).append(i)
+    return [group for group in groups.values() if len(group) == 2]
+
+
+def spirals_out(point: Point, mode: Mode, pair: Sequence[int]) -> bool:
+    """Whether the four fields at a corner turn round it and lead away from it.
+
+    With h' constant in each quadrant a lap takes a distance d from the corner to rho d; rho is the product of
+    the four ratios of the rates. Beyond 1 the corner is left backwards along an infinite number of laps.
+    """
+    if len(pair) != 2:
+        return False
+    at = np.array(mode, dtype=float)
+    g, gt = point.gradients(at)
+    signs = np.where(at == 0.0, 1.0, at)
+    outward = []
+    for vertex in ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)):
+        signs[list(pair)] = vertex
+        velocity = point.rhs(signs, at)
+        rates = [point.direction * (point.machine.rate(i, g, velocity) + float(gt[i])) for i in pair]
+        outward.append([sign * rate for sign, rate in zip(vertex, rates, strict=True)])
+    # Each quadrant is left across one surface while the other gets further away: in turn, either way round.
+    for first in (0, 1):
+        rho = 1.0
+        for q, rates in enumerate(outward):
+            leaving, growing = rates[(q + first) % 2], rates[(q + first + 1) % 2]
+            rho = rho * growing / -leaving if leaving < 0.0 < growing else 0.0
+        if rho > 1.0 + NEUTRAL:
+            return True
+    return False
+
+
 def _side(point: Point, beside: Successor, surface: int, sign: float) -> tuple[int, bool] | None:
     """Order with which the field of one side leaves the surface, and whether it does so to its own side."""
     mode: Array = np.array(beside.mode, dtype=float)
@@ -122,7 +167,8 @@ def _side(point: Point, beside: Successor, surface: int, sign: float) -> tuple[i
     lam = np.array(beside.multipliers)
     g, gt = point.gradients(mode)
     size = float(np.sum(np.abs(g[surface] * point.x)) + abs(gt[surface] * point.t))
-    term = leading_term(point, mode, lam, partial(_guard, surface), size)
+    terms = Terms(size, point.terms(surface, mode), grain=point.grain)
+    term = leading_term(point, mode, lam, partial(_guard, surface), terms)
     return None if term is None or term[0] == 0 else (term[0], term[1] > 0)
 
 
@@ -169,7 +215,11 @@ def point_of(run: Run) -> Point:
     step = min(hint, 1e-2 * size / speed, abs(t_end - run.t) or np.inf, run.options.max_step)
     if not np.isfinite(step):
         step = 1e-3
-    return Point(run.machine.local, run.t, run.x.copy(), run.direction, run.direction * step, run.lam.copy())
+    longest = min(abs(t_end - run.t), run.options.max_step)
+    return Point(
+        run.machine.local, run.t, run.x.copy(), run.direction, run.direction * step, run.lam.copy(),
+        longest=longest,
+    )  # fmt: skip
 
 
 def ambiguity_at(

@@ -8,17 +8,16 @@ from __future__ import annotations
 import ast
 import io
 import math
-import os
-import tempfile
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, BinaryIO, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from filippov.errors import UsageError
+from filippov.whole_file import write_whole
 
 DTYPES = ("<f8", "<i8", "|u1")
 LONGEST_HEADER = 10_000
@@ -26,25 +25,15 @@ MOST_ENTRIES = 64
 
 
 def write_arrays(path: str | Path, arrays: Mapping[str, npt.NDArray[Any]]) -> Path:
-    """Write float64, int64 and uint8 arrays: into a temporary file beside the path, fsync, then
-    os.replace."""
-    target = Path(path)
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
-                for key, array in arrays.items():
-                    with archive.open(f"{key}.npy", "w", force_zip64=True) as entry:
-                        np.lib.format.write_array(entry, _little(array), version=(1, 0), allow_pickle=False)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).chmod(0o666 & ~_umask())
-        Path(name).replace(target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-    _sync_folder(target.parent)
-    return target
+    """Write float64, int64 and uint8 arrays, whole or not at all."""
+
+    def fill(file: BinaryIO) -> None:
+        with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
+            for key, array in arrays.items():
+                with archive.open(f"{key}.npy", "w", force_zip64=True) as entry:
+                    np.lib.format.write_array(entry, _little(array), version=(1, 0), allow_pickle=False)
+
+    return write_whole(path, fill)
 
 
 class Archive:
@@ -147,20 +136,3 @@ def _array(content: bytes) -> npt.NDArray[Any]:
 def _little(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     kind = {"f": "<f8", "i": "<i8", "u": "|u1"}[array.dtype.kind]
     return np.ascontiguousarray(array, dtype=kind)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make the new name last: a folder is synced where the system can (not on Windows)."""
-    if os.name != "posix":
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -8,13 +8,15 @@ from dataclasses import replace
 import sympy
 from sympy import Expr, Symbol
 
-from filippov.check import as_expression
+from filippov.check import as_expression, check_size
 from filippov.contact import contact_of
 from filippov.errors import ModelError
 from filippov.extract import Extractor
+from filippov.hysteresis import normalised
 from filippov.kinds import kind_of
 from filippov.names import closest, unknown
 from filippov.parameter_symbol import ParameterNamespace, ParameterSymbol
+from filippov.spelling import surface_name
 from filippov.surface import Surface
 from filippov.symbolic import Contact, SymbolicForm
 from filippov.symbols import t
@@ -36,12 +38,15 @@ def assemble(
     `spare`: a declared surface may be without effect. Raises ModelError.
     """
     x = tuple(equations)
+    for symbol, f in equations.items():
+        check_size(f, f"the equation of {symbol.name!r}")
     given = tuple(_checked(surface, x) for surface in surfaces)
     _check_names(given)
     _check_resets((*given, *time_events), x)
     clocks = [e for event in time_events for e in event.expressions()]
     p = _parameters([*equations.values(), *_expressions(given), *clocks], parameters, x)
     extractor = Extractor()
+    extractor.note(equations.values())
     extractor.declare(given)
     field = [extractor.field(f, f"the equation of {symbol.name!r}") for symbol, f in equations.items()]
     radius = {surface.name: _radius(extractor, surface) for surface in given}
@@ -85,7 +90,7 @@ def assemble(
                 "stands on it. Leave the radius out, or write the jump with sign(...)."
             )
         out.append(replace(declared, kind=kind))
-    return with_contacts(form, tuple(out))
+    return with_contacts(*normalised(form, out))
 
 
 def with_contacts(
@@ -106,7 +111,7 @@ def with_contacts(
             elif surface.contact:
                 raise ModelError(
                     f"surface {surface.name!r}: there is no resting contact, for {found}. contact=True fits "
-                    "a reset that turns dh/dt round and leaves the state as it is where dh/dt = 0."
+                    "a reset that turns dh/dt round and keeps h = dh/dt = 0."
                 )
         contacts.append(contact)
         out.append(surface if surface.reset is None else replace(surface, contact=contact is not None))
@@ -151,7 +156,8 @@ def _check_resets(sources: Sequence[Surface | TimeEvent], x: Sequence[Symbol]) -
 
 
 def _expressions(surfaces: Sequence[Surface]) -> list[Expr]:
-    out = [e for surface in surfaces for e in (surface.h, *surface.radius) if isinstance(e, Expr)]
+    given = (e for surface in surfaces for e in (surface.h, *surface.radius, surface.width))
+    out = [e for e in given if isinstance(e, Expr)]
     return out + [e for surface in surfaces for _, e in surface.reset or ()]
 
 
@@ -265,7 +271,7 @@ def _names(entries: Sequence[Entry]) -> list[str]:
         if entry.declared is not None:
             names.append(entry.declared.name)
             continue
-        name = str(plain)
+        name = surface_name(plain)
         while name in taken:
             name = f"({name})"
         taken.add(name)

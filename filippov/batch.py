@@ -14,6 +14,7 @@ import numpy.typing as npt
 from filippov._kernels import codes
 from filippov._kernels.build import ENTRIES, Compiled, build
 from filippov.events import Stop
+from filippov.gradients import check_gradients
 from filippov.machine import Array, Machine
 from filippov.options import Options
 from filippov.system import System
@@ -24,6 +25,8 @@ _EVENT_ROOM = 64
 _CHUNK = 50_000
 _WAITING = 0.05
 # Rows that a thread takes at a time, and parts of its share of all rows: at the end no thread waits long.
+# Rows at whose ends the gradients of functions are looked at.
+_LOOKED_AT = 32
 _MOST_TAKEN, _PARTS = 64, 32
 UNFINISHED = -1
 _TALLIES = 4
@@ -74,6 +77,8 @@ class Batch:
         self.kinds = np.zeros((k, m * codes.KINDS + 2), dtype=np.int64)
         self.kinds[:, -2:] = -1
         self.code = np.full(k, UNFINISHED, dtype=np.int64)
+        # What functions of the user's raised, by row.
+        self.raised: dict[int, BaseException] = {}
         self.atol = options.tolerances(machine.system)
         self.p = machine.derived(values)
         # What has been taken, the number of rows that are done, and how many are taken at a time: the
@@ -207,13 +212,30 @@ class _Chunks:
             # One row a call: the parameters of plain functions are handed over before it.
             if self.room.rows[0] < 0:
                 machine.callbacks.parameters(self.batch.values[self.row])
+                names, start = machine.system.parameters.names, float(self.batch.clock[self.row, codes.T])
+                machine.callbacks.speed_up(names, start, self.batch.x[self.row])
+                self._look(self.row)
                 self.batch.queue[0] = self.row
                 self.row += 1
             left = self.function(self.row, self.steps, *self.addresses)
-            machine.raise_error()
+            error, machine.callbacks.error = machine.callbacks.error, None
+            if isinstance(error, KeyboardInterrupt):
+                raise error
+            if error is not None:  # it is this row's; the others go on
+                self.batch.raised[self.row - 1] = error
+                self.batch.code[self.row - 1] = codes.USER_ERROR
+                self.room.rows[0], left = -1, 0
+            elif left == 0:
+                self._look(self.row - 1)
             self.more = left != 0 or self.row < self.last
             return
         self.more = self.function(self.last, self.steps, *self.addresses) != 0
+
+    def _look(self, row: int) -> None:
+        """Compare the gradients of functions with differences where a row begins or ends."""
+        x = self.batch.x[row]
+        if row < _LOOKED_AT and np.all(np.isfinite(x)):
+            check_gradients(self.batch.machine, float(self.batch.clock[row, codes.T]), x.copy())
 
 
 def _rows(k: int, row: npt.NDArray[Any]) -> npt.NDArray[Any]:

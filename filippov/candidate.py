@@ -9,140 +9,26 @@ Sources: Filippov 1988, section 10; Dieci & Lopez 2012, section 3.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
-from filippov._kernels.tables import NODES, POSITION
 from filippov.events import Mode
-from filippov.machine import Array, Machine
+from filippov.leading import Terms, leading_term
+from filippov.machine import Array
+from filippov.point import Point
 
 CLEAR = 1e-6
 BALANCED = 1e-10
-VANISHING = 1e-9
-# Excursions that are rounding, of the size of the terms of a guard.
-SHALLOW = 1e-12
 # Of what the signs make of a rate: what is left of one that vanishes where the end of sliding was located.
 LOCATED = 1e-7
-TRIALS, SHORTER = 12, 4.0
+# The same where it is rounding, of the terms of the rate and of what the signs make of it.
+ROUNDING, AT_END = 16 * float(np.finfo(float).eps), 3e-13
 OPEN = 1e299
 NO_RATE = 1e-12
-_MONOMIAL = np.linalg.inv(np.vander(np.array(POSITION), NODES, increasing=True))
-
-Probe = tuple[int, Array, Array, Array]
-
-
-@dataclass(frozen=True)
-class Point:
-    """Where modes are asked for: machine, time and state, direction of time, a trial step.
-
-    guess    the last multipliers
-    resting  surfaces with a contact on which the state may rest
-    met      surfaces that the point lies on
-    """
-
-    machine: Machine
-    t: float
-    x: Array
-    direction: float
-    step: float
-    guess: Array
-    resting: frozenset[int] = frozenset()
-    met: frozenset[int] = frozenset()
-    reached: dict[int, float] = field(default_factory=dict, compare=False, repr=False)
-    probed: dict[tuple[float, bytes, bytes], Probe] = field(default_factory=dict, compare=False, repr=False)
-
-    def gradients(self, mode: Array) -> tuple[Array, Array]:
-        """dh/dx and dh/dt with the sizes of a mode."""
-        return self.machine.gradients(self.t, self.x, mode)
-
-    def rhs(self, signs: Array, mode: Array) -> Array:
-        """The vertex field at signs +-1."""
-        return self.machine.rhs(self.t, self.x, signs, mode)
-
-    def reach(self, i: int, mode: Array) -> float:
-        """By how much the signs of the surfaces met move the rate of surface i: where they balance, by 0.
-
-        What is left of forces in balance is rounding of these, however small the sum itself is.
-        """
-        if i not in self.reached:
-            component = self.machine.component
-            group = [j for j in self.met if component[j] == component[i]]
-            g, _ = self.gradients(mode)
-            signs = np.where(mode == 0.0, 1.0, mode)
-            effects = []
-            for j in group:
-                signs[j] = -signs[j]
-                effects.append(self.rhs(signs, mode))
-                signs[j] = -signs[j]
-            base = self.rhs(signs, mode)
-            for k in {i, *group}:
-                change = [abs(self.machine.rate(k, g, effect - base)) for effect in effects]
-                self.reached[k] = float(np.nansum(change))
-        return self.reached[i]
-
-    def probe(self, step: float, mode: Array, lam: Array) -> Probe:
-        """`Machine.probe` at this point; many surfaces ask for the same one."""
-        key = (step, mode.tobytes(), lam.tobytes())
-        if key not in self.probed:
-            code, velocity, multipliers, rows = self.machine.probe(self.t, step, self.x, mode, lam)
-            self.probed[key] = code, velocity.copy(), multipliers, rows
-        return self.probed[key]
-
-
-def first_derivative(values: Array, scale: float, located: bool = False) -> tuple[int, float]:
-    """Order and coefficient of the first power of theta in the guard: (0, 0.0) if it is zero throughout.
-
-    located: the rate vanishes at the point, up to the error of locating it; scale is that of the rate.
-    """
-    powers = _MONOMIAL @ values
-    first = 1
-    if located:
-        powers, first = powers * np.arange(NODES), 2
-    largest = float(np.max(np.abs(powers[first:] if located else values[1:])))
-    noise = 64 * np.finfo(float).eps * scale
-    if not np.isfinite(largest) or largest <= noise:
-        return 0, 0.0
-    least = max(VANISHING * largest, noise)
-    for order in range(first, NODES - 1):
-        if abs(powers[order]) > least:
-            # Where the point was located next to an extremum, what is left of the slope turns round at once.
-            now, then = float(powers[order]), float(powers[order + 1])
-            turns = order == first and now * then < 0 and abs(then) > least
-            if turns and now**2 <= 4.0 * SHALLOW * scale * abs(then):
-                continue
-            return order, now
-    return 0, 0.0
-
-
-def leading_term(
-    point: Point, mode: Array, lam: Array, pick: Callable[[Array], Array], scale: float, spread: float = 0.0
-) -> tuple[int, float] | None:
-    """Order and sign of the first power of time in a guard along a mode; None where it cannot be followed.
-
-    pick: the guard out of the rows of `Machine.probe`. spread: where its rate vanishes, by how much the signs
-    move that rate; else 0. The trial step is shortened until two lengths agree on
-    the term, so that what a polynomial on a long step makes up is not taken for a derivative.
-    """
-    step, last = point.step, (-1, 0.0)
-    for _ in range(TRIALS):
-        code, _, _, rows = point.probe(step, mode, lam)
-        if code != 0:
-            return None
-        values = pick(rows)
-        # The point may lie by a rounding on the side on which the mode's guard has no value.
-        start = values[0] if np.isfinite(values[0]) else 0.0
-        if not np.all(np.isfinite(values[1:])):
-            step /= SHORTER
-            continue
-        located = spread > 0.0
-        order, size = first_derivative(values - start, spread * abs(step) if located else scale, located)
-        if order == last[0] and (order == 0 or 0.8 < size * SHORTER**order / last[1] < 1.25):
-            return order, float(np.sign(size))
-        last, step = (order, size), step / SHORTER
-    return (last[0], float(np.sign(last[1]))) if last[0] >= 0 else None
+# A rate above this part of what the signs and the field make of it is no rounding, whatever the terms are.
+PLAIN = 1e-3
 
 
 def multiplier_guesses(point: Point, sliding: Sequence[int]) -> list[Array]:
@@ -172,9 +58,12 @@ def sliding_solutions(point: Point, mode: Array, sliding: Sequence[int]) -> list
 
 
 def nearness(base: Mode, i: int, low: float, high: float) -> float:
-    """How close a multiplier at an end of its set stands to it: as an exit is located, or a rounding."""
+    """How close a multiplier at an end of its set stands to it: as an exit is located, or a rounding.
+
+    Not less than a rate beyond that end that counts as 0 (LOCATED, AT_END), 2/(hi - lo) of it in the rate.
+    """
     width = high - low if high - low < OPEN else 1.0  # a contact has one end
-    return (1e-7 if base[i] == 0 else 1e-13) * (1.0 + width)
+    return (1e-7 if base[i] == 0 else 2e-13) * (1.0 + width)
 
 
 def inside(base: Mode, lam: Array, radii: Array, sliding: Sequence[int]) -> bool | None:
@@ -203,7 +92,8 @@ def moving_outwards(
                 code, _, _, rows = point.probe(point.step, mode, lam)
                 # Rows are written for sliding that attracts; one that repels has both of them negative.
                 scale = float(np.max(np.abs(rows[:, :, i])))
-                term = leading_term(point, mode, lam, partial(_row, side, i), scale)
+                terms = Terms(scale, 0.0, grain=point.grain)
+                term = leading_term(point, mode, lam, partial(_row, side, i), terms)
                 if code != 0 or term is None or term[1] * _attraction(rows, i) < 0:
                     leaving.append(i)
                     break
@@ -245,13 +135,19 @@ def clear_rates(
         rate = float(np.sum(terms)) * mode[i] * point.direction
         # A guard with a root in it has no rate where the root vanishes.
         rough = not np.isfinite(rate)
-        if rough or i in tangent or abs(rate) <= max(CLEAR * scale, BALANCED * point.reach(i, mode)):
+        if rough or i in tangent or abs(rate) <= CLEAR * scale or _balanced(point, i, mode, rate, scale):
             unclear.append(i)
         elif rate < 0:
             return None
         else:
             margin = min(margin, rate / scale)
     return margin, unclear
+
+
+def _balanced(point: Point, i: int, mode: Array, rate: float, scale: float) -> bool:
+    """Whether a rate may be what is left of larger terms that cancel."""
+    part = abs(rate) / (scale + point.reach(i, mode))
+    return part <= BALANCED or (part <= PLAIN and abs(rate) <= BALANCED * point.terms(i, mode))
 
 
 def leaves(
@@ -268,10 +164,18 @@ def leaves(
         with np.errstate(invalid="ignore"):
             sizes = np.abs(np.append(g[i] * point.x, gt[i] * point.t))
         size = float(np.sum(sizes[np.isfinite(sizes)]))
-        rate, spread = abs(point.machine.rate(i, g, velocity) + float(gt[i])), 0.0
-        if i in tangent and i not in point.resting and rate <= LOCATED * point.reach(i, mode):
-            spread = point.reach(i, mode)
-        term = leading_term(point, mode, lam, partial(_row, 0, i), size, spread)
+        raw = point.machine.rate(i, g, velocity) + float(gt[i])
+        rate = raw if np.isfinite(raw) else None
+        speed, moved = point.terms(i, mode), point.reach(i, mode)
+        # A multiplier that stands at its end, as `nearness` says, and the rate of the mode beyond it are one.
+        located = LOCATED if i in tangent and i not in point.resting else AT_END
+        level = rate is not None and abs(rate) <= max(located * moved, ROUNDING * speed)
+        # Where the motion of this very mode came back to its surface, rounding has decided; backwards the run
+        # is put on the place where the rate vanishes.
+        same = i in point.back and np.array_equal(point.base, mode)
+        level = level and not (same and point.direction > 0)
+        terms = Terms(size, speed, None if rate is None else rate * mode[i], level, point.grain)
+        term = leading_term(point, mode, lam, partial(_row, 0, i), terms)
         if term is None or term[1] < 0:
             return None
         orders[i] = term[0]

@@ -11,6 +11,9 @@ from sympy.core.function import AppliedUndef
 from sympy.logic.boolalg import Boolean
 
 from filippov.errors import ModelError
+from filippov.size import Scale
+
+LARGEST, DEEPEST = 200_000, 100
 
 _JUMPS = (
     "it jumps infinitely often. Jumps in time are a TimeEvent('clock', period=...) with a state that it "
@@ -56,8 +59,28 @@ def as_expression(value: object, where: str) -> Expr:
     )
 
 
+def check_size(expr: Expr, where: str) -> None:
+    """Raise ModelError if `expr` has more than LARGEST nodes or is nested deeper than DEEPEST.
+
+    All that is shared in it counts as written out, for so it is gone through.
+    """
+    nodes, depth = Scale().weigh(expr)
+    if depth > DEEPEST:
+        raise ModelError(
+            f"{where}: the expression is nested {depth} deep, expected at most {DEEPEST}. Give the system as "
+            "plain functions: System(field=f, ...)."
+        )
+    if nodes > LARGEST:
+        raise ModelError(
+            f"{where}: the expression has {float(nodes):.3g} nodes, expected at most {LARGEST}. Give the "
+            "system as plain functions: System(field=f, ...)."
+        )
+
+
 def check_expression(expr: Expr, where: str) -> None:
-    """Raise ModelError if `expr` is complex, not finite, or holds a function that has no place in a field."""
+    """Raise ModelError if `expr` is complex, not finite, or holds a function that has no place in a field.
+    """
+    check_size(expr, where)
     if expr.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
         raise ModelError(
             f"{where}: {expr} is not finite. Look for a division by zero or an infinite constant."

@@ -17,6 +17,7 @@ import re
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NoReturn
 
 from filippov.commands.catalogue import Command, commands
@@ -101,20 +102,33 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; returns its exit code."""
     show: dict[str, bool] = {}
     try:
-        return _main(list(sys.argv[1:] if argv is None else argv), show)
-    except SystemExit as leave:  # --help and --version
-        return int(leave.code or 0)
+        return _main(list(sys.argv[1:] if argv is None else argv), show, argv is None)
+    except SystemExit as leave:
+        if not show.get("begun"):  # --help and --version
+            return int(leave.code or 0)
+        return _failed(FAILED, _left(leave), show)
     except UsageError as error:
         return _failed(USAGE, str(error), show)
     except KeyboardInterrupt:
         return _failed(INTERRUPTED, "interrupted", show)
     except BrokenPipeError:
         # Whoever read stdout has left; Python would complain once more when it closes the stream.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        with suppress(OSError, ValueError, AttributeError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
-    except Exception as error:  # noqa: BLE001
+    except BaseException as error:  # noqa: BLE001
         # A user's own function may raise anything; its cause is named and the exit code tells of it.
         return _failed(FAILED, f"{type(error).__name__}: {error}", show)
+
+
+def _left(leave: SystemExit) -> str:
+    """What to say where a function of the user's ended the program: none of its codes is that of a result."""
+    frames = traceback.extract_tb(leave.__traceback__)
+    where = f", line {frames[-1].lineno} of {frames[-1].filename}" if frames else ""
+    return (
+        f"the model or a function of yours left the program (SystemExit: {leave.code}{where}), so there is "
+        "no result. Raise an exception that says why, or return a value."
+    )
 
 
 def _failed(code: int, said: str, show: dict[str, bool]) -> int:
@@ -125,7 +139,8 @@ def _failed(code: int, said: str, show: dict[str, bool]) -> int:
     return code
 
 
-def _main(argv: list[str], show: dict[str, bool]) -> int:
+def _main(argv: list[str], show: dict[str, bool], for_good: bool) -> int:
+    """The work; for_good: nothing comes after it in this process."""
     known = commands()
     parser = build_parser(known)
     # A leading blank keeps argparse from taking -1e-3 and -(pi/2) for flags.
@@ -144,4 +159,7 @@ def _main(argv: list[str], show: dict[str, bool]) -> int:
     keys = {name: [option.name for option in other.settings] for name, other in known.items()}
     settings = merge(command.name, command.settings, given, keys)
     show["traceback"] = settings["traceback"]
-    return command.load()(settings, Console(settings["json"] is True, settings["quiet"]))
+    console = Console(settings["json"] is True, settings["quiet"])
+    show["begun"] = True
+    with console.alone(for_good):
+        return command.load()(settings, console)

@@ -1,6 +1,6 @@
 """Resting contact: the limit of ever smaller impacts, written as sliding on a surface with a reset.
 
-At rest on the surface h = 0 the rate L = dh/dt vanishes, and there the reset leaves the state as it is. A
+At rest on the surface h = 0 the rate L = dh/dt vanishes, and there the reset leaves h and L as they are. A
 reset just off rest moves the state along one direction D, scaled here to grad(L) . D = 1. In contact
 
     x' = f + side (1 - side s)/2 D,   L' = 0,   s in (-inf, 1] for side +1, [-1, inf) for side -1
@@ -17,9 +17,10 @@ from collections.abc import Sequence
 import sympy
 from sympy import Expr, Float, Symbol
 
+from filippov.size import cancelled, expanded
 from filippov.symbolic import Contact, SymbolicForm
 from filippov.symbols import t
-from filippov.table import samples
+from filippov.table import samples, vanishes
 
 DIGITS = 30
 CLOSE = Float("1e-18")
@@ -33,7 +34,7 @@ def contact_of(form: SymbolicForm, i: int, after: Sequence[Expr], side: int) -> 
     if h.free_symbols & set(form.a):
         return "h has a kink"
     slope = sympy.Matrix([h.diff(x) for x in form.x])
-    rate = sympy.expand(h.diff(t) + sum(g * f for g, f in zip(slope, form.field, strict=True)))
+    rate = expanded(h.diff(t) + sum(g * f for g, f in zip(slope, form.field, strict=True)))
     if rate.free_symbols & signs:
         return "the field jumps along its gradient"
     if any(e.free_symbols & signs for e in after):
@@ -45,26 +46,30 @@ def contact_of(form: SymbolicForm, i: int, after: Sequence[Expr], side: int) -> 
     probe = across - slope * (across.dot(slope) / slope.dot(slope))
     jump = sympy.Matrix([e - x for e, x in zip(after, form.x, strict=True)])
     push = jump.jacobian(form.x) * probe
-    along = sympy.cancel(across.dot(push)) if n < 9 else across.dot(push)
-    if along == 0:
+    along = cancelled(across.dot(push)) if n < 9 else across.dot(push)
+    if along == 0 or vanishes(along):
         return "the reset does not act on dh/dt"
-    direction = tuple(sympy.cancel(e / along) for e in push)
+    direction = tuple(cancelled(e / along) for e in push)
     if any(e.has(sympy.nan, sympy.zoo) for e in direction):
         return "the reset does not act on dh/dt"
-    if not _rests(form, h, rate, jump, along):
-        return "the reset moves the state where dh/dt is 0"
+    moved = dict(zip(form.x, after, strict=True))
+    if not _rests(form, h, rate, [e.subs(moved, simultaneous=True) for e in (h, rate)], along):
+        return "the reset changes h or dh/dt where both are 0"
     return Contact(side, rate, direction)
 
 
-def _rests(form: SymbolicForm, h: Expr, rate: Expr, jump: sympy.Matrix, along: Expr) -> bool:
-    """Whether the reset leaves states with h = dh/dt = 0 as they are, at points found by Newton's method."""
-    symbols: set[Symbol] = set().union(*(e.free_symbols for e in (h, rate, along, *jump))) | {*form.x, t}
+def _rests(form: SymbolicForm, h: Expr, rate: Expr, after: Sequence[Expr], along: Expr) -> bool:
+    """Whether h = dh/dt = 0 holds after the reset (`after`) where it did before, at points Newton finds.
+
+    What else the reset changes, a counter or the speed along the surface, it changes once at each impact.
+    """
+    symbols: set[Symbol] = set().union(*(e.free_symbols for e in (h, rate, along, *after))) | {*form.x, t}
     found = 0
     for point in samples(symbols, TRIALS, seed=random.Random(7).randint(1, 99)):  # noqa: S311
         at = _solved({q: Float(v, DIGITS) for q, v in point.items()}, form.x, sympy.Matrix([h, rate]))
         if at is None:
             continue
-        values = [e.xreplace(at).evalf(DIGITS) for e in (*jump, along)]
+        values = [e.xreplace(at).evalf(DIGITS) for e in (*after, along)]
         if not all(v.is_number and v.is_finite for v in values):
             continue
         if any(abs(v) > CLOSE for v in values[:-1]) or abs(values[-1]) < CLOSE:

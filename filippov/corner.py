@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from filippov.candidate import (
-    Point,
     clear_rates,
     inside,
     moving_outwards,
@@ -25,9 +26,12 @@ from filippov.complementarity import complementarity
 from filippov.errors import ModelError
 from filippov.events import Mode
 from filippov.machine import Array
+from filippov.point import Point
 
 ENUMERATED = 6
 MOST_NONAFFINE = 8
+# Singular values, in units of the rows, that are rounding; how many trial steps ahead ends are looked for.
+REDUNDANT, AHEAD = 1e-10, 1e-3
 
 
 def corners(
@@ -58,7 +62,7 @@ def corners(
 
 def choices(point: Point, base: Mode, group: Sequence[int], radii: Array) -> Iterable[tuple[int, ...]]:
     """Signs of a corner's surfaces that the rates do not refuse."""
-    each = [_signs(point, i) for i in group]
+    each = [_signs(point, base, i) for i in group]
     if len(group) == 1 and point.machine.roles[group[0]] != "switching":
         # Its rate may depend on the signs of all the others, and decides together with them.
         return [(sign,) for sign in each[0]]
@@ -74,9 +78,11 @@ def choices(point: Point, base: Mode, group: Sequence[int], radii: Array) -> Ite
     return _complementary(point, base, group, radii)
 
 
-def _signs(point: Point, i: int) -> tuple[int, ...]:
+def _signs(point: Point, base: Mode, i: int) -> tuple[int, ...]:
     if i in point.resting:
         return (point.machine.contacts[i], 0)
+    if point.machine.resets_from[i] == (base[i],):
+        return (base[i],)  # from its active side a surface is passed by its reset only
     return (1, -1, 0) if can_slide(point, i) else (1, -1)
 
 
@@ -92,7 +98,7 @@ def _plausible(
     sliding = [i for i in range(len(base)) if mode[i] == 0]
     own = [i for i in group if mode[i] == 0]
     free = [i for i in group if mode[i] != 0]
-    tangent = [i for i in group if base[i] == 0 or i in point.resting]
+    tangent = [i for i in group if base[i] == 0 or i in point.resting or i in point.along]
     for lam, velocity in sliding_solutions(point, mode, sliding):
         held = inside(base, lam, radii, own) is not False
         if held and clear_rates(point, mode, velocity, free, tangent) is not None:
@@ -145,12 +151,71 @@ def _complementary(
     found: list[tuple[int, ...]] = []
     for signs in itertools.product((1, -1), repeat=len(fixed)):
         mode = with_signs(base, fixed, signs)
-        for z in _solutions(point, mode, moving, radii):
+        for z in (*_solutions(point, mode, moving, radii), *_settled(point, mode, moving, radii)):
             mode[moving] = z
             _release(point, base, mode, moving, radii)
             picked = tuple(int(mode[i]) for i in group)
             if picked not in found:
                 found.append(picked)
+    return found
+
+
+def _settled(point: Point, mode: Array, moving: Sequence[int], radii: Array) -> list[Array]:
+    """Where contacts share a load in many ways: signs that carry it a moment later, some at their ends.
+
+    A contact that is at the end of its set and yet does not slip has that end as its sign, as h stays 0.
+    """
+    r, C, effects = coupling(point, mode, moving)
+    size = np.max(np.abs(C), axis=1, keepdims=True)
+    values = np.linalg.svd(C / np.where(size > 0.0, size, 1.0), compute_uv=False)
+    if values[-1] > REDUNDANT * values[0]:
+        return []
+    found: list[Array] = []
+    for _, z, signs in _held(point, r, C, moving, radii, np.zeros(len(moving))):
+        velocity = _field_at(point, mode, moving, z, effects)
+        ahead = point.direction * AHEAD * abs(point.step)
+        later = replace(
+            point, t=point.t + ahead, x=point.x + ahead * velocity, summed={}, reached={}, probed={}
+        )
+        r2, C2, _ = coupling(later, mode, moving)
+        for _, z2, signs2 in _held(later, r2, C2, moving, radii, np.zeros(len(moving))):
+            if np.array_equal(signs2, signs):
+                low, high = radii[list(moving)].T
+                ends = np.where((z2 >= high) & (high <= 1 + 1e-12), 1.0, 0.0)
+                ends -= np.where((z2 <= low) & (low >= -1 - 1e-12), 1.0, 0.0)
+                found.append(np.where(signs != 0.0, signs, ends))
+    return found
+
+
+def _field_at(point: Point, mode: Array, moving: Sequence[int], z: Array, effects: Array) -> Array:
+    """The field with these multipliers on the surfaces of a group."""
+    sizes = mode.copy()
+    sizes[list(moving)] = 0.0
+    signs = np.where(mode == 0.0, 1.0, mode)
+    signs[list(moving)] = -1.0
+    return np.asarray(point.rhs(signs, sizes) + (z + 1.0) @ effects)
+
+
+def _held(
+    point: Point, r: Array, C: Array, moving: Sequence[int], radii: Array, released: Array
+) -> list[tuple[npt.NDArray[np.int64], Array, Array]]:
+    """Solutions on the surfaces not released, each as (their places, z, signs of all)."""
+    low, high = radii[list(moving)].T
+    held = np.flatnonzero(released == 0.0)
+    right, inner = (r + C @ released)[held], C[np.ix_(held, held)]
+    # Each rate in its own unit: h may be scaled by anything.
+    unit = np.max(np.abs(inner), axis=1, initial=0.0) + np.abs(right) + 1e-300
+    right, inner = right / unit, inner / unit[:, None]
+    turn, found = point.direction, []
+    # h may leave its surface upwards at the upper end: w of the problem is minus the rate.
+    for z in complementarity(-turn * inner, -turn * right, low[held], high[held]).solutions:
+        w = turn * (right + inner @ z)
+        clear = 1e-9 * (np.abs(right) + np.abs(inner) @ np.abs(z) + 1e-300)
+        sides = np.where((z >= high[held]) & (w > clear), 1.0, 0.0)
+        sides -= np.where((z <= low[held]) & (w < -clear), 1.0, 0.0)
+        signs = released.copy()
+        signs[held] = sides
+        found.append((held, z, signs))
     return found
 
 
@@ -165,18 +230,8 @@ def _solutions(point: Point, mode: Array, moving: Sequence[int], radii: Array) -
     found: list[Array] = []
     while waiting:
         released, rounds = waiting.pop()
-        held = np.flatnonzero(released == 0.0)
-        right = (r + C @ released)[held]
-        # h may leave its surface upwards at the upper end: w of the problem is minus the rate.
-        turn = point.direction
-        answer = complementarity(-turn * C[np.ix_(held, held)], -turn * right, low[held], high[held])
-        for z in answer.solutions:
-            w = turn * (right + C[np.ix_(held, held)] @ z)
-            clear = 1e-9 * (np.abs(right) + np.abs(C[np.ix_(held, held)]) @ np.abs(z) + 1e-300)
-            sides = np.where((z >= high[held]) & (w > clear), 1.0, 0.0)
-            sides -= np.where((z <= low[held]) & (w < -clear), 1.0, 0.0)
-            signs = released.copy()
-            signs[held] = sides
+        for held, _, signs in _held(point, r, C, moving, radii, released):
+            sides = signs[held]
             wide = np.any((sides > 0) & (high[held] > 1 + 1e-12) | (sides < 0) & (low[held] < -1 - 1e-12))
             if wide and rounds <= len(moving):
                 waiting.append((signs, rounds + 1))

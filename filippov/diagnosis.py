@@ -14,6 +14,13 @@ from filippov.status import mode_text
 CLOSE = 1e-6
 # So many attempts that together take less than this part of what is left: the end is out of reach.
 STAGNATION_STEPS, STAGNATION, STANDSTILL = 4_000, 1e-5, 1e-9
+# So many such looks in a row that cover less than this: there is no getting going any more.
+LOOKS, NO_PROGRESS = 3, 1e-7
+TURNS = (
+    "a jump without a surface, or a field that turns round a point, such as friction along v/|v| at rest. "
+    "Write the jump with sign(...) or declare a Surface; give friction in the plane a small speed below "
+    "which it is linear, v/sqrt(|v|**2 + w**2)."
+)
 
 
 def close_call(run: Run, taken: Successor) -> str:
@@ -36,6 +43,39 @@ def stagnation(run: Run, part: float) -> str:
     if not jump and part >= STANDSTILL:
         return ""
     return suspect(run) if jump or _nearest(run, abs(run.t)) else ""
+
+
+def singular(run: Run) -> str:
+    """The component of the field that changes by its own size over next to nothing, and by no more beyond.
+
+    A stiff field changes ten times as much over ten times the way; one that jumps, or turns round a point
+    like v/|v|, does not. "" where no component does.
+    """
+    mode = run.mode.copy()
+    signs = np.where(mode == 0.0, 1.0, mode)
+    size = np.max(np.abs(run.x), initial=0.0)
+    with np.errstate(all="ignore"):
+        here = machine_field(run, signs)
+        for j, name in enumerate(run.machine.system.states):
+            reach = 1e-7 * max(abs(run.x[j]), 1e-3 * size, 1e10 * float(run.atol[j]), 1e-9)
+            for side in (1.0, -1.0):
+                near, far = (_moved(run, j, side * way, signs, mode) for way in (reach, 10.0 * reach))
+                change = np.abs(near - here)
+                i = int(np.argmax(change))
+                large = change[i] > 0.1 * (np.max(np.abs(here)) + np.max(np.abs(near)))
+                if large and abs(far[i] - here[i]) < 3.0 * change[i]:
+                    state = run.machine.system.states[i]
+                    return (
+                        f"d{state}/dt changes from {here[i]:.4g} to {near[i]:.4g} where {name} changes by "
+                        f"{reach:.1g}, and by no more beyond: {TURNS}"
+                    )
+    return ""
+
+
+def _moved(run: Run, j: int, way: float, signs: Array, mode: Array) -> Array:
+    x = run.x.copy()
+    x[j] += way
+    return run.machine.rhs(run.t, x, signs, mode)
 
 
 def machine_field(run: Run, signs: Array) -> Array:

@@ -14,12 +14,14 @@ from filippov._kernels import codes
 from filippov._kernels.build import widest
 from filippov._kernels.layout import LANES, MOST_LANES
 from filippov.batch import UNFINISHED, Batch, lane_unit, system_threads
-from filippov.errors import UsageError
-from filippov.events import Event, Stop, columns_of
+from filippov.errors import ModelError, UsageError
+from filippov.events import Event, Stop, columns_of, turned
+from filippov.failure import failure
 from filippov.machine import Array, Machine
 from filippov.names import check_known, unknown
-from filippov.options import Options, check_span, check_stops
+from filippov.options import Options, check_span, check_stops, falls
 from filippov.problem import Problem
+from filippov.scale import default_atol, of_little_ends, small
 from filippov.status import Status
 from filippov.system import System
 
@@ -32,6 +34,7 @@ _STATUS = {
     codes.NOT_FINITE: Status.NOT_FINITE,
     codes.MIN_STEP: Status.MIN_STEP,
     codes.NO_SLIDING: Status.NO_SLIDING,
+    codes.USER_ERROR: Status.ERROR,
 }
 # The same as a table over all codes, from UNFINISHED on; None where `solve` has to decide.
 _OF_CODE = np.array([_STATUS.get(code) for code in range(UNFINISHED, codes.NO_SLIDING + 1)], dtype=object)
@@ -46,6 +49,8 @@ _OPTIONS = (
     "nonunique",
     "sliding",
     "zeno",
+    "compile",
+    "simultaneous",
 )
 # Methods whose stages are written out one after the other, as lanes need them.
 _IN_LANES = ("DOP853", "DP5")
@@ -63,7 +68,8 @@ class Ensemble:
 
     t, x       time and state reached: (k,), (k, n); at a terminal event, its time and state
     mode       mode there: (k, m)
-    status     one Status a trajectory; message: what the general path had to say, "" elsewhere
+    status     one Status a trajectory; message: what the general path had to say, "" elsewhere. ERROR: a
+               function of the user's raised, the message has it; t and x are of the last step before
     nfev       field calls of each
     counts     events of each by surface and kind, (k, m, kinds): see `events`
     last       number of the surface and kind of the last event of each, (k, 2), -1 where there was none
@@ -86,6 +92,7 @@ class Ensemble:
     lanes: int = 1
     threads: int = 1
     surfaces: tuple[str, ...] = field(default=(), repr=False)
+    place_of: Callable[[str], tuple[int, int]] | None = field(default=None, repr=False, compare=False)
 
     @property
     def success(self) -> npt.NDArray[np.bool_]:
@@ -99,13 +106,22 @@ class Ensemble:
         """
         rows = self.counts
         if surface is not None:
-            if surface not in self.surfaces:
-                raise UsageError(unknown("surface", surface, self.surfaces))
-            place = self.surfaces.index(surface)
+            place, sense = self._place(surface)
             rows = rows[:, place : place + 1]
+            kind = kind if kind is None or sense > 0 else turned(kind)
         if kind is not None:
             rows = rows[:, :, list(columns_of(kind))]
         return np.asarray(rows.sum(axis=(1, 2), dtype=np.int64))
+
+    def _place(self, surface: str) -> tuple[int, int]:
+        if surface in self.surfaces or self.place_of is None:
+            if surface not in self.surfaces:
+                raise UsageError(unknown("surface", surface, self.surfaces))
+            return self.surfaces.index(surface), 1
+        try:
+            return self.place_of(surface)
+        except ModelError as error:
+            raise UsageError(str(error)) from None
 
 
 def solve_many(
@@ -119,6 +135,7 @@ def solve_many(
     lanes: int | None = None,
     measure: Callable[[Ensemble], Any] | None = None,
     progress: Callable[[int, int], object] | None = None,
+    backward: bool = False,
     **options: Any,
 ) -> Ensemble:
     """Solve from many initial states, and for many parameter values, in compiled code.
@@ -133,14 +150,17 @@ def solve_many(
     measure     function of the Ensemble of a block of trajectories (up to 65,536, in order) that returns an
                 array with a row for each; the blocks' results, joined, are `measured`
     progress    called with (trajectories done, k) now and then
+    backward    True for t_span = (t0, t1) with t1 < t0, as in `solve`
 
     Other options as in `solve`. What lanes cannot follow (an event, a corner) the plain compiled loop takes
     over for that trajectory alone; what that loop does not decide (an accumulation of events, a non-unique
     point) is solved again by `solve`. Results agree with those of the plain loop to within the tolerance. At
-    Ctrl-C the trajectories done so far are returned, with `complete` False.
+    Ctrl-C the trajectories done so far are returned, with `complete` False. An exception in a function of the
+    user's ends its own trajectory, with Status.ERROR and the exception in its message.
     Raises UsageError, ModelError, and what `measure` and `progress` raise.
     """
-    prepared = Prepared(system, t_span, stop=stop, threads=threads, lanes=lanes, **options)
+    span = check_span(t_span, backward, x0)
+    prepared = Prepared(system, span, stop=stop, threads=threads, lanes=lanes, backward=backward, **options)
     states, values = _points(system, x0, parameters or {})
     return prepared.run(states, values, measure=measure, progress=progress)
 
@@ -153,12 +173,13 @@ class Prepared:
 
     def __init__(
         self, system: System, t_span: Any, *, stop: Stop | tuple[Stop, ...] = (), threads: int | None = None,
-        lanes: int | None = None, **options: Any,
+        lanes: int | None = None, backward: bool = False, **options: Any,
     ) -> None:  # fmt: skip
         check_known("option", options, _OPTIONS, UsageError)
         self.system, self.options = system, options
-        self.span, self.stops = check_span(t_span), check_stops(stop, system)
+        self.span, self.stops = check_span(t_span, backward), check_stops(stop, system)
         self.checked = Options(dense_output=False, **options)
+        self.checked.check_system(system)
         self.threads, self.lanes = threads, lanes
         self.machine: Machine | None = None
         if system.field is None:
@@ -172,34 +193,65 @@ class Prepared:
     ) -> Ensemble:  # fmt: skip
         """The ends of trajectories from states (k, n) with rows of parameters (k, P)."""
         count, system, checked, span = len(states), self.system, self.checked, self.span
-        machine = self.machine or Machine(system, checked.method, values[0], sliding=checked.sliding)
+        machine = self.machine or Machine(
+            system, checked.method, values[0], sliding=checked.sliding, compiled=checked.compile
+        )
         width = _lanes(self.lanes, machine, checked.method, count)
         unit = _lane_unit(machine, checked.method, width) if width > 1 else None
         workers = system_threads(system, self.threads, count, _ROWS_EACH[width > 1])
         parts: list[Ensemble] = []
         for first in range(0, max(count, 1), _BLOCK):
             rows = slice(first, min(first + _BLOCK, count))
-            batch = Batch(machine, states[rows], values[rows], span, self.stops, checked)
 
             def look(done: int, first: int = first) -> None:
                 if progress is not None:
                     progress(first + done, count)
 
-            complete = True
-            try:
-                if system.clocked:
-                    batch.code[:] = codes.GENERAL  # the driver of `solve` stops at the instants
-                else:
-                    batch.run(workers, unit, look)
-            except KeyboardInterrupt:
-                complete = False
-            part = _collect(batch, states[rows], span, self.stops, self.options, complete, width, workers)
+            def carried(x: Array, p: Array, used: Options) -> Ensemble:
+                batch, complete = Batch(machine, x, p, span, self.stops, used), True
+                try:
+                    if system.clocked:
+                        batch.code[:] = codes.GENERAL  # the driver of `solve` stops at the instants
+                    else:
+                        batch.run(workers, unit, look)
+                except KeyboardInterrupt:
+                    complete = False
+                options = {**self.options, "atol": used.atol}
+                return _collect(batch, x, span, self.stops, options, complete, width, workers)
+
+            part = self._by_scale(states[rows], values[rows], carried)
             if measure is not None:
                 part = replace(part, measured=_measured(measure, part))
             parts.append(part)
             if not part.complete:
                 break
         return _joined(parts, states, span)
+
+    def _by_scale(
+        self, states: Array, values: Array, carried: Callable[[Array, Array, Options], Ensemble]
+    ) -> Ensemble:
+        """The ends of a block: rows that are small throughout have an absolute tolerance of their own."""
+        checked = self.checked
+        little = small(states, checked.rtol)
+        if "atol" in self.options or not np.any(little):
+            return carried(states, values, checked)
+        atol = np.full(len(states), checked.atol)
+        for q in np.flatnonzero(little).tolist():
+            atol[q] = default_atol(self.system, states[q], self.span, values[q], checked)
+        levels = np.unique(atol).tolist()
+        if len(levels) == 1:
+            return carried(states, values, replace(checked, atol=levels[0]))
+        order: list[npt.NDArray[np.int64]] = []
+        parts: list[Ensemble] = []
+        for level in reversed(levels):
+            at = np.flatnonzero(atol == level)
+            if parts and not parts[-1].complete:
+                break
+            order.append(at)
+            parts.append(carried(states[at], values[at], replace(checked, atol=level)))
+        left = np.setdiff1d(np.arange(len(states)), np.concatenate(order))
+        whole = np.concatenate([*order, left])
+        return _permuted(_joined(parts, states[whole], self.span), np.argsort(whole))
 
 
 @lru_cache(maxsize=64)
@@ -274,6 +326,10 @@ def _collect(
     system = batch.machine.system
     statuses = _statuses(batch.code)
     messages = [""] * batch.size
+    for q, text in of_little_ends(system.states, start, batch.x, batch.atol):
+        messages[q] = text
+    for q, error in batch.raised.items():
+        messages[q] = failure(error)
     t, nfev = batch.clock[:, codes.T].copy(), batch.count[:, codes.FIELD_CALLS].copy()
     counts = batch.kinds[:, :-2].reshape(batch.size, batch.machine.m, codes.KINDS).astype(np.int32)
     last = batch.kinds[:, -2:].copy()
@@ -285,9 +341,14 @@ def _collect(
         values = dict(zip(system.parameters.names, batch.values[q].tolist(), strict=True))
         from filippov.solver import solve
 
-        solution = solve(
-            Problem(system, start[q], span, values), stop=stops, dense_output=False, **options
-        )
+        try:
+            solution = solve(
+                Problem(system, start[q], span, values, falls(span)), stop=stops, dense_output=False,
+                **options,
+            )  # fmt: skip
+        except BaseException as error:  # noqa: BLE001  # the row's own, whatever it is; `failure` knows others
+            statuses[q], messages[q] = Status.ERROR, failure(error)
+            continue
         statuses[q], messages[q] = solution.status, solution.message
         t[q], batch.x[q], batch.mode[q] = solution.t_end, solution.x_end, solution.end_mode
         nfev[q] += solution.nfev
@@ -300,7 +361,7 @@ def _collect(
     return Ensemble(
         t, batch.x, batch.mode.astype(np.int64), cast(tuple[Status, ...], tuple(statuses)), tuple(messages),
         nfev, counts, last,
-        complete=complete, lanes=lanes, threads=threads, surfaces=names,
+        complete=complete, lanes=lanes, threads=threads, surfaces=names, place_of=system.surface_place,
     )  # fmt: skip
 
 
@@ -325,6 +386,15 @@ def _measured(measure: Callable[[Ensemble], Any], part: Ensemble) -> npt.NDArray
             f"measure returned shape {values.shape} for {len(part.t)} trajectories, expected a row for each."
         )
     return values
+
+
+def _permuted(whole: Ensemble, order: npt.NDArray[np.int64]) -> Ensemble:
+    """The same with the rows in another order."""
+    arrays = {name: getattr(whole, name)[order] for name in ("t", "x", "mode", "nfev", "counts", "last")}
+    return replace(
+        whole, **arrays, status=tuple(whole.status[q] for q in order.tolist()),
+        message=tuple(whole.message[q] for q in order.tolist()),
+    )  # fmt: skip
 
 
 def _joined(parts: list[Ensemble], states: Array, span: tuple[float, float]) -> Ensemble:

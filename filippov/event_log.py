@@ -13,6 +13,9 @@ from filippov.events import Event, Events, Mode
 from filippov.status import EventKind
 
 Array = npt.NDArray[np.float64]
+# Roots closer than this part of the time, among the last events, are told apart by rounding.
+CROWDED, LOOK_BACK = 1e-9, 8
+MANY_ROOTS = "not resolved: a multiple root, or several next to each other"
 _KINDS = {
     codes.CROSSING_UP: EventKind.CROSSING,
     codes.CROSSING_DOWN: EventKind.CROSSING,
@@ -27,8 +30,11 @@ _KINDS = {
 class EventLog(Events):
     """The events of a run in the order of integration, growing while it runs."""
 
-    def __init__(self, names: tuple[str, ...], sense: int, n: int, keep: int | None = None) -> None:
-        self.names, self.sense, self.n, self.keep = names, sense, n, keep
+    def __init__(
+        self, names: tuple[str, ...], sense: int, n: int, keep: int | None = None, always: range = range(0)
+    ) -> None:
+        self.names, self.sense, self.n, self.keep, self.always = names, sense, n, keep, always
+        self._room = 2 * keep if keep is not None else 0
         self.counts: Counter[tuple[int, EventKind]] = Counter()
         self._made: list[Event] = []
         self._raw: list[tuple[Array, npt.NDArray[np.int64]]] = []
@@ -56,6 +62,8 @@ class EventLog(Events):
         self, t: float, index: int, kind: EventKind, before: Mode, after: Mode, x: Array, multiplier: float,
         residual: float, note: str = "", together: bool = False, x_after: Array | None = None,
     ) -> None:  # fmt: skip
+        if index in self.always and not note:
+            note = self._crowded(t, index)
         group = self._made[-1].group + (0 if together else 1) if self._made else 0
         self._made.append(
             Event(
@@ -75,6 +83,11 @@ class EventLog(Events):
             )
         )
 
+    def _crowded(self, t: float, index: int) -> str:
+        """What is said of a root next to another one of the same guard (E2)."""
+        near = any(e.index == index and abs(e.t - t) <= CROWDED * abs(t) for e in self._made[-LOOK_BACK:])
+        return MANY_ROOTS if near else ""
+
     def add_rows(self, floats: Array, marks: npt.NDArray[np.int64]) -> None:
         """Append rows as the loop writes them (copied)."""
         if len(floats):
@@ -91,9 +104,11 @@ class EventLog(Events):
         return self.counts.total()
 
     def _forget(self) -> None:
-        """With `keep`, drop all but the last events: the run needs no more to go on."""
-        if self.keep is not None and len(self) > 2 * self.keep:
-            del self._items[: -self.keep]
+        """With `keep`, drop all but the last events and those of `always`, which were asked for."""
+        if self.keep is not None and len(self) > self._room:
+            older = self._items[: -self.keep]
+            self._items[: -self.keep] = [event for event in older if event.index in self.always]
+            self._room = 2 * max(self.keep, len(self))
 
     def add(self, *values: Any, **named: Any) -> Event:
         """Append one event found by the general path; returns it."""
@@ -119,4 +134,6 @@ class EventLog(Events):
 
     def __getstate__(self) -> dict[str, Any]:
         rest = {"_made": self._items, "_raw": [], "_waiting": 0, "keep": self.keep, "counts": self.counts}
+        rest |= {"always": self.always, "_room": self._room}
+        rest["place_of"] = self.place_of
         return {"names": self.names, "sense": self.sense, "n": self.n, **rest}

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, overload
 
 import numpy as np
 import numpy.typing as npt
 
-from filippov.errors import UsageError
+from filippov.errors import ModelError, UsageError
 from filippov.names import unknown
 from filippov.status import EventKind, mode_text
 
@@ -64,15 +64,20 @@ class Event(NamedTuple):
 class Events(Sequence[Event]):
     """The events of a run in the order of integration."""
 
-    def __init__(self, items: Sequence[Event] = ()) -> None:
+    # The number and the sense of a surface asked for by name or formula (`System.surface_place`).
+    place_of: Callable[[str], tuple[int, int]] | None = None
+
+    def __init__(self, items: Sequence[Event] = (), like: Events | None = None) -> None:
         self._items = list(items)
+        if like is not None:
+            self.place_of = like.place_of
 
     @overload
     def __getitem__(self, item: int) -> Event: ...
     @overload
     def __getitem__(self, item: slice) -> Events: ...
     def __getitem__(self, item: int | slice) -> Event | Events:
-        return Events(self._items[item]) if isinstance(item, slice) else self._items[item]
+        return Events(self._items[item], self) if isinstance(item, slice) else self._items[item]
 
     def __len__(self) -> int:
         return len(self._items)
@@ -85,7 +90,7 @@ class Events(Sequence[Event]):
 
     def of_surfaces(self, m: int) -> Events:
         """The events on surfaces, of which there are m: without time events and those of the user."""
-        return Events([event for event in self._items if event.index < m])
+        return Events([event for event in self._items if event.index < m], self)
 
     @property
     def t(self) -> npt.NDArray[np.float64]:
@@ -100,8 +105,14 @@ class Events(Sequence[Event]):
     def of(
         self, surface: str | None = None, kind: EventKind | str | None = None, direction: int = 0
     ) -> Events:
-        """The events on one surface, of one kind, in one direction (0: either)."""
+        """The events on one surface, of one kind, in one direction (0: either).
+
+        surface     name of a surface, time event or user event, or the formula of a surface's h: for
+                    h = v - vb also "vb - v", which rises where v - vb falls
+        """
         wanted = None if kind is None else EventKind(kind)
+        if surface is not None and all(event.surface != surface for event in self._items):
+            surface, direction = self._asked(surface, direction)
         return Events(
             [
                 event
@@ -109,8 +120,20 @@ class Events(Sequence[Event]):
                 if (surface is None or event.surface == surface)
                 and (wanted is None or event.kind is wanted)
                 and direction in (0, event.direction)
-            ]
+            ],
+            self,
         )
+
+    def _asked(self, surface: str, direction: int) -> tuple[str, int]:
+        """The name under which the events of a surface stand, and the direction for it."""
+        if self.place_of is None:
+            return surface, direction
+        try:
+            index, sense = self.place_of(surface)
+        except ModelError:
+            return surface, direction  # of another system: none
+        name = next((event.surface for event in self._items if event.index == index), surface)
+        return name, direction * sense
 
 
 _COLUMNS = {
@@ -133,6 +156,12 @@ def columns_of(kind: str) -> tuple[int, ...]:
     if kind not in _COLUMNS:
         raise UsageError(unknown("kind of event", kind, _COLUMNS))
     return _COLUMNS[kind]
+
+
+def turned(kind: str) -> str:
+    """The same kind of event, named for -h in place of h: up and down change places."""
+    word, _, way = str(kind).rpartition(" ")
+    return {"up": f"{word} down", "down": f"{word} up"}.get(way, kind)
 
 
 @dataclass(frozen=True)
@@ -159,6 +188,10 @@ class Stop:
     def counted(self, count: int) -> Stop:
         """The same with another count."""
         return Stop(self.surface, self.kind, count)
+
+    def on(self, surface: str, sense: int) -> Stop:
+        """The same event on the surface of this name; sense -1: its h has the opposite sign."""
+        return Stop(surface, self.kind if sense > 0 else turned(self.kind), self.count)
 
     @property
     def column(self) -> int:

@@ -4,6 +4,11 @@ Each of these functions is replaced by the sign s_i or the size a_i = |h_i| of a
 
     sign(h) -> s,  Heaviside(h) -> (1 + s)/2,  Abs(h) -> a,  Piecewise, Max, Min -> Select(s, plus, minus)
 
+The surface h is the argument as it is written: sign(u) and Heaviside(u) give h = u; of two that differ by a
+factor the first. What sympy turns round takes the orientation that a sign of the model has: |u|, and u and w
+in Max and Min. A condition gives h = u - w where u > w holds, a threshold without state and time is
+subtracted.
+
 Products are taken apart: sign(f g) = sign(f) sign(g), |f g| = |f| |g|. A sign inside the argument of
 another one is expanded, sign(g(sign(k))) -> Select(s_k, sign(g(1)), sign(g(-1))); |k|, Max and Min there
 stay, as a_k.
@@ -12,7 +17,7 @@ An argument without state and time is a constant of the run and makes no surface
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Literal
 
 import sympy
@@ -22,15 +27,18 @@ from sympy.logic.boolalg import ITE, And, Not, Or, Xor
 
 from filippov.check import check_expression
 from filippov.errors import ModelError
+from filippov.size import Scale
 from filippov.surface import Surface
 from filippov.symbolic import Select
-from filippov.table import Table, dynamic
+from filippov.table import Table, dynamic, vanishes
 
 Path = Mapping[Symbol, int]
 Context = Literal["field", "h", "jump"]
 Branch = Callable[[Path], Expr]
 
 MAX_NESTED_SIGNS = 10
+# Cases into which the branches of one system unfold, and nodes of what they are put together to.
+MOST_CASES, MOST_NODES = 5_000, 100_000
 
 
 class Extractor:
@@ -40,6 +48,13 @@ class Extractor:
         self.table = Table()
         self._memo: dict[tuple[Expr, Context, frozenset[tuple[Symbol, int]]], Expr] = {}
         self._where = ""
+        self._cases = 0
+        self._scale = Scale()
+
+    def note(self, expressions: Iterable[Expr]) -> None:
+        """Remember the arguments of signs and conditions as the model has them written, in order."""
+        for expr in expressions:
+            self.table.written.extend(_arguments(expr))
 
     def declare(self, surfaces: tuple[Surface, ...]) -> None:
         """Enter the surfaces given by the user: smooth ones first, so that nested ones may refer to them."""
@@ -136,8 +151,14 @@ class Extractor:
 
     def _join(self, s: Symbol, plus: Expr, minus: Expr, context: Context) -> Expr:
         """Return the expression that is `plus` for s = 1 and `minus` for s = -1."""
-        plus = plus.xreplace({s: S.One})
-        minus = minus.xreplace({s: S.NegativeOne})
+        self._cases += 1
+        if self._cases > MOST_CASES:
+            raise ModelError(
+                f"{self._where}: its branches (Piecewise, Max, Min, conditions) unfold into more than "
+                f"{MOST_CASES} cases. Write it with fewer of them, or with states for what they choose from."
+            )
+        plus = self._weighed(plus.xreplace({s: S.One}))
+        minus = self._weighed(minus.xreplace({s: S.NegativeOne}))
         if plus == minus:
             return plus
         if plus.is_number and minus.is_number:
@@ -148,6 +169,15 @@ class Extractor:
             if factor is not None:  # continuous: the jump is a multiple of h
                 return (plus + minus) / 2 + factor * entry.a / 2
         return Select(s, plus, minus)
+
+    def _weighed(self, branch: Expr) -> Expr:
+        """Return a branch; ModelError where it is too large to be put together with others."""
+        if self._scale.weigh(branch)[0] > MOST_NODES:
+            raise ModelError(
+                f"{self._where}: its branches are put together to more than {MOST_NODES} nodes. Write it "
+                "with fewer of them, or with states for what they choose from."
+            )
+        return branch
 
     def _known(self, s: Symbol, path: Path) -> int:
         """Return the sign of s that follows from the path, 0 if none does."""
@@ -166,7 +196,7 @@ class Extractor:
 
     # -- the elementary functions, arguments free of signs ---------------------------------------------
 
-    def _sign(self, arg: Expr, path: Path) -> Expr:
+    def _sign(self, arg: Expr, path: Path, written: bool = True) -> Expr:
         if not dynamic(arg):
             if arg.is_zero:
                 raise ModelError(
@@ -184,24 +214,24 @@ class Extractor:
         if found is None:
             parts = _factors(arg)
             if len(parts) > 1 or parts[0] != arg:
-                return Mul(*(self._sign_of_power(part, path) for part in parts))
-            found = self.table.register(arg)
+                return Mul(*(self._sign_of_power(part, path, written) for part in parts))
+            found = self.table.register(arg, written)
         entry, factor = found
         known = self._known(entry.s, path)
         return sign(factor) * (known or entry.s)
 
-    def _sign_of_power(self, part: Expr, path: Path) -> Expr:
+    def _sign_of_power(self, part: Expr, path: Path, written: bool) -> Expr:
         base, exponent = part.as_base_exp()
         if exponent == 1 or not dynamic(part):
-            return self._sign(part, path)
+            return self._sign(part, path, written)
         if exponent.is_odd:
-            return self._sign(base, path)
+            return self._sign(base, path, written)
         # Even powers are not negative; other powers are real only where they are not negative.
         if exponent.is_even or exponent.is_rational:
             return S.One
         if part.is_nonnegative:
             return S.One
-        entry, factor = self.table.match(part) or self.table.register(part)
+        entry, factor = self.table.match(part) or self.table.register(part, written)
         return sign(factor) * entry.s
 
     def _size(self, arg: Expr, path: Path) -> Expr:
@@ -216,7 +246,7 @@ class Extractor:
             parts = _factors(arg)
             if len(parts) > 1 or parts[0] != arg:
                 return Mul(*(self._size_of_power(part, path) for part in parts))
-            found = self.table.register(arg)
+            found = self.table.register(arg, written=False)
         entry, factor = found
         return Abs(factor) * entry.a
 
@@ -230,7 +260,7 @@ class Extractor:
             return Pow(self._size(base, path), exponent)
         if exponent.is_rational:
             return part
-        entry, factor = self.table.match(part) or self.table.register(part)
+        entry, factor = self.table.match(part) or self.table.register(part, written=False)
         return Abs(factor) * entry.a
 
     def _heaviside(self, expr: Expr, path: Path) -> Expr:
@@ -272,12 +302,12 @@ class Extractor:
             return yes(path)
         if condition == False:  # noqa: E712
             return no(path)
-        if isinstance(condition, (Gt, Ge)):
-            difference = condition.lhs - condition.rhs
-            return self._positive(difference, path, yes, no, isinstance(condition, Gt), context)
-        if isinstance(condition, (Lt, Le)):
-            difference = condition.rhs - condition.lhs
-            return self._positive(difference, path, yes, no, isinstance(condition, Lt), context)
+        if isinstance(condition, (Gt, Ge, Lt, Le)):
+            difference, holds_above = _difference(condition)
+            strict = isinstance(condition, (Gt, Lt))
+            if holds_above:
+                return self._positive(difference, path, yes, no, strict, context)
+            return self._positive(difference, path, no, yes, not strict, context)
         if isinstance(condition, (Eq, Ne)):
             raise ModelError(
                 f"{self._where}: the condition {condition} compares for equality; values on a surface "
@@ -319,13 +349,14 @@ class Extractor:
         )
 
     def _positive(
-        self, arg: Expr, path: Path, yes: Branch, no: Branch, strict: bool, context: Context = "field"
-    ) -> Expr:
+        self, arg: Expr, path: Path, yes: Branch, no: Branch, strict: bool, context: Context = "field",
+        written: bool = True,
+    ) -> Expr:  # fmt: skip
         """Return yes where arg > 0 (arg >= 0 where not strict), else no."""
 
         def finish(inner: Expr, path: Path) -> Expr:
             if dynamic(inner):
-                return self._by_sign(self._sign(inner, path), path, yes, no, context)
+                return self._by_sign(self._sign(inner, path, written), path, yes, no, context)
             if strict:
                 return Select(inner, yes(path), no(path))
             return Select(-inner, no(path), yes(path))
@@ -357,7 +388,7 @@ class Extractor:
             return self.convert(first, "field", path)
         second, *rest = rest
         difference = second - first if least else first - second
-        if sympy.expand(difference).is_zero:
+        if vanishes(difference):
             return self._largest([first, *rest], least, path)
         return self._positive(
             difference,
@@ -365,6 +396,7 @@ class Extractor:
             lambda known: self._largest([first, *rest], least, known),
             lambda known: self._largest([second, *rest], least, known),
             strict=True,
+            written=False,
         )
 
     def _largest_as_size(self, items: list[Expr], least: bool, path: Path) -> Expr:
@@ -377,13 +409,37 @@ class Extractor:
         return value
 
 
+def _arguments(expr: Expr) -> Iterator[Expr]:
+    for part in sympy.preorder_traversal(expr):
+        if isinstance(part, (sign, Heaviside)):
+            yield part.args[0]
+        elif isinstance(part, (Gt, Ge, Lt, Le)):
+            yield _difference(part)[0]
+
+
+def _difference(condition: Any) -> tuple[Expr, bool]:
+    """Return h and whether the condition holds where h > 0.
+
+    sympy turns conditions round, k < x into x > k: a side without state and time is always subtracted.
+    """
+    larger, smaller = condition.gts, condition.lts
+    return (larger - smaller, True) if dynamic(larger) else (smaller - larger, False)
+
+
 def _factors(arg: Expr) -> list[Expr]:
-    """Return the factors of arg, a common factor of a sum taken out."""
-    if arg.is_Add:
-        arg = sympy.factor_terms(arg)
-    if arg.is_Mul:
-        return [inner for factor in arg.args for inner in (_factors(factor) if factor.is_Add else [factor])]
-    return [arg]
+    """Return the factors of arg, a common factor of a sum taken out.
+
+    A minus sign stays with the factor that moves, where it is one alone: -a - b is no -1 times a + b.
+    """
+    whole = sympy.factor_terms(arg) if arg.is_Add else arg
+    if not whole.is_Mul:
+        return [arg]
+    parts = [inner for factor in whole.args for inner in (_factors(factor) if factor.is_Add else [factor])]
+    moving = [k for k, part in enumerate(parts) if dynamic(part)]
+    if parts[0].is_number and parts[0].is_negative and len(moving) == 1 and not parts[moving[0]].is_Pow:
+        parts[moving[0]] *= -1
+        parts[0] = -parts[0]
+    return parts[1:] if parts[0] == 1 else parts
 
 
 NONSMOOTH = (sign, Abs, Heaviside, Piecewise, Max, Min, Select)

@@ -23,6 +23,7 @@ import sympy
 from filippov.errors import UsageError
 from filippov.events import Event, Mode
 from filippov.guards import Guards, formula_text
+from filippov.reset_guards import reset_transitions
 from filippov.solution import Solution
 from filippov.status import mode_text
 from filippov.symbols import t
@@ -69,7 +70,7 @@ def possible_graph(
         mode = queue.popleft()
         expanded += 1
         graph.nodes[mode_text(mode)]["expanded"] = True
-        for item in guards.transitions(mode):
+        for item in (*guards.transitions(mode), *reset_transitions(guards, mode)):
             if kept is not None and item.target not in kept:
                 continue
             if mode_text(item.target) not in graph:

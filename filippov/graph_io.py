@@ -16,7 +16,10 @@ from typing import Any
 import networkx as nx
 
 from filippov.errors import UsageError
+from filippov.escape import printable
+from filippov.json_text import json_text as as_json
 from filippov.names import unknown
+from filippov.whole_file import write_whole
 
 _PLAIN = (str, int, float, bool)
 
@@ -27,8 +30,7 @@ def save_graph(graph: nx.MultiDiGraph, path: str | Path) -> Path:
     writers = {".dot": dot_text, ".gv": dot_text, ".graphml": graphml_text, ".json": json_text}
     if target.suffix.lower() not in writers:
         raise UsageError(unknown("format of a graph", target.suffix, writers))
-    target.write_text(writers[target.suffix.lower()](graph), encoding="utf-8", newline="\n")
-    return target
+    return write_whole(target, writers[target.suffix.lower()](graph))
 
 
 def json_text(graph: nx.MultiDiGraph) -> str:
@@ -43,7 +45,7 @@ def json_text(graph: nx.MultiDiGraph) -> str:
             for a, b, key, values in graph.edges(keys=True, data=True)
         ],
     }
-    return json.dumps(data, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+    return as_json(data)
 
 
 def load_graph(path: str | Path) -> nx.MultiDiGraph:
@@ -87,7 +89,7 @@ def dot_text(graph: nx.MultiDiGraph) -> str:
 
 def quoted(text: object) -> str:
     """A DOT string: backslashes and quotes escaped, line ends as backslash n."""
-    escaped = str(text).replace("\\", "\\\\").replace('"', '\\"').replace("\r", "").replace("\n", "\\n")
+    escaped = printable(text, "\n").replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
     return f'"{escaped}"'
 
 
@@ -119,10 +121,12 @@ def _kept(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def _flat(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: _joined(value) if isinstance(value, list) else value for name, value in _kept(values)}
+    # XML has no control characters, not even escaped.
+    return {
+        printable(name): printable(v) if isinstance(v, str) else _joined(v) if isinstance(v, list) else v
+        for name, v in _kept(values)
+    }
 
 
 def _joined(value: list[Any]) -> str:
-    return " ".join(
-        repr(v) if isinstance(v, float) else _joined(v) if isinstance(v, list) else str(v) for v in value
-    )
+    return " ".join(_joined(v) if isinstance(v, list) else printable(v) for v in value)

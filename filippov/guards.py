@@ -26,12 +26,14 @@ from sympy import Expr, Symbol
 from filippov.errors import ModelError
 from filippov.events import Mode
 from filippov.parameter_symbol import ParameterSymbol
+from filippov.size import expanded
 from filippov.status import EventKind, mode_text
 from filippov.symbolic import SymbolicForm
 from filippov.symbols import t
 from filippov.system import System
 
 LARGEST_SOLVE = 3
+_SIDES = {1: "+", -1: "-"}
 
 
 @dataclass(frozen=True)
@@ -112,18 +114,20 @@ class Guards:
             return None
         at_zero = equations.xreplace(dict.fromkeys(unknown, sympy.S.Zero))
         solved = matrix.LUsolve(-at_zero)
-        on = self._on([self.h(mode)[i] for i in sliding])
+        on = self.on([self.h(mode)[i] for i in sliding])
         return {s: sympy.factor_terms(_settled(v, on)) for s, v in zip(unknown, solved, strict=True)}
 
     def field(self, mode: Mode) -> tuple[Expr, ...]:
         """x' of a mode, with multipliers put in and surfaces used: on v = 0 the expressions hold no v."""
         solved = self.multipliers(mode) or self.labels
-        on = self._on([h for h, m in zip(self.h(mode), mode, strict=True) if m == 0])
+        on = self.on([h for h, m in zip(self.h(mode), mode, strict=True) if m == 0])
         return tuple(_settled(f.xreplace(solved), on) for f in self.vertex(mode))
 
     def transitions(self, mode: Mode) -> Iterator[Transition]:
         """The ways out of a mode, on one surface each; the ones whose guard cannot hold are left out."""
         for i, surface in enumerate(self.system.surfaces):
+            if surface.kind == "reset" and (mode[i] == 0 or surface.side in ("both", _SIDES[mode[i]])):
+                continue  # filippov.reset_guards
             if surface.width > 0 and surface.kind == "switching":
                 found: list[Transition | None] = [self._switch(mode, i)]
             elif mode[i] == 0:
@@ -137,34 +141,34 @@ class Guards:
     # -- one kind each ---------------------------------------------------------------------------------
 
     def _cross(self, mode: Mode, i: int) -> Transition | None:
-        up, target = -mode[i], _with(mode, i, -mode[i])
-        on = self._met(mode, i)
+        up, target = -mode[i], with_sign(mode, i, -mode[i])
+        on = self.met(mode, i)
         bound = self._bound(i, up)
-        sides = [(self._text(i, mode), self._rate(mode, i)), (self._text(i, target), self._rate(target, i))]
+        sides = [(self._text(i, mode), self.rate(mode, i)), (self._text(i, target), self.rate(target, i))]
         if self.system.surfaces[i].kind == "switching" and bound != up:
-            sides.append((self._text(i, target, bound), self._rate(_with(mode, i, 0), i, bound)))
+            sides.append((self._text(i, target, bound), self.rate(with_sign(mode, i, 0), i, bound)))
         if any(rate is None for _, rate in sides):
             return None
         rates = [(text, _settled(rate, on)) for text, rate in sides if rate is not None]
         if _same(rates[0][1], rates[1][1]):
-            rates = [(f"d{self._h(i)}/dt", rates[0][1]), *rates[2:]]
+            rates = [(f"d{self.bracket(i)}/dt", rates[0][1]), *rates[2:]]
         items = [(f"{text} {'>' if up > 0 else '<'} 0", _sign(rate, up)) for text, rate in rates]
         return self._made(mode, target, i, EventKind.CROSSING, items)
 
     def _enter(self, mode: Mode, i: int) -> Transition | None:
-        up, target = -mode[i], _with(mode, i, 0)
+        up, target = -mode[i], with_sign(mode, i, 0)
         if self.multipliers(target) is None:
             return None
-        on = self._met(mode, i)
+        on = self.met(mode, i)
         bound = self._bound(i, up)
-        far = _with(mode, i, up) if bound == up else target
-        first, second = self._rate(mode, i), self._rate(far, i, None if bound == up else bound)
+        far = with_sign(mode, i, up) if bound == up else target
+        first, second = self.rate(mode, i), self.rate(far, i, None if bound == up else bound)
         if first is None or second is None:
             return None
         first, second = _settled(first, on), _settled(second, on)
-        if sympy.expand((first - second) * up).is_nonpositive:
+        if expanded((first - second) * up).is_nonpositive:
             return None
-        text = self._text(i, _with(mode, i, up), None if bound == up else bound)
+        text = self._text(i, with_sign(mode, i, up), None if bound == up else bound)
         items = [
             (f"{self._text(i, mode)} {'>' if up > 0 else '<'} 0", _sign(first, up)),
             (f"{text} {'<' if up > 0 else '>'} 0", _sign(second, -up)),
@@ -172,10 +176,10 @@ class Guards:
         return self._made(mode, target, i, EventKind.ENTRY, items)
 
     def _exit(self, mode: Mode, i: int, up: int) -> Transition | None:
-        target = _with(mode, i, up)
-        on = self._met(mode, i)
+        target = with_sign(mode, i, up)
+        on = self.met(mode, i)
         bound = self._bound(i, up)
-        rate = self._rate(mode, i, bound)
+        rate = self.rate(mode, i, bound)
         others = self._others(mode, i, bound)
         if rate is None or others is None:
             return None
@@ -201,12 +205,12 @@ class Guards:
         up = -mode[i]
         level = sympy.Float(self.system.surfaces[i].width) * up
         h = self.h(mode)[i]
-        rate = self._rate(mode, i)
+        rate = self.rate(mode, i)
         if rate is None:
             return None
-        settled = _settled(rate, self._on([h - level]))
-        items = [(f"d{self._h(i)}/dt {'>' if up > 0 else '<'} 0", _sign(settled, up))]
-        return self._made(mode, _with(mode, i, up), i, EventKind.CROSSING, items, level)
+        settled = _settled(rate, self.on([h - level]))
+        items = [(f"d{self.bracket(i)}/dt {'>' if up > 0 else '<'} 0", _sign(settled, up))]
+        return self._made(mode, with_sign(mode, i, up), i, EventKind.CROSSING, items, level)
 
     # -- pieces ----------------------------------------------------------------------------------------
 
@@ -215,35 +219,48 @@ class Guards:
     ) -> Transition | None:
         met = sympy.Eq(self.h(mode)[i], level)
         conditions = [met, *(c for _, c in items)]
-        if any(c == sympy.false for c in conditions) or not self._reached(mode, i, level):
+        if any(c == sympy.false for c in conditions) or not self.reached(mode, i, level):
             return None
-        name = self._h(i).removeprefix("(").removesuffix(")") if self._h(i).startswith("(") else self._h(i)
-        guard = " and ".join([f"{name} = {formula_text(level)}", *(text for text, _ in items)])
+        guard = " and ".join([f"{self.label(i)} = {formula_text(level)}", *(text for text, _ in items)])
         kept = tuple(dict.fromkeys(c for c in conditions if c != sympy.true))
         return Transition(mode, target, self.names[i], kind, guard, kept)
 
-    def _reached(self, mode: Mode, i: int, level: Any) -> bool:
+    def reached(self, mode: Mode, i: int, level: Any) -> bool:
         """Whether surface i is met inside a mode: parallel surfaces fix each other's sign there."""
         if self.system.surfaces[i].width > 0:
             return True
         h = self.h(mode)
-        on = self._on([h[i] - level])
+        on = self.on([h[i] - level])
         values = [_settled(h[j], on) * m for j, m in enumerate(mode) if j != i and m != 0]
         return not any(v.is_number and v.is_negative for v in values)
 
-    def _h(self, i: int) -> str:
+    def bracket(self, i: int) -> str:
         """The switching function as it stands behind a d: a name, or something in brackets."""
         text = formula_text(self.form.plain_h()[i])
         return text if text.isidentifier() else f"({text})"
 
+    def label(self, i: int) -> str:
+        """The switching function as text."""
+        text = self.bracket(i)
+        return text.removeprefix("(").removesuffix(")") if text.startswith("(") else text
+
+    def plain(self, mode: Mode) -> list[Expr]:
+        """The switching functions of a mode, the places of contacts too."""
+        sizes = self.form.sizes_at_mode(mode)
+        return [h.xreplace(sizes) for h in self.form.h]
+
+    def settled(self, f: Expr, on: Mapping[Symbol, Expr]) -> Expr:
+        """f with the states put that `met` or `on` give; left as it is where that is not defined."""
+        return _settled(f, on)
+
     def _text(self, i: int, mode: Mode, bound: Any = None) -> str:
         where = mode_text(mode) if bound is None or bound in (1, -1) else f"s = {formula_text(bound)}"
-        return f"d{self._h(i)}/dt({where})"
+        return f"d{self.bracket(i)}/dt({where})"
 
     def _bound(self, i: int, up: int) -> Expr:
         return self.form.radius[i][(1 + up) // 2]
 
-    def _rate(self, mode: Mode, i: int, bound: Expr | None = None) -> Expr | None:
+    def rate(self, mode: Mode, i: int, bound: Expr | None = None) -> Expr | None:
         """d/dt h_i in a mode, at s_i = bound where given; None where other sliding cannot be held."""
         solved = self._others(mode, i, bound) if bound is not None else self.multipliers(mode)
         return None if solved is None else self.rates(mode)[i].xreplace(solved)
@@ -265,11 +282,12 @@ class Guards:
         solved = matrix.LUsolve(-equations.xreplace(dict.fromkeys(unknown, sympy.S.Zero)))
         return own | dict(zip(unknown, solved, strict=True))
 
-    def _met(self, mode: Mode, i: int) -> dict[Symbol, Expr]:
+    def met(self, mode: Mode, i: int) -> dict[Symbol, Expr]:
+        """States as surface i fixes them where a mode meets it, with the surfaces that the mode slides on."""
         h = self.h(mode)
-        return self._on([h[i], *(h[j] for j, m in enumerate(mode) if m == 0 and j != i)])
+        return self.on([h[i], *(h[j] for j, m in enumerate(mode) if m == 0 and j != i)])
 
-    def _on(self, zero: list[Expr]) -> dict[Symbol, Expr]:
+    def on(self, zero: list[Expr]) -> dict[Symbol, Expr]:
         """States as given by h = 0, where h is affine in one of them with a number as slope."""
         known: dict[Symbol, Expr] = {}
         for h in zero:
@@ -277,13 +295,14 @@ class Guards:
             for x in self.form.x:
                 slope = left.diff(x)
                 if x not in known and slope.is_number and slope.is_nonzero:
-                    value = sympy.expand(x - left / slope)
+                    value = expanded(x - left / slope)
                     known = {k: v.xreplace({x: value}) for k, v in known.items()} | {x: value}
                     break
         return known
 
 
-def _with(mode: Mode, i: int, sign: int) -> Mode:
+def with_sign(mode: Mode, i: int, sign: int) -> Mode:
+    """The mode with another sign of surface i."""
     return (*mode[:i], sign, *mode[i + 1 :])
 
 
@@ -292,7 +311,7 @@ def _sign(rate: Expr, up: int) -> Any:
 
 
 def _same(first: Expr, second: Expr) -> bool:
-    return bool(first == second or sympy.expand(first - second) == 0)
+    return bool(first == second or expanded(first - second) == 0)
 
 
 def _settled(f: Expr, on: Mapping[Symbol, Expr]) -> Expr:
@@ -333,5 +352,13 @@ def _with_values(form: SymbolicForm, values: Mapping[str, Expr]) -> SymbolicForm
         form,
         field=tuple(_powers(f.xreplace(put)) for f in form.field),
         h=tuple(h.xreplace(put) for h in form.h),
+        reset=tuple(None if row is None else tuple(e.xreplace(put) for e in row) for row in form.reset),
+        time_reset=tuple(None if r is None else tuple(e.xreplace(put) for e in r) for r in form.time_reset),
+        contact=tuple(
+            c if c is None else replace(
+                c, rate=c.rate.xreplace(put), direction=tuple(d.xreplace(put) for d in c.direction)
+            )
+            for c in form.contact
+        ),
         radius=tuple((low.xreplace(put), high.xreplace(put)) for low, high in form.radius),
     )

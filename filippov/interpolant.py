@@ -55,3 +55,10 @@ class Interpolant:
             for power in range(coef.shape[1] - 2, -1, -1):
                 value = value * theta[:, None] + coef[:, power, :]
         return np.ascontiguousarray(value[0] if times.ndim == 0 else value.T)
+
+    def rate(self, t: float, side: str = "-") -> Array:
+        """dx/dt at one time, shape (n,)."""
+        index = int(self.locate(np.array([t]), side)[0])
+        theta = (t - self.start[index]) / self.step[index]
+        powers = np.arange(1, self.coef.shape[1])
+        return np.asarray((powers * theta ** (powers - 1)) @ self.coef[index, 1:] / self.step[index])

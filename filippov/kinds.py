@@ -55,11 +55,26 @@ def _jumps(form: SymbolicForm, i: int, opaque: Sequence[Expr]) -> bool:
         return False
     seen = False
     for point in _points_on(decimal(h[i]), set().union(*(j.free_symbols for j in jumps)) - set(form.s)):
+        if any(_jumps_at(form, jump, point) for jump in jumps):
+            return True
         search = _Search(form, i, point)
         if any(search.found(jump, {}) for jump in jumps):
             return True
         seen = seen or search.evaluated
     return not seen
+
+
+def _jumps_at(form: SymbolicForm, jump: Expr, point: dict[Symbol, Expr]) -> bool:
+    """Whether a jump is not 0 with the signs that the other surfaces have at the point itself."""
+    signs: dict[Symbol, Expr] = {}
+    for s, h in zip(form.s, form.plain_h(), strict=True):
+        if s in jump.free_symbols:
+            value = number(decimal(h), point)
+            if value is None or not value.is_real or not abs(value) > ROUNDING:
+                return False
+            signs[s] = Integer(1 if value > 0 else -1)
+    size = _size(jump.xreplace(signs), point)
+    return size is not None and bool(size > ROUNDING)
 
 
 class _Search:

@@ -4,35 +4,39 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from filippov._kernels import codes
-from filippov.ambiguity import BEFORE_A_RESET, Ambiguity, listing, name_point, noted, picked, point_of
+from filippov.ambiguity import BEFORE_A_RESET, SPIRAL, Ambiguity, listing, noted, picked
+from filippov.attraction import LOST, Attraction
+from filippov.change import Jump, change_of
 from filippov.clocks import Clocks
-from filippov.diagnosis import STAGNATION, STAGNATION_STEPS, close_call, stagnation, suspect
+from filippov.diagnosis import close_call, suspect
 from filippov.events import Mode
-from filippov.jumps import LONGEST_CHAIN, composed, look_again, pending, starting
+from filippov.fold_point import depart, followers, funnelled
+from filippov.higher_order import Begun, HigherOrder
+from filippov.jumps import pending, settle, source_name, starting, state_text, touching
 from filippov.machine import Array, Machine
-from filippov.modes import Successor, successors
+from filippov.modes import Successor
 from filippov.options import Options
+from filippov.passed import passed, slipped
+from filippov.patience import Patience
 from filippov.problem import Problem
 from filippov.run import Run
+from filippov.settling import Ended, Settling
 from filippov.solution import Solution
 from filippov.status import JUMPED_OVER, EventKind, Status, mode_text
-from filippov.stiffness import Crawl
 from filippov.user_event import UserEvent
 from filippov.watched import Watch
-from filippov.zeno import NEAR_END, Accumulation, accumulates, accumulation, bridge, rest, rests, second_order
+from filippov.zeno import Accumulation, accumulates, power_law, rest, rests
 
 # Steps between two looks at the clock: so many at first, then what takes about _LOOK seconds.
 _CHUNK, _SLOW_CHUNK, _LONGEST_CHUNK = 2_000, 10, 1_000_000
 _LOOK = 0.05
-# So many accumulations, or events after one, at one place: the motion cannot be led out of it.
-MOST_LIMITS, MOST_EVENTS = 4, 100
 
 
 class Turn(NamedTuple):
@@ -68,7 +72,7 @@ def follow(
     system = problem.system
     watch = Watch(users, len(system.surfaces), len(system.time_events))
     events = tuple(users[k].surface for k in watch.order)
-    machine = Machine(system, options.method, problem.p, events, options.sliding)
+    machine = Machine(system, options.method, problem.p, events, options.sliding, options.compile)
     record = None if machine.callbacks is None else machine.callbacks.p
     clocks = Clocks(system, record, problem.parameters, problem.t_span)
     run = Run(machine, problem.x0, problem.t_span, options)
@@ -84,18 +88,7 @@ def follow(
     return Followed(solution, run.stop.copy())
 
 
-@dataclass(frozen=True)
-class _Jump:
-    """Mode and state before the events of one instant, the surfaces that reset, the time events."""
-
-    before: Mode
-    x: Array
-    by: tuple[int, ...] = ()
-    clocks: tuple[int, ...] = ()
-    together: bool = False
-
-
-class _Loop:
+class _Loop(Settling):
     """Drive the compiled loop and decide what it leaves open."""
 
     def __init__(
@@ -107,13 +100,13 @@ class _Loop:
         self.due: list[int] = []
         self.ambiguity: Ambiguity | None = None
         self.accumulations: list[Accumulation] = []
-        self.since = 0
+        self.higher = HigherOrder(run)
         self.options = run.options
         self.started = time.monotonic()
         self.start_mode: Mode = ()
         self.stalled, self.general_t = 0, np.inf
-        self.looked = (0, run.t)
-        self.crawl = Crawl()
+        self.resetting = any(run.machine.resets_from)
+        self.patience, self.attraction = Patience(run), Attraction()
         self.chunk = _CHUNK if run.machine.callbacks is None else _SLOW_CHUNK
 
     def go(self) -> tuple[Status, str]:
@@ -134,7 +127,7 @@ class _Loop:
 
     def _end(self, status: Status, detail: str = "") -> tuple[Status, str]:
         text = f"{detail} {status.advice}".lstrip() if status.ok else self._sentence(status, detail)
-        return status, text + self.crawl.hint(self.run, status)
+        return status, text + self.patience.hint(status)
 
     def _start(self) -> tuple[Status, str] | None:
         """Mode at the initial state: by the sign of h off a surface, by classification on one (E4)."""
@@ -172,28 +165,49 @@ class _Loop:
     def _step(self) -> tuple[Status, str] | None:
         run, options = self.run, self.options
         begun = time.monotonic()
-        code = run.advance(max(1, min(self.chunk, options.max_steps - run.attempts)))
+        code = self.attraction.advance(run, max(1, min(self.chunk, options.max_steps - run.attempts)))
         ratio = _LOOK / max(time.monotonic() - begun, 1e-9)
         self.chunk = int(min(max(self.chunk * min(max(ratio, 0.1), 4.0), 1), _LONGEST_CHUNK))
+        if code != codes.USER_ERROR and self.resetting and (why := passed(run)):
+            return self._end(Status.NO_CONTINUATION, why)
         if code == codes.REACHED:
             return self._reached()
         if run.events.total >= options.max_events and code not in (codes.STOPPED, codes.ZENO):
-            return self._end(Status.MAX_EVENTS)
+            return self._too_many()
         if code == codes.STOPPED:
             if options.on_graze == "error" and run.events[-1].kind is EventKind.GRAZING:
                 return self._end(Status.GRAZING, f"{run.events[-1]}.")
             return self._stopped()
         if code in (codes.RECORDS_FULL, codes.EVENTS_FULL, codes.CHUNK_DONE):
             return self._budgets()
+        if code == LOST:
+            return self._classify(group := self.attraction.group, group, start=False)
         if code == codes.GENERAL:
             return self._general()
         if code == codes.ZENO:
             return self._zeno()
-        if code == codes.MIN_STEP and accumulates(run):
-            return self._zeno()
+        if code == codes.MIN_STEP:
+            if accumulates(run):
+                return self._zeno()
+            if self._arrived():
+                return self._budgets()
+        if code == codes.MIN_STEP and (drawn := funnelled(run) or funnelled(run, behind=True)):
+            return self._classify(drawn, drawn, start=False) or self._budgets()
         failures = {codes.NOT_FINITE: Status.NOT_FINITE, codes.MIN_STEP: Status.MIN_STEP}
         status = failures.get(code, Status.NO_SLIDING)
-        return self._end(status, f"state {_state_text(run)}. {suspect(run)}".rstrip())
+        return self._end(status, f"state {state_text(run)}. {suspect(run)}".rstrip())
+
+    def _too_many(self) -> tuple[Status, str]:
+        """The budget of events is used up: by an accumulation that no other law recognises, or as it is."""
+        limit = power_law(self.run)
+        if limit is None:
+            return self._end(Status.MAX_EVENTS)
+        self.accumulations.append(limit)
+        return self._end(
+            Status.ZENO,
+            f"events accumulate at t = {limit.t:.9g} (error about {limit.error:.1g}), as n**-k for the n-th: "
+            "there is no limit state to go on with.",
+        )
 
     def _stopped(self) -> tuple[Status, str] | None:
         event = self.run.events[-1]
@@ -203,33 +217,20 @@ class _Loop:
 
     def _budgets(self) -> tuple[Status, str] | None:
         run, options = self.run, self.options
-        self.crawl.look(run)
-        if self.accumulations and self._storm():
-            limit = self.accumulations[-1]
-            return self._end(
-                Status.ZENO,
-                f"events go on accumulating at t = {limit.t:.12g}, state {_state_text(run)}, where the "
-                "motion was to go on: the limit mode is none of the modes (such as sliding of higher order).",
-            )
+        held_up = self.patience.look(self.t_end, self.accumulations)
+        if self.patience.slow and (drawn := funnelled(run)):
+            return self._classify(drawn, drawn, start=False)
+        if held_up is not None:
+            if held_up[0] is Status.MIN_STEP and (drawn := funnelled(run, behind=True)):
+                return self._classify(drawn, drawn, start=False)
+            return self._end(*held_up)
         if run.attempts >= options.max_steps:
             return self._end(Status.MAX_STEPS)
         if time.monotonic() - self.started > options.max_time:
             return self._end(Status.TIMEOUT)
         if self.progress is not None:
             self.progress(run.t, self.t_end)
-        if run.attempts - self.looked[0] >= STAGNATION_STEPS:
-            left = abs(self.t_end - run.t)
-            moved, self.looked = abs(run.t - self.looked[1]), (run.attempts, run.t)
-            if moved < STAGNATION * left and (why := stagnation(run, moved / left)):
-                return self._end(Status.MIN_STEP, f"state {_state_text(run)}. {why}")
         return None
-
-    def _storm(self) -> bool:
-        """Whether the motion does not get away from an accumulation that it was to be led out of."""
-        run, last = self.run, self.accumulations[-1]
-        elapsed = abs(last.t - float(run.clock[codes.T_START]))
-        here = [a for a in self.accumulations if abs(a.t - run.t) <= NEAR_END * elapsed]
-        return bool(here) and (len(here) >= MOST_LIMITS or len(run.events) - self.since >= MOST_EVENTS)
 
     def _aim(self) -> None:
         """Let the compiled loop run to the next instant of a time event, or to the end."""
@@ -256,13 +257,14 @@ class _Loop:
             return self._end(Status.SUCCESS)
         run.clock[codes.T] = run.clock[codes.T_END]
         together = bool(run.events) and abs(run.events[-1].t - run.t) <= run.clock[codes.SAME_INSTANT]
-        jump = _Jump(run.signs, run.x.copy(), (), tuple(self.due), together)
+        jump = Jump(run.signs, run.x.copy(), (), tuple(self.due), together)
         resets = [machine.m + i for i in self.due if machine.system.time_events[i].reset is not None]
         self._aim()
         if resets and run.direction < 0:
             return self._back_over(resets)
         if resets or machine.callbacks is not None:
-            ended = self._reset(resets, (), jump)
+            # What is reached at the very instant of a clock is one set with it (E5).
+            ended = self._reset([*pending(run, touching(run)), *resets], (), jump)
         else:
             ended = self._record(run.signs, run.lam, (), "", jump)
         if ended is None and run.t == self.t_end:
@@ -270,12 +272,6 @@ class _Loop:
         if ended is None and run.events.total >= self.options.max_events:
             return self._end(Status.MAX_EVENTS)
         return ended or self._budgets()
-
-    def _source(self, i: int) -> str:
-        """Name of a surface, or of a time event: they follow the surfaces."""
-        machine = self.run.machine
-        m = len(machine.surfaces)
-        return machine.surfaces[i].name if i < m else machine.system.time_events[i - m].name
 
     def _general(self) -> tuple[Status, str] | None:
         """Events the compiled loop does not decide: corners, tangencies, several surfaces at once."""
@@ -291,19 +287,21 @@ class _Loop:
         roots = [i for i in hit if run.hit[i] == codes.ROOT]
         ended = self._back_over(roots)
         active = pending(run, roots)
+        if active and self.due and abs(run.t - run.clock[codes.T_END]) <= run.clock[codes.SAME_INSTANT]:
+            return self._reached()
         if ended is None:
-            ended = self._reset(active, hit) if active else self._classify(met, hit, start=False)
+            ended = self._decided(active, met, hit)
         if ended is None and accumulates(run):
             return self._zeno()
         if ended is None and self.stalled > 4 * (run.machine.m + 1):
-            return self._end(Status.NO_CONTINUATION, f"events do not leave the state {_state_text(run)}.")
+            return self._end(Status.NO_CONTINUATION, f"events do not leave the state {state_text(run)}.")
         return ended if ended is not None else self._budgets()
 
     def _back_over(self, hit: Sequence[int]) -> tuple[Status, str] | None:
         """Backwards in time a reset is not undone: the end of the run where one may have happened."""
         run = self.run
         resets = [i for i in hit if i >= run.machine.m or run.machine.resets_from[i]]
-        names = [self._source(i) for i in resets]
+        names = [source_name(run, i) for i in resets]
         if run.direction > 0 or not names:
             return None
         hit = tuple(i for i in resets if i < run.machine.m)
@@ -311,36 +309,25 @@ class _Loop:
         return self._end(
             Status.NON_UNIQUE,
             f"backwards in time, {', '.join(map(repr, names))} is reached, where a reset may have "
-            f"led to the state {_state_text(run)}; what was before it is not determined.",
+            f"led to the state {state_text(run)}; what was before it is not determined.",
         )
 
     def _reset(
-        self, active: list[int], hit: Sequence[int], jump: _Jump | None = None
+        self, active: list[int], hit: Sequence[int], jump: Jump | None = None
     ) -> tuple[Status, str] | None:
         """Apply the resets of surfaces reached or time events, and find where the motion goes from there."""
         run, m = self.run, self.run.machine.m
-        jump = jump or _Jump(run.signs, run.x.copy())
-        done: list[int] = []
-        for _ in range(LONGEST_CHAIN):
-            after = composed(run, active)
-            names = ", ".join(repr(self._source(i)) for i in active)
-            if after is None:
-                return self._end(
-                    Status.NON_UNIQUE,
-                    f"at state {_state_text(run)} the resets of {names} happen at once, and the state after "
-                    "them depends on their order.",
-                )
-            run.x[:] = after
-            if not np.all(np.isfinite(after)):
-                return self._end(Status.NOT_FINITE, f"the reset of {names} gives {_state_text(run)}.")
-            done += active
-            met = look_again(run)
-            # A jump may end on another surface that resets; those just applied are left, or led through.
-            active = pending(run, [i for i in met if i not in done])
-            if not active:
-                jump = replace(jump, by=tuple(i for i in done if i < m))
-                return self._classify(met, hit, start=False, jump=jump)
-        return self._end(Status.NO_CONTINUATION, f"resets follow each other at {_state_text(run)}.")
+        jump = jump or Jump(run.signs, run.x.copy())
+        self._back()
+        settled = settle(run, active, self.options.simultaneous, hit)
+        if settled.status is not None:
+            return self._end(settled.status, f"at state {state_text(run)} {settled.detail}")
+        jump = replace(jump, by=tuple(i for i in settled.surfaces if i < m))
+        ended = self._classify(settled.met, hit, start=False, jump=jump)
+        run.order[list(settled.left)] = 1
+        if ended is None and (why := slipped(run, jump.before)):
+            return self._end(Status.NO_CONTINUATION, f"at state {state_text(run)} {why}")
+        return ended
 
     def _near(self) -> list[int]:
         """Surfaces that the present point lies on, to rounding."""
@@ -350,23 +337,34 @@ class _Loop:
         return [i for i in range(self.run.machine.m) if near[i] and self.run.machine.widths[i] == 0.0]
 
     def _classify(
-        self, met: Sequence[int], hit: Sequence[int], start: bool, jump: _Jump | None = None
-    ) -> tuple[Status, str] | None:
-        """Find the modes that can follow on the surfaces met, choose one, take it up, record the events."""
+        self, met: Sequence[int], hit: Sequence[int], start: bool, jump: Jump | None = None,
+        rested: Sequence[int] = (),
+    ) -> tuple[Status, str] | None:  # fmt: skip
+        """Find the modes that can follow on the surfaces met, choose one, take it up, record the events.
+
+        rested: contacts whose rate has come to 0, however little it was before.
+        """
         run = self.run
         before = run.signs
+        base = tuple(0 if i in rested else sign for i, sign in enumerate(before))
         if jump is not None and not met:
             run.put(before, (0,) * run.machine.m, tuple(run.lam))
             return self._record(before, np.zeros(run.machine.m), hit, "", jump)
-        point = point_of(run)
         happens = None if start or jump is not None else hit
-        name, candidates = name_point(point, met, successors(point, before, met, happens))
-        if len(candidates) == 1:
+        name, candidates, point = followers(run, base, met, happens)
+        begun = self.higher.idle(candidates) if jump is None else ""
+        if isinstance(begun, Begun):
+            return None if start else self._changed(before, begun.mode, begun.multipliers, hit, begun.note)
+        if len(candidates) == 1 and name != SPIRAL:
             note = noted(point, name, candidates[0]) or close_call(run, candidates[0])
             return self._take(candidates[0], before, hit, note, start, jump)
         names = ", ".join(repr(run.machine.surfaces[i].name) for i in met)
-        where = f"at state {_state_text(run)} on {names}"
+        where = f"at state {state_text(run)} on {names}"
         if not candidates:
+            begun = self.higher.begin(met, 1e2 * (run.atol + run.options.rtol * np.abs(run.x)))
+            if isinstance(begun, Begun):
+                jump = jump or Jump(before, run.x.copy())
+                return None if start else self._record(begun.mode, begun.multipliers, hit, begun.note, jump)
             # A corner that a motion enters tangentially may be none of its modes, and yet a place to rest in.
             if jump is None and rests(run, met):
                 rest(run, met)
@@ -378,9 +376,8 @@ class _Loop:
             self.ambiguity = ambiguity
             if jump is not None:
                 self._record(before, np.zeros(run.machine.m), hit, str(ambiguity), jump)
-            backwards = ", backwards in time" if run.direction < 0 else ""
-            detail = f"{name}{backwards}, {where} can follow: {listing(candidates)}."
-            return self._end(Status.NON_UNIQUE, detail)
+            name += ", backwards in time" if run.direction < 0 else ""
+            return self._end(Status.NON_UNIQUE, f"{name}, {where} can follow: {listing(candidates)}.")
         return self._take(taken, before, hit, str(ambiguity), start, jump)
 
     def _choose(
@@ -397,21 +394,21 @@ class _Loop:
 
     def _take(
         self, chosen: Successor, before: Mode, hit: Sequence[int], note: str, start: bool,
-        jump: _Jump | None = None,
+        jump: Jump | None = None,
     ) -> tuple[Status, str] | None:  # fmt: skip
         run = self.run
         run.put(chosen.mode, chosen.order, chosen.multipliers)
         if any(a == 0 != b for a, b in zip(before, chosen.mode, strict=True)):
             # The step of a slide says nothing about the motion that leaves it.
             run.clock[codes.STEP] = 0.0
-        if start:
-            return None
-        if jump is None:
-            jump = _Jump(before, run.x.copy())
-        return self._record(chosen.mode, np.array(chosen.multipliers), hit, note, jump)
+        jump = jump or Jump(before, run.x.copy())
+        multipliers = np.array(chosen.multipliers)
+        ended = None if start else self._record(chosen.mode, multipliers, hit, note, jump)
+        depart(run, chosen)
+        return ended
 
     def _record(
-        self, after: Mode, multipliers: Array, hit: Sequence[int], note: str, jump: _Jump
+        self, after: Mode, multipliers: Array, hit: Sequence[int], note: str, jump: Jump
     ) -> tuple[Status, str] | None:
         """Record the change from the mode before to the one after, an event a surface; tell if it ends."""
         run, before = self.run, jump.before
@@ -419,11 +416,14 @@ class _Loop:
         together = jump.together
         residual, _ = run.scales()
         for i in range(run.machine.m):
-            kind = EventKind.RESET if i in jump.by else _kind(before[i], after[i], i in hit)
+            kind = EventKind.RESET if i in jump.by else change_of(before[i], after[i], i in hit)
             if kind is None:
                 continue
             multiplier = float(multipliers[i]) if after[i] == 0 else float("nan")
             over = kind is EventKind.CROSSING and i not in hit and bool(jump.by or jump.clocks)
+            root = kind in (EventKind.CROSSING, EventKind.ENTRY) and i in hit and run.hit[i] == codes.ROOT
+            if root and run.machine.callbacks is not None and not (jump.by or jump.clocks):
+                run.check_root(run.t, i, jump.x.copy(), float(residual[i]))
             run.add_event(
                 run.t,
                 i,
@@ -451,48 +451,7 @@ class _Loop:
             together = True
         return ended
 
-    def _zeno(self) -> tuple[Status, str] | None:
-        """Events accumulate: name the limit, and stop there or go on in the limit mode."""
-        run = self.run
-        limit = accumulation(run)
-        if limit is None:
-            run.zeno[:] = 0.0
-            return self._budgets()
-        self.accumulations.append(limit)
-        detail = (
-            f"events accumulate at t = {limit.t:.12g} (error about {limit.error:.1g}), state "
-            f"{np.array2string(limit.x, precision=9)} (error about {limit.x_error:.1g})."
-        )
-        if self.options.zeno == "stop":
-            return self._end(Status.ZENO, detail)
-        machine = run.machine
-        open_ends = [i for i in limit.surfaces if machine.resets_from[i] and not machine.contacts[i]]
-        if open_ends:
-            names = ", ".join(repr(machine.surfaces[i].name) for i in open_ends)
-            detail += f" There is no resting contact on {names} to go on with (see the docstring of Surface)."
-            return self._end(Status.ZENO, detail)
-        bridge(run, limit)
-        run.clock[codes.T] = limit.t
-        run.zeno[:] = 0.0
-        higher = second_order(run, limit)
-        if higher is not None:
-            run.x[:] = higher
-            if rests(run, limit.surfaces):
-                rest(run, limit.surfaces)
-                return self._reached()
-        run.x[:] = limit.x
-        self.since = len(run.events)
-        return self._classify(limit.surfaces, limit.surfaces, start=False) or self._budgets()
-
-
-def _kind(before: int, after: int, hit: bool) -> EventKind | None:
-    if before == after:
-        return EventKind.GRAZING if hit and before != 0 else None
-    if after == 0:
-        return EventKind.ENTRY
-    return EventKind.EXIT if before == 0 else EventKind.CROSSING
-
-
-def _state_text(run: Run) -> str:
-    return ", ".join(f"{name} = {v:.9g}" for name, v in zip(run.machine.system.states, run.x, strict=True))
-
+    def _changed(
+        self, before: Mode, after: Mode, multipliers: Array, hit: Sequence[int], note: str
+    ) -> Ended:
+        return self._record(after, multipliers, hit, note, Jump(before, self.run.x.copy()))

@@ -63,7 +63,7 @@ class Machine:
 
     def __init__(
         self, system: System, method: str, p: Array, events: tuple[Surface, ...] = (),
-        sliding: str = "filippov",
+        sliding: str = "filippov", compiled: bool | None = None,
     ) -> None:  # fmt: skip
         self.system, self.events = system, events
         self.n, self.m = system.dimension, len(system.surface_names) + len(events)
@@ -85,8 +85,9 @@ class Machine:
         else:
             unit = callback_unit(self.n, len(system.parameters), self.surfaces)
             self.callbacks = Callbacks(
-                system.field, self.surfaces, self.n, system.parameters.record, system.time_events
-            )
+                system.field, self.surfaces, self.n, system.parameters.record, system.time_events,
+                compiled=system.compile if compiled is None else compiled,
+            )  # fmt: skip
             self.callbacks.parameters(p)
             self.context = self.callbacks.context
         self.unit = unit
@@ -144,7 +145,15 @@ class Machine:
         return other
 
     def derived(self, values: Array) -> Array:
-        """Parameters, one row a set, with room for what the field derives from them; one set is derived."""
+        """Parameters, one row a set, with room for what the field derives from them; one set is derived.
+
+        Raises ModelError where a width is not positive for them.
+        """
+        if self.system.variable_widths:
+            from filippov.hysteresis import check_widths
+
+            assert self.system.symbolic is not None
+            check_widths(self.system.symbolic, self.system.surfaces, values)
         width = int(self.unit.constants["P"])  # type: ignore[arg-type]
         rows = np.zeros((*values.shape[:-1], width))
         rows[..., : values.shape[-1]] = values
@@ -154,6 +163,8 @@ class Machine:
 
     def call(self, name: str, *arguments: Any) -> int:
         """Call a compiled function: arrays by address, numbers as they are. Raises what user code raised."""
+        if self.callbacks is not None:
+            self.callbacks.look()
         passed = [a.ctypes.data if isinstance(a, np.ndarray) else a for a in arguments]
         code = int(self.compiled.functions[name](*passed))
         self.raise_error()
@@ -212,7 +223,7 @@ class Machine:
     def between(self, low: float, high: float) -> None:
         """Call functions of the user with times strictly inside (low, high) only."""
         inside = np.array([np.nextafter(low, np.inf), np.nextafter(high, -np.inf)])
-        self.context[5:] = inside.view(np.int64)
+        self.context[5:7] = inside.view(np.int64)
 
     def probe(
         self, t: float, step: float, x: Array, mode: Array, guess: Array

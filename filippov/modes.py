@@ -19,10 +19,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from filippov.candidate import (
-    Point,
+    ROUNDING,
     at_rest,
     inside,
-    leading_term,
     leaves,
     moving_outwards,
     repelling,
@@ -31,13 +30,13 @@ from filippov.candidate import (
 from filippov.corner import choices, corners, coupling, with_signs
 from filippov.events import Mode
 from filippov.machine import Array
+from filippov.point import Point
 from filippov.status import mode_text
 
-__all__ = ["Point", "Successor", "leading_term", "successors"]
 # Combinations of the corners' choices that are all examined; beyond, corner by corner.
 COMBINED = 729
 SWEEPS = 6
-RANK = 1e-10
+RANK, SAME = 1e-10, 1e-9
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,12 @@ def successors(
     where sliding is to be thought over on all of them.
     """
     resting = [i for i in met if point.machine.contacts[i] and (base[i] == 0 or at_rest(point, base, i))]
-    point = replace(point, resting=frozenset(resting), met=frozenset(met))
+    back = frozenset(i for i in hit or () if base[i] != 0)
+    point = replace(point, resting=frozenset(resting), met=frozenset(met), base=base, back=back)
+    point = replace(point, along=_along(point, met))
+    if back:
+        # What the loop does not see on the scale of its steps must not send it there again.
+        point = replace(point, longest=0.0)
     radii = point.machine.radii(point.t, point.x)
     groups = corners(point, base, met, hit, radii)
     options = [list(choices(point, base, group, radii)) for group in groups]
@@ -86,7 +90,23 @@ def successors(
     for combination in itertools.islice(itertools.product(*options), COMBINED):
         signs = [sign for part in combination for sign in part]
         found += _examined(point, base, with_signs(base, surfaces, signs), surfaces, radii)
-    return _one_a_motion(_without_released_sticking(_without_doubles(found), radii))
+    if len(found) < 2:
+        return found
+    sizes = point.field_terms(base)
+    found = _without_doubles(found, sizes)
+    return _one_a_motion(_without_released_sticking(found, radii), sizes)
+
+
+def _along(point: Point, met: Sequence[int]) -> frozenset[int]:
+    """The surfaces met on which the motion stayed without sliding: contacts that others hold as well."""
+    mode = np.array(point.base, dtype=float)
+    own = [i for i in met if mode[i] != 0.0 and i not in point.back]
+    if not own or np.all(mode != 0.0):
+        return frozenset()
+    code, velocity, _, _ = point.probe(0.0, mode, point.guess)
+    g, gt = point.gradients(mode)
+    rates = {i: point.machine.rate(i, g, velocity) + float(gt[i]) for i in own}
+    return frozenset(i for i in own if code == 0 and abs(rates[i]) <= ROUNDING * point.terms(i, mode))
 
 
 def _swept(
@@ -120,7 +140,7 @@ def _examined(
     """The successors with this mode, as judged on some surfaces."""
     m = point.machine.m
     # Sliding is left tangentially: the rate off the surface is rounding there, whatever its size looks like.
-    tangent = [i for i in surfaces if base[i] == 0 or i in point.resting]
+    tangent = [i for i in surfaces if base[i] == 0 or i in point.resting or i in point.along]
     sliding = [i for i in range(m) if mode[i] == 0]
     own = [i for i in surfaces if mode[i] == 0]
     free = [i for i in surfaces if mode[i] != 0]
@@ -167,7 +187,8 @@ def _families(point: Point, found: Successor, own: Sequence[int], radii: Array) 
             continue
         mode = np.array(found.mode, dtype=float)
         _, C, effects = coupling(point, mode, group)
-        _, values, rows = np.linalg.svd(C)
+        size = np.max(np.abs(C), axis=1, keepdims=True)
+        _, values, rows = np.linalg.svd(C / np.where(size > 0.0, size, 1.0))
         idle = rows[values <= RANK * max(float(values[0]), 1e-300)]
         marked += [i for q, i in enumerate(group) if np.any(np.abs(idle[:, q]) > 1e-6)]
         acting = idle @ effects
@@ -201,23 +222,21 @@ def _ends(
     return ends
 
 
-def _same_field(a: Successor, b: Successor) -> bool:
-    return np.allclose(a.field, b.field, rtol=1e-9, atol=1e-9 * max(map(abs, a.field)))
+def _same_field(a: Successor, b: Successor, sizes: Array) -> bool:
+    """Whether two fields are one on the scale of their terms: where these balance, the sum is rounding."""
+    return bool(np.all(np.abs(np.subtract(a.field, b.field)) <= SAME * sizes))
 
 
-def _without_doubles(found: list[Successor]) -> list[Successor]:
+def _without_doubles(found: list[Successor], sizes: Array) -> list[Successor]:
     """Sliding goes before a motion along the surface that is the same: a multiplier at the end of its set."""
-    kept = []
-    for a in found:
-        double = any(
-            b.mode != a.mode
-            and all(v == u or (v == 0 and k == 0) for u, v, k in zip(a.mode, b.mode, a.order, strict=True))
-            and _same_field(a, b)
-            for b in found
-        )
-        if not double:
-            kept.append(a)
-    return kept
+    return [a for a in found if not any(_slides_instead(a, b, sizes) for b in found)]
+
+
+def _slides_instead(a: Successor, b: Successor, sizes: Array) -> bool:
+    """Whether b slides where a runs along, with the same field."""
+    where = zip(a.mode, b.mode, a.order, strict=True)
+    same = b.mode != a.mode and all(v == u or (v == 0 and k == 0) for u, v, k in where)
+    return same and _same_field(a, b, sizes)
 
 
 def _without_released_sticking(found: list[Successor], radii: Array) -> list[Successor]:
@@ -237,7 +256,7 @@ def _without_released_sticking(found: list[Successor], radii: Array) -> list[Suc
     return kept
 
 
-def _one_a_motion(found: list[Successor]) -> list[Successor]:
+def _one_a_motion(found: list[Successor], sizes: Array) -> list[Successor]:
     """One candidate for every motion: of those that stay on the same surfaces with the same field the first.
 
     Such candidates share the load among contacts in different ways; the multipliers are not unique, the
@@ -248,7 +267,7 @@ def _one_a_motion(found: list[Successor]) -> list[Successor]:
         for q, b in enumerate(kept):
             differ = [i for i, (u, v) in enumerate(zip(a.mode, b.mode, strict=True)) if u != v]
             stays = all(c.mode[i] == 0 or c.order[i] == 0 for c in (a, b) for i in differ)
-            if differ and stays and _same_field(a, b):
+            if differ and stays and _same_field(a, b, sizes):
                 kept[q] = replace(b, undetermined=tuple(sorted({*b.undetermined, *differ})))
                 break
         else:

@@ -12,13 +12,15 @@ import numpy.typing as npt
 
 from filippov._kernels.layout import RULES
 from filippov._kernels.tableaus import TABLEAUS
-from filippov.errors import UsageError
+from filippov.errors import ModelError, UsageError
 from filippov.events import Stop
 from filippov.names import unknown
 from filippov.system import System
 
 METHODS = tuple(TABLEAUS)
 POLICIES = ("raise", "stick", "slip", "branch")
+# Where none is given; see `filippov.scale` for motions that are small.
+LARGEST_ATOL = 1e-12
 SMALLEST_RTOL = 100 * np.finfo(float).eps
 
 
@@ -28,7 +30,7 @@ class Options:
 
     method: str = "DOP853"
     rtol: float = 1e-9
-    atol: npt.NDArray[np.float64] | float = 1e-12
+    atol: npt.NDArray[np.float64] | float = LARGEST_ATOL
     first_step: float | None = None
     max_step: float = math.inf
     max_steps: int = 10_000_000
@@ -37,10 +39,12 @@ class Options:
     nonunique: str | tuple[str, ...] | Callable[..., Any] = "raise"
     on_graze: str = "continue"
     zeno: str = "stop"
+    simultaneous: str = "raise"
     sliding: str = "filippov"
     stop: tuple[Stop, ...] = ()
     dense_output: bool = True
     save_events: str = "all"
+    compile: bool | None = None
 
     def __post_init__(self) -> None:
         if self.method not in TABLEAUS:
@@ -65,8 +69,11 @@ class Options:
             choice("nonunique", self.nonunique, POLICIES, or_function=True)
         choice("on_graze", self.on_graze, ("continue", "error"))
         choice("zeno", self.zeno, ("stop", "continue"))
+        choice("simultaneous", self.simultaneous, ("raise", "sequential", "generalised Newton"))
         choice("sliding", self.sliding, RULES)
         choice("save_events", self.save_events, ("all", "count"))
+        if self.compile not in (None, True, False):
+            raise UsageError(f"compile is {self.compile!r}, expected True, False or None.")
         if self.save_events == "count":
             object.__setattr__(self, "dense_output", False)
         for item in self.stop:
@@ -82,6 +89,14 @@ class Options:
                 raise UsageError(
                     f"{name} is {value:g}, longer than t_span, {span:g}: expected at most that. Leave it out."
                 )
+
+    def check_system(self, system: System) -> None:
+        """Refuse compile=False for a system that runs in no other way."""
+        if self.compile is False and system.field is None:
+            raise UsageError(
+                "compile is False, but the system is given by expressions, which run compiled only. Leave "
+                "compile out, or give the field as a plain function: System(field=f, ...)."
+            )
 
     def tolerances(self, system: System) -> npt.NDArray[np.float64]:
         """One absolute tolerance a state."""
@@ -150,8 +165,11 @@ def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
     return np.array(array)
 
 
-def check_span(t_span: Any) -> tuple[float, float]:
-    """Two finite times."""
+def check_span(t_span: Any, backward: bool = False, x0: Any = None) -> tuple[float, float]:
+    """Two finite times, the second before the first only where `backward` says so.
+
+    x0      the initial state given with it: a span that falls may be one, in scipy's order
+    """
     try:
         start, end = t_span
     except (TypeError, ValueError):
@@ -163,7 +181,46 @@ def check_span(t_span: Any) -> tuple[float, float]:
         if not math.isfinite(value):
             raise UsageError(f"t_span: {name} is {value}, expected a finite number.")
         values.append(float(value))
+    if backward not in (True, False):
+        raise UsageError(f"backward is {backward!r}, expected True or False.")
+    if values[1] < values[0] and not backward:
+        other, pair = "", as_pair(x0)
+        if pair is not None and pair[0] < pair[1]:
+            other = (
+                f" If {pair} is the span and {tuple(values)} the state, they are in the order of "
+                f"scipy's solve_ivp: here x0 goes first, x0={tuple(values)}, t_span={pair}."
+            )
+        raise UsageError(
+            f"t_span is {tuple(values)}, which runs backwards in time. If that is meant, say "
+            f"backward=True.{other}"
+        )
+    if values[1] > values[0] and backward:
+        raise UsageError(
+            f"backward is True, but t_span is {tuple(values)}, which runs forwards. Give (t0, t1) with "
+            "t1 < t0, or drop backward."
+        )
     return values[0], values[1]
+
+
+def as_pair(value: Any) -> tuple[float, float] | None:
+    """Two plain numbers, None for anything else."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        return None
+    if array.shape != (2,) or array.dtype.kind not in "fiu":
+        return None
+    first, second = array.tolist()
+    return first, second
+
+
+def falls(t_span: Any) -> bool:
+    """Whether a span, checked or not, has its end before its start."""
+    try:
+        start, end = t_span
+        return bool(end < start)
+    except (TypeError, ValueError):
+        return False
 
 
 def check_times(t_eval: Any, span: tuple[float, float]) -> npt.NDArray[np.float64]:
@@ -217,11 +274,15 @@ def check_count(name: str, value: object) -> int:
 
 
 def check_stops(stops: Sequence[Stop] | Stop, system: System) -> tuple[Stop, ...]:
-    """Stops whose surfaces the system has."""
+    """Stops at surfaces that the system has, under the names that they have there."""
     items = (stops,) if isinstance(stops, Stop) else tuple(stops)
-    names = system.surface_names
-    given: Sequence[object] = items  # what is no Stop is refused with the other options
-    for item in given:
-        if isinstance(item, Stop) and item.surface not in names:
-            raise UsageError(unknown("surface", item.surface, names))
-    return items
+    given: Sequence[Any] = items  # what is no Stop is refused with the other options
+    return tuple(_stop_at(item, system) if isinstance(item, Stop) else item for item in given)
+
+
+def _stop_at(stop: Stop, system: System) -> Stop:
+    try:
+        place, sense = system.surface_place(stop.surface)
+    except ModelError as error:
+        raise UsageError(str(error)) from None
+    return stop.on(system.surface_names[place], sense)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from filippov.errors import UsageError
+from filippov.escape import figure_text
 from filippov.names import check_known
 from filippov.style import BLUE, GREY, INK, PALE, RED, column, new_figure, style
 
@@ -28,7 +29,7 @@ def plot_describing_function(
     labels      {"amplitude": "...", "growth": "...", "frequency": "..."}
     """
     text = {
-        "amplitude": f"amplitude of the input '{prediction.surface}'",
+        "amplitude": figure_text(f"amplitude of the input '{prediction.surface}'"),
         "growth": "growth rate [1/s]",
         "frequency": "frequency [rad/s]",
     }

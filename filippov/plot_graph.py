@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.errors import UsageError
+from filippov.escape import figure_text
 from filippov.graph_io import node_label
 from filippov.status import EventKind
 from filippov.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, RED, new_figure, style
@@ -162,7 +163,7 @@ def _arc(ax: Any, nodes: Mapping[str, Node], a: str, b: str, colour: str, repeat
     )  # fmt: skip
     if text:
         ax.text(
-            *middle, text, ha="center", va="center", fontsize=8, color=colour, zorder=4,
+            *middle, figure_text(text), ha="center", va="center", fontsize=8, color=colour, zorder=4,
             bbox={"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": colour, "linewidth": 0.7},
         )  # fmt: skip
 
@@ -197,7 +198,7 @@ def _list(ax: Any, edges: list[Any], height: float) -> None:
     for number, (a, b, values) in enumerate(edges, start=1):
         y = top + number - 0.5
         ax.text(0.0, y, str(number), color=_colour(values), fontsize=8.5, ha="right", va="center")
-        ax.text(0.02, y, _line(a, b, values), color=INK, fontsize=8.5, ha="left", va="center")
+        ax.text(0.02, y, figure_text(_line(a, b, values)), color=INK, fontsize=8.5, ha="left", va="center")
 
 
 def _key(ax: Any, edges: list[Any]) -> None:

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.errors import UsageError
-from filippov.names import check_known, unknown
+from filippov.errors import ModelError, UsageError
+from filippov.escape import figure_text
+from filippov.names import check_known
 from filippov.plot_graph import plot_graph
 from filippov.solution import Segment, Solution
 from filippov.style import BLUE, GREY, INK, MARKS, RED, SERIES, SLIDING, column, new_figure, style
@@ -50,9 +51,11 @@ def plot_solution(
     Raises UsageError for unknown names, ImportError without matplotlib.
     """
     names = _names(states, solution)
-    surfaces = [surface.name for surface in solution.system.surfaces]
-    if multiplier is not None and multiplier not in surfaces:
-        raise UsageError(unknown("surface", multiplier, surfaces))
+    if multiplier is not None:
+        try:
+            solution.system.surface_place(multiplier)
+        except ModelError as error:
+            raise UsageError(str(error)) from None
     text = _labels(labels, ("t", *solution.system.states, "multiplier"))
     pieces = list(_pieces(solution, points))
     rows = len(names) + (multiplier is not None)
@@ -70,7 +73,7 @@ def plot_solution(
         if multiplier is not None:
             _shade(axes[-1], solution, False)
             _multiplier(axes[-1], solution, multiplier, pieces)
-            axes[-1].set_ylabel(text.get("multiplier", f"sign of {multiplier}"))
+            axes[-1].set_ylabel(text.get("multiplier", figure_text(f"sign of {multiplier}")))
         axes[-1].set_xlabel(text.get("t", "t"))
         low, high = sorted((solution.problem.t_span[0], solution.t_end))
         if low < high:
@@ -161,7 +164,7 @@ def _shade(ax: Any, solution: Solution, named: bool) -> None:
     for k, (name, bars) in enumerate(spans.items()):
         ax.broken_barh(
             bars, (0, 1), transform=ax.get_xaxis_transform(), facecolor=SLIDING[k % len(SLIDING)], alpha=0.22,
-            linewidth=0, zorder=0, label=f"sliding on {name}" if named else None,
+            linewidth=0, zorder=0, label=figure_text(f"sliding on {name}") if named else None,
         )  # fmt: skip
 
 

@@ -10,6 +10,8 @@ import time
 from types import TracebackType
 from typing import Any, Self
 
+from filippov.escape import printable
+
 PATIENCE = 1.0
 EVERY = 5.0  # seconds between two lines where stderr is no terminal
 
@@ -27,7 +29,7 @@ class Progress:
     """
 
     def __init__(self, title: str, shown: bool = True) -> None:
-        self.title, self.shown = title, shown
+        self.title, self.shown = printable(title), shown
         self.started, self.last = time.monotonic(), -EVERY
         self.fraction, self.note = 0.0, ""
         self._bar: Any = None
@@ -45,10 +47,10 @@ class Progress:
     def __call__(self, done: float | str, total: float = 1.0, note: str = "", *_: object) -> None:
         """Tell that `done` of `total` is done, or what is being done."""
         if isinstance(done, str):
-            self.note = done
+            self.note = printable(done)
         else:
             self.fraction = min(1.0, max(0.0, done / total)) if total else 1.0
-            self.note = str(note) if note else self.note
+            self.note = printable(note) if note else self.note
         now = time.monotonic()
         if not self.shown or now - self.started < PATIENCE:
             return

@@ -35,11 +35,15 @@ def regularize_symbolic(
                 "for it. Declare two surfaces, one for each."
             )
         s, a, h = form.s[i], form.a[i], form.h[i].xreplace(values)
+        width = form.widths[i] if form.widths and surface.kind == "switching" else None
+        if width is not None:  # the comparator's own width is one of h itself
+            h, surface = h * width, replace(surface, h=surface.h * width)  # noqa: PLW2901
         if surface.kind != "switching":
             values[s], values[a] = new.add(surface, h, form.radius[i])
             continue
         if any(e.has(a) for e in (*form.field, *form.h)):
-            _, values[a] = new.add(_kink(surface, f"|{surface.name}|", surface.h), h, UNIT)
+            _, size = new.add(_kink(surface, f"|{surface.name}|", surface.h), h, UNIT)
+            values[a] = size if width is None else size / width
         if isinstance(comparator, Hysteresis):
             values[s], _ = new.add(replace(surface, width=comparator.width), h, form.radius[i])
         elif isinstance(comparator, Band):

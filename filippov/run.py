@@ -9,6 +9,7 @@ from filippov._kernels import codes
 from filippov.errors import ModelError
 from filippov.event_log import EventLog
 from filippov.events import Mode, Stop
+from filippov.gradients import check_gradients
 from filippov.machine import Array, Machine
 from filippov.options import Options
 from filippov.status import EventKind
@@ -16,6 +17,8 @@ from filippov.status import EventKind
 _EVENT_ROOM, _RECORD_ROOM = 256, 512
 # Events that are kept where they are only counted: what recognising an accumulation looks back on.
 _KEPT = 64
+# Events at which the gradients of functions are looked at.
+_LOOKED_AT = 32
 
 
 class Run:
@@ -23,7 +26,7 @@ class Run:
 
     def __init__(self, machine: Machine, x0: Array, span: tuple[float, float], options: Options) -> None:
         n, m = machine.n, machine.m
-        self.machine, self.options = machine, options
+        self.options = options
         self.x = np.array(x0)
         self.mode = np.ones(m)
         self.order = np.zeros(m, dtype=np.int64)
@@ -47,9 +50,25 @@ class Run:
         self.marks = np.zeros((_EVENT_ROOM + m, 2 + 2 * m), dtype=np.int64)
         names = tuple(q.name for q in machine.surfaces) + tuple(q.name for q in machine.system.time_events)
         keep = None if options.save_events == "all" else _KEPT
-        self.events = EventLog(names, 1 if span[1] >= span[0] else -1, n, keep)
+        users = range(len(machine.system.surfaces), m)
+        self.events = EventLog(names, 1 if span[1] >= span[0] else -1, n, keep, users)
         self.steps: list[tuple[Array, Array]] = []
+        # Where the present mode was taken up.
+        self.taken = span[0], self.x.copy()
         self.direction = 1.0 if span[1] >= span[0] else -1.0
+        self.attach(machine)
+
+    def attach(self, machine: Machine) -> None:
+        """Go on with another machine of the same states, surfaces and method; what was counted goes along."""
+        last = getattr(self, "machine", machine)
+        if last is not machine:
+            machine.calls += last.calls
+            for name in ("I_JACOBIANS", "I_FACTORS"):
+                at, there = (m.compiled.layout.constants[name] for m in (machine, last))
+                machine.iw[at] += last.iw[there]
+                last.iw[there] = 0
+            last.calls = 0
+        self.machine = machine
         self._arrays = [
             a.ctypes.data
             for a in (
@@ -72,6 +91,7 @@ class Run:
     def begin(self) -> int:
         """Find the initial mode in compiled code; GENERAL where it is not simple."""
         machine = self.machine
+        check_gradients(machine, self.t, self.x)
         return machine.call(
             "begin", self.t, self.direction, self.x, machine.p, self.mode, self.order, self.lam, machine.w,
             machine.iw, machine.context,
@@ -94,11 +114,13 @@ class Run:
         self.count[codes.STEP_BUDGET] = steps
         left = max(self.options.max_events - self.events.total, 1)
         self.count[codes.EVENT_ROOM] = min(_EVENT_ROOM, left) + self.machine.m
+        if self.machine.callbacks is not None:
+            self.machine.callbacks.speed_up(self.machine.system.parameters.names, self.t, self.x)
         code = int(self.machine.compiled.functions["advance"](*self._arrays))
         self.collect()
         self.machine.raise_error()
-        if self.machine.callbacks is not None:
-            self.machine.callbacks.speed_up(self.machine.system.parameters.names, self.t, self.x)
+        if code == codes.GENERAL:
+            check_gradients(self.machine, self.t, self.x)
         return code
 
     def collect(self) -> None:
@@ -112,22 +134,47 @@ class Run:
         self.events.add_rows(self.found[:events], self.marks[:events])
         self.count[codes.EVENTS] = 0
 
+    def cut(self, t: float) -> None:
+        """Let the dense output end at an earlier time."""
+        while self.steps:
+            rows, coef = self.steps[-1]
+            t0, step = rows[-1]
+            if (t0 - t) * self.direction >= 0.0:
+                rows, coef = rows[:-1], coef[:-1]
+                self.steps.pop()
+                if len(rows):
+                    self.steps.append((rows, coef))
+                continue
+            part = (t - t0) / step
+            if part < 1.0:
+                rows[-1, 1] = t - t0
+                coef[-1] *= part ** np.arange(len(coef[-1]))[:, None]
+            return
+
     def _check_continuous(self, events: int) -> None:
         """Refuse a function h that changed its sign without a zero: a jump cannot be located."""
         machine = self.machine
-        for row, mark in zip(self.found[:events], self.marks[:events].tolist(), strict=True):
+        for number, (row, mark) in enumerate(
+            zip(self.found[:events], self.marks[:events].tolist(), strict=True)
+        ):
+            # The first events say it; of many more every so manieth does.
+            if self.events.total < _LOOKED_AT or number % _LOOKED_AT == 0:
+                check_gradients(machine, float(row[0]), row[3 : 3 + machine.n].copy(), (mark[0],))
             if mark[1] not in (codes.CROSSING_UP, codes.CROSSING_DOWN, codes.ENTRY) or row[2] == 0.0:
                 continue
-            x = row[3 : 3 + machine.n].copy()
-            g, gt = machine.gradients(float(row[0]), x, self.mode)
-            reach = np.abs(x) + self.atol + 1e-9 * np.max(np.abs(x), initial=0.0)
-            width = machine.widths[mark[0]]
-            if row[2] > 1e-6 * float(np.abs(g[mark[0]]) @ reach + abs(gt[mark[0]] * row[0])) + width:
-                raise ModelError(
-                    f"surface {machine.surfaces[mark[0]].name!r}: h changes its sign at t = "
-                    f"{row[0]:.9g} without being 0 there (|h| = {row[2]:.3g}). h must be continuous: give "
-                    "the function whose zero is the surface, or declare a time event."
-                )
+            self.check_root(float(row[0]), mark[0], row[3 : 3 + machine.n].copy(), float(row[2]))
+
+    def check_root(self, t: float, i: int, x: Array, residual: float) -> None:
+        """Raise ModelError where |h_i| = residual is no zero of a continuous function."""
+        machine = self.machine
+        g, gt = machine.gradients(t, x, self.mode)
+        reach = np.abs(x) + self.atol + 1e-9 * np.max(np.abs(x), initial=0.0)
+        if residual > 1e-6 * float(np.abs(g[i]) @ reach + abs(gt[i] * t)) + machine.widths[i]:
+            raise ModelError(
+                f"surface {machine.surfaces[i].name!r}: h changes its sign at t = {t:.9g} without being 0 "
+                f"there (|h| = {residual:.3g}). h must be continuous: give the function whose zero is the "
+                "surface, or declare a time event. Where roots lie in one place, give the factors apart."
+            )
 
     def add_event(
         self, t: float, index: int, kind: EventKind, before: Mode, after: Mode, x: Array, multiplier: float,
@@ -159,10 +206,13 @@ class Run:
 
     def put(self, mode: Mode, order: tuple[int, ...], multipliers: tuple[float, ...]) -> None:
         """Take up a mode."""
+        if self.signs != mode:
+            self.taken = self.t, self.x.copy()
         self.mode[:] = mode
         self.order[:] = order
         self.lam[:] = multipliers
-        self.clock[[codes.RELATIVE, codes.TREND, codes.GROW]] = 0.0
+        self.clock[[codes.TREND, codes.GROW]] = 0.0
+        self.clock[codes.RELATIVE] = min(self.clock[codes.RELATIVE], 0.0)
 
     @property
     def attempts(self) -> int:

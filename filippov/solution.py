@@ -14,13 +14,15 @@ import numpy.typing as npt
 
 from filippov._kernels import codes
 from filippov.ambiguity import Ambiguity
-from filippov.errors import UsageError
+from filippov.candidate import sliding_solutions
+from filippov.errors import ModelError, UsageError
 from filippov.event_log import EventLog
 from filippov.events import Event, Events, Mode
+from filippov.higher_order import multipliers
 from filippov.interpolant import Interpolant
 from filippov.machine import Machine
 from filippov.modes import Successor
-from filippov.names import unknown
+from filippov.point import Point
 from filippov.problem import Problem
 from filippov.run import Run
 from filippov.status import EventKind, Status, mode_text
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
     from filippov.system import System
 
 Array = npt.NDArray[np.float64]
+# What a multiplier may be beyond its set by the error of the dense output.
+OUTSIDE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,14 @@ def _still(t: float, x: Array, run: Run) -> tuple[Array, Array]:
     coef = np.zeros((1, *run.coef.shape[1:]))
     coef[0, 0] = x
     return np.array([[t, run.direction * np.finfo(float).tiny]]), coef
+
+
+def _multipliers_at(run: Run) -> Array:
+    """The multipliers where the run stands: the loop leaves those of the last stage that it took."""
+    if np.all(run.mode != 0.0):
+        return run.lam.copy()
+    code, _, lam, _ = run.machine.probe(run.t, 0.0, run.x, run.mode, run.lam)
+    return lam if code == 0 else run.lam.copy()
 
 
 class Solution:
@@ -85,13 +97,14 @@ class Solution:
         self.ambiguity: Ambiguity | None = None
         self.accumulations: tuple[Accumulation, ...] = ()
         self.events: Events = watch.events(run)
+        self.events.place_of = problem.system.surface_place
         self.user_events = watch.names
         self.options = run.options
         self.nfev = run.calls()
         self.njev, self.nlu = run.factorisations()
         self.steps, self.rejected = int(run.count[codes.STEPS]), int(run.count[codes.REJECTED])
         self.t_end, self.x_end, self.end_mode = run.t, run.x.copy(), run.signs[: watch.surfaces]
-        self.end_multipliers = run.lam[: watch.surfaces].copy()
+        self.end_multipliers = _multipliers_at(run)[: watch.surfaces]
         self.sol = self._interpolant(run)
         self.t, self.y = self._samples(run, t_eval)
 
@@ -258,26 +271,49 @@ class Solution:
         return self.end_mode
 
     def multiplier(self, surface: str, t: Any) -> Array:
-        """Value of a surface's sign: +-1 off it, the multiplier of Filippov's combination while sliding."""
-        names = [s.name for s in self.system.surfaces]
-        if surface not in names:
-            raise UsageError(unknown("surface", surface, names))
+        """Value of a surface's sign: +-1 off it, the multiplier of Filippov's combination while sliding.
+
+        surface     its name, or the formula of its h; for h = v - vb "vb - v" gives the sign of vb - v
+        """
+        try:
+            i, sense = self.system.surface_place(surface)
+        except ModelError as error:
+            raise UsageError(str(error)) from None
         if self.sol is None:
             raise UsageError("the multiplier needs the dense output; solve without dense_output=False.")
-        i = names.index(surface)
         options = self.options
         machine = Machine(self.problem.system, options.method, self.problem.p, sliding=options.sliding)
         times = np.atleast_1d(np.asarray(t, dtype=float))
         out = np.empty(times.size)
-        for k, time in enumerate(times):
-            mode = np.array(self.mode_at(float(time)), dtype=float)
+        for k, time in enumerate(times.tolist()):
+            mode = np.array(self.mode_at(time), dtype=float)
             out[k] = mode[i]
             if mode[i] == 0:
-                _, _, lam, _ = machine.probe(
-                    float(time), 0.0, self.sol(float(time)), mode, np.zeros(len(names))
-                )
-                out[k] = lam[i]
+                held = multipliers(machine, time, self.sol(time), mode)
+                out[k] = (self._multipliers(machine, time, mode) if held is None else held)[i]
+        out *= sense
         return out if np.ndim(t) else out[0]
+
+    def _multipliers(self, machine: Machine, t: float, mode: Array) -> Array:
+        """Multipliers while sliding: where signs multiply, the root that the motion followed.
+
+        That is the one in its set; of several, the one with the field of the motion.
+        """
+        assert self.sol is not None
+        x = self.sol(t)
+        point = Point(machine, t, x, self.sol.direction, 0.0, np.zeros(mode.size))
+        roots = sliding_solutions(point, mode, np.flatnonzero(mode == 0).tolist())
+        if not roots:
+            return machine.probe(t, 0.0, x, mode, point.guess)[2]
+        if len(roots) == 1:
+            return roots[0][0]
+        rate, radii, on = self.sol.rate(t), machine.radii(t, x), mode == 0
+
+        def misses(root: tuple[Array, Array]) -> tuple[float, float]:
+            out = np.maximum(root[0] - radii[:, 1], radii[:, 0] - root[0])[on]
+            return max(float(np.max(out)), OUTSIDE), float(np.linalg.norm(root[1] - rate))
+
+        return min(roots, key=misses)[0]
 
     def dwell_times(self) -> Mapping[str, float]:
         """Total time in each mode."""

@@ -111,7 +111,7 @@ class Path:
         for branch in self.branches:
             shift = items[-1].group + 1 if items else 0
             items += [event._replace(group=event.group + shift) for event in branch.solution.events]
-        return Events(items)
+        return Events(items, self.branches[0].solution.events)
 
     @cached_property
     def segments(self) -> tuple[Segment, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Literal, overload
 
 from filippov.branching import branch
@@ -12,12 +13,11 @@ from filippov.names import check_known
 from filippov.options import (
     Options,
     check_priority,
-    check_span,
-    check_state,
     check_stops,
     check_times,
 )
 from filippov.problem import Problem
+from filippov.scale import default_atol, of_little_scale
 from filippov.solution import Solution
 from filippov.solution_tree import SolutionTree
 from filippov.status import Status
@@ -26,7 +26,7 @@ from filippov.user_event import user_events
 
 _OPTIONS = (
     "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
-    "on_graze", "zeno", "sliding", "stop", "dense_output", "save_events",
+    "on_graze", "zeno", "simultaneous", "sliding", "stop", "dense_output", "save_events", "compile",
 )  # fmt: skip
 _TREE_OPTIONS = ("max_branches", "max_depth", "release_times")
 
@@ -45,6 +45,7 @@ def solve(
     max_branches: int = ...,
     max_depth: int = ...,
     release_times: Any = ...,
+    backward: bool = ...,
     **options: Any,
 ) -> SolutionTree: ...
 @overload
@@ -58,6 +59,7 @@ def solve(
     events: Any = ...,
     throw: bool = ...,
     progress: Callable[[float, float], None] | None = ...,
+    backward: bool = ...,
     **options: Any,
 ) -> Solution: ...
 def solve(
@@ -70,13 +72,16 @@ def solve(
     events: Any = None,
     throw: bool = False,
     progress: Callable[[float, float], None] | None = None,
+    backward: bool = False,
     **options: Any,
 ) -> Solution | SolutionTree:
     """Solve x' in { f(t, x, s; p) : s_i in Sgn(h_i) } from x0 over t_span.
 
     system      System, or a Problem that holds x0, t_span and parameters
     x0          one number a state, in order or as a mapping by name
-    t_span      (t0, t1); t1 < t0 integrates backwards
+    t_span      (t0, t1)
+    backward    True to integrate backwards in time, with t1 < t0; without it such a span is refused: given
+                first, as in scipy's solve_ivp, a span would be taken for a state
     parameters  values by name; the others keep their defaults
     t_eval      times of the solution's t and y; default: the ends of all steps
     events      roots to watch, as in scipy: a function g(t, y) -> float or several, with attributes
@@ -85,7 +90,8 @@ def solve(
     throw       raise SolveError (carrying the partial solution) where the run ends early
     progress    called now and then with (t, t1)
     method      "DOP853" (order 8), "DP5" (order 5), or "Radau" (order 5, implicit) for stiff fields
-    rtol, atol  relative and absolute tolerance of a step; atol may be one number a state
+    rtol, atol  relative and absolute tolerance of a step; atol may be one number a state. Default of atol:
+                1e-12, less where the whole motion is small (see `filippov.scale`)
     first_step, max_step         bounds of the step, at most the span
     max_steps, max_events, max_time   budgets (max_time in seconds); each ends in a named status
     nonunique   where several modes can follow: "raise" (end with NON_UNIQUE), "stick" (most sliding), "slip"
@@ -97,16 +103,21 @@ def solve(
                 or times; default: none, only staying and leaving at once
     on_graze    "continue", or "error" to end at a touching of a surface
     zeno        "stop" at an accumulation of events, or "continue" in the limit mode
+    simultaneous  where resets at one instant depend on their order: "raise" (end with NON_UNIQUE),
+                "sequential" (one after the other, the fastest approach first), or "generalised Newton" (all
+                resting contacts at once); see the page on resets
     sliding     "filippov" (multi-affine), "moments", or "utkin" (equivalent control); see the page on sliding
     stop        Stop(surface, kind, count) or several: terminal events
     dense_output  keep the interpolants that sol(t) needs
+    compile     for a field that is a plain function: True compiles it at once (arrays and names that it reads
+                then count as constants), False never; default: after many calls, if it is pure by inspection
     save_events "all", or "count" to keep only their number and the last few: memory does not grow with them
 
     Returns a Solution; see its `status` and `message`. Raises ModelError, UsageError for bad input, and
     whatever a function of the user raises. Source: event-driven integration after Piiroinen & Kuznetsov 2008
     and Dieci & Lopez 2012; see the page on the event loop.
     """
-    problem = _problem(system, x0, t_span, parameters)
+    problem = _problem(system, x0, t_span, parameters, backward)
     check_known("option", options, (*_OPTIONS, *_TREE_OPTIONS), UsageError)
     of_tree = {name: options.pop(name) for name in _TREE_OPTIONS if name in options}
     options["nonunique"] = check_priority(options.get("nonunique", "raise"), problem.system)
@@ -114,6 +125,10 @@ def solve(
         options["stop"] = check_stops(options["stop"], problem.system)
     checked = Options(**options)
     checked.check_span(problem.t_span)
+    checked.check_system(problem.system)
+    if "atol" not in options:
+        atol = default_atol(problem.system, problem.x0, problem.t_span, problem.p, checked)
+        checked = replace(checked, atol=atol)
     users = user_events(events)
     for user in users if problem.system.symbolic is None else ():
         if user.symbolic:
@@ -135,6 +150,7 @@ def solve(
     if times is not None and not checked.dense_output:
         raise UsageError("t_eval needs the dense output; drop dense_output=False.")
     solution = follow(problem, checked, progress, times, users=users).solution
+    solution.message += of_little_scale(solution, checked.tolerances(problem.system))
     status = solution.status
     if throw and not status.ok:
         kind = NonUniqueError if status is Status.NON_UNIQUE else SolveError
@@ -143,13 +159,13 @@ def solve(
 
 
 def _problem(
-    system: System | Problem, x0: Any, t_span: Any, parameters: Mapping[str, float] | None
+    system: System | Problem, x0: Any, t_span: Any, parameters: Mapping[str, float] | None, backward: bool
 ) -> Problem:
     if isinstance(system, Problem):
-        changes = {"x0": x0, "t_span": t_span, "parameters": parameters}
+        changes = {"x0": x0, "t_span": t_span, "parameters": parameters, "backward": backward or None}
         return system.remake(**{name: value for name, value in changes.items() if value is not None})
     if not isinstance(system, System):
         raise UsageError(f"solve was given {type(system).__name__}, expected a System or a Problem.")
     if x0 is None or t_span is None:
         raise UsageError("solve needs x0 and t_span: solve(system, x0=(...), t_span=(t0, t1)).")
-    return Problem(system, check_state(x0, system), check_span(t_span), parameters or {})
+    return Problem(system, x0, t_span, parameters or {}, backward)

@@ -23,6 +23,7 @@ class Status(StrEnum):
     GRAZING = "grazing"
     NO_RETURN = "no_return"
     BRANCHES = "branches"
+    ERROR = "error"
 
     @property
     def ok(self) -> bool:
@@ -83,6 +84,7 @@ _ADVICE = {
         "The tree of solutions is cut: some of its branches are not followed to the end. Raise "
         "max_branches or max_depth, or shorten t_span."
     ),
+    Status.ERROR: "A function of the user's raised an exception: the message has it. The other rows went on.",
 }
 
 

@@ -24,7 +24,7 @@ from filippov.errors import ModelError, UsageError
 from filippov.events import Event, Events, Mode, Stop
 from filippov.interpolant import Interpolant
 from filippov.modes import Successor
-from filippov.options import Options
+from filippov.options import Options, falls
 from filippov.problem import Problem
 from filippov.solution import Solution
 from filippov.status import EventKind, Status
@@ -281,7 +281,9 @@ def _events(header: dict[str, Any], data: dict[str, Array], system: System) -> E
                 group, notes.get(i, ""), rows.get(i), sense,
             )
         )  # fmt: skip
-    return Events(items)
+    events = Events(items)
+    events.place_of = system.surface_place
+    return events
 
 
 def _mode(row: Any) -> Mode:
@@ -304,7 +306,8 @@ def solution_of(header: dict[str, Any], data: dict[str, Array], system: System) 
         if data[name].shape != shape:
             raise ValueError(f"{name} has shape {data[name].shape}, expected {shape}")
     solution = object.__new__(Solution)
-    solution.problem = Problem(system, data["x0"], tuple(data["t_span"].tolist()), header["parameters"])
+    span = tuple(data["t_span"].tolist())
+    solution.problem = Problem(system, data["x0"], span, header["parameters"], falls(span))
     solution.status, solution.message = Status(header["status"]), str(header["message"])
     solution.start_mode, solution.end_mode = _mode(header["start_mode"]), _mode(header["end_mode"])
     solution.user_events = tuple(str(name) for name in header["user_events"])

@@ -42,6 +42,7 @@ def system_data(system: System) -> dict[str, Any] | None:
             "field": [writer.tree(f) for f in base.field],
             "h": [writer.tree(h) for h in base.h],
             "radius": [[writer.tree(bound) for bound in pair] for pair in base.radius],
+            "widths": [None if w is None else writer.tree(w) for w in base.widths],
             "time_events": [_clock_data(event, writer) for event in system.time_events],
             "time_resets": [
                 None if row is None else [writer.tree(e) for e in row] for row in base.time_reset
@@ -143,6 +144,7 @@ def _base(data: Any) -> System:
         radius=tuple((read(low), read(high)) for low, high in data["radius"]),
         reset=tuple(None if row is None else tuple(read(e) for e in row) for row in data["resets"]),
         time_reset=tuple(None if row is None else tuple(read(e) for e in row) for row in data["time_resets"]),
+        widths=tuple(None if w is None else read(w) for w in data.get("widths", ())),
     )
     form, surfaces = with_contacts(form, surfaces)
     system = object.__new__(System)

@@ -32,8 +32,10 @@ class Surface:
               there); "observer": watched only; "reset": the state jumps there. Default: "reset" with a
               reset, else "switching"
     gradient  for a function h: gradient(t, x, p) -> dh/dx, shape (n,)
-    linear    for a function h: it is affine in x and does not depend on t
-    width     half-width of the hysteresis: the sign s is left at h = -s width; 0 for none
+    linear    for a function h: it is affine in x and does not depend on t. Both are compared with differences
+              of h where a run starts and at events: ModelError where they contradict
+    width     half-width of the hysteresis: the sign s is left at h = -s width; 0 for none. A number, or an
+              expression of parameters that is positive: the system then has the surface h/width of width 1
     reset     x+ = r(t, x-, p) where the surface is reached: a mapping from states (symbols or names) to
               expressions, states left out keep their values; for a function h a function r(t, x, p) -> (n,)
     side      the side from which it is reached for the reset: "+" (h > 0 before), "-" or "both"
@@ -49,7 +51,7 @@ class Surface:
     kind: Kind = None  # type: ignore[assignment]  # becomes "reset" or "switching"
     gradient: Callable[..., Any] | None = None
     linear: bool = False
-    width: float = 0.0
+    width: Any = 0.0
     reset: Any = None
     side: Side = "+"
     contact: bool | None = None
@@ -83,10 +85,11 @@ class Surface:
             )
         if self.symbolic and (self.gradient is not None or self.linear):
             raise ModelError(f"{where}: gradient and linear are for functions; an expression has its own.")
-        width = as_number(self.width, f"{where}: width")
-        if width < 0:
-            raise ModelError(f"{where}: width is {width}, expected a number >= 0.")
-        object.__setattr__(self, "width", width)
+        if not is_expression(self.width) or self.width.is_number:
+            width = as_number(self.width, f"{where}: width")
+            if width < 0:
+                raise ModelError(f"{where}: width is {width}, expected a number >= 0.")
+            object.__setattr__(self, "width", width)
         self._check_reset(where)
 
     def _check_reset(self, where: str) -> None:
@@ -99,7 +102,7 @@ class Surface:
                 what = "kind 'reset'" if self.kind == "reset" else "contact=True"
                 raise ModelError(f"{where}: {what} needs a reset: Surface(name, h, reset={{v: -p.e*v}}).")
             return
-        if self.kind in ("kink", "observer") or self.width > 0:
+        if self.kind in ("kink", "observer") or self.width != 0:
             what = f"a {self.kind}" if self.width == 0 else "a surface with hysteresis"
             raise ModelError(f"{where}: {what} cannot have a reset. Declare a surface of its own for it.")
         if self.contact and self.side == "both":

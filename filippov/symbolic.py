@@ -17,6 +17,7 @@ from sympy import Expr, Symbol
 
 from filippov.errors import UsageError
 from filippov.parameter_symbol import ParameterSymbol
+from filippov.size import expanded
 from filippov.symbols import t
 
 
@@ -140,8 +141,11 @@ class SymbolicForm:
     contact   per surface the contact that its reset allows, or None
 
     time_reset  per time event the states after it, or None
+    widths    per surface the expression of its hysteresis by which h is divided, or None
+    held        per surface whether h stands for a derivative of the switching function (see
+                `filippov.reduction`); empty where none does
 
-    `reset` and `contact` are empty where no surface has one.
+    `reset`, `contact` and `widths` are empty where no surface has one.
     """
 
     x: tuple[Symbol, ...]
@@ -154,6 +158,8 @@ class SymbolicForm:
     reset: tuple[tuple[Expr, ...] | None, ...] = ()
     contact: tuple[Contact | None, ...] = ()
     time_reset: tuple[tuple[Expr, ...] | None, ...] = ()
+    widths: tuple[Expr | None, ...] = ()
+    held: tuple[bool, ...] = ()
 
     def signs(self, mode: Sequence[int] | str) -> tuple[int, ...]:
         """Return a mode, given as integers or as text such as "+0-", as a tuple of +1, 0, -1."""
@@ -234,7 +240,7 @@ class SymbolicForm:
         free = set(self.s)
         for f in self.field:
             g = convex(f, free)
-            if any(not sympy.expand(g.diff(s, 2)).is_zero for s in self.s if g.has(s)):
+            if any(not expanded(g.diff(s, 2)).is_zero for s in self.s if g.has(s)):
                 return False
         return True
 

@@ -45,8 +45,8 @@ class System:
     """
 
     __slots__ = (
-        "_base", "_digest", "_packed", "clocked", "comparator", "field", "parameters", "states",
-        "surface_names", "surfaces", "symbolic", "time_events", "units",
+        "_base", "_digest", "_packed", "clocked", "comparator", "compile", "field", "parameters", "states",
+        "surface_names", "surfaces", "symbolic", "time_events", "units", "variable_widths",
     )  # fmt: skip
 
     states: tuple[str, ...]
@@ -55,9 +55,11 @@ class System:
     surface_names: tuple[str, ...]
     time_events: tuple[TimeEvent, ...]
     clocked: bool
+    variable_widths: bool
     comparator: Comparator
     symbolic: SymbolicForm | None
     field: Field | None
+    compile: bool | None
     # What the compiled loop was given of it, by what was asked for (see `filippov.machine`): it goes along.
     units: dict[Any, Any]
     _base: System | None
@@ -73,6 +75,7 @@ class System:
         states: str | Sequence[str | Symbol] | None = None,
         parameters: Mapping[str, object] | ParameterNamespace | ParameterSet | None = None,
         time_events: Sequence[TimeEvent] = (),
+        compile: bool | None = None,  # noqa: A002 (the word for it)
     ) -> None:
         clocks = _clocks(time_events, symbolic=equations is not None)
         if (equations is None) == (field is None):
@@ -82,15 +85,21 @@ class System:
             )
         if isinstance(surfaces, Surface):
             surfaces = (surfaces,)
+        if compile not in (None, True, False):
+            raise ModelError(f"compile is {compile!r}, expected True, False or None.")
         if equations is not None:
             from filippov.assemble import assemble
             from filippov.equations import read_equations, read_namespace
+
+            if compile is False:
+                raise ModelError("compile=False is for System(field=f, ...): equations run compiled only.")
 
             checked = read_equations(equations, states)
             form, found = assemble(checked, tuple(surfaces), read_namespace(parameters), time_events=clocks)
             self._set_symbolic(form, found, clocks)
             return
         self._set_functions(field, surfaces, states, parameters, clocks)
+        object.__setattr__(self, "compile", compile)
 
     @classmethod
     def from_modes(
@@ -159,10 +168,11 @@ class System:
         for surface in surfaces:
             if not isinstance(surface, Surface):
                 raise ModelError(f"surfaces holds {surface!r}, expected Surface('name', h).")
-            if surface.symbolic or any(is_expression(bound) for bound in surface.radius):
+            given = (surface.h, *surface.radius, surface.width)
+            if any(is_expression(item) for item in given):
                 raise ModelError(
-                    f"surface {surface.name!r}: h or radius is an expression, expected a function of (t, "
-                    "x, p) or a "
+                    f"surface {surface.name!r}: h, radius or width is an expression, expected a function of "
+                    "(t, x, p) or a "
                     "number, because the field is a function. Expressions go with System({x: ...})."
                 )
             if surface.name in seen:
@@ -191,7 +201,8 @@ class System:
         rest: dict[str, Any] = {
             "comparator": Exact(), "_base": None, "_digest": None, "_packed": None, "units": {},
             "surface_names": tuple(surface.name for surface in content["surfaces"]),
-            "clocked": bool(content["time_events"]),
+            "clocked": bool(content["time_events"]), "compile": None,
+            "variable_widths": content["symbolic"] is not None and bool(content["symbolic"].widths),
         }  # fmt: skip
         for name, value in {**rest, **content}.items():
             object.__setattr__(self, name, value)
@@ -236,9 +247,25 @@ class System:
 
     def surface_index(self, name: str) -> int:
         """Return the place of a surface; ModelError with a suggestion if there is none of this name."""
+        return self.surface_place(name)[0]
+
+    def surface_place(self, name: str) -> tuple[int, int]:
+        """Return the place of a surface and the sense in which it is asked for.
+
+        name    its name, or the formula of its h, written either way round: for h = v - vb "v - vb" has the
+                sense +1 and "vb - v" the sense -1
+
+        Raises ModelError with a suggestion if there is none.
+        """
         names = self.surface_names
         if name in names:
-            return names.index(name)
+            return names.index(name), 1
+        if self.symbolic is not None and isinstance(name, str):
+            from filippov.spelling import place_of
+
+            found = place_of(self.symbolic, names, name)
+            if found is not None:
+                return found
         hint = closest(str(name), names)
         raise ModelError(
             f"unknown surface {name!r}; {hint + ' ' if hint else ''}known: {', '.join(names) or '(none)'}"
@@ -284,7 +311,22 @@ class System:
         else:
             assert base.field is not None
             field, surfaces = regularize_functions(base.field, base.surfaces, checked)
-            system._set(**content, symbolic=None, surfaces=surfaces, field=field)
+            # A comparator in the place of Sgn stands around the field: what runs is another function.
+            kept = base.compile if field is base.field else None
+            system._set(**content, symbolic=None, surfaces=surfaces, field=field, compile=kept)
+        return system
+
+    def with_form(self, form: SymbolicForm, surfaces: tuple[Surface, ...]) -> System:
+        """Return a system with other expressions for the same states, parameters and surfaces."""
+        system = object.__new__(System)
+        system._set(
+            states=self.states,
+            parameters=self.parameters,
+            time_events=self.time_events,
+            surfaces=surfaces,
+            symbolic=form,
+            field=None,
+        )
         return system
 
     # -- identity --------------------------------------------------------------------------------------

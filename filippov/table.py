@@ -11,6 +11,7 @@ from sympy import Expr, Rational, S, Symbol
 
 from filippov.errors import ModelError
 from filippov.parameter_symbol import ParameterSymbol
+from filippov.size import MOST_TERMS, cancelled, terms
 from filippov.surface import Surface
 
 DIGITS = 40
@@ -49,6 +50,8 @@ class Table:
 
     def __init__(self) -> None:
         self.entries: list[Entry] = []
+        # Arguments of signs and conditions as the model has them: they give a surface its orientation.
+        self.written: list[Expr] = []
         self._by_sign: dict[Symbol, Entry] = {}
 
     def entry(self, s: Symbol) -> Entry:
@@ -93,11 +96,22 @@ class Table:
             f"surface. Write h = {entry.h}."
         )
 
-    def register(self, h: Expr) -> tuple[Entry, Expr]:
-        """Enter h as met in an expression, in its canonical orientation; return the entry and h/entry.h."""
-        if self.plain(h).could_extract_minus_sign():
+    def register(self, h: Expr, written: bool = True) -> tuple[Entry, Expr]:
+        """Enter h as met in an expression; return the entry and h/entry.h.
+
+        written     h stands as it was written; else it takes the orientation that a written argument has
+        """
+        if not written and self._turned(self.plain(h)):
             return self._enter(-h, None), S.NegativeOne
         return self._enter(h, None), S.One
+
+    def _turned(self, h: Expr) -> bool:
+        """Whether h is the opposite of what was written; without that, whether its canonical form is -h."""
+        for other in self.written:
+            factor = self.ratio(h, other)
+            if factor is not None:
+                return bool(sympy.sign(factor) == -1)
+        return bool(h.could_extract_minus_sign())
 
     def _enter(self, h: Expr, declared: Surface | None) -> Entry:
         number = len(self.entries)
@@ -136,13 +150,13 @@ class Table:
         h, k = decimal(h), decimal(k)
         points = samples(h.free_symbols | k.free_symbols, 4)
         fixed = {s: q for s, q in points[0].items() if not dynamic(s)}
-        values = [number(h, {**q, **fixed}, k) for q in points]
-        first = values[0]
+        values = (number(h, {**q, **fixed}, k) for q in points)
+        first = next(values)
         if first is None or first.is_zero or any(v is None or abs(v / first - 1) > CLOSE for v in values):
             return None
-        constant = sympy.cancel(h / k)
+        constant = cancelled(h / k)
         if dynamic(constant):
-            constant = sympy.cancel((h / k).xreplace({s: q for s, q in points[0].items() if dynamic(s)}))
+            constant = cancelled((h / k).xreplace({s: q for s, q in points[0].items() if dynamic(s)}))
         return constant
 
 
@@ -154,11 +168,29 @@ def decimal(expr: Expr) -> Expr:
 
 def number(expr: Expr, at: dict[Symbol, Expr], divisor: Expr = S.One) -> Expr | None:
     """Return expr/divisor at a point as a number of 30 digits, None where it is not finite."""
-    top = expr.xreplace(at).evalf(DIGITS)
-    bottom = divisor.xreplace(at).evalf(DIGITS)
+    try:
+        top = expr.xreplace(at).evalf(DIGITS)
+        bottom = divisor.xreplace(at).evalf(DIGITS)
+    except (TypeError, ValueError):  # Max and Min of what is not real there
+        return None
     if not (top.is_number and bottom.is_number) or bottom.is_zero or top.is_finite is not True:
         return None
     return top / bottom
+
+
+def vanishes(e: Expr) -> bool:
+    """Whether an expression is 0: multiplied out, or, where that has too many terms, at exact points."""
+    if terms(e) <= MOST_TERMS:
+        return bool(sympy.expand(e).is_zero)
+    seen = False
+    for point in samples(e.free_symbols, 4):
+        parts = [number(part, point) for part in sympy.Add.make_args(e)]
+        found = [part for part in parts if part is not None]
+        if len(found) == len(parts):
+            seen = True
+            if abs(sum(found)) > CLOSE * sum(abs(part) for part in found):
+                return False
+    return seen
 
 
 def samples(symbols: Iterable[Symbol], count: int, seed: int = 1) -> list[dict[Symbol, Expr]]:

@@ -127,5 +127,5 @@ def _tree(header: dict[str, Any], data: dict[str, Array], system: System) -> Sol
         for b, numbers in zip(branches, children, strict=True)
     )
     low, high = header["t_span"]
-    problem = Problem(system, header["x0"], (low, high), header["parameters"])
+    problem = Problem(system, header["x0"], (low, high), header["parameters"], high < low)
     return SolutionTree(problem, done, Status(header["status"]), str(header["message"]))

@@ -10,7 +10,9 @@ import numpy as np
 
 from filippov._kernels import codes
 from filippov.events import Event
+from filippov.impact_law import hold
 from filippov.machine import Array
+from filippov.rates import off_contact, velocity
 from filippov.run import Run
 from filippov.status import EventKind
 
@@ -22,11 +24,19 @@ NEAR_REST = 1e-7
 LONGEST_LAP, LAPS = 6, 4
 STEADY = 0.05
 SLOWEST = 0.9999
+# Errors of the many steps of a rough field, in tolerances of one.
+GLOBAL = 4.0
 # The law's answers may move again by as much as they moved in the last laps, and a little more.
 MOVES = 2.0
 # The least of many estimates of an error is too small by more than one of them is.
 CHOSEN = 4.0
 NEAR_END = 1e-6
+# Depth of a lap, in roundings of h, below which its length soon shows them.
+GRAINY = 1e5
+# The same in tolerances of h: laps as small as these may shrink by a law of their own.
+FAINT = 40.0
+# Of a power law: least number of events, and how much shorter each half of them is to be than the one before.
+LEAST_EVENTS, HALVES = 512, 0.9
 EPS = float(np.finfo(float).eps)
 
 
@@ -82,7 +92,29 @@ def accumulation(run: Run) -> Accumulation | None:
         other = replace(other, error=CHOSEN * other.error, x_error=CHOSEN * other.x_error)
         if other.error < best.error and abs(other.t - best.t) <= 2.0 * (other.error + best.error):
             best = other
+    if all(run.machine.contacts[i] for i in part):
+        return _at_rest(run, best)
     return best
+
+
+def _at_rest(run: Run, limit: Accumulation) -> Accumulation:
+    """The limit of impacts on contacts alone: what is left of them acts along the directions of their pushes.
+
+    So it follows from the last state, and keeps what these impacts keep (momentum).
+    """
+    contacts, mode = list(limit.surfaces), off_contact(run, run.mode)
+    mode[contacts] = [float(run.machine.contacts[i]) for i in contacts]
+    dt = limit.t - run.t
+    x = np.ascontiguousarray(run.x + dt * velocity(run, run.x, mode))
+    for _ in range(2):
+        h = run.machine.guards(limit.t, x, mode)[contacts]
+        g = run.machine.gradients(limit.t, x, mode)[0][contacts]
+        step, *_ = np.linalg.lstsq(g, h, rcond=None)
+        x = np.ascontiguousarray(x - step)
+    x = hold(run, x, mode, contacts)
+    speed = float(np.max(np.abs(velocity(run, x, mode)), initial=0.0))
+    x_error = float(np.max(run.atol + run.options.rtol * np.abs(x)) + speed * limit.error)
+    return replace(limit, x=x, x_error=x_error)
 
 
 def _steady(same: Sequence[Event]) -> list[Event] | None:
@@ -110,10 +142,52 @@ def accumulates(run: Run) -> bool:
     if len(run.events) < back:
         return False
     elapsed = abs(run.t - float(run.clock[codes.T_START]))
-    if abs(run.t - run.events[-back].t) > NEAR_END * elapsed:
+    near = np.inf if _grainy(run) else NEAR_END * elapsed
+    if abs(run.t - run.events[-back].t) > near:
         return False
     limit = accumulation(run)
-    return limit is not None and abs(limit.t - run.t) <= NEAR_END * elapsed
+    return limit is not None and abs(limit.t - run.t) <= near
+
+
+def _grainy(run: Run) -> bool:
+    """Whether the last lap is so shallow that the next ones show the rounding of h or its tolerance."""
+    last = run.events[-1]
+    if last.kind is not EventKind.CROSSING or last.t != run.t:
+        return False
+    before = next((e for e in reversed(run.events[-4 * LONGEST_LAP : -1]) if e.index == last.index), last)
+    mode = np.resize(np.array(last.before, dtype=float), run.machine.m)
+    g, gt = run.machine.gradients(run.t, run.x, mode)
+    velocity = run.machine.rhs(run.t, run.x, np.where(mode == 0.0, 1.0, mode), mode)
+    speed = abs(float(gt[last.index]) + run.machine.rate(last.index, g, velocity))
+    scale = float(np.sum(np.abs(g[last.index] * run.x)) + abs(gt[last.index] * run.t))
+    known = run.options.rtol * scale + float(np.abs(g[last.index]) @ run.atol)
+    if run.clock[codes.RELATIVE] == -float(last.index + 1):
+        known = 0.0
+    return speed * abs(last.t - before.t) <= max(GRAINY * EPS * scale, FAINT * known)
+
+
+def power_law(run: Run) -> Accumulation | None:
+    """The limit of events whose intervals shrink by a power of their number, as between closing walls.
+
+    Then t_n = t - c n**-k: the last half of the events took 2**-k of the time that the half before took.
+    None where three such halvings do not agree.
+    """
+    times, _ = run.events.table()
+    n = len(times)
+    if n < LEAST_EVENTS or n < run.events.total:
+        return None
+    spans = np.abs(np.diff(times[[n // 16, n // 8, n // 4, n // 2, n - 1]]))
+    if not np.all(spans > 0):
+        return None
+    ratios = spans[1:] / spans[:-1]
+    if np.max(ratios) >= HALVES or np.ptp(ratios) > STEADY:
+        return None
+    rest = spans[1:] * ratios / (1.0 - ratios)
+    limits = np.cumsum(spans)[1:] + rest
+    error = float(abs(limits[-1] - limits[-2]))
+    t = float(times[-1] + run.direction * rest[-1])
+    part = tuple(sorted({event.index for event in run.events[-64:]}))
+    return Accumulation(t, run.x.copy(), error, float(np.max(np.abs(run.x), initial=0.0)), 1.0, part)
 
 
 def _limit(run: Run, ends: Sequence[Event], surfaces: tuple[int, ...]) -> Accumulation:
@@ -128,7 +202,8 @@ def _limit(run: Run, ends: Sequence[Event], surfaces: tuple[int, ...]) -> Accumu
     # which 1 - r enlarges; the tolerance of the run.
     error = MOVES * float(np.max(moves * ratio ** np.arange(len(moves))[::-1]))
     error += 8 * EPS * abs(times[-1]) / (1.0 - ratio) ** 2
-    error += run.options.rtol * abs(times[-1] - started)
+    steps = GLOBAL if run.clock[codes.RELATIVE] < 0.0 else 1.0
+    error += steps * run.options.rtol * abs(times[-1] - started)
     remaining = laps[-1] * ratio / (1.0 - ratio)
     t = float(times[-1] + run.direction * remaining)
     x, x_before = (_extrapolated(states[: len(states) - k], ratio) for k in (0, 1))
@@ -170,11 +245,18 @@ def _onto(run: Run, t: float, x: Array, surfaces: tuple[int, ...]) -> Array:
 
 
 def bridge(run: Run, limit: Accumulation) -> None:
-    """The dense output from the last event to the limit: straight, as nothing else is known of it."""
-    if run.options.dense_output and limit.t != run.t:
-        coef = np.zeros((1, *run.coef.shape[1:]))
-        coef[0, 0], coef[0, 1] = run.x, limit.x - run.x
-        run.steps.append((np.array([[run.t, limit.t - run.t]]), coef))
+    """Go to the limit; the dense output is straight, as nothing else is known of it.
+
+    A limit that the law puts before the last event, by less than its error, is that event.
+    """
+    length = limit.t - run.t
+    if length * run.direction > 0.0:
+        if run.options.dense_output:
+            coef = np.zeros((1, *run.coef.shape[1:]))
+            coef[0, 0], coef[0, 1] = run.x, limit.x - run.x
+            run.steps.append((np.array([[run.t, length]]), coef))
+        run.clock[codes.T] = limit.t
+    run.zeno[:] = 0.0
 
 
 SAMPLES = 16

@@ -243,7 +243,7 @@ def test_a14_close_events_in_order_both_ways(gap: float) -> None:
     q = parameters(gap=1)
     system = observed(x - 1, x - 1 - q.gap)
     forward = solve(system, (0,), (0, 2), parameters={"gap": gap})
-    backward = solve(system, (2,), (2, 0), parameters={"gap": gap})
+    backward = solve(system, (2,), (2, 0), backward=True, parameters={"gap": gap})
     assert [event.surface for event in forward.events] == ["s0", "s1"]
     assert [event.surface for event in backward.events] == ["s1", "s0"]
     assert np.diff(forward.events.t)[0] == pytest.approx(gap, abs=2e-15)

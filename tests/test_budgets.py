@@ -56,7 +56,7 @@ def test_no_field_outlives_its_budget(
         try:
             got = solve(
                 system, (x, 0.1), (2.0, 0.0) if back else (0.0, 2.0), method=method, max_steps=STEPS,
-                max_events=EVENTS, max_time=5.0,
+                max_events=EVENTS, max_time=5.0, backward=back,
             )  # fmt: skip
         except ModelError as error:
             # A guard that jumps, or that is not a number where it is asked.

@@ -61,6 +61,21 @@ def test_the_output_is_tried_before_the_work(tmp_path: Path, capsys: pytest.Capt
     assert "NotADirectoryError" in capsys.readouterr().err
 
 
+def test_11_23_what_stands_in_the_place_of_other_files_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["simulate", "hunting", "--t-span", "0", "1", "-o", str(tmp_path)]
+    (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
+    (tmp_path / "events.csv").write_text("mine", encoding="utf-8")
+    assert main(words) == 0
+    assert "in place of the events.csv that was there" in capsys.readouterr().err
+    assert main(words) == 0
+    said = capsys.readouterr().err
+    for path in tmp_path.iterdir():
+        assert (path.name in said.partition("in place of")[2]) == (path.name != "notes.txt")
+    assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"
+
+
 def test_graph_writes_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = summary(capsys, "graph", "hunting", "-o", str(tmp_path))
     names = {"graph.dot", "graph.graphml", "graph.json", "graph.png"}

@@ -1,9 +1,6 @@
-"""The compiler of the kernel language: same numbers as Python, root isolation, the cache of units."""
+"""The compiler of the kernel language: same numbers as Python, root isolation."""
 
 import ctypes
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from filippov._kernels import bernstein, build, dense, tables
+from filippov._kernels import bernstein, dense, tables
 from filippov._kernels.compiler import compile_unit, load_object
 from filippov._kernels.unit import KernelError, Unit, add_kernels
 
@@ -188,40 +185,3 @@ def test_what_is_outside_the_language_is_named(body: str, why: str) -> None:
 def test_annotations_are_demanded() -> None:
     with pytest.raises(KernelError, match="annotate"):
         add_kernels(Unit(), "@kernel\ndef f(x) -> int:\n    return 1\n")
-
-
-PROGRAM = """
-from filippov import System, solve, states
-x, = states("x")
-print(float(solve(System({x: -x}), (1,), (0, 1)).x_end[0]).hex())
-"""
-
-
-def run(cache: Path) -> str:
-    environment = {
-        **os.environ,
-        "FILIPPOV_CACHE": str(cache),
-        "PYTHONPATH": str(Path(__file__).resolve().parent.parent),
-    }
-    return subprocess.run(
-        [sys.executable, "-c", PROGRAM], env=environment, check=True, capture_output=True, text=True
-    ).stdout
-
-
-def test_cache_folder_is_respected_and_damage_is_repaired(tmp_path: Path) -> None:
-    cache = tmp_path / "a folder" / "cache"
-    first = run(cache)
-    (unit,) = cache.glob("*.unit")
-    whole = unit.read_bytes()
-    for damaged in (whole[:100], whole[:-1], b"", whole[:200] + bytes([whole[200] ^ 1]) + whole[201:]):
-        unit.write_bytes(damaged)
-        assert build._read(unit) is None
-        assert run(cache) == first
-        assert unit.read_bytes()[:16] == whole[:16]
-        assert build._read(unit) is not None
-    assert not list(cache.glob("*.tmp"))
-
-
-def test_cache_that_cannot_be_written(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("in the way")
-    assert float.fromhex(run(tmp_path / "file").strip()) == pytest.approx(np.exp(-1), abs=1e-9)

@@ -311,7 +311,7 @@ def test_e10_moving_surface() -> None:
 
 def test_e11_directions_are_in_true_time() -> None:
     forward = solve(SPRING, (1, 0.5), (0, 10), **TIGHT)
-    backward = solve(SPRING, forward.x_end, (10, 0), **TIGHT)
+    backward = solve(SPRING, forward.x_end, (10, 0), backward=True, **TIGHT)
     np.testing.assert_allclose(backward.x_end, [1, 0.5], atol=1e-11)
     np.testing.assert_allclose(backward.events.t[::-1], forward.events.t, atol=1e-11)
     assert [e.direction for e in backward.events][::-1] == [e.direction for e in forward.events]
@@ -319,13 +319,13 @@ def test_e11_directions_are_in_true_time() -> None:
 
 
 def test_e11_stop_direction_backwards() -> None:
-    got = solve(SPRING, (1, 0), (0, -10), stop=Stop("x", "crossing up"), **TIGHT)
+    got = solve(SPRING, (1, 0), (0, -10), backward=True, stop=Stop("x", "crossing up"), **TIGHT)
     assert got.t_end == pytest.approx(-np.pi / 2, abs=1e-11)
     assert got.events[-1].direction == 1
 
 
 def test_e11_backward_dense_output() -> None:
-    got = solve(COULOMB, (3, -0.5), (0, -8), **TIGHT)
+    got = solve(COULOMB, (3, -0.5), (0, -8), backward=True, **TIGHT)
     for event in got.events:
         np.testing.assert_allclose(got.sol(event.t), event.x, atol=1e-11)
     times = np.linspace(0, got.t_end, 301)
@@ -338,9 +338,9 @@ def test_e11_backward_dense_output() -> None:
 
 def test_e11_backwards_onto_sliding_is_not_unique() -> None:
     system = System({x: -sign(x)})
-    got = solve(system, (0,), (0, -1))
+    got = solve(system, (0,), (0, -1), backward=True)
     assert got.status is Status.NON_UNIQUE
-    stuck = solve(system, (0,), (0, -1), nonunique="stick")
+    stuck = solve(system, (0,), (0, -1), backward=True, nonunique="stick")
     assert stuck.success
     assert stuck.x_end[0] == 0
 

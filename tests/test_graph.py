@@ -14,8 +14,10 @@ from hypothesis import strategies as st
 
 from filippov.comparator import Band, Hysteresis
 from filippov.errors import ModelError, UsageError
+from filippov.escape import printable
 from filippov.graph import observed_graph, possible_graph, recurrent_part
 from filippov.graph_io import dot_text, graphml_text, load_graph, quoted, save_graph
+from filippov.models import registry
 from filippov.parameter_symbol import parameters
 from filippov.solution import Solution
 from filippov.solver import solve
@@ -304,7 +306,8 @@ def test_dot_strings_hold_one_token(text: str) -> None:
     assert re.fullmatch(r'"(?:[^"\\]|\\.)*"', token, re.DOTALL)
     assert "\n" not in token
     undone = re.sub(r"\\(.)", lambda m: "\n" if m[1] == "n" else m[1], token[1:-1])
-    assert undone == text.replace("\r", "")
+    assert undone == printable(text, "\n")
+    assert "\x1b" not in token
 
 
 def test_dot_of_a_surface_with_quotes() -> None:
@@ -313,3 +316,49 @@ def test_dot_of_a_surface_with_quotes() -> None:
     assert '"+" -> "0" [label="the \\"edge\\" \\\\ of it: sliding entry\\n' in text
     assert text.count("{") == text.count("}") == 1
     assert '"0" [label="0", shape=box' in text
+
+
+# -- resets and clocks ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("bouncing_ball", {"t_span": (0, 4), "zeno": "continue"}), ("impact_oscillator", {}),
+        ("buck_pwm", {}), ("reset_control", {}),
+    ],
+)  # fmt: skip
+def test_every_observed_transition_is_possible(name: str, options: dict[str, object]) -> None:
+    model = registry.get(name)
+    solution = solve(model.build(), model.x0, **{"t_span": model.t_span, **options})
+    possible = possible_graph(solution.system)
+    assert possible.graph["complete"] is True
+    single = {edge for edge in edges(observed_graph(solution)) if ", " not in edge[2]}
+    assert single
+    assert single <= edges(possible)
+
+
+def test_the_ball_rests_by_a_limit_of_impacts_and_stays() -> None:
+    graph = possible_graph(registry.get("bouncing_ball").build())
+    assert edges(graph) == {("+", "+", "reset"), ("+", "0", "sliding entry"), ("-", "+", "crossing")}
+    reset = graph.edges["+", "+", "floor reset"]
+    assert reset["guard"] == "y = 0 and dy/dt < 0"
+
+
+def test_contact_is_left_where_nothing_presses() -> None:
+    """A body on a wall that is pulled by F = t - 1: d2h/dt2 = t - 1 grows through 0 at t = 1."""
+    y, w = states("y w")
+    system = System({y: w, w: t - 1}, surfaces=[Surface("wall", y, reset={w: -w / 2})])
+    ((_, values),) = possible_graph(system, ["+", "0"]).get_edge_data("0", "+").items()
+    assert values["guard"] == "d2y/dt2 = 0 and increasing"
+    assert values["conditions"] == (sp.Eq(t - 1, 0),)
+
+
+def test_a_jump_over_another_surface_changes_its_sign() -> None:
+    """At x = 1 the state is set to -1, across the kink x = 0."""
+    system = System(
+        {x: 1 + abs(x)},
+        surfaces=[Surface("threshold", 1 - x, reset={x: -1}), Surface("kink", x, kind="kink")],
+    )
+    found = {edge for edge in edges(possible_graph(system, "++")) if edge[2] == "reset"}
+    assert found == {("++", "+-", "reset")}

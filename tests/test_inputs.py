@@ -268,10 +268,10 @@ def test_b17_single_precision_input() -> None:
 
 def test_b18_there_and_back() -> None:
     there = solve(COULOMB, (3, -0.1), (0, 8), rtol=1e-12, atol=1e-14)
-    back = solve(COULOMB, there.x_end, (8, 0), rtol=1e-12, atol=1e-14)
+    back = solve(COULOMB, there.x_end, (8, 0), backward=True, rtol=1e-12, atol=1e-14)
     np.testing.assert_allclose(back.x_end, [3, -0.1], atol=1e-10)
     assert [e.direction for e in back.events][::-1] == [e.direction for e in there.events]
-    resting = solve(COULOMB, (0.1, 0), (8, 0))
+    resting = solve(COULOMB, (0.1, 0), (8, 0), backward=True)
     assert resting.status is Status.NON_UNIQUE
 
 
@@ -382,13 +382,13 @@ def test_b23_output_times_of_a_run_that_ends_early() -> None:
     assert got.y.shape == (2, 5)
     assert got.t_end == pytest.approx(np.pi, abs=1e-8)
     np.testing.assert_allclose(got.y[:, -1], got.x_end, atol=1e-11)
-    backward = solve(COULOMB, (3, -0.1), (0, -2), t_eval=[0, -1, -2])
+    backward = solve(COULOMB, (3, -0.1), (0, -2), backward=True, t_eval=[0, -1, -2])
     assert backward.t.tolist() == [0, -1, -2]
 
 
 @pytest.mark.parametrize("end", [20.0, -9.0, np.pi])
 def test_b24_times_are_strictly_monotone(end: float) -> None:
-    got = solve(COULOMB, (3, -0.01), (0, end))
+    got = solve(COULOMB, (3, -0.01), (0, end), backward=end < 0)
     assert np.all(np.diff(got.t) * np.sign(end) > 0)
     assert got.t[0] == 0
     assert got.t[-1] == end

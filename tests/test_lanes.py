@@ -102,7 +102,8 @@ def test_lanes_follow_a_linear_system_to_its_matrix_exponential() -> None:
     for method in ("DOP853", "DP5"):
         ends = solve_many(system, x0, (0, 7), lanes=8, rtol=1e-11, atol=1e-13, method=method)
         np.testing.assert_allclose(ends.x, x0 @ scipy.linalg.expm(7 * a).T, atol=1e-9)
-        back = solve_many(system, ends.x, (7, 0), lanes=8, rtol=1e-11, atol=1e-13, method=method)
+        options = {"lanes": 8, "rtol": 1e-11, "atol": 1e-13, "method": method}
+        back = solve_many(system, ends.x, (7, 0), backward=True, **options)
         np.testing.assert_allclose(back.x, x0, atol=1e-7)
 
 

@@ -109,7 +109,7 @@ def test_without_dense_output_and_without_extent() -> None:
     ).all()
     plot_phase(coarse)
     plot_solution(solve(system, (2.2, 0), (1, 1)))
-    plot_solution(solve(System({x: -x}), (1,), (0, -1)))
+    plot_solution(solve(System({x: -x}), (1,), (0, -1), backward=True))
 
 
 def test_wrong_names_are_refused(motion: Solution) -> None:

@@ -205,6 +205,6 @@ def test_there_and_back_without_sliding(x0: np.ndarray, end: float) -> None:
     )
     there = run(a, x0, (0, end))
     assume(there.success and "0" not in there.modes and np.hypot(*x0) > 0.8)
-    back = run(a, there.x_end, (end, 0))
+    back = run(a, there.x_end, (end, 0), backward=True)
     assume(back.success)
     np.testing.assert_allclose(back.x_end, x0, atol=1e-8)

@@ -80,7 +80,7 @@ def test_a_tree_goes_on_over_impacts() -> None:
 
 
 def test_backwards_over_a_reset_is_named(tmp_path) -> None:
-    run = solve(ball(), (1, 3), (2, 0))
+    run = solve(ball(), (1, 3), (2, 0), backward=True)
     assert run.status is Status.NON_UNIQUE
     assert run.ambiguity is not None
     assert run.ambiguity.name == "before a reset"
@@ -91,6 +91,6 @@ def test_backwards_over_a_reset_is_named(tmp_path) -> None:
 
 
 def test_a_tree_backwards_ends_at_the_reset() -> None:
-    tree = solve(ball(), (1, 3), (2, 0), nonunique="branch")
+    tree = solve(ball(), (1, 3), (2, 0), backward=True, nonunique="branch")
     assert len(tree.paths()) == 1
     assert tree.paths()[0].status is Status.NON_UNIQUE

@@ -325,7 +325,7 @@ def test_a_reset_that_is_not_finite() -> None:
 
 
 def test_backwards_in_time_a_reset_is_not_undone() -> None:
-    run = solve(ball(), (1, 0), (2, 0))
+    run = solve(ball(), (1, 0), (2, 0), backward=True)
     assert run.status is Status.NON_UNIQUE
     assert "'floor'" in run.message
     assert run.t_end == pytest.approx(2 - math.sqrt(2 / g), rel=1e-12)

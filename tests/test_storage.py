@@ -115,7 +115,7 @@ def test_what_is_loaded_works_on(tmp_path: Path) -> None:
 def test_backwards_and_failed_runs(tmp_path: Path) -> None:
     system = System({x: x**2})
     for span in ((0, 5), (0, -5)):
-        solution = solve(system, (1.0,), span)
+        solution = solve(system, (1.0,), span, backward=span[1] < 0)
         assert_equal(solution, load(save(solution, tmp_path / "a")))
 
 

@@ -96,7 +96,7 @@ def test_measures_of_an_oscillation_have_their_closed_forms() -> None:
     assert np.allclose(found["min(v)"], -a * w, atol=1e-7)
     assert np.allclose(found["mean(x)"], a / w * (np.sin(10 * w) - np.sin(5 * w)) / 5, atol=1e-8)
     assert np.allclose(found["period(middle, crossing up)"], 2 * np.pi / w, atol=1e-8)
-    assert np.allclose(found["period(middle)"], np.pi / w, atol=1e-8)
+    assert np.allclose(found["period(middle)"], 2 * np.pi / w, atol=1e-8)
     assert found["events(middle)"].tolist() == np.floor(10 * w / np.pi + 0.5).tolist()
     assert np.allclose(found["end(x)"], a * np.cos(10 * w), atol=1e-7)
 

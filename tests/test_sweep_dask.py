@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -13,9 +15,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sweep_case import check, serial, sweep_of, write_case
+from sweep_case import ROOT, check, serial, sweep_of, write_case
 
-from filippov import Problem, Sweep
+from filippov import Problem, SolveError, Sweep
 from filippov.models import registry
 from filippov.sweep.dataset import load_table
 
@@ -78,3 +80,44 @@ def test_dask_and_the_own_pool_give_the_same_content(client: Any, tmp_path: Path
     for path in sorted((tmp_path / "dask/chunks").glob("*.npz"))[::2]:
         path.unlink()
     assert sweep.run(tmp_path / "dask", jobs=1, resume=True).content_hash == pool.content_hash
+
+
+CLUSTER = """
+import time
+import distributed
+if __name__ == "__main__":
+    cluster = distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    )
+    print(cluster.scheduler_address, flush=True)
+    time.sleep(600)
+"""
+
+
+def test_11_20_a_lost_scheduler_is_named_and_what_is_done_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "cluster.py").write_text(CLUSTER)
+    path = os.pathsep.join((str(ROOT), os.environ.get("PYTHONPATH", "")))
+    cluster = subprocess.Popen(
+        [sys.executable, "cluster.py"], cwd=tmp_path, text=True, start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": path},
+    )  # fmt: skip
+    assert cluster.stdout is not None
+    address, out = cluster.stdout.readline().strip(), tmp_path / "out"
+    sweep = sweep_of(write_case(tmp_path, "slow", 200), "slow", 200)
+    done: list[int] = []
+
+    def look(points: int, _: int) -> None:
+        done.append(points)
+        if len(done) == 4:
+            os.killpg(cluster.pid, signal.SIGKILL)
+
+    with dask.config.set({"distributed.comm.timeouts.connect": "2s"}):
+        with pytest.raises(SolveError, match=r"dask's scheduler is lost.*are kept.*resume=True \(--resume\)"):
+            sweep.run(out, executor="dask", scheduler=address, chunk=4, progress=look)
+        cluster.communicate()
+        with pytest.raises(SolveError, match=r"scheduler at .* does not answer"):
+            sweep.run(out, executor="dask", scheduler=address, resume=True)
+    kept = load_table(out)
+    assert kept.known.sum() >= done[3] > 0
+    table = serial(sweep, out, resume=True)
+    check(table)

@@ -130,7 +130,7 @@ def test_a29_pulse_between_declared_instants() -> None:
     assert run.sol(50.5)[0] == pytest.approx(PULSE * math.exp(-0.499), rel=1e-9)
     assert run.sol(50.5)[0] == pytest.approx(0.607, abs=1e-3)
     assert np.all(run.sol(np.linspace(0, 50, 101)) == 0)
-    back = solve(system, run.sol(50.5), (50.5, 49))
+    back = solve(system, run.sol(50.5), (50.5, 49), backward=True)
     assert back.success
     assert back.x_end[0] == pytest.approx(0, abs=1e-8)
 
@@ -177,7 +177,7 @@ def test_sliding_is_looked_at_again_at_an_instant() -> None:
 
 
 def test_backwards_a_reset_is_not_undone() -> None:
-    run = solve(sawtooth(), (0.05, 0), (0.25, 0))
+    run = solve(sawtooth(), (0.05, 0), (0.25, 0), backward=True)
     assert run.status is Status.NON_UNIQUE
     assert run.t_end == 0.2
     assert "'clock'" in run.message

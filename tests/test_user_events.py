@@ -78,10 +78,11 @@ def test_terminal(system) -> None:
 
 @BOTH
 def test_directions_are_in_true_time(system) -> None:
-    back = solve(system, (1, 0), (0, -10), events=event(lambda t, y: y[0], direction=1))
+    back = solve(system, (1, 0), (0, -10), backward=True, events=event(lambda t, y: y[0], direction=1))
     assert back.t_events[0] == pytest.approx([-math.pi / 2, -5 * math.pi / 2], rel=1e-9)
     assert [e.direction for e in back.events] == [1, 1]
-    stop = solve(system, (1, 0), (0, -10), events=event(lambda t, y: y[0], direction=-1, terminal=True))
+    falls = event(lambda t, y: y[0], direction=-1, terminal=True)
+    stop = solve(system, (1, 0), (0, -10), backward=True, events=falls)
     assert stop.t[-1] == pytest.approx(-3 * math.pi / 2, rel=1e-9)
 
 

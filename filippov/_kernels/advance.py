@@ -51,6 +51,7 @@ from filippov._kernels.codes import (
     TOUCH,
     TREND,
     USER_ERROR,
+    WIDEST,
     ZENO,
     ZENO_ROOM,
     T,
@@ -62,6 +63,7 @@ from filippov._kernels.control import (
     first_step,
     go_straight,
     guard_state,
+    hides_order,
     least_step,
     mark_grazed,
     mark_hits,
@@ -72,8 +74,9 @@ from filippov._kernels.control import (
     uniform,
 )
 from filippov._kernels.field import clear_ranges, field, project, set_mode
-from filippov._kernels.land import EPS, land
+from filippov._kernels.land import EPS, guard_scale, land
 from filippov._kernels.language import NAN, Indices, Vector, kernel, shift, shift_indices, truncate
+from filippov._kernels.lap import faint, zeno_horizon, zeno_remaining
 from filippov._kernels.layout import COLUMNS, MULTIPLIER
 from filippov._kernels.locate import BRUSH, NOISY, dense_output, guard_noise, locate, straight
 from filippov._kernels.model import (
@@ -114,32 +117,14 @@ from filippov._kernels.model import (
 from filippov._kernels.radau_tables import NOT_CONVERGED
 from filippov._kernels.record import count_down, record_event, store_step
 from filippov._kernels.reset import apply_reset, resets_from
-from filippov._kernels.resolve import resolve_exit, resolve_root, resolve_touch
+from filippov._kernels.resolve import (
+    resolve_exit,
+    resolve_root,
+    resolve_touch,
+    touch_or_root,
+    widen,
+)
 from filippov._kernels.segment import renew_state, rough_start
-
-# Intervals in a row that shrink, for each lag: what a motion that is no accumulation hardly ever does.
-ZENO_STREAK = 6
-
-
-@kernel
-def zeno_remaining(zeno: Vector, t: float, floor: float) -> float:
-    """Time left to the accumulation that shrinking intervals of one surface point to, or -1 without one.
-
-    An interval is compared with the one 1, 2 and 3 events before: a lap of the motion may meet the surface
-    that often.
-    """
-    interval = abs(t - zeno[0])
-    found, total = -1.0, 0.0
-    for lag in range(1, 4):
-        total += interval if lag == 1 else zeno[lag - 1]
-        previous = zeno[lag]
-        zeno[3 + lag] = zeno[3 + lag] + 1.0 if 0.0 < interval < 0.9999 * previous else 0.0
-        if found < 0.0 and zeno[3 + lag] >= ZENO_STREAK + 2 * (lag - 1):
-            remaining = total * interval / (previous - interval)
-            if remaining < floor:
-                found = remaining
-    zeno[0], zeno[1], zeno[2], zeno[3] = t, interval, zeno[1], zeno[2]
-    return found
 
 
 @kernel
@@ -173,25 +158,10 @@ def event_at_end(
     return -1
 
 
-SHALLOW = 1e-2
+# What a guard that is followed relative to itself is known to, in roundings of its terms.
+GRAIN = 1e2
 # Pieces into which the guards of a step may split it for steps to go on growing.
 PIECES = 64
-
-
-@kernel
-def touch_or_root(i: int, length: float, m: Vector, w: Vector) -> int:
-    """TOUCH where h turns back before it is noticeably beyond the surface, else ROOT.
-
-    The depth is that of the parabola with the rate at the event and its mean change over the step.
-    """
-    rate = w[W_END + 2 * i + 1]
-    turn = (rate - w[W_START + 2 * i + 1]) / length
-    # Far below what the step resolves and below the height it came down from, however loose the tolerance is;
-    # written without squares, which would underflow in a guard of tiny values.
-    shallow = min(SHALLOW * w[W_TOUCH + i], 1e-6 * abs(w[W_START + 2 * i]))
-    if m[i] * turn > 0.0 and abs(rate) * abs(rate / turn) <= 2.0 * shallow:
-        return TOUCH
-    return ROOT
 
 
 @kernel
@@ -247,6 +217,10 @@ def advance(
             if code != REACHED:
                 break
             renew = False
+            widen(zeno, w, iw)
+            if clock[RELATIVE] < 0.0:
+                near = truncate(-clock[RELATIVE]) - 1
+                w[W_TOUCH + near] = GRAIN * EPS * guard_scale(near, t, x, w)
             if t == clock[T_START]:
                 mark_grazed(m, True, w)
             surface = rough_start(clock, t, x, p, m, order, direction, w, iw, ctx)
@@ -281,7 +255,7 @@ def advance(
             # What is added to the state must be what is added to the time, also where t is large.
             step = (t + step) - t
         failed, error = 0, taken
-        relative = truncate(clock[RELATIVE]) - 1
+        relative, kept = truncate(abs(clock[RELATIVE])) - 1, 1 if clock[RELATIVE] < 0.0 else 0
         if taken == 0.0:
             clear_ranges(w, iw)
             failed = stages(t, x, p, m, step, y, w, iw, ctx)
@@ -293,9 +267,13 @@ def advance(
             failed = field(t + step, y, p, m, last_k, w, iw, ctx)
         if taken == 0.0 and failed == 0:
             slack = 1.0
-            if relative >= 0:
+            if kept != 0:
+                slack = max(abs(t - clock[ROUGH_FROM]), clock[ROUGH_SPAN])
+            elif relative >= 0:
                 slack = max(1.0, clock[ROUGH_SPAN] / abs(t + step - clock[ROUGH_FROM]))
-            error = error_norm(x, y, step, rtol, atol, relative, slack, clock[ROUGH_NOISE], w)
+            error = error_norm(
+                x, y, step, rtol, atol, relative, kept, slack, clock[ROUGH_NOISE], w
+            )
         if error > 1.0 and error < 1e300:
             count[REJECTED] += 1
             clock[STEP] = abs(step) * max(0.2, step_factor(error))
@@ -376,6 +354,7 @@ def advance(
             if cause == NOTHING:
                 if count[STORE] != 0:
                     store_step(count, t, step, rec, rec_coef, w)
+                widen(zeno, w, iw)
                 for j in range(N):
                     x[j] = y[j]
                     w[W_K + j] = last_k[j]
@@ -387,11 +366,17 @@ def advance(
                     elif order[i] <= -2:
                         order[i] = -1
                 # Away from the surface, or on the way back to one, the ordinary tolerance is the right one.
-                away = relative >= 0 and abs(te - clock[ROUGH_FROM]) > clock[ROUGH_SPAN]
-                if away or (relative >= 0 and m[relative] * w[W_END + 2 * relative + 1] * direction <= 0.0):
-                    clock[RELATIVE] = 0.0
+                if relative >= 0 and kept == 0:
+                    away = abs(te - clock[ROUGH_FROM]) > clock[ROUGH_SPAN]
+                    if away or m[relative] * w[W_END + 2 * relative + 1] * direction <= 0.0:
+                        clock[RELATIVE] = 0.0
                 mark_grazed(m, False, w)
                 clock[T] = te
+                continue
+            if cause == ROOT and hides_order(t, theta * abs(step), abs(step)):
+                count[REJECTED] += 1
+                count[STEPS] -= 1
+                clock[STEP] = 4.0 * theta * abs(step)
                 continue
             failed, length, dense_length, residual = land(
                 t, x, p, m, cause, surface, step, theta, slope, line, xe, w, iw, ctx
@@ -428,12 +413,19 @@ def advance(
             cause = touch_or_root(surface, te - t, m, w)
         count[SURFACE], count[CAUSE] = surface, cause
         hits = mark_hits(te, xe, m, order, cause, surface, step, hit, w)
+        # A reset at the instant of a clock is one set with it.
+        due = clock[SAME_INSTANT] > 0.0 and (clock[T_END] - te) * direction <= clock[SAME_INSTANT]
         multiplier = w[W_MULT + surface * COLUMNS + MULTIPLIER] if m[surface] == 0.0 else NAN
         kind = NONE
+        # Of a guard that is followed relative to itself roots are known to a part of the last lap.
+        lap = max(abs(te - clock[ROUGH_FROM]), clock[ROUGH_SPAN]) if clock[RELATIVE] < 0.0 else 0.0
         if failed == 0 and hits == 1:
-            if cause == TOUCH:
+            told = cause == ROOT or clock[RELATIVE] < 0.0  # a touching is its own answer elsewhere
+            if told and faint(te, xe, p, m, surface, te - t, rtol * lap, w, iw, ctx):
+                kind = NONE
+            elif cause == TOUCH:
                 kind = resolve_touch(te, xe, p, m, surface, w, iw, ctx)
-            elif cause == ROOT and RESETS and RESET_FROM[surface] != 0 and direction < 0.0:
+            elif cause == ROOT and RESETS and RESET_FROM[surface] != 0 and (direction < 0.0 or due):
                 kind = NONE
             elif cause == ROOT and RESETS and resets_from(surface, m[surface]):
                 kind = apply_reset(te, xe, p, m, order, surface, w, iw, ctx)
@@ -442,7 +434,9 @@ def advance(
                     te, xe, p, m, order, surface, w[W_END + 2 * surface + 1] * direction, w, iw, ctx
                 )
             elif residual <= BRUSH * (abs(w[W_ROW + surface]) + abs(w[W_ROW + M + surface])):
-                kind = resolve_exit(m, order, cause, surface, slope, w, iw)
+                row = shift(zeno, ZENO_ROOM * surface)
+                lasted = abs(te - (row[0] if row[1] > 0.0 else clock[T_START]))
+                kind = resolve_exit(m, order, cause, surface, slope, lasted, w, iw)
         if kind == -1:
             code = USER_ERROR
             break
@@ -463,6 +457,7 @@ def advance(
             w[W_GRAZED + surface] = 1.0
         if m[surface] == 0.0:
             multiplier = w[W_MULT + surface * COLUMNS + MULTIPLIER]
+            zeno[ZENO_ROOM * surface + WIDEST] = 0.0
         record_event(events, marks, count, te, x, surface, kind, m, multiplier, residual, w)
         if kind == RESET:
             for j in range(N):
@@ -475,13 +470,16 @@ def advance(
         if LINEAR[surface] == 0 and abs(te - t) < 0.25 * abs(step):
             # A guard that turns faster than the motion: the next event is about as far.
             clock[STEP] = min(clock[STEP], 4.0 * abs(te - t) + 1e3 * EPS * abs(te))
-        clock[RELATIVE] = 0.0
+        if clock[RELATIVE] == -float(surface) - 1.0:
+            clock[ROUGH_SPAN], clock[ROUGH_FROM] = abs(te - clock[ROUGH_FROM]), te
+        clock[RELATIVE] = min(clock[RELATIVE], 0.0)
         if count_down(shift_indices(stop, STOPS * surface), kind) != 0:
             code = STOPPED
             break
         if ROLE[surface] != OBSERVER and kind != GRAZING:
-            floor = max(1e-7 * abs(te - clock[T_START]), 1e3 * EPS * abs(te))
-            if zeno_remaining(shift(zeno, ZENO_ROOM * surface), te, floor) >= 0.0:
+            laps = shift(zeno, ZENO_ROOM * surface)
+            horizon = zeno_horizon(te, clock[T_START], xe, surface, laps, w)
+            if zeno_remaining(laps, te, horizon) >= 0.0:
                 code = ZENO
                 break
     count[FIELD_CALLS] += iw[I_CALLS]

@@ -2,15 +2,13 @@
 
 A unit is one LLVM module: the source of one system, the method's stages, and the kernel files. Its file is
 named by a digest of all of these sources, of the versions of llvmlite and Python and of the processor, so
-that no stale code can be found; it carries its own checksum, so that a truncated one is compiled anew.
+that no stale code can be found; `cache` says which files are trusted.
 """
 
 import ast
 import ctypes
 import hashlib
-import os
 import platform
-import tempfile
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,6 +17,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from filippov._kernels import cache as kept
 from filippov._kernels import codes, layout, radau_tables, tables
 from filippov._kernels.compiler import compile_unit, load_object
 from filippov._kernels.layout import LANES, MOST_LANES, Layout
@@ -30,7 +29,7 @@ from filippov._kernels.unit import Constant, KernelError, Unit, add_kernels
 _FOLDER = Path(__file__).parent
 _FILES = (
     "elementary", "bernstein", "dense", "multiplier", "rules", "field", "land", "points", "locate", "control",
-    "resolve", "reset", "record", "segment", "advance", "probe", "start", "turn", "ensemble",
+    "resolve", "lap", "reset", "record", "segment", "advance", "probe", "start", "turn", "ensemble",
 )  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
 _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_seat", "lane_run")
@@ -53,7 +52,6 @@ EXPORTED = {
 }
 LANE_EXPORTED = {"lane_run": "ii" + "a" * 30}
 _KINDS: dict[str, Any] = {"d": ctypes.c_double, "i": ctypes.c_int64, "a": ctypes.c_void_p}
-_MAGIC = b"filippov unit 1\n"
 _lock = threading.Lock()
 _loaded: dict[str, "Compiled"] = {}
 
@@ -67,15 +65,6 @@ class Compiled:
     layout: Layout
     engine: object
     lanes: int = 1
-
-
-def cache_folder() -> Path:
-    """Where compiled units are kept: $FILIPPOV_CACHE, else `filippov` in the user's cache folder."""
-    named = os.environ.get("FILIPPOV_CACHE")
-    if named:
-        return Path(named)
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "filippov"
 
 
 @cache
@@ -155,31 +144,6 @@ def _compile(
     return compile_unit(unit, constants, tuple(exported))
 
 
-def _read(path: Path) -> bytes | None:
-    """Object code from the cache, None where it is missing or damaged."""
-    try:
-        data = path.read_bytes()
-    except OSError:
-        return None
-    head = len(_MAGIC) + 32
-    code = data[head:]
-    if data[: len(_MAGIC)] != _MAGIC or hashlib.sha256(code).digest() != data[len(_MAGIC) : head]:
-        return None
-    return code
-
-
-def _write(path: Path, code: bytes) -> None:
-    """Whole or not at all; a cache that cannot be written is only slower."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(_MAGIC + hashlib.sha256(code).digest() + code)
-        Path(temporary).replace(path)
-    except OSError:
-        return
-
-
 def build(source: str, constants: Mapping[str, Constant], method: str, lanes: int = 1) -> Compiled:
     """The compiled unit of a system: its kernel source, its constants (N, M, ROLE ...) and a method.
 
@@ -198,11 +162,10 @@ def build(source: str, constants: Mapping[str, Constant], method: str, lanes: in
     with _lock:
         if name in _loaded:
             return _loaded[name]
-        path = cache_folder() / f"{name}.unit"
-        code = _read(path)
+        code = kept.read(name)
         if code is None:
             code = _compile(source, constants, method, place, exported, lanes)
-            _write(path, code)
+            kept.write(name, code)
         engine = load_object(code)
         functions, addresses = {}, {}
         for function, arguments in exported.items():

@@ -10,14 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov._kernels.generated import TWICE, Generated, unit_constants
-from filippov._kernels.jit import CompiledField, compile_field
+from filippov._kernels.jit import ASK
+from filippov._kernels.replacement import Replacement
 from filippov._kernels.structure import Structure
 from filippov.errors import ModelError
 from filippov.surface import Surface
 from filippov.time_event import TimeEvent
 
-# Compiling a field takes about a second, as long as this many callbacks.
-COMPILE_AFTER = 100_000
 _FIELD = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *([ctypes.c_void_p] * 5))
 _GUARD = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *([ctypes.c_void_p] * 4))
 
@@ -28,7 +27,10 @@ def inside(t: float, ctx: Indices) -> float:
 
 @kernel
 def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
-    return call_field(ctx[0], inside(t, ctx), x, p, s, m, out)
+    code = call_field(ctx[0], inside(t, ctx), x, p, s, m, out)
+    if code == {ASK}:
+        code = call_field(ctx[7], inside(t, ctx), x, p, s, m, out)
+    return code
 
 @kernel
 {TWICE}
@@ -56,7 +58,7 @@ def derive(p: Vector) -> int:
 def resets(i: int, t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
     out[0] = float(i)
     return call_guard(ctx[4], t, x, p, m, out)
-""".replace("{TWICE}", "\n".join(TWICE))
+""".replace("{TWICE}", "\n".join(TWICE)).replace("{ASK}", str(ASK))
 
 
 def callback_unit(n: int, parameters: int, surfaces: tuple[Surface, ...]) -> Generated:
@@ -71,9 +73,12 @@ def callback_unit(n: int, parameters: int, surfaces: tuple[Surface, ...]) -> Gen
 
 
 def new_context() -> npt.NDArray[np.int64]:
-    """Room for five addresses, and the times between which functions may be called (as bits)."""
-    context = np.zeros(7, dtype=np.int64)
-    context[5:] = np.array([-np.inf, np.inf]).view(np.int64)
+    """Room for five addresses, the times between which functions may be called (as bits), and an address.
+
+    The last is that of the plain field, whatever stands in its place as the first.
+    """
+    context = np.zeros(8, dtype=np.int64)
+    context[5:7] = np.array([-np.inf, np.inf]).view(np.int64)
     return context
 
 
@@ -87,15 +92,14 @@ class Callbacks:
         n: int,
         record: Callable[[Any], Any],
         time_events: tuple[TimeEvent, ...] = (),
+        compiled: bool | None = None,
     ) -> None:
         self.time_events = time_events
         self.field, self.surfaces, self.n, self.record = field, surfaces, n, record
         self.error: BaseException | None = None
         self.values: tuple[float, ...] | None = None
         self.p: Any = None
-        self.calls = 0
-        self._compiled: CompiledField | None = None
-        self._tried = False
+        self.replacement = Replacement(field, n, len(surfaces), compiled)
         self._constant: dict[int, npt.NDArray[np.float64]] = {}
         self._handles = [
             _FIELD(self._rhs),
@@ -107,6 +111,7 @@ class Callbacks:
         addresses = [ctypes.cast(handle, ctypes.c_void_p).value or 0 for handle in self._handles]
         self.context = new_context()
         self.context[: len(addresses)] = addresses
+        self.context[7] = addresses[0]
 
     def parameters(self, p: npt.NDArray[np.float64]) -> None:
         """Set the record that the user's functions see."""
@@ -114,26 +119,17 @@ class Callbacks:
         self._constant.clear()
 
     def speed_up(self, names: tuple[str, ...], t: float, x: npt.NDArray[np.float64]) -> None:
-        """After many calls, put the field's machine code in place of the callback if it agrees at (t, x)."""
-        if self._tried or self.calls < COMPILE_AFTER:
-            return
-        self._tried = True
-        compiled = compile_field(self.field, names, self.n, len(self.surfaces))
-        if compiled is None:
-            return
-        call = _FIELD(compiled.address)
-        p = np.array([self.p[i] for i in range(len(names))], dtype=np.float64)
-        state = np.ascontiguousarray(x, dtype=np.float64)
-        for sign in (1.0, -1.0):
-            signs, out = np.full(max(len(self.surfaces), 1), sign), np.empty(self.n)
-            call(t, state.ctypes.data, p.ctypes.data, signs.ctypes.data, signs.ctypes.data, out.ctypes.data)
-            expected = np.asarray(
-                self.field(t, state.copy(), self.p, signs[: len(self.surfaces)]), dtype=np.float64
-            )
-            if not np.allclose(out, expected, rtol=1e-13, atol=0.0, equal_nan=True):
-                return
-        self._compiled = compiled
-        self.context[0] = compiled.address
+        """Put the field's machine code in place of the callback where it may stand there; the run is at t, x.
+
+        Raises ModelError where it was asked for and cannot be.
+        """
+        self.look()
+        self.context[0] = self.replacement.at(names, self.p, t, x) or self.context[7]
+
+    def look(self) -> None:
+        """Go back to the callback if a name that the field reads stands for something else by now."""
+        if not self.replacement.holds():
+            self.context[0] = self.context[7]
 
     def _state(self, address: int) -> npt.NDArray[np.float64]:
         x = np.empty(self.n)
@@ -142,7 +138,6 @@ class Callbacks:
         return x
 
     def _rhs(self, t: float, x: int, p: int, s: int, m: int, out: int) -> int:
-        self.calls += 1
         try:
             signs = np.empty(max(len(self.surfaces), 1))
             ctypes.memmove(signs.ctypes.data, s, 8 * len(self.surfaces))
@@ -150,6 +145,7 @@ class Callbacks:
             signs.flags.writeable = False
             value = checked_vector(self.field(t, self._state(x), self.p, signs), self.n, signs)
             ctypes.memmove(out, value.ctypes.data, 8 * self.n)
+            self.replacement.count(t, x, signs, value)
         except BaseException as error:  # noqa: BLE001 - none can pass through C
             self.error = named_write(error, "field")
             return 1
@@ -163,6 +159,7 @@ class Callbacks:
             except BaseException as error:  # noqa: BLE001 - none can pass through C
                 self.error = error
                 return 1
+            self.look()
             return 0
 
         return call
@@ -180,6 +177,7 @@ class Callbacks:
         except BaseException as error:  # noqa: BLE001 - none can pass through C
             self.error = named_write(error, "reset")
             return 1
+        self.look()
         return 0
 
     def _h(self, i: int, t: float, x: npt.NDArray[np.float64]) -> float:
@@ -244,8 +242,7 @@ class EventCallbacks(Callbacks):
     """Functions of user events beside a system of expressions: guards, rows of gradients, slopes in time."""
 
     def __init__(self, surfaces: tuple[Surface, ...], n: int, record: Callable[[Any], Any]) -> None:
-        super().__init__(_no_field, surfaces, n, record)
-        self._tried = True  # there is no field to compile
+        super().__init__(_no_field, surfaces, n, record, compiled=False)
         rows, slopes = _GUARD(self._guarded(self._rows)), _GUARD(self._guarded(self._slopes))
         self._handles += [rows, slopes]
         self.context[2:4] = [ctypes.cast(handle, ctypes.c_void_p).value or 0 for handle in (rows, slopes)]

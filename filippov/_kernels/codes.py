@@ -17,8 +17,9 @@ SURFACE, CAUSE, STORE, EVENT_ROOM, RECORD_ROOM = 7, 8, 9, 10, 11
 COUNT_SIZE = 12
 
 # Columns of `zeno`, one row a surface: time of its last event, the last three intervals, and for lags of 1, 2
-# and 3 events how many intervals in a row were shorter than the one so many events before.
-ZENO_ROOM = 7
+# and 3 events how many intervals in a row were shorter than the one so many events before. Behind them the
+# largest difference of the rates on both sides since sliding on the surface began.
+WIDEST, ZENO_ROOM = 7, 8
 
 # What `advance` returns.
 REACHED, RECORDS_FULL, EVENTS_FULL, CHUNK_DONE, STOPPED = 0, 1, 2, 3, 4

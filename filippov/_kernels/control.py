@@ -16,10 +16,13 @@ from filippov._kernels.model import (
     MOVING,
     ORDER,
     PER_NODE,
+    RESET_FROM,
+    RESETS,
     STAGES,
     STRAIGHT,
     W_ATTRACT,
     W_CREEP,
+    W_DIRECTION,
     W_END,
     W_F,
     W_G,
@@ -76,24 +79,34 @@ def least_step(t: float, start: float, end: float) -> float:
 
 @kernel
 def error_norm(
-    x: Vector, y: Vector, step: float, rtol: float, atol: Vector, relative: int, slack: float,
+    x: Vector, y: Vector, step: float, rtol: float, atol: Vector, relative: int, kept: int, slack: float,
     noise: float, w: Vector,
 ) -> float:  # fmt: skip
-    """Mean square of the local error over atol + rtol |x|; of guard `relative` over rtol |h| slack too."""
+    """Mean square of the local error over atol + rtol |x|; of guard `relative` over rtol |h| slack too.
+
+    kept (0 or 1): |h| is that of the guard itself, or what it goes in the time `slack` of a lap, so that the
+    next root is as accurate in time; else it is its change over the step.
+    """
     square5, square3 = 0.0, 0.0
-    guard5, guard3, rise = 0.0, 0.0, 0.0
+    guard5, guard3, rise, terms = 0.0, 0.0, 0.0, 0.0
     for i in range(N):
         e5, e3 = error_terms(i, w)
         if relative >= 0:
             guard5 += w[W_G + relative * N + i] * e5
             guard3 += w[W_G + relative * N + i] * e3
             rise += w[W_G + relative * N + i] * (y[i] - x[i])
+            terms += abs(w[W_G + relative * N + i] * x[i])
         scale = 1.0 / (atol[i] + rtol * max(abs(x[i]), abs(y[i])))
         square5 += (e5 * scale) ** 2
         square3 += (e3 * scale) ** 2
     norm = combine(square5, square3, step, float(N), rtol)
     if relative >= 0:
         scale = rtol * slack * abs(rise) + noise * abs(step)
+        if kept != 0:
+            start = w[W_START + 2 * relative]
+            rise += w[W_GT + relative] * step
+            far = max(abs(start), abs(start + rise)) + slack * abs(w[W_START + 2 * relative + 1])
+            scale = rtol * far + 16.0 * EPS * terms + 1e-300
         norm = max(norm, combine((guard5 / scale) ** 2, (guard3 / scale) ** 2, step, 1.0, rtol))
     return norm
 
@@ -347,6 +360,19 @@ def time_to_surface(m: Vector, order: Indices, w: Vector) -> tuple[float, int]:
 
 
 @kernel
+def hides_order(t: float, length: float, step: float) -> bool:
+    """Whether a step is so long that rounding of its dense output may hide which of two impacts is first."""
+    return RESETS and M > 1 and length < 1e-3 * step and length > 1e3 * EPS * abs(t)
+
+
+@kernel
+def falls(j: int, m: Vector, w: Vector) -> bool:
+    """Whether the motion runs onto surface j, off which it ran at the start of the step."""
+    speed = float(m[j] * w[W_END + 2 * j + 1] * w[W_DIRECTION])
+    return speed < 0.0
+
+
+@kernel
 def mark_hits(
     t: float, x: Vector, m: Vector, order: Indices, cause: int, i: int, step: float, hit: Indices, w: Vector
 ) -> int:
@@ -359,10 +385,12 @@ def mark_hits(
         hit[j] = 0
         if j == i:
             hit[j] = cause
-        elif m[j] != 0.0 and order[j] == 0:
+        elif m[j] != 0.0 and (order[j] == 0 or (RESET_FROM[j] != 0 and falls(j, m, w))):
             near = 8.0 * EPS * guard_scale(j, t, x, w)
             near += abs(w[W_END + 2 * j + 1]) * 32.0 * EPS * max(abs(t), abs(step))
-            if abs(m[j] * w[W_END + 2 * j] + WIDTH[j]) <= near:
+            value = m[j] * w[W_END + 2 * j] + WIDTH[j]
+            # A reset is not to be missed where the interpolant took its surface for the later one.
+            if abs(value) <= near or (RESET_FROM[j] != 0 and value < 0.0):
                 hit[j] = ROOT
         elif m[j] == 0.0 and abs(order[j]) < 2:
             mult = shift(w, W_MULT + j * COLUMNS)

@@ -3,6 +3,8 @@
 from filippov._kernels.language import Vector, kernel, shift, sqrt
 
 RANK, CONSISTENT, SWEEPS = 1e-12, 1e-9, 60
+# A pivot below this part of its row and of its column is rounding of what was eliminated.
+NO_PIVOT = 1e-13
 
 
 @kernel
@@ -112,8 +114,34 @@ def least_norm(a: Vector, b: Vector, n: int, stride: int) -> bool:
 
 
 @kernel
+def equilibrate_rows(a: Vector, b: Vector, n: int, stride: int) -> None:
+    """Divide each equation by its largest coefficient: equations have units of their own."""
+    for i in range(n):
+        size = 0.0
+        for j in range(n):
+            size = max(size, abs(a[i * stride + j]))
+        if size > 0.0:
+            for j in range(n):
+                a[i * stride + j] /= size
+            b[i] /= size
+
+
+@kernel
+def singular_pivots(a: Vector, n: int, stride: int) -> bool:
+    """Whether an eliminated matrix of equilibrated rows has a pivot that is rounding."""
+    for k in range(n):
+        size = 0.0
+        for i in range(k + 1):
+            size = max(size, abs(a[i * stride + k]))
+        if not (abs(a[k * stride + k]) > NO_PIVOT * size):
+            return True
+    return False
+
+
+@kernel
 def solve_or_least(a: Vector, b: Vector, n: int, stride: int, singular: int) -> bool:
     """Elimination, or for a singular matrix (after elimination refused it) the shortest solution."""
+    equilibrate_rows(a, b, n, stride)
     if singular != 0:
         return least_norm(a, b, n, stride)
-    return solve_linear(a, b, n, stride)
+    return solve_linear(a, b, n, stride) and not singular_pivots(a, n, stride)

@@ -268,12 +268,18 @@ def slide_affine(
                 value = -(plus + minus) / (plus - minus)
             track(w, i, value, plus, minus)
         else:
+            shift_by = 0.0
             if not solve_or_least(shift(w, W_MAT), shift(w, W_VEC), size, SIDE, 0):
                 couple(first, last, m, w, iw)
+                # Of many multipliers that hold the motion, those closest to the middle of their sets.
+                for c in range(size):
+                    for d in range(size):
+                        w[W_VEC + c] -= w[W_MAT + c * SIDE + d]
+                shift_by = 1.0
                 if not solve_or_least(shift(w, W_MAT), shift(w, W_VEC), size, SIDE, 1):
                     return 2
             for c in range(size):
-                value, slope = w[W_VEC + c] - 1.0, w[W_SLOPE + c]
+                value, slope = w[W_VEC + c] - 1.0 + shift_by, w[W_SLOPE + c]
                 track(w, iw[I_LIST + first + c], value, slope * (1.0 - value), -slope * (1.0 + value))
         first = last
     for j in range(N):
@@ -305,7 +311,7 @@ def slide_multi_affine(
             i = iw[I_LIST + c]
             w[W_RATE + v * SIDE + c] = rate(i, shift(w, W_VERT + v * N), w)
     iw[I_CALLS] += vertices
-    done = False
+    done, last = False, 1e300
     for _ in range(30):
         for c in range(k):
             w[W_VEC + c] = 0.0
@@ -339,7 +345,9 @@ def slide_multi_affine(
         for c in range(k):
             w[W_MULT + iw[I_LIST + c] * COLUMNS + MULTIPLIER] += w[W_VEC + c]
             largest = max(largest, abs(w[W_VEC + c]))
-        done = largest <= 1e-14
+        # Where the signs hardly act on the rates, rounding of these is more than rounding in the signs.
+        done = largest <= 1e-14 or (largest < 1e-8 and largest >= 0.5 * last)
+        last = largest
         if largest > 1e6:
             return 2
     if not done:

@@ -20,11 +20,14 @@ from filippov._kernels.generated import PAIR, TWICE, Generated, unit_constants
 from filippov._kernels.hoist import Hoisted
 from filippov._kernels.structure import Structure
 from filippov.errors import ModelError
+from filippov.size import expanded
 from filippov.surface import Surface
 from filippov.symbolic import SymbolicForm, convex
 from filippov.symbols import t
 
 INLINED = 2500
+# Operands in a row, and levels of brackets in one statement: the translation goes down as deep as both.
+LONGEST_ROW, DEEPEST = 50, 25
 _FUNCTIONS = {
     sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan", sympy.exp: "exp", sympy.log: "log",
     sympy.tanh: "tanh", sympy.sinh: "sinh", sympy.cosh: "cosh", sympy.asin: "asin", sympy.acos: "acos",
@@ -63,7 +66,7 @@ class _Printer(StrPrinter):
     _print_Pi = _print_Exp1 = _print_NumberSymbol
 
     def _print_Add(self, e: Expr, order: str | None = None) -> str:
-        return "(" + " + ".join(self._print(a) for a in e.as_ordered_terms()) + ")"
+        return _joined(" + ", [self._print(a) for a in e.as_ordered_terms()])
 
     def _print_Mul(self, e: Expr) -> str:
         above, below = [], []
@@ -74,8 +77,8 @@ class _Printer(StrPrinter):
                 below.append(self._print(sympy.sqrt(factor.base)))
             else:
                 above.append(self._print(factor))
-        text = "(" + (" * ".join(above) or "1.0") + ")"
-        return f"({text} / ({' * '.join(below)}))" if below else text
+        text = _joined(" * ", above or ["1.0"])
+        return f"({text} / {_joined(' * ', below)})" if below else text
 
     def _print_Pow(self, e: Expr) -> str:
         base, exponent = self._print(e.base), e.exp
@@ -127,17 +130,51 @@ class _Printer(StrPrinter):
         raise AttributeError(name)
 
 
+def _joined(operator: str, parts: Sequence[str]) -> str:
+    """Operands with an operator between them, in groups: a long row would be nested as deep as it is long."""
+    while len(parts) > LONGEST_ROW:
+        groups = [parts[k : k + LONGEST_ROW] for k in range(0, len(parts), LONGEST_ROW)]
+        parts = [f"({operator.join(group)})" for group in groups]
+    return f"({operator.join(parts)})"
+
+
+def _shallow(printer: _Printer, e: Expr, prefix: str, lines: list[str]) -> tuple[Expr, int]:
+    """The expression with its parts at every DEEPEST-th level named in lines of their own, and its depth."""
+    if not e.args:
+        return e, 0
+    parts = [_shallow(printer, arg, prefix, lines) for arg in e.args]
+    if 1 + max(depth for _, depth in parts) > DEEPEST:
+        named = []
+        for part, depth in parts:
+            if depth < DEEPEST:
+                named.append((part, depth))
+                continue
+            symbol = sympy.Dummy("d", real=True)
+            printer.names[symbol] = f"{prefix}d{len(lines)}"
+            if part.free_symbols & printer.sizes:
+                printer.sizes.add(symbol)
+            lines.append(f"    {prefix}d{len(lines)} = {printer._print(part)}")
+            named.append((symbol, 0))
+        parts = named
+    if all(part is arg for (part, _), arg in zip(parts, e.args, strict=True)):
+        return e, 1 + max(depth for _, depth in parts)
+    return e.func(*(part for part, _ in parts)), 1 + max(depth for _, depth in parts)
+
+
 def _assign(printer: _Printer, results: Sequence[tuple[str, Expr]], prefix: str) -> list[str]:
     """Statements that store the expressions, their common parts named once."""
     names = sympy.numbered_symbols(prefix, cls=sympy.Dummy)
     shared, reduced = sympy.cse([e for _, e in results], symbols=names)
-    lines = []
-    for number, (symbol, expression) in enumerate(shared):
+    lines: list[str] = []
+    for number, (symbol, whole) in enumerate(shared):
+        expression, _ = _shallow(printer, whole, prefix, lines)
         printer.names[symbol] = f"{prefix}{number}"
         if expression.free_symbols & printer.sizes:
             printer.sizes.add(symbol)
         lines.append(f"    {prefix}{number} = {printer._print(expression)}")
-    lines += [f"    {target} = {printer._print(e)}" for (target, _), e in zip(results, reduced, strict=True)]
+    for (target, _), whole in zip(results, reduced, strict=True):
+        expression, _ = _shallow(printer, whole, prefix, lines)
+        lines.append(f"    {target} = {printer._print(expression)}")
     return lines
 
 
@@ -183,7 +220,8 @@ def jointly_affine(form: SymbolicForm) -> bool:
     for f in form.field:
         g = convex(f, free) if f.free_symbols & free else f
         for s in g.free_symbols & free:
-            if sympy.expand(g.diff(s)).free_symbols & free:
+            slope = g.diff(s)
+            if slope.free_symbols & free and expanded(slope).free_symbols & free:
                 return False
     return True
 
@@ -204,9 +242,16 @@ def straight_rate(form: SymbolicForm, i: int, row: Sequence[Expr], linear: Seque
     rate = rate.subs(form.a[i], 0)
     varying = {t, *form.x, *form.a}
     sizes = (linear[k] for k, a in enumerate(form.a) if a in rate.free_symbols)
-    return linear[i] and all(sizes) and not any(
-        rate.diff(q).free_symbols & varying for q in rate.free_symbols & varying
-    )
+    return linear[i] and all(sizes) and _affine(rate, varying)
+
+
+def _affine(e: Expr, varying: set[Symbol]) -> bool:
+    """Whether an expression is affine in some symbols: as it stands, or by its derivatives."""
+    terms = [sympy.Mul.make_args(term) for term in sympy.Add.make_args(e)]
+    moving = [[q for q in factors if q.free_symbols & varying] for factors in terms]
+    if all(not row or (len(row) == 1 and row[0] in varying) for row in moving):
+        return True
+    return not any(e.diff(q).free_symbols & varying for q in e.free_symbols & varying)
 
 
 def structure(form: SymbolicForm, field: Sequence[Expr], rows: Sequence[Sequence[Expr]]) -> Structure:
@@ -274,7 +319,7 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
         n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), rough(form), pattern,
         moving=[any(e.free_symbols & varying for e in ends) for ends in form.radius],
         straight=[straight_rate(form, i, plain_rows[i], linear) for i in range(m)],
-        wide=lines[0] == "@inline" and m > 0,
+        wide=lines[0] == "@inline" and m > 0, held=form.held,
     )  # fmt: skip
     return Generated("\n".join(lines), constants)
 

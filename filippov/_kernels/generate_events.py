@@ -60,6 +60,7 @@ def with_expressions(form: SymbolicForm, expressions: Sequence[Expr], functions:
         radius=form.radius + ((-sympy.S.One, sympy.S.One),) * k,
         reset=form.reset + none if form.reset else (),
         contact=form.contact + none if form.contact else (),
+        held=form.held + (False,) * k if form.held else (),
     )
 
 

@@ -75,6 +75,8 @@ def reset_source(
             continue
         used: set[Symbol] = set().union(*(e.free_symbols for e in after)) & set(form.a)
         targets = [(f"out[{j}]", e) for j, (x, e) in enumerate(zip(form.x, after, strict=True)) if e != x]
+        if not targets:  # the state stays as it is
+            continue
         lines.append(f"    if i == {i}:")
         lines += [f"    {line}" for line in (*sizes(used), *assign(targets))]
     return [*lines, "    return 0", ""]

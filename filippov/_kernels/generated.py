@@ -44,6 +44,7 @@ def unit_constants(
     moving: Sequence[bool],
     straight: Sequence[bool],
     wide: bool = False,
+    held: Sequence[bool] = (),
 ) -> dict[str, Constant]:
     """The constants of `filippov._kernels.model` that belong to the system."""
     own: dict[str, Constant] = {
@@ -59,6 +60,7 @@ def unit_constants(
         "MOVING": [int(flag) for flag in moving] or [0],
         "STRAIGHT": [int(flag) for flag in straight] or [0],
         "ALL_LINEAR": all(linear),
+        "HELD": [int(flag) for flag in held] or [0] * max(len(surfaces), 1),
         **_reset_constants(n, surfaces),
     }
     return own | pattern.constants(n)

@@ -140,7 +140,7 @@ def lane_step(
         free_stages(t, x, p, m, step, y, w, iw, ctx)
     if END_IN_ERROR:
         field(t + step, y, p, m, last_k, w, iw, ctx)
-    error = error_norm(x, y, step, clock[RTOL], atol, -1, 1.0, 0.0, w)
+    error = error_norm(x, y, step, clock[RTOL], atol, -1, 0, 1.0, 0.0, w)
     calls = float(STAGES - 1)
     if iw[I_SLIDING] > 0:
         project(te, y, p, m, shift(w, W_H), w, iw, ctx)

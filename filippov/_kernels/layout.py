@@ -74,7 +74,7 @@ def layout(
         "RADIUS": 2 * m,
         "TOUCH": m,
         "GRAZED": m,
-        "NOISE": m,
+        "FALL": m,
         "ATTRACT": m,
         "DIRECTION": 1,
         "CREEP": 6 * n,

@@ -44,6 +44,7 @@ from filippov._kernels.model import (
     W_COEF,
     W_END,
     W_F,
+    W_FALL,
     W_G,
     W_GRAZED,
     W_GT,
@@ -57,6 +58,7 @@ from filippov._kernels.model import (
     W_STAGE,
     W_START,
     W_TOUCH,
+    W_VERT,
     W_WORK,
     W_XM,
     W_Y,
@@ -314,12 +316,18 @@ def order_at_start(c: Vector, spread: float) -> int:
 
 
 @kernel
-def rounding(t: float, step: float, i: int, w: Vector) -> float:
-    """What guard i cannot be told from 0 by on this step: the rounding of the dense output in its terms."""
+def rounding(t: float, step: float, i: int, w: Vector, iw: Indices) -> float:
+    """What guard i cannot be told from 0 by on this step: the rounding of the dense output in its terms.
+
+    While others slide their multipliers balance vertex fields, whose rounding is left in the velocity.
+    """
     total = abs(w[W_GT + i]) * max(abs(t), abs(t + step))
     for a in range(G_FIRST[i], G_FIRST[i + 1]):
         j = G_COLUMN[a]
-        total += abs(w[W_G + i * N + j]) * max(abs(w[W_COEF + j]), abs(w[W_Y + j]))
+        moved = 0.0
+        if iw[I_SLIDING] > 0:
+            moved = abs(step) * (abs(w[W_VERT + j]) + abs(w[W_VERT + N + j]))
+        total += abs(w[W_G + i * N + j]) * (max(abs(w[W_COEF + j]), abs(w[W_Y + j])) + moved)
     return float(1024.0 * EPS * total)
 
 
@@ -403,7 +411,7 @@ def locate(
                 # A dip below 0 no deeper than rounding is a touching, not two crossings.
                 if stands_still(low, high, allowed, step, i, w):
                     continue
-                dip = rounding(t, step, i, w)
+                dip = rounding(t, step, i, w, iw)
                 touch += dip if touch > 0.0 else 0.0
                 allowed += dip
                 # A root at the very end of a clear descent is none of these.
@@ -442,6 +450,9 @@ def locate(
                 upper, lower = min(1.0, u + 1e-4), max(0.0, u - 1e-4)
                 slope = bernstein_value(c, degree, upper, work) - bernstein_value(c, degree, lower, work)
                 slope /= (upper - lower) * width
+                # How fast the rates on both sides come together.
+                end = W_NODE + DEGREE * 2 * M + i
+                w[W_FALL + i] = (w[W_NODE + i] + w[W_NODE + M + i] - w[end] - w[end + M]) / abs(width * step)
         if not resolved:
             middle = 0.5 * (lo + hi)
             piece[0], piece[1], piece[2] = middle, hi, depth + 1.0

@@ -12,7 +12,7 @@ AFFINE: the field is jointly affine in the signs. ROUGH: it may hold a power of 
 enough to be sampled in lanes.
 RESET_FROM[i]: the side from which surface i resets the state, 2 for both, 0 for none; CONTACT[i]: the side on
 which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are any. EVENT_SIZE: doubles of an
-event.
+event. HELD[i]: guard i is a derivative of h_i, and only the general path leaves it.
 RULE: which of the rules of sliding in `rules`. ORDER: power of the step that the error estimate goes with.
 IMPLICIT: the stages are solved for.
 PER_NODE: 1 / theta of every main stage.
@@ -37,6 +37,7 @@ STRAIGHT: list[int] = [0]
 WIDTH: list[float] = [0.0]
 RESET_FROM: list[int] = [0]
 CONTACT: list[int] = [0]
+HELD: list[int] = [0]
 RESETS, CONTACTS, EVENT_SIZE = False, False, 4
 PER_NODE: list[float] = [1.0, *[1.0 / node for node in DOP853.main_nodes], 1.0]
 DENSE: list[float] = [value for row in DOP853.dense for value in row]
@@ -79,7 +80,7 @@ W_END = _PLACE["W_END"]
 W_RADIUS = _PLACE["W_RADIUS"]
 W_TOUCH = _PLACE["W_TOUCH"]
 W_GRAZED = _PLACE["W_GRAZED"]
-W_NOISE = _PLACE["W_NOISE"]
+W_FALL = _PLACE["W_FALL"]
 W_ATTRACT = _PLACE["W_ATTRACT"]
 W_DIRECTION = _PLACE["W_DIRECTION"]
 W_CREEP = _PLACE["W_CREEP"]

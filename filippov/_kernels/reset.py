@@ -17,6 +17,7 @@ from filippov._kernels.model import (
     I_SLIDING,
     RESET_FROM,
     ROLE,
+    W_DIRECTION,
     W_END,
     W_F,
     W_G,
@@ -36,6 +37,14 @@ from filippov._kernels.resolve import CLEAR_RATE, side_rates
 
 # A rate below this part of its terms is rounding: the state is at rest relative to the surface.
 NO_RATE = 1e-12
+# The error of the time of an event, over |t|.
+INSTANT = 1.42e-14
+
+
+@kernel
+def noise(i: int, t: float, x: Vector, w: Vector) -> float:
+    """What rounding makes of h_i at an event: of its terms, and of its rate over the error of the time."""
+    return float(8.0 * EPS * guard_scale(i, t, x, w) + INSTANT * abs(t * w[W_END + 2 * i + 1]))
 
 
 @kernel
@@ -77,6 +86,12 @@ def apply_reset(
     y, h, f = shift(w, W_JUMP), shift(w, W_H), shift(w, W_F)
     if iw[I_SLIDING] > 0 or ROLE[i] != RESETTING:
         return NONE
+    size = abs(w[W_GT + i])
+    for j in range(N):
+        size += abs(w[W_G + i * N + j] * f[j])
+    # Rounding of the place may find what has just been left again; a reset is for what runs onto the surface.
+    if not (-m[i] * w[W_END + 2 * i + 1] * w[W_DIRECTION] > NO_RATE * size):
+        return NONE
     if resets(i, t, x, p, m, y, ctx) != 0:
         return -1
     if not finite(y, N):
@@ -84,7 +99,7 @@ def apply_reset(
     if guards(t, y, p, m, h, ctx) != 0 or gradients(t, y, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
         return -1
     for j in range(M):
-        if j != i and not (m[j] * h[j] + WIDTH[j] > 8.0 * EPS * guard_scale(j, t, y, w)):
+        if j != i and not (m[j] * h[j] + WIDTH[j] > noise(j, t, y, w)):
             return NONE
     side = m[i]
     # What the location left of h at the event says nothing of the side on which the state is put.
@@ -95,12 +110,20 @@ def apply_reset(
     iw[I_CALLS] += 1
     if rhs(t, y, p, m, m, f, ctx) != 0:
         return -1
-    rate, size = w[W_GT + i], abs(w[W_GT + i])
+    rate, size = w[W_GT + i], size + abs(w[W_GT + i])
     for j in range(N):
         rate += w[W_G + i * N + j] * f[j]
         size += abs(w[W_G + i * N + j] * f[j])
     if abs(rate) <= NO_RATE * size:
         return rest(t, y, p, m, order, i, w, iw, ctx) if float(CONTACT[i]) == side else NONE
+    if CONTACT[i] != 0 and float(CONTACT[i]) == side and side * rate > 0.0:
+        # A flight that stays within rounding of h cannot be followed.
+        reach = noise(i, t, y, w) + INSTANT * abs(t) * size
+        code, plus, minus, _ = side_rates(t, y, p, m, i, w, iw, ctx)
+        if code != 0:
+            return -1
+        if rate * rate <= -2.0 * side * (plus if side > 0.0 else minus) * reach:
+            return NONE
     m[i] = 1.0 if rate > 0.0 else -1.0
     order[i] = 1
     return RESET

@@ -14,8 +14,12 @@ from filippov._kernels.codes import (
     EXIT_UP,
     GRAZING,
     NONE,
+    ROOT,
     SWITCHING,
+    TOUCH,
     UPPER,
+    WIDEST,
+    ZENO_ROOM,
 )
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import COLUMNS, MULTIPLIER, RATE_MINUS, RATE_PLUS
@@ -24,18 +28,24 @@ from filippov._kernels.model import (
     CONTACT,
     G_COLUMN,
     G_FIRST,
+    HELD,
     I_CALLS,
+    I_LIST,
     I_PEERS,
+    I_SLIDING,
     ROLE,
     W_ATTRACT,
     W_DIRECTION,
+    W_END,
     W_F,
+    W_FALL,
     W_G,
     W_GT,
     W_MULT,
     W_RADIUS,
     W_S,
     W_START,
+    W_TOUCH,
     WIDTH,
     M,
     N,
@@ -44,6 +54,12 @@ from filippov._kernels.model import (
 )
 
 CLEAR_RATE = 1e-6
+# Of the terms of a rate: what two rates may differ by, and what one rate may be, by rounding.
+NO_EFFECT, ROUNDING = 1e-15, 1e-12
+# Of the time that a slide has lasted: one that would reach a two-fold in less may be drawn into it.
+NEAR_FOLD = 3e-2
+# Depth of a touching over what cannot be told from one: forwards, and backwards.
+SHALLOW, BACKWARDS = 1e-2, 10.0
 
 
 @kernel
@@ -112,6 +128,11 @@ def resolve_root(
     at_lo = 0.5 * ((1.0 + lo) * plus + (1.0 - lo) * minus)
     here = plus if sigma > 0.0 else minus
     beyond = minus if sigma > 0.0 else plus
+    if abs(plus - minus) <= NO_EFFECT * scale and -sigma * plus > ROUNDING * scale:
+        # The sign does not act on this rate, which is the same on both sides, however small it is.
+        m[i] = -sigma
+        order[i] = 1
+        return kind
     if not (-sigma * here > clear) or abs(at_hi) <= clear or abs(at_lo) <= clear or not (abs(beyond) > clear):
         return NONE
     if at_hi < 0.0 and at_lo > 0.0:
@@ -124,6 +145,25 @@ def resolve_root(
         order[i] = 1
         return kind
     return NONE
+
+
+@kernel
+def touch_or_root(i: int, length: float, m: Vector, w: Vector) -> int:
+    """TOUCH where h turns back before it is noticeably beyond the surface, else ROOT.
+
+    The depth is that of the parabola with the rate at the event and its mean change over the step.
+    """
+    rate = w[W_END + 2 * i + 1]
+    turn = (rate - w[W_START + 2 * i + 1]) / length
+    # Far below what the step resolves and below the height it came down from, however loose the tolerance is;
+    # written without squares, which would underflow in a guard of tiny values.
+    shallow = min(SHALLOW * w[W_TOUCH + i], 1e-6 * abs(w[W_START + 2 * i]))
+    # Backwards a slide that was left is met in such a touching, as deep as the integration is in error.
+    if w[W_DIRECTION] < 0.0:
+        shallow = max(shallow, BACKWARDS * w[W_TOUCH + i])
+    if m[i] * turn > 0.0 and abs(rate) * abs(rate / turn) <= 2.0 * shallow:
+        return TOUCH
+    return ROOT
 
 
 @kernel
@@ -143,11 +183,30 @@ def resolve_touch(
 
 
 @kernel
-def resolve_exit(m: Vector, order: Indices, cause: int, i: int, slope: float, w: Vector, iw: Indices) -> int:
-    """Mode after a multiplier reached an end of its set; NONE where another surface coupled to it slides."""
+def widen(zeno: Vector, w: Vector, iw: Indices) -> None:
+    """Keep the largest difference of the rates on both sides of every sliding surface."""
+    for c in range(iw[I_SLIDING]):
+        i = iw[I_LIST + c]
+        mult, row = shift(w, W_MULT + i * COLUMNS), shift(zeno, ZENO_ROOM * i)
+        row[WIDEST] = max(row[WIDEST], abs(mult[RATE_MINUS] - mult[RATE_PLUS]))
+
+
+@kernel
+def resolve_exit(
+    m: Vector, order: Indices, cause: int, i: int, slope: float, lasted: float, w: Vector, iw: Indices
+) -> int:
+    """Mode after a multiplier reached an end of its set; NONE where another surface coupled to it slides.
+
+    NONE too where the rates on both sides are about to vanish together, at a two-fold: near it rounding would
+    decide. lasted: a time that the slide has lasted, or more.
+    """
     mult = shift(w, W_MULT + i * COLUMNS)
     spread = w[W_ATTRACT + i] * (mult[RATE_MINUS] - mult[RATE_PLUS])
     if iw[I_PEERS + COMPONENT[i]] != 1 or not (spread > 0.0) or not (slope < -CLEAR_RATE * spread):
+        return NONE
+    if HELD[i] != 0:
+        return NONE
+    if CONTACT[i] == 0 and spread <= NEAR_FOLD * lasted * w[W_FALL + i]:
         return NONE
     side = 1.0 if cause == UPPER else -1.0
     end = w[W_RADIUS + 2 * i + 1] if cause == UPPER else w[W_RADIUS + 2 * i]

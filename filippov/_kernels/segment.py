@@ -81,6 +81,8 @@ def rough_start(
     """Creep off a surface left tangentially where the field is rough: which, -1 for none, -2 at failure."""
     if ROUGH:
         for i in range(M):
+            if clock[RELATIVE] < 0.0:
+                return -1
             leaves = order[i] >= 2 and m[i] != 0.0 and ROLE[i] != OBSERVER
             if leaves and is_rough(t, x, p, m, i, w, iw, ctx):
                 span = clock[STEP]

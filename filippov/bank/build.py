@@ -16,7 +16,9 @@ from filippov.bank import hybrid
 from filippov.bank.case import number
 from filippov.bank.notation import formula
 from filippov.errors import ModelError
+from filippov.extract import NONSMOOTH
 from filippov.names import check_known, check_name
+from filippov.size import Scale
 from filippov.surface import Surface
 from filippov.system import System
 from filippov.time_event import TimeEvent
@@ -24,6 +26,8 @@ from filippov.time_event import TimeEvent
 SURFACE_KEYS = ("name", "h", "radius", "width", "kind", "reset", "side", "contact")
 TIME_EVENT_KEYS = ("name", "period", "start", "times", "reset")
 MOST_SURFACES = 12
+# Surfaces with those of the formulas themselves (Abs, sign, Max ...), and nodes of all fields together.
+MOST_KINKS, MOST_NODES = 64, 40_000
 _WORD = re.compile(r"[^\W\d]\w*")
 
 
@@ -65,6 +69,7 @@ def build(raw: Mapping[str, Any]) -> Built:
         for i, entry in enumerate(_list(raw, "event_functions"))
     ]
     fields = _fields(raw, names, count, len(states))
+    _check_size(fields)
     every = [*surfaces, *observers]
     options = _time_events(raw, names)
     if every:
@@ -72,6 +77,10 @@ def build(raw: Mapping[str, Any]) -> Built:
         system = System.from_modes(every, wide, states, **options)
     else:
         system = System(dict(zip(states, fields[""], strict=True)), **options)
+    if len(system.surfaces) > MOST_KINKS:
+        raise ModelError(
+            f"the formulas jump or bend on {len(system.surfaces)} surfaces, expected at most {MOST_KINKS}."
+        )
     x0, span = _start(raw, names, len(states))
     declared = (*(s.name for s in every), *(event.name for event in system.time_events))
     return Built(system, x0, span, names, declared, fields)
@@ -82,6 +91,21 @@ def expression(value: Any, names: Mapping[str, Any]) -> Expr:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ModelError(f"{value!r:.80} is not a number or a formula.")
     return formula(value if isinstance(value, str) else repr(value), names)
+
+
+def _check_size(fields: Mapping[str, Sequence[Expr]]) -> None:
+    """Refuse fields that would take minutes to compile: the same row counts once."""
+    scale = Scale()
+    rows = {id(row): row for row in fields.values()}.values()
+    nodes = sum(scale.weigh(e)[0] for row in rows for e in row)
+    if nodes > MOST_NODES:
+        raise ModelError(f"the fields have {nodes} nodes together, expected at most {MOST_NODES}.")
+    kinks = set().union(*(e.atoms(*NONSMOOTH) for row in rows for e in row))
+    if len(kinks) > MOST_KINKS:
+        raise ModelError(
+            f"the fields hold {len(kinks)} different functions that jump or bend, expected at most "
+            f"{MOST_KINKS}."
+        )
 
 
 def _states(raw: Mapping[str, Any]) -> list[Symbol]:

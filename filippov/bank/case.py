@@ -14,6 +14,7 @@ from filippov.expression import parse_expression
 from filippov.names import unknown
 
 LARGEST_FILE = 1 << 26
+LONGEST_TOLERANCE = 100
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,8 @@ def _expectation(entry: Any, place: int) -> Expectation:
         return Expectation(f"expectation {place + 1}", None, 0.0, {})
     tol = entry.get("tol", 0)
     try:
+        if isinstance(tol, str) and len(tol) > LONGEST_TOLERANCE:
+            raise ModelError(f"tol has {len(tol)} characters, expected at most {LONGEST_TOLERANCE}.")
         tolerance = abs(number(tol))
     except ModelError:
         tolerance = 0.0

@@ -13,8 +13,11 @@ from filippov.bank.peer import Limits, Peer
 from filippov.bank.peer_process import PeerProcess
 from filippov.bank.peer_row import FAMILIES, OUTCOMES, PeerRow
 from filippov.bank.peer_scipy import FILIPPOV
+from filippov.bank.table import widest
 from filippov.bank.target import whole_and_parts
 from filippov.errors import UsageError
+from filippov.escape import printable
+from filippov.json_text import json_text
 from filippov.names import unknown
 
 _MARKS = {
@@ -122,12 +125,12 @@ def _solvers(names: Sequence[str] | None) -> list[Peer]:
 
 def peers_text(table: PeerTable) -> str:
     """Who gets which case right, and how many each."""
-    width = max([len(name) for name in table.cases], default=4)
+    width = widest(table.cases)
     by = {(row.id, row.peer): row for row in table.rows}
     lines = [f"{'case':<{width}}  " + "  ".join(f"{peer:>14}" for peer in table.peers)]
     for name in table.cases:
         marks = [_MARKS[by[name, peer].outcome] if (name, peer) in by else "" for peer in table.peers]
-        lines.append(f"{name:<{width}}  " + "  ".join(f"{mark:>14}" for mark in marks))
+        lines.append(f"{printable(name):<{width}}  " + "  ".join(f"{mark:>14}" for mark in marks))
     for outcome in OUTCOMES:
         counts = [table.count(peer, outcome) for peer in table.peers]
         lines.append(f"{outcome:<{width}}  " + "  ".join(f"{count:>14}" for count in counts))
@@ -137,14 +140,14 @@ def peers_text(table: PeerTable) -> str:
         f"at most {table.max_calls} field calls and {table.max_time:g} s; {versions}"
     )
     reasons = {row.id: row.message for row in table.rows if row.outcome == "cannot"}
-    lines += [f"  cannot be stated: {name}: {reason}" for name, reason in reasons.items()]
+    lines += [printable(f"  cannot be stated: {name}: {reason}") for name, reason in reasons.items()]
     return "\n".join(lines)
 
 
 def peers_json(table: PeerTable) -> str:
     """The table as one JSON object."""
     data = {**asdict(table), "rows": [asdict(row) for row in table.rows], "versions": dict(table.versions)}
-    return json.dumps(data, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+    return json_text(data)
 
 
 def read_peers(path: str | Path) -> PeerTable:

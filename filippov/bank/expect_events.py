@@ -16,6 +16,8 @@ from filippov.errors import ModelError
 from filippov.events import Event
 from filippov.status import EventKind
 
+# Numbers that one formula in n may stand for.
+LONGEST_LIST = 100_000
 WORDS = {
     EventKind.CROSSING: "cross", EventKind.ENTRY: "slide", EventKind.EXIT: "exit", EventKind.GRAZING: "graze",
     EventKind.RESET: "reset", EventKind.TIME: "time",
@@ -209,6 +211,8 @@ def formula_in_n(ask: Ask, text: str, most: int) -> list[list[float]]:
     match = re.fullmatch(r"\s*(?:n\s*=\s*)(-?\d+)\s*(?:\.\.+|to)\s*(-?\d+)\s*", where)
     if where.strip() and match is None:
         raise NotUnderstoodError(f"{text!r} is not a formula in n")
+    if match and int(match[2]) - int(match[1]) >= LONGEST_LIST:
+        raise NotUnderstoodError(f"{text!r:.80} stands for more than {LONGEST_LIST} numbers")
     ranges = [range(int(match[1]), int(match[2]) + 1)] if match else [range(most), range(1, most + 1)]
     if not re.search(r"\bn\b", body):
         raise NotUnderstoodError(f"{text!r} is not a formula in n")

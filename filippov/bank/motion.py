@@ -26,6 +26,7 @@ from filippov.errors import ModelError, SolveError, UsageError
 from filippov.events import Event, Mode
 from filippov.machine import Machine
 from filippov.modes import Successor
+from filippov.options import falls
 from filippov.solution import Solution
 from filippov.solution_tree import SolutionTree
 from filippov.solver import solve
@@ -83,7 +84,7 @@ class Motion:
         if span[0] != span[1]:
             # A short pulse in a field that is constant elsewhere is not to be stepped over.
             chosen.setdefault("max_step", abs(span[1] - span[0]) / LEAST_STEPS)
-        run: Solution = solve(self.built.system, start, span, **chosen)
+        run: Solution = solve(self.built.system, start, span, backward=falls(span), **chosen)
         self.field_calls += run.nfev
         if run.status is Status.TIMEOUT:
             raise OutOfTimeError
@@ -247,7 +248,7 @@ class Motion:
         tree = solve(
             self.built.system, self.built.x0, (self.built.t_span[0], t_end), nonunique="branch",
             rtol=self.settings.rtol, atol=self.settings.atol, method=self.settings.method, max_time=left,
-            max_branches=256, release_times=release_times or None,
+            max_branches=256, release_times=release_times or None, backward=t_end < self.built.t_span[0],
         )  # fmt: skip
         self.field_calls += sum(branch.solution.nfev for branch in tree.branches)
         if tree.status is Status.TIMEOUT:

@@ -63,12 +63,10 @@ class PeerProcess:
         if self._process is not None and self._process.poll() is None:
             return
         self.close()
-        above = str(Path(__file__).resolve().parents[2])
-        paths = [above, *filter(None, [os.environ.get("PYTHONPATH")])]
         self._process = subprocess.Popen(  # noqa: S603 (this interpreter, a name of SOLVERS)
-            [sys.executable, "-m", "filippov.bank.peer_process", self.name],
+            [sys.executable, "-P", "-m", "filippov.bank.peer_process", self.name],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+            env=_environment(),
         )  # fmt: skip
         self._lines = queue.SimpleQueue()
         threading.Thread(target=_pump, args=(self._process, self._lines), daemon=True).start()
@@ -88,6 +86,16 @@ class PeerProcess:
         except subprocess.TimeoutExpired:
             process.kill()
             return process.wait()
+
+
+def _environment() -> dict[str, str]:
+    """That of this process, with this package found and nothing of the current folder.
+
+    A file scipy.py there is not the solver; where the process is started by `-m`, Python would run it.
+    """
+    given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    paths = [str(Path(__file__).resolve().parents[2]), *(p for p in given if Path(p).is_absolute())]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONSAFEPATH": "1"}
 
 
 def _pump(process: subprocess.Popen[str], lines: queue.SimpleQueue[str]) -> None:

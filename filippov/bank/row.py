@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
+
+from filippov.json_text import json_text
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Row:
 
 def rows_json(rows: Iterable[Row]) -> str:
     """The rows as one JSON list."""
-    return json.dumps([row.to_dict() for row in rows], ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+    return json_text([row.to_dict() for row in rows])
 
 
 def _finite(value: float | None) -> float | None:

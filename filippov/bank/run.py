@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -104,12 +106,16 @@ def run_case(case: Case, settings: Settings | None = None) -> Row:
     left: dict[str, str] = {}
     status = ""
     subjects = {"": subject}
+
+    def outcome(entry: Expectation) -> Outcome:
+        label, inner = part_of(case, entry)
+        if label not in subjects:
+            subjects[label] = _subject(part(case, label), settings, started)
+        return evaluate(Ask(case, inner, subjects[label]))
+
     for name, entry in _entries(case):
         try:
-            label, inner = part_of(case, entry)
-            if label not in subjects:
-                subjects[label] = _subject(part(case, label), settings, started)
-            outcomes[name] = evaluate(Ask(case, inner, subjects[label]))
+            outcomes[name] = _in_time(started + settings.max_time, partial(outcome, entry))
         except NotUnderstoodError as reason:
             left[name] = str(reason)
         except MissingError as reason:
@@ -123,6 +129,17 @@ def run_case(case: Case, settings: Settings | None = None) -> Row:
     row = _row(case, subject, outcomes, left, status or _status(subject), started)
     calls = sum(other.field_calls for other in subjects.values() if isinstance(other, Motion))
     return dataclasses.replace(row, field_calls=calls)
+
+
+def _in_time(deadline: float, function: Callable[[], Outcome]) -> Outcome:
+    """function(), ended also where it computes with formulas for ever. Raises OutOfTimeError."""
+    left = deadline - time.monotonic()
+    if left <= 0.0:
+        raise OutOfTimeError
+    try:
+        return within(left, function)
+    except OutOfBudgetError:
+        raise OutOfTimeError from None
 
 
 def _fine_enough(case: Case, settings: Settings) -> Settings:
@@ -143,11 +160,15 @@ def _entries(case: Case) -> list[tuple[str, Expectation]]:
     count = case.raw.get("n_events")
     if count is not None and all(entry.name != "n_events" for entry in entries):
         entries.append(Expectation("n_events", count, 0.0, {}))
-    out: list[tuple[str, Expectation]] = []
+    out: dict[str, Expectation] = {}
+    times: Counter[str] = Counter()
     for entry in entries:
-        times = sum(name == entry.name or name.startswith(f"{entry.name} #") for name, _ in out)
-        out.append((entry.name if not times else f"{entry.name} #{times + 1}", entry))
-    return out
+        name = entry.name
+        while name in out:
+            times[entry.name] += 1
+            name = f"{entry.name} #{times[entry.name] + 1}"
+        out[name] = entry
+    return list(out.items())
 
 
 def evaluate(ask: Ask) -> Outcome:

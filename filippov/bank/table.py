@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from filippov.bank.row import Row
+from filippov.escape import printable
 
 WIDEST_MESSAGE = 100
 
 
 def rows_text(rows: Sequence[Row]) -> str:
     """A line for each row, and one that counts them."""
-    width = max([len(row.id) for row in rows], default=4)
+    width = widest(row.id for row in rows)
     lines = [head(width), *(line(row, width) for row in rows), *summary(rows)]
     return "\n".join(lines)
+
+
+def widest(names: Iterable[str]) -> int:
+    """The width of the column of ids, each on one line whatever it holds."""
+    return max([len(printable(name)) for name in names], default=4)
 
 
 def head(width: int) -> str:
@@ -24,9 +30,10 @@ def head(width: int) -> str:
 def line(row: Row, width: int) -> str:
     """One row; `width` is that of the column of ids."""
     counts = f"{len(row.evaluated)}/{len(row.evaluated) + len(row.not_evaluated)}"
-    text = row.message if len(row.message) <= WIDEST_MESSAGE else row.message[: WIDEST_MESSAGE - 3] + "..."
+    text = printable(row.message)
+    text = text if len(text) <= WIDEST_MESSAGE else text[: WIDEST_MESSAGE - 3] + "..."
     return (
-        f"{row.id:<{width}}  {'yes' if row.passed else 'NO':<6}  {_short(row.max_error):>8}  "
+        f"{printable(row.id):<{width}}  {'yes' if row.passed else 'NO':<6}  {_short(row.max_error):>8}  "
         f"{_short(row.tolerance):>9}  {counts:>9}  {row.field_calls:>11}  {row.seconds:>7.2f}  {text}"
     ).rstrip()
 
@@ -41,8 +48,8 @@ def summary(rows: Sequence[Row]) -> list[str]:
         f"{passed} of {len(rows)} cases passed; {evaluated} expectations evaluated, {left} not evaluated; "
         f"{seconds:.1f} s"
     )
-    listed = [f"  not evaluated in {r.id}: {', '.join(r.not_evaluated)}" for r in rows if r.not_evaluated]
-    return [said, *listed]
+    left_out = ((row.id, ", ".join(row.not_evaluated)) for row in rows if row.not_evaluated)
+    return [said, *(printable(f"  not evaluated in {name}: {names}") for name, names in left_out)]
 
 
 def _short(value: float | None) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from filippov.bank import Row, read_bank, rows_json, run_bank
 from filippov.bank.case import chosen
-from filippov.bank.table import head, line, summary
+from filippov.bank.table import head, line, summary, widest
 from filippov.commands.console import Console
 from filippov.commands.folder import Folder
 from filippov.errors import UsageError
@@ -29,7 +29,7 @@ def _run(settings: dict[str, Any], console: Console) -> int:
         key: settings[key] for key in ("rtol", "atol", "method", "max_time") if settings[key] is not None
     }
     cases = chosen(read_bank(settings["file"]), settings["only"])
-    width = max([len(case.id) for case in cases], default=4)
+    width, places = widest(case.id for case in cases), _places(settings, console)
     console.say(head(width))
     rows: list[Row] = []
 
@@ -46,7 +46,7 @@ def _run(settings: dict[str, Any], console: Console) -> int:
             )
         except KeyboardInterrupt:
             interrupted = True
-    _write(settings, console, rows_json(rows))
+    _write(places, console, rows_json(rows))
     for text in summary(rows):
         console.say(text)
     if interrupted:
@@ -55,17 +55,23 @@ def _run(settings: dict[str, Any], console: Console) -> int:
     return 0 if all(row.passed for row in rows) else NOT_PASSED
 
 
-def _write(settings: dict[str, Any], console: Console, text: str) -> None:
-    """The JSON where it was asked for: on stdout, in a file, in the folder of -o."""
+def _places(settings: dict[str, Any], console: Console) -> list[tuple[Folder, str]]:
+    """Folders, made and tried, with the names of the files that the JSON goes to."""
     where = settings["json"]
-    if where is True:
-        console.raw(text)
-    elif isinstance(where, str):
+    places = [(Folder(settings["output"], console), "rows.json")]
+    if isinstance(where, str):
         path = Path(where)
-        Folder(str(path.parent), console).text(path.name, text)
-    folder = Folder(settings["output"], console)
-    folder.text("rows.json", text)
-    folder.report()
+        places.append((Folder(str(path.parent), console), path.name))
+    return places
+
+
+def _write(places: list[tuple[Folder, str]], console: Console, text: str) -> None:
+    """The JSON where it was asked for: on stdout, in a file, in the folder of -o."""
+    if console.json:
+        console.raw(text)
+    for folder, name in places:
+        folder.content(name, text)
+        folder.report()
 
 
 def _compare(settings: dict[str, Any], console: Console) -> int:
@@ -75,7 +81,7 @@ def _compare(settings: dict[str, Any], console: Console) -> int:
         if settings[name] is not None:
             raise UsageError(f"--{name} goes with: filippov bank run FILE")
     given = {key: settings[key] for key in ("rtol", "max_time") if settings[key] is not None}
-    code = 0
+    code, places = 0, _places(settings, console)
     with console.progress("bank compare") as progress:
         try:
             table = compare_bank(
@@ -85,7 +91,7 @@ def _compare(settings: dict[str, Any], console: Console) -> int:
             if not interrupt.args:
                 raise
             table, code = interrupt.args[0], INTERRUPTED
-    _write(settings, console, peers_json(table))
+    _write(places, console, peers_json(table))
     console.say(peers_text(table))
     if code:
         console.warn(f"interrupted; {len(table.rows)} rows are kept")

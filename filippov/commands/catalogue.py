@@ -100,7 +100,8 @@ TOLERANCES = (
 START = (
     Option("x0", "initial state: x=0.1,v=0 (the others as in the model) or all in order: 0.1,0,0", state,
            metavar="X0"),
-    Option("t_span", "first and last time, in either order", pair, metavar=("T0", "T1"), count=2),
+    Option("t_span", "first and last time", pair, metavar=("T0", "T1"), count=2),
+    Option("backward", "run backwards in time: --t-span 1 0 needs it", switch, default=False),
     Option("max_step", "longest step", number, metavar="DT"),
     Option("first_step", "first step", number, metavar="DT"),
     Option("max_steps", "budget of steps", whole, metavar="N"),
@@ -111,6 +112,8 @@ START = (
            metavar="POLICY"),
     _choice("sliding", "rule of the field while sliding", "filippov", "moments", "utkin"),
     _choice("zeno", "at an accumulation of events: end, or go on in the limit mode", "stop", "continue"),
+    _choice("simultaneous", "resets at one instant that depend on their order: end, one after the other, or "
+            "the generalised Newton law", "raise", "sequential", "generalised Newton"),
     Option("stop", "end at an event: SURFACE, SURFACE:KIND or SURFACE:KIND:COUNT; can be repeated", texts,
            metavar="EVENT", repeat=True),
 )  # fmt: skip
@@ -152,7 +155,9 @@ ENGINE = (
     Option("scheduler", "address of dask's scheduler; default: a cluster of -j processes here", text,
            metavar="ADDRESS"),
     Option("resume", "go on with what the folder holds", switch, default=False),
-    Option("fresh", "remove what the folder holds", switch, default=False),
+    Option("fresh", "remove what the sweep in the folder has written", switch, default=False),
+    Option("trust", "resume although functions read what cannot be seen: none of it has changed", switch,
+           default=False),
     Option("chunk", "points in a chunk; default: about a second's work", whole, metavar="N"),
     Option("max_memory", "bytes of address space of a worker", whole, metavar="BYTES"),
 )  # fmt: skip

@@ -43,7 +43,7 @@ def run_lyapunov(settings: dict[str, Any], console: Console) -> int:
     folder.json("exponents.json", data)
     columns = ("t", *(f"exponent {k + 1}" for k in range(len(found.exponents))))
     folder.csv("exponents.csv", columns, np.column_stack([found.t[1:], found.running]).tolist())
-    folder.picture("exponents.png", lambda: plot_lyapunov(found, title=loaded.name))
+    folder.picture("exponents.png", lambda: plot_lyapunov(found, title=loaded.title))
     folder.report()
     return 130 if "interrupted" in found.message else 0
 
@@ -84,6 +84,6 @@ def run_diagram(settings: dict[str, Any], console: Console) -> int:
     rows = zip(found.values.tolist(), found.period.tolist(), *found.d.T.tolist(), strict=True)
     folder.csv("diagram.csv", (parameter, "period", *(f"d{k}" for k in range(found.d.shape[1]))), rows)
     labels = {"d": f"{section.coordinate} at the event"}
-    folder.picture("diagram.png", lambda: plot_brute_force(found, labels=labels, title=loaded.name))
+    folder.picture("diagram.png", lambda: plot_brute_force(found, labels=labels, title=loaded.title))
     folder.report()
     return 0 if found.complete else 130

@@ -51,7 +51,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
     console.say(result.to_text())
     folder.csv("comparison.csv", columns, ([row.get(key) for key in columns] for row in rows))
     folder.json("comparison.json", {"model": loaded.name, "parameters": values, "rows": rows})
-    folder.text("comparison.txt", result.to_text())
+    folder.content("comparison.txt", result.to_text())
     folder.picture("comparison.png", result.plot)
     folder.report()
     return 0

@@ -57,12 +57,12 @@ def run(settings: dict[str, Any], console: Console) -> int:
         for number, item in enumerate(found, 1):
             _write(folder, f"{name}-{number}", item)
     plots = importlib.import_module("filippov.plot_branch")
-    folder.picture("branch.png", lambda: plots.plot_branches([branch, *others], title=loaded.name))
+    folder.picture("branch.png", lambda: plots.plot_branches([branch, *others], title=loaded.title))
     if curves:
         labels = {"coordinate": parameter}
         folder.picture("curves.png", lambda: plots.plot_branches(
             curves, coordinate=parameter, names=[item.kind for item in curves], labels=labels,
-            title=loaded.name,
+            title=loaded.title,
         ))  # fmt: skip
     folder.report()
     if "interrupted" in branch.message:

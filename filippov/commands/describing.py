@@ -27,6 +27,6 @@ def run(settings: dict[str, Any], console: Console) -> int:
     columns = ("amplitude", "growth", "frequency")
     rows = zip(*(getattr(prediction, name).tolist() for name in columns), strict=True)
     folder.csv("prediction.csv", columns, rows)
-    folder.picture("prediction.png", lambda: plot_describing_function(prediction, title=loaded.name))
+    folder.picture("prediction.png", lambda: plot_describing_function(prediction, title=loaded.title))
     folder.report()
     return 0

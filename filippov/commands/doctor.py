@@ -5,9 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import sys
-import tempfile
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
 
 from filippov.commands.console import Console
@@ -35,9 +33,12 @@ def run(settings: dict[str, Any], console: Console) -> int:
         absent = "missing, required" if name in REQUIRED else "not installed"
         console.say(f"  {name:<12} {found or absent}")
     if cache:
-        console.say(f"cache: {cache['folder']} ({cache['files']} files, {cache['bytes'] / 1e6:.1f} MB)")
+        kept = f"{cache['folder']} ({cache['files']} files, {cache['bytes'] / 1e6:.1f} MB)"
+        console.say(f"cache: {kept if cache['writable'] else 'none'}")
+        if cache["reason"]:
+            console.warn(f"the cache is not where it was meant to be: {cache['reason']}")
         if not cache["writable"]:
-            console.warn("the cache cannot be written, so every process compiles its models anew")
+            console.warn("no cache can be written, so every process compiles its models anew")
     for name in missing:
         console.warn(f"{name} is missing: pip install {name}")
     for name, trace in broken.items():
@@ -55,20 +56,13 @@ def _version(name: str) -> str | None:
 
 
 def _cache() -> dict[str, Any]:
-    from filippov._kernels.build import cache_folder
+    from filippov._kernels.cache import place
 
-    folder = Path(cache_folder())
-    files = [path for path in folder.rglob("*") if path.is_file()] if folder.is_dir() else []
+    found = place()
+    folder = found.folder
+    files = [] if folder is None else list(folder.glob("*.unit"))
     return {
-        "folder": str(folder), "files": len(files), "bytes": sum(path.stat().st_size for path in files),
-        "writable": _writable(folder),
+        "folder": None if folder is None else str(folder), "files": len(files),
+        "meant": None if found.meant is None else str(found.meant), "reason": found.reason,
+        "bytes": sum(path.stat().st_size for path in files), "writable": folder is not None,
     }  # fmt: skip
-
-
-def _writable(folder: Path) -> bool:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
-        return False

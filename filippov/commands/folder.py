@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import tempfile
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from filippov.commands.console import Console, json_text
+from filippov.csv_text import csv_text
 from filippov.errors import UsageError
+from filippov.escape import printable
+from filippov.whole_file import Content, write_whole
 
 
 class Folder:
@@ -24,6 +26,7 @@ class Folder:
         self.path = None if path is None else Path(path)
         self.console = console
         self.written: list[str] = []
+        self.replaced: list[str] = []
         if self.path is not None:
             if self.path.exists() and not self.path.is_dir():
                 raise UsageError(f"-o is {str(self.path)!r}, which is a file; name a folder.")
@@ -31,39 +34,28 @@ class Folder:
             with tempfile.TemporaryFile(dir=self.path):
                 pass
 
-    def text(self, name: str, content: str) -> None:
-        """Write a text file."""
+    def content(self, name: str, content: Content) -> None:
+        """Write a file, whole or not at all: text, bytes, or what a function writes into an open file."""
         if self.path is None:
             return
-        handle, temporary = tempfile.mkstemp(prefix=f".{name}.", suffix=".tmp", dir=self.path)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-                file.write(content)
-            Path(temporary).chmod(0o644)
-            Path(temporary).replace(self.path / name)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+        self._about_to_write(name)
+        write_whole(self.path / name, content)
         self.written.append(name)
 
     def json(self, name: str, data: Any) -> None:
         """Write a JSON file."""
         if self.path is not None:
-            self.text(name, json_text(data))
+            self.content(name, json_text(data))
 
     def csv(self, name: str, columns: Sequence[str], rows: Iterable[Iterable[Any]]) -> None:
         """Write a table; floats in the shortest form that reads back equal."""
-        if self.path is None:
-            return
-        table = io.StringIO()
-        writer = csv.writer(table, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows([_cell(value) for value in row] for row in rows)
-        self.text(name, table.getvalue())
+        if self.path is not None:
+            self.content(name, csv_text(columns, rows))
 
     def file(self, name: str, write: Callable[[Path], object]) -> None:
-        """Have `write` make a file."""
+        """Have `write` make a file; it is to write it whole or not at all."""
         if self.path is not None:
+            self._about_to_write(name)
             write(self.path / name)
             self.written.append(name)
 
@@ -79,24 +71,22 @@ class Folder:
             return
         from matplotlib import pyplot as plt
 
-        temporary = self.path / f".{name}.tmp"
+        form = Path(name).suffix[1:]
         try:
-            figure.savefig(temporary, format=Path(name).suffix[1:], dpi=160)
-            temporary.replace(self.path / name)
+            with warnings.catch_warnings():
+                # A letter that the font does not have is drawn as a box; the tables have it.
+                warnings.filterwarnings("ignore", "Glyph .* missing from", UserWarning)
+                self.content(name, lambda file: figure.savefig(file, format=form, dpi=160))
         finally:
             plt.close(figure)
-            temporary.unlink(missing_ok=True)
-        self.written.append(name)
+
+    def _about_to_write(self, name: str) -> None:
+        if self.path is not None and os.path.lexists(self.path / name):
+            self.replaced.append(name)
 
     def report(self) -> None:
-        """Say what was written."""
+        """Say what was written, and which of it stands in the place of a file that was there before."""
         if self.path is not None and self.written:
-            self.console.say(f"wrote {', '.join(self.written)} into {self.path}")
-
-
-def _cell(value: Any) -> Any:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        return repr(float(value))
-    return "" if value is None else value
+            again = [name for name in self.replaced if name in self.written]
+            told = f", in place of the {', '.join(again)} that was there" if again else ""
+            self.console.say(f"wrote {', '.join(self.written)} into {printable(self.path)}{told}")

@@ -46,7 +46,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
         console.say(f"{before} -> {after}  {data['surface']}: {data['kind']}  {what}")
     for suffix in SUFFIXES:
         folder.file("graph" + suffix, lambda path: save_graph(graph, path))
-    folder.picture("graph.png", lambda: _draw(graph, loaded.name))
+    folder.picture("graph.png", lambda: _draw(graph, loaded.title))
     folder.report()
     return code
 

@@ -9,6 +9,7 @@ from typing import Any
 from filippov.commands.console import Console
 from filippov.commands.folder import Folder
 from filippov.errors import UsageError
+from filippov.escape import figure_text
 from filippov.names import unknown
 from filippov.plot_identification import plot_identification
 
@@ -54,9 +55,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
     def force(v: Any, values: dict[str, float]) -> Any:
         return curves.friction_force(system, v, {**fixed, **values})
 
-    points = (record.v, record.friction) if curve else None
-    folder.picture(
-        "fit.png", lambda: plot_identification(result, force, points=points, title=settings["data"])
-    )
+    points, title = (record.v, record.friction) if curve else None, figure_text(settings["data"])
+    folder.picture("fit.png", lambda: plot_identification(result, force, points=points, title=title))
     folder.report()
     return 0 if result.success else 3

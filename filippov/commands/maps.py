@@ -105,7 +105,7 @@ def run_event_map(settings: dict[str, Any], console: Console) -> int:
     if code == 0:
         name = section.coordinate
         folder.picture("map.png", lambda: plot_event_map(
-            event_map, lo, hi, samples=(d, image), fixed=points, orbit=orbit, title=loaded.name,
+            event_map, lo, hi, samples=(d, image), fixed=points, orbit=orbit, title=loaded.title,
             labels={"d": f"{name} at the event", "P": f"{name} at event {settings['order']} after it"},
         ))  # fmt: skip
     folder.report()
@@ -159,7 +159,7 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
         "bifurcation.csv", (parameter, *POINT_COLUMNS), ([float(v), *point_data(p).values()] for v, p in rows)
     )
     folder.json("bifurcation.json", data)
-    folder.picture("bifurcation.png", lambda: plot_diagram(diagram, title=loaded.name))
+    folder.picture("bifurcation.png", lambda: plot_diagram(diagram, title=loaded.title))
     folder.report()
     return 0 if data["complete"] else 130
 

@@ -9,9 +9,10 @@ from types import ModuleType
 from typing import Any
 
 from filippov.errors import ModelError, UsageError
+from filippov.escape import figure_text
 from filippov.models import registry
 from filippov.names import closest
-from filippov.options import check_state
+from filippov.options import check_state, falls
 from filippov.problem import Problem
 from filippov.system import System
 from filippov.user_file import load_file, place_of
@@ -33,6 +34,11 @@ class Loaded:
     parameters: Mapping[str, float] = field(default_factory=dict)
     model: registry.Model | None = None
 
+    @property
+    def title(self) -> str:
+        """The name as the title of a picture."""
+        return figure_text(self.name)
+
     def values(self, given: Mapping[str, float] | None) -> dict[str, float]:
         """All parameter values of a run; UsageError, with a suggestion, for one the system does not have."""
         try:
@@ -47,7 +53,8 @@ class Loaded:
         if span is None:
             raise UsageError(f"{self.name} has no time span of its own; give --t-span T0 T1.")
         state, values = self.state(settings.get("x0")), self.values(settings.get("parameters"))
-        return Problem(self.system, state, span, values)
+        backward = bool(settings.get("backward")) or (not settings.get("t_span") and falls(span))
+        return Problem(self.system, state, span, values, backward)
 
     def state(self, given: Any) -> Any:
         """An initial state: what is given, by name over the model's own."""

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from sympy import Symbol
-
 from filippov.commands.console import Console
+from filippov.commands.described import clock_data, clock_line, field_data, surface_data, surface_lines
 from filippov.commands.model import load_model
 from filippov.errors import ModelError, UsageError
 from filippov.models import registry
-from filippov.system import System
 
 
 def run(settings: dict[str, Any], console: Console) -> int:
@@ -42,18 +40,15 @@ def _describe(name: str | None, console: Console) -> int:
         raise UsageError("which model? filippov models describe NAME")
     loaded = load_model(name)
     system, model = loaded.system, loaded.model
-    form = system.symbolic
     items = [system.parameters[key] for key in system.parameters]
     data = {
         "name": loaded.name,
         "description": "" if model is None else model.description,
         "source": "" if model is None else model.source,
         "states": list(system.states),
-        "field": None if form is None else _field(system),
-        "surfaces": [
-            {"name": s.name, "kind": str(s.kind), "h": None if form is None else _readable(form.h[i], form)}
-            for i, s in enumerate(system.surfaces)
-        ],
+        "field": field_data(system),
+        "surfaces": [surface_data(system, i) for i in range(len(system.surfaces))],
+        "time_events": clock_data(system),
         "parameters": [
             {
                 "name": key, "default": item.default, "unit": item.unit, "lower": item.lower,
@@ -68,21 +63,6 @@ def _describe(name: str | None, console: Console) -> int:
     console.result(data)
     _tell(data, console)
     return 0
-
-
-def _readable(expression: Any, form: Any) -> str:
-    """A formula with sign(h) and |h| in place of the symbols that stand for them."""
-    names: dict[Any, Any] = {}
-    for s, a, h in zip(form.s, form.a, form.h, strict=True):
-        text = str(h.xreplace(names))
-        names |= {s: Symbol(f"sign({text})"), a: Symbol(f"|{text}|")}
-    return str(expression.xreplace(names))
-
-
-def _field(system: System) -> dict[str, str]:
-    form = system.symbolic
-    assert form is not None
-    return {name: _readable(f, form) for name, f in zip(system.states, form.field, strict=True)}
 
 
 def _section(model: registry.Model | None) -> dict[str, Any] | None:
@@ -100,8 +80,10 @@ def _tell(data: dict[str, Any], console: Console) -> None:
     for name in data["states"]:
         console.say(f"  {name}' = {data['field'][name]}" if data["field"] else f"  state {name}")
     for surface in data["surfaces"]:
-        h = f"  h = {surface['h']}" if surface["h"] is not None else ""
-        console.say(f"  surface {surface['name']} ({surface['kind']}){h}")
+        for line in surface_lines(surface):
+            console.say(f"  {line}")
+    for clock in data["time_events"]:
+        console.say(f"  {clock_line(clock)}")
     for item in data["parameters"]:
         low = "-inf" if item["lower"] is None else f"{item['lower']:g}"
         high = "inf" if item["upper"] is None else f"{item['upper']:g}"

@@ -55,7 +55,7 @@ def run_regions(settings: dict[str, Any], console: Console) -> int:
         *grid, result.cycles, result.stable, result.set_stable, result.amplitude, result.lost,
     )]  # fmt: skip
     folder.csv("regions.csv", columns, zip(*cells, strict=True))
-    folder.picture("regions.png", lambda: plot_regions(result, title=loaded.name))
+    folder.picture("regions.png", lambda: plot_regions(result, title=loaded.title))
     folder.report()
     return 0 if result.complete else 130
 
@@ -81,7 +81,7 @@ def run_basin(settings: dict[str, Any], console: Console) -> int:
         console.say(f"{100 * share:.4g} % of the states go to {name}")
     folder.json("basin.json", data)
     arrays = {"x": result.x, "y": result.y, "label": result.label, "d": result.d}
-    folder.file("basin.npz", lambda path: np.savez_compressed(path, allow_pickle=False, **arrays))
+    folder.content("basin.npz", lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
     folder.picture("basin.png", lambda: plot_basin(result))
     folder.report()
     return 0 if result.complete else 130

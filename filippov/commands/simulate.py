@@ -21,7 +21,7 @@ from filippov.user_event import UserEvent
 
 SOLVER = (
     "rtol", "atol", "method", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
-    "sliding", "zeno", "save_events",
+    "sliding", "zeno", "simultaneous", "save_events",
 )  # fmt: skip
 EVENT_COLUMNS = (
     "t", "surface", "kind", "before", "after", "direction", "multiplier", "residual", "group", "note",
@@ -65,7 +65,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
     elif not counted:
         folder.file("solution.npz", solution.save)
     if solution.status is not Status.INTERRUPTED and not counted:
-        folder.picture("response.png", lambda: solution.plot(title=loaded.name))
+        folder.picture("response.png", lambda: solution.plot(title=loaded.title))
     folder.report()
     return exit_code(solution)
 

@@ -7,6 +7,7 @@ from typing import Any
 from filippov.commands.console import Console
 from filippov.commands.folder import Folder
 from filippov.commands.simulate import event_data, solver_options
+from filippov.escape import figure_text
 from filippov.problem import Problem
 from filippov.solution_tree import Path, SolutionTree
 from filippov.solver import solve
@@ -39,8 +40,8 @@ def run(name: str, problem: Problem, settings: dict[str, Any], console: Console,
     folder.json("tree.json", tree_data(name, tree))
     folder.file("tree.npz", tree.save)
     if tree.status is not Status.INTERRUPTED:
-        folder.picture("branches.png", lambda: tree.plot(title=name))
-        folder.picture("tree.png", lambda: tree.plot_tree(title=name))
+        folder.picture("branches.png", lambda: tree.plot(title=figure_text(name)))
+        folder.picture("tree.png", lambda: tree.plot_tree(title=figure_text(name)))
     folder.report()
     if tree.success:
         console.say(tree.message)

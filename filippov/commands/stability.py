@@ -26,9 +26,9 @@ def run(settings: dict[str, Any], console: Console) -> int:
         report = module.stability_report(loaded.system, values, solve_for=wanted, budget=settings["budget"])
     console.result(json.loads(report.to_json()))
     console.say(report.to_text())
-    folder.text("report.txt", report.to_text())
-    folder.text("report.md", report.to_markdown())
-    folder.text("report.tex", report.to_latex())
-    folder.text("report.json", report.to_json())
+    folder.content("report.txt", report.to_text())
+    folder.content("report.md", report.to_markdown())
+    folder.content("report.tex", report.to_latex())
+    folder.content("report.json", report.to_json())
     folder.report()
     return 0

@@ -12,9 +12,10 @@ import numpy as np
 from filippov.commands.console import Console
 from filippov.commands.folder import Folder
 from filippov.commands.model import load_model
+from filippov.commands.outputs import Outputs
 from filippov.commands.simulate import SOLVER, parse_stop
 from filippov.ensemble import solve_many
-from filippov.errors import UsageError
+from filippov.errors import SolveError, UsageError
 from filippov.problem import Problem
 from filippov.status import mode_text
 from filippov.sweep.dataset import write_csv, write_netcdf
@@ -24,8 +25,8 @@ from filippov.sweep.table import Table
 
 SHOWN = 5
 FAILED, INTERRUPTED = 3, 130
-FILES = ("results.csv", "results.nc", "summary.json")
-HOW = ("jobs", "executor", "scheduler", "resume", "fresh", "max_memory", "chunk")
+FILES = ("summary.json", "results.csv", "results.nc")
+HOW = ("jobs", "executor", "scheduler", "resume", "fresh", "trust", "max_memory", "chunk")
 
 
 def run(settings: dict[str, Any], console: Console) -> int:
@@ -36,15 +37,21 @@ def run(settings: dict[str, Any], console: Console) -> int:
         seed=settings["seed"], tail=settings["tail"], reduce=settings["reduce"], **options,
     )  # fmt: skip
     folder = Folder(settings["output"], console)
-    if settings["fresh"] and folder.path is not None:
-        for name in FILES:
-            (folder.path / name).unlink(missing_ok=True)
+    outputs = Outputs(folder.path, FILES)
     how = {name: settings[name] for name in HOW}
-    with console.progress("sweep") as progress:
-        table = sweep.run(
-            folder.path, progress=lambda done, total: progress(done, total, f"{done} of {total} points"),
-            max_time=settings["max_time"], **how,
-        )  # fmt: skip
+    try:
+        with console.progress("sweep") as progress:
+
+            def look(done: int, total: int) -> None:
+                if settings["fresh"]:
+                    outputs.remove()  # by now the folder is this sweep's
+                progress(done, total, f"{done} of {total} points")
+
+            table = sweep.run(folder.path, progress=look, max_time=settings["max_time"], **how)
+    except SolveError:
+        if folder.path is not None:
+            console.warn(f"what is done is kept; to go on: {_resume(settings)}")
+        raise
     data = {
         "model": settings["model"], "points": len(table), "complete": table.complete,
         "counts": table.counts, "content_hash": table.content_hash, "columns": list(table.columns),
@@ -62,6 +69,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
         folder.file("results.nc", lambda path: write_netcdf(table, path))
     except ImportError as error:
         console.say(f"no results.nc: {error}")
+    outputs.keep()
     folder.report()
     if not table.complete:
         if folder.path is not None:
@@ -81,6 +89,7 @@ def run_ensemble(settings: dict[str, Any], console: Console) -> int:
     with console.progress("ensemble") as progress:
         ends = solve_many(
             problem.system, x0, problem.t_span, parameters=values, threads=settings["jobs"],
+            backward=problem.backward,
             progress=progress, **options,
         )  # fmt: skip
     states = problem.system.states
@@ -103,7 +112,7 @@ def run_ensemble(settings: dict[str, Any], console: Console) -> int:
         "points": sweep.points, "t": ends.t, "x": ends.x, "mode": ends.mode, "counts": ends.counts,
         "success": ends.success,
     }  # fmt: skip
-    folder.file("ends.npz", lambda path: np.savez_compressed(path, allow_pickle=False, **arrays))
+    folder.content("ends.npz", lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
     folder.report()
     return INTERRUPTED if not ends.complete else FAILED if not ends.success.all() else 0
 

@@ -100,6 +100,6 @@ def run(settings: dict[str, Any], console: Console) -> int:
                     loaded.system, section, *axes, interval, parameters=fixed | center, band=corners,
                 ))  # fmt: skip
                 progress(k + 1, len(pairs))
-        folder.picture("tuning.png", lambda: plot_gain_maps(maps, tuning=result, title=loaded.name))
+        folder.picture("tuning.png", lambda: plot_gain_maps(maps, tuning=result, title=loaded.title))
     folder.report()
     return 0 if result.complete else 130

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import csv
 import io
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from filippov.csv_text import csv_text
 from filippov.report.finding_facts import finding_files
 from filippov.report.results import CaseResult, Results
 from filippov.status import mode_text
+from filippov.whole_file import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,24 +24,14 @@ MARGIN = 0.08  # inches
 
 
 def write(path: Path, content: str | bytes) -> None:
-    """Write a file beside its place and move it there."""
+    """Write a file, whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        data = content if isinstance(content, bytes) else content.encode("utf-8")
-        temporary.write_bytes(data)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(path, content)
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Rows) -> None:
     """Write a table; floats in the shortest form that reads back equal."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows([_cell(value) for value in row] for row in rows)
-    write(path, text.getvalue())
+    write(path, csv_text(columns, rows))
 
 
 def save_figure(folder: Path, name: str, figure: Figure) -> str:
@@ -138,13 +128,3 @@ def _response(case: CaseResult) -> list[tuple[Any, ...]]:
 
 def _values(item: Any, names: Sequence[str]) -> list[Any]:
     return [getattr(item, name) for name in names]
-
-
-def _cell(value: Any) -> Any:
-    if hasattr(value, "item"):
-        value = value.item()
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list | tuple):
-        return " ".join(str(_cell(v)) for v in value)
-    return repr(value) if isinstance(value, float) else "" if value is None else value

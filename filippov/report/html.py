@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import html
 import re
 import textwrap
 from collections.abc import Iterable, Sequence
 from importlib import resources
 
+from filippov.escape import markup
 from filippov.report.tables import Table
 
 _DROP = re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>|<!--.*?-->", re.DOTALL)
@@ -16,7 +16,7 @@ _SPACES = re.compile(r'\s+(?:xmlns(?::\w+)?|version)="[^"]*"')
 
 def escape(text: object) -> str:
     """Text for HTML."""
-    return html.escape(str(text), quote=True)
+    return markup(text)
 
 
 def inline_svg(svg: str, name: str, label: str) -> str:

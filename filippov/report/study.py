@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import time
@@ -15,6 +14,7 @@ from filippov.analysis.band_model import BandModel
 from filippov.analysis.comparison import compare
 from filippov.analysis.comparison_result import Comparison
 from filippov.graph import possible_graph
+from filippov.json_text import json_text
 from filippov.models import registry
 from filippov.models.studies import Study, get_study
 from filippov.report.compute import Subject, case_result
@@ -65,7 +65,7 @@ def run_study(
     results.timing["figures"] = time.perf_counter() - begun
     results.timing["total"] = time.perf_counter() - since
     found = summary(results)
-    write(folder / "summary.json", json.dumps(found, ensure_ascii=False, indent=1, allow_nan=False) + "\n")
+    write(folder / "summary.json", json_text(found))
     write(folder / "report.html", document(results, drawings))
     tell(1.0, "done")
     return found

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import csv
 import importlib
-import io
-import os
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from filippov.csv_text import csv_text
 from filippov.errors import UsageError
-from filippov.sweep.chunk import no_room, read_chunk
-from filippov.sweep.rows import Limits, Rows, Whole
-from filippov.sweep.store import CHUNKS, read_manifest, read_points
+from filippov.escape import printable
+from filippov.sweep.chunk import no_room
+from filippov.sweep.manifest import Manifest
+from filippov.sweep.points import Whole, digest_of, shape_of
+from filippov.sweep.rows import Limits, Rows
+from filippov.sweep.store import CHUNKS, POINTS, away, fill, held_by, read_points
 from filippov.sweep.table import Table
+from filippov.whole_file import write_whole
 
 
 def to_xarray(table: Table) -> Any:
@@ -36,11 +37,11 @@ def to_xarray(table: Table) -> Any:
     units = dict(table.units)
 
     def attributes(name: str) -> dict[str, str]:
-        return {"units": units[name]} if name in units else {}
+        return {"units": printable(units[name])} if name in units else {}
 
     coordinates: dict[str, Any] = {}
     for k, name in enumerate(table.names):
-        values = table.points[:, k]
+        values = table.coordinates[:, k]
         if grid:
             values = np.moveaxis(values.reshape(sizes), k, 0).reshape(sizes[k], -1)[:, 0]
         coordinates[name] = ((name,) if grid else dims, values, attributes(name))
@@ -48,7 +49,7 @@ def to_xarray(table: Table) -> Any:
         name: (dims, table.values[:, k].reshape(sizes), attributes(name))
         for k, name in enumerate(table.columns)
     }
-    message = [table.message.get(point, "") for point in range(len(table))]
+    message = [printable(table.message.get(point, "")) for point in range(len(table))]
     variables["status"] = (dims, np.array(table.status, dtype=np.str_).reshape(sizes))
     variables["message"] = (dims, np.array(message, dtype=np.str_).reshape(sizes))
     about = {"content_hash": table.content_hash, **{f"sweep_{k}": v for k, v in table.fields.items()}}
@@ -66,34 +67,35 @@ def write_netcdf(table: Table, path: str | Path) -> Path:
 
 def write_csv(table: Table, path: str | Path) -> Path:
     """Write one row a point: coordinates, results, status, message; whole or not at all."""
-
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*table.names, *table.columns, "status", "message"])
-    for point in range(len(table)):
-        numbers = [*table.points[point].tolist(), *table.values[point].tolist()]
-        writer.writerow([*map(repr, numbers), table.status[point], table.message.get(point, "")])
-    return _whole(Path(path), text.getvalue().encode())
+    rows = (
+        [*point, *values, status, table.message.get(number, "")]
+        for number, (point, values, status) in enumerate(
+            zip(table.points.tolist(), table.values.tolist(), table.status, strict=True)
+        )
+    )
+    return _whole(Path(path), csv_text([*table.names, *table.columns, "status", "message"], rows).encode())
 
 
 def load_table(folder: str | Path) -> Table:
     """The table of a folder as it stands, without the model; nothing in the folder is changed.
 
-    Chunks that cannot be trusted are left out; their names are in `damaged`. Raises UsageError.
+    Chunks that cannot be trusted are left out; their names are in `damaged`. Without a manifest the chunks
+    say what they are. Raises UsageError.
     """
     place = Path(folder)
-    found = read_manifest(place)
-    points = read_points(place)
-    if points.shape != (found["size"], len(found["names"])):
-        raise UsageError(f"{str(place)!r}: the points do not fit the manifest.")
+    found = held_by(place)
+    if found is None:
+        raise UsageError(
+            f"{str(place)!r} holds no sweep: neither a manifest.json nor chunks that are sound. Name the "
+            "folder of one."
+        )
+    path = place / POINTS
+    points = read_points(path)
+    if points.shape != (found.size, len(found.names)) or digest_of(points) != found.points:
+        raise UsageError(f"{str(path)!r} does not hold the points of this sweep. {away(path)}")
     table = Table.empty(_Stored(found, points))
-    bad = []
-    for path in sorted((place / CHUNKS).glob("*.npz")):
-        try:
-            table.add(read_chunk(path, found["key"], found["size"], len(found["columns"])))
-        except UsageError:
-            bad.append(path.name)
-    table.damaged = tuple(bad)
+    table.shape = shape_of(points)
+    table.damaged = tuple(fill(table, place / CHUNKS, found, remove=False))
     return table
 
 
@@ -102,9 +104,9 @@ class _Stored:
 
     first = grain = 1
 
-    def __init__(self, manifest: dict[str, Any], points: Any) -> None:
-        self.fields, self.units = dict(manifest["fields"]), dict(manifest["units"])
-        self.names, self.columns = tuple(manifest["names"]), tuple(manifest["columns"])
+    def __init__(self, manifest: Manifest, points: Any) -> None:
+        self.fields, self.units, self.unseen = manifest.fields, manifest.units, manifest.unseen
+        self.names, self.columns = manifest.names, manifest.columns
         self.points = points
 
     def compute(self, index: Whole, limits: Limits) -> Rows:
@@ -113,16 +115,7 @@ class _Stored:
 
 
 def _whole(path: Path, content: bytes) -> Path:
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
     try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
+        return write_whole(path, content)
     except OSError as error:
         raise no_room(path, len(content), error) from None
-    finally:
-        Path(name).unlink(missing_ok=True)
-    return path

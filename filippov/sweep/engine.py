@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import importlib
+import math
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from contextlib import nullcontext, suppress
 from typing import Any, Protocol
 
 from filippov.batch import cores
 from filippov.errors import SolveError, UsageError
 from filippov.names import unknown
+from filippov.sweep.points import Whole
 from filippov.sweep.processes import CONTEXTS, Processes
-from filippov.sweep.rows import Whole, Work
+from filippov.sweep.rows import Work
 from filippov.sweep.worker import Outcome, compute
 
 EXECUTORS = ("processes", "dask")
 
 
 class Engine(Protocol):
-    """What the driver needs of it. slots: chunks that are in work at a time."""
+    """What the driver needs of it. slots: chunks in work at a time; pulse: seconds between two looks."""
 
     slots: int
+    pulse: float
 
     def submit(
-        self, index: Whole, folder: str, key: str, max_time: float | None, apart: bool
+        self, index: Whole, folder: str, head: str, max_time: float | None, apart: bool
     ) -> Future[Outcome]:
         """Hand over a chunk, as `worker.compute` takes it."""
 
@@ -41,6 +45,9 @@ class Engine(Protocol):
     def kill(self, future: Future[Any]) -> None:
         """End the worker of a chunk, where that is possible."""
 
+    def look(self) -> None:
+        """Raise SolveError where chunks in work would never come back."""
+
     def close(self, at_once: bool) -> None:
         """End the workers."""
 
@@ -48,15 +55,17 @@ class Engine(Protocol):
 class Given:
     """An executor of the user's, which stays theirs: it is not shut down."""
 
+    pulse = math.inf
+
     def __init__(self, work: Work, executor: Executor, jobs: int) -> None:
         self.work, self.executor, self.slots = work, executor, 2 * jobs
         self.flying: set[Future[Any]] = set()
 
     def submit(
-        self, index: Whole, folder: str, key: str, max_time: float | None, apart: bool
+        self, index: Whole, folder: str, head: str, max_time: float | None, apart: bool
     ) -> Future[Outcome]:
         """Hand over a chunk with the work: which process takes it, and what it knows, cannot be told."""
-        future = self.executor.submit(compute, self.work, index, folder, key, max_time, apart)
+        future = self.executor.submit(compute, self.work, index, folder, head, max_time, apart)
         self.flying.add(future)
         future.add_done_callback(self.flying.discard)
         return future
@@ -85,6 +94,9 @@ class Given:
         """Take the chunk back if it has not begun."""
         future.cancel()
 
+    def look(self) -> None:
+        """Nothing to see: an executor that breaks says so in its futures."""
+
     def close(self, at_once: bool) -> None:
         """Take back what has not begun."""
         for future in list(self.flying):
@@ -93,6 +105,8 @@ class Given:
 
 class Dask(Given):
     """dask.distributed: a scheduler somewhere, or a cluster of `jobs` processes on this machine."""
+
+    pulse = 1.0
 
     def __init__(self, work: Work, scheduler: Any, jobs: int) -> None:
         try:
@@ -110,13 +124,38 @@ class Dask(Given):
                     n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None
                 )
                 self.own.append(scheduler)
-            self.client = self.distributed.Client(scheduler)
+            try:
+                self.client = self.distributed.Client(scheduler)
+            except OSError as error:  # its TimeoutError is one
+                raise SolveError(
+                    f"dask's scheduler at {scheduler!r} does not answer ({error}). Start it, or give another "
+                    "address."
+                ) from None
             self.own.insert(0, self.client)
         workers = len(self.client.scheduler_info(n_workers=-1)["workers"])
         super().__init__(work, self.client.get_executor(pure=False), max(jobs, workers))
 
+    def submit(
+        self, index: Whole, folder: str, head: str, max_time: float | None, apart: bool
+    ) -> Future[Outcome]:
+        """Hand over a chunk. Raises SolveError where the scheduler is lost."""
+        try:
+            return super().submit(index, folder, head, max_time, apart)
+        except Exception:
+            self.look()
+            raise
+
+    def look(self) -> None:
+        """Raise SolveError where the scheduler is lost: its futures stay as they are for ever."""
+        if self.client.status not in ("running", "connecting"):
+            raise SolveError(
+                f"dask's scheduler is lost (the client is {self.client.status}); the chunks that are done "
+                "are kept. Start a scheduler and go on with resume=True (--resume)."
+            )
+
     def lost(self, future: Future[Any], error: BaseException) -> bool:
         """Whether the chunk may be to blame: dask has tried it on several workers already."""
+        self.look()
         return not isinstance(error, CancelledError)
 
     def fatal(self, error: BaseException) -> bool:
@@ -130,9 +169,11 @@ class Dask(Given):
 
     def close(self, at_once: bool) -> None:
         """Leave the scheduler; end a cluster of one's own."""
-        super().close(at_once)
+        if self.client.status == "running":
+            super().close(at_once)
         for item in self.own:
-            item.close(timeout=1 if at_once else 10)
+            with suppress(Exception) if at_once else nullcontext():  # what is lost cannot say goodbye
+                item.close(timeout=1 if at_once else 10)
 
 
 def engine_of(

@@ -5,7 +5,7 @@
     t_end, nfev                             time reached, field calls
     events, events(s), events(s, kind)      number of events
     dwell(+0), sliding(s)                   time spent in a mode, sliding on a surface
-    period(s), period(s, kind)              mean time between such events in the tail
+    period(s), period(s, kind)              mean time between such events of one direction in the tail
     min(x), max(x), mean(x), amplitude(x)   of a state over the tail; amplitude: (max - min)/2
     path/to/file.py:name       function of the Solution that returns {name: number}
 
@@ -16,7 +16,6 @@ kept.
 from __future__ import annotations
 
 import hashlib
-import inspect
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,10 +27,12 @@ import numpy as np
 
 from filippov.ensemble import Ensemble
 from filippov.errors import ModelError, UsageError
-from filippov.events import columns_of
+from filippov.events import Events, columns_of
 from filippov.names import unknown
 from filippov.status import mode_text
-from filippov.sweep.rows import Array
+from filippov.sweep.dependence import Dependence, dependence
+from filippov.sweep.period import period_of
+from filippov.sweep.points import Array
 from filippov.system import System
 from filippov.user_file import load_file
 
@@ -69,7 +70,8 @@ class Measure:
         if self.name == "end":
             return ends.x[:, [system.state_index(a) for a in self.arguments]] if self.arguments else ends.x
         if self.name == "mode":
-            return ends.mode[:, [system.surface_index(self.arguments[0])]].astype(float)
+            place, sense = system.surface_place(self.arguments[0])
+            return sense * ends.mode[:, [place]].astype(float)
         if self.name == "events":
             return ends.events(*self.arguments)[:, None].astype(float)
         return np.asarray(ends.t if self.name == "t_end" else ends.nfev, dtype=float)[:, None]
@@ -80,9 +82,10 @@ class Measure:
         if self.name == "end":
             return [float(solution.x_end[system.state_index(a)]) for a in self.arguments or system.states]
         if self.name == "mode":
-            return [float(solution.end_mode[system.surface_index(first)])]
+            place, sense = system.surface_place(first)
+            return [float(sense * solution.end_mode[place])]
         if self.name == "events":
-            return [float(_events(solution, self.arguments).size)]
+            return [float(len(_events(solution, self.arguments)))]
         if self.name in ("t_end", "nfev"):
             return [float(getattr(solution, self.name))]
         if not solution.success:
@@ -94,9 +97,7 @@ class Measure:
             return [float(sum(s.dwell for s in solution.segments if s.mode[place] == 0))]
         begin = solution.t_end - tail * (solution.t_end - solution.problem.t_span[0])
         if self.name == "period":
-            t = _events(solution, self.arguments)
-            t = t[np.abs(solution.t_end - t) <= abs(solution.t_end - begin)]
-            return [float(abs(t[-1] - t[0]) / (t.size - 1)) if t.size > 1 else float("nan")]
+            return [period_of(_events(solution, self.arguments), begin, solution.t_end)]
         return [_of_tail(self.name, solution, system.state_index(first), begin)]
 
 
@@ -134,11 +135,12 @@ class Function:
         return found
 
     @property
-    def digest(self) -> str:
-        """sha256 of its text."""
-        if self.given is None:
-            return hashlib.sha256(Path(self.path).read_bytes()).hexdigest()
-        return source_digest(self.given)
+    def depends(self) -> Dependence:
+        """What it depends on; of a file of its own, all of it."""
+        if self.given is not None:
+            return dependence(self.given)
+        file = hashlib.sha256(Path(self.path).read_bytes()).hexdigest()
+        return dependence(file, _function(self.path, self.name))
 
 
 def read_measures(given: Any, system: System) -> tuple[Measure | Function, ...]:
@@ -203,27 +205,14 @@ def _function(path: str, name: str) -> Callable[[Solution], Mapping[str, float]]
     return found  # type: ignore[no-any-return]
 
 
-def source_digest(*functions: Any) -> str:
-    """sha256 of the text of functions; of their compiled form where there is no text."""
-    total = hashlib.sha256()
-    for function in functions:
-        try:
-            total.update(inspect.getsource(function).encode())
-        except (OSError, TypeError):
-            code = getattr(function, "__code__", None)
-            text = repr(function) if code is None else f"{code.co_code.hex()} {code.co_consts}"
-            total.update(text.encode())
-    return total.hexdigest()
-
-
-def _events(solution: Solution, arguments: Sequence[str]) -> Array:
-    """Times of the events on a surface, of a kind as in `Stop`."""
+def _events(solution: Solution, arguments: Sequence[str]) -> Events:
+    """The events on a surface, of a kind as in `Stop`."""
     surface, kind = (*arguments, None, None)[:2]
     word, direction = kind, 0
     if kind is not None and kind.endswith((" up", " down")):
         word, _, way = kind.rpartition(" ")
         direction = 1 if way == "up" else -1
-    return np.asarray(solution.events.of(surface, word, direction).t, dtype=float)
+    return solution.events.of(surface, word, direction)
 
 
 def _of_tail(name: str, solution: Solution, state: int, begin: float) -> float:

@@ -13,21 +13,25 @@ import numpy as np
 
 from filippov.ensemble import solve_many
 from filippov.errors import ModelError, UsageError
+from filippov.failure import failure
 from filippov.names import check_known, unknown
 from filippov.options import Options, check_priority, check_stops, positive
 from filippov.problem import Problem
-from filippov.sweep.measure import Function, Measure, read_measures, source_digest
+from filippov.sweep.dependence import Dependence, dependence, plain_system
+from filippov.sweep.measure import Function, Measure, read_measures
 from filippov.sweep.point import START, Plan, compute_many, compute_one
+from filippov.sweep.points import Points, Whole, extremes, shape_of
 from filippov.sweep.reduction import check_reduce, reduce_table
-from filippov.sweep.rows import Array, Limits, Rows, Whole
-from filippov.sweep.samples import sample, shape_of
+from filippov.sweep.rows import Limits, Rows
+from filippov.sweep.samples import sample
 from filippov.sweep.table import Table
+from filippov.sweep.toolchain import own_sources, toolchain
 from filippov.system import System
 from filippov.version import package_version
 
 OPTIONS = (
     "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "nonunique", "on_graze",
-    "sliding", "zeno",
+    "sliding", "zeno", "simultaneous",
 )  # fmt: skip
 _TOGETHER = tuple(name for name in OPTIONS if name != "on_graze")
 _ENOUGH = 64
@@ -80,8 +84,8 @@ class Sweep:
             self.options["nonunique"] = check_priority(options["nonunique"], problem.system)
         Options(stop=self.stop, **self.options).tolerances(problem.system)
         self.names = _names(vary, problem.system)
-        self.points: Array = sample(vary, samples, n, seed)
-        self.shape = shape_of(vary, samples, len(self.points))
+        self.points: Points = sample(vary, samples, n, seed)
+        self.shape = shape_of(self.points)
         self._check_bounds()
         self.measures = self._tried(read_measures(measure, problem.system))
         self.reduce = check_reduce(reduce)
@@ -129,21 +133,34 @@ class Sweep:
     @cached_property
     def fields(self) -> dict[str, str]:
         """All that decides the results, by name."""
-        system = self.system
-        functions = [s.h for s in system.surfaces] if system.symbolic is None else []
-        model = system.digest or source_digest(system.field, *functions)
         measures = [
-            f"{m.path}:{m.name} {m.digest}" if isinstance(m, Function) else repr(m) for m in self.measures
+            f"{m.path}:{m.name} {depends.digest}" if isinstance(m, Function) else repr(m)
+            for m, depends in zip(self.measures, self._measures, strict=True)
         ]
-        points = {name: self.points[:, k].tolist() for k, name in enumerate(self.names)}
         fields = {
-            "filippov": package_version(), "model": model, "parameters": dict(self.problem.parameters),
-            "x0": self.problem.x0.tolist(), "t_span": self.problem.t_span, "points": points,
-            "measure": measures, "tail": self.tail,
+            "filippov": f"{package_version()} {own_sources()}", **toolchain(),
+            "model": self.system.digest or self._model.digest,
+            "parameters": dict(self.problem.parameters), "x0": self.problem.x0.tolist(),
+            "t_span": self.problem.t_span, "measure": measures, "tail": self.tail,
             "stop": [repr(stop) for stop in self.stop],
         }  # fmt: skip
         fields |= {name: _plain(value) for name, value in self.options.items()}
         return {name: _text(value) for name, value in fields.items()}
+
+    @cached_property
+    def unseen(self) -> tuple[str, ...]:
+        """What decides the results as well, in functions of the user's, and cannot be seen beforehand."""
+        policy = self.options.get("nonunique")
+        given = [self._model, *self._measures, *([dependence(policy)] if callable(policy) else [])]
+        return tuple(sorted({sentence for depends in given for sentence in depends.unseen}))
+
+    @cached_property
+    def _model(self) -> Dependence:
+        return Dependence("") if self.system.field is None else dependence(*plain_system(self.system))
+
+    @cached_property
+    def _measures(self) -> list[Dependence]:
+        return [m.depends if isinstance(m, Function) else Dependence("") for m in self.measures]
 
     def problem_at(self, point: int) -> Problem:
         """The problem of one point."""
@@ -167,7 +184,7 @@ class Sweep:
         """Compute every point; see `filippov.sweep.run.run` for folder and the keywords."""
         from filippov.sweep.run import run
 
-        _ = self.lanes, self.fields  # once, here, for all workers
+        _ = self.lanes, self.fields, self.unseen  # once, here, for all workers
         table = run(self, folder, **how)
         table.shape = self.shape
         if table.complete and self.reduce is not None:
@@ -176,7 +193,7 @@ class Sweep:
 
     def __getstate__(self) -> dict[str, Any]:
         # What the driver alone needs stays with it: a reduction may be a lambda.
-        return {**self.__dict__, "reduce": None, "fields": {}}
+        return {**self.__dict__, "reduce": None, "fields": {}, "unseen": ()}
 
     # -- checks ----------------------------------------------------------------------------------------
 
@@ -184,9 +201,9 @@ class Sweep:
         parameters = self.system.parameters
         for k, name in enumerate(self.names):
             if name in parameters:
-                for extreme in (self.points[:, k].min(), self.points[:, k].max()):
+                for extreme in extremes(self.points, k):
                     try:
-                        parameters[name].check(float(extreme), f"parameter {name!r}")
+                        parameters[name].check(extreme, f"parameter {name!r}")
                     except ModelError as error:
                         raise UsageError(f"vary: {error}") from None
 
@@ -204,10 +221,9 @@ class Sweep:
                     names = tuple(measure.call(solution))
                 except UsageError:
                     raise
-                except Exception as error:  # a function of the user's may raise anything
-                    said = f"{type(error).__name__}: {error}"
+                except BaseException as error:  # a function of the user's may raise anything, or leave
                     raise UsageError(
-                        f"measure {measure.name} fails for the template itself: {said}"
+                        f"measure {measure.name} fails for the template itself: {failure(error)}"
                     ) from error
                 measure = Function(measure.path, measure.name, measure.given, names)  # noqa: PLW2901
             out.append(measure)
@@ -230,7 +246,7 @@ def _names(vary: Any, system: System) -> tuple[str, ...]:
 
 def _plain(value: Any) -> Any:
     if callable(value):
-        return source_digest(value)
+        return dependence(value).digest
     return value.tolist() if hasattr(value, "tolist") else value
 
 

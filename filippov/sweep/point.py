@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from filippov.ensemble import Ensemble, solve_many
-from filippov.errors import ModelError, UsageError
 from filippov.events import Stop
+from filippov.failure import failure
 from filippov.problem import Problem
 from filippov.status import Status
 from filippov.sweep.measure import Function, Measure
-from filippov.sweep.rows import ERROR, Array, Limits, Rows, Whole, failed_row, joined
+from filippov.sweep.points import Array, Points, Whole
+from filippov.sweep.rows import ERROR, Limits, Rows, chosen, failed_row, joined
 from filippov.system import System
 
 START = "x0."
@@ -31,7 +32,7 @@ class Plan:
 
     problem: Problem
     names: tuple[str, ...]
-    points: Array
+    points: Points
     measures: tuple[Measure | Function, ...]
     options: Mapping[str, Any]
     stop: tuple[Stop, ...]
@@ -56,7 +57,7 @@ class Plan:
                 x0[self.system.state_index(name.removeprefix(START))] = value
             else:
                 values[name] = value
-        return Problem(self.system, x0, self.problem.t_span, values)
+        return Problem(self.system, x0, self.problem.t_span, values, self.problem.backward)
 
 
 class _LateError(Exception):
@@ -78,6 +79,14 @@ def _together(plan: Plan, index: Whole, limits: Limits) -> Rows:
         half = len(index) // 2
         parts = [_together(plan, part, limits) for part in (index[:half], index[half:])]
         return joined(parts)
+    broken = np.array([status is Status.ERROR for status in ends.status])
+    if broken.any():  # alone they say why, within the limits of a point
+        whole = chosen(_rows(plan, index, ends), ~broken)
+        return joined([whole, compute_one(plan, index[broken], limits)])
+    return _rows(plan, index, ends)
+
+
+def _rows(plan: Plan, index: Whole, ends: Ensemble) -> Rows:
     values = np.hstack([m.of_ends(ends, plan.system) for m in plan.measures])  # type: ignore[union-attr]
     message = {
         int(point): ends.message[k] or ends.status[k].advice
@@ -112,6 +121,7 @@ def _ends(plan: Plan, index: Whole, limits: Limits) -> Ensemble:
 
     return solve_many(
         plan.system, x0, plan.problem.t_span, parameters=parameters, stop=plan.stop, threads=1,
+        backward=plan.problem.backward,
         lanes=plan.lanes, progress=look, **plan.options,
     )  # fmt: skip
 
@@ -140,7 +150,7 @@ def _row(plan: Plan, point: int, limits: Limits) -> Rows:
         )
         status, message = solution.status.value, {} if solution.success else {point: solution.message}
         if solution.status is Status.INTERRUPTED:
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(solution.message)
         parts: list[float] = []
         for measure in plan.measures:
             width = len(measure.columns(plan.system))
@@ -149,11 +159,9 @@ def _row(plan: Plan, point: int, limits: Limits) -> Rows:
         values[0] = parts
     except MemoryError:
         raise
-    except Exception as error:  # noqa: BLE001
+    except BaseException as error:  # noqa: BLE001
         # Field and measures are the user's and may raise anything: the row says so, the sweep goes on.
-        own = isinstance(error, ModelError | UsageError)
-        said = str(error) if own else f"{type(error).__name__}: {error}"
-        return failed_row(point, columns, ERROR, said)
+        return failed_row(point, columns, ERROR, failure(error))
     finally:
         if watch is not None:
             watch.cancel()

@@ -3,8 +3,11 @@ but its own chunk, and it is known which chunk that was."""
 
 from __future__ import annotations
 
+import math
 import multiprocessing
+import re
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -17,7 +20,8 @@ from typing import Any
 
 from filippov.errors import SolveError, UsageError
 from filippov.sweep import worker
-from filippov.sweep.rows import Whole, Work
+from filippov.sweep.points import Whole
+from filippov.sweep.rows import Work
 from filippov.sweep.worker import Outcome
 
 CONTEXTS = ("spawn", "forkserver")
@@ -58,9 +62,14 @@ class Processes:
     Raises UsageError for work that cannot be sent to another process.
     """
 
+    pulse = math.inf
+
     def __init__(
         self, work: Work, jobs: int, context: str = "spawn", max_memory: int | None = None
     ) -> None:
+        worker.check_memory_limit(max_memory)
+        if context not in multiprocessing.get_all_start_methods():
+            raise UsageError(f"context is {context!r}, which {sys.platform} does not have; leave it out.")
         check_sendable(work)
         self.work, self.slots = work, jobs
         self.context, self.max_memory = multiprocessing.get_context(context), max_memory
@@ -71,7 +80,7 @@ class Processes:
         self.failed_starts = 0
 
     def submit(
-        self, index: Whole, folder: str, key: str, max_time: float | None, apart: bool
+        self, index: Whole, folder: str, head: str, max_time: float | None, apart: bool
     ) -> Future[Outcome]:
         """Hand a chunk to a worker that has none; the work it received at its start."""
         if not self.idle:
@@ -79,7 +88,7 @@ class Processes:
                 self.lanes.append(_Lane(self._executor, self.work))
             self.idle.append(self.lanes[-1])
         lane = self.idle.pop()
-        chunk = index, folder, key, max_time, apart
+        chunk = index, folder, head, max_time, apart
         try:
             future = lane.executor.submit(worker.compute_received, *chunk)
         except BrokenProcessPool as error:  # it died since its last chunk
@@ -128,7 +137,7 @@ class Processes:
             while (code := process.exitcode) is None and time.monotonic() < until:
                 time.sleep(0.01)
         if code is not None and code < 0:
-            return f"signal {signal.Signals(-code).name}"
+            return _signal_name(-code)
         return "an exit of its own" if code is None else f"exit code {code}"
 
     def kill(self, future: Future[Any]) -> None:
@@ -136,6 +145,9 @@ class Processes:
         process = self.busy[future].process
         if process is not None:
             process.kill()
+
+    def look(self) -> None:
+        """Nothing to see: a worker that ends says so in its future."""
 
     def close(self, at_once: bool) -> None:
         """End the workers."""
@@ -164,7 +176,7 @@ def check_sendable(work: Work) -> None:
         "executor='dask', which sends functions by value (cloudpickle), or an executor of threads."
     )
     try:
-        content = bytes(ForkingPickler.dumps(work))
+        content = ForkingPickler.dumps(work)
     except Exception as error:  # noqa: BLE001  # a user's object may raise anything when it is pickled
         raise UsageError(
             f"the sweep cannot be sent to a worker process ({type(error).__name__}: {error}); lambdas and "
@@ -173,11 +185,16 @@ def check_sendable(work: Work) -> None:
     import __main__
 
     file = getattr(__main__, "__file__", None)
-    if b"__main__" in content and (file is None or not Path(file).is_file()):
+    if re.search(b"__main__", content) and (file is None or not Path(file).is_file()):
         raise UsageError(
             "the model or a measure is defined in a notebook or at the prompt, which a worker process "
             f"cannot import. {advice}"
         )
+
+
+def _signal_name(number: int) -> str:
+    known = {item.value: item.name for item in signal.Signals}
+    return f"signal {known.get(number, number)}"
 
 
 @contextmanager

@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
+from filippov.sweep.points import Array, Points, Whole
+
 # What a row can hold beside the names of `Status`: a function of the user raised; the point ends its worker.
 ERROR, QUARANTINED = "error", "quarantined"
 DONE = ("success", "stopped")
@@ -63,7 +63,9 @@ class Work(Protocol):
     """Something to be computed point by point; it is sent to other processes.
 
     fields   all that decides the results, by name; two runs mix only where every field agrees
-    names    of the coordinates; points: their values, (N, P)
+    unseen   what decides them as well and cannot be told, in words; a run goes on with rows of an earlier one
+             only where it is told to trust them
+    names    of the coordinates; points: their values, (N, P), an array or a Grid
     columns  of the results; units: of coordinates and columns, where known
     first    number of points to begin with in one go
     grain    points that are always computed together, as a block 0 ... grain - 1, grain ... 2 grain - 1, ...:
@@ -73,9 +75,11 @@ class Work(Protocol):
     @property
     def fields(self) -> Mapping[str, str]: ...  # noqa: D102
     @property
+    def unseen(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
     def names(self) -> tuple[str, ...]: ...  # noqa: D102
     @property
-    def points(self) -> Array: ...  # noqa: D102
+    def points(self) -> Points: ...  # noqa: D102
     @property
     def columns(self) -> tuple[str, ...]: ...  # noqa: D102
     @property

@@ -15,12 +15,14 @@ from typing import Any
 import numpy as np
 
 from filippov.errors import SolveError, UsageError
+from filippov.failure import failure
 from filippov.options import check_count, positive
 from filippov.sweep.chunk import FullError
 from filippov.sweep.engine import Engine, engine_of
 from filippov.sweep.lock import Lock
+from filippov.sweep.points import Whole
 from filippov.sweep.processes import check_main
-from filippov.sweep.rows import QUARANTINED, Whole, Work, failed_row
+from filippov.sweep.rows import QUARANTINED, Work, failed_row
 from filippov.sweep.store import Store, missing, try_folder
 from filippov.sweep.table import Table
 from filippov.sweep.worker import Outcome
@@ -39,6 +41,7 @@ def run(
     scheduler: Any = None,
     resume: bool = False,
     fresh: bool = False,
+    trust: bool = False,
     max_time: float | None = None,
     max_memory: int | None = None,
     chunk: int | None = None,
@@ -51,7 +54,9 @@ def run(
     jobs        worker processes, default all cores; of an executor that is given: how many it has
     executor    "processes", "dask" or any concurrent.futures.Executor
     scheduler   of dask: address, Client or cluster; default a cluster of `jobs` processes on this machine
-    resume      go on with what the folder holds; fresh: remove what it holds
+    resume      go on with what the folder holds; fresh: remove what the sweep that it holds has written
+    trust       go on although the functions of the user's depend on what cannot be seen (see
+                `filippov.sweep.dependence`): you say that none of that has changed
     max_time    seconds for each point; a point that takes longer has status "timeout"
     max_memory  bytes of address space of each worker process
     chunk       points in a chunk; default: as many as take about a second
@@ -71,6 +76,8 @@ def run(
         positive("max_time", max_time)
     if resume and fresh:
         raise UsageError("resume and fresh exclude each other: go on, or begin afresh.")
+    if folder is not None and not str(folder):
+        raise UsageError("folder is '', expected the name of a folder; the current one is '.'.")
     with ExitStack() as stack:
         if folder is None:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="filippov-sweep-"))
@@ -81,7 +88,7 @@ def run(
         driver = _Driver(work, Store(place, work), engine, max_time, chunk, progress)
         at_once = [True]
         stack.callback(lambda: engine.close(at_once[0]))
-        driver.store.begin(resume, fresh)
+        driver.store.begin(resume, fresh, trust)
         try:
             table = driver.run()
             at_once[0] = False
@@ -131,8 +138,10 @@ class _Driver:
             while (self.rest.size or self.again) and len(self.flying) < self.engine.slots:
                 self._submit(*self._next())
             deadline = min((end for *_, end in self.flying.values()), default=np.inf)
-            left = None if deadline == np.inf else max(0.0, deadline - time.monotonic())
-            ready, _ = wait(self.flying, timeout=left, return_when=FIRST_COMPLETED)
+            left = min(self.engine.pulse, max(0.0, deadline - time.monotonic()))
+            longest = None if left == np.inf else left
+            ready, _ = wait(self.flying, timeout=longest, return_when=FIRST_COMPLETED)
+            self.engine.look()
             for future in ready:
                 self._finish(future)
             for future, (index, blame, apart, end) in list(self.flying.items()):
@@ -158,7 +167,8 @@ class _Driver:
         end = np.inf
         if self.max_time is not None:
             end = time.monotonic() + 2 * len(index) * self.max_time + GRACE
-        future = self.engine.submit(index, str(self.store.chunks), self.store.key, self.max_time, apart)
+        head = self.store.manifest.text
+        future = self.engine.submit(index, str(self.store.chunks), head, self.max_time, apart)
         self.flying[future] = index, blame, apart, end
 
     def _finish(self, future: Future[Any]) -> None:
@@ -169,7 +179,9 @@ class _Driver:
             self._written(future.result())
             return
         if self.engine.fatal(error):
-            raise error
+            if isinstance(error, Exception):
+                raise error
+            raise SolveError(f"a worker ended the sweep ({failure(error)}); what is done is kept.") from None
         cause = "running out of memory" if isinstance(error, MemoryError) else self.engine.cause(future)
         guilty = self.engine.lost(future, error)
         left = np.array([point for point in index.tolist() if not self.store.has(point)], dtype=np.int64)

@@ -11,13 +11,14 @@ import numpy as np
 from filippov.errors import UsageError
 from filippov.names import unknown
 from filippov.options import check_count
-from filippov.sweep.rows import Array
+from filippov.sweep.points import Array, Grid, Points
 
 SAMPLES = ("grid", "list", "latin_hypercube", "sobol")
 MOST = 50_000_000
+_PIECE = 1 << 16
 
 
-def sample(vary: Mapping[str, Any], samples: str, n: int | None, seed: int) -> Array:
+def sample(vary: Mapping[str, Any], samples: str, n: int | None, seed: int) -> Points:
     """Points (N, len(vary)) from values by name, or from (low, high) by name. Raises UsageError."""
     if samples not in SAMPLES:
         raise UsageError(unknown("samples", samples, SAMPLES))
@@ -39,18 +40,10 @@ def sample(vary: Mapping[str, Any], samples: str, n: int | None, seed: int) -> A
         return np.column_stack(list(columns.values()))
     if math.prod(len(column) for column in columns.values()) > MOST:
         raise UsageError(f"the grid has more than {MOST} points. Make it coarser.")
-    grid = np.meshgrid(*columns.values(), indexing="ij")
-    return np.column_stack([axis.ravel() for axis in grid])
-
-
-def shape_of(vary: Mapping[str, Any], samples: str, count: int) -> tuple[int, ...]:
-    """Shape of the grid; (count,) for points that are none."""
-    return tuple(len(values) for values in vary.values()) if samples == "grid" else (count,)
+    return Grid(tuple(columns.values()))
 
 
 def _draw(columns: Mapping[str, Array], samples: str, n: int, seed: int) -> Array:
-    from scipy.stats import qmc
-
     if seed < 0:
         raise UsageError(f"seed is {seed!r}, expected a whole number of at least 0.")
     if n > MOST:
@@ -60,11 +53,43 @@ def _draw(columns: Mapping[str, Array], samples: str, n: int, seed: int) -> Arra
             raise UsageError(f"vary: {name} is {column.tolist()}, expected (low, high) for {samples!r}.")
     ends = np.array(list(columns.values()))
     generator = np.random.default_rng(seed)
-    if samples == "sobol":
-        u = qmc.Sobol(len(ends), rng=generator).random_base2(math.ceil(math.log2(n)))[:n]
-    else:
-        u = qmc.LatinHypercube(len(ends), rng=generator).random(n)
-    return np.asarray(ends[:, 0] + (ends[:, 1] - ends[:, 0]) * u)
+    out = (_sobol if samples == "sobol" else _latin_hypercube)(len(ends), n, generator)
+    out *= ends[:, 1] - ends[:, 0]
+    out += ends[:, 0]
+    return out
+
+
+def _sobol(dimension: int, n: int, generator: np.random.Generator) -> Array:
+    """The first n points of a scrambled sequence in the unit cube."""
+    from scipy.stats import qmc
+
+    sequence = qmc.Sobol(dimension, rng=generator)
+    out = np.empty((n, dimension))
+    # Pieces of a power of two that divides all of them: the sequence is the same, its room is not.
+    size = min(_PIECE, 1 << math.ceil(math.log2(n)))
+    for first in range(0, n, size):
+        out[first : first + size] = sequence.random(size)[: n - first]
+    return out
+
+
+def _latin_hypercube(dimension: int, n: int, generator: np.random.Generator) -> Array:
+    """One point in each of n slices of every axis: (k_i - u_i)/n, k a permutation of 1 ... n.
+
+    In place, with the draws of `scipy.stats.qmc.LatinHypercube`.
+    """
+    generator = generator.spawn(1)[0]
+    out = generator.uniform(size=(n, dimension))
+    for axis in range(dimension):
+        _spread(out[:, axis], generator)
+    return out
+
+
+def _spread(u: Array, generator: np.random.Generator) -> None:
+    """u_i = (k_i - u_i)/n, in place."""
+    order = np.arange(1, u.size + 1)
+    generator.shuffle(order)
+    np.subtract(order, u, out=u)
+    u /= u.size
 
 
 def _numbers(name: str, values: Any) -> Array:

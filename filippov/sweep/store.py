@@ -2,11 +2,13 @@
 
     manifest.json     what was asked for, field by field
     points.npz        the points
-    chunks/*.npz      the rows, in files named by their content
+    chunks/*.npz      the rows, in files named by their sweep and their points
     quarantine.json   points that ended their worker, with the cause
     lock.json         the process at work
 
-No file name is ever read from a file.
+No file name is ever read from a file. A file is replaced or removed only where it proves to be this sweep's:
+by its name (chunks), by its key (manifest, quarantine) or by its sha256 (points). What does not stays as it
+is, and where it is in the way the sweep is refused before its first point.
 """
 
 from __future__ import annotations
@@ -16,7 +18,6 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,20 +25,19 @@ import numpy as np
 
 from filippov.archive import Archive, write_arrays
 from filippov.errors import UsageError
-from filippov.sweep.chunk import chunk_name, no_room, read_chunk, write_chunk
-from filippov.sweep.rows import Array, Rows, Whole, Work
+from filippov.json_text import json_text
+from filippov.sweep.chunk import chunk_name, chunks_of, leftovers_of, no_room, read_chunk, write_chunk
+from filippov.sweep.manifest import NAME as MANIFEST
+from filippov.sweep.manifest import Manifest, read_manifest
+from filippov.sweep.points import Points, Whole, digest_of, restored, stored
+from filippov.sweep.rows import Rows, Work
 from filippov.sweep.table import Table
+from filippov.whole_file import write_whole
 
-FORMAT, VERSION = "filippov sweep", 1
-MANIFEST, POINTS, CHUNKS, QUARANTINE = "manifest.json", "points.npz", "chunks", "quarantine.json"
-_KEYS = {"format", "version", "key", "fields", "names", "columns", "units", "size"}
+POINTS, CHUNKS, QUARANTINE = "points.npz", "chunks", "quarantine.json"
+ASIDE = "filippov quarantine"
 LARGEST = 1 << 33
 _ROW_BYTES, _ROOM = 40, 1 << 16
-
-
-def key_of(fields: Mapping[str, str]) -> str:
-    """The digest of all that decides the results."""
-    return hashlib.sha256(json.dumps(dict(sorted(fields.items()))).encode()).hexdigest()
 
 
 class Store:
@@ -48,85 +48,104 @@ class Store:
 
     def __init__(self, folder: Path, work: Work) -> None:
         self.folder, self.chunks = folder, folder / CHUNKS
-        self.key, self.size, self.columns = key_of(work.fields), len(work.points), work.columns
+        self.manifest = Manifest.of(work)
+        self.size, self.columns = self.manifest.size, work.columns
         self.work = work
         self.damaged: list[str] = []
 
-    def begin(self, resume: bool, fresh: bool) -> None:
+    def begin(self, resume: bool, fresh: bool, trust: bool = False) -> None:
         """Make the folder this sweep's: a new one, the same one again, or what it held removed."""
-        if (self.folder / MANIFEST).exists() and not fresh:
-            self._same(read_manifest(self.folder), resume)
-        else:
-            self._clear()
+        if self.chunks.exists() and not self.chunks.is_dir():
+            raise UsageError(f"{str(self.chunks)!r} is no folder, expected the chunks of the sweep.")
+        found = held_by(self.folder)
+        if found is not None and not fresh:
+            self._same(found, resume, trust)
+        self._check(found)
+        if fresh and found is not None:
+            self._clear(found)
+        if fresh or found is None:
             self._room()
-            self.chunks.mkdir(exist_ok=True)
-            points = np.asarray(self.work.points)
-            try:
-                write_arrays(self.folder / POINTS, {"points": points})
-            except OSError as error:
-                raise no_room(self.folder / POINTS, points.nbytes, error) from None
-            write_json(self.folder / MANIFEST, self._manifest())
         self.chunks.mkdir(exist_ok=True)
-        for left in self.chunks.glob(".*.tmp"):
+        self._write()
+        for left in leftovers_of(self.chunks, self.manifest.key):
             left.unlink(missing_ok=True)
 
     def read(self) -> Table:
-        """All rows there are, each point once; chunks that cannot be trusted are removed."""
+        """All rows there are, each point once; chunks of this sweep that cannot be trusted are removed."""
         table = Table.empty(self.work)
-        for path in sorted(self.chunks.glob("*.npz")):
-            try:
-                table.add(read_chunk(path, self.key, self.size, len(self.columns)))
-            except UsageError:
-                self.damaged.append(path.name)
-                path.unlink(missing_ok=True)
+        self.damaged += fill(table, self.chunks, self.manifest, remove=True)
         return table
 
     def has(self, point: int) -> bool:
         """Whether a point has a chunk of its own."""
-        return (self.chunks / chunk_name(self.key, np.array([point]))).exists()
+        return (self.chunks / chunk_name(self.manifest.key, np.array([point]))).exists()
 
     def quarantine(self, rows: Rows) -> None:
         """Keep a point that is set aside, and say so in a file for people."""
-        write_chunk(self.chunks, self.key, rows)
+        write_chunk(self.chunks, self.manifest.text, rows)
         path, point = self.folder / QUARANTINE, int(rows.index[0])
-        known: list[Any] = []
-        if path.exists():
-            try:
-                known = json.loads(path.read_text(encoding="utf-8"))
-            except ValueError:
-                known = []
+        known = [row for row in _set_aside(path, {self.manifest.key}) or [] if row["point"] != point]
         values = dict(zip(self.work.names, self.work.points[point].tolist(), strict=True))
-        known = [row for row in known if row.get("point") != point]
-        write_json(path, [*known, {"point": point, "values": values, "cause": rows.message[point]}])
+        listed = [*known, {"point": point, "values": values, "cause": rows.message[point]}]
+        seal = hashlib.sha256(_plain(listed)).hexdigest()
+        write_json(path, {"format": ASIDE, "sweep": self.manifest.key, "sha256": seal, "points": listed})
 
-    def _manifest(self) -> dict[str, Any]:
-        work = self.work
-        return {
-            "format": FORMAT, "version": VERSION, "key": self.key, "fields": dict(work.fields),
-            "names": list(work.names), "columns": list(work.columns), "units": dict(work.units),
-            "size": self.size,
-        }  # fmt: skip
-
-    def _same(self, found: Mapping[str, Any], resume: bool) -> None:
-        before, wanted = found["fields"], dict(self.work.fields)
-        changed = [name for name in sorted({*before, *wanted}) if before.get(name) != wanted.get(name)]
+    def _same(self, found: Manifest, resume: bool, trust: bool) -> None:
+        changed = found.changes(self.manifest)
         if changed:
-            said = "; ".join(f"{n} was {_short(before.get(n))}, is {_short(wanted.get(n))}" for n in changed)
             raise UsageError(
-                f"{str(self.folder)!r} holds another sweep, whose results do not mix with this one: {said}. "
-                "Name another folder, or begin afresh (fresh=True, --fresh), which removes what it holds."
+                f"{str(self.folder)!r} holds another sweep, whose results do not mix with this one: "
+                f"{changed}. Name another folder, or begin afresh (fresh=True, --fresh), which removes what "
+                "that sweep wrote."
             )
         if not resume:
             raise UsageError(
                 f"{str(self.folder)!r} holds this sweep already, whole or in part. Go on with it "
                 "(resume=True, --resume), or begin afresh (fresh=True, --fresh)."
             )
+        if self.manifest.unseen and not trust:
+            raise UsageError(
+                f"whether what {str(self.folder)!r} holds still fits cannot be told: "
+                f"{'; '.join(self.manifest.unseen)}. If nothing of that has changed, say so (trust=True, "
+                "--trust), or begin afresh (fresh=True, --fresh)."
+            )
 
-    def _clear(self) -> None:
-        for name in (MANIFEST, POINTS, QUARANTINE):
-            (self.folder / name).unlink(missing_ok=True)
-        for path in self.chunks.glob("*.npz"):
+    def _check(self, found: Manifest | None) -> None:
+        """Refuse files in the way that neither this sweep nor the one found has written."""
+        path, digests = self.folder / POINTS, {self.manifest.points}
+        if found is not None:
+            digests.add(found.points)
+        if _there(path) and digest_of(read_points(path)) not in digests:
+            raise UsageError(f"{str(path)!r} does not hold the points of this sweep. {away(path)}")
+        path, keys = self.folder / QUARANTINE, {self.manifest.key}
+        if found is not None:
+            keys.add(found.key)
+        if _there(path) and _set_aside(path, keys) is None:
+            raise UsageError(f"{str(path)!r} was not written by this sweep, or is damaged. {away(path)}")
+
+    def _clear(self, found: Manifest) -> None:
+        """Remove what the sweep found has written; its files were checked."""
+        for path in (*chunks_of(self.chunks, found.key), *leftovers_of(self.chunks, found.key)):
             path.unlink(missing_ok=True)
+        for name in (QUARANTINE, POINTS, MANIFEST):
+            (self.folder / name).unlink(missing_ok=True)
+
+    def _write(self) -> None:
+        """Write what is missing of manifest and points."""
+        path, own = self.folder / MANIFEST, False
+        if not path.exists():
+            write_json(path, self.manifest.data())
+            own = True
+        path = self.folder / POINTS
+        if path.exists():
+            return
+        arrays = stored(self.work.points)
+        try:
+            write_arrays(path, arrays)
+        except OSError as error:
+            if own:
+                (self.folder / MANIFEST).unlink(missing_ok=True)
+            raise no_room(path, sum(array.nbytes for array in arrays.values()), error) from None
 
     def _room(self) -> None:
         needed = self.size * (_ROW_BYTES + 8 * (len(self.columns) + len(self.work.names))) + _ROOM
@@ -136,6 +155,48 @@ class Store:
                 f"{str(self.folder)!r} has {free} bytes free, about {needed} are needed for {self.size} "
                 "points. Make room, or name another folder."
             )
+
+
+def held_by(folder: Path) -> Manifest | None:
+    """The sweep of a folder by its manifest; where that is missing, by its chunks; None where there is none.
+
+    Raises UsageError for a manifest that is damaged or someone else's, and for chunks of several sweeps.
+    """
+    if _there(folder / MANIFEST):
+        return read_manifest(folder)
+    found: dict[str, Manifest] = {}
+    prefixes: set[str] = set()
+    for path in chunks_of(folder / CHUNKS, None):
+        prefix = path.name.partition("-")[0]
+        if prefix not in prefixes:
+            try:
+                manifest, _ = read_chunk(path)
+            except UsageError:
+                continue
+            prefixes.add(prefix)
+            found[manifest.key] = manifest
+    if len(found) > 1:
+        raise UsageError(
+            f"{str(folder)!r} has no {MANIFEST} and chunks of {len(found)} sweeps. Move those away that do "
+            "not belong there."
+        )
+    return next(iter(found.values()), None)
+
+
+def fill(table: Table, chunks: Path, manifest: Manifest, remove: bool) -> list[str]:
+    """Put the rows of a sweep's chunks into its table; the names of those that cannot be trusted."""
+    bad = []
+    for path in chunks_of(chunks, manifest.key):
+        try:
+            of, rows = read_chunk(path)
+            if of.key != manifest.key:
+                raise UsageError(f"{str(path)!r} is a chunk of another sweep.")
+            table.add(rows)
+        except UsageError:
+            bad.append(path.name)
+            if remove:
+                path.unlink(missing_ok=True)
+    return bad
 
 
 def try_folder(folder: Path) -> None:
@@ -165,47 +226,29 @@ def try_folder(folder: Path) -> None:
             Path(name).unlink(missing_ok=True)
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
-    """What the folder says it holds, checked. Raises UsageError."""
-    path = folder / MANIFEST
+def read_points(path: Path) -> Points:
+    """The points in a file. Raises UsageError."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(found, dict) or found["format"] != FORMAT:
-            raise UsageError(f"{str(path)!r} is no manifest of a sweep.")
-        if found["version"] != VERSION:
-            raise UsageError(f"{str(path)!r} has format version {found['version']!r}, expected {VERSION}.")
-        if set(found) != _KEYS or key_of(found["fields"]) != found["key"]:
-            raise UsageError(f"{str(path)!r} was changed: its content does not fit its key.")
+        with Archive(path, LARGEST) as archive:
+            return restored(archive)
     except OSError as error:
-        raise UsageError(f"cannot read {str(path)!r}: {error.strerror or error}.") from None
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        if isinstance(error, UsageError):
-            raise
-        raise UsageError(f"{str(path)!r} is damaged ({type(error).__name__}: {error}).") from None
-    return found
+        raise UsageError(f"cannot read {str(path)!r}: {error.strerror or error}. {away(path)}") from None
+    except UsageError as error:
+        raise UsageError(f"{error} {away(path)}") from None
 
 
-def read_points(folder: Path) -> Array:
-    """The points of a sweep. Raises UsageError."""
-    with Archive(folder / POINTS, LARGEST) as archive:
-        return np.asarray(archive.read("points"), dtype=float)
+def away(path: Path) -> str:
+    """What to do about a file that is in the way, or is not what it should be."""
+    return f"Nothing of it is changed: move it away; with resume=True (--resume) {path.name} is made again."
 
 
 def write_json(path: Path, data: Any) -> None:
     """Write a JSON file whole or not at all. Raises FullError where there is no room."""
-    content = json.dumps(data, indent=1, ensure_ascii=False) + "\n"
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
+    content = json_text(data)
     try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
+        write_whole(path, content)
     except OSError as error:
         raise no_room(path, len(content), error) from None
-    finally:
-        Path(name).unlink(missing_ok=True)
 
 
 def missing(table: Table) -> Whole:
@@ -213,6 +256,21 @@ def missing(table: Table) -> Whole:
     return np.nonzero(~table.known)[0]
 
 
-def _short(value: object) -> str:
-    text = "absent" if value is None else str(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+def _there(path: Path) -> bool:
+    """Whether something has this name, a link to nothing included."""
+    return os.path.lexists(path)
+
+
+def _set_aside(path: Path, keys: set[str]) -> list[dict[str, Any]] | None:
+    """The points that a quarantine file of one of these sweeps lists; None for any other file."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        sound = found["format"] == ASIDE and found["sweep"] in keys
+        listed: list[dict[str, Any]] = found["points"]
+        return listed if sound and hashlib.sha256(_plain(listed)).hexdigest() == found["sha256"] else None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def _plain(data: Any) -> bytes:
+    return json.dumps(data, sort_keys=True, separators=(",", ":")).encode()

@@ -5,14 +5,16 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from filippov.errors import UsageError
+from filippov.errors import SolveError, UsageError
 from filippov.names import unknown
-from filippov.sweep.rows import DONE, Array, Rows, Whole, Work
+from filippov.sweep.points import BLOCK, Array, Points, Whole
+from filippov.sweep.rows import DONE, Rows, Work
 
 UNKNOWN = ""
 
@@ -21,7 +23,7 @@ UNKNOWN = ""
 class Table:
     """Points and what they gave.
 
-    names, points    coordinates and their values, (N, P)
+    names            of the coordinates; coordinates: their values, an array or a Grid, `points` as an array
     columns, values  of the results, (N, c); NaN where there is none
     status           name of a Status, "error", "quarantined", or "" for a point not computed
     message          causes of failure by the number of the point
@@ -33,7 +35,7 @@ class Table:
     """
 
     names: tuple[str, ...]
-    points: Array
+    coordinates: Points
     columns: tuple[str, ...]
     values: Array
     status: list[str]
@@ -65,7 +67,12 @@ class Table:
         self.known[rows.index] = True
 
     def __len__(self) -> int:
-        return len(self.points)
+        return len(self.coordinates)
+
+    @cached_property
+    def points(self) -> Array:
+        """The values of the coordinates, (N, P)."""
+        return np.asarray(self.coordinates, dtype=float)
 
     @property
     def complete(self) -> bool:
@@ -78,6 +85,13 @@ class Table:
         bad = [k for k, status in enumerate(self.status) if status not in DONE and status != UNKNOWN]
         return np.array(bad, dtype=np.int64)
 
+    def raise_errors(self, *status: str) -> None:
+        """Raise SolveError with the cause of the first point that failed, in one of these ways or in any."""
+        for point in self.failed.tolist():
+            if not status or self.status[point] in status:
+                values = dict(zip(self.names, self.coordinates[point].tolist(), strict=True))
+                raise SolveError(f"{self.status[point]} at {values}: {self.message.get(point, '')}")
+
     @property
     def counts(self) -> dict[str, int]:
         """Number of points by status."""
@@ -87,9 +101,11 @@ class Table:
     def content_hash(self) -> str:
         """sha256 of points, values and status; the same for the same results, however they were computed."""
         total = hashlib.sha256("\n".join((*self.names, *self.columns)).encode())
-        for array in (self.points, self.values):
-            # Every NaN alike, whatever its bits.
-            total.update(np.where(np.isnan(array), np.nan, array).astype("<f8").tobytes())
+        for array in (self.coordinates, self.values):
+            for first in range(0, len(self), BLOCK):
+                part = np.asarray(array[first : first + BLOCK])
+                # Every NaN alike, whatever its bits.
+                total.update(np.where(np.isnan(part), np.nan, part).astype("<f8").tobytes())
         total.update("\n".join(self.status).encode())
         return total.hexdigest()
 
@@ -98,5 +114,5 @@ class Table:
         if name in self.columns:
             return np.asarray(self.values[:, self.columns.index(name)])
         if name in self.names:
-            return np.asarray(self.points[:, self.names.index(name)])
+            return np.asarray(self.coordinates[:, self.names.index(name)])
         raise UsageError(unknown("column", name, (*self.names, *self.columns)))

@@ -1,0 +1,84 @@
+"""Planar fields that are continuous and linear in sectors at an equilibrium: the signs that decide.
+
+In polar coordinates y' = A(phi) y becomes phi' = g(phi), r'/r = k(phi) with e = (cos phi, sin phi),
+n = (-sin phi, cos phi), g = n . A e and k = e . A e; A is that of the sector of phi. Where g vanishes a ray
+is invariant, and the sign of k on it decides; without such a ray motions turn round, and the sign of the
+integral of k/g over a turn decides. Terms of second order do not matter where no sign is 0.
+Source: Filippov 1988, section 17; Carmona, Freire, Ponce, Torres 2002, IEEE Trans. Circuits Syst. I 49, 609.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+# Samples of a turn between which a sign change of g is looked for, and what counts as 0 of A's size.
+SAMPLES, ZERO = 4096, 1e-7
+# A ray is that of the set where the cosine of the angle between them is as near to 1.
+NEAR = 1e-6
+
+
+def planar_cone(matrix_at: Callable[[Array], Array], rest: Array | None = None) -> bool | None:
+    """Whether the origin of y' = A(y) y is asymptotically stable; None where first order does not decide.
+
+    matrix_at   A, shape (2, 2), of the sector in which a direction lies
+    rest        a ray of equilibria from the origin: it is left out, and stability is that of the ray
+
+    False means unstable: a ray leads away, or motions that turn round grow.
+    """
+    phi = np.linspace(0.0, 2 * np.pi, SAMPLES + 1)
+    directions = np.array([np.cos(phi), np.sin(phi)]).T
+    images = np.array([matrix_at(e) @ e for e in directions])
+    turn = directions[:, 0] * images[:, 1] - directions[:, 1] * images[:, 0]
+    grow = np.sum(directions * images, axis=1)
+    size = float(np.max(np.hypot(turn, grow)))
+    if not (np.isfinite(size) and size > 0):
+        return None
+    if np.min(np.abs(turn)) > ZERO * size and (np.all(turn > 0) or np.all(turn < 0)):
+        return _turns(phi, matrix_at)
+    rays = [_ray(a, b, matrix_at) for a, b in _changes(phi, turn)]
+    rays += [(directions[j], float(grow[j])) for j in np.flatnonzero(np.abs(turn) <= ZERO * size)]
+    rates = [k for e, k in rays if rest is None or e @ rest < (1.0 - NEAR) * np.hypot(*rest)]
+    if not rates:
+        return None
+    if max(rates) > ZERO * size:
+        return False
+    return True if max(rates) < -ZERO * size else None
+
+
+def _changes(phi: Array, turn: Array) -> list[tuple[float, float]]:
+    """The steps in which g changes its sign."""
+    return [(float(phi[j]), float(phi[j + 1])) for j in np.flatnonzero(turn[:-1] * turn[1:] < 0)]
+
+
+def _g(e: Array, matrix_at: Callable[[Array], Array]) -> float:
+    y = matrix_at(e) @ e
+    return float(e[0] * y[1] - e[1] * y[0])
+
+
+def _unit(angle: float) -> Array:
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def _ray(a: float, b: float, matrix_at: Callable[[Array], Array]) -> tuple[Array, float]:
+    """The invariant ray between two angles, and k on it."""
+    from scipy.optimize import brentq
+
+    e = _unit(float(brentq(lambda q: _g(_unit(q), matrix_at), a, b, xtol=1e-14)))
+    return e, float(e @ matrix_at(e) @ e)
+
+
+def _turns(phi: Array, matrix_at: Callable[[Array], Array]) -> bool | None:
+    from scipy.integrate import quad
+
+    def ratio(angle: float) -> float:
+        e = _unit(angle)
+        return float(e @ matrix_at(e) @ e) / _g(e, matrix_at)
+
+    parts = [quad(ratio, a, b, limit=200)[0] for a, b in itertools.pairwise(phi[:: SAMPLES // 64])]
+    growth = sum(parts) * (1.0 if _g(_unit(0.0), matrix_at) > 0 else -1.0)
+    return None if abs(growth) <= ZERO else bool(growth < 0)

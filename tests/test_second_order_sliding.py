@@ -1,0 +1,156 @@
+"""Sliding of second and higher order: arrival at a known time, the multiplier that holds it, its end."""
+
+import math
+import os
+
+import numpy as np
+import pytest
+import sympy
+
+from filippov import Surface, System, parameters, sign, solve, sqrt, states, t
+from filippov.status import Status
+
+X, Y, Z, W = states("x y z w")
+P = parameters(k1=1.5, k2=1.1, push=0.0, offset=0.0, ramp=0.0)
+E = X - P.offset - P.ramp * t
+# Super-twisting around x = offset + ramp t: e' = -k1 |e|^(1/2) sgn e + y - ramp, y' = -k2 sgn e + push.
+TWISTING = System(
+    {X: -P.k1 * sqrt(abs(E)) * sign(E) + Y, Y: -P.k2 * sign(E) + P.push}, surfaces=[Surface("e", E)]
+)
+DRAWS = {"nightly": 1000, "ci": 40}.get(os.environ.get("FILIPPOV_PROFILE", ""), 40)
+
+
+def arrival(e: float, y: float, k1: float, k2: float, push: float) -> float:
+    """When super-twisting is at rest. With z = |e|^(1/2), dtau = dt/z it is linear between zeros of e:
+
+    z' = (v - k1 z)/2, v' = -K z, K = k2 - sgn(e) push, v = sgn(e) y, so v falls at the rate K in t.
+    """
+    total = 0.0
+    for _ in range(400):
+        side = 1.0 if e > 0 or (e == 0 and y > 0) else -1.0
+        z, v, pull = math.sqrt(side * e), side * y, k2 - side * push
+        a = k1 / 4
+        slope, square = (v - k1 * z) / 2 + a * z, a * a - pull / 2
+        if square < 0:
+            w = math.sqrt(-square)
+            tau = math.atan2(z * w, -slope) / w if z > 0 else math.pi / w
+            tau += math.pi / w if tau <= 0 else 0.0
+            end = 2 * math.exp(-a * tau) * (slope * math.cos(w * tau) - z * w * math.sin(w * tau))
+        else:
+            r = math.sqrt(square)
+            if not (z > 0 and slope < 0 and -z * r / slope < 1):
+                return total + v / pull
+            tau = math.atanh(-z * r / slope) / r
+            end = 2 * math.exp(-a * tau) * (z * r * math.sinh(r * tau) + slope * math.cosh(r * tau))
+        total += (v - end) / pull
+        e, y = 0.0, side * end
+        if abs(end) < 1e-15:
+            break
+    return total
+
+
+def test_7_15_super_twisting_over_the_plane_of_gains() -> None:
+    draw = np.random.default_rng(7)
+    for _ in range(DRAWS):
+        k2 = 10 ** draw.uniform(-0.5, 0.8)
+        k1 = math.sqrt(8 * k2) * 10 ** draw.uniform(-0.7, 0.7)
+        push = draw.choice([0.0, draw.uniform(-0.8, 0.8) * k2])
+        offset, ramp = draw.choice([0.0, draw.uniform(-3, 3)]), draw.choice([0.0, draw.uniform(-2, 2)])
+        e, y = draw.uniform(-2, 2, 2)
+        rtol = draw.choice([1e-6, 1e-8, 1e-10])
+        end = arrival(e, y, k1, k2, push)
+        values = {"k1": k1, "k2": k2, "push": push, "offset": offset, "ramp": ramp}
+        got = solve(
+            TWISTING, (e + offset, y + ramp), (0, 2 * end + 1), parameters=values, zeno="continue", rtol=rtol,
+            atol=1e-3 * rtol, max_events=400,
+        )  # fmt: skip
+        where = f"{values}, from {e}, {y}, rtol {rtol}: {got.message}"
+        assert got.status is Status.SUCCESS, where
+        # Rounding of h moves the time by its root.
+        assert abs(got.events[-1].t - end) < 1e3 * rtol * end + 3e-6 * (1 + math.sqrt(abs(offset) + 9)), where
+        later = np.linspace(end + 1e3 * rtol * end + 3e-5, got.t_end, 9)
+        away = got.sol(later) - np.array([offset + ramp * later, np.full(9, ramp)])
+        assert np.max(np.abs(away)) < 1e-9, where
+        assert abs(got.multiplier("e", got.t_end) - push / k2) < 1e-9, where
+
+
+def test_15_overdamped_arrival_is_no_accumulation() -> None:
+    values = {"k1": 4.0, "k2": 1.1}
+    got = solve(TWISTING, (1, 0.5), (0, 10), parameters=values, rtol=1e-8)
+    assert got.success
+    assert len(got.events) < 5
+    assert abs(got.events[-1].t - arrival(1, 0.5, 4.0, 1.1, 0.0)) < 1e-6
+    np.testing.assert_allclose(got.x_end, 0, atol=1e-12)
+
+
+def test_7_differentiator_follows_any_signal() -> None:
+    # Levant 1998: x0 -> f, x1 -> f', with the multiplier -f''/l2.
+    signal = sympy.sin(t) + 0.3 * sympy.cos(2 * t)
+    e = X - signal
+    system = System(
+        {X: -2.5 * sqrt(abs(e)) * sign(e) + Y, Y: -4 * sign(e)}, surfaces=[Surface("e", e)]
+    )
+    got = solve(system, (0.5, 0), (0, 12), zeno="continue")
+    assert got.success
+    times = np.linspace(got.events[-1].t + 0.1, 12, 30)
+    f, df, ddf = (sympy.lambdify(t, signal.diff(t, k), "numpy")(times) for k in range(3))
+    np.testing.assert_allclose(got.sol(times), [f, df], atol=1e-11)
+    np.testing.assert_allclose(got.multiplier("e", times), -ddf / 4, atol=1e-9)
+
+
+def test_7_observer_of_a_plant_with_a_disturbance_in_a_state() -> None:
+    # Plant z' = w, w' = -z; the observer sees z only. What it does must not act on the plant.
+    e = X - Z
+    system = System({X: -1.5 * sqrt(abs(e)) * sign(e) + Y, Y: -3 * sign(e), Z: W, W: -Z})
+    got = solve(system, (0.5, 0, 0, 1), (0, 20), zeno="continue")
+    assert got.success
+    np.testing.assert_allclose(got.x_end, [math.sin(20), math.cos(20)] * 2, atol=1e-8)
+
+
+@pytest.mark.parametrize("offset", [0, 100, 1e4, 1e6])
+def test_F12_twisting_away_from_the_origin(offset: float) -> None:
+    """Twisting 2 and 1 from (1, 0): |v| is sqrt(2) 3**(-k/2) at the k-th crossing, falls by 3, grows by 1."""
+    p = parameters(offset=0.0, ramp=0.0)
+    system = System({X: W, W: -2 * sign(X - p.offset - p.ramp * t) - sign(W - p.ramp)})
+    v, q = math.sqrt(2), 1 / math.sqrt(3)
+    limit = v + (v / 3 + v * q) / (1 - q)
+    for ramp in (0.0, 3.0):
+        values = {"offset": offset, "ramp": ramp}
+        run = solve(system, (1 + offset, ramp), (0, 10), parameters=values, max_events=500)
+        assert run.status is Status.ZENO
+        assert run.zeno is not None
+        assert abs(run.zeno.t - limit) <= 10 * run.zeno.error <= 1e-5
+        on = solve(system, (1 + offset, ramp), (0, 10), parameters=values, zeno="continue", max_events=500)
+        assert on.success, on.message
+        assert on.end_mode == (0, 0)
+        np.testing.assert_allclose(on.x_end, [offset + 10 * ramp, ramp], rtol=1e-12)
+
+
+def test_7_two_signs_on_one_rate_hold_what_they_can_together() -> None:
+    # v' = -2 s1 - 1.5 s2 + t/2 is held at 0 until t = 7, and then v = (t - 7)**2/4.
+    system = System({X: W, W: -2 * sign(X) - 1.5 * sign(W) + Z, Z: 0.5})
+    start = solve(system, (0, 0, 0), (0, 9), zeno="continue")
+    assert start.success, start.message
+    assert [e.t for e in start.events if e.after == (1, 1)] == pytest.approx([7.0, 7.0], abs=1e-9)
+    np.testing.assert_allclose(start.x_end, [2**3 / 12, 2**2 / 4, 4.5], rtol=1e-9)
+
+
+def test_7_third_order_chain() -> None:
+    # The sign holds a = a' = a'' = 0 against a push on the third derivative.
+    a, b, c = states("a b c")
+    system = System({a: b, b: c, c: -4 * sign(a) + 2 * sympy.sin(t)})
+    got = solve(system, (0, 0, 0), (0, 10))
+    assert got.success, got.message
+    np.testing.assert_allclose(got.x_end, 0, atol=1e-12)
+    assert got.multiplier("a", 1.0) == pytest.approx(math.sin(1.0) / 2, abs=1e-12)
+
+
+def test_7_what_cannot_be_formed_is_named() -> None:
+    # A plain function has no derivatives; the limit moves, so that it is no place to rest in either.
+    def field(u: float, x: np.ndarray, p: object, s: np.ndarray) -> list[float]:
+        return [-1.5 * math.sqrt(abs(x[0])) * s[0] + x[1] + 0.3 * math.sin(u), -1.1 * s[0]]
+
+    system = System(field=field, surfaces=[Surface("x", lambda u, x, p: x[0])], states="x y")
+    got = solve(system, (1, 0), (0, 20), zeno="continue", max_events=2000)
+    assert not got.success
+    assert got.t_end < 3
