@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from filippov._kernels.tableaus import DOP853
 from filippov._kernels.tables import NODES, POSITION
 from filippov.machine import Array
 from filippov.point import Point
@@ -25,6 +26,9 @@ EPS = float(np.finfo(float).eps)
 _MONOMIAL = np.linalg.inv(np.vander(np.array(POSITION), NODES, increasing=True))
 # What rounding of the values, of their terms and of differences in them, becomes in each coefficient.
 _ROUNDING = 16 * EPS * np.sum(np.abs(_MONOMIAL), axis=1)
+# The same of the way along the step: dense output is a sum of stages with weights far above 1.
+_WEIGHTS = np.sum(np.abs(DOP853.dense), axis=0)
+_CARRIED = EPS * np.abs(_MONOMIAL) @ np.vander(POSITION, len(_WEIGHTS), increasing=True) @ _WEIGHTS
 
 
 @dataclass(frozen=True)
@@ -48,8 +52,9 @@ class Terms:
 def first_derivative(values: Array, terms: Terms, step: float) -> tuple[int, float]:
     """Order and coefficient of the first power of theta in the guard: (0, 0.0) if it is zero throughout."""
     powers, first = _MONOMIAL @ values, 1
-    scale, excursion = terms.size + terms.speed * abs(step), SHALLOW * terms.size
-    largest, rounding = float(np.max(np.abs(values[1:]))), terms.grain * _ROUNDING * scale
+    way, excursion = terms.speed * abs(step), SHALLOW * terms.size
+    scale, largest = terms.size + way, float(np.max(np.abs(values[1:])))
+    rounding = terms.grain * (_ROUNDING * scale + _CARRIED * way)
     if terms.tangent:
         # Of the rate: what is left of it at the point is no part of the guard.
         powers, rounding, first = powers * np.arange(NODES), rounding * np.arange(NODES), 2
