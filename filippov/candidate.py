@@ -174,7 +174,7 @@ def leaves(
         # is put on the place where the rate vanishes.
         same = i in point.back and np.array_equal(point.base, mode)
         level = level and not (same and point.direction > 0)
-        terms = Terms(size, speed, None if rate is None else rate * mode[i], level, point.grain)
+        terms = Terms(size, speed, None if rate is None else rate * mode[i], level, point.grain, point.fine)
         term = leading_term(point, mode, lam, partial(_row, 0, i), terms)
         if term is None or term[1] < 0:
             return None

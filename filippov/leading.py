@@ -22,6 +22,8 @@ VANISHING = 1e-9
 # Excursions that are rounding, of the size of the terms of a guard.
 SHALLOW = 1e-12
 TRIALS, SHORTER = 12, 4.0
+# A trial step of a stiff mode as long as the rest before it may go anywhere: nothing can be read off it.
+EXPLODED = 1e100
 EPS = float(np.finfo(float).eps)
 _MONOMIAL = np.linalg.inv(np.vander(np.array(POSITION), NODES, increasing=True))
 # What rounding of the values, of their terms and of differences in them, becomes in each coefficient.
@@ -40,6 +42,7 @@ class Terms:
     rate     the rate itself where it is known, else None
     tangent  whether the rate is 0 but for rounding, or for the error of locating the point
     grain    rounding of the samples, of that of formulas: more where gradients are differences
+    fine     whether excursions that are rounding count
     """
 
     size: float
@@ -47,18 +50,20 @@ class Terms:
     rate: float | None = None
     tangent: bool = False
     grain: float = 1.0
+    fine: bool = False
 
 
 def first_derivative(values: Array, terms: Terms, step: float) -> tuple[int, float]:
     """Order and coefficient of the first power of theta in the guard: (0, 0.0) if it is zero throughout."""
     powers, first = _MONOMIAL @ values, 1
-    way, excursion = terms.speed * abs(step), SHALLOW * terms.size
+    shallow = 0.0 if terms.fine else SHALLOW
+    way, excursion = terms.speed * abs(step), shallow * terms.size
     scale, largest = terms.size + way, float(np.max(np.abs(values[1:])))
     rounding = terms.grain * (_ROUNDING * scale + _CARRIED * way)
     if terms.tangent:
         # Of the rate: what is left of it at the point is no part of the guard.
         powers, rounding, first = powers * np.arange(NODES), rounding * np.arange(NODES), 2
-        largest, excursion = float(np.max(np.abs(powers[2:]))), SHALLOW * terms.speed * abs(step)
+        largest, excursion = float(np.max(np.abs(powers[2:]))), shallow * way
     elif terms.rate is not None:
         powers[1] = terms.rate * step
         largest = max(largest, abs(powers[1]))
@@ -73,7 +78,7 @@ def first_derivative(values: Array, terms: Terms, step: float) -> tuple[int, flo
             turns = order == first and now * then < 0 and abs(then) > max(
                 VANISHING * largest, float(rounding[order + 1])
             )
-            if turns and now**2 <= 4.0 * excursion * abs(then):
+            if turns and abs(now) <= 4.0 * excursion * abs(then / now):
                 continue
             return order, now
     return 0, 0.0
@@ -96,7 +101,7 @@ def leading_term(
         values = pick(rows)
         # The point may lie by a rounding on the side on which the mode's guard has no value.
         start = values[0] if np.isfinite(values[0]) else 0.0
-        if not np.all(np.isfinite(values[1:])):
+        if not np.all(np.abs(values[1:]) < EXPLODED):
             return -1, 0.0
         return first_derivative(values - start, terms, step)
 

@@ -70,7 +70,16 @@ def successors(
 
     hit: those of the surfaces met at which something happens, an end of a multiplier's set included; None
     where sliding is to be thought over on all of them.
+
+    A mode whose motion leaves a surface and is back within rounding counts where there is no other: so events
+    follow each other where the rate off a surface vanishes at the corner that they run into.
     """
+    found = _consistent(point, base, met, hit)
+    return found or _consistent(replace(point, fine=True), base, met, hit)
+
+
+def _consistent(point: Point, base: Mode, met: Sequence[int], hit: Sequence[int] | None) -> list[Successor]:
+    """All consistent next modes, excursions counted as the point says."""
     resting = [i for i in met if point.machine.contacts[i] and (base[i] == 0 or at_rest(point, base, i))]
     back = frozenset(i for i in hit or () if base[i] != 0)
     point = replace(point, resting=frozenset(resting), met=frozenset(met), base=base, back=back)

@@ -26,6 +26,7 @@ class Point:
     back     surfaces that the motion of the mode `base` ran onto
     along    surfaces on which that motion stayed without sliding on them
     longest  step to which the trial step may be lengthened where nothing shows in it
+    fine     whether excursions off a surface that are rounding of its terms count
     """
 
     machine: Machine
@@ -40,6 +41,7 @@ class Point:
     back: frozenset[int] = frozenset()
     along: frozenset[int] = frozenset()
     longest: float = 0.0
+    fine: bool = False
     reached: dict[int, float] = field(default_factory=dict, compare=False, repr=False)
     summed: dict[bytes, Array] = field(default_factory=dict, compare=False, repr=False)
     probed: dict[tuple[float, bytes, bytes], Probe] = field(default_factory=dict, compare=False, repr=False)

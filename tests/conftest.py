@@ -2,6 +2,9 @@
 
 import os
 
+# Matrices here are small: threads of the linear algebra only wait for each other. Read as numpy is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from hypothesis import HealthCheck, settings
 
 settings.register_profile(

@@ -39,12 +39,14 @@ class Linear:
         return project @ self.A, project @ offset
 
     def multipliers(self, mode: tuple[int, ...], x: Array) -> Array:
-        """The signs of all surfaces at x, those of sliding ones solved from c_i x' = 0."""
-        s = np.array(mode, dtype=float)
+        """The signs of all surfaces, those of sliding ones solved from c_i x' = 0; columns as those of x."""
+        signs = np.array(mode, dtype=float)
+        s = np.repeat(signs, x[0].size).reshape(len(mode), *x.shape[1:])
         sliding = [i for i, v in enumerate(mode) if v == 0]
         if sliding:
             gain = self.c[sliding] @ self.B[sliding].T
-            s[sliding] = -np.linalg.solve(gain, self.c[sliding] @ (self.A @ x + self.b + self.B.T @ s))
+            velocity = ((self.A @ x).T + self.b + self.B.T @ signs).T
+            s[sliding] = -np.linalg.solve(gain, self.c[sliding] @ velocity)
         return s
 
     def flow(self, mode: tuple[int, ...], x: Array, t: float) -> Array:
@@ -61,18 +63,17 @@ class Linear:
         n = len(x)
         M = np.zeros((n + 1, n + 1))
         M[:n, :n], M[:n, n] = A * dt, b * dt
-        E, z = expm(M), np.append(x, 1.0)
-        out = [self.guards(mode, x)]
-        for _ in range(count):
-            z = E @ z
-            out.append(self.guards(mode, z[:n]))
-        return np.array(out)
+        E, z = expm(M), np.empty((count + 1, n + 1))
+        z[0] = np.append(x, 1.0)
+        for k in range(count):
+            z[k + 1] = E @ z[k]
+        return self.guards(mode, z[:, :n].T).T
 
     def guards(self, mode: tuple[int, ...], x: Array) -> Array:
-        """Positive while the mode lasts: s_i h_i off a surface, 1 - |multiplier| on it."""
-        h = self.c @ x - self.d
-        s = self.multipliers(mode, x)
-        return np.array([m * value if m else 1 - abs(v) for m, value, v in zip(mode, h, s, strict=True)])
+        """Positive while the mode lasts: s_i h_i off a surface, 1 - |multiplier| on it; columns as x's."""
+        signs = np.array(mode, dtype=float)
+        h = (self.c @ x).T - self.d
+        return np.where(signs != 0, signs * h, 1 - np.abs(self.multipliers(mode, x).T)).T
 
 
     def guard_slope(self, mode: tuple[int, ...], i: int, x: Array) -> Array:
@@ -91,6 +92,59 @@ class Linear:
         rate = float(slope @ before)
         salt = np.eye(len(x)) + np.outer(later - before, slope) / rate
         return salt, float(np.linalg.norm(slope)) / abs(rate)
+
+    def event(self, mode: tuple[int, ...], i: int, x: Array) -> "Event":
+        """What happens where guard i vanishes at x."""
+        after = next_mode(self, mode, i, x)
+        return Event(x, after, *self.jump(mode, after, i, x))
+
+
+@dataclass(frozen=True)
+class Event:
+    """State and mode after an event, saltation matrix, how far a displacement of size 1 moves its time."""
+
+    x: Array
+    mode: tuple[int, ...]
+    salt: Array
+    moved: float
+
+
+@dataclass(frozen=True)
+class Resetting(Linear):
+    """The same with x -> R x + r where w x - e falls through 0, which is guard m.
+
+    The signs after a reset are those of the surfaces; one that the reset leaves on a surface is decided by
+    the rates there.
+    """
+
+    w: Array
+    e: float
+    R: Array
+    r: Array
+
+    def guards(self, mode: tuple[int, ...], x: Array) -> Array:
+        return np.concatenate([super().guards(mode, x), [self.w @ x - self.e]])
+
+    def event(self, mode: tuple[int, ...], i: int, x: Array) -> Event:
+        if i < len(self.d):
+            return super().event(mode, i, x)
+        A, b = self.affine(mode)
+        before = A @ x + b
+        y = self.R @ x + self.r
+        h, left = self.c @ y - self.d, self.w @ y - self.e
+        on = [k for k, value in enumerate(mode) if value == 0 and abs(h[k]) < 1e-12]
+        if any(abs(value) < 1e-3 for k, value in enumerate(h) if k not in on) or left < -1e-12:
+            raise NotGenericError
+        mode = tuple(0 if k in on else int(np.sign(value)) for k, value in enumerate(h))
+        if on:
+            mode = consistent(self, mode, on, y)
+        A, b = self.affine(mode)
+        later, rate = A @ y + b, float(self.w @ before)
+        # It must be off the surface by far, or leave it.
+        if left < 1e-3 and (left > 1e-12 or self.w @ later < 1e-3):
+            raise NotGenericError
+        salt = self.R + np.outer(later - self.R @ before, self.w) / rate
+        return Event(y, mode, salt, float(np.linalg.norm(self.w)) / abs(rate))
 
 
 def next_mode(system: Linear, mode: tuple[int, ...], i: int, x: Array) -> tuple[int, ...]:
@@ -115,7 +169,11 @@ def next_mode(system: Linear, mode: tuple[int, ...], i: int, x: Array) -> tuple[
 
 def corner(system: Linear, mode: tuple[int, ...], i: int, x: Array) -> tuple[int, ...]:
     """The one consistent mode where the sliding motion of another surface reaches surface i."""
-    met = sorted({i, *(j for j, m in enumerate(mode) if m == 0)})
+    return consistent(system, mode, sorted({i, *(j for j, m in enumerate(mode) if m == 0)}), x)
+
+
+def consistent(system: Linear, mode: tuple[int, ...], met: list[int], x: Array) -> tuple[int, ...]:
+    """The one mode that goes on from a point on the surfaces `met`."""
     found = []
     for picked in itertools.product((1, -1, 0), repeat=len(met)):
         signs = list(mode)
@@ -219,10 +277,9 @@ def solve_linear(system: Linear, x0: Array, end: float, most: int = 30) -> Answe
         wait, i = found
         factors.append(expm(system.affine(mode)[0] * wait))
         x, t = system.flow(mode, x, wait), t + wait
-        after = next_mode(system, mode, i, x)
-        salt, moved = system.jump(mode, after, i, x)
-        times.append(_growth(factors) * moved)
-        factors.append(salt)
-        mode, skip = after, i
+        event = system.event(mode, i, x)
+        times.append(_growth(factors) * event.moved)
+        factors.append(event.salt)
+        x, mode, skip = event.x, event.mode, i
         events.append((t, i, mode))
     raise NotGenericError

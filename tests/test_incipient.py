@@ -9,6 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from filippov import Surface, System, cos, parameters, sign, solve, states, t
+from filippov._kernels.tables import POSITION
+from filippov.leading import Terms, first_derivative
+from filippov.models import get
 
 v, w, x = states("v w x")
 
@@ -77,3 +80,24 @@ def test_F1_a_spring_that_relaxes_keeps_them_together() -> None:
     np.testing.assert_allclose(
         run.x_end, [(1 - np.cos(k)) / 0.15, np.sin(k) / k, np.sin(k) / k], rtol=1e-9
     )
+
+
+def test_12_6_the_first_power_does_not_depend_on_the_unit_of_the_guard() -> None:
+    """A trial step of a stiff mode after a long rest may run to 1e160: no number is squared there."""
+    rng = np.random.default_rng(6)
+    theta = np.asarray(POSITION)
+    for _ in range(300):
+        values = sum(rng.normal() * 10 ** rng.uniform(-9, 0) * theta**k for k in range(1, 9))
+        size, speed, step = (10 ** rng.uniform(-3, 3, 3)).tolist()
+        tangent = bool(rng.integers(2))
+        order, power = first_derivative(values, Terms(size, speed, tangent=tangent), step)
+        for unit in (2.0**-300, 2.0**300, 2.0**530):
+            terms = Terms(size * unit, speed * unit, tangent=tangent)
+            assert first_derivative(values * unit, terms, step) == (order, power * unit)
+
+
+def test_12_6_hunting_over_600_s_at_gains_that_rest_long() -> None:
+    starts = np.random.default_rng(0).normal(size=(12, 3)) * 3
+    gains = {"beta": 1.0, "P": 19.996, "I": 1.163, "D": 1.016}
+    for x0 in starts:
+        assert solve(get("hunting").build(), x0, (0, 600), parameters=gains).success

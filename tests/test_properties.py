@@ -1,6 +1,5 @@
 """Properties of solutions on random piecewise-linear systems, and the oracle's answer."""
 
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -9,73 +8,19 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from linear_oracle import Answer, Linear, NotGenericError, solve_linear
+from linear_systems import END, RTOL, SIZES, drawn, run
 
-from filippov import Solution, Surface, System, parameters, sign, solve, states
+from filippov import Solution
 
 # The nightly profile takes minutes a test.
 pytestmark = pytest.mark.timeout(3600)
-SIZES = [(2, 1), (3, 1), (4, 1), (6, 1), (2, 2), (3, 2), (5, 2), (4, 3), (6, 3)]
-END = 3.0
-RTOL = 1e-10
-TIGHT: dict[str, Any] = {"rtol": RTOL, "atol": 1e-13}
-
-
-@cache
-def family(n: int, m: int, order: tuple[int, ...], spare: bool = False) -> System:
-    """x' = A x + b + sum_i s_i B_i as one symbolic system whose coefficients are parameters."""
-    x = states(" ".join(f"x{i}" for i in range(n)))
-    names = [f"A{i}{j}" for i in range(n) for j in range(n)] + [f"b{i}" for i in range(n)]
-    names += [f"B{k}{i}" for k in range(m) for i in range(n)] + [
-        f"c{k}{i}" for k in range(m) for i in range(n)
-    ]
-    names += [f"d{k}" for k in range(m)]
-    p = parameters(**dict.fromkeys(names, 1.0))
-    h = [sum(getattr(p, f"c{k}{i}") * x[i] for i in range(n)) - getattr(p, f"d{k}") for k in range(m)]
-    field = {
-        x[i]: sum(getattr(p, f"A{i}{j}") * x[j] for j in range(n))
-        + getattr(p, f"b{i}")
-        + sum(getattr(p, f"B{k}{i}") * sign(h[k]) for k in range(m))
-        for i in range(n)
-    }
-    surfaces = [Surface(f"h{k}", h[k]) for k in order]
-    if spare:
-        surfaces.insert(0, Surface("never", x[0] + 1e6, kind="observer"))
-    return System(field, surfaces=surfaces)
-
-
-def values(a: Linear) -> dict[str, float]:
-    n, m = len(a.b), len(a.d)
-    out = {f"A{i}{j}": a.A[i, j] for i in range(n) for j in range(n)} | {f"b{i}": a.b[i] for i in range(n)}
-    out |= {f"B{k}{i}": a.B[k, i] for k in range(m) for i in range(n)}
-    out |= {f"c{k}{i}": a.c[k, i] for k in range(m) for i in range(n)} | {f"d{k}": a.d[k] for k in range(m)}
-    return {name: float(value) for name, value in out.items()}
-
-
-def run(
-    a: Linear,
-    x0: Any,
-    span: tuple[float, float] = (0.0, END),
-    order: tuple[int, ...] | None = None,
-    **more: Any,
-) -> Solution:
-    order = tuple(range(len(a.d))) if order is None else order
-    system = family(len(a.b), len(a.d), order, more.pop("spare", False))
-    return solve(system, x0, span, parameters=values(a), **(TIGHT | more))
 
 
 @st.composite
 def problems(draw: st.DrawFn) -> tuple[Linear, np.ndarray]:
     n, m = draw(st.sampled_from(SIZES))
-    seed = draw(st.integers(0, 2**32 - 1))
-    rng = np.random.default_rng(seed)
-    c = rng.normal(size=(m, n))
-    c /= np.linalg.norm(c, axis=1)[:, None]
-    B = rng.normal(size=(m, n))
-    if draw(st.booleans()):
-        # Pull towards the surfaces, so that sliding is common.
-        B -= (np.sum(B * c, axis=1) + rng.uniform(0.5, 2, m))[:, None] * c
-    a = Linear(rng.normal(size=(n, n)) - 0.5 * np.eye(n), rng.normal(size=n), B, c, 0.3 * rng.normal(size=m))
-    return a, rng.normal(size=n)
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    return drawn(rng, n, m, draw(st.booleans()))
 
 
 @st.composite

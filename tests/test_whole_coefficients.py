@@ -9,7 +9,7 @@ import os
 import numpy as np
 import pytest
 from linear_oracle import Linear
-from test_properties import family, values
+from linear_systems import family, values
 
 from filippov import Solution, Status, solve
 
