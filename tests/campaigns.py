@@ -146,7 +146,21 @@ def networks(seed: int) -> str | None:
     return None if worst < 1e-6 else f"{names[seed % len(names)]} {seed // len(names)}: {worst:.2g}"
 
 
-KINDS = {f.__name__: f for f in (linear, resets, metamorphic, whole, networks)}
+def twisting(seed: int) -> str | None:
+    """Super-twisting over the plane of gains (tests/test_second_order_sliding.py)."""
+    from test_second_order_sliding import twisting_fault
+
+    return twisting_fault(seed)
+
+
+def trees(seed: int) -> str | None:
+    """Random networks with friction, belts and walls (tests/friction_trees.py)."""
+    from friction_trees import examine
+
+    return "; ".join(examine(seed)) or None
+
+
+KINDS = {f.__name__: f for f in (linear, resets, metamorphic, whole, networks, twisting, trees)}
 
 
 def part(kind: str, seeds: range) -> list[tuple[int, str | None]]:

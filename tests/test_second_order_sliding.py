@@ -49,29 +49,37 @@ def arrival(e: float, y: float, k1: float, k2: float, push: float) -> float:
     return total
 
 
+def twisting_fault(seed: int) -> str | None:
+    """What is wrong with one super-twisting motion: gains over- and underdamped, pushed, moving, away from 0."""
+    draw = np.random.default_rng(seed)
+    k2 = 10 ** draw.uniform(-0.5, 0.8)
+    k1 = math.sqrt(8 * k2) * 10 ** draw.uniform(-0.7, 0.7)
+    push = draw.choice([0.0, draw.uniform(-0.8, 0.8) * k2])
+    offset, ramp = draw.choice([0.0, draw.uniform(-3, 3)]), draw.choice([0.0, draw.uniform(-2, 2)])
+    e, y = draw.uniform(-2, 2, 2)
+    rtol = draw.choice([1e-6, 1e-8, 1e-10])
+    end = arrival(e, y, k1, k2, push)
+    values = {"k1": k1, "k2": k2, "push": push, "offset": offset, "ramp": ramp}
+    got = solve(
+        TWISTING, (e + offset, y + ramp), (0, 2 * end + 1), parameters=values, zeno="continue", rtol=rtol,
+        atol=1e-3 * rtol, max_events=400,
+    )  # fmt: skip
+    where = f"{values}, from {e}, {y}, rtol {rtol}: {got.message}"
+    if got.status is not Status.SUCCESS:
+        return where
+    # Rounding of h moves the time by its root.
+    late = abs(got.events[-1].t - end)
+    if late >= 1e3 * rtol * end + 3e-6 * (1 + math.sqrt(abs(offset) + 9)):
+        return f"arrival {late:.2g} off: {where}"
+    later = np.linspace(end + 1e3 * rtol * end + 3e-5, got.t_end, 9)
+    away = float(np.max(np.abs(got.sol(later) - np.array([offset + ramp * later, np.full(9, ramp)]))))
+    held = abs(got.multiplier("e", got.t_end) - push / k2)
+    return f"{away:.2g} off, multiplier {held:.2g} off: {where}" if max(away, held) >= 1e-9 else None
+
+
 def test_7_15_super_twisting_over_the_plane_of_gains() -> None:
-    draw = np.random.default_rng(7)
-    for _ in range(DRAWS):
-        k2 = 10 ** draw.uniform(-0.5, 0.8)
-        k1 = math.sqrt(8 * k2) * 10 ** draw.uniform(-0.7, 0.7)
-        push = draw.choice([0.0, draw.uniform(-0.8, 0.8) * k2])
-        offset, ramp = draw.choice([0.0, draw.uniform(-3, 3)]), draw.choice([0.0, draw.uniform(-2, 2)])
-        e, y = draw.uniform(-2, 2, 2)
-        rtol = draw.choice([1e-6, 1e-8, 1e-10])
-        end = arrival(e, y, k1, k2, push)
-        values = {"k1": k1, "k2": k2, "push": push, "offset": offset, "ramp": ramp}
-        got = solve(
-            TWISTING, (e + offset, y + ramp), (0, 2 * end + 1), parameters=values, zeno="continue", rtol=rtol,
-            atol=1e-3 * rtol, max_events=400,
-        )  # fmt: skip
-        where = f"{values}, from {e}, {y}, rtol {rtol}: {got.message}"
-        assert got.status is Status.SUCCESS, where
-        # Rounding of h moves the time by its root.
-        assert abs(got.events[-1].t - end) < 1e3 * rtol * end + 3e-6 * (1 + math.sqrt(abs(offset) + 9)), where
-        later = np.linspace(end + 1e3 * rtol * end + 3e-5, got.t_end, 9)
-        away = got.sol(later) - np.array([offset + ramp * later, np.full(9, ramp)])
-        assert np.max(np.abs(away)) < 1e-9, where
-        assert abs(got.multiplier("e", got.t_end) - push / k2) < 1e-9, where
+    wrong = {seed: fault for seed in range(DRAWS) if (fault := twisting_fault(seed))}
+    assert not wrong, wrong
 
 
 def test_15_overdamped_arrival_is_no_accumulation() -> None:
