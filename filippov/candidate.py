@@ -94,7 +94,7 @@ def moving_outwards(
                 scale = float(np.max(np.abs(rows[:, :, i])))
                 terms = Terms(scale, 0.0, grain=point.grain)
                 term = leading_term(point, mode, lam, partial(_row, side, i), terms)
-                if code != 0 or term is None or term[1] * _attraction(rows, i) < 0:
+                if code != 0 or term is None or term[1] * _attraction(point, rows, i) < 0:
                     leaving.append(i)
                     break
     return leaving
@@ -104,8 +104,9 @@ def _row(side: int, i: int, rows: Array) -> Array:
     return np.asarray(rows[:, side, i])
 
 
-def _attraction(rows: Array, i: int) -> float:
-    return 1.0 if rows[-1, 0, i] + rows[-1, 1, i] >= 0 else -1.0
+def _attraction(point: Point, rows: Array, i: int) -> float:
+    # A contact only pushes: there is no other end, and what stands for it is no rate.
+    return 1.0 if point.machine.contacts[i] or rows[-1, 0, i] + rows[-1, 1, i] >= 0 else -1.0
 
 
 def repelling(point: Point, mode: Array, alone: Sequence[int]) -> list[int]:
@@ -174,7 +175,11 @@ def leaves(
         # is put on the place where the rate vanishes.
         same = i in point.back and np.array_equal(point.base, mode)
         level = level and not (same and point.direction > 0)
-        terms = Terms(size, speed, None if rate is None else rate * mode[i], level, point.grain, point.fine)
+        force, own = 0.0, None if rate is None else rate * mode[i]
+        if i in point.resting:
+            # What is left of the rate of a contact that rests is rounding of speeds long gone.
+            level, force = True, point.terms(i, np.where(np.arange(len(mode)) == i, 0.0, mode))
+        terms = Terms(size, speed, own, level, point.grain, point.fine, force)
         term = leading_term(point, mode, lam, partial(_row, 0, i), terms)
         if term is None or term[1] < 0:
             return None

@@ -39,6 +39,7 @@ class Terms:
 
     size     of the terms of the guard
     speed    of the terms of its rate
+    force    of those of its second derivative, where the rate is none: that of a contact that rests
     rate     the rate itself where it is known, else None
     tangent  whether the rate is 0 but for rounding, or for the error of locating the point
     grain    rounding of the samples, of that of formulas: more where gradients are differences
@@ -51,13 +52,14 @@ class Terms:
     tangent: bool = False
     grain: float = 1.0
     fine: bool = False
+    force: float = 0.0
 
 
 def first_derivative(values: Array, terms: Terms, step: float) -> tuple[int, float]:
     """Order and coefficient of the first power of theta in the guard: (0, 0.0) if it is zero throughout."""
     powers, first = _MONOMIAL @ values, 1
     shallow = 0.0 if terms.fine else SHALLOW
-    way, excursion = terms.speed * abs(step), shallow * terms.size
+    way, excursion = (terms.speed + terms.force * abs(step)) * abs(step), shallow * terms.size
     scale, largest = terms.size + way, float(np.max(np.abs(values[1:])))
     rounding = terms.grain * (_ROUNDING * scale + _CARRIED * way)
     if terms.tangent:

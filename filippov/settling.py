@@ -83,8 +83,13 @@ class Settling(ABC):
         rested = [i for i in limit.surfaces if machine.contacts[i]]
         if unending := endless(run, limit.x, off_contact(run, run.mode), rested):
             return self._end(Status.ZENO, f"{detail} {unending}")
+        before = run.signs
+        here = self.higher.arrives(limit.surfaces[0]) if len(limit.surfaces) == 1 else ""
+        if isinstance(here, Begun):
+            # What is left of the laps is rounding already, and so is a limit by their law.
+            return self._changed(before, here.mode, here.multipliers, limit.surfaces, here.note)
         bridge(run, limit)
-        before, zero = run.signs, self._back()
+        zero = self._back()
         run.x[:] = limit.x
         begun = self.higher.begin([*limit.surfaces, *zero], np.full(machine.n, WITHIN * limit.x_error))
         self.patience.limited(begun if isinstance(begun, str) else "")

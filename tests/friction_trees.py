@@ -1,8 +1,8 @@
-"""Random networks of bodies with dry friction, belts and walls with restitution; the principle of least constraint.
+"""Random networks of bodies with friction, belts and walls with restitution, against least squares.
 
-A body i moves along a line: m_i v_i' = P_i + Q_i cos(t) - sum_c G_ci F_c sign(G_c v - u_c), in front of its wall
-s_i (x_i - w_i) >= 0 with v_i -> -e_i v_i. Of all forces that the contacts can carry (|friction| <= F_c where bodies
-stick, wall forces >= 0 where they rest) those with the shortest M^(-1/2) f act (Moreau 1988).
+m_i v_i' = P_i + Q_i cos t - sum_c G_ci F_c sign(G_c v - u_c), v_i -> -e_i v_i at walls s_i (x_i - w_i) >= 0.
+Of all forces that contacts can carry (|friction| <= F_c where bodies stick, wall forces >= 0 where they rest)
+those with the shortest M^(-1/2) f act (Moreau 1988).
 """
 
 from dataclasses import dataclass
@@ -46,7 +46,8 @@ class Network:
         """By bounded least squares over the forces that are free."""
         slip, G = self.slip(v), self.rows()
         stuck = np.abs(slip) < 1e-8
-        pull = self.constant + self.swing * np.cos(time) - np.where(stuck, 0.0, self.friction * np.sign(slip)) @ G
+        slipping = np.where(stuck, 0.0, self.friction * np.sign(slip))
+        pull = self.constant + self.swing * np.cos(time) - slipping @ G
         resting = [
             i for i, (side, place, _) in self.walls.items() if abs(x[i] - place) < 1e-8 and abs(v[i]) < 1e-8
         ]
@@ -119,8 +120,10 @@ def faults(net: Network, run: Solution) -> list[str]:
         i = int(event.surface[4:])
         if abs(event.x_after[n + i] + net.walls[i][2] * event.x[n + i]) > 1e-9 * (1 + abs(event.x[n + i])):
             found.append(f"impact {event}")
+    # What is left of the bounces before a rest is bridged: their sum is known, each of them is not.
+    bridged = {limit.t for limit in run.accumulations}
     for piece in run.segments:
-        if piece.dwell < 1e-6:
+        if piece.dwell < 1e-6 or piece.t1 in bridged:
             continue
         for part in (0.1, 0.3, 0.5, 0.7, 0.9):
             time, small = piece.t0 + part * piece.dwell, 0.05 * piece.dwell
@@ -147,5 +150,6 @@ def examine(seed: int) -> list[str]:
     run = solve(system(net), x0, (0, END), rtol=1e-9, atol=1e-11, zeno="continue", max_events=2000)
     found = faults(net, run)
     if not run.success:
-        found.append(f"{run.status.value} with {len(net.pairs)} contacts, {len(net.walls)} walls: {run.message}")
+        size = f"{len(net.pairs)} contacts, {len(net.walls)} walls"
+        found.append(f"{run.status.value} with {size}: {run.message}")
     return found

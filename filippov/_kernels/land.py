@@ -4,7 +4,7 @@ The dense output only says where to go; the state at the event comes from the me
 at rounding level and not at the interpolant's.
 """
 
-from filippov._kernels.codes import ROOT, TOUCH, UPPER
+from filippov._kernels.codes import ROOT, SWITCHING, TOUCH, UPPER
 from filippov._kernels.field import add_gradient, field, gradient_product, project, rate
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.locate import guard_rows
@@ -13,12 +13,16 @@ from filippov._kernels.model import (
     G_FIRST,
     I_SLIDING,
     IMPLICIT,
+    ROLE,
+    ROUGH,
     W_F,
     W_G,
     W_GT,
     W_H,
     W_K,
     W_ROW,
+    W_START,
+    W_TOUCH,
     W_XM,
     WIDTH,
     M,
@@ -27,8 +31,11 @@ from filippov._kernels.model import (
     guards,
     stages,
 )
+from filippov._kernels.radau_tables import NOT_CONVERGED
 
 EPS = 2.220446049250313e-16
+# Roundings of its terms that a guard may be off 0 at an event, where the integration is that accurate.
+ASTRAY = 1e4
 
 
 @kernel
@@ -135,6 +142,12 @@ def land(
         for j in range(N):
             xe[j] += delta * f[j]
         length += delta
+    if ROUGH and code == 0 and cause == ROOT and ROLE[i] == SWITCHING:
+        # What is farther off than the integration is accurate is no landing: a field that stands still beyond
+        # the surface leads Newton's method off.
+        went = (abs(t) + abs(length)) * (abs(w[W_START + 2 * i + 1]) + abs(rate(i, f, w)))
+        known = max(w[W_TOUCH + i], ASTRAY * EPS * (guard_scale(i, t + length, xe, w) + went + WIDTH[i]))
+        code = NOT_CONVERGED if abs(value) > known else 0
     if code == 0:
         if cause == ROOT and WIDTH[i] == 0.0:
             code = project_on(t + length, xe, p, m, i, w, ctx)
