@@ -28,6 +28,7 @@ from filippov.patience import Patience
 from filippov.problem import Problem
 from filippov.run import Run
 from filippov.settling import Ended, Settling
+from filippov.slow_spiral import slow_spiral
 from filippov.solution import Solution
 from filippov.status import JUMPED_OVER, EventKind, Status, mode_text
 from filippov.user_event import UserEvent
@@ -127,7 +128,8 @@ class _Loop(Settling):
 
     def _end(self, status: Status, detail: str = "") -> tuple[Status, str]:
         text = f"{detail} {status.advice}".lstrip() if status.ok else self._sentence(status, detail)
-        return status, text + self.patience.hint(status)
+        text += self.patience.hint(status)
+        return status, text if self.spiral is None else text + self.spiral.followed
 
     def _start(self) -> tuple[Status, str] | None:
         """Mode at the initial state: by the sign of h off a surface, by classification on one (E4)."""
@@ -201,7 +203,9 @@ class _Loop(Settling):
         """The budget of events is used up: by an accumulation that no other law recognises, or as it is."""
         limit = power_law(self.run)
         if limit is None:
-            return self._end(Status.MAX_EVENTS)
+            spiral = slow_spiral(self.run)
+            ways = "Go on in the corner with zeno='continue', or nearer to it with a larger max_events."
+            return self._end(Status.MAX_EVENTS, "" if spiral is None else f"{spiral}. {ways}")
         self.accumulations.append(limit)
         return self._end(
             Status.ZENO,
@@ -230,7 +234,7 @@ class _Loop(Settling):
             return self._end(Status.TIMEOUT)
         if self.progress is not None:
             self.progress(run.t, self.t_end)
-        return None
+        return self._spirals()
 
     def _aim(self) -> None:
         """Let the compiled loop run to the next instant of a time event, or to the end."""

@@ -17,6 +17,7 @@ from filippov.options import Options
 from filippov.patience import Patience
 from filippov.rates import off_contact
 from filippov.run import Run
+from filippov.slow_spiral import SlowSpiral, slow_spiral
 from filippov.status import Status
 from filippov.zeno import WITHIN, Accumulation, accumulates, accumulation, bridge, rest, rests, second_order
 
@@ -31,6 +32,8 @@ class Settling(ABC):
     options: Options
     higher: HigherOrder
     patience: Patience
+    looked_for_spiral: bool = False
+    spiral: SlowSpiral | None = None
     accumulations: list[Accumulation]
 
     @abstractmethod
@@ -105,6 +108,19 @@ class Settling(ABC):
                 return self._reached()
         run.x[:] = limit.x
         return self._classify(limit.surfaces, limit.surfaces, start=False, rested=rested) or self._budgets()
+
+    def _spirals(self) -> Ended:
+        """Half of the events went into ever slower laps around a corner: go on in it, if that is wanted."""
+        run, options = self.run, self.options
+        if options.zeno != "continue" or self.looked_for_spiral or run.events.total < options.max_events // 2:
+            return None
+        self.looked_for_spiral = True
+        spiral = slow_spiral(run)
+        if spiral is None:
+            return None
+        run.x[:] = spiral.x
+        self.spiral = spiral
+        return self._classify(spiral.surfaces, spiral.surfaces, start=False)
 
     def _decided(
         self, active: list[int], met: Sequence[int], hit: Sequence[int]

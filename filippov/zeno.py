@@ -207,7 +207,7 @@ def _limit(run: Run, ends: Sequence[Event], surfaces: tuple[int, ...]) -> Accumu
     remaining = laps[-1] * ratio / (1.0 - ratio)
     t = float(times[-1] + run.direction * remaining)
     x, x_before = (_extrapolated(states[: len(states) - k], ratio) for k in (0, 1))
-    on = _onto(run, t, x, surfaces)
+    on = onto(run, t, x, surfaces)
     x_error = float(np.max(np.abs(x - x_before) + run.atol + run.options.rtol * np.abs(on)))
     return Accumulation(t, on, float(error), x_error, ratio, surfaces)
 
@@ -224,7 +224,7 @@ def _extrapolated(states: list[Array], slowest: float) -> Array:
     return np.asarray(states[-1] + last * ratio / (1.0 - ratio))
 
 
-def _onto(run: Run, t: float, x: Array, surfaces: tuple[int, ...]) -> Array:
+def onto(run: Run, t: float, x: Array, surfaces: tuple[int, ...]) -> Array:
     """The nearest point on all the surfaces (Gauss-Newton); at rest on those with a contact."""
     chosen = list(surfaces)
     resting = [i for i in surfaces if run.machine.contacts[i]]

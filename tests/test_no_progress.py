@@ -1,0 +1,89 @@
+"""Motions that get nowhere end soon, by counting work, with the cause by name, or go on in the limit."""
+
+import os
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from filippov import Status, System, parameters, sign, solve, sqrt, states
+
+PROFILE = os.environ.get("FILIPPOV_PROFILE", "default")
+DRAWS = {"default": 6, "ci": 20, "nightly": 1000}[PROFILE]
+X, Y, Z = states("x y z")
+
+
+@cache
+def ring(follower: bool) -> System:
+    """x' = a (H(q - y) - x), y' = b (H(x - p) - y): two genes with thresholds, and a third that follows."""
+    names = {"a": 1.0, "b": 1.0, "p": 0.5, "q": 0.4}
+    k = parameters(**names, **({"c": 1.0} if follower else {}))
+    on, off = (1 + sign(X - k.p)) / 2, (1 + sign(k.q - Y)) / 2
+    field = {X: k.a * (off - X), Y: k.b * (on - Y)}
+    return System(field | ({Z: k.c * (X - Z)} if follower else {}))
+
+
+@pytest.mark.parametrize("follower", [False, True])
+def test_11_8_slow_spirals_into_a_corner(follower: bool) -> None:
+    """Areas shrink at the rate a + b, so the distance falls as exp(-(a + b) t/2), in n laps as 1/n."""
+    rng = np.random.default_rng(8)
+    for number in range(DRAWS):
+        a, b, c = 10 ** rng.uniform(-0.5, 0.5, 3)
+        p, q = rng.uniform(0.2, 0.8, 2)
+        values = {"a": a, "b": b, "p": p, "q": q} | ({"c": c} if follower else {})
+        given: dict[str, Any] = {"parameters": values, "max_events": 4000}
+        x0 = (0.1, 0.2, 0.9) if follower else (0.1, 0.2)
+        half = 2 * np.log(2) / (a + b)
+        end = solve(ring(follower), x0, (0, 60 / (a + b)), **given)
+        where = f"{number}: {values}, {end.message}"
+        assert end.status is Status.MAX_EVENTS, where
+        assert "n**-1:" in end.message, where
+        told = float(end.message.split("halves every ")[1].split()[0])
+        assert told == pytest.approx(half, rel=0.03), where
+        on = solve(ring(follower), x0, (0, 60 / (a + b)), zeno="continue", **given)
+        assert on.success, f"{number}: {values}, {on.message}"
+        assert on.end_mode == (0, 0)
+        np.testing.assert_allclose(on.x_end[:2], [p, q], atol=1e-12)
+        assert "the true one is" in on.message
+        # Lap by lap until the corner, which is as near as the message says.
+        away = float(on.message.split("from which the true one is ")[1].split()[0])
+        corner = on.events[-1]
+        before = on.sol(corner.t, side="-")[:2]
+        assert np.max(np.abs(before - [p, q])) <= 1.1 * away
+        if follower:
+            # Afterwards z' = c (p - z).
+            z0 = corner.x[2]
+            late = on.t_end - corner.t
+            assert on.x_end[2] == pytest.approx(p + (z0 - p) * np.exp(-c * late), abs=1e-8)
+
+
+def test_11_8_a_sign_written_as_an_if_is_named() -> None:
+    rng = np.random.default_rng(9)
+    for _ in range(DRAWS // 5 + 1):
+        k, push, start = rng.uniform(0.5, 3), rng.uniform(-0.4, 0.4), rng.uniform(0.1, 2)
+
+        def field(time: float, x: Any, p: Any, s: Any, k: float = k, push: float = push) -> list[float]:
+            return [push - (k if x[0] > 0 else -k)]
+
+        system = System(field=field, surfaces=[], states=["x"])
+        run = solve(system, (start,), (0, 50))
+        assert not run.success
+        # It chatters along for a little while before that is certain.
+        assert 0 <= run.t_end - start / (k - push) < 5e-3
+        assert run.steps + run.rejected < 20_000
+        assert "discontinuous where no surface is declared" in run.message
+        assert "Radau" not in run.message
+
+
+def test_11_8_friction_without_a_direction_ends_where_the_body_rests() -> None:
+    """v' = -mu v/|v|: at rest after |v0|/mu, and nothing is known there."""
+    rng = np.random.default_rng(10)
+    speed = sqrt(X**2 + Y**2)
+    for _ in range(DRAWS // 5 + 1):
+        mu, v0 = rng.uniform(0.3, 3), rng.normal(size=2)
+        run = solve(System({X: -mu * X / speed, Y: -mu * Y / speed}), v0, (0, 50))
+        assert not run.success
+        assert run.t_end == pytest.approx(float(np.hypot(*v0)) / mu, rel=1e-6)
+        assert run.steps + run.rejected < 20_000
+        assert "Radau" not in run.message
