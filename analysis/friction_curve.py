@@ -9,7 +9,8 @@ import numpy.typing as npt
 import sympy
 from scipy.optimize import least_squares
 
-from filippov.analysis.identification import INPUT, Identified, check_names, estimate, parameter_bounds
+from filippov.analysis.driven_run import INPUT
+from filippov.analysis.identification import Identified, check_names, estimate, parameter_bounds
 from filippov.analysis.record import Curve
 from filippov.errors import UsageError
 from filippov.symbols import t

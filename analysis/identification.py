@@ -1,36 +1,39 @@
 """Parameters of a friction law from measured data, by least squares on the exact, event-driven model.
 
 The record is cut into windows. In each the model runs from its own initial state, which is estimated with the
-parameters, under the measured force (linear between samples, or held), stick and slip included, and the
-misfit of the position is minimised:
+parameters, under the measured force, stick and slip included, and the misfit of the position is minimised,
+weighted by the inverse of the residuals' covariance V:
 
-    min over p and (x_w, v_w):  sum_k (x(t_k; p, x_w, v_w) - x_k)^2
+    min over p and (x_w, v_w):  r' V^-1 r,   r_k = x_k - x(t_k; p, x_w, v_w),   cov = (J' V^-1 J)^-1
 
-Standard errors are those of nonlinear regression: s^2 (J^T J)^-1, s^2 the sum over the degrees of freedom.
-Sources: Bock 1983 (multiple shooting); Seber & Wild 2003, section 2.1.
+V is the noise of the position (an autoregression of order 1) and what the force leaves open: its noise, and
+its course between the samples. Intervals are Student's, with the degrees of freedom that estimating V leaves.
+Tests say whether the residuals may be those of the law; where they may not, no interval is given.
+Sources: Bock 1983 (multiple shooting); Seber & Wild 2003, chapter 6 (correlated errors); Fuller 1987 (errors
+in variables); Giesbrecht & Burns 1985 (degrees of freedom).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
 from scipy.stats import t as student
 
+from filippov.analysis.driven_run import INPUT
+from filippov.analysis.identify_fit import Fit, Fitting
+from filippov.analysis.misfit import DOUBTED, Test, misfit_tests, refusal, widened
 from filippov.analysis.record import Record
-from filippov.ensemble import solve_many
+from filippov.analysis.residual_noise import degrees_of_freedom, generalised
 from filippov.errors import UsageError
 from filippov.names import unknown
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
-STEP = 1e-6
-INPUT = ("force", "change", "bend", "twist", "interval")
-HOLDS = ("cubic", "first", "zero")
+HOLDS = ("auto", "cubic", "first", "zero")
 
 
 @dataclass(frozen=True)
@@ -40,9 +43,12 @@ class Identified:
     values       estimate by name; errors: standard errors; intervals: at `level`, by Student's t
     covariance   of the free parameters in order, shape (p, p)
     t, measured, fitted, residual   the record and the fit (for a curve: v, force, fit, misfit)
-    sigma        standard deviation of the residuals
-    degrees      degrees of freedom
-    success, message   whether the minimisation converged, and what it says
+    sigma        standard deviation of the residuals; of a record: of the noise on the position
+    degrees      degrees of freedom of the residuals
+    success, message   whether the minimisation converged and the law was not refused; what there is to say
+    hold         the force between samples that was taken; rho: correlation of the noise from sample to sample
+    tests        p of each test of the residuals, by what they must not depend on
+    refused      the sentence that refuses the law, "" where it stands; errors and intervals are then infinite
     """
 
     values: dict[str, float]
@@ -57,6 +63,10 @@ class Identified:
     degrees: int
     success: bool
     message: str
+    hold: str = ""
+    rho: float = 0.0
+    tests: dict[str, float] = field(default_factory=dict)
+    refused: str = ""
 
     @property
     def residual(self) -> Array:
@@ -69,7 +79,8 @@ class Identified:
             "values": self.values, "errors": self.errors,
             "intervals": {name: list(pair) for name, pair in self.intervals.items()},
             "covariance": self.covariance.tolist(), "level": self.level, "sigma": self.sigma,
-            "degrees": self.degrees, "success": self.success, "message": self.message,
+            "degrees": self.degrees, "success": self.success, "message": self.message, "hold": self.hold,
+            "rho": self.rho, "tests": self.tests, "refused": self.refused,
         }  # fmt: skip
 
     def __str__(self) -> str:
@@ -80,8 +91,12 @@ class Identified:
             if name in self.errors
         ]
         rows.append(f"residual standard deviation {self.sigma:.3g}, {self.degrees} degrees of freedom")
+        if self.hold:
+            rows.append(
+                f"noise correlated {self.rho:.2f} from sample to sample, force between samples: {self.hold}"
+            )
         if not self.success:
-            rows.append(f"not converged: {self.message}")
+            rows.append(self.refused or f"not converged: {self.message}")
         return "\n".join(rows)
 
 
@@ -93,7 +108,7 @@ def identify(
     start: Mapping[str, float] | None = None,
     fixed: Mapping[str, float] | None = None,
     windows: int | None = None,
-    hold: str = "cubic",
+    hold: str = "auto",
     level: float = 0.95,
     rtol: float = 1e-9,
     progress: Callable[[int, float], None] | None = None,
@@ -104,13 +119,17 @@ def identify(
     free      names of the parameters that are estimated
     start     their initial guesses; default: the system's values; fixed: values of others
     windows   number of windows; default: about one in 200 samples
-    hold      the force between samples: "cubic" through the four nearest, "first" linear, "zero" held from
-              each sample to the next (what a digital controller does)
+    hold      the force between samples: "cubic" smooth, with kinks where the mass stops or starts; "first"
+              linear; "zero" held from each sample to the next (what a digital controller does); "auto":
+              smooth, and where the residuals contradict that, the likeliest of the three
+    level     of the intervals, in (0, 1)
     progress  called with (number of evaluations, standard deviation of the misfit)
 
     Raises UsageError for unknown names and too few samples.
     """
     names = check_names(system, free, start, fixed, hold)
+    if not 0 < level < 1:
+        raise UsageError(f"level is {level}, expected a number between 0 and 1, such as 0.95.")
     count = len(record.t)
     number = max(1, round(count / 200)) if windows is None else windows
     if number < 1 or count < 4 * number or count - 2 * number <= len(names) + 1:
@@ -118,36 +137,58 @@ def identify(
             f"{count} samples for {number} windows and {len(names)} parameters are too few; give more data, "
             "or fewer windows."
         )
-    model = _Windows(record, system, names, dict(fixed or {}), number, hold, rtol)
-    guess = dict(zip(system.parameters.names, system.parameters.resolve(fixed), strict=True))
-    guess |= dict(start or {})
-    first = np.concatenate(([guess[name] for name in names], model.initial_states().ravel()))
-    low, high = parameter_bounds(system, names)
-    unbounded = np.full(first.size - len(names), np.inf)
-    low, high = np.append(low, -unbounded), np.append(high, unbounded)
-    cache: dict[bytes, tuple[Array, Array]] = {}
-    evaluations = 0
-
-    def evaluate(theta: Array) -> tuple[Array, Array]:
-        nonlocal evaluations
-        key = theta.tobytes()
-        if key not in cache:
-            cache.clear()
-            cache[key] = model.residual_and_jacobian(theta)
-            evaluations += 1
-            if progress is not None:
-                progress(evaluations, float(np.std(cache[key][0])))
-        return cache[key]
-
-    scale = np.maximum(np.abs(first), 1e-3)
-    found = least_squares(
-        lambda theta: evaluate(theta)[0], first, jac=lambda theta: evaluate(theta)[1],
-        bounds=(low, high), x_scale=scale, xtol=1e-10, ftol=1e-10, gtol=1e-12,
+    values = dict(zip(system.parameters.names, system.parameters.resolve(fixed), strict=True))
+    others = [name for name in values if name not in (*INPUT, *names)]
+    fitting = Fitting(
+        record, system, names, others, dict(fixed or {}), number, rtol, parameter_bounds(system, names),
+        progress,
     )  # fmt: skip
-    residual, jacobian = evaluate(np.asarray(found.x))
-    return estimate(
-        names, found.x, residual, jacobian, level, record.t, record.x, record.x + residual[: count],
-        bool(found.success), str(found.message),
+    guess = values | dict(start or {})
+    first = np.concatenate(([guess[name] for name in names], fitting.initial_states().ravel()))
+    force = [record.force[part] for part in fitting.known]
+
+    def attempt(kind: str) -> tuple[Fit, list[Test]]:
+        fit = fitting.fit(first, kind)
+        return fit, misfit_tests(fit, others, force)
+
+    kind = "cubic" if hold == "auto" else hold
+    fit, tests = attempt(kind)
+    if hold == "auto" and min(q.p for q in tests) * len(tests) < DOUBTED:
+        for other in ("zero", "first"):
+            again = attempt(other)
+            if again[0].success and again[0].noise.log > fit.noise.log:
+                (fit, tests), kind = again, other
+    return _identified(names, fit, tests, kind, level, record)
+
+
+def _identified(
+    names: tuple[str, ...], fit: Fit, tests: list[Test], hold: str, level: float, record: Record
+) -> Identified:
+    """The result of a fit: intervals, none where a test refuses the law, wider ones where one doubts it."""
+    p, windows, noise = len(names), fit.linear.windows, fit.noise
+    covariance = generalised(windows, noise.sigma, noise.rho, noise.kappa).covariance[:p, :p]
+    jacobian = np.vstack([w.jacobian[:, :p] for w in windows])
+    covariance[:, np.linalg.norm(jacobian, axis=0) == 0] = np.inf
+    covariance[np.linalg.norm(jacobian, axis=0) == 0] = np.inf
+    errors = np.sqrt(np.diag(covariance))
+    refused = refusal(tests)
+    low, high = np.full(p, np.inf), np.full(p, -np.inf)
+    here = (np.zeros(p), errors, degrees_of_freedom(windows, noise, range(p)))
+    for shift, size, degrees in (here, *widened(fit, tests, p)):
+        width = student.ppf(0.5 + 0.5 * level, degrees) * size
+        low, high = np.minimum(low, shift - width), np.maximum(high, shift + width)
+    if refused or not fit.success:
+        low, high, errors = np.full(p, -np.inf), np.full(p, np.inf), np.full(p, np.inf)
+        covariance = np.full((p, p), np.inf)
+    values = {name: float(v) for name, v in zip(names, fit.theta, strict=False)}
+    ends = zip(fit.theta[:p] + low, fit.theta[:p] + high, strict=True)
+    fitted = np.concatenate([m.x for m in fit.linear.motions])
+    return Identified(
+        values, dict(zip(names, errors.tolist(), strict=True)),
+        {name: (float(a), float(b)) for name, (a, b) in zip(names, ends, strict=True)},
+        covariance, level, record.t, record.x, fitted, noise.sigma, len(record.t) - len(fit.theta),
+        fit.success and not refused, refused or fit.message, hold, noise.rho,
+        {q.name: q.p for q in tests}, refused,
     )  # fmt: skip
 
 
@@ -206,98 +247,3 @@ def check_names(
     if hold not in HOLDS:
         raise UsageError(unknown("value of hold:", hold, HOLDS))
     return names
-
-
-def force_terms(record: Record, hold: str) -> Array:
-    """The applied force on each interval as a cubic in tau in [0, 1]: coefficients, shape (k - 1, 4)."""
-    t, force = record.t, record.force
-    terms = np.zeros((len(t) - 1, 4))
-    terms[:, 0] = force[:-1]
-    if hold == "first":
-        terms[:, 1] = np.diff(force)
-    if hold == "cubic":
-        for k in range(len(t) - 1):
-            first = min(max(k - 1, 0), len(t) - 4)
-            part = slice(first, first + 4)
-            tau = (t[part] - t[k]) / (t[k + 1] - t[k])
-            terms[k] = np.linalg.solve(np.vander(tau, 4, increasing=True), force[part])
-    return terms
-
-
-class _Windows:
-    """The model on all windows at once, with perturbed copies of each for the Jacobian."""
-
-    def __init__(
-        self, record: Record, system: System, names: tuple[str, ...], fixed: dict[str, float], number: int,
-        hold: str, rtol: float,
-    ) -> None:  # fmt: skip
-        self.record, self.system, self.names, self.fixed = record, system, names, fixed
-        self.rtol = rtol
-        self.terms = force_terms(record, hold)
-        # Window w holds the samples edge[w] ... edge[w + 1] - 1.
-        self.edge = np.linspace(0, len(record.t), number + 1).round().astype(int)
-        self.scale = float(np.max(np.abs(record.x - np.mean(record.x)))) or 1.0
-        self.speed = float(np.max(np.abs(np.gradient(record.x, record.t)))) or 1.0
-
-    def initial_states(self) -> Array:
-        """Position and slope of a line through the first samples of each window, shape (w, 2)."""
-        out = []
-        for first, last in zip(self.edge[:-1], self.edge[1:], strict=True):
-            part = slice(first, min(first + 6, last))
-            t, x = self.record.t[part], self.record.x[part]
-            slope, level = np.polyfit(t - t[0], x, 1)
-            out.append((level, slope if self.record.v is None else self.record.v[first]))
-        return np.array(out)
-
-    def residual_and_jacobian(self, theta: Array) -> tuple[Array, Array]:
-        """x(t_k) - x_k for all samples, and its derivatives by differences of the exact solution."""
-        p, w = len(self.names), len(self.edge) - 1
-        states = theta[p:].reshape(w, 2)
-        steps = np.concatenate(
-            (STEP * np.maximum(np.abs(theta[:p]), 1e-3), STEP * np.array([self.scale, self.speed]))
-        )
-        copies = p + 3
-        rows = np.repeat(states, copies, axis=0)
-        values = np.tile(theta[:p], (w * copies, 1))
-        for k in range(p + 2):
-            where = np.arange(w) * copies + k + 1
-            if k < p:
-                values[where, k] += steps[k]
-            else:
-                rows[where, k - p] += steps[k]
-        x = self._run(rows, values, copies)
-        residual = np.zeros(len(self.record.t))
-        jacobian = np.zeros((len(self.record.t), theta.size))
-        for q in range(w):
-            part = slice(self.edge[q], self.edge[q + 1])
-            mine = x[q * copies : (q + 1) * copies, : self.edge[q + 1] - self.edge[q]]
-            residual[part] = mine[0] - self.record.x[part]
-            slopes = (mine[1:] - mine[0]) / steps[:, None]
-            jacobian[part, :p] = slopes[:p].T
-            jacobian[part, p + 2 * q : p + 2 * q + 2] = slopes[p:].T
-        return residual, jacobian
-
-    def _run(self, rows: Array, values: Array, copies: int) -> Array:
-        """Positions at the samples of each window, one row a copy; NaN never leaves here."""
-        t = self.record.t
-        lengths = np.diff(self.edge)
-        x = np.full((len(rows), int(lengths.max())), 1e3 * self.scale)
-        x[:, 0] = rows[:, 0]
-        state = rows.copy()
-        alive = np.ones(len(rows), dtype=bool)
-        for j in range(int(lengths.max()) - 1):
-            here = np.repeat(self.edge[:-1] + j, copies)
-            active = np.nonzero(alive & np.repeat(lengths - 1 > j, copies))[0]
-            k = here[active]
-            inputs = dict(zip(INPUT[:4], self.terms[k].T, strict=True)) | {"interval": t[k + 1] - t[k]}
-            free = {name: values[active, i] for i, name in enumerate(self.names)}
-            got = solve_many(
-                self.system, state[active], (0.0, 1.0), parameters={**self.fixed, **free, **inputs},
-                rtol=self.rtol, atol=1e-3 * self.rtol * self.scale, first_step=1.0,
-            )  # fmt: skip
-            good = got.success
-            state[active] = got.x
-            x[active[good], j + 1] = got.x[good, 0]
-            # A copy that cannot go on keeps the large misfit its row was filled with.
-            alive[active[~good]] = False
-        return x
