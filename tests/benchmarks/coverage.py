@@ -15,22 +15,28 @@ import os
 import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
+# Before numpy comes: each draw has one core.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 TRUE = {"Fs": 4.0, "Fc": 2.0, "vs": 0.1, "b": 1.0}
 START = {"Fs": 3.4, "Fc": 2.5, "vs": 0.16, "b": 0.5}
 NOISE, T_END = 1e-5, 5.0
+COLUMNS = (
+    "kind", "seed", "success", "message",
+    *(column for name in TRUE for column in (name, f"{name} low", f"{name} high", f"{name} held")),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -62,7 +68,7 @@ KINDS = (
 )
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=32)
 def motion(law: str, step: float) -> tuple[Array, Array, Array]:
     """Exact t, x and force of the loop without noise."""
     from filippov import solve
@@ -159,19 +165,25 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 
 def campaign(
-    kinds: list[str], draws: int, workers: int, progress: Callable[[int], None] | None = None, first: int = 0
+    kinds: list[str],
+    draws: int,
+    workers: int,
+    first: int = 0,
+    each: Callable[[dict[str, Any]], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """The rows of all draws, in order."""
-    # Neighbours in the list are of one kind, so that a worker makes a kind's motion once.
-    tasks = [(kind, seed) for kind in kinds for seed in range(first, first + draws)]
-    if workers == 1:
-        return [draw(task) for task in tasks]
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        rows = []
-        for row in pool.map(draw, tasks, chunksize=5):
+    """The rows of all draws; `each` is called with every row as it comes."""
+    # Seed after seed, so that what an interruption leaves has as many draws of each kind.
+    tasks = [(kind, seed) for seed in range(first, first + draws) for kind in kinds]
+    rows = []
+    with (
+        ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+        if workers > 1
+        else nullcontext() as pool
+    ):
+        for row in pool.map(draw, tasks) if pool is not None else map(draw, tasks):
             rows.append(row)
-            if progress is not None:
-                progress(len(rows))
+            if each is not None:
+                each(row)
     return rows
 
 
@@ -182,16 +194,23 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="seed of the first draw")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("--kinds", help="names of kinds, with semicolons; default: all")
-    parser.add_argument("-o", "--output", type=Path, help="CSV file for the draws")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("coverage.csv"), help="CSV file of the draws"
+    )
     asked = parser.parse_args()
     kinds = asked.kinds.split(";") if asked.kinds else [kind.name for kind in KINDS]
-    rows = campaign(kinds, asked.draws, asked.workers, first=asked.first)
+    with asked.output.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+
+        def write(row: dict[str, Any]) -> None:
+            writer.writerow(row)
+            file.flush()
+
+        rows = campaign(kinds, asked.draws, asked.workers, asked.first, write)
     print(table(rows))
-    if asked.output is not None:
-        with asked.output.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
+    with asked.output.with_suffix(".txt").open("w", encoding="utf-8") as file:
+        file.write(table(rows) + "\n")
     return 0
 
 

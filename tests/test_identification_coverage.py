@@ -1,0 +1,112 @@
+"""Item 12.A.1: intervals hold the parameters that records were made with, or the law is refused by name."""
+
+import sys
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from filippov import UsageError
+from filippov.analysis.force_input import SmoothForce
+from filippov.analysis.identification import identify
+from filippov.analysis.record import Record
+from filippov.models.driven import driven_mass
+
+sys.path.insert(0, str(Path(__file__).parent / "benchmarks"))
+import coverage
+
+KINDS = {kind.name: kind for kind in coverage.KINDS}
+
+
+@lru_cache
+def drawn(name: str, draws: int) -> list[dict[str, object]]:
+    return coverage.campaign([name], draws, workers=1)
+
+
+def test_12_1_intervals_cover() -> None:
+    """Draws of every sort of noise together: fails where 90 % allow as few hits once in 10,000 times.
+
+    Before, 0 of 4 held with noise on the force, and about one in six at 20 ms.
+    """
+    rows = [*drawn("page, 20 ms", 5), *drawn("force 0.5 %", 2), *drawn("AR 0.8", 2), *drawn("held force", 1)]
+    assert all(row["success"] for row in rows), [row["message"] for row in rows]
+    for name in coverage.TRUE:
+        hits = sum(bool(row[f"{name} held"]) for row in rows)
+        assert hits >= binom.ppf(1e-4, len(rows), 0.9), (name, hits)
+
+
+@pytest.mark.parametrize("name", ["beta 1.5", "LuGre"])
+def test_12_1_another_law_is_refused(name: str) -> None:
+    """Where the record is of another law no interval is given, and the sentence says what speaks against it."""
+    (row,) = drawn(name, 1)
+    assert not row["success"]
+    assert "refused: the residuals depend on" in str(row["message"])
+    assert row["Fs low"] == -np.inf
+    assert row["Fs high"] == np.inf
+
+
+def test_12_1_a_held_force_is_recognised() -> None:
+    """The sampling is inferred where it is not declared: the sampled controller holds its effort."""
+    kind = KINDS["held force"]
+    found = identify(
+        coverage.record(kind, 0), driven_mass(), list(coverage.TRUE), start=coverage.START,
+        fixed={"m": 1, "beta": 2}, windows=2,
+    )  # fmt: skip
+    assert found.success
+    assert found.hold == "zero"
+    for name, value in coverage.TRUE.items():
+        assert abs(found.values[name] - value) < 4 * found.errors[name] < 0.01 * value
+
+
+def test_12_1_noise_is_estimated() -> None:
+    """The correlation of the position's noise from sample to sample, and its size, are estimated."""
+    kind = KINDS["AR 0.8"]
+    found = identify(
+        coverage.record(kind, 1), driven_mass(), list(coverage.TRUE), start=coverage.START,
+        fixed={"m": 1, "beta": 2}, windows=2, hold="cubic",
+    )  # fmt: skip
+    # sd(rho) = sqrt((1 - rho^2)/n) = 0.027; of the size sqrt((1 + rho^2)/(1 - rho^2)/(2 n)) = 7 %.
+    assert abs(found.rho - 0.8) < 4 * 0.027
+    assert found.sigma == pytest.approx(coverage.NOISE, rel=4 * 0.07)
+
+
+def kinked(t: np.ndarray) -> np.ndarray:
+    """3 sin 2 t up to t = 1.003, where its slope turns round; straight from there."""
+    s = 1.003
+    return np.where(t < s, 3 * np.sin(2 * t), 3 * np.sin(2 * s) + 6 * np.cos(2 * s) * -2 * (t - s))
+
+
+def test_12_1_kinks_are_kept_between_samples() -> None:
+    """Without noise a kink between samples is found where it is, and the force on both sides."""
+    t = np.arange(0, 2, 0.01)
+    force = SmoothForce(t, kinked(t), [99], t[:-1] < 1)
+    pieces = force.pieces(0, len(t))
+    starts = np.concatenate(([0.0], np.cumsum(pieces.length)))[:-1]
+    tau = np.array([0.1, 0.5, 0.9])
+    values = pieces.terms @ np.vander(tau, 4, increasing=True).T
+    truth = kinked(starts[:, None] + tau * pieces.length[:, None])
+    assert len(pieces.length) == len(t)
+    assert np.any(np.abs(starts - 1.003) < 1e-5)
+    assert np.max(np.abs(values - truth)) < 1e-5
+
+
+def test_12_1_noise_of_the_force_is_known() -> None:
+    """The smooth force lies within its spread of the true one, as often as a normal error does."""
+    t = np.arange(0, 2, 0.01)
+    noisy = kinked(t) + 0.05 * np.random.default_rng(5).standard_normal(t.size)
+    force = SmoothForce(t, noisy, [99], t[:-1] < 1)
+    assert force.s == pytest.approx(0.05, rel=4 / np.sqrt(2 * 190))
+    pieces = force.pieces(0, len(t))
+    size = np.linalg.norm(pieces.spread[:, 0], axis=1)
+    starts = np.concatenate(([0.0], np.cumsum(pieces.length)))[:-1]
+    off = (pieces.terms[:, 0] - kinked(starts)) / size
+    # Neighbours err together: some 40 independent errors among them.
+    assert 0.6 < np.sqrt(np.mean(off**2)) < 1.4
+
+
+def test_12_1_level_is_checked() -> None:
+    record = Record(np.arange(20.0), np.zeros(20), np.zeros(20))
+    with pytest.raises(UsageError, match="between 0 and 1"):
+        identify(record, driven_mass(), ["Fs"], windows=1, level=95)
