@@ -39,7 +39,7 @@ def test_12_1_intervals_cover() -> None:
 
 @pytest.mark.parametrize("name", ["beta 1.5", "LuGre"])
 def test_12_1_another_law_is_refused(name: str) -> None:
-    """Where the record is of another law no interval is given, and the sentence says what speaks against it."""
+    """Where the record is of another law there is no interval, and a sentence says why."""
     (row,) = drawn(name, 1)
     assert not row["success"]
     assert "refused: the residuals depend on" in str(row["message"])
