@@ -35,12 +35,14 @@ class Pieces:
     length   of the pieces [s], (P,); terms: coefficients, (P, 4)
     sample   number of the sample of the window at whose time the piece starts, (P,)
     spread   terms = given + spread @ z with z ~ N(0, 1): what is not known of the force, (P, 4, r)
+    known    whether the size of the spread is known, or only its shape
     """
 
     length: Array
     terms: Array
     sample: Whole
     spread: Array
+    known: bool = True
 
 
 @dataclass(frozen=True)

@@ -133,6 +133,7 @@ class SmoothForce:
         self.stretches = self._stretches(self.cuts)
         self.log_q = np.zeros(2)
         self.s = DIGITS * self.size
+        self._known: dict[tuple[int, int], tuple[Array, Array]] = {}
         self._estimate()
         for _ in range(2):
             placed = self._placed()
@@ -180,9 +181,12 @@ class SmoothForce:
     def _posterior(self, stretch: Stretch) -> tuple[Array, Array]:
         # Smoothing as strong as the likelihood asks for has a bias as large as its spread, where the force
         # bends most; averages over the samples lose nothing by less of it.
-        log_q = self.log_q[int(stretch.moving)]
-        c, root = stretch.fit(np.exp(max(log_q, LEAST[int(stretch.moving)])))
-        return c, self.s * solve_triangular(root.T, np.eye(len(c)), lower=False)
+        key = stretch.first, stretch.last
+        if key not in self._known:
+            log_q = self.log_q[int(stretch.moving)]
+            c, root = stretch.fit(np.exp(max(log_q, LEAST[int(stretch.moving)])))
+            self._known[key] = c, self.s * solve_triangular(root.T, np.eye(len(c)), lower=False)
+        return self._known[key]
 
     def _kept(self, cuts: Sequence[int]) -> list[int]:
         """Cuts that leave stretches long enough, and further ones where stretches are too long."""
@@ -266,4 +270,4 @@ def plain_pieces(t: Array, force: Array, hold: str, first: int, last: int) -> Pi
     if hold == "first":
         terms[:, 1] = np.diff(force[first:last])
         spread[k, 1, k], spread[k, 1, k + 1] = -1.0, 1.0
-    return Pieces(np.diff(t[first:last]), terms, k, spread)
+    return Pieces(np.diff(t[first:last]), terms, k, spread, known=False)

@@ -171,7 +171,7 @@ def _identified(
     covariance[:, np.linalg.norm(jacobian, axis=0) == 0] = np.inf
     covariance[np.linalg.norm(jacobian, axis=0) == 0] = np.inf
     errors = np.sqrt(np.diag(covariance))
-    refused = refusal(tests)
+    refused = refusal(fit, tests, record.x)
     low, high = np.full(p, np.inf), np.full(p, -np.inf)
     here = (np.zeros(p), errors, degrees_of_freedom(windows, noise, range(p)))
     for shift, size, degrees in (here, *widened(fit, tests, p)):

@@ -25,6 +25,8 @@ Array = npt.NDArray[np.float64]
 # Chance that one of the tests refuses the true law, and that one of them widens its intervals.
 REFUSED, DOUBTED = 1e-4, 0.05
 LAGS, BUMPS = 20, 3
+# Largest residuals in parts of the motion.
+EXPLAINED = 0.5
 
 
 @dataclass(frozen=True)
@@ -66,8 +68,14 @@ def misfit_tests(fit: Fit, fixed: Sequence[str], force: Sequence[Array]) -> list
     return tests
 
 
-def refusal(tests: Sequence[Test]) -> str:
-    """The sentence that refuses the law, "" where no test does."""
+def refusal(fit: Fit, tests: Sequence[Test], measured: Array) -> str:
+    """The sentence that refuses the law, "" where no test does; measured: the positions of the record."""
+    left = np.std(measured - np.concatenate([m.x for m in fit.linear.motions]))
+    if left > EXPLAINED * np.std(measured):
+        return (
+            f"refused: the residuals are {100 * left / np.std(measured):.0f} % of the motion, so the fit "
+            "explains nothing. Start nearer to the values, or take another law."
+        )
     worst = min(tests, key=lambda q: q.p)
     if worst.p * len(tests) >= REFUSED:
         return ""

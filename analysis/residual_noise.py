@@ -104,10 +104,29 @@ def generalised(windows: Sequence[Window], sigma: float, rho: float, kappa: floa
     return Solved(step, root, tuple(z), float(np.sum(whole[q:, q] ** 2)), log)
 
 
-def reduced(load: Array, small: float) -> tuple[Array, Array]:
-    """F with fewer columns, and those as combinations of the old; what is left out is below `small`."""
+def bounded(solved: Solved, low: Array, high: Array) -> Array:
+    """The step of least squares between bounds: what would pass its bound is held there, the rest follows."""
+    held = np.zeros(len(low), dtype=bool)
+    step = solved.step
+    right = solved.root @ step
+    for _ in range(len(low)):
+        passed = ~held & ((step < low) | (step > high))
+        if not np.any(passed):
+            break
+        held |= passed
+        step = np.where(held, np.clip(step, low, high), step)
+        rest = right - solved.root[:, held] @ step[held]
+        step[~held] = np.linalg.lstsq(solved.root[:, ~held], rest, rcond=1e-13)[0]
+    return step
+
+
+def reduced(load: Array, small: float, part: float = 0.0) -> tuple[Array, Array]:
+    """F with fewer columns, and those as combinations of the old.
+
+    What is left out moves nothing by `small`, or by more than `part` of what the whole does.
+    """
     u, s, axes = np.linalg.svd(load, full_matrices=False)
-    kept = s > small
+    kept = s > max(small, part * float(s[0])) if s.size else s > small
     return np.asarray(u[:, kept] * s[kept]), np.asarray(axes[kept].T)
 
 
@@ -134,7 +153,7 @@ def estimate_noise(windows: Sequence[Window], known: bool, least: float, start: 
         for rho in (0.0, 0.8)
         for down in (-0.3, -2.0, -4.0)
     ]  # fmt: skip
-    first += [] if start is None else [start]
+    first += [start] if start is not None and len(start) == number else []
     begin = min(first, key=cost)
     simplex = np.vstack([begin, *(begin + (0.1 if begin is start else 0.4) * np.eye(number))])
     found = minimize(

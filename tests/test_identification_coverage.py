@@ -110,3 +110,18 @@ def test_12_1_level_is_checked() -> None:
     record = Record(np.arange(20.0), np.zeros(20), np.zeros(20))
     with pytest.raises(UsageError, match="between 0 and 1"):
         identify(record, driven_mass(), ["Fs"], windows=1, level=95)
+
+
+@pytest.mark.parametrize("start", [(5.3, 2.8, 0.11, 1.3), (3.2, 1.3, 0.06, 0.6)])
+def test_12_1_jumps_of_the_objective_are_passed(start: tuple[float, ...]) -> None:
+    """A held force frees the mass at samples only; a guess at which it never moves finds the values too."""
+    kind = KINDS["held force"]
+    found = identify(
+        coverage.record(kind, 1), driven_mass(), list(coverage.TRUE),
+        start=dict(zip(coverage.TRUE, start, strict=True)), fixed={"m": 1, "beta": 2}, windows=2, hold="zero",
+    )  # fmt: skip
+    assert found.success
+    for name, value in coverage.TRUE.items():
+        # Errors of 1e-13 were the sign of a difference step that had met a jump.
+        assert abs(found.values[name] - value) < 4 * found.errors[name] < 0.01 * value
+        assert found.errors[name] > 1e-6
