@@ -11,6 +11,7 @@ Source: Bock 1983 (condensing of multiple shooting).
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -128,19 +129,34 @@ class DrivenRun:
             out.append(Motion(states[w, : last + 1], nodes, bool(alive[w])))
         return out
 
-    def slopes(self, pieces: Pieces, motion: Motion, theta: Array, by_force: bool = True) -> Slopes:
-        """Derivatives of the positions at the samples along a motion; without `by_force` those are 0."""
-        count, n, p = len(pieces.length), motion.states.shape[1], len(self.names)
+    def slopes(
+        self, windows: Sequence[Pieces], motions: Sequence[Motion], theta: Array, by_force: bool = True
+    ) -> list[Slopes]:
+        """Derivatives of the positions at the samples along motions; without `by_force` those are 0."""
+        n, p = motions[0].states.shape[1], len(self.names)
         steps = self._steps(theta)[: n + p + 4 * by_force]
-        ends = self._ends(pieces, motion.states[:-1], theta, steps)
-        slope = np.zeros((count, n, n + p + 4))
+        states = np.concatenate([m.states[:-1] for m in motions])
+        terms = np.concatenate([np.column_stack((q.terms, q.length)) for q in windows])
+        ends = self._ends(terms, states, theta, steps)
+        slope = np.zeros((len(states), n, n + p + 4))
         for q, step in enumerate(steps):
             up, down = (ends[2 * q] - ends[-1]) / step, (ends[-1] - ends[2 * q + 1]) / step
+            if 0 <= q - n < p and theta[q - n] - step < self.low[q - n]:
+                slope[:, :, q] = up
+                continue
             # Two sides that differ have a kink or a jump between them; the jump is no slope.
             kink = np.abs(up - down) > 0.1 * (np.abs(up) + np.abs(down))
             smaller = np.where(np.abs(up) < np.abs(down), up, down)
             slope[:, :, q] = np.where(kink, smaller, 0.5 * (up + down))
-        nodes = motion.nodes
+        places = np.cumsum([0, *(len(q.length) for q in windows)])
+        return [
+            self._joined(slope[a:b], motion.nodes, by_force)
+            for (a, b), motion in zip(itertools.pairwise(places), motions, strict=True)
+        ]
+
+    def _joined(self, slope: Array, nodes: Whole, by_force: bool) -> Slopes:
+        """Derivatives of a window by those of its pieces, (P, n, inputs)."""
+        count, n, p = len(slope), slope.shape[1], len(self.names)
         parameters, start = np.zeros((len(nodes), p)), np.zeros((len(nodes), n))
         force = np.zeros((len(nodes), 4 * count))
         by_p, by_start, by_term = np.zeros((n, p)), np.eye(n), np.zeros((n, 4 * count))
@@ -163,15 +179,14 @@ class DrivenRun:
         load = np.full(4, max(1e-3, float(np.max(np.abs(theta), initial=0.0))))
         return STEP * np.concatenate((scale, np.maximum(np.abs(theta), 1e-3), load))
 
-    def _ends(self, pieces: Pieces, states: Array, theta: Array, steps: Array) -> Array:
-        """Ends of all pieces, with each input moved up and down, (2 inputs + 1, P, n)."""
+    def _ends(self, terms: Array, states: Array, theta: Array, steps: Array) -> Array:
+        """Ends of pieces with terms and lengths (P, 5), inputs moved up and down, (2 inputs + 1, P, n)."""
         count, n, p = len(states), states.shape[1], len(self.names)
         copies = 2 * steps.size + 1
         rows = np.tile(states, (copies, 1, 1))
         values = np.tile(self.base, (copies, count, 1))
         values[:, :, self.places] = theta
-        values[:, :, self.inputs[:4]] = pieces.terms
-        values[:, :, self.inputs[4]] = pieces.length
+        values[:, :, self.inputs] = terms
         columns = [*self.places, *self.inputs[:4]]
         for q, step in enumerate(steps):
             for side, c in ((1.0, 2 * q), (-1.0, 2 * q + 1)):

@@ -76,6 +76,7 @@ class Fitting:
         free = np.full(2 * number, np.inf)
         self.bounds = np.append(bounds[0], -free), np.append(bounds[1], free)
         self.evaluations, self.progress = 0, progress
+        self.first: SmoothForce | None = None
 
     @property
     def known(self) -> list[slice]:
@@ -94,7 +95,7 @@ class Fitting:
 
     def fit(self, first: Array, hold: str) -> Fit:
         """The fit from theta = first; of a held force, whose objective jumps, the best over jumps nearby."""
-        pieces = self.force(hold)
+        pieces = self.force(hold)  # before the copy for short windows, which has the same first force
         theta = self.least_squares(self._by_short_windows(first, hold), pieces)
         best = self._settled(theta, pieces, hold)
         if hold != "zero":
@@ -213,7 +214,9 @@ class Fitting:
         """The force on each window before anything is known of the motion."""
         t, force = self.record.t, self.record.force
         if hold == "cubic":
-            return self.smooth((), np.ones(len(t) - 1, dtype=bool))
+            if self.first is None:
+                self.first = SmoothForce(t, force, (), np.ones(len(t) - 1, dtype=bool))
+            return tuple(self.first.pieces(q.start, q.stop) for q in self.known)
         return tuple(plain_pieces(t, force, hold, q.start, q.stop) for q in self.known)
 
     def motions(self, theta: Array, pieces: tuple[Pieces, ...]) -> tuple[Motion, ...]:
@@ -230,7 +233,7 @@ class Fitting:
         pieces = _moved(pieces, z)
         motions = self.motions(theta, pieces)
         full = self.full(theta)
-        slopes = tuple(self.run.slopes(p, m, full) for p, m in zip(pieces, motions, strict=True))
+        slopes = tuple(self.run.slopes(pieces, motions, full))
         windows, every = [], []
         for w, (part, own) in enumerate(zip(self.known, slopes, strict=True)):
             load = np.tensordot(own.force, pieces[w].spread, axes=([1, 2], [0, 1]))
@@ -270,11 +273,7 @@ class Fitting:
             return np.concatenate(rows)
 
         def slope(theta: Array) -> Array:
-            full = self.full(theta)
-            rows = [
-                self.run.slopes(p, m, full, by_force=False)
-                for p, m in zip(pieces, motions(theta), strict=True)
-            ]
+            rows = self.run.slopes(pieces, motions(theta), self.full(theta), by_force=False)
             return np.concatenate([self.jacobian(w, own) for w, own in enumerate(rows)])
 
         found = least_squares(

@@ -1,5 +1,6 @@
 """Item 12.A.1: intervals hold the parameters that records were made with, or the law is refused by name."""
 
+import json
 import sys
 from functools import lru_cache
 from pathlib import Path
@@ -12,6 +13,7 @@ from filippov import UsageError
 from filippov.analysis.force_input import SmoothForce
 from filippov.analysis.identification import identify
 from filippov.analysis.record import Record
+from filippov.cli import main
 from filippov.models.driven import driven_mass
 
 sys.path.insert(0, str(Path(__file__).parent / "benchmarks"))
@@ -45,6 +47,26 @@ def test_12_1_another_law_is_refused(name: str) -> None:
     assert "refused: the residuals depend on" in str(row["message"])
     assert row["Fs low"] == -np.inf
     assert row["Fs high"] == np.inf
+
+
+def test_12_1_the_command_refuses_as_well(tmp_path: Path) -> None:
+    """Exit code 3, intervals that are null in JSON, and the sentence; tune takes no such file."""
+    record = coverage.record(KINDS["beta 1.5"], 2)
+    rows = zip(record.t, record.x, record.force, strict=True)
+    data, out = tmp_path / "measured.csv", tmp_path / "out"
+    lines = ["t,x,force", *(f"{a:.9g},{b:.9g},{c:.9g}" for a, b, c in rows)]
+    data.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    words = ["identify", str(data), "--fixed", "m=1", "--fixed", "beta=2", "--hold", "cubic"]
+    words += ["--windows", "2"]
+    for name, value in coverage.START.items():
+        words += ["--start", f"{name}={value}"]
+    assert main([*words, "-o", str(out)]) == 3
+    found = json.loads((out / "identified.json").read_text(encoding="utf-8"))
+    assert found["refused"].startswith("refused: the residuals depend on")
+    assert found["intervals"]["Fs"] == [None, None]
+    assert found["hold"] == "cubic"
+    words = ["tune", "hunting", "--identified", str(out / "identified.json"), "--ranges", "P=5:60"]
+    assert main([*words, "-o", str(tmp_path / "tuning")]) == 2
 
 
 def test_12_1_a_held_force_is_recognised() -> None:

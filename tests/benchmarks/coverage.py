@@ -164,6 +164,13 @@ def table(rows: list[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
+def _alone(cores: Any) -> None:
+    """Keep a worker on a core of its own, so that its compiled loops start no threads."""
+    if hasattr(os, "sched_setaffinity"):
+        every = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {every[cores.get() % len(every)]})
+
+
 def campaign(
     kinds: list[str],
     draws: int,
@@ -175,11 +182,12 @@ def campaign(
     # Seed after seed, so that what an interruption leaves has as many draws of each kind.
     tasks = [(kind, seed) for seed in range(first, first + draws) for kind in kinds]
     rows = []
-    with (
-        ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-        if workers > 1
-        else nullcontext() as pool
-    ):
+    context = get_context("spawn")
+    cores = context.Queue()
+    for k in range(workers):
+        cores.put(k)
+    made = ProcessPoolExecutor(workers, context, _alone, (cores,)) if workers > 1 else nullcontext()
+    with made as pool:
         for row in pool.map(draw, tasks) if pool is not None else map(draw, tasks):
             rows.append(row)
             if each is not None:
