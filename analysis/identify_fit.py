@@ -13,7 +13,16 @@ from scipy.optimize import least_squares
 from filippov.analysis.driven_run import DrivenRun, Motion, Pieces, Slopes
 from filippov.analysis.force_input import SmoothForce, plain_pieces
 from filippov.analysis.record import Record
-from filippov.analysis.residual_noise import Noise, Window, bounded, estimate_noise, generalised, reduced
+from filippov.analysis.residual_noise import (
+    Noise,
+    Solved,
+    Window,
+    bounded,
+    estimate_noise,
+    generalised,
+    reduced,
+    squares,
+)
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
@@ -28,6 +37,9 @@ SHORT = 25
 REACH, RESTARTS, BETTER = np.geomspace(5e-4, 0.08, 12), 6, 0.9
 # Part of the residuals' size that an unknown force may move a position by and be left out.
 FINEST = 0.01
+# Damping of the steps of least squares, in errors a change by the whole size, one after the other; up to FREE
+# what the record tells at all is not held back.
+DAMPINGS, FREE = (0.0, 10.0, 100.0, 1e3, 1e4, 1e5), 100.0
 # Where the size of the force's noise is not known, part of its effect that may be left out.
 COARSE = 2e-3
 
@@ -145,12 +157,12 @@ class Fitting:
                 linear.windows, hold == "cubic", self.least, None if noise is None else noise.hidden
             )
             got = generalised(linear.windows, noise.sigma, noise.rho, noise.kappa)
-            step = bounded(got, self.bounds[0] - theta, self.bounds[1] - theta)
+            step, free = self._step(theta, pieces, z, linear, noise, got)
             theta = np.clip(theta + step, *self.bounds)
             root = np.sqrt(noise.kappa)
             z = tuple(root * axes @ own for axes, own in zip(linear.axes, got.z, strict=True))
             change = got.root @ step
-            success = bool(np.sqrt(change @ change / len(theta)) < SETTLED)
+            success = free and bool(np.sqrt(change @ change / len(theta)) < SETTLED)
             if success and turn:
                 break
         linear = self.linear(theta, pieces, z)
@@ -161,6 +173,35 @@ class Fitting:
         if not success:
             said = f"the estimates still move after {ROUNDS} rounds; start nearer, or free fewer parameters"
         return Fit(theta, linear, noise, success, said)
+
+    def _step(
+        self, theta: Array, pieces: tuple[Pieces, ...], z: tuple[Array, ...], linear: Linear, noise: Noise,
+        got: Solved,
+    ) -> tuple[Array, bool]:  # fmt: skip
+        """The step of least squares, damped until it leads down, and whether the estimates were free in it.
+
+        A window that begins at rest says nothing of its initial velocity, which would go anywhere.
+        """
+        states = np.tile((self.run.scale, self.run.speed), len(self.known))
+        scale = np.append(np.maximum(np.abs(theta[: self.count]), 1e-3), states)
+        moved = _moved(pieces, z)
+        # What the force's estimate took from the residuals does not change with the step.
+        shift = [
+            w.residual - (self.record.x[q] - m.x)
+            for w, q, m in zip(linear.windows, self.known, linear.motions, strict=True)
+        ]
+        here = squares(linear.windows, [w.residual for w in linear.windows], noise)
+        for damping in DAMPINGS:
+            step = bounded(
+                got, self.bounds[0] - theta, self.bounds[1] - theta, np.full(len(theta), damping) / scale
+            )
+            motions = self.motions(np.clip(theta + step, *self.bounds), moved)
+            residuals = [
+                self.record.x[q] - m.x + own for q, m, own in zip(self.known, motions, shift, strict=True)
+            ]
+            if squares(linear.windows, residuals, noise) < here + SETTLED:
+                return step, damping <= FREE
+        return np.zeros(len(theta)), False
 
     def _over_jumps(self, fit: Fit) -> Array | None:
         """A start beyond a jump of the objective, None where none is better.

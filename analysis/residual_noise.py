@@ -104,20 +104,37 @@ def generalised(windows: Sequence[Window], sigma: float, rho: float, kappa: floa
     return Solved(step, root, tuple(z), float(np.sum(whole[q:, q] ** 2)), log)
 
 
-def bounded(solved: Solved, low: Array, high: Array) -> Array:
-    """The step of least squares between bounds: what would pass its bound is held there, the rest follows."""
+def bounded(solved: Solved, low: Array, high: Array, damping: Array) -> Array:
+    """The step of least squares between bounds: what would pass its bound is held there, the rest follows.
+
+    damping   of each unknown: the squares of damping * step are added to what is least
+    """
     held = np.zeros(len(low), dtype=bool)
-    step = solved.step
-    right = solved.root @ step
-    for _ in range(len(low)):
+    root = np.vstack((solved.root, np.diag(damping)))
+    right = np.append(solved.root @ solved.step, np.zeros(len(low)))
+    step = np.zeros(len(low))
+    for _ in range(len(low) + 1):
+        free = root[:, ~held]
+        size = np.linalg.norm(free, axis=0)
+        size[size == 0] = 1.0
+        step[~held] = np.linalg.lstsq(free / size, right - root[:, held] @ step[held], rcond=1e-13)[0] / size
         passed = ~held & ((step < low) | (step > high))
         if not np.any(passed):
             break
         held |= passed
         step = np.where(held, np.clip(step, low, high), step)
-        rest = right - solved.root[:, held] @ step[held]
-        step[~held] = np.linalg.lstsq(solved.root[:, ~held], rest, rcond=1e-13)[0]
     return step
+
+
+def squares(windows: Sequence[Window], residuals: Sequence[Array], noise: Noise) -> float:
+    """r' V^-1 r of residuals of the windows."""
+    total = 0.0
+    for w, residual in zip(windows, residuals, strict=True):
+        r = w.load.shape[1]
+        load = np.sqrt(noise.kappa) * w.load
+        own = whitened(np.column_stack((load, residual)), noise.rho) / noise.sigma
+        total += float(np.sum(_triangle(np.vstack((own, np.eye(r, r + 1))))[r:, r] ** 2))
+    return total
 
 
 def reduced(load: Array, small: float, part: float = 0.0) -> tuple[Array, Array]:
