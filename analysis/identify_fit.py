@@ -27,7 +27,7 @@ from filippov.system import System
 
 Array = npt.NDArray[np.float64]
 # Rounds of force, noise and least squares; they end when the estimates stay within this part of their errors.
-ROUNDS, SETTLED = 8, 0.1
+ROUNDS, SETTLED = 15, 0.1
 # Rounds in which the force's kinks may still move.
 PLACING = 4
 # Samples of the windows on which the search begins.
