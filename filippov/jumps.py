@@ -37,6 +37,8 @@ ACCUMULATES = "accumulation"
 SAME, KEPT = 1e-9, 1e-6
 LATER = 8
 MOST_TOGETHER = 6
+# Steps towards the sides of several surfaces at once: one may lead behind another.
+PUSHES = 8
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,7 @@ def settle(
     reached: surfaces that the state is on, whatever locating it has left of h.
     """
     mode = off_contact(run, run.mode)
+    run.x[:] = on_active_side(run, run.x, mode)
     rates = rates_at(run, run.x, run.mode)
     resting = [i for i in range(run.machine.m) if run.machine.contacts[i] and run.mode[i] == 0.0]
     for i in (*reached, *resting):
@@ -167,6 +170,27 @@ def settle(
         if len(seen) > MOST_STATES:
             return _ambiguous(run, due, ())
     return _put(run, ends[0])
+
+
+def on_active_side(run: Run, x: Array, mode: Array) -> Array:
+    """The state moved onto the surfaces with resets that it lies behind, seen from their active sides.
+
+    Which of several surfaces is reached first is located to rounding of the dense output. What a state lies
+    behind a surface when another one is reached first has no part in its motion; carried on, it would become a
+    root of h on the way back, and hide every other one before it.
+    """
+    machine = run.machine
+    sides = np.array([m if m in r else 0.0 for m, r in zip(mode, machine.resets_from, strict=True)])
+    moved, held = x, np.zeros(machine.m, dtype=bool)
+    for _ in range(PUSHES):
+        depth = np.where(sides == 0.0, 0.0, sides * machine.guards(run.t, moved, mode))
+        if not np.any(depth < 0.0):
+            break
+        held |= depth < 0.0
+        g, _ = machine.gradients(run.t, moved, mode)
+        step, *_ = np.linalg.lstsq((sides[:, None] * g)[held], -np.minimum(depth, 0.0)[held], rcond=None)
+        moved = np.ascontiguousarray(moved + step)
+    return moved
 
 
 def _put(run: Run, end: _State) -> Settled:

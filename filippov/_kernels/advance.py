@@ -74,7 +74,7 @@ from filippov._kernels.control import (
     uniform,
 )
 from filippov._kernels.field import clear_ranges, field, project, set_mode
-from filippov._kernels.land import EPS, guard_scale, land
+from filippov._kernels.land import EPS, guard_scale, land, reached_before
 from filippov._kernels.language import NAN, Indices, Vector, kernel, shift, shift_indices, truncate
 from filippov._kernels.lap import faint, zeno_horizon, zeno_remaining
 from filippov._kernels.layout import COLUMNS, MULTIPLIER
@@ -346,6 +346,10 @@ def advance(
             if look and iw[I_PIECES] > PIECES:
                 # Guards that turn faster than the motion: longer steps cost more and hide what happens.
                 clock[STEP] = min(clock[STEP], abs(step) * float(PIECES) / float(iw[I_PIECES]))
+            if RESETS and cause == NOTHING:
+                surface, residual = reached_before(te, y, last_k, m, -1, w)
+                if surface >= 0 and residual < abs(step):
+                    cause, theta = ROOT, 1.0 - residual / abs(step)
             if cause == NOTHING and last:
                 surface = event_at_end(te, y, p, clock[T_START], m, order, w, ctx)
                 if surface >= 0:
@@ -380,6 +384,18 @@ def advance(
             failed, length, dense_length, residual = land(
                 t, x, p, m, cause, surface, step, theta, slope, line, xe, w, iw, ctx
             )
+            for _ in range(M if RESETS else 0):
+                if failed == 0:
+                    failed = field(t + length, xe, p, m, f, w, iw, ctx)
+                if failed == 0:
+                    failed = guard_state(t + length, xe, p, m, f, shift(w, W_END), w, ctx)
+                first, ago = reached_before(t + length, xe, f, m, surface, w)
+                if failed != 0 or first < 0 or ago >= abs(length):
+                    break
+                cause, surface, theta = ROOT, first, (length - direction * ago) / step
+                failed, length, dense_length, residual = land(
+                    t, x, p, m, cause, surface, step, theta, 0.0, line, xe, w, iw, ctx
+                )
             if failed == 1:
                 code = USER_ERROR
                 break

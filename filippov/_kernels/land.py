@@ -13,8 +13,11 @@ from filippov._kernels.model import (
     G_FIRST,
     I_SLIDING,
     IMPLICIT,
+    RESET_FROM,
     ROLE,
     ROUGH,
+    W_DIRECTION,
+    W_END,
     W_F,
     W_G,
     W_GT,
@@ -36,6 +39,8 @@ from filippov._kernels.radau_tables import NOT_CONVERGED
 EPS = 2.220446049250313e-16
 # Roundings of its terms that a guard may be off 0 at an event, where the integration is that accurate.
 ASTRAY = 1e4
+# A rate below this part of its terms is rounding: the state is at rest relative to the surface.
+NO_RATE = 1e-12
 
 
 @kernel
@@ -72,6 +77,28 @@ def go(
     for j in range(N):
         xe[j] = x[j] + length * w[W_K + j]
     return 0
+
+
+@kernel
+def reached_before(t: float, x: Vector, f: Vector, m: Vector, i: int, w: Vector) -> tuple[int, float]:
+    """Of the surfaces with resets that the motion has run behind, the one longest ago: (its number, how long).
+
+    (-1, 0.0) for none. The guards and their rates at (t, x) are those in W_END, f is the field; surface i is
+    left out. The dense output shows roots, and their order, to its rounding; a step shows them to that of x.
+    """
+    first, longest = -1, 0.0
+    for j in range(M):
+        value, speed = m[j] * w[W_END + 2 * j], m[j] * w[W_END + 2 * j + 1] * w[W_DIRECTION]
+        if value < 0.0 and speed < 0.0 and j != i and m[j] != 0.0 and RESET_FROM[j] != 0:
+            if RESET_FROM[j] != 2 and float(RESET_FROM[j]) != m[j]:
+                continue
+            size = abs(w[W_GT + j])
+            for a in range(N):
+                size += abs(w[W_G + j * N + a] * f[a])
+            near = 8.0 * EPS * guard_scale(j, t, x, w) - 32.0 * EPS * abs(t) * speed
+            if value < -near and speed < -NO_RATE * size and value / speed > longest:
+                first, longest = j, value / speed
+    return first, longest
 
 
 @kernel

@@ -8,7 +8,7 @@ came from, through, or, with no rate left, into a resting contact. All else is t
 from filippov._kernels.codes import NONE, RESET, RESETTING
 from filippov._kernels.control import finite
 from filippov._kernels.field import project, set_mode
-from filippov._kernels.land import EPS, guard_scale
+from filippov._kernels.land import EPS, NO_RATE, guard_scale
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.layout import COLUMNS, MULTIPLIER
 from filippov._kernels.model import (
@@ -35,8 +35,6 @@ from filippov._kernels.model import (
 )
 from filippov._kernels.resolve import CLEAR_RATE, side_rates
 
-# A rate below this part of its terms is rounding: the state is at rest relative to the surface.
-NO_RATE = 1e-12
 # The error of the time of an event, over |t|.
 INSTANT = 1.42e-14
 
