@@ -81,23 +81,33 @@ def generalised_newton(
     return states[0]
 
 
-def too_close(run: Run, x: Array, mode: Array, rates: Rates, due: Sequence[int]) -> bool:
-    """Whether all these impacts on contacts are so slow that rounding hides their order.
+def too_close(run: Run, x: Array, mode: Array, rates: Rates, due: Sequence[int]) -> list[int]:
+    """The contacts that come to rest together where impacts are so slow that rounding hides their order.
 
-    They end an accumulation of impacts, which comes to rest within as little.
+    Of the contacts that are closed, all those of which each one, the others held, is pressed back within a
+    flight of that size: they end an accumulation of impacts. None where not all of the impacts due are such.
     """
     machine = run.machine
     if not all(i < machine.m and machine.contacts[i] == mode[i] != 0 for i in due):
-        return False
+        return []
+    closed = [i for i in range(machine.m) if machine.contacts[i] == mode[i] != 0 and (rates.on(i) or i in due)]
+    while True:
+        slow = [i for i in closed if _pressed_back(run, x, mode, rates, i, [j for j in closed if j != i])]
+        if not set(due) <= set(slow):
+            return []
+        if slow == closed:
+            return slow
+        closed = slow
+
+
+def _pressed_back(
+    run: Run, x: Array, mode: Array, rates: Rates, i: int, others: Sequence[int]
+) -> bool:
+    """Whether contact i, others held, has a flight no larger than CLOSE times the rounding of h."""
     held = mode.copy()
-    held[[i for i in range(machine.m) if machine.contacts[i] == mode[i] != 0 and rates.still(i)]] = 0.0
-    for i in due:
-        others = held.copy()
-        others[[j for j in due if j != i]] = 0.0
-        _, _, (pull,) = directions(run, x, others, [i])
-        if not (pull < 0 and rates.rate[i] ** 2 <= -2.0 * pull * CLOSE * rates.h_noise[i]):
-            return False
-    return True
+    held[list(others)] = 0.0
+    _, _, (pull,) = directions(run, x, held, [i])
+    return bool(pull < 0 and rates.rate[i] ** 2 <= -2.0 * pull * CLOSE * rates.h_noise[i])
 
 
 def unresolved(run: Run, x: Array, mode: Array, rates: Rates) -> list[int]:

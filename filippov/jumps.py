@@ -296,10 +296,10 @@ def _following(run: Run, state: _State, simultaneous: str) -> list[_State] | str
     together = _composed(run, state, state.due)
     if together is not None:
         return [_next(run, state, together, state.due)]
-    if too_close(run, state.x, state.mode, state.rates, state.due):
+    if close := too_close(run, state.x, state.mode, state.rates, state.due):
         if run.options.zeno == "stop":
             return ACCUMULATES
-        return [_next(run, state, hold(run, state.x, state.mode, state.due), state.due)]
+        return [_next(run, state, hold(run, state.x, state.mode, close), state.due)]
     if simultaneous != "sequential" or clocks:
         return None
     first = _fastest(run, state)

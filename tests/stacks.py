@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from filippov import Solution, Surface, System, parameters, states
+from filippov import EventKind, Solution, Surface, System, parameters, states
 
 
 @cache
@@ -87,10 +87,14 @@ def faults(run: Solution, n: int, values: dict[str, float]) -> list[str]:
         found.append(f"energy grows by {np.max(np.diff(power)):.3g}")
     m = np.array([values.get(f"m{i}", 1.0) for i in range(n)])
     groups: dict[int, list] = {}
-    for event in run.events.of(kind="reset"):
-        groups.setdefault(event.group, []).append(event)
-    for group in groups.values():
-        inner = {event.surface for event in group} <= {f"contact {i}" for i in range(1, n)}
+    touched: dict[int, set[str]] = {}
+    for event in run.events:
+        # What comes to rest at this instant is held with it.
+        touched.setdefault(event.group, set()).add(event.surface)
+        if event.kind is EventKind.RESET:
+            groups.setdefault(event.group, []).append(event)
+    for number, group in groups.items():
+        inner = touched[number] <= {f"contact {i}" for i in range(1, n)}
         before, after = group[0].x, group[-1].x_after
         change = float(m @ (after[n:] - before[n:]))
         if inner and abs(change) > 1e-9 * float(m @ np.abs(before[n:]) + 1e-3):
