@@ -426,6 +426,8 @@ class _Loop(Settling):
             multiplier = float(multipliers[i]) if after[i] == 0 else float("nan")
             over = kind is EventKind.CROSSING and i not in hit and bool(jump.by or jump.clocks)
             root = kind in (EventKind.CROSSING, EventKind.ENTRY) and i in hit and run.hit[i] == codes.ROOT
+            # Of a contact that is rested on the residual is that of its rate.
+            root = root and not (after[i] == 0 and run.machine.contacts[i])
             if root and run.machine.callbacks is not None and not (jump.by or jump.clocks):
                 run.check_root(run.t, i, jump.x.copy(), float(residual[i]))
             run.add_event(

@@ -40,7 +40,8 @@ class Surface:
               expressions, states left out keep their values; for a function h a function r(t, x, p) -> (n,)
     side      the side from which it is reached for the reset: "+" (h > 0 before), "-" or "both"
     contact   whether the state may come to rest on the surface, in the limit of ever smaller impacts or after
-              a plastic one (see `filippov.contact`). Default: where the equations allow it; not for functions
+              a plastic one (see `filippov.contact`). Default: where the equations allow it; for functions only
+              where it is True, and then their reset has to be an impact: ModelError where it is none
 
     Raises ModelError. Static friction Fs above the limit Fc of the slip curve is radius=Fs/Fc.
     """
@@ -112,11 +113,6 @@ class Surface:
         elif not callable(self.reset):
             raise ModelError(
                 f"{where}: reset is {self.reset!r}, expected a function r(t, x, p) -> x+, because h is one."
-            )
-        elif self.contact:
-            raise ModelError(
-                f"{where}: contact=True needs a system of expressions, this one has functions. Write it with "
-                "states(...), or end the run where the impacts accumulate (zeno='stop')."
             )
 
     @property

@@ -111,7 +111,9 @@ def _at_rest(run: Run, limit: Accumulation) -> Accumulation:
         g = run.machine.gradients(limit.t, x, mode)[0][contacts]
         step, *_ = np.linalg.lstsq(g, h, rcond=None)
         x = np.ascontiguousarray(x - step)
+    now, run.clock[codes.T] = run.t, limit.t
     x = hold(run, x, mode, contacts)
+    run.clock[codes.T] = now
     speed = float(np.max(np.abs(velocity(run, x, mode)), initial=0.0))
     x_error = float(np.max(run.atol + run.options.rtol * np.abs(x)) + speed * limit.error)
     return replace(limit, x=x, x_error=x_error)

@@ -70,7 +70,6 @@ from filippov._kernels.control import (
     other_stages,
     step_factor,
     suspicious,
-    time_to_surface,
     uniform,
 )
 from filippov._kernels.field import clear_ranges, field, project, set_mode
@@ -126,21 +125,6 @@ from filippov._kernels.resolve import (
     widen,
 )
 from filippov._kernels.segment import renew_state, rough_start
-
-
-@kernel
-def shrink_invalid(clock: Vector, m: Vector, order: Indices, step: float, w: Vector) -> tuple[float, int]:
-    """Step after an invalid stage: towards the nearest surface ahead if there is one, else a quarter.
-
-    The surface is returned where it is one rounding away, -1 otherwise.
-    """
-    wait, surface = time_to_surface(m, order, w)
-    reach = max(abs(clock[T]), 1e-3 * abs(clock[T_END] - clock[T_START]))
-    if surface >= 0 and wait <= 16.0 * EPS * reach:
-        return 0.0, surface
-    if surface >= 0 and wait < 4.0 * abs(step):
-        return min(0.5 * abs(step), 0.9 * wait), -1
-    return 0.25 * abs(step), -1
 
 
 @kernel

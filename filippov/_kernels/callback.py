@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov._kernels.difference import slope
 from filippov._kernels.generated import TWICE, Generated, unit_constants
 from filippov._kernels.jit import ASK
+from filippov._kernels.plain_contact import OPEN_END, PlainContacts
 from filippov._kernels.replacement import Replacement
 from filippov._kernels.structure import Structure
 from filippov.errors import ModelError
@@ -27,7 +29,12 @@ def inside(t: float, ctx: Indices) -> float:
 
 @kernel
 def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
-    code = call_field(ctx[0], inside(t, ctx), x, p, s, m, out)
+    place = 0
+    for i in range(M):
+        # What pushes off a surface that is rested on only the callback knows.
+        if CONTACT[i] != 0 and m[i] == 0.0:
+            place = 7
+    code = call_field(ctx[place], inside(t, ctx), x, p, s, m, out)
     if code == {ASK}:
         code = call_field(ctx[7], inside(t, ctx), x, p, s, m, out)
     return code
@@ -101,6 +108,9 @@ class Callbacks:
         self.p: Any = None
         self.replacement = Replacement(field, n, len(surfaces), compiled)
         self._constant: dict[int, npt.NDArray[np.float64]] = {}
+        self.contacts = None
+        if any(surface.contact for surface in surfaces):
+            self.contacts = PlainContacts(surfaces, self._free, self._row, self._after)
         self._handles = [
             _FIELD(self._rhs),
             _GUARD(self._guarded(self._guards)),
@@ -132,10 +142,15 @@ class Callbacks:
             self.context[0] = self.context[7]
 
     def _state(self, address: int) -> npt.NDArray[np.float64]:
-        x = np.empty(self.n)
-        ctypes.memmove(x.ctypes.data, address, 8 * self.n)
-        x.flags.writeable = False
-        return x
+        return _copied(address, self.n)
+
+    def _mode(self, address: int) -> npt.NDArray[np.float64]:
+        return _copied(address, len(self.surfaces))
+
+    def _free(
+        self, t: float, x: npt.NDArray[np.float64], signs: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]:
+        return checked_vector(self.field(t, x, self.p, signs), self.n, signs)
 
     def _rhs(self, t: float, x: int, p: int, s: int, m: int, out: int) -> int:
         try:
@@ -144,17 +159,21 @@ class Callbacks:
             signs = signs[: len(self.surfaces)]
             signs.flags.writeable = False
             value = checked_vector(self.field(t, self._state(x), self.p, signs), self.n, signs)
-            ctypes.memmove(out, value.ctypes.data, 8 * self.n)
             self.replacement.count(t, x, signs, value)
+            if self.contacts is not None and self.contacts.held(mode := self._mode(m)):
+                value = self.contacts.pushed(value, t, self._state(x), signs, mode)
+            ctypes.memmove(out, value.ctypes.data, 8 * self.n)
         except BaseException as error:  # noqa: BLE001 - none can pass through C
             self.error = named_write(error, "field")
             return 1
         return 0
 
-    def _guarded(self, function: Callable[[float, int], npt.NDArray[np.float64]]) -> Callable[..., int]:
+    def _guarded(
+        self, function: Callable[[float, int, int], npt.NDArray[np.float64]]
+    ) -> Callable[..., int]:
         def call(t: float, x: int, p: int, m: int, out: int) -> int:
             try:
-                value = function(t, x)
+                value = function(t, x, m)
                 ctypes.memmove(out, value.ctypes.data, 8 * value.size)
             except BaseException as error:  # noqa: BLE001 - none can pass through C
                 self.error = error
@@ -167,18 +186,19 @@ class Callbacks:
     def _resets(self, t: float, x: int, p: int, m: int, out: int) -> int:
         try:
             i = int(ctypes.c_double.from_address(out).value)
-            m = len(self.surfaces)
-            source: Surface | TimeEvent = self.surfaces[i] if i < m else self.time_events[i - m]
-            assert source.reset is not None
-            value = checked_vector(
-                source.reset(t, self._state(x), self.p), self.n, None, f"reset of {source.name!r}"
-            )
+            value = self._after(i, t, self._state(x))
             ctypes.memmove(out, value.ctypes.data, 8 * self.n)
         except BaseException as error:  # noqa: BLE001 - none can pass through C
             self.error = named_write(error, "reset")
             return 1
         self.look()
         return 0
+
+    def _after(self, i: int, t: float, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        m = len(self.surfaces)
+        source: Surface | TimeEvent = self.surfaces[i] if i < m else self.time_events[i - m]
+        assert source.reset is not None
+        return checked_vector(source.reset(t, x, self.p), self.n, None, f"reset of {source.name!r}")
 
     def _h(self, i: int, t: float, x: npt.NDArray[np.float64]) -> float:
         surface = self.surfaces[i]
@@ -187,54 +207,71 @@ class Callbacks:
         except ValueError as error:
             raise named_write(error, f"surface {surface.name!r}") from None
 
-    def _guards(self, t: float, x: int) -> npt.NDArray[np.float64]:
+    def _guards(self, t: float, x: int, m: int) -> npt.NDArray[np.float64]:
         state = self._state(x)
-        return np.array([self._h(i, t, state) for i in range(len(self.surfaces))])
-
-    def _gradients(self, t: float, x: int) -> npt.NDArray[np.float64]:
-        m, n = len(self.surfaces), self.n
-        out = np.zeros(m * n + m)
-        state = self._state(x)
-        for i, surface in enumerate(self.surfaces):
-            if surface.linear and i in self._constant:
-                row = self._constant[i]
-            elif surface.gradient is not None:
-                value = checked_vector(
-                    surface.gradient(t, state, self.p), n, None, f"gradient of {surface.name!r}"
-                )
-                row = np.append(value, self._slope(i, t, state, n))
-            else:
-                row = np.array([self._slope(i, t, state, j) for j in range(n + 1)])
-            if surface.linear:
-                self._constant[i] = row
-            out[i * n : (i + 1) * n] = row[:n]
-            out[m * n + i] = row[n]
+        out = np.array([self._h(i, t, state) for i in range(len(self.surfaces))])
+        if self.contacts is not None:
+            mode = self._mode(m)
+            for i in self.contacts.held(mode):
+                out[i] = self.contacts.rate(i, t, state, self.contacts.signs(mode))
         return out
 
-    def _slope(self, i: int, t: float, x: npt.NDArray[np.float64], j: int) -> float:
-        """dh_i/dx_j (dh_i/dt for j = n): central differences of order 4, error about 1e-12 for smooth h."""
-        at = t if j == self.n else float(x[j])
-        reach = 2e-3 * max(abs(at), 1e-3 * float(np.max(np.abs(x), initial=0.0)), 1e-6 if at == 0.0 else 0.0)
-        reach = max(reach, 1e-9)
-        total = 0.0
-        for weight, place in ((8.0, 1.0), (-8.0, -1.0), (-1.0, 2.0), (1.0, -2.0)):
-            moved = at + place * reach
-            if j == self.n:
-                total += weight * self._h(i, moved, x)
+    def _gradients(self, t: float, x: int, m: int) -> npt.NDArray[np.float64]:
+        count, n = len(self.surfaces), self.n
+        out = np.zeros(count * n + count)
+        state = self._state(x)
+        mode = None if self.contacts is None else self._mode(m)
+        held = [] if self.contacts is None or mode is None else self.contacts.held(mode)
+        for i in range(count):
+            if self.contacts is not None and mode is not None and i in held:
+                row = self.contacts.slopes(i, t, state, self.contacts.signs(mode))
             else:
-                y = x.copy()
-                y[j] = moved
-                y.flags.writeable = False
-                total += weight * self._h(i, t, y)
-        return total / (12.0 * reach)
+                row = self._slopes_of(i, t, state)
+            out[i * n : (i + 1) * n] = row[:n]
+            out[count * n + i] = row[n]
+        return out
 
-    def _radii(self, t: float, x: int) -> npt.NDArray[np.float64]:
+    def _row(self, i: int, t: float, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """h_i, dh_i/dx and dh_i/dt."""
+        return np.concatenate([[self._h(i, t, x)], self._slopes_of(i, t, x)])
+
+    def _slopes_of(self, i: int, t: float, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        surface, n = self.surfaces[i], self.n
+        if surface.linear and i in self._constant:
+            return self._constant[i]
+        if surface.gradient is not None:
+            value = checked_vector(surface.gradient(t, x, self.p), n, None, f"gradient of {surface.name!r}")
+            row = np.append(value, self._slope(i, t, x, n))
+        else:
+            row = np.array([self._slope(i, t, x, j) for j in range(n + 1)])
+        if surface.linear:
+            self._constant[i] = row
+        return row
+
+    def _slope(self, i: int, t: float, x: npt.NDArray[np.float64], j: int) -> float:
+        """dh_i/dx_j (dh_i/dt for j = n): differences."""
+        at = t if j == self.n else float(x[j])
+        least = max(1e-3 * float(np.max(np.abs(x), initial=0.0)), 1e-6 if at == 0.0 else 0.0)
+
+        def along(moved: float) -> float:
+            if j == self.n:
+                return self._h(i, moved, x)
+            y = x.copy()
+            y[j] = moved
+            y.flags.writeable = False
+            return self._h(i, t, y)
+
+        return slope(along, at, max(abs(at), least))
+
+    def _radii(self, t: float, x: int, m: int) -> npt.NDArray[np.float64]:
         state = self._state(x)
         ends = []
         for surface in self.surfaces:
             for end in surface.radius:
                 value = end(t, state, self.p) if callable(end) else end
                 ends.append(checked_number(value, surface.name))
+            if surface.contact:
+                ends[-2 if surface.side == "+" else -1] = -OPEN_END if surface.side == "+" else OPEN_END
         return np.array(ends)
 
 
@@ -247,11 +284,20 @@ class EventCallbacks(Callbacks):
         self._handles += [rows, slopes]
         self.context[2:4] = [ctypes.cast(handle, ctypes.c_void_p).value or 0 for handle in (rows, slopes)]
 
-    def _rows(self, t: float, x: int) -> npt.NDArray[np.float64]:
-        return self._gradients(t, x)[: len(self.surfaces) * self.n]
+    def _rows(self, t: float, x: int, m: int) -> npt.NDArray[np.float64]:
+        return self._gradients(t, x, m)[: len(self.surfaces) * self.n]
 
-    def _slopes(self, t: float, x: int) -> npt.NDArray[np.float64]:
-        return self._gradients(t, x)[len(self.surfaces) * self.n :]
+    def _slopes(self, t: float, x: int, m: int) -> npt.NDArray[np.float64]:
+        return self._gradients(t, x, m)[len(self.surfaces) * self.n :]
+
+
+def _copied(address: int, size: int) -> npt.NDArray[np.float64]:
+    """Read-only copy of numbers at an address."""
+    out = np.empty(max(size, 1))
+    ctypes.memmove(out.ctypes.data, address, 8 * size)
+    out = out[:size]
+    out.flags.writeable = False
+    return out
 
 
 def _no_field(*_: Any) -> Any:

@@ -1,6 +1,6 @@
 """Step control: error norm, first step, and the tests that say whether a step needs a closer look."""
 
-from filippov._kernels.codes import LOWER, ROOT, UPPER
+from filippov._kernels.codes import LOWER, ROOT, T_END, T_START, UPPER, T
 from filippov._kernels.field import field, rate
 from filippov._kernels.land import EPS, guard_scale
 from filippov._kernels.language import Indices, Vector, from_bits, kernel, shift, sqrt, to_bits
@@ -357,6 +357,21 @@ def time_to_surface(m: Vector, order: Indices, w: Vector) -> tuple[float, int]:
             if wait < best:
                 best, surface = max(wait, 0.0), i
     return best, surface
+
+
+@kernel
+def shrink_invalid(clock: Vector, m: Vector, order: Indices, step: float, w: Vector) -> tuple[float, int]:
+    """Step after an invalid stage: towards the nearest surface ahead if there is one, else a quarter.
+
+    The surface is returned where it is one rounding away, -1 otherwise.
+    """
+    wait, surface = time_to_surface(m, order, w)
+    reach = max(abs(clock[T]), 1e-3 * abs(clock[T_END] - clock[T_START]))
+    if surface >= 0 and wait <= 16.0 * EPS * reach:
+        return 0.0, surface
+    if surface >= 0 and wait < 4.0 * abs(step):
+        return min(0.5 * abs(step), 0.9 * wait), -1
+    return 0.25 * abs(step), -1
 
 
 @kernel
