@@ -71,8 +71,10 @@ def generalised_newton(
             )
         bounce[k] = impulse * A[k, k] + L[i]  # = -e L
     q = np.array([L[i] for i in due] + [0.0] * (len(contacts) - len(due))) - bounce
-    answer = complementarity(A, q, np.zeros(len(q)), np.full(len(q), np.inf))
-    states = [x + z @ D for z in answer.solutions]
+    # In the unit of the impact: slow ones are solved to the same relative accuracy.
+    unit = float(np.max(np.abs(q))) or 1.0
+    answer = complementarity(A, q / unit, np.zeros(len(q)), np.full(len(q), np.inf))
+    states = [x + unit * (z @ D) for z in answer.solutions]
     if not states:
         return "The generalised Newton law has no solution here."
     scale = np.abs(x) + np.max(np.abs(D)) * np.max(np.abs(L)) + run.atol
@@ -90,7 +92,9 @@ def too_close(run: Run, x: Array, mode: Array, rates: Rates, due: Sequence[int])
     machine = run.machine
     if not all(i < machine.m and machine.contacts[i] == mode[i] != 0 for i in due):
         return []
-    closed = [i for i in range(machine.m) if machine.contacts[i] == mode[i] != 0 and (rates.on(i) or i in due)]
+    closed = [
+        i for i in range(machine.m) if machine.contacts[i] == mode[i] != 0 and (rates.on(i) or i in due)
+    ]
     while True:
         slow = [i for i in closed if _pressed_back(run, x, mode, rates, i, [j for j in closed if j != i])]
         if not set(due) <= set(slow):

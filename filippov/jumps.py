@@ -176,8 +176,8 @@ def on_active_side(run: Run, x: Array, mode: Array) -> Array:
     """The state moved onto the surfaces with resets that it lies behind, seen from their active sides.
 
     Which of several surfaces is reached first is located to rounding of the dense output. What a state lies
-    behind a surface when another one is reached first has no part in its motion; carried on, it would become a
-    root of h on the way back, and hide every other one before it.
+    behind a surface when another one is reached first has no part in its motion; carried on, it would become
+    a root of h on the way back, and hide every other one before it.
     """
     machine = run.machine
     sides = np.array([m if m in r else 0.0 for m, r in zip(mode, machine.resets_from, strict=True)])

@@ -40,8 +40,8 @@ class Surface:
               expressions, states left out keep their values; for a function h a function r(t, x, p) -> (n,)
     side      the side from which it is reached for the reset: "+" (h > 0 before), "-" or "both"
     contact   whether the state may come to rest on the surface, in the limit of ever smaller impacts or after
-              a plastic one (see `filippov.contact`). Default: where the equations allow it; for functions only
-              where it is True, and then their reset has to be an impact: ModelError where it is none
+              a plastic one (see `filippov.contact`). Default: where the equations allow it; for functions
+              only where it is True, and then the reset has to be an impact: ModelError where it is none
 
     Raises ModelError. Static friction Fs above the limit Fc of the slip curve is radius=Fs/Fc.
     """

@@ -13,7 +13,7 @@ A guard that needs this in many places asks for a shorter step.
 from filippov._kernels.bernstein import bernstein_value, deflate, first_root
 from filippov._kernels.codes import LOWER, NOTHING, OBSERVER, ROOT, TOUCH, UNRESOLVED, UPPER
 from filippov._kernels.field import field, only_sliding
-from filippov._kernels.language import Indices, Vector, kernel, shift
+from filippov._kernels.language import Indices, Vector, kernel, shift, sqrt
 from filippov._kernels.layout import CHECKS, COLUMNS, LANES, MULTIPLIER, RATE_MINUS, RATE_PLUS, SPLITS
 from filippov._kernels.model import (
     AFFINE,
@@ -144,11 +144,12 @@ def sliding_guards(out: Vector, w: Vector, iw: Indices) -> None:
         else:
             out[i] = hi - mult[MULTIPLIER]
             out[M + i] = mult[MULTIPLIER] - lo
-        # A contact has one end: the other side of its set is open.
+        # A contact has one end: the other side of its set is open, and further off than that end, whose row
+        # may be as negative as it likes.
         if CONTACTS and hi > OPEN:
-            out[i] = 1.0
+            out[i] = sqrt(1.0 + out[M + i] * out[M + i])
         if CONTACTS and lo < -OPEN:
-            out[M + i] = 1.0
+            out[M + i] = sqrt(1.0 + out[i] * out[i])
 
 
 @kernel
