@@ -90,7 +90,7 @@ def pending(run: Run, surfaces: Sequence[int]) -> list[int]:
     if not active:
         return []
     rates = rates_at(run, run.x, run.mode)
-    return [i for i in active if _runs_onto(run, run.x, mode, rates, i)]
+    return [i for i in active if runs_onto(run, run.x, mode, rates, i)]
 
 
 def starting(run: Run, near: Sequence[int]) -> list[int]:
@@ -358,7 +358,7 @@ def _next(run: Run, state: _State, x: Array, applied: Sequence[int]) -> _State:
     due = sorted(over | {i for i in state.due if i >= machine.m and i not in applied})
     for i in range(machine.m):
         active = i not in due and mode[i] in machine.resets_from[i] and rates.on(i)
-        if not active or not _runs_onto(run, x, mode, rates, i):
+        if not active or not runs_onto(run, x, mode, rates, i):
             continue
         if i in applied and rates.still(i) and not _holds_back(run, x, mode, i):
             mode[i] = -mode[i]
@@ -379,7 +379,7 @@ def _turns(run: Run, state: _State, i: int, applied: Sequence[int]) -> bool:
     return not rates_at(run, x, state.mode, state.rates).into(i, state.mode[i])
 
 
-def _runs_onto(run: Run, x: Array, mode: Array, rates: Rates, i: int) -> bool:
+def runs_onto(run: Run, x: Array, mode: Array, rates: Rates, i: int) -> bool:
     """Whether the motion on its side of surface i runs onto it, by the first derivative that is not 0."""
     if not rates.still(i):
         return rates.into(i, mode[i])

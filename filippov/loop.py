@@ -26,6 +26,7 @@ from filippov.options import Options
 from filippov.passed import passed, slipped
 from filippov.patience import Patience
 from filippov.problem import Problem
+from filippov.reset_cycle import rests_in_cycle
 from filippov.run import Run
 from filippov.settling import Ended, Settling
 from filippov.slow_spiral import slow_spiral
@@ -324,6 +325,11 @@ class _Loop(Settling):
         jump = jump or Jump(run.signs, run.x.copy())
         self._back()
         settled = settle(run, active, self.options.simultaneous, hit)
+        if settled.status is Status.ZENO and self.options.zeno == "continue":
+            led, run.x[:] = run.x.copy(), jump.x
+            if any(rests_in_cycle(run, i) for i in active if i < m):
+                return self._reached()
+            run.x[:] = led
         if settled.status is not None:
             return self._end(settled.status, f"at state {state_text(run)} {settled.detail}")
         jump = replace(jump, by=tuple(i for i in settled.surfaces if i < m))

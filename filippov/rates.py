@@ -17,6 +17,8 @@ from filippov.run import Run
 EPS = float(np.finfo(float).eps)
 # A rate below this part of its terms is rounding.
 NO_RATE = 1e-12
+# The same where gradients are differences.
+DIFFERENCES = 1e-10
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,8 @@ def rates_at(run: Run, x: Array, mode: Array, before: Rates | None = None) -> Ra
         drift = a @ np.abs(field) + at
         extra = NO_RATE * (a @ np.abs(x)) + 64 * EPS * (at * abs(t) + elapsed * drift)
         rate_noise[contacts] += extra[contacts]
+        if machine.system.field is not None:
+            rate_noise[contacts] += DIFFERENCES * terms[contacts]
     if before is not None:
         h_noise, rate_noise = np.fmax(h_noise, before.h_noise), np.fmax(rate_noise, before.rate_noise)
     return Rates(h, run.direction * (finite @ field + gt), h_noise, rate_noise)

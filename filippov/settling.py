@@ -16,6 +16,7 @@ from filippov.machine import Array
 from filippov.options import Options
 from filippov.patience import Patience
 from filippov.rates import off_contact
+from filippov.reset_cycle import rests_in_cycle
 from filippov.run import Run
 from filippov.slow_spiral import SlowSpiral, slow_spiral
 from filippov.status import Status
@@ -79,9 +80,15 @@ class Settling(ABC):
             return self._end(Status.ZENO, detail)
         machine = run.machine
         open_ends = [i for i in limit.surfaces if machine.resets_from[i] and not machine.contacts[i]]
+        if open_ends and run.events[-1].index in open_ends and rests_in_cycle(
+            run, run.events[-1].index, limit
+        ):
+            return self._reached()
         if open_ends:
             names = ", ".join(repr(machine.surfaces[i].name) for i in open_ends)
             detail += f" There is no resting contact on {names} to go on with (see the docstring of Surface)."
+            if machine.system.field is not None:
+                detail += " contact=True gives one to a surface of functions whose reset is an impact."
             return self._end(Status.ZENO, detail)
         rested = [i for i in limit.surfaces if machine.contacts[i]]
         if unending := endless(run, limit.x, off_contact(run, run.mode), rested):

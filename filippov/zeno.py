@@ -210,6 +210,10 @@ def _limit(run: Run, ends: Sequence[Event], surfaces: tuple[int, ...]) -> Accumu
     t = float(times[-1] + run.direction * remaining)
     x, x_before = (_extrapolated(states[: len(states) - k], ratio) for k in (0, 1))
     on = onto(run, t, x, surfaces)
+    known = float(np.max(np.abs(x - x_before) + run.atol + run.options.rtol * np.abs(x)))
+    if len(surfaces) > 1 and float(np.max(np.abs(on - x))) > WITHIN * known:
+        # Surfaces that do not meet, whose resets lead from one to the other: the limit on the one met last.
+        on = onto(run, t, x, (ends[-1].index,))
     x_error = float(np.max(np.abs(x - x_before) + run.atol + run.options.rtol * np.abs(on)))
     return Accumulation(t, on, float(error), x_error, ratio, surfaces)
 

@@ -11,7 +11,10 @@ from filippov import Status, solve
 PROFILE = os.environ.get("FILIPPOV_PROFILE", "default")
 # The more bodies, the longer a draw takes: 300 in all in "ci", 10,200 in "nightly".
 DRAWS = {"default": (10,) * 6, "ci": (120, 100, 40, 20, 12, 8), "nightly": (1700,) * 6}[PROFILE]
-NAMED = (Status.NON_UNIQUE, Status.MAX_EVENTS, Status.ZENO, Status.NO_CONTINUATION)
+# Impacts whose order rounding hides and whose result depends on it, and clusters of tens of thousands.
+NAMED = (Status.NON_UNIQUE, Status.MAX_EVENTS)
+# Part of the draws that may end so: those that start with such impacts are among them.
+RARE = 0.1
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
@@ -20,10 +23,19 @@ def test_11_A_random_stacks_keep_the_laws_of_impact(n: int) -> None:
     ends = []
     for k in range(DRAWS[n - 1]):
         start, values = draw(random, n)
-        run = solve(stack(n), start, (0, 3), parameters=values, zeno="continue", max_events=5000)
+        run = solve(stack(n), start, (0, 3), parameters=values, zeno="continue", max_events=20_000)
         ends.append(run.status)
         assert run.success or run.status in NAMED, (k, run.message)
-        # A run that says that it went wrong is no answer; every other one keeps the laws to its end.
-        assert run.status is Status.NO_CONTINUATION or not faults(run, n, values), (k, start, values)
-    # What is named instead of answered must stay the exception.
-    assert sum(status is Status.SUCCESS for status in ends) >= 0.8 * len(ends), ends
+        assert not faults(run, n, values), (k, start, values)
+    named = sum(status is not Status.SUCCESS for status in ends)
+    assert named <= max(2, RARE * len(ends)), ends
+
+
+@pytest.mark.parametrize(("n", "k"), [(3, 29), (4, 46), (4, 67), (4, 94)])
+def test_11_2_clusters_of_impacts_leave_no_contact_on_its_far_side(n: int, k: int) -> None:
+    random = np.random.default_rng(n)
+    for _ in range(k + 1):
+        start, values = draw(random, n)
+    run = solve(stack(n), start, (0, 3), parameters=values, zeno="continue", max_events=50_000)
+    assert run.success, run.message
+    assert not faults(run, n, values)

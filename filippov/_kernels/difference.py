@@ -10,7 +10,6 @@ REACH, SHORTER, ROUNDS = 2e-3, 8.0, 7
 # Of the slope: how far the differences over one and over two such lengths may differ, whose error of order 4 is
 # about the square of that.
 STRAIGHT = 1e-5
-ROUNDING = 64 * EPS
 
 
 def slope(function: Callable[[float], float], at: float, size: float) -> float:
@@ -23,12 +22,14 @@ def slope(function: Callable[[float], float], at: float, size: float) -> float:
     for _ in range(ROUNDS):
         high, low, higher, lower = (function(at + place * reach) for place in (1.0, -1.0, 2.0, -2.0))
         one, two = (high - low) / (2.0 * reach), (higher - lower) / (4.0 * reach)
-        noise = ROUNDING * (abs(high) + abs(low) + abs(higher) + abs(lower)) / reach
-        bend = abs(one - two)
         found = (8.0 * (high - low) - (higher - lower)) / (12.0 * reach)
-        if bend <= STRAIGHT * max(abs(one), abs(two)) + noise:
-            return found
-        if bend < least:
-            best, least = found, bend
+        largest, bend = max(abs(one), abs(two)), abs(one - two)
+        rounding = EPS * (abs(high) + abs(low) + abs(higher) + abs(lower)) / reach
+        # What is left: the next power of the length, and rounding of the argument and of the values over it.
+        error = 0.2 * bend * bend / (largest + 1e-300) + rounding + EPS * abs(at) * largest / reach
+        if error < least:
+            best, least = found, error
+        if bend <= STRAIGHT * largest + 64.0 * rounding:
+            break
         reach /= SHORTER
     return best

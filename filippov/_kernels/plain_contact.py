@@ -21,7 +21,7 @@ Array = npt.NDArray[np.float64]
 Function = Callable[[float, Array], Array]
 OPEN_END = 1e300
 # Of the states: how far off rest the reset is looked at; part of what it changes there that counts as none.
-OFF_REST, NONE = 1e-4, 1e-6
+OFF_REST, NONE = 1e-4, 1e-4
 
 
 class PlainContacts:
