@@ -1,7 +1,8 @@
 """Rest on surfaces whose resets lead onto each other, as a rimless wheel comes to stand on two spokes.
 
 Where the impacts on surfaces without a contact accumulate, the limit may be several states at once: each at
-rest on its surface (h = dh/dt = 0), run onto by the motion, and led by its reset to the next, round to the first.
+rest on its surface (h = dh/dt = 0), run onto by the motion, and led by its reset to the next, the last to the
+first.
 The motion stays there if it has no velocity: if 0 is a convex combination of the fields at these states, each
 led to the first state by the derivatives of the resets.
 
@@ -39,16 +40,17 @@ class Place:
 
 
 def rests_in_cycle(run: Run, i: int, limit: Accumulation | None = None) -> bool:
-    """Whether the run, on surface i or at a limit there, stays in a cycle of resets until its end; moves it there.
+    """Move the run to its end if it rests in a cycle of resets, on surface i or at a limit there; True then.
 
     The event "sliding entry" on surface i says so.
     """
     kept_t, kept_x = run.t, run.x.copy()
     if limit is not None:
         run.clock[codes.T] = limit.t
-    x = _at_rest(run, run.x if limit is None else limit.x, i)
+    given = kept_x if limit is None else limit.x
+    x = _at_rest(run, given, i)
     near = run.atol + run.options.rtol * np.abs(run.x) if limit is None else WITHIN * limit.x_error
-    cycle = reset_cycle(run, x, i) if np.all(np.abs(x - (kept_x if limit is None else limit.x)) <= near) else ()
+    cycle = reset_cycle(run, x, i) if np.all(np.abs(x - given) <= near) else ()
     stays = bool(cycle) and _stays(run, cycle)
     run.clock[codes.T] = kept_t
     if not stays:

@@ -35,7 +35,7 @@ FLOORS: dict[str, float] = {
     "filippov.rates": 3.9, "filippov.impact_law": 3.95, "filippov.stiffness": 3.9,
     "filippov.reduction": 2, "filippov.higher_order": 3.05, "filippov.patience": 4.01,
     "filippov.settling": 4.055,
-    "filippov.zeno": 3.96, "filippov.slow_spiral": 3.97, "filippov.jumps": 4, "filippov.solution": 4,
+    "filippov.zeno": 3.96, "filippov.slow_spiral": 3.97, "filippov.jumps": 4, "filippov.reset_cycle": 4.01, "filippov.solution": 4,
     "filippov.two_fold": 3.01, "filippov.slide_again": 3.15, "filippov.fold_point": 3.2,
     "filippov.solution_tree": 4.05,
     "filippov.loop": 4.06, "filippov.branching": 4.07, "filippov.solver": 4.1,

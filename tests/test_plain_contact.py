@@ -1,4 +1,4 @@
-"""Resting contact on surfaces given by functions: the same motion as their twins of expressions, closed forms."""
+"""Resting contact on surfaces given by functions: their twins of expressions, closed forms."""
 
 import math
 import os

@@ -26,7 +26,7 @@ def wheel(linear: bool, more: bool = False, kicked: bool = False) -> System:
 
 
 def limit(speed: float, alpha: float, k: float) -> float:
-    """The time after which the linear wheel rests, that starts on a new spoke with a speed below alpha sqrt(k)."""
+    """The time after which the linear wheel rests, from a speed below alpha sqrt(k) on a new spoke."""
     total, top, c = 0.0, alpha * math.sqrt(k), math.cos(2 * alpha)
     while speed > 1e-18:
         total += 2 * math.atanh(speed / top) / math.sqrt(k)

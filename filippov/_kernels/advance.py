@@ -68,6 +68,7 @@ from filippov._kernels.control import (
     mark_grazed,
     mark_hits,
     other_stages,
+    shrink_invalid,
     step_factor,
     suspicious,
     uniform,

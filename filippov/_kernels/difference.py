@@ -1,13 +1,13 @@
-"""Derivatives of functions by central differences of order 4, over a length on which the function is straight."""
+"""Derivatives of functions by central differences of order 4, over a length on which they are straight."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 EPS = 2.220446049250313e-16
-# Part of its argument, or of what stands for its size, that a difference reaches at first; how much shorter then.
+# Part of its argument, or of what stands for its size, that a difference reaches at first; then shorter.
 REACH, SHORTER, ROUNDS = 2e-3, 8.0, 7
-# Of the slope: how far the differences over one and over two such lengths may differ, whose error of order 4 is
+# Of the slope: how far the differences over one and over two such lengths may differ; the error of order 4 is
 # about the square of that.
 STRAIGHT = 1e-5
 
@@ -15,7 +15,8 @@ STRAIGHT = 1e-5
 def slope(function: Callable[[float], float], at: float, size: float) -> float:
     """f'(at), the error about 1e-11 for smooth f; size: that of the argument.
 
-    f may turn faster than its argument is large (sin(t) at t = 1000): the length is shortened until f is straight.
+    f may turn faster than its argument is large (sin(t) at t = 1000): the length is shortened until f is
+    straight, or until rounding is more than what is left.
     """
     reach = max(REACH * size, 1e-9)
     best, least = 0.0, float("inf")

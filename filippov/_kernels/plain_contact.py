@@ -2,8 +2,8 @@
 
     L = dh/dt = h_t + grad h . f,   x' = f + side (1 - side s)/2 D,   L' = 0
 
-D is the direction in which the reset moves a state that runs onto the surface, just off rest; only its direction
-acts on the motion, as s follows from L' = 0. Derivatives are differences, those of L differences of differences.
+D is the direction in which the reset moves a state that runs onto the surface, just off rest. Its length does
+not act on the motion, as s follows from L' = 0. Derivatives are differences, those of L of differences.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class PlainContacts:
         return out
 
     def pushed(self, field: Array, t: float, x: Array, s: Array, mode: Array) -> Array:
-        """The field with what pushes off the surfaces that the state rests on; s: all signs and multipliers."""
+        """The field with what pushes off the surfaces that the state rests on; s: signs and multipliers."""
         for i in self.held(mode):
             side = self.side[i]
             field = field + 0.5 * side * (1.0 - side * s[i]) * self.direction(i, t, x, self.signs(mode))
@@ -164,6 +164,6 @@ class PlainContacts:
     def _refuse(self, i: int, why: str) -> None:
         raise ModelError(
             f"surface {self.surfaces[i].name!r}: there is no resting contact, for {why}. contact=True fits a "
-            "reset that keeps h and turns dh/dt round, as an impact does; leave it out to end the run where the "
-            "impacts accumulate."
+            "reset that keeps h and turns dh/dt round, as an impact does; leave it out to end the run where "
+            "the impacts accumulate."
         )
