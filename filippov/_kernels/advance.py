@@ -369,7 +369,7 @@ def advance(
             failed, length, dense_length, residual = land(
                 t, x, p, m, cause, surface, step, theta, slope, line, xe, w, iw, ctx
             )
-            for _ in range(M if RESETS else 0):
+            for _ in range(M if RESETS and M > 1 else 0):
                 if failed == 0:
                     failed = field(t + length, xe, p, m, f, w, iw, ctx)
                 if failed == 0:
