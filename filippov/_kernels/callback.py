@@ -250,18 +250,19 @@ class Callbacks:
 
     def _slope(self, i: int, t: float, x: npt.NDArray[np.float64], j: int) -> float:
         """dh_i/dx_j (dh_i/dt for j = n): differences."""
-        at = t if j == self.n else float(x[j])
-        least = max(1e-3 * float(np.max(np.abs(x), initial=0.0)), 1e-6 if at == 0.0 else 0.0)
-
-        def along(moved: float) -> float:
-            if j == self.n:
-                return self._h(i, moved, x)
+        largest = float(np.max(np.abs(x), initial=0.0))
+        if j == self.n:
+            # Time has no scale of its own: h may turn faster than t is large.
+            size = max(abs(t), 1e-3 * largest, 1e-6 if t == 0.0 else 0.0)
+            return slope(lambda moved: self._h(i, moved, x), t, size)
+        at, total = float(x[j]), 0.0
+        reach = max(2e-3 * max(abs(at), 1e-3 * largest, 1e-6 if at == 0.0 else 0.0), 1e-9)
+        for weight, place in ((8.0, 1.0), (-8.0, -1.0), (-1.0, 2.0), (1.0, -2.0)):
             y = x.copy()
-            y[j] = moved
+            y[j] = at + place * reach
             y.flags.writeable = False
-            return self._h(i, t, y)
-
-        return slope(along, at, max(abs(at), least))
+            total += weight * self._h(i, t, y)
+        return total / (12.0 * reach)
 
     def _radii(self, t: float, x: int, m: int) -> npt.NDArray[np.float64]:
         state = self._state(x)
