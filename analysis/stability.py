@@ -10,6 +10,7 @@ from sympy import Expr, Symbol
 
 from filippov.analysis import stability_text
 from filippov.analysis.budget import Clock, OutOfBudgetError
+from filippov.analysis.certificates.decide import decided
 from filippov.analysis.contact_stability import contact_stability, in_contact
 from filippov.analysis.equilibria import equilibria
 from filippov.analysis.equilibrium import EquilibriumPoint, EquilibriumSet
@@ -89,7 +90,7 @@ def stability_report(
     for equilibrium in found:
         context = Context(system, form, values, told, symbol, hook, clock)
         try:
-            items += _items(context, equilibrium, t)
+            items += [decided(context, item) for item in _items(context, equilibrium, t)]
         except OutOfBudgetError as error:
             notes.append(
                 f"stopped after {len(items)} of {len(found)} equilibria: {error}. Give a larger budget."

@@ -1,0 +1,46 @@
+"""The certificates in the order in which they are asked, for what the linear part leaves undecided."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from filippov.analysis.certificates.certificate import Certificate
+from filippov.analysis.certificates.line import line
+from filippov.analysis.certificates.local import Local, local
+from filippov.analysis.certificates.planar import planar
+from filippov.analysis.equilibrium import EquilibriumPoint
+from filippov.analysis.forcing import depends_on_time
+from filippov.analysis.stability_context import Context
+from filippov.analysis.stability_result import EquilibriumStability
+
+POINTS: Sequence[Callable[[Local], Certificate | None]] = (line, planar)
+
+
+def decided(context: Context, item: EquilibriumStability) -> EquilibriumStability:
+    """The analysis of an equilibrium with the verdict of the first certificate that has one."""
+    if item.answer != "undecided":
+        return item
+    context.clock.check()
+    found = certify(context, item)
+    if found is None:
+        return item
+    return replace(item, answer=found.answer, statements=(*found.statements(), *item.statements))
+
+
+def certify(context: Context, item: EquilibriumStability) -> Certificate | None:
+    """The first certificate for an equilibrium, or None."""
+    system = context.system
+    if depends_on_time(system) or any(e.reset is not None for e in system.time_events):
+        return None
+    if not isinstance(item.equilibrium, EquilibriumPoint):
+        return None
+    beside = local(context, item.equilibrium)
+    if beside is None:
+        return None
+    for ask in POINTS:
+        found = ask(beside)
+        if found is not None:
+            return found
+        context.clock.check()
+    return None
