@@ -6,15 +6,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from filippov.analysis.certificates.certificate import Certificate
+from filippov.analysis.certificates.energy import energy
 from filippov.analysis.certificates.line import line
 from filippov.analysis.certificates.local import Local, local
+from filippov.analysis.certificates.masses import masses
 from filippov.analysis.certificates.planar import planar
 from filippov.analysis.equilibrium import EquilibriumPoint
 from filippov.analysis.forcing import depends_on_time
 from filippov.analysis.stability_context import Context
 from filippov.analysis.stability_result import EquilibriumStability
 
-POINTS: Sequence[Callable[[Local], Certificate | None]] = (line, planar)
+POINTS: Sequence[Callable[[Local], Certificate | None]] = (line, planar, energy)
 
 
 def decided(context: Context, item: EquilibriumStability) -> EquilibriumStability:
@@ -33,8 +35,9 @@ def certify(context: Context, item: EquilibriumStability) -> Certificate | None:
     system = context.system
     if depends_on_time(system) or any(e.reset is not None for e in system.time_events):
         return None
-    if not isinstance(item.equilibrium, EquilibriumPoint):
-        return None
+    found = masses(context, item.equilibrium)
+    if found is not None or not isinstance(item.equilibrium, EquilibriumPoint):
+        return found
     beside = local(context, item.equilibrium)
     if beside is None:
         return None
