@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from filippov.analysis.certificates.centre import centre
 from filippov.analysis.certificates.certificate import Certificate
 from filippov.analysis.certificates.energy import energy
 from filippov.analysis.certificates.line import line
 from filippov.analysis.certificates.local import Local, local
 from filippov.analysis.certificates.masses import masses
 from filippov.analysis.certificates.planar import planar
+from filippov.analysis.certificates.relay_order import relay_order
+from filippov.analysis.certificates.relays import relays
 from filippov.analysis.equilibrium import EquilibriumPoint
 from filippov.analysis.forcing import depends_on_time
 from filippov.analysis.stability_context import Context
 from filippov.analysis.stability_result import EquilibriumStability
 
-POINTS: Sequence[Callable[[Local], Certificate | None]] = (line, planar, energy)
+POINTS: Sequence[Callable[[Local], Certificate | None]] = (line, planar, energy, centre, relay_order, relays)
 
 
 def decided(context: Context, item: EquilibriumStability) -> EquilibriumStability:
