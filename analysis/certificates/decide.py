@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from filippov.analysis.certificates.centre import centre
 from filippov.analysis.certificates.certificate import Certificate
+from filippov.analysis.certificates.cones import cones
 from filippov.analysis.certificates.energy import energy
 from filippov.analysis.certificates.line import line
 from filippov.analysis.certificates.local import Local, local
@@ -19,7 +20,7 @@ from filippov.analysis.forcing import depends_on_time
 from filippov.analysis.stability_context import Context
 from filippov.analysis.stability_result import EquilibriumStability
 
-POINTS: Sequence[Callable[[Local], Certificate | None]] = (line, planar, energy, centre, relay_order, relays)
+POINTS: Sequence[Callable[[Local], Certificate | None]] = (line, planar, energy, centre, relay_order, relays, cones)
 
 
 def decided(context: Context, item: EquilibriumStability) -> EquilibriumStability:

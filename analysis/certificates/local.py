@@ -17,6 +17,8 @@ from filippov.symbols import t as time
 MOST_SIDES = 64
 # A place as near to a surface as this and not on it is not told from one on it.
 NEAR = 1e-12
+# A place found numerically is tried as a fraction of this denominator.
+ROUND = 5040
 Signs = tuple[int, ...]
 
 
@@ -62,7 +64,10 @@ def local(context: Context, point: EquilibriumPoint) -> Local | None:
     form, system = context.form, context.system
     values = {**context.values, **context.put}
     at = [exact(sympy.S(e).subs(values)) for e in point.x]
-    if not point.exact or any(not e.is_number or not e.is_finite for e in at):
+    rounded = None if point.exact else _rounded(context, point)
+    if rounded is not None:
+        at = rounded
+    if not (point.exact or rounded) or any(not e.is_number or not e.is_finite for e in at):
         return None
     shift = {x: x + e for x, e in zip(form.x, at, strict=True)}
     place = dict(zip(form.x, at, strict=True))
@@ -117,6 +122,17 @@ def local(context: Context, point: EquilibriumPoint) -> Local | None:
         resets,
         {k: system.surfaces[on[k]].side for k in resets},
     )
+
+
+def _rounded(context: Context, point: EquilibriumPoint) -> list[Expr] | None:
+    """Simple fractions beside numbers found numerically at which the field is 0; None where it is not."""
+    values = {**context.values, **context.put}
+    at = [sympy.Rational(round(v * ROUND), ROUND) for v in point.value]
+    if any(abs(float(a) - v) > 1e-6 for a, v in zip(at, point.value, strict=True)) or "0" in point.mode:
+        return None
+    place = dict(zip(context.form.x, at, strict=True))
+    field = [exact(f.subs(values)).subs(place) for f in context.form.at_mode(point.mode)]
+    return at if all(sympy.simplify(f) == 0 for f in field) else None
 
 
 def _unit(radius: tuple[Expr, Expr]) -> bool:

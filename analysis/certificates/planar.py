@@ -212,7 +212,11 @@ def _edges(arcs: list[Arc], size: float) -> list[tuple[float, bool]]:
     rays = []
     for before, after in zip(arcs, [*arcs[1:], arcs[0]], strict=True):
         (g0, k0), (g1, k1) = before.rates(before.high), after.rates(after.low)
-        if min(abs(g0), abs(g1)) <= CLEAR * size:
+        still = [abs(g) <= CLEAR * size for g in (g0, g1)]
+        if all(still) and abs(k0 - k1) <= CLEAR * size:
+            rays.append((k0, False))
+            continue
+        if any(still):
             raise _UnclearError
         if g0 * g1 < 0:
             rays.append(((k1 * g0 - k0 * g1) / (g0 - g1), True))
