@@ -63,6 +63,10 @@ def contact_stability(context: Context, point: EquilibriumPoint) -> EquilibriumS
         answer = "asymptotically stable"
         after = "; all roots of the field on the surface lie on the left" if len(polynomial) > 1 else ""
         statements.append(Statement(f"bounces end in finite time{after}", SOURCE))
+    elif _stays(context, point, linear.sliding.matrix):
+        answer = "stable"
+        text = "bounces end in finite time; the field on the surface is linear and its motions stay near"
+        statements.append(Statement(text, SOURCE))
     else:
         statements.append(Statement("the linear part of the field on the surface does not decide", SOURCE))
     routh = context.routh(polynomial)
@@ -70,6 +74,24 @@ def contact_stability(context: Context, point: EquilibriumPoint) -> EquilibriumS
     return EquilibriumStability(
         point, linear, polynomial, routh, False, answer, (), answer, tuple(statements), solved
     )
+
+
+def _stays(context: Context, point: EquilibriumPoint, matrix: sympy.Matrix) -> bool:
+    """Whether the field is affine and its motions on h = dh/dt = 0 stay bounded."""
+    form = context.form
+    (i,) = in_contact(context, point.mode)
+    contact = form.contact[i]
+    if contact is None or form.jacobian(point.mode).has(*form.x) or point.mode.count("0") != 1:
+        return False
+    rows = sympy.Matrix([form.h[i], contact.rate]).jacobian(form.x)
+    if rows.has(*form.x) or rows.rank() < 2:
+        return False
+    along = rows.nullspace()
+    if not along:
+        return True
+    basis = sympy.Matrix.hstack(*along)
+    inner = (basis.T * basis).inv() * basis.T * matrix * basis
+    return bool(context.bounded(inner))
 
 
 def _undecided(point: EquilibriumPoint, linear: Linearisation, text: str) -> EquilibriumStability:

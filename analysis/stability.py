@@ -90,7 +90,7 @@ def stability_report(
     for equilibrium in found:
         context = Context(system, form, values, told, symbol, hook, clock)
         try:
-            items += [decided(context, item) for item in _items(context, equilibrium, t)]
+            items += _items(context, equilibrium, t)
         except OutOfBudgetError as error:
             notes.append(
                 f"stopped after {len(items)} of {len(found)} equilibria: {error}. Give a larger budget."
@@ -114,8 +114,14 @@ def _items(
     context = context.put_degenerate(equilibrium.degenerate, t)
     if "0" not in equilibrium.mode and isinstance(equilibrium, EquilibriumSet):
         pieces = parts(context, equilibrium)
-        return [with_time(context, smooth_stability(context, part), t) for part in pieces]
-    return [with_time(context, _item(context, equilibrium), t)]
+        return [_whole(context, smooth_stability(context, part), t) for part in pieces]
+    return [_whole(context, _item(context, equilibrium), t)]
+
+
+def _whole(context: Context, item: EquilibriumStability, t: float | None) -> EquilibriumStability:
+    """The analysis with time and clocks, and with a certificate where these leave it undecided."""
+    moved = with_time(context, item, t)
+    return moved if t is not None else decided(context, item, moved)
 
 
 def _item(context: Context, equilibrium: EquilibriumPoint | EquilibriumSet) -> EquilibriumStability:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from filippov.analysis.certificates.centre import centre
 from filippov.analysis.certificates.certificate import Certificate
+from filippov.analysis.certificates.clocked import clocked
 from filippov.analysis.certificates.cones import cones
 from filippov.analysis.certificates.energy import energy
 from filippov.analysis.certificates.line import line
@@ -15,20 +16,29 @@ from filippov.analysis.certificates.masses import masses
 from filippov.analysis.certificates.planar import planar
 from filippov.analysis.certificates.relay_order import relay_order
 from filippov.analysis.certificates.relays import relays
+from filippov.analysis.certificates.stopping import stopping
+from filippov.analysis.certificates.timed import timed
 from filippov.analysis.equilibrium import EquilibriumPoint
 from filippov.analysis.forcing import depends_on_time
 from filippov.analysis.stability_context import Context
 from filippov.analysis.stability_result import EquilibriumStability
 
-POINTS: Sequence[Callable[[Local], Certificate | None]] = (line, planar, energy, centre, relay_order, relays, cones)
+POINTS: Sequence[Callable[[Local], Certificate | None]] = (
+    line, planar, energy, centre, relay_order, relays, cones,
+)  # fmt: skip
 
 
-def decided(context: Context, item: EquilibriumStability) -> EquilibriumStability:
-    """The analysis of an equilibrium with the verdict of the first certificate that has one."""
+def decided(
+    context: Context, without_time: EquilibriumStability, item: EquilibriumStability
+) -> EquilibriumStability:
+    """The analysis of an equilibrium with the verdict of the first certificate that has one.
+
+    without_time  the analysis that leaves clocks and the motion of the field with time aside
+    """
     if item.answer != "undecided":
         return item
     context.clock.check()
-    found = certify(context, item)
+    found = certify(context, without_time)
     if found is None:
         return item
     return replace(item, answer=found.answer, statements=(*found.statements(), *item.statements))
@@ -36,18 +46,21 @@ def decided(context: Context, item: EquilibriumStability) -> EquilibriumStabilit
 
 def certify(context: Context, item: EquilibriumStability) -> Certificate | None:
     """The first certificate for an equilibrium, or None."""
-    system = context.system
-    if depends_on_time(system) or any(e.reset is not None for e in system.time_events):
-        return None
-    found = masses(context, item.equilibrium)
-    if found is not None or not isinstance(item.equilibrium, EquilibriumPoint):
-        return found
-    beside = local(context, item.equilibrium)
+    system, found = context.system, item.equilibrium
+    if depends_on_time(system):
+        return timed(context, found) if isinstance(found, EquilibriumPoint) else None
+    if any(e.reset is not None for e in system.time_events):
+        return clocked(context, item)
+    for whole in (masses, stopping):
+        certificate = whole(context, found)
+        if certificate is not None:
+            return certificate
+    beside = local(context, found) if isinstance(found, EquilibriumPoint) else None
     if beside is None:
         return None
     for ask in POINTS:
-        found = ask(beside)
-        if found is not None:
-            return found
+        certificate = ask(beside)
+        if certificate is not None:
+            return certificate
         context.clock.check()
     return None
