@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import sympy
@@ -17,11 +18,12 @@ from sympy import Expr, Symbol
 from filippov import symbols
 from filippov.analysis.branches import Branch, DegenerateError, Elimination, UnsolvedError
 from filippov.analysis.budget import Clock, OutOfBudgetError
-from filippov.analysis.clocks import mover
+from filippov.analysis.clocks import after, mover
 from filippov.analysis.equilibria_numeric import NumericMode, numeric_equilibria
 from filippov.analysis.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet
 from filippov.analysis.existence import Existence, ModeProblem
 from filippov.analysis.polynomial import exact
+from filippov.analysis.time_bounds import bounds
 from filippov.errors import UsageError
 from filippov.symbolic import SymbolicForm
 from filippov.system import System
@@ -168,13 +170,33 @@ def _symbolic(
             numeric = True
             put |= values
     still, moving = _apart(branches)
-    if moving:
+    held = [point for branch in moving for point in _held(current, branch, {**values, **put})]
+    if moving and len(held) < len(moving):
         notes.append(
             f"mode {mode!r}: what balances the field moves with the time t and is no equilibrium. "
             "Give t=... to freeze the system."
         )
     existence = Existence(current, {**values, **put}, degenerate, exact=not numeric)
-    return [e for branch in still for e in existence.of(branch)], notes
+    return [*held, *(e for branch in still for e in existence.of(branch))], notes
+
+
+def _held(problem: ModeProblem, branch: Branch, values: Mapping[Symbol, Expr]) -> list[EquilibriumPoint]:
+    """A point that stays while its multipliers move with time, clear of their bounds at all times."""
+    if any(q not in branch or branch[q].has(symbols.t) for q in problem.x):
+        return []
+    for q, limits in zip(problem.sliding, problem.limits, strict=True):
+        found = bounds(exact(sympy.S(branch.get(q, q)).subs(values)))
+        low, high = (sympy.S(e).subs(values) for e in limits)
+        if found is None or not (low.is_number and high.is_number and low < found[0] and found[1] < high):
+            return []
+    now = {symbols.t: SOME_TIME}
+    frozen = {q: e.subs(now) for q, e in branch.items()}
+    point = Existence(problem.put(now), values).point(frozen)
+    others = [b.g.subs(branch) for b in problem.bounds if b.surface not in problem.names]
+    if point is None or any(g.has(symbols.t) for g in others):
+        return []
+    multipliers = tuple((name, branch[q]) for name, q in zip(problem.names, problem.sliding, strict=True))
+    return [replace(point, multipliers=multipliers, conditions=())]
 
 
 def _apart(branches: list[Branch]) -> tuple[list[Branch], list[Branch]]:
@@ -191,12 +213,51 @@ def _kept(
     notes = []
     for e in found:
         name = mover(system, e, p, numbers)
-        if name is None:
-            kept.append(e)
+        part = _unmoved(system, e, numbers) if name is not None else None
+        if name is None or part is not None:
+            kept.append(part or e)
         else:
             text = f"what balances the field is moved by {name!r} and is no equilibrium."
             notes.append(f"mode {e.mode!r}: {text}")
     return kept, list(dict.fromkeys(notes))
+
+
+def _unmoved(
+    system: System, found: EquilibriumPoint | EquilibriumSet, numbers: Mapping[Symbol, Expr]
+) -> EquilibriumPoint | None:
+    """The one point of a set that all resets of time events keep; None where there is none, or more."""
+    form = system.symbolic
+    if form is None or not isinstance(found, EquilibriumSet):
+        return None
+    place = dict(zip(form.x, found.x, strict=True))
+    changes = [
+        (e - x).subs(place, simultaneous=True)
+        for k, event in enumerate(system.time_events)
+        if event.reset is not None
+        for x, e in zip(form.x, after(system, k, found.mode), strict=True)
+    ]
+    if any(e.has(symbols.t) or not e.is_polynomial(*found.free) for e in changes):
+        return None
+    try:
+        solved = list(sympy.linsolve([e for e in changes if e != 0], *found.free))
+    except (ValueError, NotImplementedError):
+        return None
+    if len(solved) != 1 or any(e.has(*found.free) for e in solved[0]):
+        return None
+    at = dict(zip(found.free, solved[0], strict=True))
+    inside = [
+        float(low) < float(at[q].subs(numbers)) < float(high)
+        for q, (low, high) in zip(found.free, found.bounds, strict=True)
+    ]
+    if not all(inside):
+        return None
+    x = tuple(e.subs(at) for e in found.x)
+    multipliers = tuple((name, e.subs(at)) for name, e in found.multipliers)
+    return EquilibriumPoint(
+        found.mode, found.states, x, multipliers, tuple(float(e.subs(numbers)) for e in x),
+        tuple(float(e.subs(numbers)) for _, e in multipliers),
+        "pseudo-equilibrium" if "0" in found.mode else "equilibrium", (), found.exact, found.degenerate,
+    )  # fmt: skip
 
 
 def _numbers(system: System, p: Any) -> dict[Symbol, Expr]:

@@ -14,6 +14,7 @@ from filippov.analysis.linearisation import SlidingLinearisation, characteristic
 from filippov.analysis.polynomial import Verdict
 from filippov.analysis.stability_context import Context
 from filippov.analysis.stability_result import Answer, EquilibriumStability, Statement
+from filippov.symbols import t as time
 
 PSEUDO = "Filippov 1988, section 19"
 
@@ -21,7 +22,9 @@ PSEUDO = "Filippov 1988, section 19"
 def sliding_stability(context: Context, point: EquilibriumPoint) -> EquilibriumStability:
     """Stability of a pseudo-equilibrium: its surface attracts, and it is stable on it."""
     if any(e.has(*context.form.s) or e.free_symbols - set(context.values) for _, e in point.multipliers):
+        moves = all(e.has(time) for _, e in point.multipliers)
         text = "its multipliers are not unique: the sliding field is not determined by first derivatives"
+        text = "its multipliers move with time" if moves else text
         return EquilibriumStability(
             point, None, None, None, False, "undecided", (), "undecided", (Statement(text),)
         )

@@ -1,20 +1,21 @@
 """Smooth equilibria with roots on the imaginary axis: the centre manifold and the first Lyapunov coefficient.
 
-One root 0, the others on the left: on the centre manifold y = c(u), found as a power series, u' = a u^k + ...;
-stable if and only if k is odd and a < 0. One pair +-i w, the others on the left:
+One root 0, the others on the left: on the centre manifold y = c(u), found as a power series, u' = a u^k +
+...; stable if and only if k is odd and a < 0. One pair +-i w, the others on the left:
 
     l1 = Re[ <p, C(q, q, q')> - 2 <p, B(q, A^-1 B(q, q'))> + <p, B(q', (2 i w - A)^-1 B(q, q))> ] / (2 w)
 
-with A q = i w q, A^T p = -i w p, <p, q> = 1, B and C the second and third derivatives, ' the conjugate. l1 < 0:
-asymptotically stable, l1 > 0: unstable.
-Source: Carr 1981, theorems 1.2 and 1.3; Kuznetsov 2004, Elements of Applied Bifurcation Theory, (5.62) and
-section 3.5.
+with A q = i w q, A^T p = -i w p, <p, q> = 1, B and C the second and third derivatives, ' the conjugate.
+l1 < 0: asymptotically stable, l1 > 0: unstable.
+Source: Carr 1981, theorems 1.2 and 1.3; Kuznetsov 2004, Elements of Applied Bifurcation Theory, (5.62)
+and section 3.5.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -59,7 +60,9 @@ def _imaginary(A: sympy.Matrix) -> bool:
     """Whether p(s) and p(-s) have a common root, in exact numbers."""
     s = sympy.Dummy("s")
     p = A.charpoly(s).as_expr()
-    return bool(sympy.resultant(sympy.expand((p + p.subs(s, -s)) / 2), sympy.expand((p - p.subs(s, -s)) / 2), s) == 0)
+    return bool(
+        sympy.resultant(sympy.expand((p + p.subs(s, -s)) / 2), sympy.expand((p - p.subs(s, -s)) / 2), s) == 0
+    )
 
 
 def taylor(field: Sequence[Expr], x: Sequence[Symbol], order: int) -> tuple[Expr, ...] | None:
@@ -110,7 +113,8 @@ def _zero(x: Sequence[Symbol], field: Sequence[Expr], A: sympy.Matrix) -> Certif
 
 
 def _moved(
-    x: Sequence[Symbol], field: Sequence[Expr], T: sympy.Matrix, inverse: sympy.Matrix, manifold: sympy.Matrix,
+    x: Sequence[Symbol], field: Sequence[Expr], T: sympy.Matrix, inverse: sympy.Matrix,
+    manifold: sympy.Matrix,
     order: int,
 ) -> list[Expr]:  # fmt: skip
     """(u', y') on y = c(u), up to an order in u."""
@@ -132,7 +136,9 @@ def _by_power(order: int, a: Expr) -> Certificate:
         f"on the centre manifold u' = a u**{order} + ..., a = {float(a):.6g}",
     )
     if order % 2 and a < 0:
-        return Certificate("asymptotically stable", "the motion on the centre manifold comes to it", CARR, told)
+        return Certificate(
+            "asymptotically stable", "the motion on the centre manifold comes to it", CARR, told
+        )
     return Certificate("unstable", "the motion on the centre manifold leaves it", CARR, told)
 
 
@@ -172,7 +178,7 @@ def lyapunov_coefficient(
 ) -> float:
     """l1 of x' = a x + B(x, x)/2 + C(x, x, x)/6, of shapes (n, n), (n, n, n), (n, n, n, n), at +-i w."""
 
-    def B(u: Complex, v: Complex) -> Complex:
+    def B(u: Any, v: Any) -> Complex:
         return np.asarray(np.einsum("ijk,j,k->i", second, u, v))
 
     values, vectors = np.linalg.eig(a)

@@ -1,8 +1,9 @@
 """Equilibria that a clock resets: where they are reached before it, or where it takes energy away.
 
-Without the clock, a point reached in a time of order |x| is at rest before the next reset if the motion starts near
-enough, and a reset with a derivative carries near states to near ones. For masses with dry friction a reset that
-multiplies speeds by factors of modulus at most 1 does not raise the energy around any equilibrium.
+Without the clock, a point reached in a time of order |x| is at rest before the next reset if the motion
+starts near enough, and a reset with a derivative carries near states to near ones. For masses with dry
+friction a reset that multiplies speeds by factors of modulus at most 1 does not raise the energy around
+any equilibrium.
 Source: Goebel, Sanfelice, Teel 2012, Hybrid Dynamical Systems, theorem 3.18 and section 8.
 """
 
@@ -15,6 +16,7 @@ import sympy
 from filippov.analysis.certificates.certificate import Certificate
 from filippov.analysis.certificates.masses import masses
 from filippov.analysis.clocks import after
+from filippov.analysis.equilibrium import EquilibriumPoint
 from filippov.analysis.polynomial import exact
 from filippov.analysis.sliding_stability import attraction
 from filippov.analysis.stability_context import Context
@@ -32,7 +34,7 @@ def clocked(context: Context, item: EquilibriumStability) -> Certificate | None:
     n = len(form.x)
     linear = item.linearisation
     if (
-        found.dimension == 0
+        isinstance(found, EquilibriumPoint)
         and found.mode.count("0") == n
         and linear is not None
         and linear.sliding is not None
@@ -47,7 +49,7 @@ def clocked(context: Context, item: EquilibriumStability) -> Certificate | None:
             text = "it is reached in finite time, before the next reset of a clock from near enough"
             return Certificate(
                 "asymptotically stable", text, SOURCE,
-                (f"{n} surfaces fix all states and attract", "every reset keeps the point and has a derivative there"),
+                (f"{n} surfaces fix all states and attract", "resets keep the point and have derivatives"),
             )  # fmt: skip
     without = masses(context, found)
     if without is None or without.answer == "unstable":

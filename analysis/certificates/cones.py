@@ -1,12 +1,13 @@
 """Equilibria on kinks in any dimension, where x' = A_i x in cones: what holds for all A_i together.
 
-Metzler majorant: with B_jj = max a_jj, B_jk = max |a_jk|, max_j |x_j|/w_j falls if B w < 0 for some w > 0, that is if -B is
-an M-matrix. Two matrices that differ by rank one have a common quadratic Lyapunov function if and only if both are
-Hurwitz and A_1 A_2 has no root on the negative half line (which for one kink is the circle criterion).
-A ray that comes back to itself longer than it was makes the point unstable.
-Source: Dahlquist 1958 and Horn & Johnson 1991, theorem 2.5.3 (majorant); Shorten & Narendra 2003, Int. J. Adapt.
-Control Signal Process. 16, 709 (two matrices); Carmona, Freire, Ponce, Torres 2005, Internat. J. Bifur. Chaos
-15, 2469 (rays).
+Metzler majorant: with B_jj = max a_jj, B_jk = max |a_jk|, max_j |x_j|/w_j falls if B w < 0 for some w >
+0, that is if -B is an M-matrix. Two matrices that differ by rank one have a common quadratic Lyapunov
+function if and only if both are Hurwitz and A_1 A_2 has no root on the negative half line (which for one
+kink is the circle criterion). A ray that comes back to itself longer than it was makes the point
+unstable.
+Source: Dahlquist 1958 and Horn & Johnson 1991, theorem 2.5.3 (majorant); Shorten & Narendra 2003, Int. J.
+Adapt. Control Signal Process. 16, 709 (two matrices); Carmona, Freire, Ponce, Torres 2005, Internat. J.
+Bifur. Chaos 15, 2469 (rays).
 """
 
 from __future__ import annotations
@@ -60,9 +61,7 @@ def cones(found: Local) -> Certificate | None:
 
 def _majorant(matrices: Sequence[sympy.Matrix]) -> bool:
     n = matrices[0].rows
-    B = sympy.Matrix(
-        n, n, lambda i, j: sympy.Max(*(A[i, i] if i == j else abs(A[i, j]) for A in matrices))
-    )
+    B = sympy.Matrix(n, n, lambda i, j: sympy.Max(*(A[i, i] if i == j else abs(A[i, j]) for A in matrices)))
     return all(bool((-B[:k, :k]).det() > 0) for k in range(1, n + 1))
 
 
@@ -110,7 +109,7 @@ def _ray(found: Local, told: str) -> Certificate | None:
             if growth is not None and growth > 1 + CLEAR:
                 return Certificate(
                     "unstable", "a ray on the kink comes back longer after two half turns", RAYS,
-                    (told, f"it is multiplied by {growth:.6g}", "its passages were followed by matrix exponentials"),
+                    (told, f"it is multiplied by {growth:.6g} (matrix exponentials)"),
                 )  # fmt: skip
     return None
 

@@ -1,8 +1,9 @@
-"""One mass on a line: the energy, and the sign of the power that is lost, in each quadrant of position and speed.
+"""One mass on a line: its energy, and the sign of the power in each quadrant of position and speed.
 
-q' = v, v' = F0(q) + G(q, v), F0 the mean of F over the signs of v at v = 0. With V = v^2/2 - integral of F0, V' = v G.
-Where F0 leads back, V is positive definite and motions pass through all quadrants, so that power of one sign
-decides (LaSalle's invariance principle, for inclusions Shevitz & Paden 1994). Power that vanishes keeps V.
+q' = v, v' = F0(q) + G(q, v), F0 the mean of F over the signs of v at v = 0. With V = v^2/2 - integral of
+F0, V' = v G. Where F0 leads back, V is positive definite and motions pass through all quadrants, so that
+power of one sign decides (LaSalle's invariance principle, for inclusions Shevitz & Paden 1994). Power
+that vanishes keeps V.
 """
 
 from __future__ import annotations
@@ -59,9 +60,7 @@ def _one(found: Local, q: Symbol, v: Symbol, j: int) -> Certificate | None:
             return None
         checked.append(f"for {q.name} {'>' if side > 0 else '<'} 0 beside it the force leads back")
         for way in (1, -1):
-            signs = tuple(
-                s or _sign(h, {v: way * EPSILON}) for s, h in zip(at, found.h, strict=True)
-            )
+            signs = tuple(s or _sign(h, {v: way * EPSILON}) for s, h in zip(at, found.h, strict=True))
             if 0 in signs:
                 return None
             put = {q: side * _A, v: way * _B}

@@ -1,9 +1,9 @@
 """The leading homogeneous part of a field beside an equilibrium, by weights of the states.
 
-With x_i -> e^{r_i} x_i, e -> 0, the components of each side begin with e^{d_i}. The parts with d_i - r_i = kappa for
-all i are homogeneous of degree kappa. An asymptotically stable homogeneous inclusion stays so under terms of
-higher degree. Source: Hermes 1991; Bacciotti & Rosier 2005, section 5.3; for inclusions Bernuau, Efimov,
-Perruquetti, Polyakov 2014, J. Franklin Inst. 351, 1866.
+With x_i -> e^{r_i} x_i, e -> 0, the components of each side begin with e^{d_i}. The parts with d_i - r_i
+= kappa for all i are homogeneous of degree kappa. An asymptotically stable homogeneous inclusion stays so
+under terms of higher degree. Source: Hermes 1991; Bacciotti & Rosier 2005, section 5.3; for inclusions
+Bernuau, Efimov, Perruquetti, Polyakov 2014, J. Franklin Inst. 351, 1866.
 """
 
 from __future__ import annotations
@@ -105,15 +105,17 @@ def leading(found: Local, weights: Sequence[Rational]) -> Leading | None:
     return Leading(tuple(weights), degree, fields, tuple(h))
 
 
-def _lowest_of(
-    f: Expr, scale: Mapping[Symbol, Expr], signs: Signs, found: Local
-) -> tuple[Expr, Expr] | None:
+def _lowest_of(f: Expr, scale: Mapping[Symbol, Expr], signs: Signs, found: Local) -> tuple[Expr, Expr] | None:
     """The lowest power of one component; bases of roots are positive on their side, written as such."""
     roots = {q for q in f.atoms(sympy.Pow) if not q.exp.is_Integer and q.base.free_symbols & set(found.x)}
     put = {}
     for q in roots:
         base = lowest(q.base.xreplace(scale))
-        if base is None or base[1] == 0 or sympy.expand(q.base.xreplace(scale) - base[1] * EPSILON ** base[0]) != 0:
+        if (
+            base is None
+            or base[1] == 0
+            or sympy.expand(q.base.xreplace(scale) - base[1] * EPSILON ** base[0]) != 0
+        ):
             return None
         put[q] = EPSILON ** (base[0] * q.exp) * base[1] ** q.exp
     return lowest(f.xreplace(put).xreplace(scale) if not put else _put(f, put, scale))

@@ -107,7 +107,7 @@ def local(context: Context, point: EquilibriumPoint) -> Local | None:
     names = tuple(system.surfaces[i].name for i in on)
     s = tuple(given.get(name, sympy.nan) for name in names)
     resets = {
-        k: tuple(exact(e.subs(values)).xreplace(shift) - at[j] for j, e in enumerate(form.reset[i]))
+        k: tuple(exact(e.subs(values)).xreplace(shift) - at[j] for j, e in enumerate(form.reset[i] or ()))
         for k, i in enumerate(on)
         if form.reset and form.reset[i] is not None
     }

@@ -2,13 +2,14 @@
 
     q' = v,   M v' = -K q - C v + f - sum k_i c_i^T s_i,   s_i in Sgn(c_i . v)
 
-with M diagonal, K symmetric, C symmetric and positive semidefinite, k_i > 0. For K positive definite the energy
-around ANY equilibrium e, v.Mv/2 + (q - e).K(q - e)/2, does not grow, because each friction force minus the one that
-holds e has a power that is not positive: every equilibrium is stable. By LaSalle's principle motions tend to those
-that lose nothing: c_i . v = 0 and C v = 0 for ever. On N = ker(c_1, c_2, ...) these obey N'MN w'' = -N'KN w with
-C N w' = 0, so all motions come to rest if and only if that pair is observable; else one swings for ever beside the
-point where no friction is needed. If K has a root below 0, lambda > 0 with (lambda^2 M + lambda C + K) d = 0 leads away from
-the end of the set at which all contacts slip along d. Without springs the speed falls at a rate > 0.
+with M diagonal, K symmetric, C symmetric and positive semidefinite, k_i > 0. For K positive definite the
+energy around ANY equilibrium e, v.Mv/2 + (q - e).K(q - e)/2, does not grow, because each friction force
+minus the one that holds e has a power that is not positive: every equilibrium is stable. By LaSalle's
+principle motions tend to those that lose nothing: c_i . v = 0 and C v = 0 for ever. On N = ker(c_1, c_2,
+...) these obey N'MN w'' = -N'KN w with C N w' = 0, so all motions come to rest if and only if that pair
+is observable; else one swings for ever beside the point where no friction is needed. If K has a root
+below 0, lambda > 0 with (lambda^2 M + lambda C + K) d = 0 leads away from the end of the set at which all
+contacts slip along d. Without springs the speed falls at a rate > 0.
 Source: Leine & van de Wouw 2008, chapter 6; Shevitz & Paden 1994, theorem 3.2.
 """
 
@@ -66,7 +67,9 @@ def masses(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Certif
 
 def _held(parts: Masses, said: list[str]) -> Certificate:
     M, K, C = parts.mass, parts.stiffness, parts.damping
-    said.append("the matrix of the springs is symmetric and positive definite (leading minors in exact numbers)")
+    said.append(
+        "the matrix of the springs is symmetric and positive definite (leading minors in exact numbers)"
+    )
     slipping = parts.contacts.nullspace()
     every = "every equilibrium is stable by the energy around it"
     if slipping:
@@ -96,7 +99,10 @@ def _free(parts: Masses, said: list[str]) -> Certificate | None:
     if any(not bool(share < 1) for share in shares):
         return None
     largest = max(float(share) for share in shares)
-    said += ["no springs", f"friction bears the loads with at most {largest:.6g} of its limit, every contact slips"]
+    said += [
+        "no springs",
+        f"friction bears the loads with at most {largest:.6g} of its limit, every contact slips",
+    ]
     text = "every equilibrium is stable, and the speed falls at a rate above 0 until it is 0"
     return Certificate("asymptotically stable", text, SOURCE, tuple(said), "global")
 

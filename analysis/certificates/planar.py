@@ -1,12 +1,12 @@
 """Equilibria in the plane by their leading homogeneous part: invariant rays, and the growth of one turn.
 
-With the weights r and the dilation x -> l^r x, a homogeneous field is f = k nu + g tau on the unit circle, nu = (r1
-x1, r2 x2), tau = (-x2, x1). Where g = 0 a ray is invariant and the sign of k on it decides; on a surface that
-the fields beside it point at, the ray slides with the convex combination that makes g vanish. Without rays the
-motion turns, and the logarithm of l grows over a turn by the integral of k/g and by what resets add. Where that
-is 0 and the field is reversible, the orbits are closed.
-Source: Filippov 1988, sections 17 and 19; Bernuau, Efimov, Perruquetti, Polyakov 2014, J. Franklin Inst. 351,
-1866; reversibility: Teixeira 1997, Comput. Math. Appl. 33 (5), 7.
+With the weights r and the dilation x -> l^r x, a homogeneous field is f = k nu + g tau on the unit
+circle, nu = (r1 x1, r2 x2), tau = (-x2, x1). Where g = 0 a ray is invariant and the sign of k on it
+decides; on a surface that the fields beside it point at, the ray slides with the convex combination that
+makes g vanish. Without rays the motion turns, and the logarithm of l grows over a turn by the integral of
+k/g and by what resets add. Where that is 0 and the field is reversible, the orbits are closed.
+Source: Filippov 1988, sections 17 and 19; Bernuau, Efimov, Perruquetti, Polyakov 2014, J. Franklin Inst.
+351, 1866; reversibility: Teixeira 1997, Comput. Math. Appl. 33 (5), 7.
 """
 
 from __future__ import annotations
@@ -230,7 +230,9 @@ def _by_rays(rays: list[tuple[float, bool]], size: float, head: str) -> Certific
         return Certificate("asymptotically stable", text, FILIPPOV, (head, f"largest rate {largest:.6g} < 0"))
     away = max((k for k, simple in rays if simple), default=0.0)
     if away > CLEAR * size:
-        return Certificate("unstable", "an invariant ray leads away", FILIPPOV, (head, f"rate {away:.6g} > 0"))
+        return Certificate(
+            "unstable", "an invariant ray leads away", FILIPPOV, (head, f"rate {away:.6g} > 0")
+        )
     raise _UnclearError
 
 
@@ -244,7 +246,9 @@ def _turn(found: Local, part: Leading, arcs: list[Arc]) -> tuple[float, int]:
         total += arc.growth()
         angle = arc.high if arc.turn > 0 else arc.low
         e = unit(angle)
-        on = [k for k in found.resets if abs(float(part.h[k].subs(dict(zip(found.x, e, strict=True))))) < 1e-12]
+        on = [
+            k for k in found.resets if abs(float(part.h[k].subs(dict(zip(found.x, e, strict=True))))) < 1e-12
+        ]
         arc, more = _next(arcs, arc, angle, [resets[k] for k in on])
         total += more
         if more == -math.inf or arc is start:

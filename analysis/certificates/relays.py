@@ -1,9 +1,10 @@
 """A point on several relays: V = sum d_i (|h_i| - s0_i h_i) with weights d_i > 0.
 
-At the point h' = r + M s and 0 = r + M s0. For h to first order V' = (s - s0)^T D M (s - s0), because where h_i stays
-0 both s_i h_i' and s0_i h_i' are 0. If D M + M^T D is negative definite all h_i reach 0 in finite time, and the field
-sliding on all of them decides what is left. If it is positive definite V grows off the surfaces. If M s + r points
-away from all surfaces for one choice of signs, motions leave straight.
+At the point h' = r + M s and 0 = r + M s0. For h to first order V' = (s - s0)^T D M (s - s0), because
+where h_i stays 0 both s_i h_i' and s0_i h_i' are 0. If D M + M^T D is negative definite all h_i reach 0
+in finite time, and the field sliding on all of them decides what is left. If it is positive definite V
+grows off the surfaces. If M s + r points away from all surfaces for one choice of signs, motions leave
+straight.
 Source: Utkin 1992, Sliding Modes in Control and Optimization, section 4.3; Filippov 1988, section 15.
 """
 
@@ -37,7 +38,9 @@ def relays(found: Local) -> Certificate | None:
         return None
     for signs, rate in rates.items():
         if all(bool(s * e > 0) for s, e in zip(signs, rate, strict=True)):
-            where = ", ".join(f"{name}: {'+' if s > 0 else '-'}" for name, s in zip(found.names, signs, strict=True))
+            where = ", ".join(
+                f"{name}: {'+' if s > 0 else '-'}" for name, s in zip(found.names, signs, strict=True)
+            )
             text = "between the surfaces a field points away from all of them"
             return Certificate("unstable", text, UTKIN, (f"on the sides {where}",))
     count = 2**k
@@ -59,7 +62,9 @@ def relays(found: Local) -> Certificate | None:
     D = sympy.diag(*weights)
     told = [
         "h' = r + M s to first order, M = " + str(M.tolist()),
-        "D M + M^T D is negative definite, D = diag" + str(tuple(weights)) + " (leading minors in exact numbers)",
+        "D M + M^T D is negative definite, D = diag"
+        + str(tuple(weights))
+        + " (leading minors in exact numbers)",
     ]
     assert (-(D * M + M.T * D)).is_positive_definite
     text = "all surfaces are reached in finite time"
@@ -70,7 +75,9 @@ def relays(found: Local) -> Certificate | None:
         return None
     told.append(f"roots of the field that slides on all of them: real parts up to {max(roots.real):.6g}")
     if max(roots.real) < -1e-9:
-        return Certificate("asymptotically stable", f"{text}, and sliding leads to the point", UTKIN, tuple(told))
+        return Certificate(
+            "asymptotically stable", f"{text}, and sliding leads to the point", UTKIN, tuple(told)
+        )
     if max(roots.real) > 1e-9:
         return Certificate("unstable", f"{text}, and sliding leads away", UTKIN, tuple(told))
     return None

@@ -1,14 +1,18 @@
 """Sets of one mass: where friction outdoes all forces, and where a potential with a flat bottom keeps it.
 
-q' = v, v' = F. If at v = 0 the field beside it points back for every sign of the other surfaces, by a rate that does
-not depend on q, the mass stops after a time of order |v|: every q at v = 0 is a stable equilibrium. If F does no work
-beside the potential and leads back beyond the ends of the set, the energy is kept and v stays small.
+q' = v, v' = F. If at v = 0 the field beside it points back for every sign of the other surfaces, by a
+rate that does not depend on q, the mass stops after a time of order |v|: every q at v = 0 is a stable
+equilibrium. If F does no work beside the potential and leads back beyond the ends of the set, the energy
+is kept and v stays small.
 Source: Filippov 1988, section 15.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import sympy
+from sympy import Expr
 
 from filippov.analysis.certificates.certificate import Certificate
 from filippov.analysis.certificates.homogeneous import EPSILON, lowest
@@ -34,7 +38,7 @@ def stopping(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Cert
     return None
 
 
-def _stops(context: Context, i: int, j: int, values: dict) -> Certificate | None:
+def _stops(context: Context, i: int, j: int, values: dict[Any, Expr]) -> Certificate | None:
     form = context.form
     v = form.x[j]
     speeds = [k for k, h in enumerate(form.h) if exact(h.subs(values)) == v]
@@ -43,7 +47,7 @@ def _stops(context: Context, i: int, j: int, values: dict) -> Certificate | None
     (k,), others = speeds, [m for m in range(len(form.h)) if m != speeds[0]]
     if any(form.h[m].has(v) for m in others) or len(others) > 5:
         return None
-    worst = None
+    rates = []
     for number in range(2 ** len(others)):
         for way in (1, -1):
             mode = [0] * len(form.h)
@@ -53,8 +57,8 @@ def _stops(context: Context, i: int, j: int, values: dict) -> Certificate | None
             rate = sympy.expand(way * exact(form.at_mode(mode)[j].subs(values)).subs(v, 0))
             if not rate.is_number or not bool(rate < 0):
                 return None
-            worst = rate if worst is None or rate > worst else worst
-    told = f"d|v|/dt <= {float(worst):.6g} beside v = 0, for every sign of the other surfaces and every {form.x[i].name}"
+            rates.append(rate)
+    told = f"d|v|/dt <= {float(max(rates)):.6g} beside v = 0, for all other signs and every {form.x[i].name}"
     text = "friction outdoes all other forces: the mass stops in finite time and holds wherever it is"
     return Certificate("asymptotically stable", text, SOURCE, (told,))
 

@@ -1,10 +1,11 @@
 """Equilibria of fields that move with time, by bounds that hold at all times.
 
-Linear part A(t): with the logarithmic norm mu(A) = max_i (a_ii + sum |a_ij|), |x| falls if mu <= -c < 0 at all t. One
-state beside a surface: |x| falls if the field beside it points back by c > 0 at all t. One state, x' = a(t) x with a of
-mean 0 over a period: |x| is periodic. Bounds over t are those of interval arithmetic.
-Source: Coppel 1965, Stability and Asymptotic Behavior of Differential Equations, section III.2; Filippov 1988,
-section 15.
+Linear part A(t): with the logarithmic norm mu(A) = max_i (a_ii + sum |a_ij|), |x| falls if mu <= -c < 0
+at all t. One state beside a surface: |x| falls if the field beside it points back by c > 0 at all t. One
+state, x' = a(t) x with a of mean 0 over a period: |x| is periodic. Bounds over t are those of interval
+arithmetic.
+Source: Coppel 1965, Stability and Asymptotic Behavior of Differential Equations, section III.2; Filippov
+1988, section 15.
 """
 
 from __future__ import annotations
@@ -17,24 +18,11 @@ from filippov.analysis.equilibrium import EquilibriumPoint
 from filippov.analysis.forcing import forcing_period
 from filippov.analysis.polynomial import exact
 from filippov.analysis.stability_context import Context
+from filippov.analysis.time_bounds import bounds
 from filippov.symbols import t as time
 
 COPPEL = "Coppel 1965, section III.2"
 FILIPPOV = "Filippov 1988, section 15"
-
-
-def bounds(expression: Expr) -> tuple[Expr, Expr] | None:
-    """Bounds of an expression in t over all real t, by interval arithmetic; None where it fails."""
-    e = sympy.S(expression)
-    if not e.has(time):
-        return (e, e) if e.is_number else None
-    try:
-        value = e.subs(time, sympy.AccumBounds(-sympy.oo, sympy.oo))
-    except (TypeError, ValueError, NotImplementedError, RecursionError):
-        return None
-    if isinstance(value, sympy.AccumBounds):
-        return value.min, value.max
-    return (value, value) if value.is_number else None
 
 
 def timed(context: Context, point: EquilibriumPoint) -> Certificate | None:
@@ -80,10 +68,14 @@ def _mean(context: Context, point: EquilibriumPoint, A: sympy.Matrix) -> Certifi
     if total != 0:
         return None
     told = f"the rate has the mean 0 over the period {float(period):.6g} (integrated in exact numbers)"
-    return Certificate("stable", "x is multiplied by a periodic function", "Hale 1980, section III.7", (told,))
+    return Certificate(
+        "stable", "x is multiplied by a periodic function", "Hale 1980, section III.7", (told,)
+    )
 
 
-def _relay(context: Context, at: dict[sympy.Symbol, Expr], values: dict[sympy.Symbol, Expr]) -> Certificate | None:
+def _relay(
+    context: Context, at: dict[sympy.Symbol, Expr], values: dict[sympy.Symbol, Expr]
+) -> Certificate | None:
     form = context.form
     slope = sympy.S(form.h[0].diff(form.x[0])).subs(values).subs(at)
     place = sympy.simplify(form.h[0].subs(values).subs(at))

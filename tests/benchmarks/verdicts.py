@@ -1,4 +1,6 @@
-"""The truths of tests/stability_models.py against motions from 50 states each: python tests/benchmarks/verdicts.py [NAME ...].
+"""The truths of tests/stability_models.py against motions from 50 states each.
+
+    python tests/benchmarks/verdicts.py [NAME OR KIND ...]
 
 Prints a row for each case that the motions contradict or leave open, and what was counted. An asymptotically
 stable case must come down to a part of its radius that it names, an unstable one must leave by 10 radii from
@@ -28,11 +30,12 @@ def contradiction(case: Case, seconds: float = 20.0) -> str:
     """What the motions say against the truth; "" where nothing, "open: ..." where they are no proof."""
     rng = np.random.default_rng(1)
     at = np.array(case.at, dtype=float)
+    near = at if case.start is None else np.array(case.start, dtype=float)
     distance = case.distance or (lambda q: float(np.max(np.abs(np.asarray(q) - at))))
     reset = [s for s in case.system.surfaces if s.kind == "reset"]
     ends, peaks, bad, begun = [], [], [], time.process_time()
     while len(ends) + len(bad) < STARTS and time.process_time() - begun < seconds:
-        x0 = at + case.radius * rng.uniform(-1, 1, at.size)
+        x0 = near + case.radius * rng.uniform(-1, 1, at.size)
         if reset and any(e.reset is not None and e.side == "+" for e in reset):
             x0 = np.abs(x0) if at.size < 4 else np.array([x0[0] + 2 * case.radius, *x0[1:]])
             if at.size == 4:
@@ -53,7 +56,8 @@ def contradiction(case: Case, seconds: float = 20.0) -> str:
         return f"open: {bad[:3]}"
     note = f" ({len(ends)} of {STARTS}, {sorted(set(bad))})" if len(ends) < STARTS else ""
     end, peak = max(ends) / case.radius, max(peaks) / case.radius
-    wrong = {AS: end > case.decays, UN: peak < LEAVES, ST: peak > STAYS or (end < 0.05 and case.distance is None)}
+    attracted = end < 0.05 and case.distance is None
+    wrong = {AS: end > case.decays, UN: peak < LEAVES, ST: peak > STAYS or attracted}
     if wrong[case.truth]:
         return f"{case.truth}, ends at {end:.3g} and peaks at {peak:.3g} radii{note}"
     return f"open: only{note}" if note else ""
