@@ -105,7 +105,8 @@ def test_markus_yamabe_is_not_judged_by_frozen_eigenvalues(a: float, answer: str
 
 
 def test_time_without_a_period_is_undecided() -> None:
-    assert verdicts(System({x: -x * (1 + 1 / (1 + t**2))})) == ["undecided"]
+    assert verdicts(System({x: -x * (1 - 2 / (1 + t**2))})) == ["undecided"]
+    assert verdicts(System({x: -x * (1 + 1 / (1 + t**2))})) == ["asymptotically stable"]
 
 
 @given(entries=st.tuples(*[coefficient] * 8), period=st.sampled_from([0.3, 1.0, 2.5]))
