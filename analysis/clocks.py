@@ -13,6 +13,7 @@ import sympy
 from sympy import Expr
 
 from filippov.analysis.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.exact_form import exact_form
 from filippov.symbols import t as time
 from filippov.system import System
 
@@ -59,7 +60,7 @@ def phases(system: System, values: Array) -> Phases | None:
 
 def after(system: System, k: int, mode: str) -> tuple[Expr, ...]:
     """The states after time event k, from a state in this mode."""
-    form = system.symbolic
+    form = exact_form(system)
     assert form is not None
     row = form.time_reset[k]
     assert row is not None
@@ -80,7 +81,8 @@ def mover(
             if np.max(np.abs(moved - x)) > KEPT * (1.0 + np.max(np.abs(x))):
                 return event.name
             continue
-        form = system.symbolic
+        form = exact_form(system)
+        assert form is not None
         put = dict(zip(form.x, found.x, strict=True))
         # Points of a set at two places that are nothing special.
         free = found.free if isinstance(found, EquilibriumSet) else ()

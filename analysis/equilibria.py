@@ -21,6 +21,7 @@ from filippov.analysis.budget import Clock, OutOfBudgetError
 from filippov.analysis.clocks import after, mover
 from filippov.analysis.equilibria_numeric import NumericMode, numeric_equilibria
 from filippov.analysis.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet
+from filippov.analysis.exact_form import exact_form
 from filippov.analysis.existence import Existence, ModeProblem
 from filippov.analysis.polynomial import exact
 from filippov.analysis.time_bounds import bounds
@@ -66,7 +67,9 @@ def equilibria(
                 search = NumericMode.of_functions(system, mode, p, 0.0 if t is None else t)
                 more, said = numeric_equilibria(search, ranges, clock)
             else:
-                more, said = _symbolic(system, system.symbolic, mode, numbers, t, ranges, clock)
+                form = exact_form(system)
+                assert form is not None
+                more, said = _symbolic(system, form, mode, numbers, t, ranges, clock)
         except OutOfBudgetError as error:
             notes.append(f"stopped after {k} of {len(chosen)} modes: {error}. Give a larger budget.")
             break
@@ -101,7 +104,7 @@ def _modes(system: System, modes: Sequence[str] | None) -> tuple[list[str], list
     # The field does not jump on a kink, so what lies on it is found in the modes beside it.
     signs = {"switching": "+0-", "kink": "+-", "reset": "+-", "observer": "+"}
     options = [signs[s.kind] if s.width == 0 else "+-" for s in system.surfaces]
-    form = system.symbolic
+    form = exact_form(system)
     for i, contact in enumerate(form.contact if form is not None else ()):
         options[i] = "+0-" if contact is not None else options[i]
     total = 1
@@ -176,8 +179,34 @@ def _symbolic(
             f"mode {mode!r}: what balances the field moves with the time t and is no equilibrium. "
             "Give t=... to freeze the system."
         )
+    notes += _turns(current, still)
     existence = Existence(current, {**values, **put}, degenerate, exact=not numeric)
     return [*held, *(e for branch in still for e in existence.of(branch))], notes
+
+
+def _turns(problem: ModeProblem, branches: Sequence[Branch]) -> list[str]:
+    """Notes on the states that stand in sines, cosines and tangents: only roots of one turn are listed."""
+    notes = []
+    for x in problem.x:
+        waves = {
+            q
+            for e in problem.equations
+            for q in e.atoms(sympy.sin, sympy.cos, sympy.tan)
+            if q.has(x) and q.args[0].diff(x).is_number
+        }
+        if not waves or not any(x in b for b in branches):
+            continue
+        periods = {2 * sympy.pi / abs(q.args[0].diff(x)) for q in waves}
+        period = max(periods, key=float)
+        expressions = [*problem.equations, *(b.g for b in problem.bounds)]
+        same = all(sympy.simplify(e.subs(x, x + period) - e) == 0 for e in expressions if e.has(x))
+        if same:
+            turns = f"{x} + k ({period}), k a whole number"
+            text = f"with each equilibrium {turns}, gives one too; those of one turn are listed."
+        else:
+            text = f"{x} stands in sines or cosines: roots further than one turn of {period} may be missing."
+        notes.append(text)
+    return notes
 
 
 def _held(problem: ModeProblem, branch: Branch, values: Mapping[Symbol, Expr]) -> list[EquilibriumPoint]:
@@ -226,7 +255,7 @@ def _unmoved(
     system: System, found: EquilibriumPoint | EquilibriumSet, numbers: Mapping[Symbol, Expr]
 ) -> EquilibriumPoint | None:
     """The one point of a set that all resets of time events keep; None where there is none, or more."""
-    form = system.symbolic
+    form = exact_form(system)
     if form is None or not isinstance(found, EquilibriumSet):
         return None
     place = dict(zip(form.x, found.x, strict=True))
@@ -261,7 +290,7 @@ def _unmoved(
 
 
 def _numbers(system: System, p: Any) -> dict[Symbol, Expr]:
-    form = system.symbolic
+    form = exact_form(system)
     return {} if form is None else {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -125,6 +125,18 @@ def multiplier_symbol(system: System, i: int, alone: bool, taken: set[str]) -> S
     return Symbol(name if name not in taken else f"s_{i + 1}_", real=True)
 
 
+def real_where(formulas: Iterable[Expr]) -> list[Expr]:
+    """Expressions that are not negative where even roots, logarithms and inverse sines are real."""
+    out: list[Expr] = []
+    for e in formulas:
+        for q in sorted(e.atoms(sympy.Pow), key=sympy.default_sort_key):
+            if q.exp.is_Rational and q.exp.q % 2 == 0:
+                out += [q.base]
+        for q in sorted(e.atoms(sympy.log, sympy.asin, sympy.acos), key=sympy.default_sort_key):
+            out += [q.args[0]] if isinstance(q, sympy.log) else [1 - q.args[0], 1 + q.args[0]]
+    return [short(g) for g in dict.fromkeys(out) if g.free_symbols]
+
+
 def at_rest(expression: Expr) -> Expr:
     """0**e -> 0 for symbolic e: a power of |h| whose exponent is no number is taken to be positive."""
     zero_powers = {
@@ -205,6 +217,7 @@ class Existence:
 
     def _sets(self, branch: Branch, free: tuple[Symbol, ...]) -> list[EquilibriumSet]:
         bounds = [replace(b, g=short(b.g.subs(branch))) for b in self.problem.bounds]
+        bounds += [Bound(g, False, "") for g in real_where(branch.values())]
         fixed = [b for b in bounds if not b.g.has(*free)]
         for b in fixed:
             g = self.number(b.g)

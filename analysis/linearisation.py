@@ -22,6 +22,7 @@ from sympy import Dummy, Expr, Symbol
 
 from filippov.analysis.branches import short
 from filippov.analysis.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.exact_form import exact_form
 from filippov.analysis.existence import at_rest
 from filippov.analysis.exponents import (
     ExponentCase,
@@ -97,7 +98,7 @@ def linearise(
 
     Raises ModelError for a system of plain functions, which has no formulas to expand.
     """
-    form = system.symbolic
+    form = exact_form(system)
     if form is None:
         raise ModelError(
             "the field is a plain function and cannot be expanded at a surface. Write it as expressions: "
@@ -235,4 +236,17 @@ def _at(matrix: sympy.Matrix, point: Mapping[Symbol, Expr]) -> sympy.Matrix:
 def characteristic_polynomial(matrix: sympy.Matrix) -> tuple[Expr, ...]:
     """Coefficients of det(s - A), highest first."""
     variable = Dummy("lambda")
-    return tuple(short(c) for c in matrix.charpoly(variable).all_coeffs())
+    try:
+        return tuple(short(c) for c in matrix.charpoly(variable).all_coeffs())
+    except TypeError:  # sympy orders factors by their sign, which roots of expressions do not have
+        return _leverrier(matrix)
+
+
+def _leverrier(matrix: sympy.Matrix) -> tuple[Expr, ...]:
+    """The same by traces (Faddeev & Leverrier): M_k = A M_(k-1) + c_(k-1), c_k = -tr(A M_k)/k."""
+    n, coefficients = matrix.rows, [sympy.S.One]
+    M = sympy.zeros(n, n)
+    for k in range(1, n + 1):
+        M = matrix * M + coefficients[-1] * sympy.eye(n)
+        coefficients.append(short(-(matrix * M).trace() / k))
+    return tuple(coefficients)

@@ -48,8 +48,13 @@ EDGE = 1e-9
 NARROW = 1e-6
 
 
-def set_stability(context: Context, found: EquilibriumSet) -> EquilibriumStability:
-    """Return the analysis of a set that lies in a sliding mode."""
+def set_stability(
+    context: Context, found: EquilibriumSet, ends: Sequence[EquilibriumPoint] | None = None
+) -> EquilibriumStability:
+    """Return the analysis of a set that lies in a sliding mode.
+
+    ends   of the segment of which the set is a part, cut off by kinks; its own where it is no part
+    """
     linear = linearise(context.system, found, values=context.put, sides=[])
     sliding = linear.sliding
     assert sliding is not None
@@ -69,12 +74,16 @@ def set_stability(context: Context, found: EquilibriumSet) -> EquilibriumStabili
     statements += said
     cases: tuple[SlipCase, ...] = ()
     if k == 1 and found.dimension == 1 and attracts != "unstable":
-        cases = _Ends(context, found, drift and zeros == 2, attracts == "stable").cases()
+        outer = found.ends if ends is None else tuple(ends)
+        if ends is not None:
+            text = "part of one segment, cut by kinks at which nothing breaks away: the outer ends decide"
+            statements.append(Statement(text))
+        cases = _Ends(context, found, outer, drift and zeros == 2, attracts == "stable").cases()
     elif attracts != "unstable":
         statements.append(Statement(f"break-away from {k} surfaces at once is not decided by a linear part"))
     answer: Answer = "unstable" if "unstable" in {attracts, interior} else "undecided"
     if answer == "undecided":
-        answer = next((c.answer for c in cases if c.applies), "undecided")
+        answer = _worst([c.answer for c in cases if c.applies])
     routh = context.routh(rest)
     if context.hook is not None:
         answer, more = _asked(context, found, answer)
@@ -82,6 +91,12 @@ def set_stability(context: Context, found: EquilibriumSet) -> EquilibriumStabili
     return EquilibriumStability(
         found, linear, polynomial, routh, drift, interior, cases, answer, tuple(statements)
     )
+
+
+def _worst(answers: Sequence[Answer]) -> Answer:
+    """Of the sides of a set: unstable where one is, undecided where one is and none is unstable."""
+    order: tuple[Answer, ...] = ("unstable", "undecided", "stable", "asymptotically stable")
+    return next((a for a in order if a in answers), "undecided")
 
 
 def _inner_point(found: EquilibriumSet) -> dict[Symbol, Expr]:
@@ -158,12 +173,20 @@ def _slope_text(m: RestMap) -> str:
 class _Ends:
     """Break-away at the two ends of a segment on one surface."""
 
-    def __init__(self, context: Context, found: EquilibriumSet, drifts: bool, attracts: bool) -> None:
+    def __init__(
+        self,
+        context: Context,
+        found: EquilibriumSet,
+        ends: Sequence[EquilibriumPoint],
+        drifts: bool,
+        attracts: bool,
+    ) -> None:
         self.context = context
         self.found = found
+        self.ends = ends
         self.n = len(found.x)
         # The return map needs both ends, dimension 2 or 3, and the drift along the set that it describes.
-        closed = attracts and found.bounded and len(found.ends) == 2
+        closed = attracts and found.bounded and len(ends) == 2
         self.mapped = closed and ((self.n == 3 and drifts) or self.n == 2)
         self.followed = closed and self.n > 3 and drifts
         self.place = found.mode.index("0")
@@ -180,14 +203,15 @@ class _Ends:
         return tuple(out)
 
     def _end(self, side: str) -> EquilibriumPoint | EquilibriumSet:
-        if len(self.found.ends) != 2:
+        if len(self.ends) != 2:
             return self.found
-        ends = sorted(self.found.ends, key=lambda e: e.s_value[0])
+        ends = sorted(self.ends, key=lambda e: e.s_value[0])
         return ends[-1] if side == "+" else ends[0]
 
     def _linear(self, side: str) -> tuple[SlipLinearisation, ...]:
-        mode = self.found.mode[: self.place] + side + self.found.mode[self.place + 1 :]
-        return linearise(self.context.system, self._end(side), values=self.context.put, sides=[mode]).slip
+        end = self._end(side)
+        mode = end.mode[: self.place] + side + end.mode[self.place + 1 :]
+        return linearise(self.context.system, end, values=self.context.put, sides=[mode]).slip
 
     def _polynomial(self, slip: SlipLinearisation) -> tuple[Expr, ...] | None:
         if slip.matrix is None or (slip.singular is not None and not self._vanishes(slip)):
@@ -242,7 +266,7 @@ class _Ends:
             text = (
                 "the slip polynomial alone does not decide for the set here; the event map at its ends does"
             )
-            if not self.found.ends:
+            if not self.ends:
                 text = (
                     "the set has no end at which slip starts, so the slip polynomial does not decide for it"
                 )
@@ -283,7 +307,7 @@ class _Ends:
 
     def _leaves(self, group: Sides) -> list[Statement]:
         """Why motions leave the set from arbitrarily near, or [] where this is not so."""
-        if len(self.found.ends) != 2:
+        if len(self.ends) != 2:
             return []
         for side, slip in group:
             if slip.jump:

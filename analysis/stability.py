@@ -14,6 +14,9 @@ from filippov.analysis.certificates.decide import decided
 from filippov.analysis.contact_stability import contact_stability, in_contact
 from filippov.analysis.equilibria import equilibria
 from filippov.analysis.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.exact_form import exact_form
+from filippov.analysis.forcing import depends_on_time
+from filippov.analysis.number_text import has_decimals
 from filippov.analysis.periodic_stability import with_time
 from filippov.analysis.polynomial import exact
 from filippov.analysis.set_parts import parts
@@ -22,6 +25,7 @@ from filippov.analysis.sliding_stability import sliding_stability
 from filippov.analysis.smooth_stability import smooth_stability
 from filippov.analysis.stability_context import Context
 from filippov.analysis.stability_result import EquilibriumStability, SetStability, StabilityResult
+from filippov.analysis.stick_parts import joined
 from filippov.errors import ModelError
 from filippov.system import System
 
@@ -31,15 +35,15 @@ class StabilityReport(StabilityResult):
 
     def to_text(self) -> str:
         """Plain text, one section an equilibrium."""
-        return stability_text.render(self, stability_text.TEXT)
+        return stability_text.render(self, stability_text.text_style(self.decimals))
 
     def to_markdown(self) -> str:
         """Markdown with the formulas in $...$."""
-        return stability_text.render(self, stability_text.MARKDOWN)
+        return stability_text.render(self, stability_text.markdown_style(self.decimals))
 
     def to_latex(self) -> str:
         """LaTeX sections, for a document with amsmath."""
-        return stability_text.render(self, stability_text.LATEX)
+        return stability_text.render(self, stability_text.latex_style(self.decimals))
 
     def to_dict(self) -> dict[str, Any]:
         """Strings, numbers, lists and dicts only."""
@@ -73,7 +77,7 @@ def stability_report(
 
     Raises ModelError for a system of plain functions or an unknown parameter.
     """
-    form = system.symbolic
+    form = exact_form(system)
     if form is None:
         raise ModelError(
             "a stability report needs the field as expressions, for it is expanded at the surfaces. Write "
@@ -87,10 +91,11 @@ def stability_report(
     found = equilibria(system, parameters, modes=modes, t=t, budget=max(budget / 2, 1e-3))
     notes = list(found.notes)
     items = []
+    outer = joined(found)
     for equilibrium in found:
         context = Context(system, form, values, told, symbol, hook, clock)
         try:
-            items += _items(context, equilibrium, t)
+            items += _items(context, equilibrium, t, outer.get(id(equilibrium)))
         except OutOfBudgetError as error:
             notes.append(
                 f"stopped after {len(items)} of {len(found)} equilibria: {error}. Give a larger budget."
@@ -98,7 +103,9 @@ def stability_report(
             break
     names = tuple(zip(system.parameters.names, p.tolist(), strict=True))
     surfaces = tuple(s.name for s in system.surfaces)
-    return StabilityReport(system.states, surfaces, names, told, tuple(items), tuple(notes))
+    written = system.symbolic
+    decimals = written is not None and has_decimals(written.expressions())
+    return StabilityReport(system.states, surfaces, names, told, tuple(items), tuple(notes), decimals)
 
 
 def _signs(values: Mapping[Symbol, Expr]) -> list[Any]:
@@ -107,7 +114,10 @@ def _signs(values: Mapping[Symbol, Expr]) -> list[Any]:
 
 
 def _items(
-    context: Context, equilibrium: EquilibriumPoint | EquilibriumSet, t: float | None
+    context: Context,
+    equilibrium: EquilibriumPoint | EquilibriumSet,
+    t: float | None,
+    ends: tuple[EquilibriumPoint, ...] | None,
 ) -> list[EquilibriumStability]:
     """The analysis of a point, or of a set in parts of one verdict each."""
     context.clock.check()
@@ -115,20 +125,25 @@ def _items(
     if "0" not in equilibrium.mode and isinstance(equilibrium, EquilibriumSet):
         pieces = parts(context, equilibrium)
         return [_whole(context, smooth_stability(context, part), t) for part in pieces]
-    return [_whole(context, _item(context, equilibrium), t)]
+    return [_whole(context, _item(context, equilibrium, ends), t)]
 
 
 def _whole(context: Context, item: EquilibriumStability, t: float | None) -> EquilibriumStability:
     """The analysis with time and clocks, and with a certificate where these leave it undecided."""
     moved = with_time(context, item, t)
-    return moved if t is not None else decided(context, item, moved)
+    frozen = t is not None and depends_on_time(context.system)
+    return moved if frozen else decided(context, item, moved)
 
 
-def _item(context: Context, equilibrium: EquilibriumPoint | EquilibriumSet) -> EquilibriumStability:
+def _item(
+    context: Context,
+    equilibrium: EquilibriumPoint | EquilibriumSet,
+    ends: tuple[EquilibriumPoint, ...] | None,
+) -> EquilibriumStability:
     if "0" not in equilibrium.mode:
         return smooth_stability(context, equilibrium)
     if isinstance(equilibrium, EquilibriumSet):
-        return set_stability(context, equilibrium)
+        return set_stability(context, equilibrium, ends)
     if in_contact(context, equilibrium.mode):
         return contact_stability(context, equilibrium)
     return sliding_stability(context, equilibrium)

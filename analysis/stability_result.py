@@ -102,7 +102,10 @@ class EquilibriumStability:
 
 @dataclass(frozen=True)
 class StabilityResult:
-    """All equilibria of a system with their stability, at parameter values and in formulas."""
+    """All equilibria of a system with their stability, at parameter values and in formulas.
+
+    decimals   whether the model is written with decimals: then its numbers are printed so
+    """
 
     states: tuple[str, ...]
     surfaces: tuple[str, ...]
@@ -110,3 +113,4 @@ class StabilityResult:
     assume: tuple[Any, ...]
     items: tuple[EquilibriumStability, ...]
     notes: tuple[str, ...]
+    decimals: bool = False

@@ -11,6 +11,7 @@ from sympy.core.relational import Relational
 
 from filippov.analysis import routh_text
 from filippov.analysis.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.number_text import Formula, plain, tex
 from filippov.analysis.stability_result import (
     EquilibriumStability,
     SlipCase,
@@ -33,67 +34,92 @@ class Style:
     escape: Callable[[str], str]
 
 
-def _plain(expression: Any) -> str:
+def _plain(expression: Any, formula: Formula = str) -> str:
     if isinstance(expression, sympy.Eq):
-        return f"{expression.lhs} = {expression.rhs}"
+        return f"{formula(expression.lhs)} = {formula(expression.rhs)}"
     if isinstance(expression, Relational) and expression.lhs.is_number:
-        return str(expression.reversed)
+        return formula(expression.reversed)
     if isinstance(expression, sympy.And):
         ordered = sorted(expression.args, key=str)
-        return " and ".join(_plain(a) for a in ordered)
-    return str(expression)
-
-
-def _tex(expression: Any) -> str:
-    return f"${sympy.latex(expression)}$"
+        return " and ".join(_plain(a, formula) for a in ordered)
+    return formula(expression)
 
 
 def _underlined(level: int, title: str) -> str:
     return f"{title}\n{('=' if level == 1 else '-') * len(title)}" if level < 3 else f"* {title}"
 
 
-def _indented(routh: Any) -> str:
-    return routh_text.text(routh, "    ")
+def text_style(decimals: bool) -> Style:
+    """Plain text."""
+    formula = plain(decimals)
+    return Style(
+        lambda e: _plain(e, formula),
+        _underlined,
+        lambda s: f"  - {s}",
+        lambda routh: routh_text.text(routh, "    ", formula),
+        printable,
+    )
 
 
-TEXT = Style(_plain, _underlined, lambda s: f"  - {s}", _indented, printable)
-MARKDOWN = Style(
-    _tex,
-    lambda n, s: f"{'#' * (n + 1)} {s}",
-    lambda s: f"- {s}",
-    routh_text.markdown,
-    markdown,
-)
-LATEX = Style(
-    _tex,
-    lambda n, s: f"\\{('section', 'subsection', 'paragraph')[n - 1]}{{{s}}}",
-    lambda s: s + r"\par",
-    routh_text.latex,
-    latex,
-)
+def markdown_style(decimals: bool) -> Style:
+    """Markdown with formulas between dollar signs."""
+    formula = tex(decimals)
+    return Style(
+        lambda e: f"${formula(e)}$",
+        lambda n, s: f"{'#' * (n + 1)} {s}",
+        lambda s: f"- {s}",
+        lambda routh: routh_text.markdown(routh, formula),
+        markdown,
+    )
+
+
+def latex_style(decimals: bool) -> Style:
+    """LaTeX, for a document with amsmath."""
+    formula = tex(decimals)
+    return Style(
+        lambda e: f"${formula(e)}$",
+        lambda n, s: f"\\{('section', 'subsection', 'paragraph')[n - 1]}{{{s}}}",
+        lambda s: s + r"\par",
+        lambda routh: routh_text.latex(routh, formula),
+        latex,
+    )
 
 
 def render(result: StabilityResult, style: Style) -> str:
     """Return the whole report."""
     values = ", ".join(f"{style.escape(name)} = {value:g}" for name, value in result.parameters)
-    blocks = [style.heading(1, "Stability"), f"Parameter values: {values or 'none'}."]
+    head = style.heading(1, "Stability")
+    blocks = [head, _summary(result, style), f"Parameter values: {values or 'none'}."]
     if result.assume:
         blocks.append("Assumed in the formulas: " + ", ".join(style.formula(a) for a in result.assume) + ".")
-    if not result.items:
-        blocks.append("No equilibrium was found.")
     for item in result.items:
         blocks += _item(item, result, style)
     blocks += [style.item(style.escape(note)) for note in result.notes]
     return "\n\n".join(blocks) + "\n"
 
 
-def _item(item: EquilibriumStability, result: StabilityResult, style: Style) -> list[str]:
+def _summary(result: StabilityResult, style: Style) -> str:
+    """The verdicts in one line."""
+    if not result.items:
+        return "Verdict: no equilibrium was found."
+    said = [f"{_title(item, result, style)}: {item.answer}" for item in result.items]
+    return "Verdict: " + "; ".join(said) + "."
+
+
+def _title(item: EquilibriumStability, result: StabilityResult, style: Style) -> str:
     e = item.equilibrium
     on = ", ".join(name for name, c in zip(result.surfaces, e.mode, strict=True) if c == "0")
     kind = "set of equilibria" if isinstance(e, EquilibriumSet) else e.kind
     where = f", mode {e.mode}" if e.mode else ""
     how = "on" if kind == "resting contact" else "sliding on"
-    title = style.escape(f"{kind[0].upper()}{kind[1:]}{where}" + (f", {how} {on}" if on else ""))
+    return style.escape(f"{kind}{where}" + (f", {how} {on}" if on else ""))
+
+
+def _item(item: EquilibriumStability, result: StabilityResult, style: Style) -> list[str]:
+    e = item.equilibrium
+    on = "0" in e.mode
+    title = _title(item, result, style)
+    title = title[0].upper() + title[1:]
     lines = [style.item(line) for line in _place(e, style)]
     verdict = f"Verdict at the parameter values: {item.answer}."
     blocks = [style.heading(2, title), verdict, "\n".join(lines)]
@@ -114,7 +140,7 @@ def _item(item: EquilibriumStability, result: StabilityResult, style: Style) -> 
 
 def _place(e: EquilibriumPoint | EquilibriumSet, style: Style) -> list[str]:
     formulas = ", ".join(
-        f"{style.escape(n)} free" if str(x) == n else f"{style.escape(n)} = {style.formula(x)}"
+        f"{_name(n, style)} free" if str(x) == n else f"{_name(n, style)} = {style.formula(x)}"
         for n, x in zip(e.states, e.x, strict=True)
     )
     lines = [formulas]
@@ -133,6 +159,10 @@ def _place(e: EquilibriumPoint | EquilibriumSet, style: Style) -> list[str]:
         if e.conditions:
             lines.append("exists where " + ", ".join(style.formula(c) for c in e.conditions))
     return lines
+
+
+def _name(state: str, style: Style) -> str:
+    return style.formula(sympy.Symbol(state))
 
 
 def _values(values: Sequence[float]) -> str:
@@ -165,17 +195,18 @@ def _case(case: SlipCase, ends: bool, style: Style) -> list[str]:
     blocks.append("\n".join(style.item(f) for f in facts))
     if case.routh is not None:
         blocks.append(style.routh(case.routh))
-    lines = []
+    lines = [f"at the parameter values the set is {case.answer} in this case"]
     if case.hurwitz is not None:
-        lines.append(f"at the parameter values the conditions {'hold' if case.hurwitz else 'do not hold'}")
+        held = "hold" if case.hurwitz else "do not hold"
+        meaning = {
+            "sufficient": ": they suffice for a stable set, and where they fail they say nothing",
+            "necessary and sufficient": ": the set is stable where they hold and only there",
+            "none": ": for the set they say nothing",
+        }[case.criterion]
+        lines.append(f"the Routh-Hurwitz conditions of the slip polynomial {held}{meaning}")
     if case.solved is not None:
         lines += _solved(case.solved, style)
     lines += [_statement(s, style) for s in case.statements]
-    if case.criterion == "sufficient":
-        lines.append("the Routh-Hurwitz conditions are sufficient for a stable set, not necessary")
-    elif case.criterion != "none":
-        lines.append(f"the Routh-Hurwitz conditions are {case.criterion} for a stable set")
-    lines.append(f"at the parameter values the set is {case.answer} in this case")
     return [*blocks, "\n".join(style.item(line) for line in lines)]
 
 

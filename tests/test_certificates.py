@@ -1,4 +1,4 @@
-"""Certificates of stability, each family on random members against motions, closed forms or another method."""
+"""Certificates: each family on random members, against motions, closed forms or another method."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ def test_12_11_weak_foci_in_three_dimensions(seed: int, way: int) -> None:
     for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)):
         for order in {(i, j, j), (j, i, j), (j, j, i)}:
             cubic[(i, *order)] += way * (6 / 3 if i != j else 6)
-    # Derivatives of x' where x = y + b(y, y), b = bend/2: order by order, from y = x - b(x, x) + 2 b(x, b(x, x)).
+    # x = y + b(y, y), b = bend/2, and back y = x - b(x, x) + 2 b(x, b(x, x)) up to order 3.
     a, b = A, bend / 2
 
     def rate(q: np.ndarray) -> np.ndarray:
@@ -176,8 +176,12 @@ def test_12_11_weak_foci_in_three_dimensions(seed: int, way: int) -> None:
 
     names = sympy.symbols("q0:3")
     p = sympy.Matrix(names)
-    low = p - sympy.Matrix([sum(b[i, j, k] * p[j] * p[k] for j in range(3) for k in range(3)) for i in range(3)])
-    again = p - sympy.Matrix([sum(b[i, j, k] * low[j] * low[k] for j in range(3) for k in range(3)) for i in range(3)])
+
+    def squared(q: sympy.Matrix) -> sympy.Matrix:
+        pairs = list(itertools.product(range(3), repeat=2))
+        return sympy.Matrix([sum(b[i, j, k] * q[j] * q[k] for j, k in pairs) for i in range(3)])
+
+    again = p - squared(p - squared(p))
     second, third = derivatives(again, a, b, cubic, names)
     inverse = np.linalg.inv(T)
     a = T @ a @ inverse
@@ -192,7 +196,8 @@ def derivatives(back: sympy.Matrix, a: np.ndarray, b: np.ndarray, cubic: np.ndar
     y_ = [sympy.Poly(sympy.expand(e), *names) for e in back]
     # Only what is of order 3 or less counts.
     def cut(e: sympy.Poly) -> sympy.Poly:
-        return sympy.Poly.from_dict({m: c for m, c in e.as_dict().items() if sum(m) <= 3} or {(0, 0, 0): 0}, *names)
+        low = {m: c for m, c in e.as_dict().items() if sum(m) <= 3}
+        return sympy.Poly.from_dict(low or {(0, 0, 0): 0}, *names)
 
     y_ = [cut(e) for e in y_]
     zero = sympy.Poly(0, *names)
@@ -270,7 +275,7 @@ def random_masses(rng: np.random.Generator) -> tuple[System, np.ndarray, np.ndar
     force = -K @ np.array(q) - C @ np.array(s)
     for c, k in zip(contacts, pushes, strict=True):
         force = force - k * c * sign(sum(int(a) * b for a, b in zip(c, s, strict=True) if a))
-    rows = {a: b for a, b in zip(q, s, strict=True)}
+    rows = dict(zip(q, s, strict=True))
     rows |= {b: f / int(k) for b, f, k in zip(s, force, M, strict=True)}
     return System(rows), np.diag(M), K, C, np.array(contacts)
 
@@ -306,7 +311,7 @@ def test_12_11_masses_at_the_end_of_their_set() -> None:
 
 
 def decay(a: np.ndarray, b: np.ndarray) -> float:
-    """log of the ratio of the speed y' after 400 switches of y''' + ... under -sign y, from matrix exponentials."""
+    """log of the ratio of the speed y' after 400 switches, from matrix exponentials."""
     A = np.array([[-a[0], 1, 0], [-a[1], 0, 1], [-a[2], 0, 0.0]])
     big = np.zeros((4, 4))
     big[:3, :3] = A
@@ -329,7 +334,9 @@ def decay(a: np.ndarray, b: np.ndarray) -> float:
 
 @few
 @given(a1=number, a2=number, a3=number, zero=number)
-def test_12_11_relays_of_order_two_follow_their_switching(a1: float, a2: float, a3: float, zero: float) -> None:
+def test_12_11_relays_of_order_two_follow_their_switching(
+    a1: float, a2: float, a3: float, zero: float
+) -> None:
     from stability_models import relay_loop
 
     if abs(a1 - zero) < 0.2 or abs(zero) < 0.2:
@@ -354,7 +361,8 @@ def test_12_11_several_relays_follow_their_motions(seed: int) -> None:
     system = System(dict(zip((x, y, z), sympy.Matrix(M) * s, strict=True)))
     ends = []
     for _ in range(6):
-        run = solve(system, rng.uniform(-1, 1, 3), (0, 60), zeno="continue", nonunique="slip", max_events=3000)
+        start = rng.uniform(-1, 1, 3)
+        run = solve(system, start, (0, 60), zeno="continue", nonunique="slip", max_events=3000)
         ends.append(float(np.max(np.abs(run.x_end))))
     if said == AS:
         assert max(ends) < 1e-3
@@ -401,7 +409,9 @@ def test_12_11_third_order_kinks_follow_their_motions(seed: int) -> None:
     gain=st.sampled_from([-1, 1]),
     size=st.floats(0.3, 2),
 )
-def test_12_11_power_of_one_sign_decides(spring: sympy.Expr, power: sympy.Expr, gain: int, size: float) -> None:
+def test_12_11_power_of_one_sign_decides(
+    spring: sympy.Expr, power: sympy.Expr, gain: int, size: float
+) -> None:
     """V = v^2/2 + the integral of the spring changes by the power: AS or unstable by its sign."""
     said = at_origin(System({x: v, v: -spring - gain * round(size, 2) * power}))
     assert said == (AS if gain > 0 else UN)

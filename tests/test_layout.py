@@ -83,6 +83,8 @@ FLOORS: dict[str, float] = {
     "filippov.analysis.kink_stability": 9.36, "filippov.analysis.smooth_stability": 9.37,
     "filippov.analysis.periodic_stability": 9.36, "filippov.analysis.set_parts": 9.36,
     "filippov.analysis.set_slope": 9.39, "filippov.analysis.time_bounds": 9.05,
+    "filippov.analysis.exact_form": 9.05, "filippov.analysis.number_text": 9.01,
+    "filippov.analysis.stick_parts": 9.36,
     "filippov.analysis.certificates": 9.5, "filippov.analysis.certificates.certificate": 9.38,
     "filippov.analysis.certificates.local": 9.38, "filippov.analysis.certificates.homogeneous": 9.381,
     "filippov.analysis.certificates.line": 9.385, "filippov.analysis.certificates.planar": 9.385,

@@ -1,0 +1,109 @@
+"""Formulas as text and LaTeX: numbers as the model has them written, names with subscripts.
+
+A model that is written with decimals gets decimals where a fraction ends (1/5 is 0.2), one written with
+fractions keeps them. Fractions too long to be read are given to 10 digits. In LaTeX a name of several
+letters is its first letter with the others as subscript: Fs is F_s, x1 is x_1, beta stays a Greek letter.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import sympy
+from sympy import Expr
+from sympy.printing.latex import latex, tex_greek_dictionary, translate
+
+LONGEST = 10
+Formula = Callable[[Any], str]
+_GREEK = set(
+    ["alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu", "xi", "pi", "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi", "omega"]
+)
+
+
+def has_decimals(expressions: Iterable[Expr]) -> bool:
+    """Whether a decimal stands in one of them."""
+    return any(e.has(sympy.Float) for e in expressions)
+
+
+def written(expression: Any, decimals: bool) -> Any:
+    """The expression with its fractions as they are to be printed."""
+    expression = _shortened(expression)
+    if isinstance(expression, sympy.Rational) and not expression.is_Integer:
+        return _number(expression, decimals)
+    if isinstance(expression, sympy.Float):
+        return sympy.Float(expression, LONGEST)
+    args = getattr(expression, "args", ())
+    if not args:
+        return expression
+    # Exponents stay: a root is no decimal power.
+    if isinstance(expression, sympy.Pow):
+        done = [written(args[0], decimals), args[1] if args[1].is_number else written(args[1], decimals)]
+    else:
+        done = [written(arg, decimals) for arg in args]
+    return expression if all(a is b for a, b in zip(done, args, strict=True)) else expression.func(*done)
+
+
+def _shortened(e: Expr) -> Expr:
+    """A quotient with the whole content of its denominator divided out, where its numbers are long."""
+    if not isinstance(e, Expr) or not any(len(str(abs(int(q)))) > LONGEST for q in e.atoms(sympy.Integer)):
+        return e
+    above, below = sympy.fraction(sympy.together(e))
+    content, rest = below.as_content_primitive()
+    return sympy.expand(above / content) / rest
+
+
+def _number(q: sympy.Rational, decimals: bool) -> Expr:
+    rest = q.q
+    for prime in (2, 5):
+        while rest % prime == 0:
+            rest //= prime
+    if decimals and rest == 1:
+        digits = len(str(abs(q.p) * 10 ** len(str(q.q)) // q.q))
+        return sympy.Float(q, max(digits, 15))
+    if max(len(str(abs(q.p))), len(str(q.q))) > LONGEST:
+        return sympy.Float(q, LONGEST)
+    return q
+
+
+def plain(decimals: bool) -> Formula:
+    """The printer of plain text."""
+    return lambda e: sympy.sstr(written(e, decimals), full_prec=False)
+
+
+def tex(decimals: bool) -> Formula:
+    """The printer of LaTeX, without dollar signs."""
+
+    def formula(e: Any) -> str:
+        e = written(e, decimals)
+        names = {q: tex_name(str(q)) for q in getattr(e, "free_symbols", ())}
+        return str(latex(e, symbol_names=names, full_prec=False))
+
+    return formula
+
+
+def tex_name(name: str) -> str:
+    """A name in LaTeX: a letter, Greek if it is one, with the rest as subscript."""
+    head, *parts = [part for part in name.split("_") if part] or [name]
+    first = re.fullmatch(r"([^\W\d_]+?)(\d*)", head)
+    if first is None:
+        return rf"\mathrm{{{_roman(name)}}}"
+    letters, digits = first.groups()
+    subscripts = [digits] if digits else []
+    if letters.lower() in _GREEK:
+        letter = tex_greek_dictionary.get(letters) or translate(letters)
+    elif len(letters) == 1:
+        letter = letters
+    else:
+        letter, subscripts = letters[0], [letters[1:] + digits]
+    subscripts += parts
+    if not subscripts:
+        return str(letter)
+    text = ",".join(q if q.isdigit() or len(q) == 1 else rf"\mathrm{{{_roman(q)}}}" for q in subscripts)
+    return f"{letter}_{{{text}}}"
+
+
+def _roman(text: str) -> str:
+    return text.replace("_", r"\_")
+

@@ -1,0 +1,168 @@
+"""What the stability report says and how: parts of sets, angles, real domains, numbers, LaTeX."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.mathtext import MathTextParser
+
+from filippov import Abs, Max, System, parameters, sign, sin, sqrt, states
+from filippov.analysis.equilibria import equilibria
+from filippov.analysis.linearisation import characteristic_polynomial
+from filippov.analysis.number_text import plain, tex, tex_name
+from filippov.analysis.stability import stability_report
+from filippov.models import registry
+
+x, v, w = states("x v w")
+
+
+# -- parts of a set ----------------------------------------------------------------------------------------
+
+
+def test_12_2_a_kink_in_a_stick_set_is_no_end_of_it() -> None:
+    """A spring stiffer on one side: slip begins at s = -1 and s = 1 only, with the stiffness there."""
+    report = stability_report(System({x: v, v: -x - Max(x, 0) - sign(v)}))
+    assert [i.equilibrium.mode for i in report.items] == ["+0", "-0"]
+    for item in report.items:
+        found = {side: case.polynomial[-1] for case in item.cases for side in case.sides}
+        assert found == {"+": 1, "-": 2}  # v > 0 follows s = 1, that is x = -1
+        assert all(all(j == 0 for j in case.linearisation.jump) for case in item.cases)
+        assert item.answer == "asymptotically stable"
+
+
+@pytest.mark.parametrize(("outer", "answer"), [(-3, "unstable"), (1, "asymptotically stable")])
+def test_12_2_the_far_end_decides_for_both_parts(outer: int, answer: str) -> None:
+    """For x > 0 the spring turns into one that pushes away: motions leave from the end there."""
+    system = System({x: v, v: -2 * x + (2 - outer) * Max(x, 0) - sign(v)})
+    assert {i.answer for i in stability_report(system).items} == {answer}
+
+
+@given(side=st.sampled_from([-1, 1]), size=st.floats(0.1, 2))
+def test_12_2_one_side_that_leaves_makes_the_set_unstable(side: int, size: float) -> None:
+    """Friction that falls with an infinite slope for one sign of v only: v' >= C v^(1/2) from its end."""
+    fall = round(size, 2) * sqrt(Abs(v)) * (side + sign(v)) / 2
+    assert [i.answer for i in stability_report(System({x: v, v: -x - sign(v) + fall})).items] == ["unstable"]
+
+
+# -- angles and real domains -------------------------------------------------------------------------------
+
+
+def test_12_2_roots_beyond_one_turn_are_said() -> None:
+    found = equilibria(System({x: sin(x) + 0.5}))
+    assert [p.x[0] for p in found.points] == [-sympy.pi / 6, 7 * sympy.pi / 6]
+    assert any("2*pi" in note and "one turn" in note for note in found.notes)
+    assert not equilibria(System({x: -x})).notes
+
+
+def test_12_2_a_set_is_listed_where_it_is_real() -> None:
+    """The circle x^2 + v^2 = 1, at rest in v: both halves for |v| <= 1."""
+    found = stability_report(System({x: 1 - x**2 - v**2, v: 0 * v}))
+    assert sorted(i.equilibrium.bounds for i in found.items) == [((-1.0, 1.0),)] * 2
+    for item in found.items:
+        at = item.equilibrium.at(0.3)
+        assert all(q.is_real for q in at)
+        assert item.interior == ("asymptotically stable" if at[0] > 0 else "unstable")
+
+
+def test_12_2_a_polynomial_of_roots() -> None:
+    """det(s - A) where the entries are roots, which sympy cannot order."""
+    q = sympy.sqrt(1 - v**2)
+    A = sympy.Matrix([[-2 * q, 1, 0], [0, q, q], [1, 0, 0]])
+    c = [e.subs(v, sympy.Rational(3, 5)) for e in characteristic_polynomial(A)]
+    expected = np.poly(np.array(A.subs(v, sympy.Rational(3, 5)).tolist(), dtype=float))
+    assert np.array(c, dtype=float) == pytest.approx(expected)
+
+
+# -- numbers -----------------------------------------------------------------------------------------------
+
+
+@given(st.integers(1, 9999), st.integers(0, 4))
+def test_12_numbers_are_printed_as_they_were_written(digits: int, places: int) -> None:
+    number = digits / 10**places
+    text = plain(True)(sympy.Rational(repr(number)) * x)
+    assert text in {f"{number}*x", f"{int(number)}*x", "x", "1.0*x"} or text == f"{number:g}*x"
+
+
+def test_12_numbers_in_a_report() -> None:
+    text = stability_report(System({x: v, v: -0.2 * x - 0.3 * v - 0.1 * sign(v)})).to_text()
+    assert "p(s) = s**2 + 0.3*s + 0.2" in text
+    fractions = stability_report(System({x: v, v: -x / 5 - 3 * v / 10})).to_text()
+    assert "p(s) = s**2 + 3/10*s + 1/5" in fractions
+    assert not re.search(r"\d{12,}", text + fractions)
+    assert plain(False)(sympy.Rational(4330127018922193, 5000000000000000)) == "0.8660254038"
+    assert plain(True)(sympy.sqrt(x) / 5) == "0.2*sqrt(x)"
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("x1", "x_{1}"), ("Fs", "F_{s}"), ("beta", r"\beta"), ("omega_n", r"\omega_{n}"), ("v", "v"),
+        ("alpha2", r"\alpha_{2}"), ("x_1", "x_{1}"), ("mass", r"m_{\mathrm{ass}}"), ("k_12", "k_{12}"),
+    ],
+)  # fmt: skip
+def test_12_names_have_subscripts(name: str, expected: str) -> None:
+    assert tex_name(name) == expected
+    assert tex(False)(2 * sympy.Symbol(name)) == f"2 {expected}"
+
+
+# -- every model -------------------------------------------------------------------------------------------
+
+
+def broken(document: str) -> list[str]:
+    """What LaTeX would stop at: braces, dollars, environments, and formulas that mathtext cannot set."""
+    out = []
+    parser = MathTextParser("path")
+    plain_part = re.sub(r"\\[{}$%&#_]", "", document)
+    for opening, closing in (("{", "}"),):
+        if plain_part.count(opening) != plain_part.count(closing):
+            out.append(f"{opening}{closing}")
+    if plain_part.count("$") % 2:
+        out.append("$")
+    begun, ended = (re.findall(rf"\\{word}{{(\w+\*?)}}", document) for word in ("begin", "end"))
+    if sorted(begun) != sorted(ended):
+        out.append(f"{begun} {ended}")
+    text = re.sub(r"\\\[.*?\\\]", "", plain_part, flags=re.DOTALL)
+    for k, part in enumerate(re.split(r"\$", text)):
+        if k % 2 == 0:
+            if re.search(r"(?<!\\)[_^]", part):
+                out.append(f"outside a formula: {part[:60]!r}")
+        elif r"\begin" not in part:
+            try:
+                parser.parse(f"${part}$")
+            except ValueError as error:
+                out.append(f"{part[:80]!r}: {str(error)[:80]}")
+    return out
+
+
+@pytest.mark.parametrize("name", registry.names())
+def test_12_every_model_has_verdict_first_and_latex_that_compiles(name: str) -> None:
+    report = stability_report(registry.get(name).build(), budget=5.0)
+    lines = [line for line in report.to_text().splitlines() if line.strip("= ")]
+    assert lines[0] == "Stability"
+    assert lines[1].startswith("Verdict: ")
+    document = report.to_latex()
+    assert not broken(document)
+    formulas = " ".join(re.findall(r"\$([^$]*)\$", document))
+    letters = re.sub(r"\\[a-zA-Z]+", " ", formulas)
+    assert not re.search(r"(?<![\\a-zA-Z{])[A-Za-z]{3,}(?![a-zA-Z]*[{}])", letters)
+    assert not re.search(r"\d{13,}", report.to_text())
+
+
+def test_12_the_check_of_latex_sees_what_is_broken() -> None:
+    for bad in (r"$\frac{1}{2$", "a_b", r"\begin{array}", "$x", r"$\nosuchcommand{x}$"):
+        assert broken(bad)
+    assert not broken(r"\section{A\_b} $x_{1} + \frac{\beta}{2}$")
+
+
+def test_12_names_of_states_are_formulas_in_latex() -> None:
+    x1, x2 = states("x1 x2")
+    p = parameters(Fs=2.0, k_p=3.0)
+    document = stability_report(System({x1: x2, x2: -p.k_p * x1 - p.Fs * sign(x2)})).to_latex()
+    assert "$x_{1}$ = " in document
+    assert "F_{s}" in document
+    assert "k_{p}" in document
