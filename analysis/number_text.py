@@ -17,9 +17,10 @@ from sympy.printing.latex import latex, tex_greek_dictionary, translate
 
 LONGEST = 10
 Formula = Callable[[Any], str]
-_GREEK = set(
-    ["alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu", "xi", "pi", "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi", "omega"]
-)
+_GREEK = {
+    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu",
+    "nu", "xi", "pi", "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi", "omega",
+}  # fmt: skip
 
 
 def has_decimals(expressions: Iterable[Expr]) -> bool:

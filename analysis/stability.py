@@ -10,7 +10,8 @@ from sympy import Expr, Symbol
 
 from filippov.analysis import stability_text
 from filippov.analysis.budget import Clock, OutOfBudgetError
-from filippov.analysis.certificates.decide import decided
+from filippov.analysis.certificates.certificate import Certificate
+from filippov.analysis.certificates.decide import decided, first
 from filippov.analysis.contact_stability import contact_stability, in_contact
 from filippov.analysis.equilibria import equilibria
 from filippov.analysis.equilibrium import EquilibriumPoint, EquilibriumSet
@@ -27,6 +28,7 @@ from filippov.analysis.stability_context import Context
 from filippov.analysis.stability_result import EquilibriumStability, SetStability, StabilityResult
 from filippov.analysis.stick_parts import joined
 from filippov.errors import ModelError
+from filippov.symbolic import SymbolicForm
 from filippov.system import System
 
 
@@ -77,12 +79,7 @@ def stability_report(
 
     Raises ModelError for a system of plain functions or an unknown parameter.
     """
-    form = exact_form(system)
-    if form is None:
-        raise ModelError(
-            "a stability report needs the field as expressions, for it is expanded at the surfaces. Write "
-            "System({x: ..., v: ...}), or use equilibria(system), which works for plain functions too."
-        )
+    form = _expressions(system)
     clock = Clock(budget)
     p = system.parameters.resolve(parameters)
     values = {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
@@ -108,6 +105,16 @@ def stability_report(
     return StabilityReport(system.states, surfaces, names, told, tuple(items), tuple(notes), decimals)
 
 
+def _expressions(system: System) -> SymbolicForm:
+    form = exact_form(system)
+    if form is None:
+        raise ModelError(
+            "a stability report needs the field as expressions, for it is expanded at the surfaces. Write "
+            "System({x: ..., v: ...}), or use equilibria(system), which works for plain functions too."
+        )
+    return form
+
+
 def _signs(values: Mapping[Symbol, Expr]) -> list[Any]:
     """q > 0 or q < 0, as the value is; sympy.true where the symbol knows it already."""
     return [r for q, v in values.items() if v != 0 and (r := q > 0 if v > 0 else q < 0) != sympy.true]
@@ -126,6 +133,38 @@ def _items(
         pieces = parts(context, equilibrium)
         return [_whole(context, smooth_stability(context, part), t) for part in pieces]
     return [_whole(context, _item(context, equilibrium, ends), t)]
+
+
+def certify(
+    system: System, parameters: Mapping[Any, float] | None = None, *, budget: float = 30.0
+) -> tuple[tuple[EquilibriumPoint | EquilibriumSet, Certificate | None], ...]:
+    """Return every equilibrium and set with the first certificate of its stability or instability, or None.
+
+    parameters  values at which it is asked, the defaults where not given
+    budget      seconds
+
+    Unlike `stability_report` it does not stop where the linear part decides. A certificate names theorem,
+    source and the hypotheses that were checked. Raises ModelError for a system of plain functions or an
+    unknown parameter, OutOfBudgetError.
+    """
+    form = _expressions(system)
+    p = system.parameters.resolve(parameters)
+    values = {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
+    told = tuple(_signs(values))
+    found = equilibria(system, parameters, budget=max(budget / 2, 1e-3))
+    outer = joined(found)
+    out = []
+    for equilibrium in found:
+        context = Context(system, form, values, told, None, None, Clock(budget))
+        context = context.put_degenerate(equilibrium.degenerate, None)
+        smooth = "0" not in equilibrium.mode
+        item = (
+            smooth_stability(context, equilibrium)
+            if smooth
+            else _item(context, equilibrium, outer.get(id(equilibrium)))
+        )
+        out.append((equilibrium, first(context, item)))
+    return tuple(out)
 
 
 def _whole(context: Context, item: EquilibriumStability, t: float | None) -> EquilibriumStability:

@@ -38,13 +38,13 @@ def decided(
     if item.answer != "undecided":
         return item
     context.clock.check()
-    found = certify(context, without_time)
+    found = first(context, without_time)
     if found is None:
         return item
     return replace(item, answer=found.answer, statements=(*found.statements(), *item.statements))
 
 
-def certify(context: Context, item: EquilibriumStability) -> Certificate | None:
+def first(context: Context, item: EquilibriumStability) -> Certificate | None:
     """The first certificate for an equilibrium, or None."""
     system, found = context.system, item.equilibrium
     if depends_on_time(system):
