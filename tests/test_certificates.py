@@ -16,7 +16,7 @@ from scipy.linalg import eigh, expm
 
 from filippov import Abs, System, cos, exp, sign, sin, solve, sqrt, states, t
 from filippov.analysis.certificates.centre import lyapunov_coefficient
-from filippov.analysis.stability import stability_report
+from filippov.analysis.stability import certify, stability_report
 from filippov.analysis.time_bounds import bounds
 
 x, v, y, w, z, u = states("x v y w z u")
@@ -305,6 +305,47 @@ def test_12_11_masses_at_the_end_of_their_set() -> None:
         end = solve(pair, rng.uniform(-2, 2, 4), (0, 60)).x_end
         assert abs(end[1]) < 1e-6
         assert abs(end[3]) < 1e-3
+
+
+# -- positive real plants ----------------------------------------------------------------------------------
+
+
+@few
+@given(seed=seeds, n=st.integers(2, 5))
+def test_12_11_positive_real_plants_need_no_other_argument(seed: int, n: int) -> None:
+    """A = P^-1 (J - R), b = P^-1 c^T with P, R > 0, J skew is positive real; with -b the surface repels."""
+    rng = np.random.default_rng(seed)
+    L = np.tril(rng.integers(-2, 3, (n, n)), -1) + np.diag(rng.integers(1, 3, n))
+    P = sympy.Matrix(L @ L.T)
+    J = np.triu(rng.integers(-2, 3, (n, n)), 1)
+    R = np.diag(rng.integers(1, 3, n))
+    A = P.inv() * sympy.Matrix(J - J.T - R)
+    c = sympy.Matrix([rng.integers(1, 4, n).tolist()])
+    names = states("x1 x2 x3 x4 x5")[:n]
+    column = sympy.Matrix(names)
+    for sense, expected in ((1, AS), (-1, UN)):
+        rows = A * column - sense * P.inv() * c.T * sign((c * column)[0])
+        system = System(dict(zip(names, rows, strict=True)))
+        ((found, certificate), *_) = [e for e in certify(system) if e[0].mode == "0"]
+        assert at_origin(system) == expected
+        assert found.dimension == 0
+        if sense > 0:
+            assert certificate is not None
+            assert certificate.answer == AS
+
+
+@pytest.mark.parametrize("shift", [0.3, 3])
+def test_12_11_a_plant_that_is_not_positive_real_has_no_such_certificate(shift: float) -> None:
+    """(s^2 + s + q)/((s + 1)(s + 2)(s + 3)), its real part on a grid of frequencies."""
+    num, den = np.array([1, 1, shift]), np.poly([-1, -2, -3])
+    grid = 1j * np.linspace(0, 100, 20001)
+    real = bool(np.min(np.real(np.polyval(num, grid) / np.polyval(den, grid))) >= 0)
+    a = [sympy.Integer(round(q)) for q in den[1:]]
+    b = [sympy.Rational(str(q)) for q in num]
+    s = sign(x)
+    rows = {x: -a[0] * x + v - b[0] * s, v: -a[1] * x + z - b[1] * s, z: -a[2] * x - b[2] * s}
+    found = [certificate for e, certificate in certify(System(rows)) if e.mode == "0"]
+    assert [q is not None and "positive real" in q.theorem for q in found] == [real]
 
 
 # -- relays ------------------------------------------------------------------------------------------------

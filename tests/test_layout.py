@@ -89,6 +89,7 @@ FLOORS: dict[str, float] = {
     "filippov.analysis.certificates.local": 9.38, "filippov.analysis.certificates.homogeneous": 9.381,
     "filippov.analysis.certificates.line": 9.385, "filippov.analysis.certificates.planar": 9.385,
     "filippov.analysis.certificates.energy": 9.385, "filippov.analysis.certificates.masses": 9.385,
+    "filippov.analysis.certificates.passivity": 9.385,
     "filippov.analysis.certificates.centre": 9.385, "filippov.analysis.certificates.relay_order": 9.385,
     "filippov.analysis.certificates.relays": 9.385, "filippov.analysis.certificates.cones": 9.385,
     "filippov.analysis.certificates.stopping": 9.385, "filippov.analysis.certificates.timed": 9.385,

@@ -13,6 +13,7 @@ from filippov.analysis.certificates.energy import energy
 from filippov.analysis.certificates.line import line
 from filippov.analysis.certificates.local import Local, local
 from filippov.analysis.certificates.masses import masses
+from filippov.analysis.certificates.passivity import passivity
 from filippov.analysis.certificates.planar import planar
 from filippov.analysis.certificates.relay_order import relay_order
 from filippov.analysis.certificates.relays import relays
@@ -51,7 +52,7 @@ def first(context: Context, item: EquilibriumStability) -> Certificate | None:
         return timed(context, found) if isinstance(found, EquilibriumPoint) else None
     if any(e.reset is not None for e in system.time_events):
         return clocked(context, item)
-    for whole in (masses, stopping):
+    for whole in (masses, stopping, passivity):
         certificate = whole(context, found)
         if certificate is not None:
             return certificate
