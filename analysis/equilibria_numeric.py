@@ -48,13 +48,19 @@ class NumericMode:
         unknowns = (*problem.x, *problem.sliding)
         f = sympy.lambdify([unknowns], list(problem.equations), "numpy")
         g = sympy.lambdify([unknowns], [b.g for b in problem.bounds], "numpy")
+
+        def quiet(function: Callable[[Array], list[float]], y: Array) -> Array:
+            # Beyond its surface a field may be undefined: nan there, which the search turns away from.
+            with np.errstate(all="ignore"):
+                return np.array([float(e) for e in function(y)])
+
         return cls(
             problem.mode,
             tuple(q.name for q in problem.x),
             problem.names,
             unknowns,
-            lambda y: np.array([float(e) for e in f(y)]),
-            lambda y: np.array([float(e) for e in g(y)]),
+            lambda y: quiet(f, y),
+            lambda y: quiet(g, y),
             tuple(b.strict for b in problem.bounds),
             tuple((_limit(low, -1.0), _limit(high, 1.0)) for low, high in problem.limits),
         )
@@ -149,9 +155,11 @@ def numeric_equilibria(
             continue
         places.append(y)
         jacobian = _differences(search.residual, y)
-        _, sizes, vt = np.linalg.svd(jacobian)
-        rank = int(np.sum(sizes > RANK * max(1.0, sizes[0])))
-        null = vt[rank:]
+        null = np.zeros((0, len(y)))
+        # At the edge of where the field is defined there are no slopes, and no set is looked for.
+        if np.all(np.isfinite(jacobian)):
+            _, sizes, vt = np.linalg.svd(jacobian)
+            null = vt[int(np.sum(sizes > RANK * max(1.0, sizes[0]))) :]
         if len(null) == 1:
             line = _line(search, y, null[0])
             if line is not None:

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 import sympy
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
@@ -76,6 +76,15 @@ def test_12_2_a_polynomial_of_roots() -> None:
     c = [e.subs(v, sympy.Rational(3, 5)) for e in characteristic_polynomial(A)]
     expected = np.poly(np.array(A.subs(v, sympy.Rational(3, 5)).tolist(), dtype=float))
     assert np.array(c, dtype=float) == pytest.approx(expected)
+
+
+@given(a=st.integers(-9, 9), b=st.integers(1, 9), c=st.integers(-9, 9))
+@settings(max_examples=6, deadline=None)
+def test_12_2_fields_undefined_beyond_a_surface_have_a_report(a: int, b: int, c: int) -> None:
+    """A root of |x| beside a cubic, found numerically: 0 is an equilibrium with an infinite slope."""
+    root = b * sqrt(Abs(x)) * sign(x) / 5
+    system = System({x: -4 * v**3 / 5 + a * x / 5 - root, v: c * v * Abs(v) / 5 + Abs(v) / 5 + 3 * Max(0, x) / 5})
+    assert "Verdict: " in stability_report(system).to_text()
 
 
 # -- numbers -----------------------------------------------------------------------------------------------
