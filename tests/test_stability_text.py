@@ -83,7 +83,8 @@ def test_12_2_a_polynomial_of_roots() -> None:
 def test_12_2_fields_undefined_beyond_a_surface_have_a_report(a: int, b: int, c: int) -> None:
     """A root of |x| beside a cubic, found numerically: 0 is an equilibrium with an infinite slope."""
     root = b * sqrt(Abs(x)) * sign(x) / 5
-    system = System({x: -4 * v**3 / 5 + a * x / 5 - root, v: c * v * Abs(v) / 5 + Abs(v) / 5 + 3 * Max(0, x) / 5})
+    second = c * v * Abs(v) / 5 + Abs(v) / 5 + 3 * Max(0, x) / 5
+    system = System({x: -4 * v**3 / 5 + a * x / 5 - root, v: second})
     assert "Verdict: " in stability_report(system).to_text()
 
 
