@@ -42,6 +42,7 @@ def test_12_2_the_far_end_decides_for_both_parts(outer: int, answer: str) -> Non
     assert {i.answer for i in stability_report(system).items} == {answer}
 
 
+@settings(max_examples=6, deadline=None)
 @given(side=st.sampled_from([-1, 1]), size=st.floats(0.1, 2))
 def test_12_2_one_side_that_leaves_makes_the_set_unstable(side: int, size: float) -> None:
     """Friction that falls with an infinite slope for one sign of v only: v' >= C v^(1/2) from its end."""
@@ -78,14 +79,13 @@ def test_12_2_a_polynomial_of_roots() -> None:
     assert np.array(c, dtype=float) == pytest.approx(expected)
 
 
-@given(a=st.integers(-9, 9), b=st.integers(1, 9), c=st.integers(-9, 9))
-@settings(max_examples=6, deadline=None)
+@pytest.mark.parametrize(("a", "b", "c"), [(9, 5, -2), (-3, 2, 0)])
 def test_12_2_fields_undefined_beyond_a_surface_have_a_report(a: int, b: int, c: int) -> None:
     """A root of |x| beside a cubic, found numerically: 0 is an equilibrium with an infinite slope."""
     root = b * sqrt(Abs(x)) * sign(x) / 5
     second = c * v * Abs(v) / 5 + Abs(v) / 5 + 3 * Max(0, x) / 5
     system = System({x: -4 * v**3 / 5 + a * x / 5 - root, v: second})
-    assert "Verdict: " in stability_report(system).to_text()
+    assert "Verdict: " in stability_report(system, budget=4.0).to_text()
 
 
 # -- numbers -----------------------------------------------------------------------------------------------
