@@ -4,7 +4,7 @@
 
 Prints a row for each case that the motions contradict or leave open, and what was counted. An asymptotically
 stable case must come down to a part of its radius that it names, an unstable one must leave by 10 radii from
-one of the states at least, a stable one must stay within 5 radii. A motion that the solver cannot continue is
+one of the states at least, a stable one must stay within 8 radii. A motion that the solver cannot continue is
 taken up to where it ended.
 """
 
@@ -23,7 +23,7 @@ from stability_models import AS, KINDS, ST, UN, Case  # noqa: E402
 
 from filippov import solve  # noqa: E402
 
-STARTS, LEAVES, STAYS = 50, 10.0, 5.0
+STARTS, LEAVES, STAYS = 50, 10.0, 8.0
 
 
 def contradiction(case: Case, seconds: float = 20.0) -> str:
