@@ -57,7 +57,7 @@ def drift_map(slip: Array, slide: Array, normal: Array) -> RestMap | None:
     away = drift.beside - (rate @ drift.beside) / (rate @ drift.along) * drift.along
     y, elapsed = away, 0.0
     for _ in range(SLIPS):
-        time = _first_zero(slip, normal, y)
+        time = first_zero(slip, normal, y)
         if time is None:
             return None
         if math.isinf(time):
@@ -70,7 +70,7 @@ def drift_map(slip: Array, slide: Array, normal: Array) -> RestMap | None:
             return RestMap("leaves", math.inf, math.inf)
         if np.max(np.abs(y)) < GONE:
             return RestMap("converges", 0.0, math.inf)
-        time = _first_zero(slide, -rate, y, drift)
+        time = first_zero(slide, -rate, y, drift)
         if time is None:
             return None
         if math.isinf(time):
@@ -105,7 +105,7 @@ def _drift(slide: Array, normal: Array, rate: Array) -> _Drift | None:
     return _Drift(way * (basis @ along), way * (basis @ beside), way / weight * (basis @ psi))
 
 
-def _first_zero(matrix: Array, row: Array, y: Array, drift: _Drift | None = None) -> float | None:
+def first_zero(matrix: Array, row: Array, y: Array, drift: _Drift | None = None) -> float | None:
     """The first t > 0 at which row exp(M t) y falls through 0, not counting t = 0.
 
     -inf where the motion fades away before, inf where it grows without end or, for a slide, stays; None

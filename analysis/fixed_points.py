@@ -27,6 +27,7 @@ Array = npt.NDArray[np.float64]
 TIGHT = 1e-12
 # Halvings between the coarse grid and the smallest coordinate, a decade in about three.
 PER_DECADE = 6
+_SAME = 1e-6
 
 
 @dataclass(frozen=True)
@@ -35,10 +36,12 @@ class FixedPoint:
 
     d         coordinate; residual: |P(d) - d| there
     kind      "equilibrium set" where the motion rests, else "limit cycle"
-    slope     dP/dd (from saltation matrices); at an equilibrium set the limit of P(d)/d for d -> 0+, which is
+    slope     dP/dd (from saltation matrices), NaN where the map has none; at an equilibrium set the limit of P(d)/d for d -> 0+, which is
               infinite where the map jumps at the set
     stable    |slope| < 1
     period    time of the turns together, 0 for an equilibrium set
+    hidden    of an equilibrium set: a cycle of the other stability lies between it and this coordinate, too
+              near to the set for the rounding of its states; 0 where none is known to
     note      what is special
     """
 
@@ -49,6 +52,7 @@ class FixedPoint:
     residual: float
     period: float
     note: str = ""
+    hidden: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,10 @@ class Jump:
 
 @dataclass(frozen=True)
 class Basin:
-    """Coordinates between lo and hi whose iterates go to the attractor at d (None: to none found)."""
+    """Coordinates between lo and hi whose iterates go to the attractor at d (None: to none found).
+
+    Beside a stable set with a hidden cycle (`FixedPoint.hidden`) it is None, too: some go to the set, some not.
+    """
 
     lo: float
     hi: float
@@ -93,7 +100,7 @@ def fixed_points(event_map: EventMap, lo: float, hi: float, points: int = 400) -
     if lo <= 0.0 <= hi and event_map(0.0) == 0.0:
         at_set = equilibrium_set(event_map, 1e-3 * max(abs(lo), abs(hi)))
         for first in (d[d > 0][:1], d[d < 0][-1:]):
-            if first.size and np.isfinite(at_set.slope):
+            if first.size:
                 near, rest, gap = _beside_set(event_map, float(first[0]))
                 searches.append((near, rest, gap))
                 at_set = _told(at_set, rest, gap)
@@ -114,8 +121,8 @@ def _beside_set(event_map: EventMap, first: float) -> tuple[EventMap, Array, Arr
     count = max(2, 1 + int(PER_DECADE * np.log10(max(abs(first) / least, 1.0))))
     d = np.sort(first * np.geomspace(1.0, min(least / abs(first), 0.5), count))
     gap = near(d) - d
-    # P(d) = d to the last bit is rounding: the motion came back before it left.
-    left = np.isfinite(gap) & (gap != 0.0)
+    # P(d) = d to so many digits is rounding: the motion came back before it left.
+    left = np.isfinite(gap) & (np.abs(gap) > _SAME * np.abs(d))
     return near, d[left], gap[left]
 
 
@@ -132,7 +139,8 @@ def _told(at_set: FixedPoint, d: Array, gap: Array) -> FixedPoint:
         return at_set
     kind = "unstable" if at_set.stable else "stable"
     note = f"{kind} cycle between the set and |d| = {abs(d[last]):.1g} is not resolved"
-    return replace(at_set, note="; ".join(filter(None, (at_set.note, note))))
+    hidden = max(at_set.hidden, abs(float(d[last])))
+    return replace(at_set, note="; ".join(filter(None, (at_set.note, note))), hidden=hidden)
 
 
 def _brackets(event_map: EventMap, d: Array, gap: Array) -> list[tuple[float, float]]:
@@ -181,9 +189,12 @@ def _polish(event_map: EventMap, a: float, b: float) -> FixedPoint | None:
     if left > 1e-3 * max(abs(before), abs(after)) and left > 1e-7 * scale:
         return None
     orbit = event_map.orbit(d)
-    slope = event_map.derivative(d)
     period = float(sum(turn.t_end for turn in orbit))
-    return FixedPoint(d, "limit cycle", slope, bool(abs(slope) < 1.0), left, period)
+    try:
+        slope, note = event_map.derivative(d), ""
+    except NotDifferentiableError as error:
+        slope, note = float("nan"), f"stability undecided: {error}"
+    return FixedPoint(d, "limit cycle", slope, bool(abs(slope) < 1.0), left, period, note)
 
 
 def equilibrium_set(event_map: EventMap, reach: float) -> FixedPoint:
@@ -224,10 +235,16 @@ def basins(event_map: EventMap, lo: float, hi: float, points: int = 400) -> tupl
     """Intervals of [lo, hi] between repelling points, each with the attractor its middle goes to."""
     known = fixed_points(event_map, lo, hi, points)
     attractors = [point.d for point in known if point.stable]
-    borders = [lo, *(point.d for point in known if not point.stable and lo < point.d < hi), hi]
+    hidden = max((point.hidden for point in known if point.stable), default=0.0)
+    edges = {-hidden, hidden} if hidden else set()
+    edges |= {point.d for point in known if not point.stable}
+    borders = [lo, *sorted(edge for edge in edges if lo < edge < hi), hi]
     out = []
     for a, b in pairwise(borders):
         d, target = 0.5 * (a + b), None
+        if max(abs(a), abs(b)) <= hidden:
+            out.append(Basin(a, b, None))
+            continue
         for _ in range(2000):
             d = float(event_map(d))
             near = [q for q in attractors if abs(d - q) <= 1e-6 * max(abs(lo), abs(hi))]

@@ -1,6 +1,6 @@
-"""The slope of an event map at the equilibrium set, from ratios P(d)/d at ever smaller d.
+"""The slope of an event map at the equilibrium set: in closed form, or from ratios P(d)/d at ever smaller d.
 
-Where the slip field is smooth beside the set, P(d)/d = kappa + c d + ...: Richardson's extrapolation by
+`filippov.analysis.linear_turn` has the closed form. Elsewhere, where the slip field is smooth beside the set, P(d)/d = kappa + c d + ...: Richardson's extrapolation by
 halving. A friction curve |v|**beta makes it a series in u = d**(beta - 1), which may fall slowly: there log
 P(d)/d is fitted by polynomials in d**gamma over windows of d, gamma free, and three degrees tell the error.
 """
@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
+
+from filippov.analysis.linear_turn import linear_slope
 
 if TYPE_CHECKING:
     from filippov.analysis.event_map import EventMap
@@ -53,8 +55,12 @@ def equilibrium_slope(event_map: EventMap, reach: float, side: float = 1.0) -> t
 
 
 def _one_turn_slope(event_map: EventMap, reach: float) -> tuple[float, str]:
-    """Limit of P(d)/d from ratios at reach, reach/2, ..., extrapolated until rounding takes over."""
+    """Limit of P(d)/d in closed form; else from ratios at reach, reach/2, ..., extrapolated until rounding
+    takes over."""
     fine, least = near_set(event_map, reach)
+    exact = linear_slope(event_map, reach)
+    if exact is not None:
+        return exact, "" if np.isfinite(exact) else _leaving(fine, float(np.copysign(least, reach)))
     d = reach * 0.5 ** np.arange(LEVELS)
     ratios = fine(d) / d
     good = int(np.argmin(np.isfinite(ratios))) if not np.all(np.isfinite(ratios)) else LEVELS
@@ -84,6 +90,14 @@ def _one_turn_slope(event_map: EventMap, reach: float) -> tuple[float, str]:
         best, error = min((best, error), _fitted(fine, reach, least), key=lambda pair: pair[1])
     told = error < 1e-6 * max(1.0, abs(best))
     return best, "" if told else f"slope at the equilibrium set known to {error:.1g} only"
+
+
+def _leaving(fine: EventMap, least: float) -> str:
+    """What is seen of a jump of the map at the set, from the smallest coordinates."""
+    near, far = fine(np.array([30.0 * least, 60.0 * least]))
+    if abs(far / near - 1.0) < 0.01:
+        return f"the map jumps at the equilibrium set: P(0+) = {near:.6g}"
+    return "the slope of the map grows without bound at the equilibrium set"
 
 
 def _fitted(fine: EventMap, reach: float, least: float) -> tuple[float, float]:

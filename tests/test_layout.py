@@ -94,6 +94,7 @@ FLOORS: dict[str, float] = {
     "filippov.analysis.certificates.relays": 9.385, "filippov.analysis.certificates.cones": 9.385,
     "filippov.analysis.certificates.stopping": 9.385, "filippov.analysis.certificates.timed": 9.385,
     "filippov.analysis.certificates.clocked": 9.386, "filippov.analysis.certificates.decide": 9.39,
+    "filippov.analysis.linear_turn": 9.38,
     "filippov.analysis.fixed_points": 9.4, "filippov.analysis.stability": 9.4,
     "filippov.analysis.map_rows": 9.35, "filippov.analysis.contraction": 9.4,
     "filippov.analysis.gain_map": 9.5, "filippov.analysis.tuning": 9.5, "filippov.analysis.regions": 9.5,
