@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from filippov.analysis.branch import BranchPoint
 from filippov.analysis.event_map import EventMap
 from filippov.analysis.orbit import Orbit, make_orbit
-from filippov.analysis.set_slope import equilibrium_slope
+from filippov.analysis.set_slope import equilibrium_slope, near_set
 from filippov.analysis.shooting import NoConvergenceError, Shooting
 from filippov.errors import UsageError
 from filippov.system import System
@@ -26,6 +26,10 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 # A cycle this much smaller than at the start is one that shrinks into the equilibrium set.
 _SHRUNK = 1e-5
+# It joins the set where its branch is this near to it, in widths of the bounds; it is followed down to so many
+# times the least coordinate that rounding leaves.
+# Where the slope at the set is farther than this from 1, in its logarithm, the cycle does not join it.
+_JOINS, _SLACK, _FAR = 1e-3, 100.0, 0.1
 
 
 class BranchProblem(Protocol):
@@ -54,6 +58,11 @@ class MapProblem:
         self.event_map, self.parameter = event_map, parameter
         self.names = (parameter,)
         self.rests = event_map(0.0) == 0.0 and start > 0
+        self.least = 0.0
+        if self.rests:
+            near, self.least = near_set(event_map, abs(start))
+            # Small cycles need the absolute tolerance that rounding leaves.
+            self.event_map = event_map = event_map.remake(atol=min(event_map.atol, near.atol))
         self.scale = np.array([3.0 if self.rests else max(abs(start), 1e-3)])
         # Of an odd map the second iterate's fixed points are those of -P, at half the work.
         self.half = event_map.order == 2 and self._odd(start)
@@ -124,27 +133,47 @@ class MapProblem:
     def ending(self, u: Array, value: float, bounds: tuple[float, float]) -> BranchPoint | None:
         """The end of the branch where it shrinks into the equilibrium set at 0; None while it does not.
 
-        There the slope of the map at the set is 1, which is solved for.
+        There the slope of the map at the set is 1, which is solved for, within the bounds. A cycle that is too
+        near to the set for the rounding of its states, while the slope is 1 elsewhere, ends the branch by name.
         """
         if not self.rests or u[0] > self.start[0] + np.log(_SHRUNK):
             return None
+        width, tiny = bounds[1] - bounds[0], u[0] <= np.log(_SLACK * self.least)
+        if not tiny and abs(self._excess(value)) > _FAR:
+            return None
+        at = self._set_changes(value, bounds)
+        if at is not None and abs(at - value) < _JOINS * width:
+            return BranchPoint(
+                at, (float("-inf"),), {self.event_map.section.coordinate: 0.0, "slope": 1.0},
+                (1.0 + 0j,), False, special="cycle shrinks into the equilibrium set",
+                note="the set changes stability",
+            )  # fmt: skip
+        if not tiny:
+            return None
+        where = "outside the bounds" if at is None else f"at {at:.6g}"
+        return replace(
+            self.point(u, value), special="cycle below rounding",
+            note=f"the set changes stability {where}; nearer to it cycles are not resolved",
+        )  # fmt: skip
 
-        def excess(at: float) -> float:
-            slope, _ = equilibrium_slope(self.event_map.remake(parameters={self.parameter: at}), 1e-3)
-            return float(np.log(abs(slope)))
+    def _excess(self, value: float) -> float:
+        """The logarithm of the slope at the set."""
+        slope, _ = equilibrium_slope(self.event_map.remake(parameters={self.parameter: value}), 1e-3)
+        return float(np.log(abs(slope))) if slope else -np.inf
 
-        reach = 1e-4 * (bounds[1] - bounds[0])
-        for _ in range(12):
-            low, high = value - reach, value + reach
-            if excess(low) * excess(high) < 0:
-                at = float(brentq(excess, low, high, xtol=1e-12, rtol=1e-14))
-                return BranchPoint(
-                    at, (float("-inf"),), {self.event_map.section.coordinate: 0.0, "slope": 1.0},
-                    (1.0 + 0j,), False, special="cycle shrinks into the equilibrium set",
-                    note="the set changes stability",
-                )  # fmt: skip
+    def _set_changes(self, value: float, bounds: tuple[float, float]) -> float | None:
+        """The parameter nearest to `value`, within the bounds, where the slope at the set is 1; None for none."""
+        here, reach = self._excess(value), 1e-4 * (bounds[1] - bounds[0])
+        last = {side: (value, here) for side in (-1.0, 1.0)}
+        for _ in range(14):
+            for side, (inner, before) in last.items():
+                end = min(max(value + side * reach, bounds[0]), bounds[1])
+                there = self._excess(end) if end != inner else before
+                if np.isfinite(before * there) and before * there < 0:
+                    return float(brentq(self._excess, inner, end, xtol=1e-12, rtol=1e-14))
+                last[side] = end, there
             reach *= 2.0
-        return self.point(u, value)
+        return None
 
 
 class OrbitProblem:
@@ -208,7 +237,7 @@ class OrbitProblem:
         if shooting.turns > 1:
             other.shooting = replace(shooting, symmetry=None, turns=1)
         elif shooting.period is not None:
-            other.shooting = replace(shooting, period=shooting.period.times(2))
+            other.shooting = shooting.times(2)
         else:
             other.shooting, other.scale = shooting, self.scale.copy()
             other.scale[-1] *= 2
@@ -231,7 +260,7 @@ class OrbitProblem:
         state, period = motion.sol(at), shooting.period(self.p(value))
         other = object.__new__(OrbitProblem)
         other.__dict__.update(self.__dict__)
-        other.shooting, other._last = replace(shooting, t0=at % period, sliding=((),)), None
+        other.shooting, other._last = replace(shooting, t0=at % period, unit=period, sliding=((),)), None
         return other, state
 
     def motions(self, u: Array, value: float) -> list[Any]:

@@ -290,6 +290,11 @@ class Continuation:
                     self._message = f"no further point at {current.point.value:.9g}: {error}"
                     return
                 special, current = jumped
+                if not low <= min(special.value, current.point.value) <= max(
+                    special.value, current.point.value
+                ) <= high:
+                    self._message = f"{self.branch.parameter} = {special.value:.9g}: bound reached"
+                    return
                 step = self.step * 0.1
                 yield special
                 yield current.point
@@ -302,6 +307,10 @@ class Continuation:
             if not low <= value <= high:
                 following = corrector.at_value(current, following, low if value < low else high)
             found, goes_on = crossings.between(current, following, step)
+            if any(not low - near <= point.value <= high + near for point in found) and step > self.min_step:
+                # The branch leaves the bounds and comes back within the step: it is followed to where it leaves.
+                step = max(0.5 * step, self.min_step)
+                continue
             yield from found
             current = goes_on
             end = self._end(current)

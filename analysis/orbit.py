@@ -209,8 +209,8 @@ def make_orbit(
     values = multipliers(matrix, zeros, turns)
     if symmetric:
         half = multipliers(matrix, zeros)
-    elif turns == 1 and _opposite(whole, problem.t0, period, high - low) and is_odd(
-        system, p, np.maximum(np.abs(low), np.abs(high)), problem.t0, period, problem.jacobian
+    elif turns == 1 and _opposite(whole, problem.begin(p), period, high - low) and is_odd(
+        system, p, np.maximum(np.abs(low), np.abs(high)), problem.begin(p), period, problem.jacobian
     ):
         found = _half(problem, nodes[0], period, p)
         if found is not None and _same(found**2, values):
@@ -223,7 +223,7 @@ def make_orbit(
     texts = tuple(mode_text(mode) for mode in modes)
     names = system.parameters.names
     return Orbit(
-        system, dict(zip(names, p.tolist(), strict=True)), nodes[0].copy(), problem.t0, period, values,
+        system, dict(zip(names, p.tolist(), strict=True)), nodes[0].copy(), problem.begin(p), period, values,
         trivial, half, word_of(texts, system), texts, low, high,
         margin(whole, problem.jacobian) if margins else Margin(),
         bool(symmetric), residual, forced, problem.rtol, problem.atol, problem.method, problem, u.copy(),
@@ -234,7 +234,7 @@ def make_orbit(
 def _whole(problem: Shooting, x0: Array, period: float, p: Array) -> Solution:
     values = dict(zip(problem.system.parameters.names, p.tolist(), strict=True))
     motion = solve(
-        problem.system, x0, (problem.t0, problem.t0 + period), parameters=values, rtol=problem.rtol,
+        problem.system, x0, (problem.begin(p), problem.begin(p) + period), parameters=values, rtol=problem.rtol,
         atol=problem.atol, method=problem.method, zeno="continue", nonunique="stick",
     )  # fmt: skip
     if not motion.success:

@@ -246,6 +246,7 @@ class _Search:
             raise ReturnError(f"the guess {x[0].tolist()} is at rest.", None, begin)
         problem = replace(
             base, reference=x[0].copy(), velocity=speed / (size or 1.0), t0=begin if base.period else 0.0,
+            unit=base.period(self.p) if base.period else 0.0,
             shares=(1.0 / count,) * count,
             sliding=tuple(tuple(i for i, sign in enumerate(mode) if sign == 0) for mode in modes),
         )  # fmt: skip
@@ -287,12 +288,12 @@ class _Search:
             return problem, u, left
         sol = problem.motions(u, self.p)[0].sol
         assert sol is not None
-        length = problem.period(self.p)
-        size = float(np.max(np.ptp(sol(np.linspace(problem.t0, problem.t0 + length, 64)), axis=1)))
+        length, begin = problem.period(self.p), problem.begin(self.p)
+        size = float(np.max(np.ptp(sol(np.linspace(begin, begin + length, 64)), axis=1)))
         for count in (k for k in range(multiple, 1, -1) if multiple % k == 0):
-            if np.max(np.abs(sol(problem.t0 + length / count) - u)) < _SAME * size:
+            if np.max(np.abs(sol(begin + length / count) - u)) < _SAME * size:
                 try:
-                    part = replace(problem, period=problem.period.times(1.0 / count))
+                    part = problem.times(1.0 / count)
                     return part, *newton(part, u, self.p)
                 except SolveError:
                     continue

@@ -56,7 +56,8 @@ class Shooting:
     """The equations for one system, with reference point, nodes and symmetry.
 
     reference   state at the first node (n,), velocity there (n,): for the phase condition
-    t0          time of the first node (of a forced system)
+    t0, unit    time of the first node of a forced system, taken where the period is `unit`: it keeps its phase,
+                t0 T/unit, when a parameter changes the period; unit 0: t0 is the time
     shares      parts of the duration between nodes, adding up to 1
     sliding     for each node the surfaces it lies on (a node in sliding stays on them)
     period      of the forcing, None for an autonomous system
@@ -68,6 +69,7 @@ class Shooting:
     reference: Array
     velocity: Array
     t0: float = 0.0
+    unit: float = 0.0
     shares: tuple[float, ...] = (1.0,)
     sliding: tuple[tuple[int, ...], ...] = ((),)
     period: Period | None = None
@@ -98,13 +100,27 @@ class Shooting:
         nodes = u[: self.n * len(self.shares)].reshape(-1, self.n)
         return nodes, float(u[-1]) if self.period is None else self.period(p)
 
+    @property
+    def phase(self) -> float:
+        """Time of the first node in periods of the forcing."""
+        return self.t0 / self.unit if self.unit else 0.0
+
+    def begin(self, p: Array) -> float:
+        """Time of the first node."""
+        return self.t0 if self.period is None or not self.unit else self.phase * self.period(p)
+
+    def times(self, count: float) -> Shooting:
+        """The equations of a multiple of the period of the forcing, or of a part of it."""
+        assert self.period is not None
+        return replace(self, period=self.period.times(count), unit=self.unit * count)
+
     def motions(self, u: Array, p: Array) -> list[Solution]:
         """The motions from the nodes. Raises SolveError where one ends early or T is not positive."""
         nodes, period = self.split(u, p)
         if not period > 0 or not np.all(np.isfinite(u)):
             raise NoConvergenceError(f"the period came out as {period:.6g}.")
         values = dict(zip(self.system.parameters.names, p.tolist(), strict=True))
-        out, t = [], self.t0
+        out, t = [], self.begin(p)
         for x, share, surfaces in zip(nodes, self.shares, self.sliding, strict=True):
             end = t + share * period / self.turns
             start = onto_surfaces(self.system, x, t, p, surfaces)
@@ -132,7 +148,7 @@ class Shooting:
         n, k, e = self.n, len(self.shares), len(names)
         out = np.zeros((self.size, self.size + e))
         fixed = self.period.slope(p, names) if self.period is not None else np.zeros(e)
-        begin = 0.0
+        begin = self.phase * self.turns
         for i, (motion, share) in enumerate(zip(motions, self.shares, strict=True)):
             rows = slice(i * n, (i + 1) * n)
             by = derivative_by_all(motion, False, names, self.jacobian)
@@ -141,7 +157,7 @@ class Shooting:
             stretch = share / self.turns * end
             if self.period is None:
                 out[rows, self.size - 1] = stretch
-            # Parameters move the state, the start of a later node's motion, and its length.
+            # Parameters move the state, the start of the node's motion, and its length.
             by_start = by[:n, -1] * begin / self.turns
             out[rows, self.size :] = by[:n, n : n + e] + np.multiply.outer(stretch + by_start, fixed)
             begin += share
@@ -155,7 +171,9 @@ class Shooting:
         """The same equations with the reference point moved to these unknowns."""
         nodes, _ = self.split(u, p)
         motion = self.motions(u, p)[0]
-        speed = velocity_at(self.system, motion.start_mode, self.t0, motion.problem.x0, p, self.jacobian)
+        speed = velocity_at(
+            self.system, motion.start_mode, self.begin(p), motion.problem.x0, p, self.jacobian
+        )
         return replace(self, reference=nodes[0].copy(), velocity=speed / np.linalg.norm(speed))
 
 

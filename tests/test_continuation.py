@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import summary
+from hunting_oracle import cycles, set_slope
+from scipy.optimize import brentq
 
 from filippov import Surface, System, UsageError, parameters, sign, states
 from filippov import cos as cosine
@@ -99,6 +101,38 @@ def test_fold_curve_in_gain_and_exponent_ends_where_the_set_changes_stability():
     assert np.max(np.abs(found.coordinate("slope") - 1)) < 1e-8
     # Between, the least gain without hunting is smaller than at either end.
     assert found.coordinate("P").min() < 20.6
+
+
+def test_12_9_a_small_cycle_is_followed_to_the_bound_and_named_where_rounding_ends_it():
+    """beta = 1.2: the unstable cycle is at 5e-7 where P = 10 ends the range; the set changes at 7.9."""
+    section = Section.from_model(get("hunting"))
+    second = EventMap(SYSTEM, section, order=2, parameters={"beta": 1.2})
+    for low, last in ((10.0, ""), (7.0, "cycle below rounding")):
+        run = continuation(SYSTEM, (second, 5.0666160e-7), parameter="P", bounds=(low, 21.0), direction=-1)
+        branch = run.run()
+        assert np.all((branch.values >= low) & (branch.values <= 21.0))
+        assert branch.points[-1].special == last
+        assert kinds(branch) == ([last] if last else [])
+        inner = [point for point in branch.points if point.coordinates["x"] > 1e-9]
+        for point in inner[:: max(len(inner) // 3, 1)]:
+            law = np.array([1, point.value, 1, 10, 4, 2, 0.1, 1.2, 1.0])
+            d = cycles(law, 1e-11, 0.02, 200)[0][0]
+            assert point.coordinates["x"] == pytest.approx(d, rel=1e-5)
+    # Where the slope of the set in closed form is 1.
+    changes = brentq(lambda gain: set_slope(np.array([1, gain, 1, 10, 4, 2, 0.1, 1.2, 1.0])) - 1, 7, 9)
+    assert f"changes stability at {changes:.6g}" in branch.points[-1].note
+
+
+@pytest.mark.parametrize("top", [1.0, 1.0004, 1.00049999])
+def test_12_9_a_fold_beyond_the_bounds_is_not_reported(top):
+    """value = 1.0005 - u^2 leaves the bounds before it folds."""
+    run = continuation(
+        lambda u, value: value - (1.0005 - u**2), [-0.8], value=0.3605, bounds=(0, top), direction=1
+    )
+    branch = run.run()
+    assert branch.message == "parameter = " + f"{top:.9g}: bound reached"
+    assert not branch.special
+    assert branch.points[-1].u[0] == pytest.approx(-sqrt(1.0005 - top), abs=1e-9)
 
 
 def test_orbits_and_map_have_the_same_fold():
