@@ -31,6 +31,7 @@ class BranchPoint:
     tests         test functions, whose changes of sign are special points
     special       what is special here, "" for an ordinary point; note: more about it
     residual      what is left of the equations; tangent: direction of the branch in (u, value), scaled
+    phase         of the state u of a forced orbit, in periods; it changes along a branch where an event comes near
     """
 
     value: float
@@ -46,6 +47,7 @@ class BranchPoint:
     tangent: tuple[float, ...] = ()
     special: str = ""
     note: str = ""
+    phase: float = 0.0
 
     def __str__(self) -> str:
         where = ", ".join(f"{name} = {v:.12g}" for name, v in list(self.coordinates.items())[:3])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,9 +18,12 @@ from scipy.optimize import brentq
 from filippov.analysis.branch import BranchPoint
 from filippov.analysis.event_map import EventMap
 from filippov.analysis.orbit import Orbit, make_orbit
+from filippov.analysis.saltation import derivative_by_all
 from filippov.analysis.set_slope import equilibrium_slope, near_set
-from filippov.analysis.shooting import NoConvergenceError, Shooting
+from filippov.analysis.shooting import NoConvergenceError, Shooting, velocity_at
 from filippov.errors import UsageError
+from filippov.solver import solve
+from filippov.status import EventKind, Status
 from filippov.system import System
 
 Array = npt.NDArray[np.float64]
@@ -30,6 +34,9 @@ _SHRUNK = 1e-5
 # times the least coordinate that rounding leaves.
 # Where the slope at the set is farther than this from 1, in its logarithm, the cycle does not join it.
 _JOINS, _SLACK, _FAR = 1e-3, 100.0, 0.1
+# An event this near to the state that a forced orbit begins with, in parts of the motion, moves the state.
+_CLOSE = 0.03
+_SWITCHES = (EventKind.CROSSING, EventKind.ENTRY, EventKind.EXIT, EventKind.RESET, EventKind.TIME)
 
 
 class BranchProblem(Protocol):
@@ -136,9 +143,11 @@ class MapProblem:
         There the slope of the map at the set is 1, which is solved for, within the bounds. A cycle that is too
         near to the set for the rounding of its states, while the slope is 1 elsewhere, ends the branch by name.
         """
-        if not self.rests or u[0] > self.start[0] + np.log(_SHRUNK):
+        if not self.rests:
             return None
         width, tiny = bounds[1] - bounds[0], u[0] <= np.log(_SLACK * self.least)
+        if not tiny and u[0] > self.start[0] + np.log(_SHRUNK):
+            return None
         if not tiny and abs(self._excess(value)) > _FAR:
             return None
         at = self._set_changes(value, bounds)
@@ -299,8 +308,53 @@ class OrbitProblem:
             data[f"amplitude {name}"] = 0.5 * float(orbit.high[i] - orbit.low[i])
         return BranchPoint(
             value, tuple(u.tolist()), data, tuple(complex(v) for v in orbit.multipliers), orbit.stable,
-            word, orbit.modes, orbit.period, tests, orbit.residual,
+            word, orbit.modes, orbit.period, tests, orbit.residual, phase=self.shooting.phase,
         )  # fmt: skip
+
+    def at_phase(self, phase: float) -> OrbitProblem:
+        """The same equations from another phase of the forcing, in periods, off the surfaces."""
+        shooting = self.shooting
+        if shooting.period is None or len(shooting.shares) != 1 or phase == shooting.phase:
+            return self
+        other = object.__new__(OrbitProblem)
+        other.__dict__.update(self.__dict__)
+        other.shooting, other._last = replace(shooting, t0=phase * shooting.unit, sliding=((),)), None
+        return other
+
+    def rephased(self, u: Array, value: float) -> tuple[OrbitProblem, Array, Array] | None:
+        """The same forced orbit from a phase away from its events, where one comes near the state u.
+
+        Returns the equations, the state there, and its derivatives by (u, parameter): (n, n + 1). None where no
+        event is near, there is no better phase, or the orbit is not forced or has several nodes.
+        """
+        shooting = self.shooting
+        if shooting.period is None or len(shooting.shares) != 1:
+            return None
+        motion = self.motions(u, value)[0]
+        low, high = motion.problem.t_span
+        times = sorted(e.t for e in motion.events if e.kind in _SWITCHES)
+        if not times or min(times[0] - low, high - times[-1]) > _CLOSE * (high - low):
+            return None
+        # Between neighbours on the circle; the stretch that goes over the end is looked at in both parts.
+        gaps = [(b - a, 0.5 * (a + b)) for a, b in pairwise(times)]
+        gaps += [(times[0] - low, 0.5 * (times[0] + low)), (high - times[-1], 0.5 * (high + times[-1]))]
+        free = [(width, t) for width, t in gaps if 0 not in motion.mode_at(t, "+")]
+        width, t = max(free, default=(0.0, low))
+        if width < 4 * _CLOSE * (high - low):
+            return None
+        p, period = self.p(value), shooting.period(self.p(value))
+        part = solve(
+            shooting.system, u, (low, t), parameters=motion.problem.parameters, rtol=shooting.rtol,
+            atol=shooting.atol, method=shooting.method, zeno="continue", nonunique="stick",
+        )  # fmt: skip
+        if part.status is not Status.SUCCESS:
+            return None
+        n, by = shooting.n, derivative_by_all(part, False, self.names, shooting.jacobian)
+        speed = velocity_at(shooting.system, part.end_mode, t, part.x_end, p, shooting.jacobian)
+        moves = float(shooting.period.slope(p, self.names)[0])
+        carried = by[:n, : n + 1].copy()
+        carried[:, n] += (by[:n, -1] * shooting.phase + speed * (t - low) / period) * moves
+        return self.at_phase(t / period), part.x_end, carried
 
     def moved(self, u: Array, value: float) -> OrbitProblem:
         """See `BranchProblem`."""

@@ -191,9 +191,14 @@ class Continuation:
             if len(a.u) != len(b.u) or not inside or (k and value == a.value):
                 continue
             share = (value - a.value) / (b.value - a.value)
-            u = np.array(a.u) + share * (np.array(b.u) - np.array(a.u))
+            near = a if share < 0.5 else b
+            u, at = np.array(near.u), corrector
+            if a.phase == b.phase:
+                u = np.array(a.u) + share * (np.array(b.u) - np.array(a.u))
+            if near.phase:
+                at = Corrector(self.problem.at_phase(near.phase), self.width)
             if np.all(np.isfinite(u)):
-                out.append(corrector.fixed(u, value))
+                out.append(at.fixed(u, value))
         return out
 
     # -- the march ---------------------------------------------------------------------------------------
@@ -244,6 +249,8 @@ class Continuation:
             u = np.array(stored.u)
             if isinstance(self.problem, EquilibriumProblem):
                 self.problem = self.problem.in_mode(stored.modes[0], u)
+            if stored.phase:
+                self.problem = self.problem.at_phase(stored.phase)
             self.problem = self.problem.moved(u, stored.value)
             corrector = Corrector(self.problem, self.width)
             tangent = np.array(stored.tangent) if stored.tangent else None

@@ -33,16 +33,32 @@ class Along:
 
     def moved(self) -> Along:
         """The same with the problem's phase condition moved here, the tangent taken anew."""
-        problem = self.corrector.problem.moved(*self.corrector.plain(self.z))
-        if problem is self.corrector.problem:
+        old = self.corrector
+        u, value = old.plain(self.z)
+        towards, z, problem = self.tangent, self.z, old.problem
+        rephased = getattr(problem, "rephased", lambda u, value: None)(u, value)
+        if rephased is not None:
+            problem, u, carried = rephased
+            z = old.scaled(u, value)
+            along = self.tangent * old.sizes
+            towards = np.append(carried @ along, along[-1]) / old.sizes
+        problem = problem.moved(u, value)
+        if problem is old.problem:
             return self
-        corrector = Corrector(problem, self.corrector.width)
-        return replace(self, corrector=corrector, tangent=corrector.tangent(self.z, self.tangent))
+        corrector = Corrector(problem, old.width)
+        point = self.point
+        if rephased is not None:
+            point = replace(point, u=tuple(u.tolist()), phase=problem.shooting.phase)
+        return replace(self, corrector=corrector, z=z, tangent=corrector.tangent(z, towards), point=point)
 
     def near(self, other: Along) -> bool:
         """Whether this is the same point passed in the same direction."""
         if len(self.z) != len(other.z):
             return False
+        if self.point.phase != other.point.phase:
+            mine, theirs = ({"": p.value, **p.coordinates} for p in (self.point, other.point))
+            same = all(abs(v - theirs[k]) < 1e-4 * (1.0 + abs(v)) for k, v in mine.items())
+            return same and self.tangent[-1] * other.tangent[-1] > 0
         return bool(np.linalg.norm(self.z - other.z) < 1e-3 and self.tangent @ other.tangent > 0.99)
 
 

@@ -66,6 +66,8 @@ def curve(
     problem: Any = run.problem
     if not isinstance(problem, MapProblem | OrbitProblem | EquilibriumProblem):
         raise UsageError("curves are for maps, orbits and equilibria, not for a plain function.")
+    if isinstance(problem, OrbitProblem) and special.phase:
+        problem = problem.at_phase(special.phase)
     system = problem.event_map.system if isinstance(problem, MapProblem) else _system(problem)
     if parameter not in system.parameters or parameter == problem.parameter:
         raise UsageError(unknown("second parameter", parameter, run.branch.parameters))

@@ -62,6 +62,8 @@ def switch(
         raise UsageError(f"direction is {direction!r}, expected -1, 0 or 1.")
     u, tangent = np.array(special.u), np.array(special.tangent) * np.append(run.problem.scale, run.width)
     problem: Any = run.problem
+    if isinstance(problem, OrbitProblem) and special.phase:
+        problem = problem.at_phase(special.phase)
     if isinstance(problem, EquilibriumProblem):
         problem = problem.in_mode(special.modes[0], u)
     elif special.special != "branch point":
