@@ -13,12 +13,13 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.budget import Clock, OutOfBudgetError
-from filippov.analysis.deadline import within
 from filippov.analysis.polynomial import sign_of_number
 from filippov.errors import UsageError
 
 MOST_BRANCHES = 64
 ROUNDING = 1e-9
+# Work that one equation may take, in the units of a budget.
+ROOTS = 1.0
 
 Branch = dict[Symbol, Expr]
 
@@ -152,7 +153,7 @@ class Elimination:
         """Return the factors that hold unknowns; [] if the equation holds, None if it cannot hold."""
         numerator = sympy.fraction(sympy.together(equation))[0]
         try:
-            constant, powers = within(self.clock.remaining(), lambda: sympy.factor_list(numerator))
+            constant, powers = self.clock.within(lambda: sympy.factor_list(numerator))
             factors = [constant, *(factor for factor, _ in powers)]
         except sympy.PolynomialError:
             factors = list(sympy.Mul.make_args(sympy.factor_terms(numerator)))
@@ -179,7 +180,7 @@ class Elimination:
             if polynomial.degree() > 2:
                 return None
         try:
-            roots = within(min(self.clock.remaining(), 1.0), lambda: sympy.solve(equation, unknown))
+            roots = self.clock.within(lambda: sympy.solve(equation, unknown), ROOTS)
         except OutOfBudgetError:
             self.clock.check()
             return None

@@ -17,7 +17,7 @@ from sympy import Expr, Symbol
 
 from filippov import symbols
 from filippov.analysis.branches import Branch, DegenerateError, Elimination, UnsolvedError
-from filippov.analysis.budget import Clock, OutOfBudgetError
+from filippov.analysis.budget import Clock, OutOfBudgetError, counted
 from filippov.analysis.clocks import after, mover
 from filippov.analysis.equilibria_numeric import NumericMode, numeric_equilibria
 from filippov.analysis.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet
@@ -34,6 +34,7 @@ FORMULAS = 3.0  # seconds a mode, before it is searched numerically
 SOME_TIME = sympy.Rational(7313, 10000)
 
 
+@counted
 def equilibria(
     system: System,
     parameters: Mapping[Any, float] | None = None,
@@ -49,7 +50,7 @@ def equilibria(
     modes       those to search, such as ["0"]; every mode by default (at most 243, else up to one sliding)
     t           the time at which a system that depends on it is frozen
     box         (least, greatest) by state where a numerical search is needed, +-10 by default
-    budget      seconds
+    budget      work, in millions of calls of Python functions (about a second each)
 
     A mode whose equations cannot be solved in formulas is searched numerically from many starts, which may
     miss equilibria and is noted. A system of plain functions is always searched so. Raises UsageError,

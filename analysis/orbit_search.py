@@ -33,7 +33,8 @@ Array = npt.NDArray[np.float64]
 # A return is a candidate if it comes back to within this part of the motion's extent.
 _NEAR = 0.3
 _SPANS = 12
-_PERIODS = 400
+# Periods of a forced motion after which its best returns are tried, and how many of them.
+_STAGES, _TRIES = (1, 8, 32, 128, 512), 5
 # An orbit that repels is left soon: only so many stretches are looked at for a start.
 _FIRST = 4
 # A motion may be seen to come back only after some turns; how near it then is after one of them.
@@ -176,7 +177,8 @@ class _Search:
     # -- forced ------------------------------------------------------------------------------------------
 
     def forced(self, x0: Array, t0: float, follow: bool) -> Orbit:
-        """Newton's method on the stroboscopic map; where it fails, again after more and more periods.
+        """Newton's method on the stroboscopic map; where it fails, again from the best returns of more and more
+        periods, with more nodes.
 
         follow: the orbit may take several periods, as many as the motion from the guess needs to come back
         """
@@ -185,20 +187,37 @@ class _Search:
         if follow:
             forcing = forcing.times(self._subharmonic(x0, t0, forcing(self.p)))
             self.base = replace(self.base, period=forcing)
-        period, done, wait = forcing(self.p), 0, 0
+        period, nodes = forcing(self.p), self.nodes
         error: Exception | None = None
-        while done <= _PERIODS:
-            if wait:
-                x0, t0 = self.run(x0, t0, wait * period)
-            first = self.motion(x0, t0, period)
-            try:
-                return self._from(first, period)
-            except NoConvergenceError as failed:
-                error = failed
-            done += wait
-            wait = max(4, 2 * wait)
-            self.tell(done * period, f"after {done} periods")
-        raise NoConvergenceError(f"no periodic orbit was found in {done} periods of the forcing: {error}")
+        gaps: list[float] = []
+        states, tried = [x0], set[int]()
+        for stage in _STAGES:
+            while len(states) <= stage:
+                states.append(self.run(states[-1], t0 + len(gaps) * period, period)[0])
+                gaps.append(float(np.linalg.norm(states[-1] - states[-2])))
+            # An orbit that repels is where the motion came back best; one that attracts, at its end.
+            order = [k for k in np.argsort(gaps) if k not in tried][: _TRIES if stage > 1 else 1]
+            for count in (nodes,) if stage == 1 else (nodes, max(4, nodes), max(16, nodes)):
+                self.nodes = count
+                for k in order:
+                    try:
+                        found = self._from(self.motion(states[k], t0 + k * period, period), period)
+                        return self._with(nodes, found, period)
+                    except NoConvergenceError as failed:
+                        error = failed
+            tried |= {int(k) for k in order}
+            self.tell(stage * period, f"after {stage} periods")
+        raise NoConvergenceError(f"no periodic orbit was found in {stage} periods of the forcing: {error}")
+
+    def _with(self, nodes: int, found: Orbit, period: float) -> Orbit:
+        """The orbit with as many nodes as were asked for, where it was found with more; as it is if that fails."""
+        more, self.nodes = self.nodes > nodes, nodes
+        if not more:
+            return found
+        try:
+            return self._from(self.motion(found.x0, found.t0, period), period)
+        except NoConvergenceError:
+            return found
 
     def _subharmonic(self, x0: Array, t0: float, period: float) -> int:
         """The number of periods after which the motion from x0 is back; 1 where it is not on an orbit."""

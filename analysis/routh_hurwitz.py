@@ -12,7 +12,7 @@ import sympy
 from sympy.core.relational import Relational
 
 from filippov.analysis import routh_text
-from filippov.analysis.budget import Clock, OutOfBudgetError
+from filippov.analysis.budget import Clock, OutOfBudgetError, counted
 from filippov.analysis.inequalities import (
     KnownSigns,
     positive_when,
@@ -72,6 +72,7 @@ class RouthHurwitz(RouthResult):
         known = KnownSigns((*routh.assume, *(c for c in routh.conditions if not c.has(x))))
         return sympy.And(*(solve_linear(c, x, known) for c in routh.conditions))
 
+    @counted
     def _solve_univariate(self, x: sympy.Symbol) -> sympy.Set | None:
         clock = Clock(self.budget)
         bounds = [a for a in self.assume if a.free_symbols <= {x}]
@@ -112,6 +113,7 @@ class RouthHurwitz(RouthResult):
         return routh_text.as_json(self)
 
 
+@counted
 def routh_hurwitz(
     polynomial: Any, s: sympy.Symbol | None = None, *, assume: Iterable[Any] = (), budget: float = 10.0
 ) -> RouthHurwitz:
@@ -119,12 +121,12 @@ def routh_hurwitz(
 
     It is given as coefficients (highest first), as a sympy.Poly or as an expression in s. Coefficients are
     numbers (floats stand for their shortest decimal) or expressions in real symbols. `assume` are
-    inequalities taken to hold, such as m > 0; they shorten the conditions. After `budget` seconds (asked
-    between the steps), or where a product would grow beyond all use, the result has status "timeout" and the
+    inequalities taken to hold, such as m > 0; they shorten the conditions. After `budget` million calls
+    (about a second each, asked between the steps), or where a product would grow beyond all use, the result has status "timeout" and the
     rows so far. Raises UsageError for what is not a polynomial with finite real coefficients.
     """
     if not budget > 0:
-        raise UsageError(f"budget {budget!r}: expected a positive number of seconds")
+        raise UsageError(f"budget {budget!r}: expected a positive number")
     given = coefficients(polynomial, s)
     told = tuple(relation for relation in assume if relation not in {True, sympy.true})
     known, clock = KnownSigns(told), Clock(budget)

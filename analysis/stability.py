@@ -9,7 +9,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis import stability_text
-from filippov.analysis.budget import Clock, OutOfBudgetError
+from filippov.analysis.budget import Clock, OutOfBudgetError, counted
 from filippov.analysis.certificates.certificate import Certificate
 from filippov.analysis.certificates.decide import decided, first
 from filippov.analysis.contact_stability import contact_stability, in_contact
@@ -56,6 +56,7 @@ class StabilityReport(StabilityResult):
         return stability_text.as_json(self)
 
 
+@counted
 def stability_report(
     system: System,
     parameters: Mapping[Any, float] | None = None,
@@ -75,7 +76,7 @@ def stability_report(
     assume      inequalities taken to hold in the formulas; by default each parameter but
                 the one that is solved for keeps the sign of its value
     hook        gives the slope of an event map's second iterate at a set: decides where the rest does not
-    budget      seconds
+    budget      work, in millions of calls of Python functions (about a second each)
 
     Raises ModelError for a system of plain functions or an unknown parameter.
     """

@@ -1,6 +1,7 @@
 """Forced orbits whose events pass the phase that their state is taken at, against maps in closed form."""
 
 import math
+import os
 from collections.abc import Callable
 from functools import partial
 
@@ -132,3 +133,23 @@ def test_12_8_the_branch_of_the_doubled_orbit_starts_at_the_phase_of_its_point()
     at = np.array([event.t, event.x_after[1]])
     assert step(step(at)) == pytest.approx(at, abs=1e-7)
     assert abs(step(at)[1] - at[1]) > 1e-3
+
+
+SUPPLIES = np.linspace(26.0, 400.0, 60) if os.environ.get("FILIPPOV_PROFILE") == "nightly" else (100.0, 250.0)
+
+
+@pytest.mark.parametrize("supply", SUPPLIES)
+def test_12_13_an_orbit_that_repels_strongly_is_found_from_the_motion_around_it(supply: float) -> None:
+    """Largest multipliers from -1.2 to -35, from a state of the chaotic motion."""
+    model = registry.get("buck_pwm")
+    system = model.build()
+    orbit = find_orbit(system, model.x0, parameters={"Vin": supply}, period="T", transient=0.02)
+    names = system.parameters
+    values = dict(zip(names.names, names.resolve({"Vin": supply}).tolist(), strict=True))
+    step = partial(buck, values)
+    clock = next(e for e in orbit.events if e.kind == "time event")
+    at = fsolve(lambda q: step(q) - q, clock.x[:2], xtol=1e-13)
+    assert clock.x[:2] == pytest.approx(at, rel=1e-8)
+    expected = np.linalg.eigvals(jacobian(step, at))
+    assert orbit.multipliers[0] == pytest.approx(expected[np.argmax(np.abs(expected))], rel=1e-6)
+    assert orbit.period == pytest.approx(values["T"], rel=1e-12)
