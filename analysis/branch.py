@@ -31,7 +31,7 @@ class BranchPoint:
     tests         test functions, whose changes of sign are special points
     special       what is special here, "" for an ordinary point; note: more about it
     residual      what is left of the equations; tangent: direction of the branch in (u, value), scaled
-    phase         of the state u of a forced orbit, in periods; it changes along a branch where an event comes near
+    phase         of the state u of a forced orbit, in periods; it changes where an event comes near
     """
 
     value: float

@@ -30,8 +30,8 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 # A cycle this much smaller than at the start is one that shrinks into the equilibrium set.
 _SHRUNK = 1e-5
-# It joins the set where its branch is this near to it, in widths of the bounds; it is followed down to so many
-# times the least coordinate that rounding leaves.
+# It joins the set where its branch is this near to it, in widths of the bounds; it is followed down to so
+# many times the least coordinate that rounding leaves.
 # Where the slope at the set is farther than this from 1, in its logarithm, the cycle does not join it.
 _JOINS, _SLACK, _FAR = 1e-3, 100.0, 0.1
 # An event this near to the state that a forced orbit begins with, in parts of the motion, moves the state.
@@ -140,8 +140,9 @@ class MapProblem:
     def ending(self, u: Array, value: float, bounds: tuple[float, float]) -> BranchPoint | None:
         """The end of the branch where it shrinks into the equilibrium set at 0; None while it does not.
 
-        There the slope of the map at the set is 1, which is solved for, within the bounds. A cycle that is too
-        near to the set for the rounding of its states, while the slope is 1 elsewhere, ends the branch by name.
+        There the slope of the map at the set is 1, which is solved for, within the bounds. A cycle that is
+        too near to the set for the rounding of its states, while the slope is 1 elsewhere, ends the branch
+        by name.
         """
         if not self.rests:
             return None
@@ -171,9 +172,9 @@ class MapProblem:
         return float(np.log(abs(slope))) if slope else -np.inf
 
     def _set_changes(self, value: float, bounds: tuple[float, float]) -> float | None:
-        """The parameter nearest to `value`, within the bounds, where the slope at the set is 1; None for none."""
+        """The parameter next to `value`, within the bounds, where the slope at the set is 1, or None."""
         here, reach = self._excess(value), 1e-4 * (bounds[1] - bounds[0])
-        last = {side: (value, here) for side in (-1.0, 1.0)}
+        last = dict.fromkeys((-1.0, 1.0), (value, here))
         for _ in range(14):
             for side, (inner, before) in last.items():
                 end = min(max(value + side * reach, bounds[0]), bounds[1])
@@ -324,8 +325,8 @@ class OrbitProblem:
     def rephased(self, u: Array, value: float) -> tuple[OrbitProblem, Array, Array] | None:
         """The same forced orbit from a phase away from its events, where one comes near the state u.
 
-        Returns the equations, the state there, and its derivatives by (u, parameter): (n, n + 1). None where no
-        event is near, there is no better phase, or the orbit is not forced or has several nodes.
+        Returns the equations, the state there, and its derivatives by (u, parameter): (n, n + 1). None where
+        no event is near, there is no better phase, or the orbit is not forced or has several nodes.
         """
         shooting = self.shooting
         if shooting.period is None or len(shooting.shares) != 1:

@@ -1,7 +1,7 @@
 """Work and size that a symbolic computation may take, counted in calls, so that no clock decides a result.
 
-Inside a function that is `counted` every call of a Python function is counted by the interpreter's trace hook.
-A budget is in millions of calls, of which sympy makes about one a second.
+Inside a function that is `counted` every call of a Python function is counted by the interpreter's trace
+hook. A budget is in millions of calls, of which sympy makes about one a second.
 """
 
 from __future__ import annotations

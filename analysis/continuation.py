@@ -195,7 +195,7 @@ class Continuation:
             u, at = np.array(near.u), corrector
             if a.phase == b.phase:
                 u = np.array(a.u) + share * (np.array(b.u) - np.array(a.u))
-            if near.phase:
+            if isinstance(self.problem, OrbitProblem) and near.phase:
                 at = Corrector(self.problem.at_phase(near.phase), self.width)
             if np.all(np.isfinite(u)):
                 out.append(at.fixed(u, value))
@@ -249,7 +249,7 @@ class Continuation:
             u = np.array(stored.u)
             if isinstance(self.problem, EquilibriumProblem):
                 self.problem = self.problem.in_mode(stored.modes[0], u)
-            if stored.phase:
+            if isinstance(self.problem, OrbitProblem) and stored.phase:
                 self.problem = self.problem.at_phase(stored.phase)
             self.problem = self.problem.moved(u, stored.value)
             corrector = Corrector(self.problem, self.width)
@@ -315,7 +315,7 @@ class Continuation:
                 following = corrector.at_value(current, following, low if value < low else high)
             found, goes_on = crossings.between(current, following, step)
             if any(not low - near <= point.value <= high + near for point in found) and step > self.min_step:
-                # The branch leaves the bounds and comes back within the step: it is followed to where it leaves.
+                # The branch leaves the bounds and comes back within the step: shorter ones end at the bound.
                 step = max(0.5 * step, self.min_step)
                 continue
             yield from found

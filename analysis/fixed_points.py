@@ -36,7 +36,8 @@ class FixedPoint:
 
     d         coordinate; residual: |P(d) - d| there
     kind      "equilibrium set" where the motion rests, else "limit cycle"
-    slope     dP/dd (from saltation matrices), NaN where the map has none; at an equilibrium set the limit of P(d)/d for d -> 0+, which is
+    slope     dP/dd (from saltation matrices), NaN where the map has none; at an equilibrium set the limit of
+              P(d)/d for d -> 0+, which is
               infinite where the map jumps at the set
     stable    |slope| < 1
     period    time of the turns together, 0 for an equilibrium set
@@ -68,7 +69,8 @@ class Jump:
 class Basin:
     """Coordinates between lo and hi whose iterates go to the attractor at d (None: to none found).
 
-    Beside a stable set with a hidden cycle (`FixedPoint.hidden`) it is None, too: some go to the set, some not.
+    Beside a stable set with a hidden cycle (`FixedPoint.hidden`) it is None, too: some go to the set, some
+    do not.
     """
 
     lo: float

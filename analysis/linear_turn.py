@@ -3,8 +3,9 @@
 From an end of a set of rest positions the slip field vanishes, so a turn from a coordinate d next to the set
 obeys y' = A y on its side of the surface, y(0) = d dx0/dd, until c y = 0 again at T: then P(d)/d -> r y(T)/d,
 with c = grad h and r the gradient of the coordinate. Where the slip field grows out of the surface like
-|h|**e with 0 < e < 1, or does not vanish at the end, a motion from arbitrarily near the set leaves by a finite
-distance: the map jumps there. Source: `filippov.analysis.rest_map`, Hensen & van de Molengraft 2002, section 3.
+|h|**e with 0 < e < 1, or does not vanish at the end, a motion from arbitrarily near the set leaves by a
+finite distance: the map jumps there. Source: `filippov.analysis.rest_map`; Hensen & van de Molengraft 2002,
+section 3.
 """
 
 from __future__ import annotations
@@ -40,9 +41,9 @@ NEAR = 1e-3
 def linear_slope(turn: EventMap, reach: float) -> float | None:
     """Limit of P(d)/d for d -> 0 on the side of `reach`, for a map of one turn.
 
-    inf or -inf where the map jumps at 0 or slip grows without end; None where no formula gives it: a system of plain functions, a
-    section on several surfaces or of another kind than an entry into sliding, a turn that does not begin with
-    slip from the end of a set, slip that fades away beside the surface.
+    inf or -inf where the map jumps at 0 or slip grows without end; None where no formula gives it: a system
+    of plain functions, a section on several surfaces or of another kind than an entry into sliding, a turn
+    that does not begin with slip from the end of a set, slip that fades away beside the surface.
     """
     system, section = turn.system, turn.section
     if system.symbolic is None or system.time_events or len(turn.bound.surfaces) > 1 or section.after:
@@ -56,7 +57,8 @@ def linear_slope(turn: EventMap, reach: float) -> float | None:
         return None
     tiny = side * np.finfo(float).tiny
     x0 = turn.bound.start(np.array([tiny]), turn.p)[0]
-    heights = mode_field(system, mode).part("h", np.zeros(1), x0[None], np.array([mode], float), turn.p)[0, :, 0]
+    signs = np.array([mode], dtype=float)
+    heights = mode_field(system, mode).part("h", np.zeros(1), x0[None], signs, turn.p)[0, :, 0]
     size = 1.0 + float(np.max(np.abs(x0)))
     if any((abs(h) <= ROUNDING * size) != (k == i) for k, h in enumerate(heights)):
         return None
@@ -113,7 +115,8 @@ def _cases(system: System, mode: tuple[int, ...], i: int) -> tuple[_Case, ...]:
     point = EquilibriumPoint(on, system.states, form.x, multiplier, (), (), "boundary equilibrium")
 
     def function(rows: Any) -> Callable[..., Any]:
-        return sympy.lambdify((*form.p, *form.x), rows, "numpy")
+        made: Callable[..., Any] = sympy.lambdify((*form.p, *form.x), rows, "numpy")
+        return made
 
     return tuple(
         _Case(

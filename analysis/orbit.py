@@ -233,9 +233,10 @@ def make_orbit(
 
 def _whole(problem: Shooting, x0: Array, period: float, p: Array) -> Solution:
     values = dict(zip(problem.system.parameters.names, p.tolist(), strict=True))
+    begin = problem.begin(p)
     motion = solve(
-        problem.system, x0, (problem.begin(p), problem.begin(p) + period), parameters=values, rtol=problem.rtol,
-        atol=problem.atol, method=problem.method, zeno="continue", nonunique="stick",
+        problem.system, x0, (begin, begin + period), parameters=values, rtol=problem.rtol, atol=problem.atol,
+        method=problem.method, zeno="continue", nonunique="stick",
     )  # fmt: skip
     if not motion.success:
         raise SolveError(f"the motion along the orbit ended early: {motion.message}", motion)

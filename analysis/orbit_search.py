@@ -177,8 +177,8 @@ class _Search:
     # -- forced ------------------------------------------------------------------------------------------
 
     def forced(self, x0: Array, t0: float, follow: bool) -> Orbit:
-        """Newton's method on the stroboscopic map; where it fails, again from the best returns of more and more
-        periods, with more nodes.
+        """Newton's method on the stroboscopic map; where it fails, again from the best returns of more and
+        more periods, with more nodes.
 
         follow: the orbit may take several periods, as many as the motion from the guess needs to come back
         """
@@ -210,7 +210,7 @@ class _Search:
         raise NoConvergenceError(f"no periodic orbit was found in {stage} periods of the forcing: {error}")
 
     def _with(self, nodes: int, found: Orbit, period: float) -> Orbit:
-        """The orbit with as many nodes as were asked for, where it was found with more; as it is if that fails."""
+        """The orbit with as many nodes as were asked for; as it was found if that fails."""
         more, self.nodes = self.nodes > nodes, nodes
         if not more:
             return found

@@ -1,8 +1,9 @@
 """The slope of an event map at the equilibrium set: in closed form, or from ratios P(d)/d at ever smaller d.
 
-`filippov.analysis.linear_turn` has the closed form. Elsewhere, where the slip field is smooth beside the set, P(d)/d = kappa + c d + ...: Richardson's extrapolation by
-halving. A friction curve |v|**beta makes it a series in u = d**(beta - 1), which may fall slowly: there log
-P(d)/d is fitted by polynomials in d**gamma over windows of d, gamma free, and three degrees tell the error.
+`filippov.analysis.linear_turn` has the closed form. Elsewhere, where the slip field is smooth beside the
+set, P(d)/d = kappa + c d + ...: Richardson's extrapolation by halving. A friction curve |v|**beta makes it a
+series in u = d**(beta - 1), which may fall slowly: there log P(d)/d is fitted by polynomials in d**gamma over
+windows of d, gamma free, and three degrees tell the error.
 """
 
 from __future__ import annotations

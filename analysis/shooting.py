@@ -56,8 +56,8 @@ class Shooting:
     """The equations for one system, with reference point, nodes and symmetry.
 
     reference   state at the first node (n,), velocity there (n,): for the phase condition
-    t0, unit    time of the first node of a forced system, taken where the period is `unit`: it keeps its phase,
-                t0 T/unit, when a parameter changes the period; unit 0: t0 is the time
+    t0, unit    time of the first node of a forced system, taken where the period is `unit`: it keeps its
+                phase, t0 T/unit, when a parameter changes the period; unit 0: t0 is the time
     shares      parts of the duration between nodes, adding up to 1
     sliding     for each node the surfaces it lies on (a node in sliding stays on them)
     period      of the forcing, None for an autonomous system

@@ -64,7 +64,7 @@ def slip(y: Array, p: Array, rtol: float, h: float, t: float) -> float:
             most = max(scale[q], abs(z[q]))
             error = max(error, abs(e) / (rtol * max(abs(z[q]), 1e-3 * most)))
         if not error <= 1.0:
-            h *= max(0.2, 0.9 * error**-0.2) if error == error else 0.2
+            h *= max(0.2, 0.9 * error**-0.2) if error < 1e300 else 0.2
             continue
         if z[1] >= 0.0:
             # Newton in the step's length, to the root of v.
@@ -86,7 +86,7 @@ def slip(y: Array, p: Array, rtol: float, h: float, t: float) -> float:
 @numba.njit
 def turn(d: float, p: Array, rtol: float) -> float:
     """The next stick position after the one at d, which may be negative; NaN where none comes in T_MAX."""
-    m, P, D, I, Fs, Fc, vs, beta, b = p
+    m, P, _, I, Fs, Fc, vs, beta, _ = p
     if d == 0.0:
         return 0.0
     sign = 1.0 if d > 0 else -1.0

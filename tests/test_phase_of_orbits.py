@@ -66,7 +66,9 @@ def buck(p: dict[str, float], x: Array) -> Array:
     return np.asarray((scipy.linalg.expm(on * (p["T"] - t)) @ scipy.linalg.expm(matrix * t) @ y)[:2])
 
 
-def doubling(step: Callable[[float], Callable[[Array], Array]], guess: Array, low: float, high: float) -> float:
+def doubling(
+    step: Callable[[float], Callable[[Array], Array]], guess: Array, low: float, high: float
+) -> float:
     """The parameter at which a fixed point of the map has the multiplier -1."""
 
     def test(value: float) -> float:

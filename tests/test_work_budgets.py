@@ -2,6 +2,7 @@
 
 import sys
 import time
+from contextlib import suppress
 
 import pytest
 import sympy
@@ -50,16 +51,14 @@ def test_12_9_what_never_asks_is_stopped_by_its_calls() -> None:
             return 1
 
         while True:
-            try:
+            with suppress(Exception):
                 again()
-            except Exception:  # noqa: BLE001, PERF203, S110
-                pass
 
     clock = Clock(0.5)
     with pytest.raises(OutOfBudgetError, match="budget"):
         clock.within(endless, 0.01)
     assert 0.4 < clock.remaining() < 0.5
-    with pytest.raises(OutOfBudgetError, match="0.5"):
+    with pytest.raises(OutOfBudgetError, match=r"budget of 0\.5"):
         clock.within(endless)
     assert sys.gettrace() is None or sys.gettrace().__module__ != "filippov.analysis.budget"
 
