@@ -228,7 +228,7 @@ class Continuation:
             messages += [self._message] if self._message else []
             self.branch.message = "; ".join(messages)
             if self.stopped or self._spent(begun):
-                messages.append("stopped" if self.stopped else "budget spent")
+                messages.append("stopped" if self.stopped else self._limit())
                 self.branch.message = "; ".join(messages)
                 return
             done.append(way)
@@ -236,6 +236,12 @@ class Continuation:
 
     def _spent(self, begun: float) -> bool:
         return len(self.branch.points) >= self.max_points or time.monotonic() - begun > self.max_time
+
+    def _limit(self) -> str:
+        """The limit that ended the march, by name."""
+        if len(self.branch.points) >= self.max_points:
+            return f"cut off by max_points = {self.max_points}"
+        return f"cut off by max_time = {self.max_time:g} s of the wall clock"
 
     def _begin(self, way: int) -> Along:
         """The first point with its tangent; that of a stored branch where it is resumed."""

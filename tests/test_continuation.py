@@ -290,7 +290,7 @@ def test_both_ways_give_one_ordered_branch():
 def test_budgets_keep_what_was_found():
     branch = continuation(lambda u, q: u - q, [0.0], value=0.0, bounds=(-100, 100), max_points=7).run()
     assert len(branch.points) == 7
-    assert branch.message.endswith("budget spent")
+    assert branch.message.endswith("cut off by max_points = 7")
 
 
 def test_interrupted_run_keeps_its_points():
@@ -346,7 +346,7 @@ def test_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert isinstance(Orbit.load(tmp_path / "orbit.json"), Orbit)
     words = ["continue", "hunting", "--parameter", "P", "--from", "10", "--to", "31", "--start", "0.25"]
     data = summary(capsys, *words, "-o", folder, "--max-points", "4")
-    assert data["message"] == "budget spent"
+    assert data["message"] == "cut off by max_points = 4"
     data = summary(capsys, *words, "-o", folder, "--resume", str(tmp_path / "branch.json"))
     assert [q["special"] for q in data["special"]] == ["fold"]
     assert {"branch.csv", "branch.json", "branch.png", "orbit.png", "orbit.csv"} <= {
