@@ -28,6 +28,8 @@ TIGHT = 1e-12
 # Halvings between the coarse grid and the smallest coordinate, a decade in about three.
 PER_DECADE = 6
 _SAME = 1e-6
+# What rounding may leave of P(d) - d, in units of the smallest coordinate that it leaves.
+_NOISE = 1e-2
 
 
 @dataclass(frozen=True)
@@ -107,9 +109,10 @@ def fixed_points(event_map: EventMap, lo: float, hi: float, points: int = 400) -
                 searches.append((near, rest, gap))
                 at_set = _told(at_set, rest, gap)
         found.append(at_set)
+    noise = _NOISE * near_set(event_map, max(abs(lo), abs(hi)))[1]
     for at, places, gap in searches:
         for a, b in _brackets(at, places, gap):
-            point = _polish(at, a, b)
+            point = _polish(at, a, b, noise)
             if point is not None and all(
                 abs(point.d - other.d) > 1e-9 * max(abs(point.d), abs(other.d)) for other in found
             ):
@@ -174,7 +177,7 @@ def extremum(event_map: EventMap, a: float, b: float) -> float | None:
         return None
 
 
-def _polish(event_map: EventMap, a: float, b: float) -> FixedPoint | None:
+def _polish(event_map: EventMap, a: float, b: float, noise: float) -> FixedPoint | None:
     def gap(d: float) -> float:
         return float(event_map(d)) - d
 
@@ -188,7 +191,7 @@ def _polish(event_map: EventMap, a: float, b: float) -> FixedPoint | None:
         return None  # the map does not return somewhere inside: NaN
     left = abs(gap(d))
     # At a jump the gap stays as it is on both sides, however close they come.
-    if left > 1e-3 * max(abs(before), abs(after)) and left > 1e-7 * scale:
+    if left > 1e-3 * max(abs(before), abs(after)) and left > max(1e-7 * scale, noise):
         return None
     orbit = event_map.orbit(d)
     period = float(sum(turn.t_end for turn in orbit))
