@@ -80,6 +80,7 @@ from filippov._kernels.lap import faint, zeno_horizon, zeno_remaining
 from filippov._kernels.layout import COLUMNS, MULTIPLIER
 from filippov._kernels.locate import BRUSH, NOISY, dense_output, guard_noise, locate, straight
 from filippov._kernels.model import (
+    CLAMPED,
     END_IN_ERROR,
     I_CALLS,
     I_PIECES,
@@ -89,7 +90,6 @@ from filippov._kernels.model import (
     RESET_FROM,
     RESETS,
     ROLE,
-    ROUGH,
     STAGES,
     W_ATOL,
     W_BEFORE,
@@ -388,7 +388,7 @@ def advance(
                 count[REJECTED] += 1
                 clock[STEP] = 0.25 * abs(step)
                 continue
-            if ROUGH and cause == ROOT and failed == 0 and not line:
+            if CLAMPED and cause == ROOT and failed == 0 and not line:
                 # In stages beyond the surface such a field stands still, and a step across may look exact.
                 error = error_norm(x, xe, length, rtol, atol, relative, kept, slack, clock[ROUGH_NOISE], w)
                 if error > 1.0:

@@ -75,7 +75,9 @@ def callback_unit(n: int, parameters: int, surfaces: tuple[Surface, ...]) -> Gen
     affine = len(surfaces) < 2
     moving = [any(callable(end) for end in surface.radius) for surface in surfaces]
     straight = [False] * len(surfaces)
-    constants = unit_constants(n, parameters, surfaces, linear, affine, True, pattern, moving, straight)
+    constants = unit_constants(
+        n, parameters, surfaces, linear, affine, True, pattern, moving, straight, clamped=False
+    )
     return Generated(SOURCE, constants)
 
 

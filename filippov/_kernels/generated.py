@@ -45,6 +45,7 @@ def unit_constants(
     straight: Sequence[bool],
     wide: bool = False,
     held: Sequence[bool] = (),
+    clamped: bool = True,
 ) -> dict[str, Constant]:
     """The constants of `filippov._kernels.model` that belong to the system."""
     own: dict[str, Constant] = {
@@ -53,6 +54,7 @@ def unit_constants(
         "P": parameters,
         "AFFINE": affine,
         "ROUGH": is_rough,
+        "CLAMPED": is_rough and clamped,
         "WIDE": wide,
         "ROLE": [_ROLES[surface.kind] for surface in surfaces] or [0],
         "LINEAR": [int(flag) for flag in linear] or [1],

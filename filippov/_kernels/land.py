@@ -9,13 +9,13 @@ from filippov._kernels.field import add_gradient, field, gradient_product, proje
 from filippov._kernels.language import Indices, Vector, kernel, shift
 from filippov._kernels.locate import guard_rows
 from filippov._kernels.model import (
+    CLAMPED,
     G_COLUMN,
     G_FIRST,
     I_SLIDING,
     IMPLICIT,
     RESET_FROM,
     ROLE,
-    ROUGH,
     W_DIRECTION,
     W_END,
     W_F,
@@ -169,7 +169,7 @@ def land(
         for j in range(N):
             xe[j] += delta * f[j]
         length += delta
-    if ROUGH and code == 0 and cause == ROOT and ROLE[i] == SWITCHING:
+    if CLAMPED and code == 0 and cause == ROOT and ROLE[i] == SWITCHING:
         # What is farther off than the integration is accurate is no landing: a field that stands still beyond
         # the surface leads Newton's method off.
         went = (abs(t) + abs(length)) * (abs(w[W_START + 2 * i + 1]) + abs(rate(i, f, w)))
