@@ -61,7 +61,7 @@ def first_derivative(values: Array, terms: Terms, step: float) -> tuple[int, flo
     shallow = 0.0 if terms.fine else SHALLOW
     way, excursion = (terms.speed + terms.force * abs(step)) * abs(step), shallow * terms.size
     scale, largest = terms.size + way, float(np.max(np.abs(values[1:])))
-    rounding = terms.grain * (_ROUNDING * scale + _CARRIED * way)
+    rounding = terms.grain * _ROUNDING * scale + _CARRIED * way
     if terms.tangent:
         # Of the rate: what is left of it at the point is no part of the guard.
         powers, rounding, first = powers * np.arange(NODES), rounding * np.arange(NODES), 2
