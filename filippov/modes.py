@@ -71,11 +71,13 @@ def successors(
     hit: those of the surfaces met at which something happens, an end of a multiplier's set included; None
     where sliding is to be thought over on all of them.
 
-    A mode whose motion leaves a surface and is back within rounding counts where there is no other: so events
-    follow each other where the rate off a surface vanishes at the corner that they run into.
+    A mode whose motion leaves a surface and is back within rounding counts where there is no other and nothing
+    slides: so events follow each other where the rate off a surface vanishes at the corner they run into.
     """
     found = _consistent(point, base, met, hit)
-    return found or _consistent(replace(point, fine=True), base, met, hit)
+    if found or not hit or any(sign == 0 for sign in base):
+        return found
+    return _consistent(replace(point, fine=True), base, met, hit)
 
 
 def _consistent(point: Point, base: Mode, met: Sequence[int], hit: Sequence[int] | None) -> list[Successor]:
