@@ -71,8 +71,8 @@ def successors(
     hit: those of the surfaces met at which something happens, an end of a multiplier's set included; None
     where sliding is to be thought over on all of them.
 
-    A mode whose motion leaves a surface and is back within rounding counts where there is no other and nothing
-    slides: so events follow each other where the rate off a surface vanishes at the corner they run into.
+    A mode whose motion leaves a surface and is back within rounding counts where there is no other and
+    nothing slides: so events follow each other where a rate vanishes at the corner that they run into.
     """
     found = _consistent(point, base, met, hit)
     if found or not hit or any(sign == 0 for sign in base):
