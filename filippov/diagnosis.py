@@ -15,7 +15,7 @@ CLOSE = 1e-6
 # So many attempts that together take less than this part of what is left: the end is out of reach.
 STAGNATION_STEPS, STAGNATION, STANDSTILL = 4_000, 1e-5, 1e-9
 # So many such looks in a row that cover less than this: there is no getting going any more.
-LOOKS, NO_PROGRESS = 3, 1e-7
+LOOKS, NO_PROGRESS = 3, 1e-6
 TURNS = (
     "a jump without a surface, or a field that turns round a point, such as friction along v/|v| at rest. "
     "Write the jump with sign(...) or declare a Surface; give friction in the plane a small speed below "
