@@ -14,6 +14,7 @@ from functools import partial
 
 import numpy as np
 
+from filippov._kernels.land import NO_RATE
 from filippov.events import Mode
 from filippov.leading import Terms, leading_term
 from filippov.machine import Array
@@ -26,7 +27,6 @@ LOCATED = 1e-7
 # The same where it is rounding, of the terms of the rate and of what the signs make of it.
 ROUNDING, AT_END = 16 * float(np.finfo(float).eps), 3e-13
 OPEN = 1e299
-NO_RATE = 1e-12
 # A rate above this part of what the signs and the field make of it is no rounding, whatever the terms are.
 PLAIN = 1e-3
 

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from filippov._kernels import codes
+from filippov._kernels.land import NO_RATE
 from filippov.machine import Array
 from filippov.run import Run
 
 EPS = float(np.finfo(float).eps)
-# A rate below this part of its terms is rounding.
-NO_RATE = 1e-12
-# The same where gradients are differences.
+# What NO_RATE is for formulas, where gradients are differences.
 DIFFERENCES = 1e-10
 
 

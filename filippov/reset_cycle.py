@@ -11,7 +11,7 @@ Sources: McGeer 1990, section 2 (the rimless wheel); Or & Ames 2011 (what follow
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,13 +21,13 @@ from filippov.machine import Array
 from filippov.rates import off_contact, rates_at
 from filippov.run import Run
 from filippov.status import EventKind
-from filippov.zeno import NEAR_REST, SAMPLES, Accumulation, rest
+from filippov.zeno import NEAR_REST, SAMPLES, WITHIN, Accumulation, bridge, holds_still, rest
 
 LONGEST = 8
 # Of the states: where a reset has led back to the first one.
 SAME = 1e-9
-# How far, in errors of the limit, the state at rest may lie from it; step of differences.
-WITHIN, STEP = 100.0, 1e-6
+# Step of differences.
+STEP = 1e-6
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ def rests_in_cycle(run: Run, i: int, limit: Accumulation | None = None) -> bool:
         return False
     # All of them are the limit: the one next to the last state, so that the dense output has no jump.
     x = min((place.x for place in cycle), key=lambda y: float(np.max(np.abs(y - kept_x))))
-    if limit is not None and limit.t != run.t:
-        _go_to(run, limit.t, x)
+    if limit is not None:
+        bridge(run, replace(limit, x=x))
     run.x[:] = x
     run.add_event(
         run.t, i, EventKind.ENTRY, run.signs, run.signs, x.copy(), float("nan"), 0.0,
@@ -118,8 +118,6 @@ def _at_rest(run: Run, x: Array, i: int) -> Array:
 
 def _stays(run: Run, cycle: tuple[Place, ...]) -> bool:
     """Whether the cycle's states do not move, now and until the run's end or the next time event."""
-    from scipy.optimize import nnls
-
     machine = run.machine
     for t in np.linspace(run.t, float(run.clock[codes.T_END]), SAMPLES):
         led = []
@@ -135,22 +133,6 @@ def _stays(run: Run, cycle: tuple[Place, ...]) -> bool:
                 here = machine.reset(other.surface, float(t), here, other.mode)
                 moved = machine.reset(other.surface, float(t), moved, other.mode)
             led.append((moved - here) / step)
-        velocities = np.array(led).T
-        if not np.all(np.isfinite(velocities)):
-            return False
-        size = float(np.max(np.abs(velocities))) + 1e-300
-        combination = np.vstack([velocities / size, np.ones(velocities.shape[1])])
-        _, gap = nnls(combination, np.append(np.zeros(len(run.x)), 1.0))
-        if gap > NEAR_REST:
+        if not holds_still(np.array(led)):
             return False
     return True
-
-
-def _go_to(run: Run, t: float, x: Array) -> None:
-    """Go to the limit; the dense output is straight, as nothing else is known of it."""
-    if run.options.dense_output:
-        coef = np.zeros((1, *run.coef.shape[1:]))
-        coef[0, 0], coef[0, 1] = run.x, x - run.x
-        run.steps.append((np.array([[run.t, t - run.t]]), coef))
-    run.clock[codes.T] = t
-    run.zeno[:] = 0.0

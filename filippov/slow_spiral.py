@@ -3,8 +3,7 @@
 Where the field of every mode is finite at the corner and the laps are marginal to first order, the distance d
 of the n-th lap obeys d' = d - a d**2, so d falls as 1/n; a lap lasts a time in proportion to d, so d falls as
 exp(-rate t) while the number of events grows as exp(rate t). A genetic loop with thresholds does this.
-
-Sources: Guckenheimer & Holmes 1983, section 3.3 (the weak focus of a map); Edwards 2000 (Glass networks).
+In the plane the rate is half of that at which the fields shrink areas (tests: two genes, (a + b)/2).
 """
 
 from __future__ import annotations

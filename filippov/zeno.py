@@ -318,6 +318,18 @@ def _rates(run: Run, t: float, x: Array, chosen: Sequence[int]) -> tuple[Array, 
     return np.mean(rows, axis=0), float(np.max(np.ptp(rows, axis=0))) / scale
 
 
+def holds_still(velocities: Array) -> bool:
+    """Whether 0 is a convex combination of velocities, one a row."""
+    from scipy.optimize import nnls
+
+    if not np.all(np.isfinite(velocities)):
+        return False
+    size = float(np.max(np.abs(velocities))) + 1e-300
+    combination = np.vstack([velocities.T / size, np.ones(len(velocities))])
+    _, gap = nnls(combination, np.append(np.zeros(velocities.shape[1]), 1.0))
+    return bool(gap <= NEAR_REST)
+
+
 def rests(run: Run, surfaces: Sequence[int]) -> bool:
     """Whether 0 is among the velocities of the inclusion at this point, now and until the end of the run.
 
@@ -325,8 +337,6 @@ def rests(run: Run, surfaces: Sequence[int]) -> bool:
     follow from staying on them; a state at which 0 is a convex combination of the vertex fields is a
     solution all the same.
     """
-    from scipy.optimize import nnls
-
     switching = [i for i in surfaces if run.machine.roles[i] == "switching"]
     if not 0 < len(switching) <= LARGEST_CORNER:
         return False
@@ -339,13 +349,7 @@ def rests(run: Run, surfaces: Sequence[int]) -> bool:
             corner = np.where(mode == 0.0, 1.0, mode)
             corner[switching] = signs
             fields.append(run.machine.rhs(float(t), run.x, corner, mode))
-        velocities = np.array(fields).T
-        if not np.all(np.isfinite(velocities)):
-            return False
-        size = float(np.max(np.abs(velocities))) + 1e-300
-        combination = np.vstack([velocities / size, np.ones(velocities.shape[1])])
-        _, gap = nnls(combination, np.append(np.zeros(len(run.x)), 1.0))
-        if gap > NEAR_REST or np.any(h > NEAR_REST * (1.0 + np.max(np.abs(run.x)))):
+        if not holds_still(np.array(fields)) or np.any(h > NEAR_REST * (1.0 + np.max(np.abs(run.x)))):
             return False
     return True
 

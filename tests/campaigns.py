@@ -8,7 +8,7 @@ import os
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import conftest  # noqa: F401 - what it sets must be set before numpy is imported
@@ -72,31 +72,43 @@ def _moved(a: Linear, **changes: Any) -> Linear:
     return replace(a, **known)
 
 
-Told = dict[str, tuple[Solution, tuple[float, ...]]]
+@dataclass(frozen=True)
+class Told:
+    """A motion told otherwise: its first time, the scales of time and states, signs and order of surfaces."""
+
+    run: Solution
+    start: float = 0.0
+    tempo: float = 1.0
+    size: float = 1.0
+    signs: Any = 1.0
+    order: Any = ...
+
+    def modes(self, m: int) -> list[tuple[int, ...]]:
+        """The modes after its events, as the first telling has them."""
+        return [tuple((np.array(e.after)[:m] * self.signs)[self.order]) for e in self.run.events]
 
 
-def _variants(rng: np.random.Generator, a: Linear, x0: Array) -> Told:
-    """The same motion told otherwise: (run, (first time, scale of time, scale of states, signs of modes))."""
+def _variants(rng: np.random.Generator, a: Linear, x0: Array) -> dict[str, Told]:
     m = len(a.d)
     w, e, r = (a.w, a.e, a.r) if isinstance(a, Resetting) else (np.zeros(0), 0.0, np.zeros(0))
     tempo, size, shift = 10 ** rng.uniform(-6, 4), 10 ** rng.uniform(-6, 3), rng.uniform(-50, 50)
     turned = rng.choice([-1.0, 1.0], m)
-    out: Told = {}
-    told = _moved(a, A=a.A / tempo, b=a.b / tempo, B=a.B / tempo)
-    out["scale of time"] = (run(told, x0, (0, tempo * END)), (0.0, tempo, 1.0, 1.0))
-    told = _moved(a, b=size * a.b, B=size * a.B, d=size * a.d, e=size * e, r=size * r)
-    out["scale of states"] = (run(told, size * x0, atol=1e-13 * size), (0.0, 1.0, size, 1.0))
-    out["shift of time"] = (run(a, x0, (shift, shift + END)), (shift, 1.0, 1.0, 1.0))
+    faster = _moved(a, A=a.A / tempo, b=a.b / tempo, B=a.B / tempo)
+    larger = _moved(a, b=size * a.b, B=size * a.B, d=size * a.d, e=size * e, r=size * r)
     mirrored = _moved(a, b=-a.b, d=-a.d, w=-w, r=-r)
-    out["mirror"] = (run(mirrored, -x0), (0.0, 1.0, -1.0, -1.0))
     factor = 10 ** rng.uniform(-9, 9, m)
-    told = _moved(a, c=a.c * factor[:, None], d=a.d * factor)
-    out["scale of surfaces"] = (run(told, x0), (0.0, 1.0, 1.0, 1.0))
-    told = _moved(a, c=a.c * turned[:, None], d=a.d * turned, B=a.B * turned[:, None])
-    out["negated surfaces"] = (run(told, x0), (0.0, 1.0, 1.0, *turned))
+    steeper = _moved(a, c=a.c * factor[:, None], d=a.d * factor)
+    negated = _moved(a, c=a.c * turned[:, None], d=a.d * turned, B=a.B * turned[:, None])
     order = tuple(int(k) for k in rng.permutation(m))
-    out["order of surfaces"] = (run(a, x0, order=order), (0.0, 1.0, 1.0, *order, 0.5))
-    return out
+    return {
+        "scale of time": Told(run(faster, x0, (0, tempo * END)), tempo=tempo),
+        "scale of states": Told(run(larger, size * x0, atol=1e-13 * size), size=size),
+        "shift of time": Told(run(a, x0, (shift, shift + END)), start=shift),
+        "mirror": Told(run(mirrored, -x0), size=-1.0, signs=-1.0),
+        "scale of surfaces": Told(run(steeper, x0)),
+        "negated surfaces": Told(run(negated, x0), signs=turned),
+        "order of surfaces": Told(run(a, x0, order=order), order=np.argsort(order)),
+    }
 
 
 def metamorphic(seed: int) -> str | None:
@@ -109,23 +121,21 @@ def metamorphic(seed: int) -> str | None:
     if not one.success:
         return f"{one.status.value}: {one.message}"
     near = 200 * RTOL * (1 + np.max(np.abs(one.y)))
-    for name, (two, (start, tempo, size, *signs)) in _variants(rng, a, x0).items():
+    modes = Told(one).modes(m)
+    for name, told in _variants(rng, a, x0).items():
+        two = told.run
         if not two.success:
             return f"{name}: {two.status.value}: {two.message}"
-        modes = [np.array(e.after)[:m] for e in two.events]
-        if signs[-1] == 0.5:
-            back = np.argsort(np.array(signs[:-1]))
-            modes = [mode[back] for mode in modes]
-        else:
-            modes = [mode * np.array(signs if len(signs) == m else [signs[0]] * m) for mode in modes]
-        if [tuple(mode) for mode in modes] != [tuple(e.after)[:m] for e in one.events]:
+        if told.modes(m) != modes:
             return f"{name}: {two.modes} for {one.modes}"
         grows = np.max(answer.times, initial=1.0)
-        late = np.abs((np.array([e.t for e in two.events]) - start) / tempo - [e.t for e in one.events])
+        times = (np.array([e.t for e in two.events]) - told.start) / told.tempo
+        late = np.abs(times - [e.t for e in one.events])
         if np.any(late > near * grows):
             return f"{name}: events {np.max(late):.2g} apart"
-        if np.any(np.abs(two.x_end / size - one.x_end) > near * answer.state):
-            return f"{name}: ends {np.max(np.abs(two.x_end / size - one.x_end)):.2g} apart"
+        apart = np.abs(two.x_end / told.size - one.x_end)
+        if np.any(apart > near * answer.state):
+            return f"{name}: ends {np.max(apart):.2g} apart"
     return None
 
 
