@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov._kernels import codes
-from filippov._kernels.build import ENTRIES, Compiled, build
+from filippov._kernels.build import ENTRIES, Compiled, address, build
 from filippov.events import Stop
 from filippov.gradients import check_gradients
 from filippov.machine import Array, Machine
@@ -194,8 +194,8 @@ class _Chunks:
             batch.atol, batch.stop, batch.zeno, batch.kinds,
         )  # fmt: skip
         self.addresses = [
-            batch.queue.ctypes.data, *self.room.before, *[array.ctypes.data for array in rows],
-            self.room.events, self.room.marks, batch.code.ctypes.data, *self.room.after,
+            address(batch.queue), *self.room.before, *[address(array) for array in rows],
+            self.room.events, self.room.marks, address(batch.code), *self.room.after,
         ]  # fmt: skip
         self.row = 0
         self.more = True

@@ -80,8 +80,10 @@ def _sides(h: Array) -> list[Array]:
 
 def of_little_scale(solution: Solution, atol: Array) -> str:
     """A sentence where a component stayed so near to 0 that atol decided its accuracy; else ""."""
-    y = np.abs(np.column_stack([solution.problem.x0, solution.y, solution.x_end]))
-    largest = np.max(y, axis=1)
+    largest = np.maximum(np.abs(solution.problem.x0), np.abs(solution.x_end))
+    if np.all(largest >= LITTLE * atol):
+        return ""
+    largest = np.maximum(largest, np.max(np.abs(solution.y), axis=1, initial=0.0))
     floor = ROUNDINGS * float(np.max(largest, initial=0.0))
     little = (largest > floor) & (largest < LITTLE * atol)
     return _sentence(solution.system.states, largest, atol, little)
@@ -91,8 +93,12 @@ def of_little_ends(
     states: tuple[str, ...], x0: Array, x: Array, atol: Array
 ) -> Iterator[tuple[int, str]]:
     """The same for the rows of an ensemble that begin and end (k, n) near to 0 in every component."""
+    bounds = LITTLE * atol
+    # Hardly a row is small in every component: one component tells most of them.
+    if not np.any(np.abs(x[:, 0]) < bounds[0]):
+        return
     largest = np.maximum(np.abs(x0), np.abs(x))
-    rows = np.all(largest < LITTLE * atol, axis=1) & np.any(largest > 0, axis=1)
+    rows = np.all(largest < bounds, axis=1) & np.any(largest > 0, axis=1)
     for q in np.flatnonzero(rows).tolist():
         yield q, _sentence(states, largest[q], atol, largest[q] > 0).lstrip()
 
