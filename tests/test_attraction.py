@@ -62,6 +62,10 @@ SPIRAL = System(
 )
 
 
+A, B, Q = sign(x), sign(y), parameters(r=0.5, c=0.2)
+ENTERING = System({x: B - A, y: A * B - (1 + Q.r) * A + Q.r - 0.05 + Q.c * t})
+
+
 @given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5))
 def test_F15_a_spiral_out_of_a_corner_is_named(a: float, b: float) -> None:
     """A lap takes d to rho d, rho = ((2 + a)(2 + b) / ((2 - a)(2 - b)))^2: outwards where a + b > 0."""
@@ -84,6 +88,33 @@ def test_F2_a_spiral_that_turns_from_in_to_out() -> None:
     run = solve(system, (0, 0), (0, 2))
     assert run.status is Status.NON_UNIQUE
     assert run.t_end == pytest.approx(1, abs=1e-8)
+
+
+def test_F8_a_spiral_backwards_from_rest() -> None:
+    """Every lap that runs into the corner ends there, so that from rest any of them can lead backwards."""
+    start = solve(SPIRAL, (1.3, 2.2), (0, 3), parameters={"a": -1.0, "b": -1.0}, zeno="continue")
+    assert start.success
+    assert start.modes[-1] == "00"
+    for x0, time in (((1, 2), 0.0), (start.x_end, 3.0)):
+        run = solve(SPIRAL, x0, (time, time - 3), parameters={"a": -1.0, "b": -1.0}, backward=True)
+        assert run.status is Status.NON_UNIQUE
+        assert run.ambiguity is not None
+        assert "spiral out of a corner" in run.ambiguity.name
+        assert run.t_end == time
+
+
+@given(st.floats(0.2, 0.6), st.floats(0.1, 0.5))
+def test_F9_a_second_root_that_enters_the_box_is_named(total: float, speed: float) -> None:
+    """a = b and b^2 - (1 + r) b + r - 0.05 + c t = 0: the larger root comes in at 1 as t = 0.05/c.
+
+    The ends of the box are known to some 1e-7 of its width, and so is the time of entry.
+    """
+    run = solve(ENTERING, (0, 0), (0, 0.1 / speed), parameters={"r": total, "c": speed})
+    assert run.status is Status.NON_UNIQUE
+    assert run.t_end == pytest.approx(0.05 / speed, abs=1e-6 * (1 - total) / speed)
+    # The sign of x: its multiplier, or the mode where it does not slide.
+    found = sorted(float(c.multipliers[0] if c.mode[0] == 0 else c.mode[0]) for c in run.candidates)
+    np.testing.assert_allclose(found, [total, 1], atol=2e-6)
 
 
 def test_F9_the_multiplier_is_the_root_that_the_run_followed() -> None:
