@@ -196,7 +196,7 @@ class Prepared:
         machine = self.machine or Machine(
             system, checked.method, values[0], sliding=checked.sliding, compiled=checked.compile
         )
-        width = _lanes(self.lanes, machine, checked.method, count)
+        width = 1 if machine.compiled.plain else _lanes(self.lanes, machine, checked.method, count)
         unit = _lane_unit(machine, checked.method, width) if width > 1 else None
         workers = system_threads(system, self.threads, count, _ROWS_EACH[width > 1])
         parts: list[Ensemble] = []
@@ -210,8 +210,9 @@ class Prepared:
             def carried(x: Array, p: Array, used: Options) -> Ensemble:
                 batch, complete = Batch(machine, x, p, span, self.stops, used), True
                 try:
-                    if system.clocked:
-                        batch.code[:] = codes.GENERAL  # the driver of `solve` stops at the instants
+                    if system.clocked or machine.compiled.plain:
+                        # The driver of `solve` stops at the instants, and runs kernels in Python.
+                        batch.code[:] = codes.GENERAL
                     else:
                         batch.run(workers, unit, look)
                 except KeyboardInterrupt:

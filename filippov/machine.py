@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov._kernels.build import Compiled, address, build, generation
+from filippov._kernels.build import Compiled, build, generation
 from filippov._kernels.callback import Callbacks, EventCallbacks, callback_unit, new_context
 from filippov._kernels.generated import Generated
 from filippov._kernels.layout import RULES
@@ -158,14 +158,15 @@ class Machine:
         rows = np.zeros((*values.shape[:-1], width))
         rows[..., : values.shape[-1]] = values
         if rows.ndim == 1:
-            self.compiled.functions["derive"](address(rows))
+            self.compiled.functions["derive"](self.compiled.given(rows))
         return rows
 
     def call(self, name: str, *arguments: Any) -> int:
         """Call a compiled function: arrays by address, numbers as they are. Raises what user code raised."""
         if self.callbacks is not None:
             self.callbacks.look()
-        passed = [address(a) if isinstance(a, np.ndarray) else a for a in arguments]
+        given = self.compiled.given
+        passed = [given(a) if isinstance(a, np.ndarray) else a for a in arguments]
         code = int(self.compiled.functions[name](*passed))
         self.raise_error()
         return code

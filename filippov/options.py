@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov._kernels.interpreted import BACKENDS
 from filippov._kernels.layout import RULES
 from filippov._kernels.tableaus import TABLEAUS
 from filippov.errors import ModelError, UsageError
@@ -45,6 +46,7 @@ class Options:
     dense_output: bool = True
     save_events: str = "all"
     compile: bool | None = None
+    backend: str = "compiled"
 
     def __post_init__(self) -> None:
         if self.method not in TABLEAUS:
@@ -71,6 +73,7 @@ class Options:
         choice("zeno", self.zeno, ("stop", "continue"))
         choice("simultaneous", self.simultaneous, ("raise", "sequential", "generalised Newton"))
         choice("sliding", self.sliding, RULES)
+        choice("backend", self.backend, BACKENDS)
         choice("save_events", self.save_events, ("all", "count"))
         if self.compile not in (None, True, False):
             raise UsageError(f"compile is {self.compile!r}, expected True, False or None.")

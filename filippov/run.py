@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov._kernels import codes
-from filippov._kernels.build import address
 from filippov.errors import ModelError
 from filippov.event_log import EventLog
 from filippov.events import Mode, Stop
@@ -71,7 +70,7 @@ class Run:
             last.calls = 0
         self.machine = machine
         self._arrays = [
-            address(a)
+            machine.compiled.given(a)
             for a in (
                 self.clock, self.count, self.x, self.mode, self.order, self.hit, self.lam, machine.p,
                 self.atol, self.stop, self.zeno, self.record, self.coef, self.found, self.marks, machine.w,

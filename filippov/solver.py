@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Literal, overload
 
+from filippov._kernels.interpreted import using
 from filippov.branching import branch
 from filippov.errors import NonUniqueError, SolveError, UsageError
 from filippov.loop import follow
@@ -27,6 +28,7 @@ from filippov.user_event import user_events
 _OPTIONS = (
     "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
     "on_graze", "zeno", "simultaneous", "sliding", "stop", "dense_output", "save_events", "compile",
+    "backend",
 )  # fmt: skip
 _TREE_OPTIONS = ("max_branches", "max_depth", "release_times")
 
@@ -111,6 +113,8 @@ def solve(
     dense_output  keep the interpolants that sol(t) needs
     compile     for a field that is a plain function: True compiles it at once (arrays and names that it reads
                 then count as constants), False never; default: after many calls, if it is pure by inspection
+    backend     "compiled", or "python": the same event loop run by Python, for a debugger (FILIPPOV_PYTHON=1
+                for a whole process); see the page on contributing
     save_events "all", or "count" to keep only their number and the last few: memory does not grow with them
 
     Returns a Solution; see its `status` and `message`. Raises ModelError, UsageError for bad input, and
@@ -126,7 +130,16 @@ def solve(
     checked = Options(**options)
     checked.check_span(problem.t_span)
     checked.check_system(problem.system)
-    if "atol" not in options:
+    with using(checked.backend):
+        return _solved(problem, checked, "atol" in options, t_eval, events, of_tree, throw, progress)
+
+
+def _solved(
+    problem: Problem, checked: Options, told: bool, t_eval: Any, events: Any, of_tree: Mapping[str, Any],
+    throw: bool, progress: Callable[[float, float], None] | None,
+) -> Solution | SolutionTree:  # fmt: skip
+    """The same with its options checked; told: whether atol was given."""
+    if not told:
         atol = default_atol(problem.system, problem.x0, problem.t_span, problem.p, checked)
         checked = replace(checked, atol=atol)
     users = user_events(events)

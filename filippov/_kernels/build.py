@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from filippov._kernels import cache as kept
-from filippov._kernels import codes, layout, radau_tables, tables
+from filippov._kernels import codes, interpreted, layout, radau_tables, tables
 from filippov._kernels.compiler import compile_unit, load_object
 from filippov._kernels.layout import LANES, MOST_LANES, Layout
 from filippov._kernels.method import method_constants, method_source
@@ -69,13 +69,25 @@ def address(array: Any) -> int:
 
 @dataclass(frozen=True)
 class Compiled:
-    """Machine code of one system with one method: entry points to call with addresses, and their scratch."""
+    """Machine code of one system with one method: entry points to call with addresses, and their scratch.
+
+    plain: its kernels are run by Python and are called with arrays (see `interpreted`); no engine then.
+    """
 
     functions: Mapping[str, Any]
     addresses: Mapping[str, int]
     layout: Layout
     engine: object
     lanes: int = 1
+
+    @property
+    def plain(self) -> bool:
+        """Whether Python runs the kernels."""
+        return self.engine is None
+
+    def given(self, array: Any) -> Any:
+        """An array as the entry points take it: its address, or itself where Python runs them."""
+        return address(array) if self.engine is not None else array
 
 
 @cache
@@ -147,9 +159,7 @@ def _compile(
     tableau = TABLEAUS[method]
     shared, texts = _shared()
     unit = Unit(width=max(lanes, LANES))
-    unit.constants.update({**shared, "LANES": unit.width})
-    unit.constants.update(place.constants)
-    unit.constants.update(method_constants(tableau))
+    unit.constants.update({**shared, "LANES": unit.width, **place.constants, **method_constants(tableau)})
     for text in (source, method_source(tableau), *texts):
         add_kernels(unit, text)
     return compile_unit(unit, constants, tuple(exported))
@@ -160,26 +170,41 @@ def build(source: str, constants: Mapping[str, Constant], method: str, lanes: in
 
     lanes  trajectories side by side: 1, 8 or 16
     """
-    asked = source, method, lanes, tuple((k, _fixed(v)) for k, v in constants.items())
+    plain = interpreted.current() == "python" and lanes == 1
+    asked = source, method, lanes, plain, tuple((k, _fixed(v)) for k, v in constants.items())
     found = _asked.get(asked)
     if found is None:
-        found = _asked[asked] = _built(source, constants, method, lanes)
+        made = _plain(source, constants, method) if plain else _built(source, constants, method, lanes)
+        found = _asked[asked] = made
     return found
+
+
+def _plain(source: str, constants: Mapping[str, Constant], method: str) -> Compiled:
+    place, tableau = _place(constants, method), TABLEAUS[method]
+    texts = {"system": source, "method": method_source(tableau)}
+    files = tuple(_FOLDER / f"{name}.py" for name in _FILES)
+    # Python has no lanes: points of a sample are taken one after the other.
+    numbers = {**_shared()[0], **place.constants, **method_constants(tableau), **constants, "WIDE": False}
+    entries = tuple(name for name in EXPORTED if name not in ENTRIES and name != "ensemble")
+    return Compiled(interpreted.interpret(texts, files, numbers, entries), {}, place, None)
 
 
 def _fixed(value: Constant) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: int) -> Compiled:
-    exported = LANE_EXPORTED if lanes > 1 else EXPORTED
+def _place(constants: Mapping[str, Constant], method: str) -> Layout:
     n, m = int(constants["N"]), int(constants["M"])  # type: ignore[arg-type]
     colours, largest = int(constants["COLOURS"]), int(constants["LARGEST"])  # type: ignore[arg-type]
     moments = constants["RULE"] == MOMENTS
     points = int(constants["P"]) if constants["WIDE"] else None  # type: ignore[arg-type]
-    place = layout.layout(
-        n, m, bool(constants["AFFINE"]), TABLEAUS[method], colours, largest, moments, points
-    )
+    tableau = TABLEAUS[method]
+    return layout.layout(n, m, bool(constants["AFFINE"]), tableau, colours, largest, moments, points)
+
+
+def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: int) -> Compiled:
+    exported = LANE_EXPORTED if lanes > 1 else EXPORTED
+    place = _place(constants, method)
     text = repr((source, sorted(constants.items()), method, lanes)).encode()
     name = hashlib.sha256(_toolchain() + text).hexdigest()[:32]
     with _lock:
