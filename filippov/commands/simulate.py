@@ -21,7 +21,7 @@ from filippov.user_event import UserEvent
 
 SOLVER = (
     "rtol", "atol", "method", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
-    "sliding", "zeno", "simultaneous", "save_events",
+    "sliding", "zeno", "simultaneous", "save_events", "backend",
 )  # fmt: skip
 EVENT_COLUMNS = (
     "t", "surface", "kind", "before", "after", "direction", "multiplier", "residual", "group", "note",
