@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from filippov._kernels import bernstein, dense, tables
 from filippov._kernels.compiler import compile_unit, load_object
-from filippov._kernels.unit import KernelError, Unit, add_kernels
+from filippov._kernels.language import KernelError
+from filippov._kernels.unit import Unit, add_kernels
 
 ROOM = tables.DEPTH + 3
 WRAPPERS = """
@@ -177,8 +178,8 @@ def test_touching(place: float) -> None:
 )  # fmt: skip
 def test_what_is_outside_the_language_is_named(body: str, why: str) -> None:
     unit = Unit()
-    add_kernels(unit, f"@kernel\ndef f(x: Vector) -> int:\n    {body}\n")
     with pytest.raises(KernelError, match=why):
+        add_kernels(unit, f"@kernel\ndef f(x: Vector) -> int:\n    {body}\n")
         compile_unit(unit, {}, ("f",))
 
 

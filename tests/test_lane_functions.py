@@ -11,7 +11,8 @@ import pytest
 
 from filippov._kernels import build, lane_functions
 from filippov._kernels.compiler import compile_unit, load_object
-from filippov._kernels.unit import LANES, KernelError, Unit, add_kernels
+from filippov._kernels.language import KernelError
+from filippov._kernels.unit import LANES, Unit, add_kernels
 
 NAMES = ("exp", "log", "sin", "cos", "tanh", "sqrt", "tan", "atan", "expm1")
 WRAPPER = """

@@ -1,4 +1,4 @@
-"""The event loop run by Python from its sources: the numbers of compiled code, and lines that a debugger sees."""
+"""The event loop run by Python from its sources: numbers of compiled code, lines that a debugger sees."""
 
 import os
 import subprocess

@@ -20,11 +20,12 @@ from typing import Any
 from filippov._kernels import cache as kept
 from filippov._kernels import codes, interpreted, layout, radau_tables, tables
 from filippov._kernels.compiler import compile_unit, load_object
+from filippov._kernels.language import KernelError
 from filippov._kernels.layout import LANES, MOST_LANES, Layout
 from filippov._kernels.method import method_constants, method_source
 from filippov._kernels.rules import MOMENTS
 from filippov._kernels.tableaus import TABLEAUS
-from filippov._kernels.unit import Constant, KernelError, Unit, add_kernels
+from filippov._kernels.unit import Constant, Unit, add_kernels
 
 _FOLDER = Path(__file__).parent
 _FILES = (
@@ -158,10 +159,11 @@ def _compile(
 ) -> bytes:  # fmt: skip
     tableau = TABLEAUS[method]
     shared, texts = _shared()
+    files = ("system", "method", *(f"{name}.py" for name in _LANE_FILES))
     unit = Unit(width=max(lanes, LANES))
     unit.constants.update({**shared, "LANES": unit.width, **place.constants, **method_constants(tableau)})
-    for text in (source, method_source(tableau), *texts):
-        add_kernels(unit, text)
+    for file, text in zip(files, (source, method_source(tableau), *texts), strict=True):
+        add_kernels(unit, text, file)
     return compile_unit(unit, constants, tuple(exported))
 
 

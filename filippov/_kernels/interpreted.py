@@ -1,4 +1,4 @@
-"""The event loop in plain Python, from the sources that are compiled: for pdb, print and coverage in its kernels.
+"""The event loop in plain Python, from the sources that are compiled: for pdb, print and coverage in kernels.
 
 Every kernel file is loaded once more for each system, with the constants, the field and the guards of that
 system in place of those of `model`. Numbers are those of compiled code but for products that it fuses with
@@ -112,7 +112,9 @@ def interpret(
     """
     number = next(_numbers)
     names = _language() | {k: _constant(v) for k, v in constants.items()}
-    modules = [_loaded(f"filippov_{k}_{number}", _Text(f"{k}_{number}", text), names) for k, text in texts.items()]
+    modules = [
+        _loaded(f"filippov_{k}_{number}", _Text(f"{k}_{number}", text), names) for k, text in texts.items()
+    ]
     for path in files:
         name = f"filippov_{path.stem}_{number}"
         modules.append(_loaded(name, SourceFileLoader(name, str(path)), {}))

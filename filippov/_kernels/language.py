@@ -23,7 +23,12 @@ Vector = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 Function = TypeVar("Function", bound=Callable[..., object])
 
+
 NAN, INF = math.nan, math.inf
+
+
+class KernelError(TypeError):
+    """A kernel uses something outside the language."""
 
 
 def kernel(function: Function) -> Function:
@@ -71,14 +76,17 @@ def mask_bits(mask: bool) -> int:
     return int(mask)
 
 
+_NUMPY = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "asinh": "arcsinh", "acosh": "arccosh"}
+_NUMPY |= {"atanh": "arctanh", "atan2": "arctan2"}
+
+
 def each(name: str, *values: float) -> float:
-    """A function of the C library, lane by lane."""
+    """A function of the C library, lane by lane: where math raises, the infinity or NaN of C."""
     try:
         return float(getattr(math, name)(*values))
-    except OverflowError:
-        return math.inf
-    except ValueError:
-        return math.nan
+    except (OverflowError, ValueError):
+        with np.errstate(all="ignore"):
+            return float(getattr(np, _NUMPY.get(name, name))(*map(np.float64, values)))
 
 
 def claim(counters: Indices, place: int) -> int:
@@ -128,12 +136,9 @@ def fma(a: float, b: float, c: float) -> float:
 
 
 def power(base: float, exponent: float) -> float:
-    """base**exponent with NaN where C's pow gives NaN."""
-    try:
-        value = base**exponent
-    except (OverflowError, ZeroDivisionError):
-        return math.inf
-    return value if isinstance(value, float) else math.nan
+    """base**exponent as C's pow has it, with NaN and infinities."""
+    with np.errstate(all="ignore"):
+        return float(np.power(np.float64(base), np.float64(exponent)))
 
 
 def call_field(address: int, t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector) -> int:

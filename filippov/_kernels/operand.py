@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from llvmlite import ir
 
+from filippov._kernels.language import KernelError
 from filippov._kernels.unit import (
     BIT,
     DOUBLE,
@@ -12,7 +13,6 @@ from filippov._kernels.unit import (
     VECTOR,
     Constant,
     Kernel,
-    KernelError,
     Unit,
 )
 
@@ -27,7 +27,9 @@ class Operands:
         self.b = ir.IRBuilder(kernel.function.append_basic_block("body"))
 
     def fail(self, node: ast.AST, why: str) -> KernelError:
-        return KernelError(f"kernel {self.kernel.node.name}, line {getattr(node, 'lineno', '?')}: {why}")
+        name = self.kernel.node.name
+        file = self.unit.files.get(name, "kernels")
+        return KernelError(f"{file}:{getattr(node, 'lineno', '?')}: kernel {name}: {why}")
 
     def double(self, value: ir.Value) -> ir.Value:
         if value.type == LONG:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from llvmlite import ir
 
 from filippov._kernels.operand import Operands
+from filippov._kernels.strict import step_of
 from filippov._kernels.unit import (
     BIT,
     DOUBLE,
@@ -39,16 +40,31 @@ class _Body(Operands):
             if kernel.function.ftype.return_type == VOID:
                 self.b.ret_void()
             else:
-                self.b.unreachable()
+                self.b.unreachable()  # `strict` has seen that every path returns
         self.entry.branch(kernel.function.blocks[1])
 
     # Values
 
     def test(self, node: ast.expr) -> ir.Value:
         """What a branch asks: one answer, also in a lane kernel."""
-        value = self.bit(self.value(node))
+        value = self.truth(node)
         if value.type != BIT:
             raise self.fail(node, "lanes cannot branch; blend, or ask anywhere(...) or everywhere(...)")
+        return value
+
+    def truth(self, node: ast.expr) -> ir.Value:
+        """Whether a value is not 0; of `and` and `or` too, whose operands may be numbers here."""
+        if isinstance(node, ast.BoolOp):
+            return self.joined(node, self.truth)
+        return self.bit(self.value(node))
+
+    def condition(self, node: ast.expr) -> ir.Value:
+        """An operand of `and` and `or` whose result is used as a value: in Python it is one of them."""
+        value = self.value(node)
+        if value.type not in (BIT, self.wide_bit):
+            raise self.fail(
+                node, "`and` and `or` of numbers are numbers; compare them, or write a if ... else b"
+            )
         return value
 
     def store(self, name: str, value: ir.Value, node: ast.AST | None = None) -> None:
@@ -89,9 +105,11 @@ class _Body(Operands):
         return self.b.load(pointer, align=8) if wide else self.b.load(pointer)
 
     def value_UnaryOp(self, node: ast.UnaryOp) -> ir.Value:
-        value = self.value(node.operand)
+        value = self.truth(node.operand) if isinstance(node.op, ast.Not) else self.value(node.operand)
         if isinstance(node.op, ast.Not):
-            return self.b.not_(self.bit(value))
+            return self.b.not_(value)
+        if value.type in (BIT, self.wide_bit):
+            raise self.fail(node, "a condition has no sign; write 1 if ... else 0")
         if isinstance(node.op, ast.USub):
             return self.b.fneg(value) if value.type in (DOUBLE, self.wide) else self.b.neg(value)
         return value
@@ -99,15 +117,27 @@ class _Body(Operands):
     def arithmetic(self, op: ast.operator, left: ir.Value, right: ir.Value, node: ast.AST) -> ir.Value:
         left, right = self.alike(left, right)
         if left.type in (LONG, self.wide_long) and not isinstance(op, ast.Div | ast.Pow):
-            table = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.FloorDiv: "sdiv", ast.Mod: "srem"}
+            if isinstance(op, ast.FloorDiv | ast.Mod):
+                return self.divide(op, left, right)
+            table = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul"}
             table |= {ast.LShift: "shl", ast.RShift: "ashr", ast.BitAnd: "and_", ast.BitOr: "or_"}
             return getattr(self.b, table[type(op)])(left, right)
         if isinstance(op, ast.Pow):
             return self.call_power(self.double(left), self.double(right), node)
-        names = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv", ast.Mod: "frem"}
+        names = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv"}
         if type(op) not in names:
-            raise self.fail(node, f"{type(op).__name__} is not defined for doubles")
+            raise self.fail(node, f"{type(op).__name__} is not defined for doubles; see floor and truncate")
         return getattr(self.b, names[type(op)])(self.double(left), self.double(right), flags=self.flags)
+
+    def divide(self, op: ast.operator, left: ir.Value, right: ir.Value) -> ir.Value:
+        """// and % of integers as Python has them: rounded down, with the sign of the divisor."""
+        quotient, rest = self.b.sdiv(left, right), self.b.srem(left, right)
+        zero = ir.Constant(left.type, None if isinstance(left.type, ir.VectorType) else 0)
+        other = self.b.icmp_signed("<", self.b.xor(rest, right), zero)
+        down = self.b.and_(self.b.icmp_signed("!=", rest, zero), other)
+        if isinstance(op, ast.Mod):
+            return self.b.select(down, self.b.add(rest, right), rest)
+        return self.b.sub(quotient, self.b.zext(down, left.type))
 
     def value_BinOp(self, node: ast.BinOp) -> ir.Value:
         left = self.value(node.left)
@@ -133,16 +163,20 @@ class _Body(Operands):
         return result
 
     def value_BoolOp(self, node: ast.BoolOp) -> ir.Value:
+        return self.joined(node, self.condition)
+
+    def joined(self, node: ast.BoolOp, of: Callable[[ast.expr], ir.Value]) -> ir.Value:
+        """`and` or `or` of conditions; the later ones are asked only where they count, but in lanes."""
         if self.kernel.wide:
             join = self.b.and_ if isinstance(node.op, ast.And) else self.b.or_
-            result = self.bit(self.value(node.values[0]))
+            result = of(node.values[0])
             for item in node.values[1:]:
-                result = join(*self.alike(result, self.bit(self.value(item))))
+                result = join(*self.alike(result, of(item)))
             return result
         slot = self.entry.alloca(BIT)
         done = self.b.append_basic_block("bool")
         for item in node.values[:-1]:
-            value = self.bit(self.value(item))
+            value = of(item)
             self.b.store(value, slot)
             following = self.b.append_basic_block("next")
             if isinstance(node.op, ast.And):
@@ -150,13 +184,13 @@ class _Body(Operands):
             else:
                 self.b.cbranch(value, done, following)
             self.b.position_at_end(following)
-        self.b.store(self.bit(self.value(node.values[-1])), slot)
+        self.b.store(of(node.values[-1]), slot)
         self.b.branch(done)
         self.b.position_at_end(done)
         return self.b.load(slot)
 
     def value_IfExp(self, node: ast.IfExp) -> ir.Value:
-        test = self.bit(self.value(node.test))
+        test = self.truth(node.test)
         if test.type == self.wide_bit:
             left, right = self.alike(self.value(node.body), self.value(node.orelse))
             if not isinstance(left.type, ir.VectorType):
@@ -276,14 +310,20 @@ class _Body(Operands):
             aligned = {"align": 8} if pointer.type == self.unit.wide_vector else {}
             self.b.store(self.cast(value, pointer.type.pointee, target), pointer, **aligned)
         elif isinstance(target, ast.Tuple) and isinstance(value.type, ir.LiteralStructType):
+            self.same_length(target, target.elts, value.type.elements)
             for i, item in enumerate(target.elts):
                 self.assign(item, self.b.extract_value(value, i))
         else:
             raise self.fail(target, "cannot assign to this")
 
+    def same_length(self, node: ast.AST, left: Sequence[object], right: Sequence[object]) -> None:
+        if len(left) != len(right):
+            raise self.fail(node, f"{len(left)} names or values stand beside {len(right)}")
+
     def do_Assign(self, node: ast.Assign) -> None:
         target = node.targets[0]
-        if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+        if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple) and len(node.targets) == 1:
+            self.same_length(node, target.elts, node.value.elts)
             values = [self.value(item) for item in node.value.elts]
             for item, value in zip(target.elts, values, strict=True):
                 self.assign(item, value)
@@ -306,8 +346,13 @@ class _Body(Operands):
     def do_Return(self, node: ast.Return) -> None:
         kind = self.kernel.function.ftype.return_type
         if node.value is None:
+            if kind != VOID:
+                raise self.fail(node, "a return without a value")
             self.b.ret_void()
         elif isinstance(node.value, ast.Tuple):
+            if not isinstance(kind, ir.LiteralStructType):
+                raise self.fail(node, f"a tuple where a {kind} is returned")
+            self.same_length(node, node.value.elts, kind.elements)
             result: ir.Value = ir.Constant(kind, ir.Undefined)
             for i, item in enumerate(node.value.elts):
                 result = self.b.insert_value(result, self.cast(self.value(item), kind.elements[i], node), i)
@@ -348,13 +393,13 @@ class _Body(Operands):
         self.loop(lambda: self.test(node.test), node.body, lambda: None)
 
     def do_For(self, node: ast.For) -> None:
-        if not (isinstance(node.iter, ast.Call) and isinstance(node.target, ast.Name)):
-            raise self.fail(node, "loops run over range(...)")
+        assert isinstance(node.iter, ast.Call)  # `strict` has seen that
+        assert isinstance(node.target, ast.Name)
         values = [self.value(argument) for argument in node.iter.args]
         one = ir.Constant(LONG, 1)
         start, stop = (ir.Constant(LONG, 0), values[0]) if len(values) == 1 else (values[0], values[1])
         step = values[2] if len(values) == 3 else one
-        down = len(values) == 3
+        down = len(values) == 3 and step_of(node.iter.args[2]) < 0
         counter = self.entry.alloca(LONG)
         self.b.store(start, counter)
         name = node.target.id

@@ -3,20 +3,19 @@
 import ast
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from llvmlite import ir
 
+from filippov._kernels.language import KernelError
 from filippov._kernels.layout import LANES
+from filippov._kernels.strict import check_kernel
 
 DOUBLE, LONG, BIT, VOID = ir.DoubleType(), ir.IntType(64), ir.IntType(1), ir.VoidType()
 VECTOR, INDICES = DOUBLE.as_pointer(), LONG.as_pointer()
 _ANNOTATED = {"float": DOUBLE, "int": LONG, "bool": BIT, "Vector": VECTOR, "Indices": INDICES}
 
 Constant = int | float | bool | list[float] | list[int]
-
-
-class KernelError(TypeError):
-    """A kernel uses something outside the language."""
 
 
 @dataclass
@@ -43,6 +42,7 @@ class Unit:
     kernels: dict[str, Kernel] = field(default_factory=dict)
     lanes: dict[str, Kernel] = field(default_factory=dict)
     waiting: list[Kernel] = field(default_factory=list)
+    files: dict[str, str] = field(default_factory=dict)
     tables: dict[str, ir.GlobalVariable] = field(default_factory=dict)
     module: ir.Module = field(default_factory=lambda: ir.Module("filippov"))
     width: int = LANES
@@ -126,15 +126,24 @@ def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
     return kernel
 
 
-def add_kernels(unit: Unit, text: str) -> None:
-    """Take in every decorated function of a source text; its constants may come later."""
-    for node in ast.parse(text).body:
-        if not isinstance(node, ast.FunctionDef):
-            continue
-        marks = _marks(node)
-        if marks & {"lanes", "kernel", "contract"}:
-            _signature(node, _ANNOTATED)
-        if "lanes" in marks:
-            unit.lane_texts[node.name] = node
-        elif marks & {"kernel", "contract"}:
-            unit.texts[node.name] = node
+def add_kernels(unit: Unit, text: str, file: str = "kernels") -> None:
+    """Take in every decorated function of a source text; its constants may come later.
+
+    Raises KernelError, with the file and the line, for what is outside the language or there already.
+    """
+    for node in _kernels_of(text, file):
+        texts = unit.lane_texts if "lanes" in _marks(node) else unit.texts
+        if texts.get(node.name, node) is not node:
+            raise KernelError(f"{file}:{node.lineno}: kernel {node.name}: there is another of this name")
+        texts[node.name] = node
+        unit.files[node.name] = file
+
+
+@lru_cache(maxsize=256)
+def _kernels_of(text: str, file: str) -> tuple[ast.FunctionDef, ...]:
+    nodes = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    kernels = tuple(node for node in nodes if _marks(node) & {"lanes", "kernel", "contract"})
+    for node in kernels:
+        _signature(node, _ANNOTATED)
+        check_kernel(node, file)
+    return kernels

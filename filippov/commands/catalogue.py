@@ -171,8 +171,8 @@ _ALL = (
                 metavar="N"),
          Option("events", "roots to watch: FORMULA, FORMULA:up, down or both, or FORMULA:up:N to end at the "
                 "N-th; in t, states and parameters; can be repeated", texts, metavar="ROOT", repeat=True),
-         _choice("backend", "what runs the event loop: machine code, or Python from the same sources (slow; for a "
-                 "debugger)", "compiled", "python"),
+         _choice("backend", "what runs the event loop: machine code, or Python from the same sources (slow; "
+                 "for a debugger)", "compiled", "python"),
          _choice("save_events", "keep every event, or count them: memory does not grow, the tables have the "
                  "last few only", "all", "count"),
          *TREE),
