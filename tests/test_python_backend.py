@@ -10,10 +10,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from filippov import Solution, Surface, System, UsageError, sign, solve, solve_many, states, t
+from filippov import (
+    ModelError,
+    Solution,
+    Status,
+    Surface,
+    System,
+    UsageError,
+    sign,
+    solve,
+    solve_many,
+    states,
+    t,
+)
+from filippov.bank import read_bank
+from filippov.bank.build import build
+from filippov.bank.case import Case
 from filippov.models import get, names
 
 ROOT = Path(__file__).resolve().parent.parent
+BANK = read_bank(ROOT / "tests" / "data" / "cases.json")
 X, Y = states("x y")
 # An implicit method whose Newton matrices are near to singular settles on steps that rounding decides.
 STIFF = ("hunting_lugre",)
@@ -40,6 +56,18 @@ def test_13_2_every_model_runs_in_python_as_compiled(name: str) -> None:
     model = get(name)
     start, end = model.t_span
     alike(model.build(), model.x0, (start, min(end, start + 1.5)), zeno="continue", max_events=50)
+
+
+@pytest.mark.parametrize("case", BANK, ids=[case.id for case in BANK])
+def test_13_2_the_short_cases_of_the_bank(case: Case) -> None:
+    """A case that is no problem, or takes more than 150 steps, has nothing to compare."""
+    try:
+        built = build(case.raw)
+    except ModelError:
+        return
+    options = {"zeno": "continue", "max_steps": 150}
+    if solve(built.system, built.x0, built.t_span, **options).status is not Status.MAX_STEPS:
+        alike(built.system, built.x0, built.t_span, **options)
 
 
 @pytest.mark.parametrize("method", ["DP5", "Radau"])
