@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov._kernels import codes
-from filippov._kernels.build import ENTRIES, Compiled, address, build
+from filippov._kernels.build import Compiled, build
+from filippov._kernels.entries import CALLED_BY_LANES
 from filippov.events import Stop
 from filippov.gradients import check_gradients
 from filippov.machine import Array, Machine
@@ -150,17 +151,19 @@ class _Room:
         self.integers = np.zeros(mine + 2 * place.integers + marks, dtype=np.int64)
         whole = self.integers.ctypes.data
         self.rows = self.integers[:1] if unit is None else self.integers[4 : 4 + _GROUPS * lanes]
-        addresses = [machine.compiled.addresses[name] for name in ENTRIES]
+        addresses = [machine.compiled.addresses[name] for name in CALLED_BY_LANES]
         self.entries = np.array([*addresses, stride], dtype=np.int64)
         inside = place.integers
-        self.before = [whole]
+        # By the names of the entry point's arguments, where they begin.
+        self.places: dict[str, Any] = {
+            "events": base + 8 * total, "marks": whole + 8 * (mine + inside),
+            "w": base + 8 * (total + events), "iw": whole + 8 * (mine + inside + marks),
+            "ctx": machine.context, "mine" if unit is None else "rows": whole,
+        }  # fmt: skip
         if unit is not None:
-            self.before += [self.entries.ctypes.data, *(base + 8 * start for start in starts)]
-            self.before.append(whole + 8 * mine)
-        self.events, self.marks = base + 8 * total, whole + 8 * (mine + inside)
-        self.after = [
-            base + 8 * (total + events), whole + 8 * (mine + inside + marks), machine.context.ctypes.data
-        ]  # fmt: skip
+            of_lanes = ("clock_l", "tally_l", "x_l", "m_l", "order_l", "p_l", "atol_l", "w_l")
+            self.places |= {name: base + 8 * start for name, start in zip(of_lanes, starts, strict=True)}
+            self.places |= {"entries": self.entries, "iw_l": whole + 8 * mine}
 
     def clear(self, atol: Array) -> None:
         """As new: what a batch leaves behind must not reach the next."""
@@ -180,23 +183,23 @@ class _Chunks:
     def __init__(self, batch: Batch, unit: Compiled | None) -> None:
         machine = batch.machine
         self.batch, self.last, self.steps = batch, batch.size, _CHUNK
-        self.function = machine.compiled.functions["ensemble"]
+        name, compiled = ("ensemble", machine.compiled) if unit is None else ("lane_run", unit)
+        self.function = compiled.functions[name]
         if unit is not None:
-            self.function, self.steps = unit.functions["lane_run"], _CHUNK // unit.lanes
+            self.steps = _CHUNK // unit.lanes
         self.rooms = machine.rooms.setdefault(unit.lanes if unit is not None else 1, [])
         try:
             self.room = self.rooms.pop()
         except IndexError:
             self.room = _Room(machine, unit)
         self.room.clear(batch.atol)
-        rows = (
-            batch.clock, batch.count, batch.x, batch.mode, batch.order, batch.hit, batch.lam, batch.p,
-            batch.atol, batch.stop, batch.zeno, batch.kinds,
-        )  # fmt: skip
-        self.addresses = [
-            address(batch.queue), *self.room.before, *[address(array) for array in rows],
-            self.room.events, self.room.marks, address(batch.code), *self.room.after,
-        ]  # fmt: skip
+        values = {
+            "last": 0, "steps": 0, "queue": batch.queue, "clocks": batch.clock, "counts": batch.count,
+            "xs": batch.x, "ms": batch.mode, "orders": batch.order, "hits": batch.hit, "lams": batch.lam,
+            "ps": batch.p, "atol": batch.atol, "stops": batch.stop, "zenos": batch.zeno, "kinds": batch.kinds,
+            "codes": batch.code, **self.room.places,
+        }  # fmt: skip
+        _, _, *self.arguments = compiled.arguments(name, values)
         self.row = 0
         self.more = True
 
@@ -217,7 +220,7 @@ class _Chunks:
                 self._look(self.row)
                 self.batch.queue[0] = self.row
                 self.row += 1
-            left = self.function(self.row, self.steps, *self.addresses)
+            left = self.function(self.row, self.steps, *self.arguments)
             error, machine.callbacks.error = machine.callbacks.error, None
             if isinstance(error, KeyboardInterrupt):
                 raise error
@@ -229,7 +232,7 @@ class _Chunks:
                 self._look(self.row - 1)
             self.more = left != 0 or self.row < self.last
             return
-        self.more = self.function(self.last, self.steps, *self.addresses) != 0
+        self.more = self.function(self.last, self.steps, *self.arguments) != 0
 
     def _look(self, row: int) -> None:
         """Compare the gradients of functions with differences where a row begins or ends."""

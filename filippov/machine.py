@@ -158,16 +158,14 @@ class Machine:
         rows = np.zeros((*values.shape[:-1], width))
         rows[..., : values.shape[-1]] = values
         if rows.ndim == 1:
-            self.compiled.functions["derive"](self.compiled.given(rows))
+            self.compiled.functions["derive"](*self.compiled.arguments("derive", {"p": rows}))
         return rows
 
-    def call(self, name: str, *arguments: Any) -> int:
-        """Call a compiled function: arrays by address, numbers as they are. Raises what user code raised."""
+    def call(self, name: str, **values: Any) -> int:
+        """Call a compiled function with values by name. Raises what user code raised."""
         if self.callbacks is not None:
             self.callbacks.look()
-        given = self.compiled.given
-        passed = [given(a) if isinstance(a, np.ndarray) else a for a in arguments]
-        code = int(self.compiled.functions[name](*passed))
+        code = int(self.compiled.functions[name](*self.compiled.arguments(name, values)))
         self.raise_error()
         return code
 
@@ -181,7 +179,7 @@ class Machine:
         """The vertex field at the given signs, with the sizes |h| of a mode."""
         out = np.empty(self.n)
         self.calls += 1
-        self.call("rhs", float(t), x, self.p, signs, mode, out, self.context)
+        self.call("rhs", t=float(t), x=x, p=self.p, s=signs, m=mode, out=out, ctx=self.context)
         return out
 
     def rate(self, i: int, g: Array, velocity: Array) -> float:
@@ -192,20 +190,20 @@ class Machine:
     def guards(self, t: float, x: Array, mode: Array) -> Array:
         """All switching functions."""
         out = np.empty(self.m)
-        self.call("guards", float(t), x, self.p, mode, out, self.context)
+        self.call("guards", t=float(t), x=x, p=self.p, m=mode, out=out, ctx=self.context)
         return out
 
     def gradients(self, t: float, x: Array, mode: Array) -> tuple[Array, Array]:
         """dh/dx, shape (m, n), and dh/dt, shape (m,)."""
         # Functions of the user write both into the first array, one behind the other.
         g, gt = np.zeros(self.m * self.n + self.m), np.zeros(self.m)
-        self.call("gradients", float(t), x, self.p, mode, g, gt, self.context)
+        self.call("gradients", t=float(t), x=x, p=self.p, m=mode, g=g, gt=gt, ctx=self.context)
         return g[: self.m * self.n].reshape(self.m, self.n), gt
 
     def radii(self, t: float, x: Array) -> Array:
         """The set of each sign at h = 0, shape (m, 2)."""
         out = np.empty((self.m, 2))
-        self.call("radii", float(t), x, self.p, out, self.context)
+        self.call("radii", t=float(t), x=x, p=self.p, out=out, ctx=self.context)
         if not np.all(out[:, 0] <= -1 + 1e-12) or not np.all(out[:, 1] >= 1 - 1e-12):
             i = int(np.argmax((out[:, 0] > -1 + 1e-12) | (out[:, 1] < 1 - 1e-12)))
             raise ModelError(
@@ -218,7 +216,7 @@ class Machine:
     def reset(self, i: int, t: float, x: Array, mode: Array) -> Array:
         """The state after the reset at surface i, reached in a mode; time events follow the surfaces."""
         out = np.empty(self.n)
-        self.call("resets", int(i), float(t), x, self.p, mode, out, self.context)
+        self.call("resets", i=int(i), t=float(t), x=x, p=self.p, m=mode, out=out, ctx=self.context)
         return out
 
     def between(self, low: float, high: float) -> None:
@@ -233,6 +231,7 @@ class Machine:
         out = np.zeros(self.n + NODES * 2 * self.m)
         lam = np.array(guess, dtype=np.float64)
         code = self.call(
-            "probe", float(t), float(step), x, mode, self.p, lam, out, self.w, self.iw, self.context
-        )
+            "probe", t=float(t), step=float(step), x=x, m=mode, p=self.p, lam=lam, out=out, w=self.w,
+            iw=self.iw, ctx=self.context,
+        )  # fmt: skip
         return code, out[: self.n], lam, out[self.n :].reshape(NODES, 2, self.m)

@@ -69,14 +69,13 @@ class Run:
                 last.iw[there] = 0
             last.calls = 0
         self.machine = machine
-        self._arrays = [
-            machine.compiled.given(a)
-            for a in (
-                self.clock, self.count, self.x, self.mode, self.order, self.hit, self.lam, machine.p,
-                self.atol, self.stop, self.zeno, self.record, self.coef, self.found, self.marks, machine.w,
-                machine.iw, machine.context,
-            )
-        ]  # fmt: skip
+        values = {
+            "clock": self.clock, "count": self.count, "x": self.x, "m": self.mode, "order": self.order,
+            "hit": self.hit, "lam": self.lam, "p": machine.p, "atol": self.atol, "stop": self.stop,
+            "zeno": self.zeno, "rec": self.record, "rec_coef": self.coef, "events": self.found,
+            "marks": self.marks, "w": machine.w, "iw": machine.iw, "ctx": machine.context,
+        }  # fmt: skip
+        self._arguments = machine.compiled.arguments("advance", values)
 
     @property
     def t(self) -> float:
@@ -93,8 +92,8 @@ class Run:
         machine = self.machine
         check_gradients(machine, self.t, self.x)
         return machine.call(
-            "begin", self.t, self.direction, self.x, machine.p, self.mode, self.order, self.lam, machine.w,
-            machine.iw, machine.context,
+            "begin", t=self.t, direction=self.direction, x=self.x, p=machine.p, m=self.mode, order=self.order,
+            lam=self.lam, w=machine.w, iw=machine.iw, ctx=machine.context,
         )  # fmt: skip
 
     def watch(self, stops: tuple[Stop, ...]) -> None:
@@ -116,7 +115,7 @@ class Run:
         self.count[codes.EVENT_ROOM] = min(_EVENT_ROOM, left) + self.machine.m
         if self.machine.callbacks is not None:
             self.machine.callbacks.speed_up(self.machine.system.parameters.names, self.t, self.x)
-        code = int(self.machine.compiled.functions["advance"](*self._arrays))
+        code = int(self.machine.compiled.functions["advance"](*self._arguments))
         self.collect()
         self.machine.raise_error()
         if code == codes.GENERAL:

@@ -178,9 +178,13 @@ def test_touching(place: float) -> None:
 )  # fmt: skip
 def test_what_is_outside_the_language_is_named(body: str, why: str) -> None:
     unit = Unit()
-    with pytest.raises(KernelError, match=why):
+
+    def made() -> bytes:
         add_kernels(unit, f"@kernel\ndef f(x: Vector) -> int:\n    {body}\n")
-        compile_unit(unit, {}, ("f",))
+        return compile_unit(unit, {}, ("f",))
+
+    with pytest.raises(KernelError, match=why):
+        made()
 
 
 def test_annotations_are_demanded() -> None:

@@ -20,6 +20,7 @@ from typing import Any
 from filippov._kernels import cache as kept
 from filippov._kernels import codes, interpreted, layout, radau_tables, tables
 from filippov._kernels.compiler import compile_unit, load_object
+from filippov._kernels.entries import CALLED_BY_LANES, IN_LANES, PLAIN, ordered, prototype
 from filippov._kernels.language import KernelError
 from filippov._kernels.layout import LANES, MOST_LANES, Layout
 from filippov._kernels.method import method_constants, method_source
@@ -34,25 +35,6 @@ _FILES = (
 )  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
 _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_seat", "lane_run")
-ENTRIES = ("launch", "turn", "open_segment")
-# Arguments of the entry points: d double, i integer, a address of an array.
-EXPORTED = {
-    "advance": "a" * 18,
-    "ensemble": "ii" + "a" * 20,
-    "launch": "a" * 9,
-    "turn": "i" + "a" * 17,
-    "open_segment": "a" * 9,
-    "begin": "dd" + "a" * 8,
-    "probe": "dd" + "a" * 8,
-    "rhs": "d" + "a" * 6,
-    "guards": "d" + "a" * 5,
-    "gradients": "d" + "a" * 6,
-    "radii": "d" + "a" * 4,
-    "resets": "id" + "a" * 5,
-    "derive": "a",
-}
-LANE_EXPORTED = {"lane_run": "ii" + "a" * 30}
-_KINDS: dict[str, Any] = {"d": ctypes.c_double, "i": ctypes.c_int64, "a": ctypes.c_void_p}
 _BYTE = ctypes.c_char.from_buffer
 _lock = threading.Lock()
 _loaded: dict[str, "Compiled"] = {}
@@ -86,9 +68,9 @@ class Compiled:
         """Whether Python runs the kernels."""
         return self.engine is None
 
-    def given(self, array: Any) -> Any:
-        """An array as the entry points take it: its address, or itself where Python runs them."""
-        return address(array) if self.engine is not None else array
+    def arguments(self, name: str, values: Mapping[str, Any]) -> list[Any]:
+        """What an entry point is called with, from values by name."""
+        return ordered(name, values, None if self.engine is None else address)
 
 
 @cache
@@ -154,7 +136,7 @@ def _number(node: ast.expr) -> int | float | bool | None:
 
 
 def _compile(
-    source: str, constants: Mapping[str, Constant], method: str, place: Layout, exported: Mapping[str, str],
+    source: str, constants: Mapping[str, Constant], method: str, place: Layout, exported: tuple[str, ...],
     lanes: int,
 ) -> bytes:  # fmt: skip
     tableau = TABLEAUS[method]
@@ -164,7 +146,7 @@ def _compile(
     unit.constants.update({**shared, "LANES": unit.width, **place.constants, **method_constants(tableau)})
     for file, text in zip(files, (source, method_source(tableau), *texts), strict=True):
         add_kernels(unit, text, file)
-    return compile_unit(unit, constants, tuple(exported))
+    return compile_unit(unit, constants, exported)
 
 
 def build(source: str, constants: Mapping[str, Constant], method: str, lanes: int = 1) -> Compiled:
@@ -187,7 +169,7 @@ def _plain(source: str, constants: Mapping[str, Constant], method: str) -> Compi
     files = tuple(_FOLDER / f"{name}.py" for name in _FILES)
     # Python has no lanes: points of a sample are taken one after the other.
     numbers = {**_shared()[0], **place.constants, **method_constants(tableau), **constants, "WIDE": False}
-    entries = tuple(name for name in EXPORTED if name not in ENTRIES and name != "ensemble")
+    entries = tuple(name for name in PLAIN if name not in CALLED_BY_LANES and name != "ensemble")
     return Compiled(interpreted.interpret(texts, files, numbers, entries), {}, place, None)
 
 
@@ -205,7 +187,7 @@ def _place(constants: Mapping[str, Constant], method: str) -> Layout:
 
 
 def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: int) -> Compiled:
-    exported = LANE_EXPORTED if lanes > 1 else EXPORTED
+    exported = IN_LANES if lanes > 1 else PLAIN
     place = _place(constants, method)
     text = repr((source, sorted(constants.items()), method, lanes)).encode()
     name = hashlib.sha256(_toolchain() + text).hexdigest()[:32]
@@ -218,9 +200,8 @@ def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: i
             kept.write(name, code)
         engine = load_object(code)
         functions, addresses = {}, {}
-        for function, arguments in exported.items():
-            kinds = [_KINDS[letter] for letter in arguments]
+        for function in exported:
             addresses[function] = engine.get_function_address(function)
-            functions[function] = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds)(addresses[function])
+            functions[function] = prototype(function)(addresses[function])
         _loaded[name] = Compiled(functions, addresses, place, engine, lanes)
         return _loaded[name]

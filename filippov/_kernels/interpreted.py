@@ -29,6 +29,7 @@ from filippov._kernels import language
 from filippov._kernels.unit import Constant
 
 BACKENDS = ("compiled", "python")
+_WHOLE_PROCESS = os.environ.get("FILIPPOV_PYTHON", "0") not in ("", "0")
 _chosen: ContextVar[str] = ContextVar("backend", default="compiled")
 _numbers = itertools.count()
 _LIBRARY = (
@@ -41,7 +42,7 @@ _DOUBLES = ("sqrt", "rint", "two_to", "from_bits", "fma", "power")
 
 def current() -> str:
     """What runs the loop: "compiled" or "python"."""
-    return "python" if os.environ.get("FILIPPOV_PYTHON", "0") not in ("", "0") else _chosen.get()
+    return "python" if _WHOLE_PROCESS else _chosen.get()
 
 
 @contextmanager

@@ -1,0 +1,40 @@
+"""The border between Python and machine code: one description, held to the kernels, checked at every call."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import filippov._kernels as kernels
+from filippov._kernels.entries import ARGUMENTS, ordered
+from filippov._kernels.language import KernelError
+
+FILES = sorted(Path(kernels.__path__[0]).glob("*.py"))
+
+
+@pytest.mark.parametrize("name", ARGUMENTS)
+def test_13_3_the_description_is_that_of_the_kernel(name: str) -> None:
+    """Names, kinds and order; those of a system are declared in `model`."""
+    found = [
+        [(a.arg, a.annotation.id) for a in node.args.args if isinstance(a.annotation, ast.Name)]
+        for path in FILES
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.FunctionDef) and node.name == name and node.decorator_list
+    ]
+    assert found == [list(ARGUMENTS[name])]
+
+
+def test_13_3_a_wrong_name_or_kind_is_refused() -> None:
+    values = {
+        "t": 0.0, "x": np.zeros(2), "p": np.zeros(1), "m": np.ones(1), "out": np.zeros(1),
+        "ctx": np.zeros(8, dtype=np.int64),
+    }  # fmt: skip
+    assert ordered("guards", values, id) == [0.0, *(id(values[k]) for k in ("x", "p", "m", "out", "ctx"))]
+    with pytest.raises(KernelError, match="s given too much or missing"):
+        ordered("guards", values | {"s": np.ones(1)}, id)
+    with pytest.raises(KernelError, match="ctx given too much or missing"):
+        ordered("guards", {k: v for k, v in values.items() if k != "ctx"}, id)
+    for name, wrong in (("x", np.zeros(2, dtype=np.int64)), ("ctx", np.zeros(8)), ("t", np.zeros(1))):
+        with pytest.raises(KernelError, match=f"{name} is an array of"):
+            ordered("guards", values | {name: wrong}, id)
