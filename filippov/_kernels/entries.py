@@ -49,7 +49,7 @@ PLAIN = tuple(name for name in ARGUMENTS if name not in IN_LANES)
 # Those that a unit of lanes calls by address.
 CALLED_BY_LANES = ("launch", "turn", "open_segment")
 _DTYPES = {"Vector": np.dtype(np.float64), "Indices": np.dtype(np.int64)}
-_ROWS_OF = {name: [(argument, _DTYPES.get(kind)) for argument, kind in row] for name, row in ARGUMENTS.items()}
+_ROWS_OF = {name: [(word, _DTYPES.get(kind)) for word, kind in row] for name, row in ARGUMENTS.items()}
 
 
 def prototype(name: str) -> Any:
