@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from filippov.analysis.certificates.absolute import absolute
 from filippov.analysis.certificates.centre import centre
 from filippov.analysis.certificates.certificate import Certificate
 from filippov.analysis.certificates.clocked import clocked
@@ -13,7 +14,6 @@ from filippov.analysis.certificates.energy import energy
 from filippov.analysis.certificates.line import line
 from filippov.analysis.certificates.local import Local, local
 from filippov.analysis.certificates.masses import masses
-from filippov.analysis.certificates.passivity import passivity
 from filippov.analysis.certificates.planar import planar
 from filippov.analysis.certificates.relay_order import relay_order
 from filippov.analysis.certificates.relays import relays
@@ -52,7 +52,7 @@ def first(context: Context, item: EquilibriumStability) -> Certificate | None:
         return timed(context, found) if isinstance(found, EquilibriumPoint) else None
     if any(e.reset is not None for e in system.time_events):
         return clocked(context, item)
-    for whole in (masses, stopping, passivity):
+    for whole in (masses, stopping, absolute):
         certificate = whole(context, found)
         if certificate is not None:
             return certificate
