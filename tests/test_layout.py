@@ -91,6 +91,8 @@ FLOORS: dict[str, float] = {
     "filippov.analysis.certificates.energy": 9.385, "filippov.analysis.certificates.masses": 9.385,
     "filippov.analysis.certificates.characteristic": 9.38,
     "filippov.analysis.certificates.positive_real": 9.38,
+    "filippov.analysis.certificates.matrix_inequality": 9.38,
+    "filippov.analysis.certificates.quadratic": 9.385,
     "filippov.analysis.certificates.lure_form": 9.381, "filippov.analysis.certificates.absolute": 9.385,
     "filippov.analysis.certificates.centre": 9.385, "filippov.analysis.certificates.relay_order": 9.385,
     "filippov.analysis.certificates.relays": 9.385, "filippov.analysis.certificates.cones": 9.385,

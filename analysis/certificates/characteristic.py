@@ -1,6 +1,7 @@
 """A set-valued function psi of one input with 0 in psi(0): pieces that are polynomials, and its sectors.
 
-    sector [k, K]:  (psi - k y)(K y - psi) > 0 for y != 0;    slopes [k, K]:  k <= (psi(y) - psi(z))/(y - z) <= K
+    sector [k, K]:  (psi - k y)(K y - psi) > 0 for y != 0
+    slopes [k, K]:  k (y - z) <= psi(y) - psi(z) <= K (y - z) for y > z
 
 All numbers are rational and all inequalities are decided by Sturm's count of roots.
 Source: Khalil 2002, section 6.1 (sectors).
@@ -152,7 +153,5 @@ def _above(p: Poly, low: Expr, high: Expr) -> bool:
         if high <= 0:
             p = -p
     middle = (low + high) / 2 if low > -OO and high < OO else (low + 1 if low > -OO else high - 1)
-    middle = sympy.S.Zero if middle.has(sympy.nan) else middle
-    return (
-        p.count_roots(None if low == -OO else low, None if high == OO else high) == 0 and p.eval(middle) > 0
-    )
+    roots = p.count_roots(None if low == -OO else low, None if high == OO else high)
+    return bool(roots == 0 and p.eval(middle) > 0)

@@ -14,7 +14,9 @@ from filippov.analysis.certificates.energy import energy
 from filippov.analysis.certificates.line import line
 from filippov.analysis.certificates.local import Local, local
 from filippov.analysis.certificates.masses import masses
+from filippov.analysis.certificates.matrix_inequality import INSTALL, available
 from filippov.analysis.certificates.planar import planar
+from filippov.analysis.certificates.quadratic import linear_cones, quadratic
 from filippov.analysis.certificates.relay_order import relay_order
 from filippov.analysis.certificates.relays import relays
 from filippov.analysis.certificates.stopping import stopping
@@ -22,10 +24,10 @@ from filippov.analysis.certificates.timed import timed
 from filippov.analysis.equilibrium import EquilibriumPoint
 from filippov.analysis.forcing import depends_on_time
 from filippov.analysis.stability_context import Context
-from filippov.analysis.stability_result import EquilibriumStability
+from filippov.analysis.stability_result import EquilibriumStability, Statement
 
 POINTS: Sequence[Callable[[Local], Certificate | None]] = (
-    line, planar, energy, centre, relay_order, relays, cones,
+    line, planar, energy, centre, relay_order, relays, cones, quadratic,
 )  # fmt: skip
 
 
@@ -41,8 +43,19 @@ def decided(
     context.clock.check()
     found = first(context, without_time)
     if found is None:
-        return item
+        return _unasked(context, item)
     return replace(item, answer=found.answer, statements=(*found.statements(), *item.statements))
+
+
+def _unasked(context: Context, item: EquilibriumStability) -> EquilibriumStability:
+    """The analysis with a note where only the solver of matrix inequalities is missing."""
+    if available() or not isinstance(item.equilibrium, EquilibriumPoint) or context.system.time_events:
+        return item
+    beside = None if depends_on_time(context.system) else local(context, item.equilibrium)
+    if beside is None or linear_cones(beside) is None:
+        return item
+    text = f"not asked for quadratic Lyapunov functions: that needs cvxpy and Clarabel, {INSTALL}"
+    return replace(item, statements=(*item.statements, Statement(text)))
 
 
 def first(context: Context, item: EquilibriumStability) -> Certificate | None:

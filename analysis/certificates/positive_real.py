@@ -201,4 +201,4 @@ def _exceeds(p: Poly, q: Poly, m: Multiplier) -> bool:
         below = sympy.expand(below * bottom)
     even = real_part(Poly(whole, S, domain="QQ") * p, Poly(below, S, domain="QQ") * q)
     last = 2 * (q.degree() + Poly(below, S).degree())
-    return even.degree() == last and even.LC() > 0 and even.count_roots() == 0
+    return bool(even.degree() == last and even.LC() > 0 and even.count_roots() == 0)
