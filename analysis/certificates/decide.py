@@ -19,6 +19,7 @@ from filippov.analysis.certificates.planar import planar
 from filippov.analysis.certificates.quadratic import linear_cones, quadratic
 from filippov.analysis.certificates.relay_order import relay_order
 from filippov.analysis.certificates.relays import relays
+from filippov.analysis.certificates.resets import resets
 from filippov.analysis.certificates.stopping import stopping
 from filippov.analysis.certificates.timed import timed
 from filippov.analysis.equilibrium import EquilibriumPoint
@@ -27,7 +28,7 @@ from filippov.analysis.stability_context import Context
 from filippov.analysis.stability_result import EquilibriumStability, Statement
 
 POINTS: Sequence[Callable[[Local], Certificate | None]] = (
-    line, planar, energy, centre, relay_order, relays, cones, quadratic,
+    line, planar, energy, centre, relay_order, relays, cones, quadratic, resets,
 )  # fmt: skip
 
 
@@ -52,7 +53,7 @@ def _unasked(context: Context, item: EquilibriumStability) -> EquilibriumStabili
     if available() or not isinstance(item.equilibrium, EquilibriumPoint) or context.system.time_events:
         return item
     beside = None if depends_on_time(context.system) else local(context, item.equilibrium)
-    if beside is None or linear_cones(beside) is None:
+    if beside is None or (linear_cones(beside) is None and not beside.resets):
         return item
     text = f"not asked for quadratic Lyapunov functions: that needs cvxpy and Clarabel, {INSTALL}"
     return replace(item, statements=(*item.statements, Statement(text)))
