@@ -93,7 +93,7 @@ FLOORS: dict[str, float] = {
     "filippov.analysis.certificates.characteristic": 9.38,
     "filippov.analysis.certificates.positive_real": 9.38,
     "filippov.analysis.certificates.matrix_inequality": 9.38,
-    "filippov.analysis.certificates.feedbacks": 9.385,
+    "filippov.analysis.certificates.feedbacks": 9.385, "filippov.analysis.certificates.held_sets": 9.386,
     "filippov.analysis.certificates.quadratic": 9.385, "filippov.analysis.certificates.resets": 9.385,
     "filippov.analysis.certificates.lure_form": 9.381, "filippov.analysis.certificates.absolute": 9.385,
     "filippov.analysis.certificates.centre": 9.385, "filippov.analysis.certificates.relay_order": 9.385,

@@ -12,6 +12,7 @@ from filippov.analysis.certificates.clocked import clocked
 from filippov.analysis.certificates.cones import cones
 from filippov.analysis.certificates.energy import energy
 from filippov.analysis.certificates.feedbacks import feedbacks
+from filippov.analysis.certificates.held_sets import held_sets
 from filippov.analysis.certificates.line import line
 from filippov.analysis.certificates.local import Local, local
 from filippov.analysis.certificates.masses import masses
@@ -67,7 +68,7 @@ def first(context: Context, item: EquilibriumStability) -> Certificate | None:
         return timed(context, found) if isinstance(found, EquilibriumPoint) else None
     if any(e.reset is not None for e in system.time_events):
         return clocked(context, item)
-    for whole in (masses, stopping, absolute, feedbacks):
+    for whole in (masses, stopping, absolute, feedbacks, held_sets):
         certificate = whole(context, found)
         if certificate is not None:
             return certificate

@@ -66,11 +66,11 @@ class Feedbacks:
 
 
 def feedbacks(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Certificate | None:
-    """The verdict on a point for all motions; None for one surface, other systems, and where there is none."""
+    """The verdict on a point for all motions; None for one surface, other systems, or no such function."""
     if not isinstance(found, EquilibriumPoint) or not available():
         return None
-    parts = of_system(context, found)
-    if parts is None:
+    parts = of_system(context)
+    if parts is None or len(parts.shares) < 2:
         return None
     n, m = parts.B.shape
     names = sympy.symbols(f"p0:{n * (n + 1) // 2 + 2 * m}")
@@ -87,7 +87,9 @@ def feedbacks(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Cer
     system = sympy.Matrix(equations).jacobian(names) if equations else sympy.zeros(1, len(names))
     basis = [dict(zip(names, list(q), strict=True)) for q in system.nullspace()]
     values = _solved(L.extract(kept, kept), P, [*Q.diagonal(), *T.diagonal()], basis)
-    for digits in DIGITS if values is not None else ():
+    if values is None:
+        return None
+    for digits in DIGITS:
         shares = list(rounded(values, digits))
         put = {
             q: sum((s * row[q] for s, row in zip(shares, basis, strict=True)), sympy.S.Zero) for q in names
@@ -96,12 +98,12 @@ def feedbacks(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Cer
         if min(*at[1].diagonal(), *at[2].diagonal()) < 0 or not positive_definite(at[0]):
             continue
         whole = parts.inequality(*at)
-        if any(not whole[i, n + k] == 0 for k in tied for i in range(n + m)):
+        if any(whole[i, n + k] != 0 for k in tied for i in range(n + m)):
             continue
         if positive_definite(-whole.extract(kept, kept)):
             return Certificate(
                 "asymptotically stable",
-                "a quadratic function with the integrals of the feedbacks falls: all motions come to the point",
+                "a quadratic function with the integrals of the feedbacks falls along all motions",
                 SOURCE,
                 (
                     f"the field is linear but for {m} signs and kinks of affine inputs",
@@ -133,12 +135,12 @@ def _solved(
     return np.asarray(shares.value) if solved else None
 
 
-def of_system(context: Context, point: EquilibriumPoint) -> Feedbacks | None:
-    """The matrices around a point, or None where the system is not of this form."""
+def of_system(context: Context) -> Feedbacks | None:
+    """The matrices around an equilibrium, or None where the system is not of this form."""
     form, system = context.form, context.system
     values = {**context.values, **context.put}
     n, m = len(form.x), len(form.h)
-    if not 2 <= m <= MOST or n > LARGEST or system.time_events:
+    if not 1 <= m <= MOST or n > LARGEST or system.time_events:
         return None
     if any(q.width or q.kind not in {"switching", "kink"} for q in system.surfaces):
         return None
@@ -149,13 +151,12 @@ def of_system(context: Context, point: EquilibriumPoint) -> Feedbacks | None:
     known = {*form.x, *form.s, *form.a}
     if field.has(time) or field.free_symbols - known or h.free_symbols - set(form.x):
         return None
-    place = dict(zip(form.x, (exact(sympy.S(e).subs(values)) for e in point.x), strict=True))
     A, G, D, C = field.jacobian(form.x), field.jacobian(form.s), field.jacobian(form.a), h.jacobian(form.x)
     if any(not e.is_Rational for part in (A, G, D, C) for e in part):
         return None
-    if any(not e.is_Rational for e in (*place.values(), *h.subs(place))):
-        return None
-    columns, rows, shares = [], [], []
+    columns: list[sympy.Matrix] = []
+    rows: list[sympy.Matrix] = []
+    shares: list[Expr] = []
     for k in range(m):
         relay, kink = not G.col(k).is_zero_matrix, not D.col(k).is_zero_matrix
         if relay:
