@@ -36,7 +36,9 @@ def told(system: System) -> bool:
     )
 
 
-def ends(A: np.ndarray, B: np.ndarray, C: np.ndarray, kinks: list[bool], dt: float, length: int = 40) -> float:
+def ends(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, kinks: list[bool], dt: float, length: int = 40
+) -> float:
     """The largest |x| of 4 motions at the end, from states of size 5."""
     n, m = B.shape
     big = np.zeros((n + m, n + m))
