@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from filippov.analysis.certificates.absolute import absolute
 from filippov.analysis.certificates.centre import centre
@@ -61,22 +62,22 @@ def _unasked(context: Context, item: EquilibriumStability) -> EquilibriumStabili
     return replace(item, statements=(*item.statements, Statement(text)))
 
 
-def first(context: Context, item: EquilibriumStability) -> Certificate | None:
-    """The first certificate for an equilibrium, or None."""
+def first(context: Context, item: EquilibriumStability, *, wide: bool = False) -> Certificate | None:
+    """The first certificate for an equilibrium, or None.
+
+    wide   ask what holds for all motions before what holds beside the equilibrium, also where that costs more
+    """
     system, found = context.system, item.equilibrium
     if depends_on_time(system):
         return timed(context, found) if isinstance(found, EquilibriumPoint) else None
     if any(e.reset is not None for e in system.time_events):
         return clocked(context, item)
-    for whole in (masses, stopping, absolute, feedbacks, held_sets):
-        certificate = whole(context, found)
-        if certificate is not None:
-            return certificate
     beside = local(context, found) if isinstance(found, EquilibriumPoint) else None
-    if beside is None:
-        return None
-    for ask in POINTS:
-        certificate = ask(beside)
+    costly = [partial(whole, context, found) for whole in (feedbacks, held_sets)]
+    near = [] if beside is None else [partial(ask, beside) for ask in POINTS]
+    cheap = [partial(whole, context, found) for whole in (masses, stopping, absolute)]
+    for ask in (*cheap, *costly, *near) if wide else (*cheap, *near, *costly):
+        certificate = ask()
         if certificate is not None:
             return certificate
         context.clock.check()

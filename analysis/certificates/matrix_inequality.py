@@ -7,6 +7,7 @@ the pivots of L D L^T of these. Needs the extra `certificates`; `available()` sa
 from __future__ import annotations
 
 import importlib.util
+import warnings
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
@@ -41,7 +42,10 @@ def feasible(
     rules += [_symmetric(m) << np.eye(m.shape[0]) for m in size]
     problem: Any = cvxpy.Problem(cvxpy.Maximize(t), [*rules, *more, t <= 1])
     try:
-        problem.solve(solver=cvxpy.CLARABEL)
+        with warnings.catch_warnings():
+            # An inaccurate solution is a suggestion like any other: exact numbers decide.
+            warnings.simplefilter("ignore", UserWarning)
+            problem.solve(solver=cvxpy.CLARABEL)
     except cvxpy.SolverError:
         return False
     done = all(u.value is not None for u in unknowns)
