@@ -164,7 +164,7 @@ def certify(
             if smooth
             else _item(context, equilibrium, outer.get(id(equilibrium)))
         )
-        out.append((equilibrium, first(context, item)))
+        out.append((equilibrium, first(context, item, wide=True)))
     return tuple(out)
 
 

@@ -1,5 +1,6 @@
 """What the commands compute and write."""
 
+import json
 import sys
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -142,6 +143,14 @@ def test_stability_writes_its_files(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert {path.name for path in tmp_path.iterdir()} == {f"report.{s}" for s in ("txt", "md", "tex", "json")}
     assert "P > 29" in (tmp_path / "report.txt").read_text(encoding="utf-8")
     strict((tmp_path / "report.json").read_text(encoding="utf-8"))
+
+
+def test_12_11_stability_writes_certificates(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The reference system with its friction curve has none; a row is there all the same."""
+    summary(capsys, "stability", "hunting", "--certify", "-o", str(tmp_path))
+    (row,) = json.loads((tmp_path / "certificates.json").read_text(encoding="utf-8"))
+    assert row["mode"] == "0"
+    assert set(row) == {"mode", "x", "answer", "reach", "theorem", "source", "checked"}
 
 
 def fake(monkeypatch: pytest.MonkeyPatch, name: str, **content: Any) -> None:

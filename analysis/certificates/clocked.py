@@ -4,7 +4,7 @@ Without the clock, a point reached in a time of order |x| is at rest before the 
 starts near enough, and a reset with a derivative carries near states to near ones. For masses with dry
 friction a reset that multiplies speeds by factors of modulus at most 1 does not raise the energy around
 any equilibrium.
-Source: Goebel, Sanfelice, Teel 2012, Hybrid Dynamical Systems, theorem 3.18 and section 8.
+Source: Goebel, Sanfelice, Teel 2012, Hybrid Dynamical Systems, chapters 3 and 8.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from filippov.analysis.sliding_stability import attraction
 from filippov.analysis.stability_context import Context
 from filippov.analysis.stability_result import EquilibriumStability
 
-SOURCE = "Goebel, Sanfelice, Teel 2012, theorem 3.18"
+SOURCE = "Goebel, Sanfelice, Teel 2012, chapter 3"
 
 
 def clocked(context: Context, item: EquilibriumStability) -> Certificate | None:

@@ -5,9 +5,9 @@ Metzler majorant: with B_jj = max a_jj, B_jk = max |a_jk|, max_j |x_j|/w_j falls
 function if and only if both are Hurwitz and A_1 A_2 has no root on the negative half line (which for one
 kink is the circle criterion). A ray that comes back to itself longer than it was makes the point
 unstable.
-Source: Dahlquist 1958 and Horn & Johnson 1991, theorem 2.5.3 (majorant); Shorten & Narendra 2003, Int. J.
-Adapt. Control Signal Process. 16, 709 (two matrices); Carmona, Freire, Ponce, Torres 2005, Internat. J.
-Bifur. Chaos 15, 2469 (rays).
+Source: Dahlquist 1958 and Horn & Johnson 1991, section 2.5 (majorant); Shorten & Narendra 2003, IEEE
+Trans. Automat. Contr. 48, 618, and Shorten, Mason, O'Cairbre, Curran 2004, Int. J. Control 77, 1 (two
+matrices); Carmona, Freire, Ponce, Torres 2005, Internat. J. Bifur. Chaos 15, 2469 (rays).
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from filippov.analysis.certificates.certificate import Certificate
 from filippov.analysis.certificates.local import Local
 
 Array = npt.NDArray[np.float64]
-MAJORANT = "Horn & Johnson 1991, theorem 2.5.3; Coppel 1965, section III.2"
-COMMON = "Shorten & Narendra 2003, Int. J. Adapt. Control Signal Process. 16, 709"
+MAJORANT = "Horn & Johnson 1991, section 2.5; Coppel 1965, chapter III"
+COMMON = "Shorten & Narendra 2003, IEEE Trans. Automat. Contr. 48, 618"
 RAYS = "Carmona, Freire, Ponce, Torres 2005, Internat. J. Bifur. Chaos 15, 2469"
 STARTS, HALF_TURNS, LONGEST, CLEAR = 24, 60, 200.0, 1e-6
 

@@ -4,28 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
+from filippov.analysis.certificates.absolute import absolute
 from filippov.analysis.certificates.centre import centre
 from filippov.analysis.certificates.certificate import Certificate
 from filippov.analysis.certificates.clocked import clocked
 from filippov.analysis.certificates.cones import cones
 from filippov.analysis.certificates.energy import energy
+from filippov.analysis.certificates.feedbacks import feedbacks
+from filippov.analysis.certificates.held_sets import held_sets
 from filippov.analysis.certificates.line import line
 from filippov.analysis.certificates.local import Local, local
 from filippov.analysis.certificates.masses import masses
-from filippov.analysis.certificates.passivity import passivity
+from filippov.analysis.certificates.matrix_inequality import INSTALL, available
 from filippov.analysis.certificates.planar import planar
+from filippov.analysis.certificates.quadratic import linear_cones, quadratic
 from filippov.analysis.certificates.relay_order import relay_order
 from filippov.analysis.certificates.relays import relays
+from filippov.analysis.certificates.resets import resets
 from filippov.analysis.certificates.stopping import stopping
 from filippov.analysis.certificates.timed import timed
 from filippov.analysis.equilibrium import EquilibriumPoint
 from filippov.analysis.forcing import depends_on_time
 from filippov.analysis.stability_context import Context
-from filippov.analysis.stability_result import EquilibriumStability
+from filippov.analysis.stability_result import EquilibriumStability, Statement
 
 POINTS: Sequence[Callable[[Local], Certificate | None]] = (
-    line, planar, energy, centre, relay_order, relays, cones,
+    line, planar, energy, centre, relay_order, relays, cones, quadratic, resets,
 )  # fmt: skip
 
 
@@ -41,26 +47,37 @@ def decided(
     context.clock.check()
     found = first(context, without_time)
     if found is None:
-        return item
+        return _unasked(context, item)
     return replace(item, answer=found.answer, statements=(*found.statements(), *item.statements))
 
 
-def first(context: Context, item: EquilibriumStability) -> Certificate | None:
-    """The first certificate for an equilibrium, or None."""
+def _unasked(context: Context, item: EquilibriumStability) -> EquilibriumStability:
+    """The analysis with a note where only the solver of matrix inequalities is missing."""
+    if available() or not isinstance(item.equilibrium, EquilibriumPoint) or context.system.time_events:
+        return item
+    beside = None if depends_on_time(context.system) else local(context, item.equilibrium)
+    if beside is None or (linear_cones(beside) is None and not beside.resets):
+        return item
+    text = f"not asked for quadratic Lyapunov functions: that needs cvxpy and Clarabel, {INSTALL}"
+    return replace(item, statements=(*item.statements, Statement(text)))
+
+
+def first(context: Context, item: EquilibriumStability, *, wide: bool = False) -> Certificate | None:
+    """The first certificate for an equilibrium, or None.
+
+    wide   ask what holds for all motions before what holds beside the equilibrium, also where that costs more
+    """
     system, found = context.system, item.equilibrium
     if depends_on_time(system):
         return timed(context, found) if isinstance(found, EquilibriumPoint) else None
     if any(e.reset is not None for e in system.time_events):
         return clocked(context, item)
-    for whole in (masses, stopping, passivity):
-        certificate = whole(context, found)
-        if certificate is not None:
-            return certificate
     beside = local(context, found) if isinstance(found, EquilibriumPoint) else None
-    if beside is None:
-        return None
-    for ask in POINTS:
-        certificate = ask(beside)
+    costly = [partial(whole, context, found) for whole in (feedbacks, held_sets)]
+    near = [] if beside is None else [partial(ask, beside) for ask in POINTS]
+    cheap = [partial(whole, context, found) for whole in (masses, stopping, absolute)]
+    for ask in (*cheap, *costly, *near) if wide else (*cheap, *near, *costly):
+        certificate = ask()
         if certificate is not None:
             return certificate
         context.clock.check()

@@ -17,9 +17,9 @@ from filippov.analysis.certificates.certificate import Certificate
 from filippov.analysis.certificates.homogeneous import EPSILON, lowest
 from filippov.analysis.certificates.local import Local, Signs
 
-LASALLE = "Shevitz & Paden 1994, IEEE Trans. Automat. Contr. 39, 1910, theorem 3.2"
-KRASOVSKII = "Krasovskii 1963, section 14; Shevitz & Paden 1994"
-ENERGY = "Filippov 1988, section 15 (Lyapunov functions)"
+LASALLE = "Shevitz & Paden 1994, IEEE Trans. Automat. Contr. 39, 1910"
+KRASOVSKII = "Krasovskii 1963; Shevitz & Paden 1994"
+ENERGY = "Filippov 1988, chapter 3 (Lyapunov functions)"
 _A, _B = sympy.symbols("a b", positive=True)
 
 

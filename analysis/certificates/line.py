@@ -1,6 +1,6 @@
 """Equilibria on the line: the sign of the field on either side, by its lowest power.
 
-x' = c |x|^q + o(|x|^q) leads to x = 0 where c x < 0. Source: Filippov 1988, section 16.
+x' = c |x|^q + o(|x|^q) leads to x = 0 where c x < 0. Source: Filippov 1988, chapter 3.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from filippov.analysis.certificates.certificate import Certificate
 from filippov.analysis.certificates.homogeneous import EPSILON, lowest
 from filippov.analysis.certificates.local import Local
 
-SOURCE = "Filippov 1988, section 16"
+SOURCE = "Filippov 1988, chapter 3"
 
 
 def line(found: Local) -> Certificate | None:

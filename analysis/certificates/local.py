@@ -35,6 +35,7 @@ class Local:
     s        the multipliers at the point where they are numbers, else None
     resets   {place in h: state after the reset (n,)}
     sides    {place in h: "+", "-" or "both"}
+    pushes   {place in h: direction (n,) of the push at the point} where a reset allows resting contact
     """
 
     x: tuple[Symbol, ...]
@@ -46,6 +47,7 @@ class Local:
     s: tuple[Expr, ...] | None
     resets: Mapping[int, tuple[Expr, ...]]
     sides: Mapping[int, str]
+    pushes: Mapping[int, tuple[Expr, ...]]
 
     @property
     def filippov(self) -> bool:
@@ -121,6 +123,11 @@ def local(context: Context, point: EquilibriumPoint) -> Local | None:
         s if all(e.is_number and e is not sympy.nan for e in s) else None,
         resets,
         {k: system.surfaces[on[k]].side for k in resets},
+        {
+            k: tuple(exact(sympy.S(d).subs(values)).subs(place) for d in contact.direction)
+            for k in resets
+            if form.contact and (contact := form.contact[on[k]]) is not None
+        },
     )
 
 

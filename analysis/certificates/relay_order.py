@@ -8,8 +8,8 @@ ever faster about h = h' = 0; with z = h' their energy z^2/2 - b (|h| - s0 h) fa
 
 so it is asymptotically stable if d < 0 and the field on h = h' = 0 has all its roots on the left, and
 unstable if d > 0 or a root lies on the right (motions in h = h' = 0 are motions of the inclusion).
-Source: Anosov 1959, Autom. Remote Control 20, 135; Fridman & Levant 2002, section 1; Tsypkin 1984,
-chapter 10.
+Source: Anosov 1959, Autom. Remote Control 20, 135; Fridman & Levant 2002; Tsypkin 1984,
+Relay Control Systems.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from sympy import Expr, Symbol
 from filippov.analysis.certificates.certificate import Certificate
 from filippov.analysis.certificates.local import Local
 
-ANOSOV = "Anosov 1959, Autom. Remote Control 20, 135; Tsypkin 1984, chapter 10"
-ON = "Fridman & Levant 2002, section 1"
+ANOSOV = "Anosov 1959, Autom. Remote Control 20, 135; Tsypkin 1984"
+ON = "Fridman & Levant 2002"
 CLEAR = 1e-9
 
 

@@ -4,8 +4,8 @@ Linear part A(t): with the logarithmic norm mu(A) = max_i (a_ii + sum |a_ij|), |
 at all t. One state beside a surface: |x| falls if the field beside it points back by c > 0 at all t. One
 state, x' = a(t) x with a of mean 0 over a period: |x| is periodic. Bounds over t are those of interval
 arithmetic.
-Source: Coppel 1965, Stability and Asymptotic Behavior of Differential Equations, section III.2; Filippov
-1988, section 15.
+Source: Coppel 1965, Stability and Asymptotic Behavior of Differential Equations, chapter III; Filippov
+1988, chapter 3.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from filippov.analysis.stability_context import Context
 from filippov.analysis.time_bounds import bounds
 from filippov.symbols import t as time
 
-COPPEL = "Coppel 1965, section III.2"
-FILIPPOV = "Filippov 1988, section 15"
+COPPEL = "Coppel 1965, chapter III"
+FILIPPOV = "Filippov 1988, chapter 3"
 
 
 def timed(context: Context, point: EquilibriumPoint) -> Certificate | None:

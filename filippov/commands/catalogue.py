@@ -264,6 +264,8 @@ _ALL = (
         "stability", "every equilibrium and equilibrium set: report.txt, .md, .tex, .json", "stability",
         (MODEL, PARAMETERS,
          Option("solve_for", "parameter for which the conditions are solved", text, metavar="NAME"),
+         Option("certify", "certificates also where the linear part decides: certificates.json", switch,
+                default=False),
          Option("budget", "work, in millions of calls (a second each)", number, metavar="N", default=30.0)),
         "filippov stability hunting -p beta=1 --solve-for P",
         needs="filippov.analysis.stability",
