@@ -101,9 +101,11 @@ class Identifier:
         away = np.linalg.norm((y - x) / self.size, axis=1)
         found = self.at_rest(x)
         early, end = float(np.max(away[: LOOK // 4])), float(np.max(away[-LOOK // 4 :]))
-        if found.stable is not True and end > 0.98 * early and end > CLOSE / 10:
-            return None
-        return found if end <= early and end <= 10 * CLOSE else None
+        # The motion has to draw near: by its multipliers, or markedly where they do not decide.
+        rate = float(np.max(np.abs(found.multipliers), initial=0.0))
+        fall = 0.3 * (1.0 - rate ** (LOOK // 2)) if found.stable is True else 0.02
+        near = end <= (1.0 - fall) * early or end <= SLACK
+        return found if near and end <= 10 * CLOSE else None
 
     # -- periodic ----------------------------------------------------------------------------------------
 
