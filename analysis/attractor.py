@@ -25,7 +25,8 @@ class Attractor:
     """A set to which motions go.
 
     kind         "equilibrium"; "equilibrium set": connected, such as the states in which friction holds;
-                 "periodic"; "chaotic": the largest Lyapunov exponent is positive beyond its error; "aperiodic":
+                 "periodic"; "chaotic": the largest Lyapunov exponent is positive beyond its error;
+                 "aperiodic":
                  recurrent, neither of them was shown (quasiperiodic, or a period beyond the search)
     states       states on it, (k, n): the point; rests that were found in the set; the strobes of a period in
                  order; the events of an autonomous orbit or its states at equal times; samples otherwise
@@ -64,7 +65,7 @@ class Attractor:
         return True if np.all(sizes < 1 - _STABLE) else None
 
     def __str__(self) -> str:
-        text = self.kind
+        text: str = self.kind
         if self.kind == "periodic":
             turns = f" ({self.period} periods of the map)" if self.period is not None else ""
             text = f"periodic, T = {self.duration:.9g}{turns}"

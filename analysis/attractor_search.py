@@ -1,4 +1,4 @@
-"""All motions of a search side by side: iterated until each is at an attractor, has escaped, or is given up."""
+"""All motions of a search side by side, until each is at an attractor, has escaped, or is given up."""
 
 from __future__ import annotations
 
@@ -17,10 +17,14 @@ from filippov.status import Status
 Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 LOST, ESCAPED, FAILED, UNSTABLE, UNIDENTIFIED = -1, -2, -3, -4, -5
-# Iterates in a row within reach of an attractor that make a motion its own; without displacement, that are rest.
+# Iterates in a row within reach of an attractor that make a motion its own; without displacement, that are
+# rest.
 HOLD, STILL = 8, 3
-# Objects that do not attract before nothing more is identified; a state that is thrown out so far has escaped.
+# Objects that do not attract before nothing more is identified; a state that is thrown out so far has
+# escaped.
 MOST_UNSTABLE, FAR = 12, 10.0
+# Looks in a row at which nothing was found before no more are taken: what is left is then slow.
+MOST_VAIN = 12
 # A recurrent motion within so many cells of a known attractor is given time, twice as long every time.
 BESIDE, WAITS = 4.0, 4
 
@@ -51,6 +55,7 @@ class Search:
         self.unstable: list[Attractor] = []
         self.failures: dict[str, int] = {}
         self.rests: list[int] = []
+        self.vain = 0
         self.complete = True
         self.iterates = 0
 
@@ -122,7 +127,7 @@ class Search:
             self.label[rows[mine]] = number
 
     def _settle(self, rows: Whole) -> None:
-        """Motions that no longer move: at rest if at all times of a step, else on a fixed point of the map."""
+        """Motions that no longer move: at rest if at all times of a step, else on a fixed point."""
         rows = rows[self.label[rows] == LOST]
         if not rows.size or self.flow.kind == "section":
             return
@@ -147,18 +152,22 @@ class Search:
             return
         self.tried[row] += 1
         self.past.streak[row] = -self.recurrences * 2 ** int(self.tried[row])
+        if self.vain >= MOST_VAIN:
+            return
         if len(self.unstable) >= MOST_UNSTABLE:
             self.label[row] = UNIDENTIFIED
             return
         found = self.identify(self.x[row])
         if found is None:
+            self.vain += 1
             return
+        self.vain = 0
         if found.kind == "equilibrium set":
             # Drawn in ever more slowly: it will rest in the end.
             self.x[row] = found.states[0]
             self._at_rest(row)
             return
-        if found.stable is False and found.cells is None or found.stable is None and found.cells is None:
+        if (found.stable is False and found.cells is None) or (found.stable is None and found.cells is None):
             known = self._known(found, self.unstable)
             if known is None:
                 self.unstable.append(found)
@@ -206,10 +215,7 @@ class Search:
             return
         rows = np.array(self.rests, dtype=np.int64)
         x = self.x[rows]
-        # Rests closer than this are one as far as the search can see.
-        place, member = np.unique(np.round(x / self.size / 1e-6), axis=0, return_index=True, return_inverse=True)[1:]
-        member = member.ravel()
-        part = groups(self.flow.timed(), x[place], self.size, NEAR)[member]
+        part = groups(self.flow.timed(), x, self.size, NEAR, 0.5 * self.reach)
         for number in range(int(part.max()) + 1):
             mine = rows[part == number]
             states = self.x[mine]

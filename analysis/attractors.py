@@ -1,9 +1,9 @@
 """All attractors in a box of state space, by recurrences, with the shares of states that go to each.
 
-Motions from many states are followed by a map (`filippov.analysis.state_map`); one that for long comes only to
-cells of a grid that it has met before is looked at: the equilibrium or periodic orbit there is solved for, chaos
-is told by the largest Lyapunov exponent. The others are then told by their distance to what was solved for, not
-by cells. An attractor whose share of the box is q is missed by N states with probability (1 - q)^N.
+Motions from many states are followed by a map (`filippov.analysis.state_map`); one that for long comes only
+to cells of a grid that it has met before is looked at: the equilibrium or periodic orbit there is solved for,
+chaos is told by the largest Lyapunov exponent. The others are then told by their distance to what was solved
+for, not by cells. An attractor whose share of the box is q is missed by N states with probability (1 - q)^N.
 Source: Datseris & Wagemakers 2022, Chaos 32, 023104; Nusse & Yorke 1997, chapter 7.
 """
 
@@ -42,17 +42,23 @@ SPECIAL = {
     UNIDENTIFIED: "not identified",
 }  # fmt: skip
 PILOTS = 64
+# Every state has a companion so many tolerances away, which tells whether its label is sure.
+SHIFT = 10.0
 
 
 @dataclass(frozen=True, eq=False)
 class Attractors:
     """What was found in a box.
 
-    attractors  largest share first; unstable: equilibria and orbits on which some states stay, which draw none in
+    attractors  largest share first; unstable: equilibria and orbits on which some states stay, which draw
+                none in
     box         (least, greatest) by state
     states      states drawn from the box at random, (k, n), and where each goes: label (k,), the number of an
                 attractor, -1 undecided after all iterates, -2 escapes, -3 the solver failed, -4 stays on
                 something that does not attract, -5 recurrent, and what it is at could not be identified
+    moved       share of these states that go elsewhere when they start SHIFT tolerances of the box away: they
+                are so near to a border of basins, or to a long chaotic transient, that their label is not
+                sure; NaN without states
     plane       names of two states, their values x and y, and the label of every pair, (len(y), len(x)); None
                 without one; at: the other states there
     kind, duration   of the map: "strobe", "step" or "section", its period, step or longest turn
@@ -67,6 +73,7 @@ class Attractors:
     box: Mapping[str, tuple[float, float]]
     states: Array
     label: npt.NDArray[np.int64]
+    moved: float
     names: tuple[str, str] | None
     x: Array
     y: Array
@@ -80,7 +87,10 @@ class Attractors:
 
     @property
     def shares(self) -> dict[int, tuple[float, float]]:
-        """Share of the box that goes to each label, with its standard error: sqrt(q (1 - q)/N), q = (k + 1)/(N + 2)."""
+        """Share of the box that goes to each label with its standard error.
+
+        sqrt(q (1 - q)/N) with q = (k + 1)/(N + 2) for k of N states.
+        """
         total = max(len(self.label), 1)
         out = {}
         for label in (*range(len(self.attractors)), *SPECIAL):
@@ -102,6 +112,10 @@ class Attractors:
             if label == FAILED:
                 what += ": " + ", ".join(f"{n} {name}" for name, n in sorted(self.failures.items()))
             out.append(f"{100 * share:.4g} +- {100 * error:.2g} %: {what}")
+        if self.moved > 0:
+            out.append(
+                f"{100 * self.moved:.4g} % of the states go elsewhere from a start a few tolerances away"
+            )
         out += [f"does not attract: {one}" for one in self.unstable]
         return out
 
@@ -124,7 +138,7 @@ class Attractors:
                 {"label": label, "share": share, "error": error}
                 for label, (share, error) in self.shares.items()
             ],
-            "states": self.states.tolist(), "label": self.label.tolist(),
+            "states": self.states.tolist(), "label": self.label.tolist(), "moved": self.moved,
             "names": None if self.names is None else list(self.names), "x": self.x.tolist(),
             "y": self.y.tolist(), "picture": self.picture.tolist(), "at": dict(self.at), "kind": self.kind,
             "duration": self.duration, "iterates": self.iterates, "failures": dict(self.failures),
@@ -148,8 +162,8 @@ class Attractors:
                 tuple(Attractor.from_dict(q, made) for q in d["unstable"]),
                 {k: (float(v[0]), float(v[1])) for k, v in d["box"].items()},
                 np.array(d["states"], dtype=float).reshape(-1, made.dimension),
-                np.array(d["label"], dtype=np.int64), None if d["names"] is None else (d["names"][0], d["names"][1]),
-                np.array(d["x"], dtype=float), np.array(d["y"], dtype=float),
+                np.array(d["label"], dtype=np.int64), float(d["moved"]), None if d["names"] is None else
+                (d["names"][0], d["names"][1]), np.array(d["x"], dtype=float), np.array(d["y"], dtype=float),
                 np.array(d["picture"], dtype=np.int64), dict(d["at"]), str(d["kind"]), float(d["duration"]),
                 int(d["iterates"]), dict(d["failures"]), bool(d["complete"]),
             )  # fmt: skip
@@ -195,24 +209,31 @@ def attractors(
     escape       distance from the middle of the box, in parts of it, beyond which a motion has escaped
     progress     called with (motions decided, all)
 
-    Two attractors closer than `reach`, or a basin that is narrower, are not told apart. Ctrl-C returns what is
-    done. Raises UsageError.
+    Two attractors closer than `reach`, or a basin that is narrower, are not told apart. Ctrl-C returns what
+    is done. Raises UsageError.
     """
     low, size = _box(system, box)
-    for name, value in (("cells", cells), ("recurrences", recurrences), ("most", most), ("resolution", resolution)):
-        if isinstance(value, bool) or not isinstance(value, int) or value < 2:
+    for name, value in (
+        ("cells", cells),
+        ("recurrences", recurrences),
+        ("most", most),
+        ("resolution", resolution),
+    ):
+        if value != int(value) or value < 2:
             raise UsageError(f"{name} is {value!r}, expected a whole number of at least 2.")
     if samples < 0 or (samples == 0 and plane is None):
         raise UsageError(f"samples is {samples}, expected a whole number > 0, or a plane.")
     if not 0 < reach < 0.1 or not escape > 1:
         raise UsageError(f"reach {reach}, escape {escape}: expected 0 < reach < 0.1 and escape > 1.")
-    drawn = low + size * np.random.default_rng(seed).random((samples, system.dimension))
+    rng = np.random.default_rng(seed)
+    drawn = low + size * rng.random((samples, system.dimension))
+    beside = drawn + SHIFT * rtol * size * rng.choice([-1.0, 1.0], (samples, system.dimension))
     x, y, held, shown = _plane(system, plane, resolution, at, low, size)
     flow = StateMap(
         system, parameters=parameters, section=section, period=period, step=step, t0=t0, rtol=rtol,
         threads=threads,
     )  # fmt: skip
-    starts = np.vstack([drawn, shown])
+    starts = np.vstack([drawn, beside, shown])
     if flow.kind == "step" and step is None:
         flow = flow.at_pace(starts[: min(PILOTS, len(starts))], size)
     search = Search(
@@ -224,10 +245,12 @@ def attractors(
     order = sorted(range(len(counts)), key=lambda k: -counts[k])
     rank = {old: new for new, old in enumerate(order)}
     label = np.array([rank.get(int(v), int(v)) for v in search.label], dtype=np.int64)
+    moved = float(np.mean(label[:samples] != label[samples : 2 * samples])) if samples else float("nan")
     return Attractors(
         system, flow.parameters, tuple(search.attractors[k] for k in order), tuple(search.unstable),
         {name: (float(a), float(a + b)) for name, a, b in zip(system.states, low, size, strict=True)}, drawn,
-        label[:samples], plane, x, y, label[samples:].reshape(len(y), len(x)), held, flow.kind, flow.duration,
+        label[:samples], moved, plane, x, y, label[2 * samples :].reshape(len(y), len(x)), held, flow.kind,
+        flow.duration,
         search.iterates, search.failures, search.complete,
     )  # fmt: skip
 
@@ -246,8 +269,8 @@ def _box(system: System, box: Mapping[str, Sequence[float]]) -> tuple[Array, Arr
 
 
 def _plane(
-    system: System, plane: tuple[str, str] | None, resolution: int, at: Mapping[str, float] | None, low: Array,
-    size: Array,
+    system: System, plane: tuple[str, str] | None, resolution: int, at: Mapping[str, float] | None, low:
+    Array, size: Array,
 ) -> tuple[Array, Array, dict[str, float], Array]:  # fmt: skip
     """Values of the two states, the others, and all initial states of the plane."""
     given = dict(at or {})
@@ -258,8 +281,10 @@ def _plane(
         if given:
             raise UsageError(f"at gives {', '.join(given)}, but there is no plane. Give plane=(name, name).")
         return np.zeros(0), np.zeros(0), {}, np.zeros((0, system.dimension))
-    if len(plane) != 2 or plane[0] == plane[1] or set(plane) & given.keys():
-        raise UsageError(f"plane is {plane!r}, at has {', '.join(given) or 'nothing'}: expected two states, others in at.")
+    if plane[0] == plane[1] or set(plane) & given.keys():
+        raise UsageError(
+            f"plane is {plane!r}, at has {', '.join(given) or 'nothing'}: expected two states, others in at."
+        )
     i, j = (system.state_index(name) for name in plane)
     # Middles of cells: the faces of the box are where symmetric systems have their special states.
     share = (np.arange(resolution) + 0.5) / resolution

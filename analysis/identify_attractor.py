@@ -12,19 +12,23 @@ from filippov.analysis.lyapunov import lyapunov
 from filippov.analysis.orbit import Orbit
 from filippov.analysis.orbit_search import find_orbit
 from filippov.analysis.recurrence import Grid
-from filippov.analysis.saltation import NotDifferentiableError
 from filippov.analysis.state_map import StateMap
 from filippov.errors import SolveError, UsageError
 from filippov.solver import solve
 
 Array = npt.NDArray[np.float64]
-# Iterates that are looked at; longest period of the map that is searched; iterates kept of a chaotic attractor.
-LOOK, LONGEST, KEPT = 200, 48, 2000
-# Displacement that counts as none, and distance to a solution that a motion has to keep, in parts of the sizes.
+# Iterates that are looked at; longest period of the map that is searched; iterates kept of a chaotic
+# attractor.
+LOOK, LONGEST, KEPT = 200, 48, 1200
+# Displacement that counts as none, and distance to a solution that a motion has to keep, in parts of the
+# sizes.
 NEAR, CLOSE, SLACK = 1e-8, 2e-2, 1e-4
 NEWTON, EXPONENT = 30, 300
 # An exponent is positive where it is so many of its errors above 0.
 ERRORS = 4.0
+FAILS = (SolveError, ArithmeticError, np.linalg.LinAlgError)
+# An aperiodic motion has the same extent early and late to this part of it.
+STEADY = 0.02
 
 
 class Identifier:
@@ -34,7 +38,7 @@ class Identifier:
         self.flow, self.grid, self.size = flow, grid, size
 
     def __call__(self, x: Array) -> Attractor | None:
-        """The attractor, or object that does not attract, at which the motion from x is; None where it ends."""
+        """What the motion from x is at, whether it attracts or not; None where the motion ends."""
         y = self.run(x, LOOK)
         if y is None:
             return None
@@ -118,7 +122,7 @@ class Identifier:
             orbit = find_orbit(
                 flow.system, y[-1], parameters=flow.parameters, period=turns * flow.duration, t0=flow.t0
             )
-        except (SolveError, NotDifferentiableError, ArithmeticError):
+        except FAILS:
             return None
         return self._of_orbit(orbit, y)
 
@@ -129,7 +133,7 @@ class Identifier:
             orbit = find_orbit(
                 flow.system, y[-1], parameters=flow.parameters, t_max=max(400 * flow.duration, 1e-9)
             )
-        except (SolveError, NotDifferentiableError, ArithmeticError):
+        except FAILS:
             return None
         return self._of_orbit(orbit, y)
 
@@ -165,7 +169,7 @@ class Identifier:
         return found
 
     def _at_strobe(self, orbit: Orbit) -> Array | None:
-        """The state of the orbit at a strobe: it may have been solved for at another phase, off its events."""
+        """The state of the orbit at a strobe: it may have been solved for at another phase."""
         flow = self.flow
         shift = (orbit.t0 - flow.t0) / flow.duration
         late = float(np.ceil(shift - 1e-9) - shift) * flow.duration
@@ -196,11 +200,26 @@ class Identifier:
                 parameters=flow.parameters,
             )  # fmt: skip
             value, error = float(found.exponents[0]), float(found.error[0])
-        except (UsageError, SolveError, ArithmeticError):
+        except (*FAILS, UsageError):
             pass
         chaotic = np.isfinite(value) and value > ERRORS * error and value * EXPONENT * stretch > 5.0
-        note = "" if chaotic else "no period up to the longest was found, and no positive exponent beyond its error"
+        if not chaotic and not self.steady(kept):
+            return None
+        note = (
+            ""
+            if chaotic
+            else "no period up to the longest was found, and no positive exponent beyond its error"
+        )
         return Attractor(
             "chaotic" if chaotic else "aperiodic", kept[:: KEPT // 200], exponent=(value, error),
-            low=kept.min(axis=0), high=kept.max(axis=0), note=note, cells=np.unique(self.grid.names(self.grid.around(kept))),
+            low=kept.min(axis=0), high=kept.max(axis=0), note=note,
+            cells=np.unique(self.grid.names(self.grid.around(kept))),
         )  # fmt: skip
+
+    def steady(self, kept: Array) -> bool:
+        """Whether a long motion moves about in the same place to the end, and is not on its way."""
+        first, last = kept[: len(kept) // 4], kept[-(len(kept) // 4) :]
+        size = np.maximum(np.ptp(kept, axis=0), NEAR * self.size)
+        low = np.abs(first.min(axis=0) - last.min(axis=0)) / size
+        high = np.abs(first.max(axis=0) - last.max(axis=0)) / size
+        return bool(max(np.max(low), np.max(high)) <= STEADY)

@@ -48,7 +48,7 @@ class Grid:
 
 
 class Past:
-    """The cells of every motion so far, (N, iterates), and `streak`: iterates in a row on cells met before."""
+    """The cells of every motion so far, and `streak`: iterates in a row on cells met before."""
 
     def __init__(self, count: int) -> None:
         self.cells = np.zeros((count, 64), dtype=np.uint64)

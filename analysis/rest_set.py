@@ -1,9 +1,9 @@
 """Which states of rest belong to one connected set of equilibria.
 
-Two rests belong together where the states between them come to rest beside themselves: the ends of motions from
-points of the straight line are a chain without a gap, and the widest gap closes when it is looked at again. On a
-straight set they do not move at all; on a bent one they are drawn to it; between two separate equilibria the chain
-breaks.
+Two rests belong together where the states between them come to rest beside themselves: the ends of motions
+from points of the straight line are a chain without a gap, and the widest gap closes when it is looked at
+again. On a straight set they do not move at all; on a bent one they are drawn to it; between two separate
+equilibria the chain breaks.
 """
 
 from __future__ import annotations
@@ -14,17 +14,21 @@ import numpy.typing as npt
 from filippov.analysis.state_map import StateMap
 
 Array = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
 BETWEEN = 12
 # The widest gap of a chain, in parts of an even spacing; how often P is applied to come to rest.
 GAP, ITERATES = 2.5, 60
-# How often the widest gap is looked at: sets apart by (GAP/13)^4 = 0.0014 of two rests' distance are told apart.
+# How often the widest gap is looked at: sets apart by (GAP/13)^4 = 0.0014 of two rests' distance are told
+# apart.
 LOOKS = 4
+# Rests through which a tree is laid.
+MOST = 2000
 
 
 def joined(
     flow: StateMap, a: Array, b: Array, size: Array, near: float, looks: int = LOOKS
 ) -> npt.NDArray[np.bool_]:
-    """Whether the rests a and b (k, n) lie in one set, row by row; `near`: displacement that counts as none."""
+    """Whether rests a and b (k, n) lie in one set, row by row; `near`: displacement that is none."""
     if not len(a):
         return np.zeros(0, dtype=bool)
     share = np.linspace(0.0, 1.0, BETWEEN + 2)[1:-1]
@@ -60,44 +64,25 @@ def joined(
     return np.asarray(held | one)
 
 
-def groups(flow: StateMap, rests: Array, size: Array, near: float) -> npt.NDArray[np.int64]:
-    """Number of the connected set of each rest (k, n): (k,), by the shortest links between them."""
+def groups(flow: StateMap, rests: Array, size: Array, near: float, reach: float) -> Whole:
+    """Number of the connected set of each rest (k, n): (k,), by the links of the shortest tree through them.
+
+    Rests closer than `reach`, in parts of the sizes, are taken for one.
+    """
     from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
+    from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+    from scipy.spatial.distance import cdist
 
-    count = len(rests)
-    if count < 2:
-        return np.zeros(count, dtype=np.int64)
-    scaled = rests / size
-    neighbours = cKDTree(scaled).query(scaled, k=min(4, count))[1][:, 1:]
-    pairs = {(int(min(i, j)), int(max(i, j))) for i, row in enumerate(neighbours) for j in row if i != j}
-    table = np.array(sorted(pairs), dtype=np.int64)
-    held = joined(flow, rests[table[:, 0]], rests[table[:, 1]], size, near)
-    links = table[held]
     while True:
-        graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(count, count))
-        total, label = connected_components(graph, directed=False)
-        # What is still apart is tried once more, by the closest pair of every two groups.
-        more = _closest(scaled, label, total) if total <= 40 else np.zeros((0, 2), dtype=np.int64)
-        more = np.array([q for q in more.tolist() if tuple(q) not in pairs], dtype=np.int64).reshape(-1, 2)
-        if not len(more):
-            return np.asarray(label, dtype=np.int64)
-        pairs |= {tuple(q) for q in more.tolist()}
-        links = np.vstack([links, more[joined(flow, rests[more[:, 0]], rests[more[:, 1]], size, near)]])
-
-
-def _closest(scaled: Array, label: npt.NDArray[np.int32], total: int) -> npt.NDArray[np.int64]:
-    """The closest pair of members of every two groups."""
-    from scipy.spatial import cKDTree
-
-    members = [np.flatnonzero(label == g) for g in range(total)]
-    trees = [cKDTree(scaled[m]) for m in members]
-    out = []
-    for g in range(total):
-        for h in range(g + 1, total):
-            gap, at = trees[g].query(scaled[members[h]])
-            k = int(np.argmin(gap))
-            i, j = int(members[g][at[k]]), int(members[h][k])
-            out.append((min(i, j), max(i, j)))
-    return np.array(out, dtype=np.int64).reshape(-1, 2)
+        cells = np.round(rests / size / reach)
+        _, place, member = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+        if len(place) <= MOST:
+            break
+        reach *= 2
+    x = rests[place]
+    if len(x) == 1:
+        return np.zeros(len(rests), dtype=np.int64)
+    tree = minimum_spanning_tree(cdist(x / size, x / size)).tocoo()
+    held = joined(flow, x[tree.row], x[tree.col], size, near)
+    links = coo_array((np.ones(int(held.sum())), (tree.row[held], tree.col[held])), shape=(len(x), len(x)))
+    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)[member.ravel()]

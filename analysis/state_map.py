@@ -1,7 +1,7 @@
-"""The discrete map whose iterates show where motions go: the flow seen once a period, once a step or at a section.
+"""The map whose iterates show where motions go: the flow once a period, once a step or at a section.
 
-    forced or clocked    P(x) = Phi(t0 + T, t0, x), the stroboscopic map
-    autonomous           P(x) = Phi(dt, x), or the next event of a section
+forced or clocked    P(x) = Phi(t0 + T, t0, x), the stroboscopic map
+autonomous           P(x) = Phi(dt, x), or the next event of a section
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ Kind = Literal["strobe", "step", "section"]
 STEPS = 200_000
 # A motion is at rest where it is unchanged at these shares of the map's time as well.
 SHARES = (0.371, 0.713)
-# Displacement in one step, in parts of the box, up to which it is doubled; where doubling has to gain something.
+# Displacement in one step, in parts of the box, up to which it is doubled; where doubling has to gain
+# something.
 MOST, LEAST, GAIN, TRIES = 0.3, 1e-4, 1.5, 40
 # How often the step is chosen anew, after so many steps.
 ROUNDS, SETTLED = 3, 20
@@ -45,8 +46,8 @@ class StateMap:
     """
 
     def __init__(
-        self, system: System, *, parameters: Mapping[str, float] | None = None, section: Section | None = None,
-        period: Any = None, step: float | None = None, t0: float = 0.0, rtol: float = 1e-8,
+        self, system: System, *, parameters: Mapping[str, float] | None = None, section: Section | None =
+        None, period: Any = None, step: float | None = None, t0: float = 0.0, rtol: float = 1e-8,
         atol: float | None = None, threads: int | None = None,
     ) -> None:  # fmt: skip
         if any(surface.width != 0 for surface in system.surfaces):
@@ -54,19 +55,29 @@ class StateMap:
                 "a surface has hysteresis: where a motion goes on depends on its sign, which is not in the "
                 "state. Make the sign a state, or sample the system by an event map (EventMap)."
             )
-        given = [name for name, v in (("section", section), ("period", period), ("step", step)) if v is not None]
+        given = [
+            name for name, v in (("section", section), ("period", period), ("step", step)) if v is not None
+        ]
         if len(given) > 1:
             raise UsageError(f"{' and '.join(given)} are given, expected one of them at most.")
         forced = is_forced(system)
         if forced and (section is not None or step is not None):
-            raise UsageError(f"the system depends on time, so that {given[0]} does not fit; give its period or nothing.")
+            raise UsageError(
+                f"the system depends on time, so that {given[0]} does not fit; give its period or nothing."
+            )
         if step is not None and not (0 < step < np.inf):
             raise UsageError(f"step is {step!r}, expected a time > 0.")
+        if section is not None and section.after:
+            raise UsageError(
+                f"the section asks for mode {section.after!r} after its event; expected any mode."
+            )
         self.system, self.t0 = system, float(t0)
         self.p = resolved(system, parameters)
         self.parameters = dict(zip(system.parameters.names, self.p.tolist(), strict=True))
         self.section = None if section is None else section.bind(system).section
-        self.kind: Kind = "section" if section is not None else "strobe" if forced or period is not None else "step"
+        self.kind: Kind = (
+            "section" if section is not None else "strobe" if forced or period is not None else "step"
+        )
         if section is not None:
             self.duration = float(section.t_max)
         elif self.kind == "strobe":
@@ -74,15 +85,17 @@ class StateMap:
         else:
             self.duration = 1.0 if step is None else float(step)
         self.options: dict[str, Any] = {
-            "rtol": rtol, "atol": 1e-3 * rtol if atol is None else atol, "max_steps": STEPS, "zeno": "continue",
+            "rtol": rtol, "atol": 1e-3 * rtol if atol is None else atol, "max_steps": STEPS,
+            "zeno": "continue",
         }  # fmt: skip
         self.threads = threads
 
     def at_pace(self, states: Array, size: Array) -> StateMap:
         """The same map with a step in which motions go a good part of the way that they move about in.
 
-        It is doubled from a short one until half of them go MOST of the sizes (n,), or no further by more time;
-        and again from where they are after some steps, for transients are faster than what they lead to.
+        It is doubled from a short one until half of them go MOST of the sizes (n,), or no further by more
+        time; and again from where they are after some steps, for transients are faster than what they lead
+        to.
         """
         other: StateMap = object.__new__(StateMap)
         other.__dict__.update({k: v for k, v in self.__dict__.items() if k != "_prepared"})
@@ -122,7 +135,7 @@ class StateMap:
         )
 
     def __call__(self, states: Array) -> tuple[Array, Ensemble]:
-        """Images of states, with how each motion ended; states that do not come to a section are at its end."""
+        """Images of states with how each motion ended; one that meets no section is at its end."""
         ends = self._prepared.run(states, np.tile(self.p, (len(states), 1)))
         return ends.x, ends
 
@@ -137,9 +150,7 @@ class StateMap:
 
     def over(self, states: Array, duration: float) -> Ensemble:
         """Where motions from states at t0 are after another time than the map's."""
-        prepared = Prepared(
-            self.system, (self.t0, self.t0 + duration), threads=self.threads, **self.options
-        )
+        prepared = Prepared(self.system, (self.t0, self.t0 + duration), threads=self.threads, **self.options)
         return prepared.run(states, np.tile(self.p, (len(states), 1)))
 
     def done(self, ends: Ensemble) -> npt.NDArray[np.bool_]:
@@ -148,7 +159,7 @@ class StateMap:
         return np.array([status is wanted for status in ends.status])
 
     def resting(self, states: Array, near: Array) -> npt.NDArray[np.bool_]:
-        """Which states the motion does not leave: the same to `near` (n,) at three times of a period or step."""
+        """Which states a motion does not leave: the same to `near` (n,) at three times of a step."""
         kept = np.ones(len(states), dtype=bool)
         for share in (*SHARES, 1.0):
             ends = self.over(states, share * self.duration)
