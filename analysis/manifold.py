@@ -191,7 +191,8 @@ def _motion(
         if over.size:
             k = int(over[0])
             share = (length - (reached[k] - steps[k])) / steps[k]
-            cut = (times[k - 1] if k else run.problem.t_span[0]) * (1.0 - share) + share * times[k]
+            begin = float(times[k - 1]) if k else run.problem.t_span[0]
+            cut = begin + share * (float(times[k]) - begin) if share < 1 else float(times[k])
             assert run.sol is not None
             parts.append(np.vstack([more[:k], run.sol(cut)]))
             return Branch(np.vstack(parts), length)
@@ -230,6 +231,7 @@ def _points(run: Solution, gap: float) -> tuple[Array, Array]:
     for _ in range(DOUBLED):
         share = np.arange(1, count + 1) / count
         t = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()
+        t = np.clip(t, np.min(edges), np.max(edges))
         if not t.size:
             return np.array([run.t_end]), run.x_end[None, :]
         x = np.asarray(run.sol(t).T)

@@ -25,8 +25,8 @@ Array = npt.NDArray[np.float64]
 LEVELS, ROUNDS, FIRST = 400, 80, 9
 # Sharpest bend between neighbours [rad]; below this part of the spacing bends are not looked at.
 BEND, SHORT = 0.2, 0.02
-# Closest places of points on the first piece: nearer ones are those of a jump, or of the edge of where P is.
-CLOSEST = 1e-11
+# Closest places of points on the first piece: at a jump, and at the edge of where motions come back.
+CLOSEST, EDGE = 1e-11, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,8 @@ def _refined(
         bent = np.zeros(len(gap), dtype=bool)
         bent[1:] |= sharp & large[1:]
         bent[:-1] |= sharp & large[:-1]
-        more = np.flatnonzero((wide | one | bent) & within & (np.diff(s) > CLOSEST))
+        apart = np.diff(s)
+        more = np.flatnonzero(within & (((wide | bent) & (apart > CLOSEST)) | (one & (apart > EDGE))))
         if not more.size:
             return s, here, False
         if len(s) + more.size > most:

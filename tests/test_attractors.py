@@ -167,7 +167,7 @@ def test_12_13_hunting_cycle_by_steps_and_by_events_as_the_basins_of_the_event_m
     system, section = model.build(), Section.from_model(model)
     box = {"x": (-0.1, 0.1), "v": (-0.3, 0.3), "z": (-0.3, 0.3)}
     options: dict[str, Any] = {"samples": 0, "plane": ("x", "v"), "resolution": 10, "parameters": {"P": 20}}
-    steps = attractors(system, box, most=800, **options)
+    steps = attractors(system, box, step=2.0, most=300, **options)
     events = attractors(system, box, section=section, **options)
     for got in (steps, events):
         assert [one.kind for one in got.attractors] == ["periodic"]

@@ -137,7 +137,9 @@ def test_12_13_tangle_at_melnikovs_threshold(share: float, meets: bool) -> None:
     """g/d = 4 cosh(pi w/2)/(3 sqrt 2 pi w) at w = 1 (Guckenheimer & Holmes 1983, equation 4.5.20)."""
     d = 0.05
     g = share * d * 4 * np.cosh(np.pi / 2) / (3 * np.sqrt(2) * np.pi)
-    orbit = find_orbit(FORCED, (0.0, 0.0), parameters={"d": d, "g": g}, period="2*pi")
+    # x'' = x - d x' + g cos t has the periodic solution Re c exp(i t).
+    c = g / (-2 + 1j * d)
+    orbit = find_orbit(FORCED, (c.real, -c.imag), parameters={"d": d, "g": g}, period="2*pi")
     assert np.max(np.abs(orbit.x0)) < 0.2
     out, come = (manifold(FORCED, orbit, side, length=5.0, spacing=0.02) for side in ("unstable", "stable"))
     assert abs(out.value * come.value - np.exp(-2 * np.pi * d)) < 1e-6  # Liouville
@@ -155,7 +157,7 @@ def test_12_13_henons_map_by_a_clock() -> None:
     values, vectors = np.linalg.eig(np.array([[-2.8 * x, 1], [0.3, 0]]))
     k = int(np.argmax(np.abs(values)))
     assert found.value == pytest.approx(values[k], abs=1e-9)
-    line = np.array([x, 0.3 * x]) + np.linspace(-3e-6, 3e-6, 200_001)[:, None] * vectors[:, k]
+    line = np.array([x, 0.3 * x]) + np.linspace(-2e-5, 2e-5, 400_001)[:, None] * vectors[:, k]
     for _ in range(21):
         line = np.column_stack([1 - 1.4 * line[:, 0] ** 2 + line[:, 1], 0.3 * line[:, 0]])
     assert np.max(cKDTree(line).query(points(found))[0]) < 2e-3
@@ -164,21 +166,21 @@ def test_12_13_henons_map_by_a_clock() -> None:
 
 
 def test_12_13_orbit_of_an_autonomous_system_on_a_section() -> None:
-    """r' = r (1 - r^2), z' = z about r = 1, z = 0: lines on the section y = 0."""
+    """r' = r (1 - r^2)/4, z' = (2 z + r^2 - 1)/10 about r = 1, z = 0: r = 1 on the unstable curve."""
     r2 = X**2 + Y**2
     system = System(
-        {X: X * (1 - r2) - Y, Y: Y * (1 - r2) + X, Z: 0.2 * Z + 0.1 * (r2 - 1)},
+        {X: X * (1 - r2) / 4 - Y, Y: Y * (1 - r2) / 4 + X, Z: 0.2 * Z + 0.1 * (r2 - 1)},
         surfaces=[Surface("cut", Y, kind="observer")],
     )
     orbit = find_orbit(system, (1.0, 0.0, 0.0), period=6.28)
     section = Section("cut", "crossing up", "x", {"x": "d", "y": "0", "z": "0"}, t_max=20)
-    out = manifold(system, orbit, "unstable", length=0.5, section=section)
+    out = manifold(system, orbit, "unstable", length=0.5, spacing=0.02, section=section)
     assert out.value == pytest.approx(np.exp(0.2 * 2 * np.pi), rel=1e-8)
     assert points(out)[:, 0] == pytest.approx(1.0, abs=1e-7)
-    come = manifold(system, orbit, "stable", length=0.2, section=section)
-    assert come.value == pytest.approx(np.exp(-4 * np.pi), rel=1e-5)
-    for x in points(come)[:: 40]:
-        end = solve(system, x, (0, 8), rtol=1e-12, atol=1e-14).x_end
+    come = manifold(system, orbit, "stable", length=0.2, spacing=0.02, section=section)
+    assert come.value == pytest.approx(np.exp(-np.pi), rel=1e-6)
+    for x in points(come)[::6]:
+        end = solve(system, x, (0, 25), rtol=1e-12, atol=1e-14).x_end
         assert abs(np.hypot(*end[:2]) - 1) < 1e-4
         assert abs(end[2]) < 1e-5
     with pytest.raises(UsageError, match="section="):
