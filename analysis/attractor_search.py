@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.attractor import Attractor
+from filippov.analysis.attractor import Attractor, AttractorKind
 from filippov.analysis.identify_attractor import NEAR, Identifier
 from filippov.analysis.recurrence import Grid, Past
 from filippov.analysis.rest_set import groups
@@ -55,7 +55,7 @@ class Search:
         self.unstable: list[Attractor] = []
         self.failures: dict[str, int] = {}
         self.rests: list[int] = []
-        self.vain = 0
+        self.vain, self.looked = 0, np.zeros(0, dtype=np.uint64)
         self.complete = True
         self.iterates = 0
 
@@ -160,6 +160,8 @@ class Search:
         found = self.identify(self.x[row])
         if found is None:
             self.vain += 1
+            here = self.grid.names(self.grid.around(self.x[row : row + 1]))
+            self.looked = np.union1d(self.looked, here)
             return
         self.vain = 0
         if found.kind == "equilibrium set":
@@ -183,8 +185,10 @@ class Search:
             self.label[row] = known
 
     def _beside(self, row: int) -> bool:
-        """Whether an attractor is so near that the motion will probably come within reach of it."""
+        """Whether an attractor is near that may draw it in, or a place where a look was in vain."""
         x = self.x[row : row + 1]
+        if np.isin(self.grid.names(x), self.looked)[0]:
+            return True
         for known in self.attractors:
             if known.cells is not None:
                 if np.isin(self.grid.names(x), known.cells)[0]:
@@ -221,7 +225,7 @@ class Search:
             states = self.x[mine]
             found = self.identify.at_rest(states[0])
             apart = np.max(np.ptp(states, axis=0) / self.size) > 1e-5
-            kind = "equilibrium set" if apart else found.kind
+            kind: AttractorKind = "equilibrium set" if apart else "equilibrium"
             spread = np.unique(states[np.lexsort(states.T[::-1])], axis=0)
             keep = spread[np.unique(np.linspace(0, len(spread) - 1, 200).astype(int))]
             found = Attractor(

@@ -89,15 +89,19 @@ class Attractors:
     def shares(self) -> dict[int, tuple[float, float]]:
         """Share of the box that goes to each label with its standard error.
 
-        sqrt(q (1 - q)/N) with q = (k + 1)/(N + 2) for k of N states.
+        sqrt(q (1 - q)/N) with q = (k + 1)/(N + 2) for k of N states. Without drawn states the share of the
+        plane, whose error is not known: NaN.
         """
-        total = max(len(self.label), 1)
+        drawn = len(self.label) > 0
+        labels = self.label if drawn else self.picture.ravel()
+        total = max(len(labels), 1)
         out = {}
         for label in (*range(len(self.attractors)), *SPECIAL):
-            count = int(np.sum(self.label == label))
+            count = int(np.sum(labels == label))
             if label >= 0 or count:
                 q = (count + 1) / (total + 2)
-                out[label] = (count / total, float(np.sqrt(q * (1 - q) / total)))
+                error = float(np.sqrt(q * (1 - q) / total)) if drawn else float("nan")
+                out[label] = (count / total, error)
         return out
 
     def lines(self) -> list[str]:
@@ -111,7 +115,8 @@ class Attractors:
                 what += f" after {self.iterates} iterates"
             if label == FAILED:
                 what += ": " + ", ".join(f"{n} {name}" for name, n in sorted(self.failures.items()))
-            out.append(f"{100 * share:.4g} +- {100 * error:.2g} %: {what}")
+            sure = f" +- {100 * error:.2g}" if np.isfinite(error) else ""
+            out.append(f"{100 * share:.4g}{sure} %: {what}")
         if self.moved > 0:
             out.append(
                 f"{100 * self.moved:.4g} % of the states go elsewhere from a start a few tolerances away"
@@ -209,7 +214,8 @@ def attractors(
     escape       distance from the middle of the box, in parts of it, beyond which a motion has escaped
     progress     called with (motions decided, all)
 
-    Two attractors closer than `reach`, or a basin that is narrower, are not told apart. Ctrl-C returns what
+    Two attractors closer than `reach`, or a basin that is narrower, are not told apart. Angles are not taken
+    modulo 2 pi: a state that rotates for ever escapes. Ctrl-C returns what
     is done. Raises UsageError.
     """
     low, size = _box(system, box)

@@ -189,6 +189,10 @@ class Identifier:
         kept = self.run(y[-1], KEPT)
         if kept is None:
             return None
+        # One that clearly grows or shrinks is on its way: its exponent would say nothing.
+        drift = self.drift(kept)
+        if drift > 10 * STEADY:
+            return None
         value, error = float("nan"), float("nan")
         stretch = flow.duration
         if flow.kind == "section":
@@ -199,11 +203,13 @@ class Identifier:
                 flow.system, y[-1], EXPONENT * stretch, stretch=stretch, t0=flow.t0, number=1,
                 parameters=flow.parameters,
             )  # fmt: skip
+            if "interrupted" in found.message:
+                raise KeyboardInterrupt
             value, error = float(found.exponents[0]), float(found.error[0])
         except (*FAILS, UsageError):
             pass
         chaotic = np.isfinite(value) and value > ERRORS * error and value * EXPONENT * stretch > 5.0
-        if not chaotic and not self.steady(kept):
+        if not chaotic and drift > STEADY:
             return None
         note = (
             ""
@@ -216,10 +222,10 @@ class Identifier:
             cells=np.unique(self.grid.names(self.grid.around(kept))),
         )  # fmt: skip
 
-    def steady(self, kept: Array) -> bool:
-        """Whether a long motion moves about in the same place to the end, and is not on its way."""
+    def drift(self, kept: Array) -> float:
+        """Change of the extent of a long motion from its first quarter to its last, in parts of it."""
         first, last = kept[: len(kept) // 4], kept[-(len(kept) // 4) :]
         size = np.maximum(np.ptp(kept, axis=0), NEAR * self.size)
         low = np.abs(first.min(axis=0) - last.min(axis=0)) / size
         high = np.abs(first.max(axis=0) - last.max(axis=0)) / size
-        return bool(max(np.max(low), np.max(high)) <= STEADY)
+        return float(max(np.max(low), np.max(high)))

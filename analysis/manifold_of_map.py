@@ -61,11 +61,14 @@ def grow(
         s, here, full = _refined(
             image, start, s, here, level, length - total, spacing, most - sum(map(len, curve))
         )
-        piece, gained, cut = _cut(s, here, spacing, length - total)
+        piece, gained, last = _cut(s, here, spacing, length - total)
         curve.append(piece[1:] if len(piece) and np.all(np.isfinite(piece[0])) else piece)
         total += gained
-        if cut:
-            return Growth(_joined(curve), length, "")
+        if last is not None:
+            end = start(np.array([last]))
+            for _ in range(level):
+                end = image(end)
+            return Growth(_joined([*curve, end]), length, "")
         if full:
             return Growth(_joined(curve), total, f"the budget of {most} points is used up")
         if not np.any(np.all(np.isfinite(here), axis=1)):
@@ -109,8 +112,8 @@ def _refined(
     return s, here, False
 
 
-def _cut(s: Array, here: Array, spacing: float, left: float) -> tuple[Array, float, bool]:
-    """The piece up to the length that is left, NaN at breaks; its length; whether it was cut."""
+def _cut(s: Array, here: Array, spacing: float, left: float) -> tuple[Array, float, float | None]:
+    """The piece up to the length left, NaN at breaks; its length; where in s it was cut, if it was."""
     out: list[Array] = [here[0]]
     total = 0.0
     nothing = np.full(here.shape[1], np.nan)
@@ -124,11 +127,12 @@ def _cut(s: Array, here: Array, spacing: float, left: float) -> tuple[Array, flo
         if gap > spacing and s[k] - s[k - 1] <= CLOSEST:
             out.append(nothing)
         elif total + gap >= left:
-            return np.array([*out, a + (left - total) / max(gap, 1e-300) * (b - a)]), left, True
+            share = (left - total) / max(gap, 1e-300)
+            return np.array(out), left, float(s[k - 1] + share * (s[k] - s[k - 1]))
         else:
             total += gap
         out.append(b)
-    return np.array(out), total, False
+    return np.array(out), total, None
 
 
 def _joined(curve: list[Array]) -> Array:

@@ -47,7 +47,8 @@ def plot_attractors(result: Any, *, title: str = "", figure: Figure | None = Non
                 shading="nearest", rasterized=True,
             )  # fmt: skip
         else:
-            ax.scatter(result.states[:, i], result.states[:, j], c=[colors[k] for k in kinds], s=8, linewidths=0)
+            across, up = result.states[:, i], result.states[:, j]
+            ax.scatter(across, up, c=[colors[k] for k in kinds], s=8, linewidths=0)
         for one in result.attractors:
             _attractor(ax, one, i, j)
         held = ", ".join(f"{name} = {value:g}" for name, value in result.at.items())

@@ -28,7 +28,7 @@ WELL = System({X: V, V: X - X**3 - W.c * V - W.mu * sign(V)})
 
 
 def rings(radii: list[float], rates: list[float], turn: float) -> System:
-    """r' = r g(r) with g constant between circles, angle' = turn: slides on circles where g falls through 0."""
+    """r' = r g(r), g constant between circles, angle' = turn: slides on circles where g falls through 0."""
     g: Any = (rates[0] + rates[-1]) / 2
     for k, radius in enumerate(radii):
         g = g + (rates[k + 1] - rates[k]) / 2 * sign(X**2 + Y**2 - radius**2)
@@ -37,8 +37,12 @@ def rings(radii: list[float], rates: list[float], turn: float) -> System:
 
 def test_12_13_duffing_has_the_five_attractors_of_ueda() -> None:
     """x'' + 0.08 x' + x^3 = 0.2 cos t: Ueda 1980 names two of period 1, two of period 2, one of period 3."""
-    got = attractors(DUFFING, {"x": (-1, 1), "v": (-1, 1)}, samples=250, parameters={"d": 0.08, "a": 0, "F": 0.2})
-    assert sorted((one.kind, one.period) for one in got.attractors) == [("periodic", p) for p in (1, 1, 2, 2, 3)]
+    got = attractors(
+        DUFFING, {"x": (-1, 1), "v": (-1, 1)}, samples=250, parameters={"d": 0.08, "a": 0, "F": 0.2}
+    )
+    assert sorted((one.kind, one.period) for one in got.attractors) == [
+        ("periodic", p) for p in (1, 1, 2, 2, 3)
+    ]
     assert all(one.stable for one in got.attractors)
     assert np.all(got.label >= 0)
     for one in got.attractors:
@@ -74,7 +78,8 @@ def test_12_13_labels_are_where_long_runs_of_another_solver_end(seed: int) -> No
 
 def test_12_13_circles_of_sliding_and_their_basins_in_closed_form() -> None:
     """Stable circles 0.7 and 2.0 and the origin's repelling disc: the border of the basins is r = 1.3."""
-    got = attractors(rings([0.7, 1.3, 2.0], [0.5, -0.4, 0.6, -0.3], 1.5), {"x": (-2.4, 2.4), "y": (-2.4, 2.4)},
+    system = rings([0.7, 1.3, 2.0], [0.5, -0.4, 0.6, -0.3], 1.5)
+    got = attractors(system, {"x": (-2.4, 2.4), "y": (-2.4, 2.4)},
                      samples=300)  # fmt: skip
     assert [one.kind for one in got.attractors] == ["periodic", "periodic"]
     radius = [float(np.hypot(*one.states[0])) for one in got.attractors]
@@ -147,8 +152,12 @@ def test_12_13_smooth_cycle_equilibria_escape_and_chaos() -> None:
     r = r2 ** (1 / 2)
     g = -(r - 1) * (r - 2) * (r - 3)
     two = attractors(System({X: X * g - Y, Y: Y * g + X}), {"x": (-4, 4), "y": (-4, 4)}, samples=150)
-    assert sorted(float(np.hypot(*one.states[0])) for one in two.attractors) == pytest.approx([1, 3], abs=1e-8)
-    assert np.array_equal(two.label == two.label[np.argmin(np.hypot(*two.states.T))], np.hypot(*two.states.T) < 2)
+    assert sorted(float(np.hypot(*one.states[0])) for one in two.attractors) == pytest.approx(
+        [1, 3], abs=1e-8
+    )
+    assert np.array_equal(
+        two.label == two.label[np.argmin(np.hypot(*two.states.T))], np.hypot(*two.states.T) < 2
+    )
     # x' = x^3 - x: |x| > 1 goes away in finite time.
     gone = attractors(System({X: X**3 - X}), {"x": (-2, 2)}, samples=80)
     assert [one.kind for one in gone.attractors] == ["equilibrium"]
@@ -162,7 +171,7 @@ def test_12_13_smooth_cycle_equilibria_escape_and_chaos() -> None:
 
 
 def test_12_13_hunting_cycle_by_steps_and_by_events_as_the_basins_of_the_event_map() -> None:
-    """Rest is reached in ever longer stops, which is left undecided and said; the cycle is told everywhere."""
+    """Rest is reached in ever longer stops, which is left undecided and said; the cycle is told."""
     model = get("hunting")
     system, section = model.build(), Section.from_model(model)
     box = {"x": (-0.1, 0.1), "v": (-0.3, 0.3), "z": (-0.3, 0.3)}
@@ -173,7 +182,9 @@ def test_12_13_hunting_cycle_by_steps_and_by_events_as_the_basins_of_the_event_m
         assert [one.kind for one in got.attractors] == ["periodic"]
         assert set(got.picture.ravel().tolist()) <= {0, -1, -3}
     assert events.attractors[0].duration == pytest.approx(steps.attractors[0].duration, rel=1e-9)
-    known = basin(system, section, ("x", steps.x.tolist()), ("v", steps.y.tolist()), (-0.6, 0.6), parameters={"P": 20})
+    known = basin(
+        system, section, ("x", steps.x.tolist()), ("v", steps.y.tolist()), (-0.6, 0.6), parameters={"P": 20}
+    )
     cycle = np.array([d != 0 for d in known.attractors])[known.label] & (known.label >= 0)
     assert 0.5 < cycle.mean() < 1
     assert np.array_equal(steps.picture == 0, cycle)
@@ -195,8 +206,8 @@ def test_12_13_results_are_kept_and_repeat(tmp_path: Path) -> None:
     assert json.dumps(read.to_dict()) == json.dumps(first.to_dict())
     assert read.system == WELL
     assert first.picture.shape == (12, 12)
+    (tmp_path / "other.json").write_text("{}")
     with pytest.raises(UsageError, match="no filippov attractors file"):
-        (tmp_path / "other.json").write_text("{}")
         Attractors.load(tmp_path / "other.json")
 
 
@@ -221,5 +232,7 @@ def test_12_13_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert main([*run, "--plane", "x,v", "--resolution", "8", "--json", "--quiet", "-o", str(tmp_path)]) == 0
     found = json.loads(capsys.readouterr().out)
     assert sorted(one["period"] for one in found["attractors"]) == [1, 3]
-    assert {path.name for path in tmp_path.iterdir()} == {f"attractors.{end}" for end in ("json", "csv", "png")}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        f"attractors.{end}" for end in ("json", "csv", "png")
+    }
     assert main(["attractors", "impact_oscillator"]) == 2

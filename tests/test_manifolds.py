@@ -1,4 +1,4 @@
-"""Stable and unstable manifolds against closed forms, matrix exponentials, Melnikov's threshold and another map."""
+"""Manifolds against closed forms, matrix exponentials, Melnikov's threshold and another map."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,19 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial import cKDTree
 
-from filippov import SolveError, Surface, System, TimeEvent, UsageError, parameters, sign, sin, solve, states, t
+from filippov import (
+    SolveError,
+    Surface,
+    System,
+    TimeEvent,
+    UsageError,
+    parameters,
+    sign,
+    sin,
+    solve,
+    states,
+    t,
+)
 from filippov.analysis.manifold import Manifold, manifold
 from filippov.analysis.orbit_search import find_orbit
 from filippov.analysis.saddle import saddle
@@ -36,7 +48,9 @@ def test_12_13_separatrices_in_closed_form(side: Any) -> None:
     np.testing.assert_allclose(v**2, x**2 - x**4 / 2, atol=1e-9)
     assert [one.length for one in found.branches] == pytest.approx([3.0, 3.0])
     gaps = [np.linalg.norm(np.diff(one.x, axis=0), axis=1) for one in found.branches]
-    assert all(np.max(gap) <= 3.0 / 400 * (1 + 1e-9) and np.sum(gap) == pytest.approx(3.0, rel=1e-4) for gap in gaps)
+    assert all(
+        np.max(gap) <= 3.0 / 400 * (1 + 1e-9) and np.sum(gap) == pytest.approx(3.0, rel=1e-4) for gap in gaps
+    )
     pendulum = System({X: V, V: -sin(X)})
     x, v = points(manifold(pendulum, {"x": 3.1, "v": 0.0}, side, length=7.0)).T
     np.testing.assert_allclose(np.abs(v), 2 * np.abs(np.cos(x / 2)), atol=1e-6)
@@ -77,7 +91,8 @@ def test_12_13_linear_saddle_through_a_switch_by_matrix_exponentials(seed: int) 
         if c @ state[:2] < 1 or np.linalg.norm(state[:2] - edge) > 1.5:
             break
     line = np.array(curve)
-    then = branch[(branch @ c > 1) & (np.cumsum(np.linalg.norm(np.diff(branch, axis=0, prepend=branch[:1]), axis=1))
+    along = np.cumsum(np.linalg.norm(np.diff(branch, axis=0, prepend=branch[:1]), axis=1))
+    then = branch[(branch @ c > 1) & (along
                                       < np.linalg.norm(edge) + 0.9)]  # fmt: skip
     back = np.flatnonzero(then @ c <= 1)
     then = then[: back[0]] if back.size else then
@@ -99,7 +114,9 @@ def test_12_13_pseudo_saddles() -> None:
     assert out.value == pytest.approx(1.0)
     np.testing.assert_allclose(points(out)[:, 1], 0.0, atol=1e-12)
     assert sorted(one.x[-1, 0] for one in out.branches) == pytest.approx([-4, 4])
-    beyond = max((one.x for one in manifold(system, (0, 0), length=6.0).branches), key=lambda x: float(x[-1, 0]))
+    beyond = max(
+        (one.x for one in manifold(system, (0, 0), length=6.0).branches), key=lambda x: float(x[-1, 0])
+    )
     assert np.max(beyond[beyond[:, 0] < 5 - 1e-6, 1]) < 1e-9
     assert beyond[-1, 1] > 0.01
     left = beyond[beyond[:, 0] > 5]
