@@ -56,11 +56,11 @@ class Attractors:
     states      states drawn from the box at random, (k, n), and where each goes: label (k,), the number of an
                 attractor, -1 undecided after all iterates, -2 escapes, -3 the solver failed, -4 stays on
                 something that does not attract, -5 recurrent, and what it is at could not be identified
-    moved       share of these states that go elsewhere when they start SHIFT tolerances of the box away: they
+    moved       share of these states that go elsewhere when they start 10 tolerances of the box away: they
                 are so near to a border of basins, or to a long chaotic transient, that their label is not
                 sure; NaN without states
-    plane       names of two states, their values x and y, and the label of every pair, (len(y), len(x)); None
-                without one; at: the other states there
+    names, x, y   of a plane: its two states (None without a plane) and their values; picture: the label of
+                every pair, (len(y), len(x)); at: the other states there
     kind, duration   of the map: "strobe", "step" or "section", its period, step or longest turn
     iterates    of the map that were done; failures: motions that failed by status
     complete    False where it was interrupted
