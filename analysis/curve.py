@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import sympy
 from scipy.optimize import minimize_scalar
 
 from filippov.analysis.branch import Branch, BranchPoint
@@ -25,6 +24,7 @@ from filippov.analysis.branch_point import BranchPointCurve
 from filippov.analysis.branch_problem import MapProblem, OrbitProblem
 from filippov.analysis.continuation import Continuation
 from filippov.analysis.equilibrium_branch import EquilibriumProblem
+from filippov.analysis.held_surface import without_surface
 from filippov.analysis.shooting import NoConvergenceError
 from filippov.analysis.sliding_border import ADDING, ARRIVALS, Contact, contacts
 from filippov.analysis.special_points import stretches
@@ -32,7 +32,6 @@ from filippov.analysis.variation import mode_field
 from filippov.errors import UsageError
 from filippov.names import unknown
 from filippov.solution import Solution
-from filippov.system import System
 
 Array = npt.NDArray[np.float64]
 _REACH, _SMALLEST = 1e-5, 1e-7
@@ -107,26 +106,6 @@ def _grazed(problem: Any, special: BranchPoint) -> tuple[int, int]:
     for mode, duration in stretches(orbit):
         time[mode[i]] += duration
     return i, 1 if time[1] > time[-1] else -1
-
-
-def without_surface(system: System, i: int, side: int) -> System:
-    """The system with the sign of surface i held at `side`: the surface is then only watched."""
-    form = system.symbolic
-    if form is None:
-        raise UsageError("a curve of grazing needs a system of expressions, whose sign can be held.")
-    held: dict[Any, Any] = {form.s[i]: sympy.Integer(side)}
-    held[form.a[i]] = side * form.h[i]
-    surfaces = list(system.surfaces)
-    surfaces[i] = replace(surfaces[i], kind="observer", radius=1.0)
-    radius = list(form.radius)
-    radius[i] = (sympy.Integer(-1), sympy.Integer(1))
-    changed = replace(
-        form, field=tuple(f.xreplace(held) for f in form.field), radius=tuple(radius),
-        h=tuple(h if k == i else h.xreplace({form.a[i]: held[form.a[i]]}) for k, h in enumerate(form.h)),
-    )  # fmt: skip
-    out = object.__new__(System)
-    out._set_symbolic(changed, tuple(surfaces))
-    return out
 
 
 def _least(motions: Sequence[Solution], i: int, side: int) -> float:
