@@ -34,7 +34,6 @@ from filippov.analysis.held_surface import without_surface
 from filippov.analysis.saltation import derivative_by_all
 from filippov.analysis.sliding_border import ADDING, ARRIVALS, contacts
 from filippov.analysis.smooth_normal_form import number
-from filippov.analysis.special_points import stretches
 from filippov.analysis.touching import Touching, nearest, touchings
 from filippov.analysis.variation import mode_field
 from filippov.errors import SolveError, UsageError
@@ -55,6 +54,9 @@ def border_form(problem: OrbitProblem, point: BranchPoint, width: float, name: s
     Raises UsageError where they are not known, by name; what motions raise.
     """
     u, value = np.array(point.u), point.value
+    if problem.shooting.turns > 1:
+        # The touching may be in any part of a symmetric orbit.
+        problem = problem.doubled()
     i, side = touched(problem, point)
     motions = problem.motions(u, value)
     p = problem.p(value)
@@ -91,10 +93,10 @@ def touched(problem: Any, point: BranchPoint) -> tuple[int, int]:
     names = [k for k, surface in enumerate(system.surfaces) if f"surface {surface.name!r}" in point.note]
     if not names:
         raise UsageError("the point does not say which surface is touched.")
-    orbit = problem.orbit(np.array(point.u), point.value)
     time = {1: 0.0, -1: 0.0, 0: 0.0}
-    for mode, duration in stretches(orbit):
-        time[mode[names[0]]] += duration
+    for motion in problem.motions(np.array(point.u), point.value):
+        for segment in motion.segments:
+            time[segment.mode[names[0]]] += segment.dwell
     return names[0], 1 if time[1] > time[-1] else -1
 
 

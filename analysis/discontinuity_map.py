@@ -166,6 +166,13 @@ def discontinuity_map(
     raise UsageError(f"no touching is called {kind!r}.")
 
 
+def second_rate(
+    system: System, x: Array, t: float, p: Array, mode: tuple[int, ...], i: int, side: int
+) -> float:
+    """L_F2^2 H at a point of the surface; arguments as for `discontinuity_map`."""
+    return _touch(system, tuple(mode), i, side).number("a2", t, x, p)
+
+
 def _grazing(at: _Touch, here: Any, f1: Array, f2: Array, slope: Array, size: float) -> DiscontinuityMap:
     a1, v2 = at.number("a1", *here), at.number("v2", *here)
     if not a1 > 0:

@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 _GRID = 8
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Touching:
     """State x and time t of an interior least height of side h, or of an event there; height: what is left
     of side h, negative beyond the surface (of an event: the height that it would come to)."""
@@ -25,6 +25,11 @@ class Touching:
     x: Array
     t: float
     height: float
+
+    @property
+    def gap(self) -> float:
+        """The height: 0 where the surface is grazed."""
+        return self.height
 
     def distance(self, other: Touching, scale: Array, period: float) -> float:
         """How far apart two touchings are; period: that of the forcing, 0 for an autonomous system."""
