@@ -14,8 +14,8 @@ map (`filippov.analysis.discontinuity_map`), z = -H at the touching:
               a branch of twice the period.
     q > 1     the multipliers go on continuously: persistence.
 
-Source: Nordmark 1991; Chin, Ott, Nusse & Grebogi 1994 for the limits of m; Fredriksson & Nordmark 1997,
-theorem 2, for the signs; Feigin 1970 and di Bernardo et al. 2008, sections 3.4 and 8.2, for the counts.
+Source: Nordmark 1991; Chin, Ott, Nusse & Grebogi 1994 for the limits of m; Fredriksson & Nordmark 1997
+for the signs; di Bernardo et al. 2008, chapter 3, for the counts (Feigin's).
 """
 
 from __future__ import annotations

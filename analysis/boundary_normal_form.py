@@ -10,8 +10,8 @@ and the pseudo-equilibrium, A x + B l + ... = 0 on H = 0, for l = D dv/(C A^-1 B
 The sliding field has the eigenvalues of (1 - B C/(C B)) A on C x = 0; in the plane that is one,
 det A (C A^-1 B)/(C B). A planar focus that repels (for C B < 0: that attracts, with time reversed) has a
 sliding cycle if the motion from the visible tangency comes back to the surface before the pseudo-saddle.
-Source: di Bernardo, Budd, Champneys & Kowalczyk 2008, theorem 5.3 and section 8.3; Kuznetsov, Rinaldi &
-Gragnani 2003, section 3.1 (cases are described here, not numbered: later classifications count them
+Source: di Bernardo, Budd, Champneys & Kowalczyk 2008, chapter 5; Kuznetsov, Rinaldi & Gragnani 2003,
+section 3.1 (cases are described here, not numbered: later classifications count them
 differently, Hogan, Homer, Jeffrey & Szalai 2016).
 """
 

@@ -39,7 +39,7 @@ from filippov.errors import UsageError
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
-# Keys of tests begin with it: "codim 2 NAME" or "codim 2 NAME @SURFACE".
+# Keys of tests begin with it: "codim 2 NAME" or "codim 2 NAME @boundary SURFACE".
 PREFIX = "codim 2 "
 Tests = Iterator[tuple[str, float]]
 DOUBLING = ("period doubling", "symmetry breaking")
@@ -53,7 +53,7 @@ def is_boundary(kind: str) -> bool:
 def title(key: str) -> tuple[str, str]:
     """Name and note of a test."""
     name, _, surface = key.removeprefix(PREFIX).partition(" @")
-    return name, f"surface {surface!r}" if surface else ""
+    return name, surface
 
 
 def smooth_tests(

@@ -176,7 +176,7 @@ class CurveProblem:
         shooting = problem.shooting
         scale = problem.scale[: shooting.n]
         period = 0.0 if shooting.period is None else float(shooting.period(problem.p(value)))
-        return min(found, key=lambda contact: contact.distance(to, scale, period))  # type: ignore[arg-type]
+        return min(found, key=lambda contact: contact.distance(to, scale, period))
 
     def _contact(self, problem: OrbitProblem, u: Array, value: float) -> Contact | Touching:
         """The contact next to the last one."""

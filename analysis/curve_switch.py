@@ -81,9 +81,7 @@ def switch_curve(
     inner = old.moved(np.array(special.u), at).inner
     avoid: Touching | None = None
     if kind == BOUNDARY:
-        kind = f"boundary {special.note.split('surface ')[1].split(chr(39))[1]}"
-        if isinstance(inner, EquilibriumProblem) and inner.mode[_surface(inner, kind)] == 0:
-            raise UsageError("the equilibrium slides: begin the curve from its boundary equilibrium.")
+        kind = special.note.rpartition("; ")[2]
     elif is_boundary(old.test) and isinstance(inner, EquilibriumProblem):
         inner, u = _regular(inner, old.test, u)
     if special.special == "double grazing":
@@ -94,14 +92,10 @@ def switch_curve(
     made = CurveProblem(inner, kind, old.parameter, u, value, at, old.scale[-1], grazed, avoid)
     branch = Branch(old.parameter, f"{kind} curve", dict(run.branch.parameters))
     low, high = run.bounds if bounds is None else bounds
-    out = Continuation(made, at, (float(low), float(high)), branch, direction, step)  # type: ignore[arg-type]
+    out = Continuation(made, at, (float(low), float(high)), branch, direction, step)
     out.min_step, out.max_step, out.max_points, out.max_time = min_step, max_step, max_points, max_time
     out.prepare()
     return out
-
-
-def _surface(inner: EquilibriumProblem, kind: str) -> int:
-    return int(inner.system.surface_index(kind.split(" ", 1)[1]))
 
 
 def _regular(inner: EquilibriumProblem, test: str, u: Array) -> tuple[EquilibriumProblem, Array]:
@@ -109,7 +103,7 @@ def _regular(inner: EquilibriumProblem, test: str, u: Array) -> tuple[Equilibriu
     if test.startswith("boundary "):
         return inner, u
     side = 1 if test.startswith("upper ") else -1
-    i, n = _surface(inner, test), inner.system.dimension
+    i, n = inner.system.surface_index(test.split(" ", 1)[1]), inner.system.dimension
     mode = (*inner.mode[:i], side, *inner.mode[i + 1 :])
     values = dict(zip(inner.system.parameters.names, inner.base.tolist(), strict=True))
     return EquilibriumProblem(inner.system, mode, inner.parameter, u[:n], values), u[:n]

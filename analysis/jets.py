@@ -3,13 +3,13 @@
 A polynomial through A(x0 + s u) at Chebyshev nodes |s| <= r gives B(u, .) = dA/ds and C(u, u, .) = d^2A/ds^2.
 With q = a + i b: B(q, v) = B(a, v) + i B(b, v) and C(q, q', .) = C(a, a, .) + C(b, b, .), ' the conjugate.
 
-Coefficients (Kuznetsov 2004, Elements of Applied Bifurcation Theory, 3rd edition), with <p, q> = 1:
+Coefficients (Kuznetsov 2004, Elements of Applied Bifurcation Theory, section 5.4), with <p, q> = 1:
 
-    cubic_flip    c = <p, C(q, q, q)>/6 - <p, B(q, (A - 1)^-1 B(q, q))>/2 (5.55)
+    cubic_flip    c = <p, C(q, q, q)>/6 - <p, B(q, (A - 1)^-1 B(q, q))>/2
     cubic_ring    Re e^(-i th) [<p, C(q, q, q')> + 2 <p, B(q, (1 - A)^-1 B(q, q'))>
-                                + <p, B(q', (e^(2 i th) - A)^-1 B(q, q))>]/2 (5.74)
+                                + <p, B(q', (e^(2 i th) - A)^-1 B(q, q))>]/2
     cubic_hopf    Re [<p, C(q, q, q')> - 2 <p, B(q, A^-1 B(q, q'))>
-                      + <p, B(q', (2 i w - A)^-1 B(q, q))>]/2 (5.62)
+                      + <p, B(q', (2 i w - A)^-1 B(q, q))>]/2
 
 in xi -> -(1 + beta) xi + c xi^3, |z| -> (1 + beta) |z| + cubic |z|^3 and |z|' = mu |z| + cubic |z|^3.
 """
@@ -58,7 +58,8 @@ class Jets:
                 continue
             found = chebyshev.chebfit(_NODES, rows.reshape(len(_NODES), -1), len(_NODES) - 1)
             first, second = (
-                chebyshev.chebval(0.0, chebyshev.chebder(found, k)).reshape(self.A.shape) for k in (1, 2)
+                np.asarray(chebyshev.chebval(0.0, chebyshev.chebder(found, k))).reshape(self.A.shape)
+                for k in (1, 2)
             )
             return first * size / reach, second * (size / reach) ** 2
         raise OutsideError("neighbouring motions meet other events: the return has no higher derivatives.")

@@ -7,7 +7,7 @@ predict.
     Hopf              |z|' = mu |z| + cubic |z|^3: a cycle of |z| = sqrt(-mu/cubic), stable if cubic < 0
 
 Coefficients "root NAME" give the size by coordinates: NAME = NAME0 +- root sqrt|value - value0|.
-Source: Kuznetsov 2004, Elements of Applied Bifurcation Theory, chapters 3 to 5 and (5.55), (5.62), (5.74).
+Source: Kuznetsov 2004, Elements of Applied Bifurcation Theory, chapters 3 to 5.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def ring(problem: Any, u: Array, value: float, width: float, name: str) -> Form:
     cubic = jets.cubic_ring(angle)
 
     def modulus(point: BranchPoint) -> float:
-        near = np.array(point.multipliers) ** (0.5 if _half(problem) else 1.0)
+        near = np.array(point.multipliers, dtype=complex) ** (0.5 if _half(problem) else 1.0)
         pair = near[np.abs(near.imag) > 1e-9]
         return _nearest(pair)
 
