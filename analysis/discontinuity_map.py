@@ -69,8 +69,8 @@ class _Touch:
         if any(sign == 0 for k, sign in enumerate(mode) if k != i):
             raise UsageError("another surface is slid on at the touching; its coefficients are not known.")
         names = system.surfaces
-        low, high = (sympy.sympify(end) for end in form.radius[i])
-        self.wide = (low, high) != (-1, 1)
+        low, high = form.radius[i]
+        self.wide = (low + 1).is_zero is not True or (high - 1).is_zero is not True
         self.reset = bool(form.reset) and form.reset[i] is not None
         y = (*form.x, time)
         first, second = ((*mode[:i], sign, *mode[i + 1 :]) for sign in (side, -side))

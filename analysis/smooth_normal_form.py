@@ -120,7 +120,9 @@ def ring(problem: Any, u: Array, value: float, width: float, name: str) -> Form:
     cubic = jets.cubic_ring(angle)
 
     def modulus(point: BranchPoint) -> float:
-        near = np.array(point.multipliers, dtype=complex) ** (0.5 if _half(problem) else 1.0)
+        near = np.asarray(
+            np.array(point.multipliers, dtype=complex) ** (0.5 if _half(problem) else 1.0), dtype=complex
+        )
         pair = near[np.abs(near.imag) > 1e-9]
         return _nearest(pair)
 

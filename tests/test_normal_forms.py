@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 from test_bifurcations import COARSE, SLIDING, forced, logistic, map_of
 from test_codim2 import first, henon_run
-from test_continuation import belt_oscillator
+from test_continuation import belt_oscillator, hunting_run
 
 from filippov import Surface, System, parameters, solve, states
 from filippov import cos as cosine
@@ -15,6 +15,7 @@ from filippov import t as time
 from filippov.analysis.branch import Branch
 from filippov.analysis.continuation import continuation
 from filippov.analysis.orbit_search import find_orbit
+from filippov.analysis.switch import switch
 
 x, y, z, v = states("x y z v")
 
@@ -96,6 +97,38 @@ def test_12_13_cycle_of_a_hopf_point_by_size() -> None:
         size = find_orbit(system, (sqrt(2.6 * a), 0), parameters={"a": a}, transient=20 / a).amplitude["x"]
         errors.append(abs(size / sqrt(a) / point.coefficients["root x"] - 1))
     assert errors[1] < 0.3 * errors[0] < 0.02
+
+
+def test_12_13_hunting_cycles_part_at_their_fold_as_the_coefficient_says() -> None:
+    run = hunting_run(2.0)
+    (fold,) = run.branch.folds
+    assert fold.predicts.startswith("two solutions for P < 21.015")
+    errors = []
+    for apart in (1e-2, 1e-3):
+        one, two = (q.coordinates["x"] for q in run.at(fold.value - apart))
+        errors.append(abs(abs(one - two) / 2 / sqrt(apart) / fold.coefficients["root x"] - 1))
+    # The next term is one order on in the distance.
+    assert errors[1] < 0.15 * errors[0] < 2e-4
+
+
+def test_12_13_pair_without_the_symmetry_leaves_as_the_coefficient_says() -> None:
+    p = parameters(b=1.0)
+    well = System({x: v, v: -0.3 * v - x**3 + p.b * cosine(time)}, parameters=p)
+    start = find_orbit(well, (0, 0), parameters={"b": 2.4})
+    run = continuation(well, start, parameter="b", bounds=(2.4, 2.7), direction=1)
+    point = first(run, "symmetry breaking")
+    assert point.predicts.startswith("supercritical: a stable pair without the symmetry for b > 2.608")
+    pair = switch(run, point, bounds=(2.4, 2.75), max_points=8).run()
+    roots, sizes = [], []
+    for q in pair.points[1:4]:
+        root = sqrt(abs(q.value - point.value))
+        (base,) = run.at(q.value)
+        sizes.append(np.abs(np.array(q.u) - base.u) / root)
+        roots.append(root)
+    # The ratio is linear in the root: at 0 it is the coefficient.
+    at = np.polynomial.polynomial.polyfit(roots, np.array(sizes), 2)[0]
+    wanted = [point.coefficients["root x"], point.coefficients["root v"]]
+    assert np.allclose(at, wanted, rtol=2e-3)
 
 
 def test_12_13_coefficients_are_kept_in_files(tmp_path) -> None:
