@@ -101,8 +101,10 @@ def touched(problem: Any, point: BranchPoint) -> tuple[int, int]:
 
 
 def _mode(motions: Sequence[Solution], t: float) -> tuple[int, ...]:
-    motion = next(m for m in motions if min(m.problem.t_span) <= t <= max(m.problem.t_span))
-    return tuple(motion.mode_at(t, "-"))
+    inside = [m for m in motions if min(m.problem.t_span) <= t <= max(m.problem.t_span)]
+    if not inside:
+        raise UsageError("the touching lies beyond the motions of the orbit.")
+    return tuple(inside[0].mode_at(t, "-"))
 
 
 def _coefficients(problem: OrbitProblem, at: DiscontinuityMap) -> dict[str, float]:

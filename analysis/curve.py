@@ -253,7 +253,7 @@ class CurveProblem:
     def _note(self, point: BranchPoint) -> str:
         """Where the pair of a Hopf or Neimark-Sacker curve is real, it is none."""
         hopf, values = self.test == "Hopf", np.array(point.multipliers, dtype=complex)
-        if not hopf and self.test != "Neimark-Sacker":
+        if (not hopf and self.test != "Neimark-Sacker") or len(values) < 2:
             return point.note
         pair, _ = critical_pair(values, hopf)
         if np.max(np.abs(pair.imag)) < 1e-9:

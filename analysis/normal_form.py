@@ -65,6 +65,7 @@ def described(problem: Any, point: BranchPoint, width: float, name: str) -> Bran
         return point
     try:
         coefficients, predicts = normal_form(problem, point, width, name)
-    except (*FAILURES, UsageError) as error:
+    except (*FAILURES, UsageError, ValueError) as error:
+        # What is told besides does not end a continuation.
         return replace(point, predicts=f"no normal form: {error}")
     return replace(point, coefficients=coefficients, predicts=predicts)

@@ -97,9 +97,11 @@ def _branch(ax: Any, branch: Any, wanted: str, colour: str, name: str, seen: set
                 label=label, clip_on=False, linestyle="none",
             )  # fmt: skip
             text = point.special if curve else f"{round(point.value, 10) + 0.0:.6g}"
-            if (again := f"{text} at {round(point.value, 6) + 0.0:.4g}") in seen:
+            if curve and (again := f"{text} at {round(point.value, 6) + 0.0:.4g}") in seen:
+                # Two curves meet there, and both have the point.
                 continue
-            seen.add(again)
+            if curve:
+                seen.add(again)
             ax.annotate(
                 text, (point.value, point.coordinates[wanted]), xytext=(7, 4),
                 textcoords="offset points", fontsize=8, color=shade,

@@ -1,15 +1,19 @@
 """Codimension-2 points on curves in two parameters, each in closed form, and the curves that meet there."""
 
 from math import acos, sqrt
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import sympy
+from command import summary
 from scipy.optimize import brentq
 from test_bifurcations import COARSE, SLIDING, clock, forced, map_of
 
 from filippov import Surface, System, UsageError, parameters, sign, states
+from filippov import cos as cosine
+from filippov import t as time
 from filippov.analysis.branch import BranchPoint
 from filippov.analysis.continuation import Continuation, continuation
 from filippov.analysis.curve import curve
@@ -113,9 +117,9 @@ def test_12_13_strong_resonances_on_a_neimark_sacker_curve() -> None:
     ring = curve(run, point, parameter="m", bounds=(-0.8, 3.5), **FAR)
     names = found(ring)
     # y = m - y^2 - y and the trace -2 y = 2 cos(angle).
-    for name, cosine in (("1:2", -1.0), ("1:3", -0.5), ("1:4", 0.0)):
+    for name, half in (("1:2", -1.0), ("1:3", -0.5), ("1:4", 0.0)):
         at = names[f"resonance {name}"]
-        assert abs(at.value - (cosine**2 - 2 * cosine)) < 1e-6
+        assert abs(at.value - (half**2 - 2 * half)) < 1e-6
     assert set(names) == {"resonance 1:2", "resonance 1:3", "resonance 1:4"}
     assert ring.branch.points[-1].note == "neutral saddle"
     doubled = switch_curve(ring, names["resonance 1:2"], bounds=(1.0, 6.0), max_points=6, **FAR).run()
@@ -281,6 +285,21 @@ def test_12_13_double_grazing_and_the_other_touching() -> None:
             assert abs(q.coordinates["m"] - 0.5 - height(q.value, near)) < 1e-8
 
 
+def test_12_13_grazing_curve_of_impacts_in_the_other_half_of_a_symmetric_orbit() -> None:
+    # x'' + c x' + x = a cos w t reaches the stop at 1 for a^2 = (1 - w^2)^2 + c^2 w^2.
+    p = parameters(a=3.0, w=2.0, c=0.4)
+    stop = Surface("stop", x - 1, reset={y: -y / 2}, side="-")
+    system = System({x: y, y: -x - p.c * y + p.a * cosine(p.w * time)}, surfaces=[stop], parameters=p)
+    run = continuation(
+        system, find_orbit(system, (0, 0)), parameter="a", bounds=(3.0, 3.2), direction=1, max_points=5,
+        **COARSE,
+    )  # fmt: skip
+    along = curve(run, first(run, "C-bifurcation"), parameter="w", bounds=(1.85, 2.2), **FAR).run()
+    assert (along.values[0], along.values[-1]) == (1.85, 2.2)
+    for q in along.points:
+        assert abs(q.coordinates["a"] - sqrt((1 - q.value**2) ** 2 + (0.4 * q.value) ** 2)) < 1e-8
+
+
 def test_12_13_degenerate_switching_sliding() -> None:
     # x' = f - Sgn x, f = b + A cos t: the entry at f = -1 is at the minimum of f where b = A - 1. With
     # c = (2 - A)/A, off at acos c: c (pi + acos c) = sqrt(1 - c^2).
@@ -296,3 +315,31 @@ def test_12_13_degenerate_switching_sliding() -> None:
     c = float(brentq(lambda c: c * (np.pi + acos(c)) - sqrt(1 - c * c), 0.0, 1.0))
     at = next(q for q in along.branch.special if q.special == "degenerate switching-sliding")
     assert abs(at.value - 2 / (1 + c)) < 1e-5
+
+
+# -- the command ---------------------------------------------------------------------------------------------
+
+
+def test_12_13_command_tells_what_points_predict_and_follows_from_where_curves_meet(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "plane.py"
+    model.write_text(
+        "from filippov import System, parameters, sign, states\n"
+        "x, y = states('x y')\n"
+        "p = parameters(a=0.2, b=-1.0)\n"
+        "system = System({x: y, y: p.a + p.b*x + x**2 + x*y + sign(x + 9) - 1}, parameters=p)\n",
+        encoding="utf-8",
+    )
+    begin = (1 - sqrt(0.2)) / 2
+    words = ["continue", f"{model}:system", "--parameter", "a", "--from", "0.2", "--to", "0.4", "--mode", "+"]
+    words += ["--x0", f"x={begin},y=0", "--switch", "--curve", "b=-1.5:1", "-o", str(tmp_path)]
+    data = summary(capsys, *words)
+    (fold,) = data["special"]
+    assert fold["predicts"] == "two solutions for a < 0.25, none for a > 0.25"
+    # x = 1/2 -+ sqrt(1/4 - a).
+    assert abs(fold["coefficients"]["root x"] - 1) < 1e-6
+    assert [found["kind"] for found in data["curves"]] == ["fold curve", "Hopf curve"]
+    assert [q["special"] for q in data["curves"][0]["points"] if q["special"]] == ["Bogdanov-Takens"]
+    assert max(abs(q["a"]) for q in data["curves"][1]["points"]) < 1e-9
+    assert (tmp_path / "curves.png").stat().st_size > 5000
