@@ -9,7 +9,8 @@ import pytest
 import sympy
 from scipy.integrate import solve_ivp
 
-from filippov import Surface, System, states
+from filippov import Surface, System, UsageError, cos, parameters, sign, states
+from filippov import t as time
 from filippov.analysis.discontinuity_map import DiscontinuityMap, discontinuity_map
 
 Array = npt.NDArray[np.float64]
@@ -206,3 +207,35 @@ def test_12_13_leading_term_has_its_coefficient_and_its_order(kind: str, seed: i
     # The next term is at least half an order on.
     assert errors[1] < 0.12
     assert errors[1] < max(2 * np.sqrt(steps[1] / steps[0]) * errors[0], 1e-4)
+
+
+def test_12_13_touchings_without_a_known_term_are_refused_by_name() -> None:
+    x, v, _ = X
+    at = (np.array([0.0, 0.0]), 0.0, np.array([1.0]))
+    p = parameters(k=1.0)
+
+    def refused(system: System, kind: str, words: str, x0: Array = at[0]) -> None:
+        with pytest.raises(UsageError, match=words):
+            discontinuity_map(system, kind, x0, 0.0, at[2], (1,), 0, 1)
+
+    wide = System({x: 1 + 0 * x, v: -sign(v) - x}, surfaces=[Surface("v", v, radius=2)], parameters=p)
+    refused(wide, "crossing-sliding", "wider than the hull")
+    # Away on the other side; tangent to higher order; a reset that moves the state at rest, too.
+    refused(System({x: v, v: p.k + 0 * x - (1 - sign(x)) * 3}, parameters=p), "grazing", "by a jump")
+    refused(System({x: v, v: x - sign(x) + 1}, parameters=p), "grazing", "higher order")
+    stop = Surface("stop", x, reset={x: x + 1, v: -v})
+    refused(System({x: v, v: p.k + 0 * x}, surfaces=[stop], parameters=p), "grazing", "without speed: a jump")
+    surface = Surface("h", lambda t, x, p: x[1])
+    plain = System(field=lambda t, x, p, s: [x[1], -s[0]], surfaces=[surface], states="x v")
+    with pytest.raises(UsageError, match="written in expressions"):
+        discontinuity_map(plain, "grazing", at[0], 0.0, np.zeros(0), (1,), 0, 1)
+
+
+def test_12_13_time_counts_as_a_state() -> None:
+    # x' = f(t) - Sgn x, f = cos t: at an arrival from above v2 = f + 1, L_F2^2 H = f', U = -1.
+    system = System({X[0]: cos(time) - sign(X[0])})
+    when = np.pi - 0.1
+    found = discontinuity_map(system, "crossing-sliding", np.zeros(1), when, np.zeros(0), (1,), 0, 1)
+    assert abs(found.bend + np.sin(0.1)) < 1e-12
+    # F1 - F2 = -2 and v2 - v1 = 2.
+    assert abs(found.vector[0] + 1 / (2 * np.sin(0.1))) < 1e-12
