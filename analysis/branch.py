@@ -32,6 +32,8 @@ class BranchPoint:
     special       what is special here, "" for an ordinary point; note: more about it
     residual      what is left of the equations; tangent: direction of the branch in (u, value), scaled
     phase         of the state u of a forced orbit, in periods; it changes where an event comes near
+    coefficients  of the normal form of a special point, by name (see `filippov.analysis.normal_form`)
+    predicts      what they predict, or why they are not known
     """
 
     value: float
@@ -48,12 +50,16 @@ class BranchPoint:
     special: str = ""
     note: str = ""
     phase: float = 0.0
+    coefficients: Mapping[str, float] = field(default_factory=dict)
+    predicts: str = ""
 
     def __str__(self) -> str:
         where = ", ".join(f"{name} = {v:.12g}" for name, v in list(self.coordinates.items())[:3])
         kind = f"{self.special}: " if self.special else ""
         note = f" ({self.note})" if self.note else ""
-        return f"{kind}value {self.value:.12g}, {where}, {'stable' if self.stable else 'unstable'}{note}"
+        says = f"; {self.predicts}" if self.predicts else ""
+        stable = "stable" if self.stable else "unstable"
+        return f"{kind}value {self.value:.12g}, {where}, {stable}{note}{says}"
 
 
 @dataclass
@@ -90,7 +96,7 @@ class Branch:
     @property
     def folds(self) -> list[BranchPoint]:
         """The folds."""
-        return [point for point in self.points if point.special.endswith("fold")]
+        return [point for point in self.points if point.special == "fold"]
 
     @property
     def d(self) -> Array:

@@ -28,6 +28,7 @@ from filippov.analysis.corrector import FAILURES, Along, Corrector
 from filippov.analysis.crossing import Crossings
 from filippov.analysis.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.event_map import EventMap
+from filippov.analysis.normal_form import described
 from filippov.analysis.orbit import Orbit
 from filippov.analysis.orbit_search import refine
 from filippov.errors import UsageError
@@ -299,17 +300,17 @@ class Continuation:
                 if jumped is None:
                     name, note = crossings.blocked(current)
                     if name:
-                        yield crossings.marked(current, name, note)
+                        yield self._described(current, crossings.marked(current, name, note))
                     self._message = f"no further point at {current.point.value:.9g}: {error}"
                     return
-                special, current = jumped
+                before, (special, current) = current, jumped
                 if not low <= min(special.value, current.point.value) <= max(
                     special.value, current.point.value
                 ) <= high:
                     self._message = f"{self.branch.parameter} = {special.value:.9g}: bound reached"
                     return
                 step = self.step * 0.1
-                yield special
+                yield self._described(before, special)
                 yield current.point
                 continue
             same = following.point.word == current.point.word
@@ -324,7 +325,8 @@ class Continuation:
                 # The branch leaves the bounds and comes back within the step: shorter ones end at the bound.
                 step = max(0.5 * step, self.min_step)
                 continue
-            yield from found
+            for special in found:
+                yield self._described(current, special)
             current = goes_on
             end = self._end(current)
             if end is None or end.u != current.point.u:
@@ -342,6 +344,10 @@ class Continuation:
             if following.near(first) and len(self.branch.points) > 5:
                 self._message = "the branch is closed"
                 return
+
+    def _described(self, at: Along, point: BranchPoint) -> BranchPoint:
+        """A special point with its normal form."""
+        return described(at.corrector.problem, point, self.width, self.branch.parameter)
 
     def _outward(self, current: Along) -> bool:
         """Whether the branch leaves the bounds at a point on them."""

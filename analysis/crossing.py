@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from filippov.analysis.branch import BranchPoint
 from filippov.analysis.branch_point import locate
 from filippov.analysis.branch_problem import OrbitProblem
+from filippov.analysis.codim2 import PREFIX, title
 from filippov.analysis.corrector import FAILURES, Along, Corrector
 from filippov.analysis.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.special_points import confirmed, name_of_change
@@ -20,6 +21,7 @@ Array = npt.NDArray[np.float64]
 _BISECTIONS = 44
 _AWAY = 1e-5
 _SAME = 1e-4
+_CUSP = PREFIX + "cusp"
 _BOUNDARY = ("boundary ", "upper ", "lower ")
 
 
@@ -43,11 +45,13 @@ class Crossings:
         length = float(a.tangent @ (b.z - a.z))
         for name in changed:
             located = self._meeting(a, b) if name == "branch point" else self._locate(a, name, length)
-            if located is not None and confirmed(name, located[1].point):
-                share, at = located
-                found.append((share, replace(at.point, special=_title(name)), name, at))
-        meetings = [at.z for _, _, name, at in found if name == "branch point"]
-        # A branch that turns where it meets another one has no fold of its own.
+            if located is None or not confirmed(name, located[1].point):
+                continue
+            share, at = located
+            if _vanishes(name, a, b, at):
+                found.append((share, _titled(at.point, name), name, at))
+        meetings = [at.z for _, _, name, at in found if name in ("branch point", _CUSP)]
+        # A branch that turns where it meets another one has no fold of its own, nor a curve at its cusp.
         found = [
             item for item in found
             if item[2] != "fold" or not any(np.linalg.norm(item[3].z - z) < _SAME for z in meetings)
@@ -196,7 +200,19 @@ def _leaving(point: BranchPoint, test: str) -> BranchPoint:
     return replace(point, tests={**point.tests, test: abs(point.tests[test])})
 
 
-def _title(name: str) -> str:
-    return "boundary equilibrium" if name.startswith(_BOUNDARY) else name
+def _titled(point: BranchPoint, name: str) -> BranchPoint:
+    """The point with its name."""
+    if name.startswith(PREFIX):
+        special, note = title(name)
+        return replace(point, special=special, note="; ".join(filter(None, (point.note, note))))
+    return replace(point, special="boundary equilibrium" if name.startswith(_BOUNDARY) else name)
+
+
+def _vanishes(name: str, a: Along, b: Along, at: Along) -> bool:
+    """Whether a test of a codimension-2 point is 0 there and does not jump."""
+    if not name.startswith(PREFIX):
+        return True
+    size = max(abs(q.point.tests[name]) for q in (a, b))
+    return abs(at.point.tests.get(name, np.inf)) < 1e-3 * size
 
 

@@ -17,27 +17,27 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import sympy
-from scipy.optimize import minimize_scalar
 
+from filippov.analysis.border_normal_form import touched
 from filippov.analysis.branch import Branch, BranchPoint
 from filippov.analysis.branch_point import BranchPointCurve
 from filippov.analysis.branch_problem import MapProblem, OrbitProblem
+from filippov.analysis.codim2 import border_tests, critical_pair, orbit_multipliers, smooth_tests
 from filippov.analysis.continuation import Continuation
+from filippov.analysis.discontinuity_map import second_rate
 from filippov.analysis.equilibrium_branch import EquilibriumProblem
+from filippov.analysis.held_surface import without_surface
 from filippov.analysis.shooting import NoConvergenceError
 from filippov.analysis.sliding_border import ADDING, ARRIVALS, Contact, contacts
-from filippov.analysis.special_points import stretches
-from filippov.analysis.variation import mode_field
+from filippov.analysis.touching import Touching, touchings
 from filippov.errors import UsageError
 from filippov.names import unknown
-from filippov.solution import Solution
-from filippov.system import System
 
 Array = npt.NDArray[np.float64]
 _REACH, _SMALLEST = 1e-5, 1e-7
 GRAZING = ("grazing-sliding", "C-bifurcation", "grazing")
 BORDERS = (*ARRIVALS, ADDING)
+CONTACTS = ("grazing", *BORDERS)
 # On the border itself an orbit enters and leaves sliding at one instant, which no location of events
 # resolves: it is kept this far inside.
 _ASIDE = 1e-9
@@ -100,60 +100,7 @@ def _system(problem: OrbitProblem | EquilibriumProblem) -> Any:
 
 def _grazed(problem: Any, special: BranchPoint) -> tuple[int, int]:
     """The surface that is grazed, and the side the orbit is on."""
-    system = problem.shooting.system
-    i = next(k for k, surface in enumerate(system.surfaces) if f"surface {surface.name!r}" in special.note)
-    orbit = problem.orbit(np.array(special.u), special.value)
-    time = {1: 0.0, -1: 0.0, 0: 0.0}
-    for mode, duration in stretches(orbit):
-        time[mode[i]] += duration
-    return i, 1 if time[1] > time[-1] else -1
-
-
-def without_surface(system: System, i: int, side: int) -> System:
-    """The system with the sign of surface i held at `side`: the surface is then only watched."""
-    form = system.symbolic
-    if form is None:
-        raise UsageError("a curve of grazing needs a system of expressions, whose sign can be held.")
-    held: dict[Any, Any] = {form.s[i]: sympy.Integer(side)}
-    held[form.a[i]] = side * form.h[i]
-    surfaces = list(system.surfaces)
-    surfaces[i] = replace(surfaces[i], kind="observer", radius=1.0)
-    radius = list(form.radius)
-    radius[i] = (sympy.Integer(-1), sympy.Integer(1))
-    changed = replace(
-        form, field=tuple(f.xreplace(held) for f in form.field), radius=tuple(radius),
-        h=tuple(h if k == i else h.xreplace({form.a[i]: held[form.a[i]]}) for k, h in enumerate(form.h)),
-    )  # fmt: skip
-    out = object.__new__(System)
-    out._set_symbolic(changed, tuple(surfaces))
-    return out
-
-
-def _least(motions: Sequence[Solution], i: int, side: int) -> float:
-    """The least value of side h_i along the motions."""
-    return min(_least_of(motion, i, side) for motion in motions)
-
-
-def _least_of(motion: Solution, i: int, side: int) -> float:
-    system, p, sol = motion.problem.system, motion.problem.p, motion.sol
-    assert sol is not None
-    part = mode_field(system, tuple(1 for _ in system.surfaces))
-
-    def height(t: Array) -> Array:
-        x = np.ascontiguousarray(np.atleast_2d(sol(t).T))
-        return side * part.part("h", t, x, np.ones((t.size, len(system.surfaces))), p)[:, i, 0]
-
-    ends = np.append(sol.start, motion.t_end)
-    grid = np.append((ends[:-1, None] + np.diff(ends)[:, None] * np.arange(8) / 8).ravel(), ends[-1])
-    values = height(grid)
-    k = int(np.argmin(values))
-    if not 0 < k < len(grid) - 1:
-        return float(values[k])
-    found = minimize_scalar(
-        lambda t: float(height(np.array([t]))[0]), bounds=(float(grid[k - 1]), float(grid[k + 1])),
-        method="bounded", options={"xatol": 1e-9 * abs(float(grid[k + 1] - grid[k - 1]))},
-    )  # fmt: skip
-    return min(float(values[k]), float(found.fun))
+    return touched(problem.doubled() if problem.shooting.turns > 1 else problem, special)
 
 
 class CurveProblem:
@@ -161,8 +108,11 @@ class CurveProblem:
 
     def __init__(
         self, inner: Any, test: str, parameter: str, u: Array, value: float, at: float, width: float,
-        grazed: tuple[int, int] = (0, 1),
+        grazed: tuple[int, int] = (0, 1), avoid: Touching | None = None,
     ) -> None:  # fmt: skip
+        if test == "grazing" and isinstance(inner, OrbitProblem) and inner.shooting.turns > 1:
+            # The touching may be in any part of a symmetric orbit.
+            inner = inner.doubled()
         self.inner, self.test, self.parameter = inner, test, parameter
         self.kind = f"{test} curve"
         self.start = np.append(u, value)
@@ -171,16 +121,17 @@ class CurveProblem:
             matrix = self._inner(at).evaluate(u, value)[1][:, :-1] * inner.scale
             left, _, right = np.linalg.svd(matrix)
             self.border = left[:, -1], right[-1]
-        if isinstance(inner, OrbitProblem) and test == "grazing":
+        if test in CONTACTS:
             self.grazed, self.side = grazed
-            self.inner = inner.with_system(without_surface(inner.shooting.system, self.grazed, self.side))
-        if test in BORDERS:
+            if test == "grazing" and inner.shooting.system.surfaces[self.grazed].kind != "observer":
+                self.inner = inner.with_system(
+                    without_surface(inner.shooting.system, self.grazed, self.side)
+                )
             # The contact is kept away from the ends of the motion, which it would leave by otherwise.
-            self.grazed = grazed[0]
-            contact = self._nearest(self._inner(at), u, value)
+            contact = self._nearest(self._inner(at), u, value, avoid)
             self.inner, u = self._inner(at).phased(u, value, contact.t)
             self.start = np.append(u, value)
-            self.contact = self._nearest(self.inner, u, value)
+            self.contact = self._nearest(self.inner, u, value, avoid)
 
     def _inner(self, second: float) -> Any:
         return self.inner.with_parameter(self.parameter, second)
@@ -191,29 +142,82 @@ class CurveProblem:
             b, c = self.border
             block = np.block([[matrix[:, :-1] * problem.scale, b[:, None]], [c[None, :], np.zeros((1, 1))]])
             return float(np.linalg.solve(block, np.append(np.zeros(len(u)), 1.0))[-1])
-        if self.test == "grazing":
-            return _least(problem.motions(u, value), self.grazed, self.side)
-        if self.test in BORDERS:
-            return self._contact(problem, u, value).gap - _ASIDE
+        if self.test in CONTACTS:
+            gap = self._contact(problem, u, value).gap
+            return gap if self.test == "grazing" else gap - _ASIDE
         return float(problem.point(u, value).tests[self.test])
 
-    def _found(self, problem: OrbitProblem, u: Array, value: float) -> list[Contact]:
-        found = contacts(self.test, problem.motions(u, value), self.grazed)
+    def _found(self, problem: OrbitProblem, u: Array, value: float) -> Sequence[Contact | Touching]:
+        motions = problem.motions(u, value)
+        found: Sequence[Contact | Touching] = (
+            touchings(motions, self.grazed, self.side)
+            if self.test == "grazing"
+            else contacts(self.test, motions, self.grazed)
+        )
         if not found:
             raise NoConvergenceError(f"the orbit has no contact with the border of sliding: {self.test}.")
         return found
 
-    def _nearest(self, problem: OrbitProblem, u: Array, value: float) -> Contact:
-        """The contact nearest to the border."""
-        return min(self._found(problem, u, value), key=lambda contact: abs(contact.gap))
+    def _nearest(
+        self, problem: OrbitProblem, u: Array, value: float, avoid: Touching | None = None
+    ) -> Contact | Touching:
+        """The contact nearest to the border, other than one that is to be avoided."""
+        found = list(self._found(problem, u, value))
+        if avoid is not None:
+            found.remove(self._next(problem, value, found, avoid))
+        if not found:
+            raise NoConvergenceError("the orbit has no other contact with the surface.")
+        return min(found, key=lambda contact: abs(contact.gap))
 
-    def _contact(self, problem: OrbitProblem, u: Array, value: float) -> Contact:
-        """The contact next to the last one."""
+    def _next(
+        self, problem: OrbitProblem, value: float, found: Sequence[Contact | Touching], to: Any
+    ) -> Contact | Touching:
+        """The contact next to another one."""
         shooting = problem.shooting
         scale = problem.scale[: shooting.n]
         period = 0.0 if shooting.period is None else float(shooting.period(problem.p(value)))
-        found = self._found(problem, u, value)
-        return min(found, key=lambda contact: contact.distance(self.contact, scale, period))
+        return min(found, key=lambda contact: contact.distance(to, scale, period))
+
+    def _contact(self, problem: OrbitProblem, u: Array, value: float) -> Contact | Touching:
+        """The contact next to the last one."""
+        return self._next(problem, value, self._found(problem, u, value), self.contact)
+
+    def tests(self, u: Array, value: float, point: BranchPoint) -> dict[str, float]:
+        """Test functions of codimension-2 points (see `filippov.analysis.codim2`)."""
+        inner, u, first = self._inner(value), u[:-1], float(u[-1])
+        if self.test not in CONTACTS:
+            null = self._null(inner.evaluate(u, first)[1], inner) if self.test == "fold" else None
+            return smooth_tests(self.test, inner, u, first, point, null)
+        values, near = orbit_multipliers(inner, u, first, point), self._found(inner, u, first)
+        contact = self._next(inner, first, near, self.contact)
+        others: list[float] = []
+        bend = None
+        if self.test == "grazing":
+            others = [q.gap for q in near if q is not contact]
+        elif self.test in ARRIVALS:
+            bend = self._bend(inner, first, contact)
+        return border_tests(self.test, values, others, bend)
+
+    def _null(self, matrix: Array, inner: Any) -> tuple[Array, Array]:
+        """Left and right null vectors of a fold, in the sense of the border."""
+        b, c = self.border
+        block = np.block([
+            [matrix[:, :-1] * inner.scale, b[:, None]], [c[None, :], np.zeros((1, 1))]
+        ])  # fmt: skip
+        last = np.append(np.zeros(len(c)), 1.0)
+        p, q = np.linalg.solve(block.T, last)[:-1], np.linalg.solve(block, last)[:-1]
+        return p / np.linalg.norm(p), q / np.linalg.norm(q)
+
+    def _bend(self, inner: OrbitProblem, value: float, contact: Any) -> float | None:
+        """L_F2^2 H at an arrival; None where it is not known."""
+        system, side = inner.shooting.system, contact.side
+        mode = tuple(side if k == self.grazed else 1 for k in range(len(system.surfaces)))
+        if len(system.surfaces) > 1:
+            return None
+        try:
+            return second_rate(system, contact.x, contact.t, inner.p(value), mode, self.grazed, side)
+        except UsageError:
+            return None
 
     def _both(self, z: Array) -> tuple[Array, Array, float]:
         """Residual and matrix of the solution, and the test, at (u, value, second)."""
@@ -241,14 +245,29 @@ class CurveProblem:
         found: BranchPoint = self._inner(value).point(u[:-1], float(u[-1]))
         data = {self.inner.parameter: float(u[-1]), **found.coordinates}
         # The word at a grazing changes with rounding.
-        return replace(found, value=value, u=tuple(u.tolist()), coordinates=data, tests={}, word="")
+        return replace(
+            found, value=value, u=tuple(u.tolist()), coordinates=data, word="",
+            tests=self.tests(u, value, found), note=self._note(found),
+        )  # fmt: skip
+
+    def _note(self, point: BranchPoint) -> str:
+        """Where the pair of a Hopf or Neimark-Sacker curve is real, it is none."""
+        hopf, values = self.test == "Hopf", np.array(point.multipliers, dtype=complex)
+        if (not hopf and self.test != "Neimark-Sacker") or len(values) < 2:
+            return point.note
+        pair, _ = critical_pair(values, hopf)
+        if np.max(np.abs(pair.imag)) < 1e-9:
+            return "; ".join(filter(None, (point.note, "neutral saddle")))
+        return point.note
 
     def moved(self, u: Array, value: float) -> CurveProblem:
         """See `filippov.analysis.branch_problem.BranchProblem`."""
         other = object.__new__(CurveProblem)
         other.__dict__.update(self.__dict__)
         inner = self._inner(value)
-        if self.test in BORDERS:
+        if self.test == "fold":
+            other.border = self._null(inner.evaluate(u[:-1], float(u[-1]))[1], inner)
+        if self.test in CONTACTS:
             other.contact = self._contact(inner, u[:-1], float(u[-1]))
         other.inner = inner.moved(u[:-1], float(u[-1]))
         return other

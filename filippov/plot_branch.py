@@ -19,6 +19,13 @@ _MARKS = {
     "branch point": ("s", ORANGE), "symmetry breaking": ("s", SKY), "Hopf": ("p", PURPLE),
     "pseudo-Hopf": ("p", RED), "boundary equilibrium": ("h", ORANGE),
 }  # fmt: skip
+# Codimension-2 points of curves, by a part of their names.
+_MEETINGS = (
+    ("cusp", ("^", RED)), ("generalized period doubling", ("d", GREEN)), ("resonance", ("*", PURPLE)),
+    ("Takens", ("o", RED)), ("Bautin", ("o", PURPLE)), ("double grazing", ("*", SKY)),
+    ("degenerate", ("*", GREEN)),
+    ("grazing-", ("v", SKY)), ("boundary", ("H", ORANGE)), ("fold-", ("D", ORANGE)), ("flip-", ("X", ORANGE)),
+)  # fmt: skip
 
 
 def plot_branches(
@@ -61,11 +68,20 @@ def plot_branches(
     return drawn
 
 
+def _mark(special: str) -> tuple[str, str]:
+    """Mark and colour of a special point."""
+    if special in _MARKS or special == "grazing-sliding":
+        return _MARKS.get(special, ("v", INK))
+    return next((mark for part, mark in _MEETINGS if part in special), ("v", INK))
+
+
 def _branch(ax: Any, branch: Any, wanted: str, colour: str, name: str, seen: set[str]) -> None:
     points = [point for point in branch.points if wanted in point.coordinates]
     value = np.array([point.value for point in points])
     height = np.array([point.coordinates[wanted] for point in points])
-    stable = np.array([point.stable for point in points])
+    curve = str(getattr(branch, "kind", "")).endswith(" curve")
+    # On a curve of special points stability is marginal; what is dashed there is no such point.
+    stable = np.array([point.note != "neutral saddle" if curve else point.stable for point in points])
     for kind, line in ((True, "-"), (False, "--")):
         # A stretch between two points is drawn as its first one is, so that no gap is left.
         part = np.where((stable == kind) | np.append(False, stable[:-1] == kind), height, np.nan)
@@ -73,14 +89,20 @@ def _branch(ax: Any, branch: Any, wanted: str, colour: str, name: str, seen: set
         ax.plot(value, part, line, color=colour, linewidth=1.4, label=label)
     for point in points:
         if point.special:
-            mark, shade = _MARKS.get(point.special, ("v", INK))
+            mark, shade = _mark(point.special)
             label = None if point.special in seen else point.special
             seen.add(point.special)
             ax.plot(
                 point.value, point.coordinates[wanted], mark, color=shade, markersize=6, zorder=5,
                 label=label, clip_on=False, linestyle="none",
             )  # fmt: skip
+            text = point.special if curve else f"{round(point.value, 10) + 0.0:.6g}"
+            if curve and (again := f"{text} at {round(point.value, 6) + 0.0:.4g}") in seen:
+                # Two curves meet there, and both have the point.
+                continue
+            if curve:
+                seen.add(again)
             ax.annotate(
-                f"{point.value:.6g}", (point.value, point.coordinates[wanted]), xytext=(7, 4),
+                text, (point.value, point.coordinates[wanted]), xytext=(7, 4),
                 textcoords="offset points", fontsize=8, color=shade,
             )  # fmt: skip

@@ -106,7 +106,8 @@ def _switched(
 
 
 def _curves(follow: Any, settings: dict[str, Any], console: Console) -> list[Any]:
-    """The curves of special points over a second parameter, with --curve NAME=LOW:HIGH."""
+    """The curves of special points over a second parameter, with --curve NAME=LOW:HIGH; with --switch also
+    the curves that meet them at codimension-2 points."""
     if not settings["curve"]:
         return []
     if len(settings["curve"]) != 1:
@@ -115,15 +116,34 @@ def _curves(follow: Any, settings: dict[str, Any], console: Console) -> list[Any
     curve = importlib.import_module("filippov.analysis.curve").curve
     at = follow.branch.special
     made = [(p, partial(curve, follow, p, parameter=name, bounds=bounds)) for p in at]
-    return _run_all(made, "curve", console)
+    runs: list[Any] = []
+    found = _run_all(made, "curve", console, runs)
+    if not settings["switch"]:
+        return found
+    module = importlib.import_module("filippov.analysis.curve_switch")
+    meeting = [
+        (point, partial(module.switch_curve, run, point, kind))
+        for run in runs
+        for point in run.branch.special
+        if point.special in module.MEETS
+        for kind in module.curves_at(run, point)
+    ]
+    return found + _run_all(meeting, "curve", console)
 
 
-def _run_all(made: Sequence[tuple[Any, Callable[[], Any]]], what: str, console: Console) -> list[Any]:
-    """Run continuations one after the other; one that cannot be made is named, the others go on."""
+def _run_all(
+    made: Sequence[tuple[Any, Callable[[], Any]]], what: str, console: Console, runs: list[Any] | None = None
+) -> list[Any]:
+    """Run continuations one after the other; one that cannot be made is named, the others go on.
+
+    runs: takes the continuations themselves
+    """
     found: list[Any] = []
     for point, make in made:
         try:
             run = make()
+            if runs is not None:
+                runs.append(run)
             with console.progress(what) as progress:
                 found.append(run.run(progress))
         except (ModelError, UsageError, SolveError) as error:
@@ -157,7 +177,8 @@ def _row(point: Any, branch: Any) -> dict[str, Any]:
     """A point as a row of the table."""
     row = {
         "special": point.special, "value": point.value, "stable": point.stable, "word": point.word,
-        "period": point.period, "note": point.note,
+        "period": point.period, "note": point.note, "predicts": point.predicts,
+        "coefficients": dict(point.coefficients),
     }  # fmt: skip
     return row | {name: point.coordinates.get(name) for name in _coordinates(branch)}
 
