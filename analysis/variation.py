@@ -158,7 +158,7 @@ def mode_field(
     return ModeField(system, mode, names, jacobian)
 
 
-def _gauss(stages: int) -> tuple[Array, Array, Array]:
+def gauss(stages: int) -> tuple[Array, Array, Array]:
     """Nodes, weights and matrix of Gauss collocation on [0, 1] (order 2 * stages)."""
     nodes, weights = np.polynomial.legendre.leggauss(stages)
     c, b = 0.5 * (nodes + 1.0), 0.5 * weights
@@ -171,7 +171,7 @@ def _gauss(stages: int) -> tuple[Array, Array, Array]:
     return c, b, a
 
 
-_NODES, _WEIGHTS, _MATRIX = _gauss(4)
+_NODES, _WEIGHTS, _MATRIX = gauss(4)
 
 
 def transition(
