@@ -114,8 +114,10 @@ def flow_factors(
     def stretch(end: int, t: float, x: Array) -> None:
         if end > begin:
             field = mode_field(system, mode, names, jacobian)
-            steps = (sol.start[begin:end], sol.step[begin:end])
-            matrix = transition(field, *steps, _states(solution), p)
+            # A step's polynomial may reach beyond the event that ended the step.
+            starts = sol.start[begin:end]
+            steps = np.diff(np.append(starts, t))
+            matrix = transition(field, starts, steps, _states(solution), p)
             if leaving is not None:
                 matrix = _along(field, matrix, *leaving, t, x, p)
             out.append(Factor(t, mode, matrix))

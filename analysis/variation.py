@@ -174,13 +174,13 @@ def gauss(stages: int) -> tuple[Array, Array, Array]:
 _NODES, _WEIGHTS, _MATRIX = gauss(4)
 # Largest |eigenvalue| times step of one Gauss step, whose error is 6e-10 times its ninth power; and into how
 # many parts a step is divided at most: stiff motions only need what decays to decay.
-_FURTHEST, _MOST_PARTS = 0.5, 16
+_FURTHEST, _MOST_PARTS = 0.3, 16
 
 
 def _divided(
     field: ModeField, start: Array, step: Array, state: Callable[[Array], Array], p: Array
 ) -> tuple[Array, Array]:
-    """The steps, divided where the largest eigenvalue of A times the step is more than a half."""
+    """The steps, divided where the largest eigenvalue of A times the step is more than 0.3."""
     times = start + 0.5 * step
     x = state(times)
     a = field.matrix(times, x, field.multipliers(times, x, p), p)
