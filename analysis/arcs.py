@@ -1,7 +1,7 @@
 """The arcs of a motion: stretches in one mode, with the condition that ends each of them.
 
-An arc ends where a surface is reached (h = 0), where a multiplier reaches an end of its set (sliding exit), or
-at an instant (clocks); then the state goes on as it is, or is reset. Boundary problems over several arcs
+An arc ends where a surface is reached (h = 0), where a multiplier reaches an end of its set (sliding exit),
+or at an instant (clocks); then the state goes on as it is, or is reset. Boundary problems over several arcs
 (`filippov.analysis.collocation`) are made of them.
 """
 
@@ -37,9 +37,9 @@ class WordError(SolveError):
 class Ending:
     """What ends an arc.
 
-    kind    CROSSING or ENTRY: h = 0 of the surface `index`; EXIT: its multiplier at the end `side` of its set;
-            RESET: h = 0 and a reset; TIME: t is the instant t, with a reset
-    before, after  modes; names: parameters by which conditions are differentiated beside (x, t)
+    kind    CROSSING or ENTRY: h = 0 of the surface `index`; EXIT: its multiplier at the end `side` of its
+            set; RESET: h = 0 and a reset; TIME: the instant t, with a reset
+    before, after  modes
     """
 
     kind: EventKind
@@ -96,7 +96,7 @@ class Arc:
 
 
 @lru_cache(maxsize=32)
-def _keeps(system: System) -> tuple[bool, ...]:
+def _watched(system: System) -> tuple[bool, ...]:
     """For each surface whether it is watched only."""
     return tuple(q.kind == "observer" for q in system.surfaces)
 
@@ -165,7 +165,7 @@ def _ending(motion: Solution, events: list[Event]) -> Ending | None:
     together = Together(motion, events)
     leaders = [e for e in switching if together.leads(e)]
     if len(leaders) > 1:
-        leaders = [e for e in leaders if not _keeps(system)[e.index]] or leaders[:1]
+        leaders = [e for e in leaders if not _watched(system)[e.index]] or leaders[:1]
     if len(leaders) != 1:
         raise _refused(events, "several surfaces at one instant")
     (event,) = leaders
@@ -180,8 +180,8 @@ def joined(system: System, before: Mode, after: Mode) -> Ending | None:
         return None
     if len(changed) > 1:
         raise WordError(
-            f"between two of the given states the mode changes from {mode_text(before)} to {mode_text(after)}, "
-            "more than one event; give states at smaller distances."
+            f"between two of the given states the mode changes from {mode_text(before)} to "
+            f"{mode_text(after)}, more than one event; give states at smaller distances."
         )
     (i,) = changed
     kind = EventKind.EXIT if before[i] == 0 else EventKind.ENTRY if after[i] == 0 else EventKind.CROSSING

@@ -2,9 +2,9 @@
 
 Unknowns are the states at the mesh points of each arc, the times between arcs and at the end, and free
 parameters. Equations are the steps of collocation (`filippov.analysis.gauss_step`), at the end of an arc its
-condition and the state handed over (`filippov.analysis.arcs`), and the boundary conditions. Newton's method is
-damped by the natural monotonicity test; the matrix is sparse. The mesh is adapted so that dt |u' - f(u)| is
-equally large on all steps. Source: Ascher, Mattheij & Russell 1988, chapters 5, 8 and 9; Deuflhard 2011,
+condition and the state handed over (`filippov.analysis.arcs`), and the boundary conditions. Newton's method
+is damped by the natural monotonicity test; the matrix is sparse. The mesh is adapted so that dt |u' - f(u)|
+is equally large on all steps. Source: Ascher, Mattheij & Russell 1988, chapters 5, 8 and 9; Deuflhard 2011,
 section 3.3, for the damping; Doedel, Keller & Kernevez 1991 for periodic and homoclinic orbits.
 """
 
@@ -123,15 +123,15 @@ class BoundaryProblem:
         offsets = np.cumsum([0, *(len(x) * n for x in mesh.states)])
         time0, total = int(offsets[-1]), int(offsets[-1]) + len(mesh.times) - 1 + free
         left: list[Array] = []
-        rows: list[Array] = []
-        columns: list[Array] = []
+        rows: list[npt.NDArray[np.int64]] = []
+        columns: list[npt.NDArray[np.int64]] = []
         entries: list[Array] = []
         row = 0
 
         def put(at: int, column: int, block: Array) -> None:
-            i, j = np.meshgrid(at + np.arange(block.shape[0]), column + np.arange(block.shape[1]), indexing="ij")
-            rows.append(i.ravel())
-            columns.append(j.ravel())
+            i, j = np.indices(block.shape, dtype=np.int64)
+            rows.append((at + i).ravel())
+            columns.append((column + j).ravel())
             entries.append(np.asarray(block, dtype=float).ravel())
 
         def by_times(at: int, k: int, block: Array) -> None:
@@ -206,7 +206,7 @@ def newton(problem: BoundaryProblem, mesh: Mesh) -> Mesh:
                 if size < _DONE or (size < 1e-8 and size > 0.3 * last):
                     return problem.moved(mesh, change * scale)
                 if np.min(np.diff(mesh.times)) < -_BACKWARDS * (mesh.times[-1] - mesh.times[0]):
-                    raise NoConvergenceError("an arc shrinks to nothing: the orbit has another sequence of modes.")
+                    raise NoConvergenceError("an arc shrinks to nothing: the modes follow in another order.")
                 damping = min(1.0, 4.0 * damping, _longest(mesh, change * scale))
                 for _ in range(_HALVINGS):
                     trial = problem.moved(mesh, damping * change * scale)
@@ -229,7 +229,7 @@ def newton(problem: BoundaryProblem, mesh: Mesh) -> Mesh:
         raise
     except FAILURES as error:
         raise NoConvergenceError(f"collocation: {error}") from None
-    raise NoConvergenceError("Newton's method on the collocation equations does not converge from this guess.")
+    raise NoConvergenceError("Newton's method on the equations of collocation does not converge.")
 
 
 def _factors(matrix: scipy.sparse.csc_array, scale: Array) -> Callable[[Array], Array]:

@@ -12,6 +12,7 @@ from filippov.analysis.arcs import WordError
 from filippov.analysis.forcing import Period, forcing_period
 from filippov.analysis.orbit import Orbit, make_orbit
 from filippov.analysis.orbit_collocation import (
+    anchored,
     check_admissible,
     collocate,
     guess_arcs,
@@ -20,6 +21,7 @@ from filippov.analysis.orbit_collocation import (
 )
 from filippov.analysis.shooting import NoConvergenceError, Shooting, onto_surfaces, resolved
 from filippov.errors import SolveError
+from filippov.events import Mode
 from filippov.solution import Solution
 from filippov.solver import solve
 from filippov.status import Status
@@ -58,8 +60,10 @@ class CollocationSearch:
             first = base.gate @ motions[0].problem.x0
             length = guess / base.turns
             mode = self.motion(first, begin + length, 1e-9 * length).start_mode
-            found = collocate(base, guess_arcs(motions, (mode, first)), self.p)
-            extent = max(float(np.max(np.ptp(x, axis=0))) for x in [np.vstack(found.mesh.states)])
+            arcs = guess_arcs(motions, (mode, first))
+            found = collocate(base, anchored(arcs) if base.turns == 1 else arcs, self.p)
+            begin = float(found.mesh.times[0])
+            extent = float(np.max(np.ptp(np.vstack(found.mesh.states), axis=0)))
             if extent <= 1e-5 * self.size or not 0.02 * guess < found.period < 50 * guess:
                 raise NoConvergenceError("collocation went to an equilibrium or to another period.")
             part = found.period / base.turns
@@ -74,15 +78,21 @@ class CollocationSearch:
                     if orbit.trivial is not None and abs(orbit.trivial - 1.0) > 1e-2:
                         raise NoConvergenceError("Newton's method went to an equilibrium.")
                     return orbit
-                part, guess = part / count, guess / count
+                part /= count
                 if base.period is not None:
                     self.base = base = replace(base, period=base.period.times(1.0 / count))
             except WordError as error:
                 refused = error
-            share = part / _STATES
-            points = np.array([found.at(begin + k * share)[0] for k in range(_STATES)])
+            guess, share = part * base.turns, part / _STATES
+            times = begin + share * np.arange(_STATES)
+            points = np.array([self._on(*found.at(t), t) for t in times.tolist()])
             motions = self.pieces(points, begin, share)
         raise NoConvergenceError(str(refused))
+
+    def _on(self, x: Array, mode: Mode, t: float) -> Array:
+        """The state, on the surfaces that its mode slides on."""
+        on = tuple(i for i, sign in enumerate(mode) if sign == 0)
+        return onto_surfaces(self.base.system, x, t, self.p, on)
 
     def _divides(self, count: int) -> int:
         """The largest part of `count` that leaves a multiple of the forcing's own period."""

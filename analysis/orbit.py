@@ -245,7 +245,8 @@ def _turned(problem: Shooting, u: Array, p: Array) -> list[Solution]:
     for _ in range(problem.turns - 1):
         images.append(images[-1] @ problem.gate.T)
     full = replace(
-        problem, symmetry=None, turns=1, shares=tuple(s / problem.turns for s in problem.shares) * problem.turns,
+        problem, symmetry=None, turns=1,
+        shares=tuple(share / problem.turns for share in problem.shares) * problem.turns,
         sliding=problem.sliding * problem.turns,
     )  # fmt: skip
     return full.motions(np.append(np.concatenate(images).ravel(), u[nodes.size :]), p)

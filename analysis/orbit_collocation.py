@@ -1,9 +1,10 @@
 """A periodic orbit by collocation, handed over to multiple shooting.
 
 The arcs of a guessed motion give the sequence of modes. Collocation solves for the orbit with this sequence,
-whether it repels or not; then signs and multipliers along it are checked, nodes are laid so that nothing grows
-by more than a factor of 10 between them, and the equations of multiple shooting, motions of the exact solver,
-say whether it is an orbit of the inclusion and to which accuracy. Source: as in `filippov.analysis.collocation`.
+whether it repels or not; then signs and multipliers along it are checked, and nodes are laid so that nothing
+grows by much more than a factor of 10 between them. The equations of multiple shooting, motions of the exact
+solver, say whether it is an orbit of the inclusion and how accurate it is. Source: see
+`filippov.analysis.collocation`.
 """
 
 from __future__ import annotations
@@ -78,7 +79,7 @@ class Collocated:
         return np.asarray(by + np.outer(after - by @ before, slope) / rate)
 
     def _last(self, steps: Steps) -> Array:
-        return steps.at(np.ones(1))[0]
+        return np.asarray(steps.at(np.ones(1))[0])
 
 
 def guess_arcs(motions: Sequence[Solution], final: tuple[Mode, Array]) -> list[Arc]:
@@ -97,6 +98,34 @@ def guess_arcs(motions: Sequence[Solution], final: tuple[Mode, Array]) -> list[A
     if any(arc.t[-1] <= arc.t[0] for arc in arcs):
         raise WordError("two events of the guess happen at one instant; give another state or more states.")
     return arcs
+
+
+def anchored(arcs: Sequence[Arc]) -> list[Arc]:
+    """The arcs of a whole period from the middle of the longest one with fewest sliding surfaces."""
+    if len(arcs) == 1:
+        return list(arcs)
+    first, last = arcs[0], arcs[-1]
+    period = float(last.t[-1] - first.t[0])
+    following = _later(first, period)
+    joint = Arc(
+        first.mode, np.append(last.t, following.t), np.vstack([last.x, following.x]), following.ending
+    )  # fmt: skip
+    ring = [*arcs[1:-1], joint]
+    k = min(range(len(ring)), key=lambda i: (ring[i].mode.count(0), ring[i].t[0] - ring[i].t[-1]))
+    arc = ring[k]
+    middle = 0.5 * float(arc.t[0] + arc.t[-1])
+    at = np.array([np.interp(middle, arc.t, row) for row in arc.x.T])
+    before, after = arc.t < middle, arc.t > middle
+    start = Arc(arc.mode, np.append(middle, arc.t[after]), np.vstack([at, arc.x[after]]), arc.ending)
+    end = Arc(arc.mode, np.append(arc.t[before], middle), np.vstack([arc.x[before], at]))
+    return [start, *ring[k + 1 :], *(_later(q, period) for q in (*ring[:k], end))]
+
+
+def _later(arc: Arc, period: float) -> Arc:
+    ending = arc.ending
+    return Arc(
+        arc.mode, arc.t + period, arc.x, None if ending is None else replace(ending, t=ending.t + period)
+    )
 
 
 def collocate(base: Shooting, arcs: Sequence[Arc], p: Array) -> Collocated:
@@ -168,9 +197,9 @@ def check_admissible(found: Collocated) -> None:
             if over[worst] > _BEYOND * size:
                 what = "its multiplier leaves its set" if sign == 0 else "it goes beyond the surface"
                 raise WordError(
-                    f"the orbit with the modes {word} is not admissible: in "
-                    f"mode {mode_text(mode)} {what} on {surface.name!r} at t = {t[worst]:.6g}, by "
-                    f"{over[worst]:.3g}. Give a guess with the sequence of modes of the orbit."
+                    f"the orbit with the modes {word} is not admissible: in mode {mode_text(mode)} {what} on "
+                    f"{surface.name!r} at t = {t[worst]:.6g}, by {over[worst]:.3g}. Give a guess with the "
+                    "sequence of modes of the orbit."
                 )
 
 
@@ -203,7 +232,7 @@ def polished(found: Collocated) -> tuple[Shooting, Array, float]:
     moved = float(np.max(np.abs(refined - u)[: sizes.size] / sizes))
     if moved > _MOVED:
         raise NoConvergenceError(
-            f"collocation found an orbit that the exact motions leave: they move it by {moved:.3g} of its size."
+            f"collocation found an orbit that the exact motions move by {moved:.3g} of its size."
         )
     return problem, refined, left
 

@@ -233,7 +233,9 @@ class _Search:
         found = None if self.collocation else self._returned(states, gaps, t0, period)
         if found is not None:
             return found
-        raise NoConvergenceError(f"no periodic orbit was found in {stage} periods of the forcing. {error or ''}{self.failed}")
+        raise NoConvergenceError(
+            f"no periodic orbit was found in {stage} periods of the forcing. {error or ''}{self.failed}"
+        )
 
     def _returned(self, states: list[Array], gaps: list[float], t0: float, period: float) -> Orbit | None:
         """The orbit by collocation from the best returns of each sequence of modes; None without one."""

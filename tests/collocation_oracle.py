@@ -73,7 +73,7 @@ def member(seed: int, largest: float, n: int = 3) -> Member | None:
     for k in range(2):
         # One direction grows, the others decay.
         grow = np.log(largest) / np.sum(durations)
-        values, vectors = np.linalg.eigh(A[k] + A[k].T)
+        _, vectors = np.linalg.eigh(A[k] + A[k].T)
         rates = np.append(-random.uniform(0.3, 1.5, n - 1), grow * random.uniform(0.7, 1.3))
         A[k] = vectors @ np.diag(rates) @ vectors.T + 0.5 * (A[k] - A[k].T)
     starts = random.normal(size=(2, n))

@@ -1,4 +1,4 @@
-"""Periodic orbits by collocation: piecewise linear ones known beforehand, cascades, a converter, reversed time."""
+"""Periodic orbits by collocation: known beforehand, cascades, a converter, reversed time."""
 
 import os
 from functools import partial

@@ -233,7 +233,9 @@ _ALL = (
          Option("nodes", "points of multiple shooting", whole, metavar="N"),
          Option("transient", "time to run before the search", number, metavar="T"),
          Option("t_max", "longest time of the search", number, metavar="T"), *TOLERANCES[:1],
-         Option("atol", "absolute tolerance", number, metavar="A"), TOLERANCES[2]),
+         Option("atol", "absolute tolerance", number, metavar="A"),
+         _choice("method", "integration method (order 8 is the default), or collocation on an adapted mesh "
+                 "for orbits that repel strongly", *METHODS, "collocation")),
         "filippov orbit belt -o results/orbit", needs="filippov.analysis.orbit_search",
     ),
     Command(
