@@ -12,6 +12,7 @@ import numpy.typing as npt
 from filippov.analysis.collocation_search import CollocationSearch, collocated_from
 from filippov.analysis.forcing import Period, forcing_period, is_forced
 from filippov.analysis.orbit import Orbit, make_orbit
+from filippov.analysis.search_start import anchor, extent, rests
 from filippov.analysis.shooting import (
     NoConvergenceError,
     ReturnError,
@@ -39,8 +40,6 @@ _STAGES, _TRIES = (1, 8, 32, 128, 512), 5
 # How many returns collocation is tried with, and how many of them with the same sequence of modes; the nodes
 # of shooting that finds another one.
 _RETURNS, _TRIES_OF_WORD, _MANY = 32, 2, 16
-# An orbit that repels is left soon: only so many stretches are looked at for a start.
-_FIRST = 4
 # A motion may be seen to come back only after some turns; how near it then is after one of them.
 _MOST_TURNS, _SAME = 32, 1e-6
 COLLOCATION = "collocation"
@@ -301,8 +300,8 @@ class _Search:
     def _laid(self, motion: Solution, period: float) -> Solution:
         """A motion of a period's length from a good start."""
         length = period / self.base.turns
-        start = _anchor(motion, min(length, motion.t_end - motion.problem.t_span[0]))
-        self.size = max(self.size, _extent([motion]))
+        start = anchor(motion, min(length, motion.t_end - motion.problem.t_span[0]))
+        self.size = max(self.size, extent([motion]))
         if start > motion.problem.t_span[0]:
             return self.motion(self.state(motion, start), start, length)
         return self.motion(motion.problem.x0, motion.problem.t_span[0], length)
@@ -405,7 +404,7 @@ class _Search:
 
     def _check(self, problem: Shooting, u: Array, guess: float) -> None:
         """An equilibrium solves the equations as well."""
-        small = _extent(problem.motions(u, self.p)) <= 1e-5 * self.size
+        small = extent(problem.motions(u, self.p)) <= 1e-5 * self.size
         if small or not 0.02 * guess < float(u[-1]) < 50 * guess:
             raise NoConvergenceError("Newton's method went to an equilibrium or to another period.")
 
@@ -424,8 +423,8 @@ class _Search:
             if span <= 0:
                 break
             motion = self.motion(state, 0.0, span)
-            self.size = max(self.size, _extent([motion]))
-            if _rests(motion) or _extent([motion]) <= 1e-8 * self.size:
+            self.size = max(self.size, extent([motion]))
+            if rests(motion) or extent([motion]) <= 1e-8 * self.size:
                 raise ReturnError(
                     f"the motion comes to rest at state {np.array2string(motion.x_end, precision=6)}; t "
                     f"reached {now + motion.t_end:.6g}.", motion, now + motion.t_end,
@@ -451,7 +450,7 @@ class _Search:
         none."""
         sol, base = motion.sol, self.base
         assert sol is not None
-        start = _anchor(motion, motion.t_end - motion.problem.t_span[0], begin)
+        start = anchor(motion, motion.t_end - motion.problem.t_span[0], begin)
         mode = motion.mode_at(start, "+")
         x0 = self.state(motion, start)
         speed = base.gate @ velocity_at(base.system, mode, start, x0, self.p, base.jacobian)
@@ -479,37 +478,3 @@ class _Search:
         first = int(np.flatnonzero(gaps <= max(3.0 * float(np.min(gaps)), 1e-6))[0])
         period = float(times[first] - start) * base.turns
         return self.motion(x0, 0.0, period / base.turns * 1.02), period
-
-
-def _extent(motions: Sequence[Solution]) -> float:
-    """The largest distance between the values of a state."""
-    return max(float(np.max(np.ptp(motion.y, axis=1))) for motion in motions)
-
-
-def _anchor(motion: Solution, length: float, begin: float = 0.0) -> float:
-    """The middle of the longest stretch with fewest sliding surfaces, within `length` after `begin` and
-    among the first ones."""
-    first = motion.problem.t_span[0] + begin
-    last = first + length
-    best: tuple[int, float, float] | None = None
-    seen = 0
-    for segment in motion.segments:
-        low, high = max(segment.t0, first), min(segment.t1, last)
-        if high - low <= 1e-6 * length:
-            continue
-        seen += 1
-        if seen > _FIRST:
-            break
-        key = (sum(sign == 0 for sign in segment.mode), -(high - low), 0.5 * (low + high))
-        best = key if best is None or key < best else best
-    return best[2] if best is not None else first
-
-
-def _rests(motion: Solution) -> bool:
-    """Whether the motion ends in a long stretch without any change."""
-    sol, last = motion.sol, motion.segments[-1]
-    if sol is None or last.dwell < 0.05 * (motion.t_end - motion.problem.t_span[0]):
-        return False
-    t = np.linspace(last.t0 + 0.5 * last.dwell, last.t1, 9)
-    x = sol(t)
-    return bool(np.max(np.ptp(x, axis=1)) <= 1e-12 * (1.0 + np.max(np.abs(x))))
