@@ -138,7 +138,7 @@ def _arc(
     sol = motion.sol
     assert sol is not None
     knots = np.concatenate([[begin], sol.start[(sol.start > begin) & (sol.start < end)], [end]])
-    inner = (knots[:-1, None] + np.diff(knots)[:, None] * np.arange(4) / 4).ravel()
+    inner = (knots[:-1, None] + np.diff(knots)[:, None] * np.arange(8) / 8).ravel()
     states = sol(inner, side="+").T
     last = np.asarray(sol(end, side="-"))[None, :]
     times = np.append(inner, end)

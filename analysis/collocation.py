@@ -33,7 +33,10 @@ Array = npt.NDArray[np.float64]
 # What dt |u' - f(u)| is to be on each step; ends of steps, of order 8, are much more accurate.
 DEFECT = 1e-7
 _FEWEST, _MOST, _REFINEMENTS = 3, 300, 9
+# Of the distance from an equilibrium, in units of the size of the orbit, only so much counts.
+_NEAREST = 1e-6
 _ITERATIONS, _HALVINGS, _DONE, _BACKWARDS = 60, 14, 1e-11, 0.5
+_ROUNDING = 1e-8
 FAILURES = (SolveError, ModelError, ArithmeticError, np.linalg.LinAlgError)
 
 
@@ -87,18 +90,31 @@ class BoundaryProblem:
     values, names   parameter values (all of them), and which of them are free
     boundary        (first state, last state, last time, parameter values) -> Boundary, with
                     n + 1 + number of free parameters conditions
-    size            of each state, (n,); length: of the time
+    size            of each state, (n,)
+    origin          a state near which errors are measured by the distance from it: an equilibrium that the
+                    motion leaves or comes to
     """
 
     def __init__(
         self, system: System, modes: Sequence[Mode], endings: Sequence[Ending], values: Array,
         boundary: Callable[[Array, Array, float, Array], Boundary], size: Array, *,
-        names: tuple[str, ...] = (), jacobian: Any = None,
+        names: tuple[str, ...] = (), jacobian: Any = None, origin: Array | None = None,
     ) -> None:  # fmt: skip
+        self.origin = origin
         self.system, self.modes, self.endings, self.values = system, tuple(modes), tuple(endings), values
         self.boundary, self.size, self.names, self.jacobian = boundary, size, names, jacobian
         self.n = system.dimension
         self.places = [system.parameters.index(name) for name in names]
+
+    def sizes(self, steps: Steps) -> Array:
+        """What defects are measured by on each step: (N, 1, n)."""
+        out = np.broadcast_to(self.size, (len(steps.start), 1, self.n))
+        if self.origin is None:
+            return out
+        ends = np.abs(steps.start - self.origin), np.abs(steps.end - self.origin)
+        away = np.linalg.norm(np.minimum(*ends), axis=1)
+        part = np.clip(away / np.linalg.norm(self.size), _NEAREST, 1.0)
+        return np.asarray(out * part[:, None, None])
 
     def p(self, free: Array) -> Array:
         """All parameter values."""
@@ -220,6 +236,9 @@ def newton(problem: BoundaryProblem, mesh: Mesh) -> Mesh:
                         break
                     damping *= 0.5
                 else:
+                    if size < _ROUNDING:
+                        # Rounding of the equations is what is left; who asked confirms the solution.
+                        return mesh
                     break
                 last = size
                 mesh, left, matrix = trial, rest, following
@@ -266,7 +285,7 @@ def solved(problem: BoundaryProblem, mesh: Mesh, defect: float = DEFECT) -> tupl
         grids, states, largest = [], [], 0.0
         for mode, step in zip(problem.modes, steps, strict=True):
             field = mode_field(problem.system, mode, problem.names, problem.jacobian)
-            defects = step.defects(field, p, problem.size)
+            defects = step.defects(field, p, problem.sizes(step))
             largest = max(largest, float(np.max(defects)))
             grid = _equidistributed(step.grid, defects, defect)
             grids.append(grid)

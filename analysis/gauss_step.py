@@ -105,7 +105,9 @@ def gauss_steps(field: ModeField, states: Array, t0: float, t1: float, grid: Arr
     y = first[:, None, :] + _C[:, None] * (states[1:] - first)[:, None, :]
     scaled = dt[:, None, None] * _A
     identity = np.eye(STAGES * n)
-    size = np.max(np.abs(states), axis=0) + 1e-300
+    # A state that is 0 all along, as on a surface that is slid on, has the rounding of the others.
+    size = np.max(np.abs(states), axis=0)
+    size = np.maximum(size, 1e-6 * float(np.max(size)) + 1e-300)
     last = np.inf
     for _ in range(_ITERATIONS):
         flat = y.reshape(-1, n)

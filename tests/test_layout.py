@@ -71,6 +71,7 @@ FLOORS: dict[str, float] = {
     "filippov.analysis.gauss_step": 9.2, "filippov.analysis.arcs": 9.25,
     "filippov.analysis.collocation": 9.27, "filippov.analysis.orbit_collocation": 9.28,
     "filippov.analysis.collocation_search": 9.41, "filippov.analysis.search_start": 9.41,
+    "filippov.analysis.saddle": 9.26, "filippov.analysis.homoclinic": 9.42,
     "filippov.analysis.shooting": 9.25, "filippov.analysis.floquet": 9.26, "filippov.analysis.margin": 9.26,
     "filippov.analysis.oddness": 9.26, "filippov.analysis.orbit": 9.4, "filippov.analysis.orbit_search": 9.42,
     "filippov.analysis.branch": 9.07, "filippov.analysis.branch_problem": 9.43,
