@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.floquet import multipliers, return_matrix, without_trivial
+from filippov.analysis.floquet import product_multipliers, return_factors, without_trivial
 from filippov.analysis.margin import Margin, margin
 from filippov.analysis.oddness import is_odd
 from filippov.analysis.shooting import Shooting
@@ -104,12 +104,17 @@ class Orbit:
         )
         return min((items[k:] + items[:k] for k in range(len(items))), default=())
 
+    @property
+    def pieces(self) -> tuple[Solution, ...]:
+        """The motions that make up one period, one after the other: several where it repels strongly."""
+        return self._motions
+
     @cached_property
     def _motions(self) -> tuple[Solution, ...]:
         return self.motions or (self.solution(),)
 
     def solution(self, periods: float = 1.0) -> Solution:
-        """The motion over so many periods from x0."""
+        """The motion over so many periods from x0; from an orbit that repels it departs (see `pieces`)."""
         return solve(
             self.system, self.x0, (self.t0, self.t0 + periods * self.period), parameters=self.parameters,
             rtol=self.rtol, atol=self.atol, method=self.method, zeno="continue", nonunique="stick",
@@ -200,19 +205,19 @@ def make_orbit(
     pieces = list(motions or problem.motions(u, p))
     nodes, period = problem.split(u, p)
     system, forced = problem.system, problem.period is not None
-    whole = pieces if problem.turns == 1 else [_whole(problem, nodes[0], period, p)]
-    matrix, zeros = return_matrix(pieces, problem.symmetry, problem.jacobian)
+    whole = pieces if problem.turns == 1 else _turned(problem, u, p)
+    factors, zeros = return_factors(pieces, problem.symmetry, problem.jacobian)
     half: Complex | None = None
     turns = problem.turns
     low, high = _extent(whole)
     symmetric = turns == 2 and np.array_equal(problem.gate, -np.eye(problem.n))
-    values = multipliers(matrix, zeros, turns)
+    values = product_multipliers(factors, zeros, turns)
     if symmetric:
-        half = multipliers(matrix, zeros)
+        half = product_multipliers(factors, zeros)
     elif turns == 1 and _opposite(whole, problem.begin(p), period, high - low) and is_odd(
         system, p, np.maximum(np.abs(low), np.abs(high)), problem.begin(p), period, problem.jacobian
     ):
-        found = _half(problem, nodes[0], period, p)
+        found = _half(problem, pieces, period, p)
         if found is not None and _same(found**2, values):
             half, symmetric, values = found, True, found**2
     trivial: complex | None = None
@@ -229,6 +234,22 @@ def make_orbit(
         bool(symmetric), residual, forced, problem.rtol, problem.atol, problem.method, problem, u.copy(),
         tuple(whole),
     )  # fmt: skip
+
+
+def _turned(problem: Shooting, u: Array, p: Array) -> list[Solution]:
+    """The motions of a whole period from those of a part of it: from several nodes also the images of all."""
+    nodes, period = problem.split(u, p)
+    if len(nodes) == 1:
+        return [_whole(problem, nodes[0], period, p)]
+    images = [nodes]
+    for _ in range(problem.turns - 1):
+        images.append(images[-1] @ problem.gate.T)
+    full = replace(
+        problem, symmetry=None, turns=1,
+        shares=tuple(share / problem.turns for share in problem.shares) * problem.turns,
+        sliding=problem.sliding * problem.turns,
+    )  # fmt: skip
+    return full.motions(np.append(np.concatenate(images).ravel(), u[nodes.size :]), p)
 
 
 def _whole(problem: Shooting, x0: Array, period: float, p: Array) -> Solution:
@@ -281,18 +302,28 @@ def _extent(motions: Sequence[Solution]) -> tuple[Array, Array]:
 
 def _opposite(motions: Sequence[Solution], t0: float, period: float, size: Array) -> bool:
     """Whether x(t + T/2) = -x(t)."""
-    if len(motions) != 1 or motions[0].sol is None:
-        return False
-    t = t0 + period * np.linspace(0.0, 0.499, 24)
-    gap = motions[0].sol(t) + motions[0].sol(t + 0.5 * period)
-    return bool(np.max(np.abs(gap)) < _SYMMETRIC * np.max(size))
+    begins = [motion.problem.t_span[0] for motion in motions]
+
+    def state(t: float) -> Array:
+        sol = motions[int(np.searchsorted(begins, t, side="right")) - 1].sol
+        assert sol is not None
+        return np.asarray(sol(t))
+
+    times = (t0 + period * np.linspace(0.0, 0.499, 24)).tolist()
+    gap = [np.max(np.abs(state(t) + state(t + 0.5 * period))) for t in times]
+    return bool(max(gap) < _SYMMETRIC * np.max(size))
 
 
-def _half(problem: Shooting, x0: Array, period: float, p: Array) -> Complex | None:
-    """Multipliers of the half map x -> -x(T/2)."""
-    motion = _whole(problem, x0, 0.5 * period, p)
-    matrix, zeros = return_matrix([motion], -np.eye(problem.n), problem.jacobian)
-    return multipliers(matrix, zeros)
+def _half(problem: Shooting, pieces: Sequence[Solution], period: float, p: Array) -> Complex | None:
+    """Multipliers of the half map x -> -x(T/2); None where several motions have no node at T/2."""
+    if len(pieces) == 1:
+        first = [_whole(problem, pieces[0].problem.x0, 0.5 * period, p)]
+    else:
+        end = problem.begin(p) + 0.5 * period
+        first = [motion for motion in pieces if motion.problem.t_span[0] < end - 1e-9 * period]
+        if abs(first[-1].t_end - end) > 1e-9 * period:
+            return None
+    return product_multipliers(*return_factors(first, -np.eye(problem.n), problem.jacobian))
 
 
 def _same(a: Complex, b: Complex) -> bool:

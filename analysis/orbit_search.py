@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.collocation_search import CollocationSearch, collocated_from
 from filippov.analysis.forcing import Period, forcing_period, is_forced
 from filippov.analysis.orbit import Orbit, make_orbit
+from filippov.analysis.search_start import anchor, extent, rests
 from filippov.analysis.shooting import (
     NoConvergenceError,
     ReturnError,
@@ -35,10 +37,12 @@ _NEAR = 0.3
 _SPANS = 12
 # Periods of a forced motion after which its best returns are tried, and how many of them.
 _STAGES, _TRIES = (1, 8, 32, 128, 512), 5
-# An orbit that repels is left soon: only so many stretches are looked at for a start.
-_FIRST = 4
+# How many returns collocation is tried with, and how many of them with the same sequence of modes; the nodes
+# of shooting that finds another one.
+_RETURNS, _TRIES_OF_WORD, _MANY = 32, 2, 16
 # A motion may be seen to come back only after some turns; how near it then is after one of them.
 _MOST_TURNS, _SAME = 32, 1e-6
+COLLOCATION = "collocation"
 # A forced motion is back where it started, on an orbit, to this part of its extent.
 _BACK = 1e-4
 
@@ -75,6 +79,10 @@ def find_orbit(
     nodes       points of multiple shooting, for orbits that repel strongly
     transient   time to run before the search; t_max: longest time of the search
     t0          time of the guess, for a forced system
+    method      integration method of the motions; or "collocation": the sequence of modes is taken from the
+                motion of the guess, and the orbit solved for by collocation on an adapted mesh, for orbits
+                that repel strongly. It lays its own nodes for the exact motions (DOP853) that confirm it; the
+                other methods fall over to it where shooting does not converge
     jacobian    of a system of plain functions, (t, x, p, s) -> df/dx with the signs held; else differences
     progress    called with (t, t_max, note)
 
@@ -84,9 +92,15 @@ def find_orbit(
     """
     if nodes < 1:
         raise UsageError(f"nodes is {nodes!r}, expected 1, 2, ...")
-    if isinstance(guess, Orbit):
+    collocation = method == COLLOCATION
+    if collocation and nodes != 1:
+        raise UsageError(f"nodes is {nodes!r}: collocation lays its own. Leave nodes out.")
+    method = "DOP853" if collocation else method
+    if isinstance(guess, Orbit) and not collocation:
         values = {**guess.parameters, **(parameters or {})}
         return refine(guess, values, rtol=rtol, atol=atol)
+    if isinstance(guess, Orbit):
+        return collocated_from(guess, parameters, rtol, atol)
     if isinstance(guess, Solution):
         parameters = {**guess.problem.parameters, **(parameters or {})}
         guess, t0 = guess.x_end, guess.t_end
@@ -103,7 +117,7 @@ def find_orbit(
         system, x0, np.zeros_like(x0), t0, period=Period(system, period) if forced else None, symmetry=matrix,
         turns=turns, rtol=rtol, atol=atol, method=method, jacobian=jacobian,
     )  # fmt: skip
-    search = _Search(base, p, nodes, t_max, progress)
+    search = _Search(base, p, nodes, t_max, progress, collocation)
     if several:
         if period is None and base.period is None:
             raise UsageError("several states are given as nodes; they need the period of the orbit.")
@@ -140,8 +154,10 @@ class _Search:
     """One search, with what it shares."""
 
     def __init__(
-        self, base: Shooting, p: Array, nodes: int, t_max: float, progress: Callable[..., None] | None
-    ) -> None:
+        self, base: Shooting, p: Array, nodes: int, t_max: float, progress: Callable[..., None] | None,
+        collocation: bool = False,
+    ) -> None:  # fmt: skip
+        self.collocation, self.failed = collocation, ""
         self.base, self.p, self.nodes, self.t_max, self.progress = base, p, nodes, t_max, progress
         self.values = dict(zip(base.system.parameters.names, p.tolist(), strict=True))
         self.size = 0.0
@@ -197,17 +213,42 @@ class _Search:
                 gaps.append(float(np.linalg.norm(states[-1] - states[-2])))
             # An orbit that repels is where the motion came back best; one that attracts, at its end.
             order = [k for k in np.argsort(gaps) if k not in tried][: _TRIES if stage > 1 else 1]
-            for count in (nodes,) if stage == 1 else (nodes, max(4, nodes), max(16, nodes)):
+            if self.collocation:
+                found = self._returned(states, gaps, t0, period)
+                if found is not None:
+                    return found
+            for count in (nodes,) if stage == 1 else (nodes, max(4, nodes), max(_MANY, nodes)):
                 self.nodes = count
                 for k in order:
                     try:
-                        found = self._from(self.motion(states[k], t0 + k * period, period), period)
+                        found = self._shot(self.motion(states[k], t0 + k * period, period), period)
+                        if self.collocation:
+                            return self._collocated(found.pieces)
                         return self._with(nodes, found, period)
                     except NoConvergenceError as failed:
                         error = failed
             tried |= {int(k) for k in order}
             self.tell(stage * period, f"after {stage} periods")
-        raise NoConvergenceError(f"no periodic orbit was found in {stage} periods of the forcing: {error}")
+        found = None if self.collocation else self._returned(states, gaps, t0, period)
+        if found is not None:
+            return found
+        raise NoConvergenceError(
+            f"no periodic orbit was found in {stage} periods of the forcing. {error or ''}{self.failed}"
+        )
+
+    def _returned(self, states: list[Array], gaps: list[float], t0: float, period: float) -> Orbit | None:
+        """The orbit by collocation from the best returns of each sequence of modes; None without one."""
+        tried: dict[Any, int] = {}
+        for k in np.argsort(gaps)[:_RETURNS].tolist():
+            try:
+                laid = self._laid(self.motion(states[k], t0 + k * period, period), period)
+                word = tuple((e.surface, e.after) for e in laid.events)
+                tried[word] = tried.get(word, 0) + 1
+                if tried[word] <= _TRIES_OF_WORD:
+                    return self._collocated([laid])
+            except (SolveError, ArithmeticError) as error:
+                self.failed = f" Collocation: {error}"
+        return None
 
     def _with(self, nodes: int, found: Orbit, period: float) -> Orbit:
         """The orbit with as many nodes as were asked for; as it was found if that fails."""
@@ -234,28 +275,71 @@ class _Search:
         return self._from(self.motion(x0, t0, period), period)
 
     def _from(self, motion: Solution, period: float) -> Orbit:
-        """Solve the equations with nodes laid along a motion over about one period."""
+        """Solve the equations along a motion; by collocation where shooting does not."""
+        if self.collocation:
+            return self._strong(self._laid(motion, period), period)
+        try:
+            return self._shot(motion, period)
+        except NoConvergenceError as error:
+            try:
+                return self._strong(self._laid(motion, period), period)
+            except (SolveError, ArithmeticError):
+                raise error from None
+
+    def _strong(self, laid: Solution, period: float) -> Orbit:
+        """By collocation; where the motion has another sequence of modes than the orbit, after shooting from
+        many nodes, which needs none."""
+        try:
+            return self._collocated([laid])
+        except (SolveError, ArithmeticError) as error:
+            try:
+                return self._collocated(self._shot(laid, period, _MANY).pieces)
+            except (SolveError, ArithmeticError):
+                raise error from None
+
+    def _laid(self, motion: Solution, period: float) -> Solution:
+        """A motion of a period's length from a good start."""
         length = period / self.base.turns
-        start = _anchor(motion, min(length, motion.t_end - motion.problem.t_span[0]))
+        start = anchor(motion, min(length, motion.t_end - motion.problem.t_span[0]))
+        self.size = max(self.size, extent([motion]))
         if start > motion.problem.t_span[0]:
-            shifted = self.motion(self.state(motion, start), start, length)
-        else:
-            shifted = self.motion(motion.problem.x0, motion.problem.t_span[0], length)
+            return self.motion(self.state(motion, start), start, length)
+        return self.motion(motion.problem.x0, motion.problem.t_span[0], length)
+
+    def _shot(self, motion: Solution, period: float, nodes: int = 0) -> Orbit:
+        """Solve the equations with nodes laid along a motion over about one period."""
+        shifted, length = self._laid(motion, period), period / self.base.turns
+        count = nodes or self.nodes
         sol = shifted.sol
         assert sol is not None
         begin = shifted.problem.t_span[0]
-        places = begin + length * np.arange(self.nodes) / self.nodes
+        places = begin + length * np.arange(count) / count
         modes = [shifted.start_mode, *(shifted.mode_at(float(t), "+") for t in places[1:])]
         x = np.vstack([shifted.problem.x0, *(np.asarray(sol(float(t), side="+")) for t in places[1:])])
-        self.size = max(self.size, _extent([motion]))
         return self._solve(x, modes, begin, period)
 
     def nodes_at(self, points: Array, t0: float, period: float) -> Orbit:
         """Solve the equations with given states at the nodes."""
         length = period / self.base.turns / len(points)
-        modes = [self.motion(x, t0 + k * length, 1e-9 * length).start_mode for k, x in enumerate(points)]
         self.size = float(np.max(np.ptp(points, axis=0)))
-        return self._solve(points, modes, t0, period)
+
+        def pieces() -> list[Solution]:
+            return [self.motion(x, t0 + k * length, length) for k, x in enumerate(points)]
+
+        if self.collocation:
+            return self._collocated(pieces())
+        modes = [self.motion(x, t0 + k * length, 1e-9 * length).start_mode for k, x in enumerate(points)]
+        try:
+            return self._solve(points, modes, t0, period)
+        except NoConvergenceError as error:
+            try:
+                return self._collocated(pieces())
+            except (SolveError, ArithmeticError):
+                raise error from None
+
+    def _collocated(self, motions: Sequence[Solution]) -> Orbit:
+        """The orbit by collocation from motions of about one period."""
+        return CollocationSearch(self.base, self.p, self.size, self.motion).orbit(motions)
 
     def _solve(self, x: Array, modes: Sequence[Mode], begin: float, period: float) -> Orbit:
         base, count = self.base, len(x)
@@ -320,7 +404,7 @@ class _Search:
 
     def _check(self, problem: Shooting, u: Array, guess: float) -> None:
         """An equilibrium solves the equations as well."""
-        small = _extent(problem.motions(u, self.p)) <= 1e-5 * self.size
+        small = extent(problem.motions(u, self.p)) <= 1e-5 * self.size
         if small or not 0.02 * guess < float(u[-1]) < 50 * guess:
             raise NoConvergenceError("Newton's method went to an equilibrium or to another period.")
 
@@ -339,8 +423,8 @@ class _Search:
             if span <= 0:
                 break
             motion = self.motion(state, 0.0, span)
-            self.size = max(self.size, _extent([motion]))
-            if _rests(motion) or _extent([motion]) <= 1e-8 * self.size:
+            self.size = max(self.size, extent([motion]))
+            if rests(motion) or extent([motion]) <= 1e-8 * self.size:
                 raise ReturnError(
                     f"the motion comes to rest at state {np.array2string(motion.x_end, precision=6)}; t "
                     f"reached {now + motion.t_end:.6g}.", motion, now + motion.t_end,
@@ -366,7 +450,7 @@ class _Search:
         none."""
         sol, base = motion.sol, self.base
         assert sol is not None
-        start = _anchor(motion, motion.t_end - motion.problem.t_span[0], begin)
+        start = anchor(motion, motion.t_end - motion.problem.t_span[0], begin)
         mode = motion.mode_at(start, "+")
         x0 = self.state(motion, start)
         speed = base.gate @ velocity_at(base.system, mode, start, x0, self.p, base.jacobian)
@@ -394,37 +478,3 @@ class _Search:
         first = int(np.flatnonzero(gaps <= max(3.0 * float(np.min(gaps)), 1e-6))[0])
         period = float(times[first] - start) * base.turns
         return self.motion(x0, 0.0, period / base.turns * 1.02), period
-
-
-def _extent(motions: Sequence[Solution]) -> float:
-    """The largest distance between the values of a state."""
-    return max(float(np.max(np.ptp(motion.y, axis=1))) for motion in motions)
-
-
-def _anchor(motion: Solution, length: float, begin: float = 0.0) -> float:
-    """The middle of the longest stretch with fewest sliding surfaces, within `length` after `begin` and
-    among the first ones."""
-    first = motion.problem.t_span[0] + begin
-    last = first + length
-    best: tuple[int, float, float] | None = None
-    seen = 0
-    for segment in motion.segments:
-        low, high = max(segment.t0, first), min(segment.t1, last)
-        if high - low <= 1e-6 * length:
-            continue
-        seen += 1
-        if seen > _FIRST:
-            break
-        key = (sum(sign == 0 for sign in segment.mode), -(high - low), 0.5 * (low + high))
-        best = key if best is None or key < best else best
-    return best[2] if best is not None else first
-
-
-def _rests(motion: Solution) -> bool:
-    """Whether the motion ends in a long stretch without any change."""
-    sol, last = motion.sol, motion.segments[-1]
-    if sol is None or last.dwell < 0.05 * (motion.t_end - motion.problem.t_span[0]):
-        return False
-    t = np.linspace(last.t0 + 0.5 * last.dwell, last.t1, 9)
-    x = sol(t)
-    return bool(np.max(np.ptp(x, axis=1)) <= 1e-12 * (1.0 + np.max(np.abs(x))))

@@ -114,8 +114,10 @@ def flow_factors(
     def stretch(end: int, t: float, x: Array) -> None:
         if end > begin:
             field = mode_field(system, mode, names, jacobian)
-            steps = (sol.start[begin:end], sol.step[begin:end])
-            matrix = transition(field, *steps, _states(solution), p)
+            # A step's polynomial may reach beyond the event that ended the step.
+            starts = sol.start[begin:end]
+            steps = np.diff(np.append(starts, t))
+            matrix = transition(field, starts, steps, _states(solution), p)
             if leaving is not None:
                 matrix = _along(field, matrix, *leaving, t, x, p)
             out.append(Factor(t, mode, matrix))
@@ -221,7 +223,7 @@ class Together:
     def saltation(self) -> Array:
         """(N, N). Raises NotDifferentiableError."""
         identity = np.eye(self.system.dimension + len(self.names) + 1)
-        events = [e for e in self.events if not _passive(e)]
+        events = [e for e in self.events if not passive(e)]
         if any(e.x_after is not None for e in events):
             return self._reset(events)
         for event in events:
@@ -236,7 +238,7 @@ class Together:
         for event in switching:
             if event.kind is EventKind.GRAZING:
                 raise self.refused(f"the motion grazes surface {event.surface!r}")
-        reached = [e for e in switching if self._leads(e)]
+        reached = [e for e in switching if self.leads(e)]
         if not reached:
             if self.before == self.after or not switching:
                 return identity
@@ -266,7 +268,7 @@ class Together:
             slope, rate = self.rate(self.before, event.index, 1)
         return np.asarray(by + np.outer(after - by @ before, slope) / rate)
 
-    def _leads(self, event: Event) -> bool:
+    def leads(self, event: Event) -> bool:
         """Whether the event is met by itself, and does not follow from another one of the instant."""
         i = event.index
         if self.before[i] != 0 or len(self.events) == 1:
@@ -314,7 +316,7 @@ class Together:
         )
 
 
-def _passive(event: Event) -> bool:
+def passive(event: Event) -> bool:
     """Whether an event leaves the flow as it is: a user's, a time event alone, a surface jumped over."""
     still = event.kind is EventKind.TIME and event.x_after is None
     return event.kind is EventKind.USER or still or event.note == JUMPED_OVER

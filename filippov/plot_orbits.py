@@ -27,7 +27,7 @@ def plot_orbit(
 ) -> Figure:
     """One period: the phase portrait on the left, the states over time on the right; sliding is orange.
 
-    orbit   has system, solution(), period, multipliers, word, stable
+    orbit   has system, pieces, period, multipliers, word, stable
     axes    the two states of the phase portrait; default the first two (one state: over time only)
     states  those drawn over time; default all, at most four
     labels  axis labels by state
@@ -42,7 +42,6 @@ def plot_orbit(
     if axes is not None and len(pair) != 2:
         raise UsageError(f"axes names {len(pair)} states, expected two.")
     text = {name: name for name in names} | dict(labels or {})
-    motion = orbit.solution()
     with style():
         drawn = figure if figure is not None else new_figure(8.2, 0.9 + 1.25 * max(2, len(shown)))
         grid = drawn.add_gridspec(len(shown), 2 if len(pair) == 2 else 1, wspace=0.08)
@@ -52,10 +51,11 @@ def plot_orbit(
             below = drawn.add_subplot(grid[row, -1], sharex=below)
             panels.append(below)
         left = drawn.add_subplot(grid[:, 0]) if len(pair) == 2 else None
-        for segment in motion.segments:
-            _stretch(motion, segment, names, pair, shown, left, panels)
-        for event in motion.events:
-            mark, colour = MARKS[event.kind]
+        for piece in orbit.pieces:
+            for segment in piece.segments:
+                _stretch(piece, segment, names, pair, shown, left, panels)
+        for event in (event for piece in orbit.pieces for event in piece.events):
+            mark, colour = MARKS.get(event.kind, ("|", GREY))
             at = dict(zip(names, event.x, strict=True))
             if left is not None:
                 left.plot(at[pair[0]], at[pair[1]], mark, color=colour, markersize=4, zorder=4)

@@ -233,8 +233,23 @@ _ALL = (
          Option("nodes", "points of multiple shooting", whole, metavar="N"),
          Option("transient", "time to run before the search", number, metavar="T"),
          Option("t_max", "longest time of the search", number, metavar="T"), *TOLERANCES[:1],
-         Option("atol", "absolute tolerance", number, metavar="A"), TOLERANCES[2]),
+         Option("atol", "absolute tolerance", number, metavar="A"),
+         _choice("method", "integration method (order 8 is the default), or collocation on an adapted mesh "
+                 "for orbits that repel strongly", *METHODS, "collocation")),
         "filippov orbit belt -o results/orbit", needs="filippov.analysis.orbit_search",
+    ),
+    Command(
+        "homoclinic", "the homoclinic orbit of a saddle, and the parameter value at which there is one: "
+        "homoclinic.json, .csv, .png", "homoclinic",
+        (MODEL, PARAMETERS, START[0],
+         Option("free", "the parameter that is solved for, from its value in -p", text, metavar="NAME"),
+         Option("mode", "mode of the saddle, such as +0 (0: it slides); default: that of --x0", text,
+                metavar="MODE"),
+         Option("side", "1 or -1: the way along the unstable direction; 0: the one that comes back nearer",
+                whole, metavar="S"),
+         Option("t_max", "longest time until the motion is back", number, metavar="T"), *TOLERANCES[:1],
+         Option("atol", "absolute tolerance", number, metavar="A")),
+        "filippov homoclinic model.py:system --x0 0.01,0 --free mu", needs="filippov.analysis.homoclinic",
     ),
     Command(
         "continue", "follow a cycle or an equilibrium over a parameter: branch.json, .csv, .png",

@@ -29,13 +29,20 @@ def run(settings: dict[str, Any], console: Console) -> int:
     data = {"model": loaded.name} | orbit.to_dict()
     console.result(data)
     tell(orbit, console)
-    motion = orbit.solution()
-    t = np.linspace(motion.problem.t_span[0], motion.t_end, 401)
-    folder.csv("orbit.csv", ("t", *problem.system.states), np.vstack([t, motion.sol(t)]).T.tolist())
+    rows = [row for piece in orbit.pieces for row in _rows(piece, orbit.period)]
+    folder.csv("orbit.csv", ("t", *problem.system.states), rows)
     folder.file("orbit.json", orbit.save)
     folder.picture("orbit.png", lambda: orbit.plot(title=""))
     folder.report()
     return 0
+
+
+def _rows(piece: Any, period: float) -> list[list[float]]:
+    """Time and states along one of the motions of the orbit, 401 over a period."""
+    begin, end = piece.problem.t_span[0], piece.t_end
+    t = np.linspace(begin, end, max(2, round(401 * (end - begin) / period)))
+    rows: list[list[float]] = np.vstack([t, piece.sol(t)]).T.tolist()
+    return rows
 
 
 def tell(orbit: Any, console: Console) -> None:
