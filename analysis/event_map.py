@@ -6,7 +6,7 @@ Source: Hensen & van de Molengraft 2002 (event map of the hunting loop); Galvane
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -54,7 +54,7 @@ class EventMap:
         """Machine code stays in its process."""
         return {**vars(self), "_prepared": None}
 
-    def remake(self, **changes: Any) -> EventMap:
+    def remake(self, **changes: Any) -> Self:
         """The same map with other parameters (updated by name), order or tolerances."""
         keep: dict[str, Any] = {
             "order": self.order,
@@ -63,7 +63,7 @@ class EventMap:
             "method": self.method,
         }
         parameters = {**self.parameters, **changes.pop("parameters", {})}
-        made = EventMap.__new__(EventMap)
+        made = type(self).__new__(type(self))
         made._set(self.system, self.section, self.bound, parameters, **{**keep, **changes})
         return made
 

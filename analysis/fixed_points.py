@@ -21,7 +21,7 @@ from filippov.analysis.set_slope import equilibrium_slope, near_set
 from filippov.errors import UsageError
 
 if TYPE_CHECKING:
-    from filippov.analysis.event_map import EventMap
+    from filippov.analysis.scalar_map import ReturnMap
 
 Array = npt.NDArray[np.float64]
 TIGHT = 1e-12
@@ -95,7 +95,7 @@ def grid(lo: float, hi: float, points: int) -> Array:
     return np.asarray(merged[merged != 0.0])
 
 
-def fixed_points(event_map: EventMap, lo: float, hi: float, points: int = 400) -> tuple[FixedPoint, ...]:
+def fixed_points(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tuple[FixedPoint, ...]:
     """All fixed points of the map in [lo, hi], in order, the equilibrium set at 0 among them."""
     d = grid(lo, hi, points)
     fine = event_map.remake(rtol=min(event_map.rtol, TIGHT), atol=min(event_map.atol, TIGHT * 1e-2))
@@ -120,7 +120,7 @@ def fixed_points(event_map: EventMap, lo: float, hi: float, points: int = 400) -
     return tuple(sorted(found, key=lambda point: point.d))
 
 
-def _beside_set(event_map: EventMap, first: float) -> tuple[EventMap, Array, Array]:
+def _beside_set(event_map: ReturnMap, first: float) -> tuple[ReturnMap, Array, Array]:
     """From the grid's coordinate next to the set down to what rounding leaves, evenly in log d."""
     near, least = near_set(event_map, first)
     count = max(2, 1 + int(PER_DECADE * np.log10(max(abs(first) / least, 1.0))))
@@ -148,7 +148,7 @@ def _told(at_set: FixedPoint, d: Array, gap: Array) -> FixedPoint:
     return replace(at_set, note="; ".join(filter(None, (at_set.note, note))), hidden=hidden)
 
 
-def _brackets(event_map: EventMap, d: Array, gap: Array) -> list[tuple[float, float]]:
+def _brackets(event_map: ReturnMap, d: Array, gap: Array) -> list[tuple[float, float]]:
     """Neighbours between which P(d) - d changes sign, with the pairs found at its extrema."""
     out: list[tuple[float, float]] = []
     out += [
@@ -166,7 +166,7 @@ def _brackets(event_map: EventMap, d: Array, gap: Array) -> list[tuple[float, fl
     return out
 
 
-def extremum(event_map: EventMap, a: float, b: float) -> float | None:
+def extremum(event_map: ReturnMap, a: float, b: float) -> float | None:
     """Where the slope of the map is 1 between a and b, None if it is not."""
     try:
         left, right = event_map.derivative(a) - 1.0, event_map.derivative(b) - 1.0
@@ -177,7 +177,7 @@ def extremum(event_map: EventMap, a: float, b: float) -> float | None:
         return None
 
 
-def _polish(event_map: EventMap, a: float, b: float, noise: float) -> FixedPoint | None:
+def _polish(event_map: ReturnMap, a: float, b: float, noise: float) -> FixedPoint | None:
     def gap(d: float) -> float:
         return float(event_map(d)) - d
 
@@ -202,13 +202,13 @@ def _polish(event_map: EventMap, a: float, b: float, noise: float) -> FixedPoint
     return FixedPoint(d, "limit cycle", slope, bool(abs(slope) < 1.0), left, period, note)
 
 
-def equilibrium_set(event_map: EventMap, reach: float) -> FixedPoint:
+def equilibrium_set(event_map: ReturnMap, reach: float) -> FixedPoint:
     """The fixed point at 0, where the motion rests."""
     slope, note = equilibrium_slope(event_map, reach)
     return FixedPoint(0.0, "equilibrium set", slope, bool(abs(slope) < 1.0), 0.0, 0.0, note)
 
 
-def jumps(event_map: EventMap, lo: float, hi: float, points: int = 400) -> tuple[Jump, ...]:
+def jumps(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tuple[Jump, ...]:
     """Places where the map jumps: intervals where it changes more than its slopes explain, halved down."""
     d = grid(lo, hi, points)
     value = event_map(d)
@@ -236,7 +236,7 @@ def jumps(event_map: EventMap, lo: float, hi: float, points: int = 400) -> tuple
     return tuple(out)
 
 
-def basins(event_map: EventMap, lo: float, hi: float, points: int = 400) -> tuple[Basin, ...]:
+def basins(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tuple[Basin, ...]:
     """Intervals of [lo, hi] between repelling points, each with the attractor its middle goes to."""
     known = fixed_points(event_map, lo, hi, points)
     attractors = [point.d for point in known if point.stable]

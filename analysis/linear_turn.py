@@ -29,7 +29,7 @@ from filippov.status import mode_text
 from filippov.system import System
 
 if TYPE_CHECKING:
-    from filippov.analysis.event_map import EventMap
+    from filippov.analysis.scalar_map import ReturnMap
 
 Array = npt.NDArray[np.float64]
 # A constant part below this part of the field's terms is rounding.
@@ -38,7 +38,7 @@ ROUNDING = 1e-11
 NEAR = 1e-3
 
 
-def linear_slope(turn: EventMap, reach: float) -> float | None:
+def linear_slope(turn: ReturnMap, reach: float) -> float | None:
     """Limit of P(d)/d for d -> 0 on the side of `reach`, for a map of one turn.
 
     inf or -inf where the map jumps at 0 or slip grows without end; None where no formula gives it: a system
@@ -51,7 +51,7 @@ def linear_slope(turn: EventMap, reach: float) -> float | None:
     if section.kind != "sliding entry" or any(s.kind != "switching" for s in system.surfaces):
         return None
     i, side = turn.bound.surfaces[0], math.copysign(1.0, reach)
-    motion = turn._solve(NEAR * reach)
+    motion = turn.orbit(NEAR * reach)[0]
     mode = motion.start_mode
     if mode[i] == 0 or 0 in mode:
         return None
@@ -86,7 +86,7 @@ def linear_slope(turn: EventMap, reach: float) -> float | None:
     return float(side * turn.bound.slope(x0) @ expm(matrix * time) @ y)
 
 
-def _normal(turn: EventMap, mode: tuple[int, ...], x0: Array) -> Array:
+def _normal(turn: ReturnMap, mode: tuple[int, ...], x0: Array) -> Array:
     """Gradients of the surfaces' h: (m, n)."""
     rows = mode_field(turn.system, mode).part("hy", np.zeros(1), x0[None], np.array([mode], float), turn.p)
     return np.asarray(rows[0, :, : turn.system.dimension])
@@ -130,7 +130,7 @@ def _cases(system: System, mode: tuple[int, ...], i: int) -> tuple[_Case, ...]:
     )
 
 
-def _jumping(turn: EventMap, reach: float) -> float | None:
+def _jumping(turn: ReturnMap, reach: float) -> float | None:
     """Infinite, with the sign of the map next to 0."""
     value = float(turn(NEAR * reach))
     return math.copysign(math.inf, value * reach) if math.isfinite(value) and value else None

@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 from filippov.analysis.linear_turn import linear_slope
 
 if TYPE_CHECKING:
-    from filippov.analysis.event_map import EventMap
+    from filippov.analysis.scalar_map import ReturnMap
 
 Array = npt.NDArray[np.float64]
 TIGHT = 1e-12
@@ -29,7 +29,7 @@ EXPONENTS = np.linspace(0.04, 2.2, 55)
 DEGREES = (2, 3, 4, 5)
 
 
-def near_set(event_map: EventMap, reach: float) -> tuple[EventMap, float]:
+def near_set(event_map: ReturnMap, reach: float) -> tuple[ReturnMap, float]:
     """The map at tolerances for small coordinates, and the smallest coordinate that rounding leaves.
 
     The absolute tolerance is what rounding leaves of the starting states.
@@ -38,7 +38,7 @@ def near_set(event_map: EventMap, reach: float) -> tuple[EventMap, float]:
     return event_map.remake(rtol=TIGHT * 0.1, atol=2.0 * EPS * size), ROUNDINGS * EPS * size
 
 
-def equilibrium_slope(event_map: EventMap, reach: float, side: float = 1.0) -> tuple[float, str]:
+def equilibrium_slope(event_map: ReturnMap, reach: float, side: float = 1.0) -> tuple[float, str]:
     """Limit of P(d)/d for d -> 0 on one side, and a note: infinite where the map jumps at 0.
 
     It is the product of the limits over the turns of the map, each on the side to which the turn before it
@@ -55,7 +55,7 @@ def equilibrium_slope(event_map: EventMap, reach: float, side: float = 1.0) -> t
     return slope, next((note for note in notes if note), "")
 
 
-def _one_turn_slope(event_map: EventMap, reach: float) -> tuple[float, str]:
+def _one_turn_slope(event_map: ReturnMap, reach: float) -> tuple[float, str]:
     """Limit of P(d)/d in closed form; else from ratios at reach, reach/2, ..., extrapolated until rounding
     takes over."""
     fine, least = near_set(event_map, reach)
@@ -93,7 +93,7 @@ def _one_turn_slope(event_map: EventMap, reach: float) -> tuple[float, str]:
     return best, "" if told else f"slope at the equilibrium set known to {error:.1g} only"
 
 
-def _leaving(fine: EventMap, least: float) -> str:
+def _leaving(fine: ReturnMap, least: float) -> str:
     """What is seen of a jump of the map at the set, from the smallest coordinates."""
     near, far = fine(np.array([30.0 * least, 60.0 * least]))
     if abs(far / near - 1.0) < 0.01:
@@ -101,7 +101,7 @@ def _leaving(fine: EventMap, least: float) -> str:
     return "the slope of the map grows without bound at the equilibrium set"
 
 
-def _fitted(fine: EventMap, reach: float, least: float) -> tuple[float, float]:
+def _fitted(fine: ReturnMap, reach: float, least: float) -> tuple[float, float]:
     """Limit of P(d)/d for d -> 0 and its error, from fits in d**gamma over windows above `least`."""
     d = reach * np.geomspace(1.0, min(least / abs(reach), 0.5), 56)
     ratios = fine(d) / d

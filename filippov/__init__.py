@@ -6,6 +6,8 @@ import importlib
 from pathlib import Path
 from typing import Any
 
+from filippov.delegates import register
+
 # In a checkout the packages filippov.models and filippov.analysis lie beside this folder, not in it.
 _above = Path(__file__).resolve().parent.parent
 _beside = all((_above / name / "__init__.py").is_file() for name in ("models", "analysis"))
@@ -52,6 +54,20 @@ _EXPORTS: dict[str, str] = {
     "UserEvent": "filippov.user_event",
     "solve": "filippov.solver",
 }
+
+# Methods that modules of floors above their class carry out (see `filippov.delegates`).
+METHODS: dict[str, str] = {
+    "Solution.mode_graph": "filippov.graph:observed_graph",
+    "Solution.plot": "filippov.plotting:plot_solution",
+    "Solution.save": "filippov.storage:save",
+    "Solution.load": "filippov.storage:load",
+    "Solution.to_xarray": "filippov.export:dataset",
+    "SolutionTree.plot": "filippov.plot_tree:plot_branches",
+    "SolutionTree.plot_tree": "filippov.plot_tree:plot_tree",
+    "SolutionTree.save": "filippov.tree_storage:save_tree",
+    "SolutionTree.load": "filippov.tree_storage:load_tree",
+}
+register(METHODS)
 
 __all__ = sorted(_EXPORTS)  # noqa: PLE0605
 

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from filippov._kernels import codes
 from filippov.ambiguity import Ambiguity
 from filippov.candidate import sliding_solutions
+from filippov.delegates import delegate
 from filippov.errors import ModelError, UsageError
 from filippov.event_log import EventLog
 from filippov.events import Event, Events, Mode
@@ -325,34 +326,27 @@ class Solution:
 
     def mode_graph(self) -> nx.MultiDiGraph:
         """The transitions that were observed, with counts and dwell times (see `filippov.graph`)."""
-        from filippov.graph import observed_graph
-
-        return observed_graph(self)
+        graph: nx.MultiDiGraph = delegate("Solution.mode_graph")(self)
+        return graph
 
     def plot(self, **options: Any) -> Any:
         """Time response with sliding phases marked (see `filippov.plotting`)."""
-        from filippov.plotting import plot_solution
-
-        return plot_solution(self, **options)
+        return delegate("Solution.plot")(self, **options)
 
     def save(self, path: str | Path) -> Path:
         """Write the solution to a file; it appears complete or not at all (see `filippov.storage`)."""
-        from filippov.storage import save
-
-        return save(self, path)
+        written: Path = delegate("Solution.save")(self, path)
+        return written
 
     @classmethod
     def load(cls, path: str | Path, system: System | None = None) -> Solution:
         """Read what `save` wrote; a system of plain functions has to be given again."""
-        from filippov.storage import load
-
-        return load(path, system)
+        loaded: Solution = delegate("Solution.load")(path, system)
+        return loaded
 
     def to_xarray(self) -> Any:
         """An xarray.Dataset: every state over t, every event over `event` (see `filippov.export`)."""
-        from filippov.export import dataset
-
-        return dataset(self)
+        return delegate("Solution.to_xarray")(self)
 
     def __repr__(self) -> str:
         counted = self.options.save_events == "count"

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.ambiguity import Ambiguity
+from filippov.delegates import delegate
 from filippov.errors import UsageError
 from filippov.events import Event, Events
 from filippov.modes import Successor
@@ -265,28 +266,22 @@ class SolutionTree:
 
     def plot(self, **options: Any) -> Any:
         """All solutions over time, branching points marked (see `filippov.plot_tree`)."""
-        from filippov.plot_tree import plot_branches
-
-        return plot_branches(self, **options)
+        return delegate("SolutionTree.plot")(self, **options)
 
     def plot_tree(self, **options: Any) -> Any:
         """The tree itself: branches by time, with their modes (see `filippov.plot_tree`)."""
-        from filippov.plot_tree import plot_tree
-
-        return plot_tree(self, **options)
+        return delegate("SolutionTree.plot_tree")(self, **options)
 
     def save(self, path: str | FilePath) -> FilePath:
         """Write the tree to one file; it appears complete or not at all (see `filippov.tree_storage`)."""
-        from filippov.tree_storage import save_tree
-
-        return save_tree(self, path)
+        written: FilePath = delegate("SolutionTree.save")(self, path)
+        return written
 
     @classmethod
     def load(cls, path: str | FilePath, system: System | None = None) -> SolutionTree:
         """Read what `save` wrote; a system of plain functions has to be given again."""
-        from filippov.tree_storage import load_tree
-
-        return load_tree(path, system)
+        loaded: SolutionTree = delegate("SolutionTree.load")(path, system)
+        return loaded
 
     def __repr__(self) -> str:
         counts = f"{len(self.leaves())} solutions, {len(self.branches)} branches"

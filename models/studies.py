@@ -1,4 +1,4 @@
-"""Studies by name: what is computed for a model and shown, as plain data; filippov.report does the work."""
+"""Studies by name: what is computed for a model and shown, as plain data (see `filippov.report`)."""
 
 from __future__ import annotations
 

@@ -27,11 +27,13 @@ class Operands:
         self.b = ir.IRBuilder(kernel.function.append_basic_block("body"))
 
     def fail(self, node: ast.AST, why: str) -> KernelError:
+        """The error to raise for what stands at a node."""
         name = self.kernel.node.name
         file = self.unit.files.get(name, "kernels")
         return KernelError(f"{file}:{getattr(node, 'lineno', '?')}: kernel {name}: {why}")
 
     def double(self, value: ir.Value) -> ir.Value:
+        """A value as a double."""
         if value.type == LONG:
             return self.b.sitofp(value, DOUBLE)
         if value.type == BIT:
@@ -64,6 +66,7 @@ class Operands:
         return left, right
 
     def bit(self, value: ir.Value) -> ir.Value:
+        """A value as a condition: whether it differs from 0."""
         if value.type in (BIT, self.wide_bit):
             return value
         if value.type == LONG:
@@ -71,6 +74,7 @@ class Operands:
         return self.b.fcmp_unordered("!=", value, ir.Constant(DOUBLE, 0.0))
 
     def cast(self, value: ir.Value, kind: ir.Type, node: ast.AST) -> ir.Value:
+        """A value as one of another type. Raises KernelError where there is no way."""
         if value.type == kind:
             return value
         if kind == DOUBLE:
@@ -86,6 +90,7 @@ class Operands:
         raise self.fail(node, f"a {value.type} where a {kind} is needed")
 
     def constant(self, value: Constant, name: str) -> ir.Value:
+        """A constant of the unit as a value; a list as the address of its numbers."""
         if isinstance(value, bool):
             return ir.Constant(BIT, int(value))
         if isinstance(value, int):
@@ -102,6 +107,7 @@ class Operands:
         return self.b.gep(self.unit.tables[name], [zero, zero], inbounds=True)
 
     def intrinsic(self, name: str, values: Sequence[ir.Value]) -> ir.Value:
+        """A function of LLVM's own, such as llvm.sqrt, on doubles."""
         if any(value.type == self.wide for value in values):
             values = [value if value.type == self.wide else self.splat(value) for value in values]
         of = values[0].type
@@ -110,6 +116,7 @@ class Operands:
         return self.b.call(self.unit.intrinsic(name, kind, suffix), values)
 
     def choose(self, values: Sequence[ir.Value], sign: str) -> ir.Value:
+        """The least (sign "<") or greatest (">") of values."""
         whole = all(value.type in (LONG, self.wide_long) for value in values)
         best = values[0] if whole else self.double(values[0])
         for given in values[1:]:

@@ -19,6 +19,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import filippov
 from filippov.bank.case import Case, read_bank
 from filippov.bank.peer import Limits
 from filippov.bank.peer_row import SOLVERS, PeerRow, peer_row
@@ -94,7 +95,7 @@ def _environment() -> dict[str, str]:
     A file scipy.py there is not the solver; where the process is started by `-m`, Python would run it.
     """
     given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
-    paths = [str(Path(__file__).resolve().parents[2]), *(p for p in given if Path(p).is_absolute())]
+    paths = [str(Path(filippov.__file__).resolve().parents[1]), *(p for p in given if Path(p).is_absolute())]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONSAFEPATH": "1"}
 
 

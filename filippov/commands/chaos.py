@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,8 @@ def run_lyapunov(settings: dict[str, Any], console: Console) -> int:
         if settings[name] is None:
             raise UsageError(f"how long? give --{name} TIME.")
     folder = Folder(settings["output"], console)
-    module = importlib.import_module("filippov.analysis.lyapunov")
+    from filippov.analysis import lyapunov as module
+
     options = {name: settings[name] for name in ("number", "rtol", "atol") if settings[name] is not None}
     with console.progress("exponents") as progress:
         found = module.lyapunov(
@@ -63,10 +63,12 @@ def run_diagram(settings: dict[str, Any], console: Console) -> int:
     if start is None:
         start = 0.5 * sum(interval_of(loaded, settings))
     folder = Folder(settings["output"], console)
-    module = importlib.import_module("filippov.analysis.brute_force")
+    from filippov.analysis import brute_force as module
+
     with console.progress("diagram") as progress:
         found = module.brute_force(
-            loaded.system, section, parameter, np.linspace(low, high, settings["count"]), start,
+            loaded.system, section, parameter, np.linspace(low, high, settings["count"]).tolist(),
+            start,
             transient=settings["transient"], keep=settings["keep"], follow=settings["follow"],
             rtol=settings["rtol"], progress=progress,
             parameters={name: value for name, value in values.items() if name != parameter},

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
 from filippov.commands.console import Console
@@ -13,8 +12,9 @@ from filippov.commands.model import load_model
 
 def band_models(name: str, alphas: Any) -> list[Any]:
     """The band models that a study of this model names, with other values of alpha where asked for."""
-    band_model = importlib.import_module("filippov.analysis.band_model").BandModel
-    studies = importlib.import_module("filippov.models.studies")
+    from filippov.analysis.band_model import BandModel
+    from filippov.models import studies
+
     out = []
     for study in map(studies.get_study, studies.study_names()):
         if study.model == name:
@@ -22,7 +22,7 @@ def band_models(name: str, alphas: Any) -> list[Any]:
                 options = dict(variant.options)
                 if alphas is not None and "alpha" in options:
                     options["alpha"] = tuple(alphas)
-                out.append(band_model(variant.name, variant.build, variant.stick, options))
+                out.append(BandModel(variant.name, variant.build, variant.stick, options))
     return out
 
 
@@ -37,11 +37,12 @@ def run(settings: dict[str, Any], console: Console) -> int:
     values = loaded.values(settings["parameters"])
     section = section_of(loaded, settings)
     folder = Folder(settings["output"], console)
-    module = importlib.import_module("filippov.analysis.comparison")
+    from filippov.analysis.comparison import compare
+
     given: dict[str, Any] = {} if settings["widths"] is None else {"widths": settings["widths"]}
     bands = band_models(loaded.name, settings["alphas"])
     with console.progress("compare") as progress:
-        result = module.compare(
+        result = compare(
             loaded.system, section, bands, parameters=values, interval=own_interval(loaded),
             progress=progress, **given,
         )  # fmt: skip

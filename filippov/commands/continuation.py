@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -31,8 +30,9 @@ def run(settings: dict[str, Any], console: Console) -> int:
     first, last = settings["from"], settings["to"]
     bounds = (min(first, last), max(first, last))
     folder = Folder(settings["output"], console)
-    module = importlib.import_module("filippov.analysis.continuation")
-    branches = importlib.import_module("filippov.analysis.branch")
+    from filippov.analysis import branch as branches
+    from filippov.analysis import continuation as module
+
     resume = branches.Branch.load(settings["resume"]) if settings["resume"] else None
     values = loaded.values(settings["parameters"]) | {parameter: first}
     names = ("step", "max_step", "max_points", "max_time")
@@ -56,7 +56,8 @@ def run(settings: dict[str, Any], console: Console) -> int:
     for name, found in (("branch", others), ("curve", curves)):
         for number, item in enumerate(found, 1):
             _write(folder, f"{name}-{number}", item)
-    plots = importlib.import_module("filippov.plot_branch")
+    from filippov import plot_branch as plots
+
     folder.picture("branch.png", lambda: plots.plot_branches([branch, *others], title=loaded.title))
     if curves:
         labels = {"coordinate": parameter}
@@ -82,10 +83,12 @@ def _start(
         state = loaded.problem({"x0": settings["x0"], "t_span": (0.0, 1.0)}).x0
         return state, {"mode": settings["mode"], "parameters": values}
     if settings["start"] is not None:
-        maps = importlib.import_module("filippov.analysis.event_map")
+        from filippov.analysis import event_map as maps
+
         section = section_of(loaded, settings)
         return (maps.EventMap(loaded.system, section, parameters=values, order=2), settings["start"]), {}
-    find = importlib.import_module("filippov.analysis.orbit_search").find_orbit
+    from filippov.analysis.orbit_search import find_orbit as find
+
     problem = loaded.problem({"x0": settings["x0"], "t_span": (0.0, 1.0), "parameters": values})
     with console.progress("orbit") as progress:
         orbit = find(problem.system, problem.x0, parameters=values, progress=progress)
@@ -98,7 +101,8 @@ def _switched(
     """The branches that leave at special points, with --switch."""
     if not settings["switch"]:
         return []
-    module = importlib.import_module("filippov.analysis.switch")
+    from filippov.analysis import switch as module
+
     at = [point for point in follow.branch.special if point.special in module.SWITCHES]
     if not at:
         console.say(f"no other branch leaves: there is none of {', '.join(module.SWITCHES)}")
@@ -113,7 +117,8 @@ def _curves(follow: Any, settings: dict[str, Any], console: Console) -> list[Any
     if len(settings["curve"]) != 1:
         raise UsageError(f"--curve takes one parameter, given {', '.join(settings['curve'])}.")
     ((name, bounds),) = settings["curve"].items()
-    curve = importlib.import_module("filippov.analysis.curve").curve
+    from filippov.analysis.curve import curve
+
     at = follow.branch.special
     made = [(p, partial(curve, follow, p, parameter=name, bounds=bounds)) for p in at]
     runs: list[Any] = []

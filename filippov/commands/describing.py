@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
 from filippov.commands.console import Console
@@ -16,7 +15,8 @@ def run(settings: dict[str, Any], console: Console) -> int:
     loaded = load_model(settings["model"])
     values = loaded.values(settings["parameters"])
     folder = Folder(settings["output"], console)
-    module = importlib.import_module("filippov.analysis.describing_function")
+    from filippov.analysis import describing_function as module
+
     options = {} if settings["amplitudes"] is None else {"amplitudes": tuple(settings["amplitudes"])}
     with console.progress("describing function"):
         prediction = module.describing_function(loaded.system, settings["surface"], values, **options)

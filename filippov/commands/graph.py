@@ -8,7 +8,7 @@ from typing import Any
 from filippov.commands.console import Console
 from filippov.commands.folder import Folder
 from filippov.commands.model import load_model
-from filippov.commands.simulate import exit_code, solved
+from filippov.commands.solved import exit_code, solved
 from filippov.errors import ModelError
 from filippov.graph import observed_graph, possible_graph, recurrent_part
 from filippov.graph_io import json_text, save_graph

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 from typing import Any
 
 from filippov.commands.console import Console
@@ -20,14 +19,15 @@ def run(settings: dict[str, Any], console: Console) -> int:
     """Write the estimates with their intervals, the fit as rows, and its picture."""
     if settings["data"] is None:
         raise UsageError("which file? give DATA.csv with t, x and u (or force), or v and friction.")
-    record_module = importlib.import_module("filippov.analysis.record")
-    module = importlib.import_module("filippov.analysis.identification")
-    curves = importlib.import_module("filippov.analysis.friction_curve")
-    laws = importlib.import_module("filippov.models.laws")
+    from filippov.analysis import friction_curve as curves
+    from filippov.analysis import identification as module
+    from filippov.analysis import record as record_module
+    from filippov.models import laws
+    from filippov.models.driven import driven_mass
+
     record = record_module.read_record(settings["data"])
     law = getattr(laws, LAWS[settings["law"]])
-    system = importlib.import_module("filippov.models.driven").driven_mass(law())
-    curve = isinstance(record, record_module.Curve)
+    system = driven_mass(law())
     fixed = {} if settings["fixed"] is None else settings["fixed"]
     own = [item.name for item in dataclasses.fields(law)]
     free = settings["free"] or [name for name in own if name not in fixed]
@@ -37,7 +37,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
     folder = Folder(settings["output"], console)
     options: dict[str, Any] = {"start": settings["start"], "fixed": fixed, "level": settings["level"]}
     with console.progress("identify") as progress:
-        if curve:
+        if isinstance(record, record_module.Curve):
             result = curves.identify_curve(record, system, free, **options)
         else:
             result = module.identify(
@@ -48,14 +48,16 @@ def run(settings: dict[str, Any], console: Console) -> int:
     data = {"data": settings["data"], "law": settings["law"], "fixed": fixed} | result.to_dict()
     console.result(data)
     folder.json("identified.json", data)
-    names = ("v", "friction", "fitted", "residual") if curve else ("t", "x", "fitted", "residual")
+    points = (record.v, record.friction) if isinstance(record, record_module.Curve) else None
+    first = ("t", "x") if points is None else ("v", "friction")
     columns = (result.t, result.measured, result.fitted, result.residual)
-    folder.csv("fit.csv", names, zip(*(column.tolist() for column in columns), strict=True))
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    folder.csv("fit.csv", (*first, "fitted", "residual"), rows)
 
     def force(v: Any, values: dict[str, float]) -> Any:
         return curves.friction_force(system, v, {**fixed, **values})
 
-    points, title = (record.v, record.friction) if curve else None, figure_text(settings["data"])
+    title = figure_text(settings["data"])
     folder.picture("fit.png", lambda: plot_identification(result, force, points=points, title=title))
     folder.report()
     return 0 if result.success else 3

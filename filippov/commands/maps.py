@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -25,7 +24,8 @@ CHUNK = 64
 
 def section_of(loaded: Loaded, settings: dict[str, Any]) -> Any:
     """The section the flags describe, else the model's own. Raises UsageError."""
-    section = importlib.import_module("filippov.analysis.section").Section
+    from filippov.analysis.section import Section
+
     given = {name: settings[name] for name in PARTS if settings.get(name) is not None}
     own = getattr(loaded.model, "section", None)
     if own is None and len(given) < len(PARTS):
@@ -40,7 +40,7 @@ def section_of(loaded: Loaded, settings: dict[str, Any]) -> Any:
     chosen = base | given
     own_time = 100.0 if own is None else own.t_max
     t_max = own_time if settings.get("t_max") is None else settings["t_max"]
-    made = section(chosen["surface"], chosen["event"], chosen["coordinate"], chosen["lift"], t_max,
+    made = Section(chosen["surface"], chosen["event"], chosen["coordinate"], chosen["lift"], t_max,
                    chosen.get(CONDITION, ""))  # fmt: skip
     try:
         made.bind(loaded.system)
@@ -68,7 +68,8 @@ def run_event_map(settings: dict[str, Any], console: Console) -> int:
     section, (lo, hi) = section_of(loaded, settings), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)
     options = {name: settings[name] for name in ("rtol", "atol", "method") if settings[name] is not None}
-    maps = importlib.import_module("filippov.analysis.event_map")
+    from filippov.analysis import event_map as maps
+
     event_map = maps.EventMap(loaded.system, section, parameters=values, order=settings["order"], **options)
     d = np.linspace(lo, hi, settings["points"])
     image, status = np.full(d.size, np.nan), [""] * d.size
@@ -128,11 +129,13 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
         loaded.values({parameter: value})
     section, interval = section_of(loaded, settings), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)
-    module = importlib.import_module("filippov.analysis.bifurcation")
+    from filippov.analysis import bifurcation as module
+
     options = {k: settings[k] for k in ("order", "points", "rtol", "atol") if settings[k] is not None}
     with console.progress("bifurcation") as progress:
         diagram = module.bifurcation(
-            loaded.system, section, parameter=parameter, values=np.linspace(low, high, settings["count"]),
+            loaded.system, section, parameter=parameter,
+            values=np.linspace(low, high, settings["count"]).tolist(),
             interval=interval, parameters={k: v for k, v in values.items() if k != parameter},
             engine=engine(settings, folder), progress=progress, **options,
         )  # fmt: skip

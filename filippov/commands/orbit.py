@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,8 @@ def run(settings: dict[str, Any], console: Console) -> int:
     loaded = load_model(settings["model"])
     problem = loaded.problem({**settings, "t_span": (0.0, 1.0)})
     folder = Folder(settings["output"], console)
-    find = importlib.import_module("filippov.analysis.orbit_search").find_orbit
+    from filippov.analysis.orbit_search import find_orbit as find
+
     options = {name: settings[name] for name in KEEP if settings.get(name) is not None}
     with console.progress("orbit") as progress:
         orbit = find(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
 import numpy as np
@@ -35,7 +34,8 @@ def run_regions(settings: dict[str, Any], console: Console) -> int:
     x, y = _axes(settings, "parameters")
     section, interval = section_of(loaded, settings), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)
-    module = importlib.import_module("filippov.analysis.regions")
+    from filippov.analysis import regions as module
+
     with console.progress("regions") as progress:
         result = module.regions(
             loaded.system, section, x, y, interval, order=settings["order"], points=settings["points"],
@@ -67,7 +67,8 @@ def run_basin(settings: dict[str, Any], console: Console) -> int:
     x, y = _axes(settings, "states")
     section, (lo, hi) = section_of(loaded, settings), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)
-    module = importlib.import_module("filippov.analysis.basin")
+    from filippov.analysis import basin as module
+
     interval = (min(lo, -hi), hi)
     with console.progress("basin") as progress:
         result = module.basin(

@@ -6,7 +6,7 @@ from typing import Any
 
 from filippov.commands.console import Console
 from filippov.commands.folder import Folder
-from filippov.commands.simulate import event_data, solver_options
+from filippov.commands.solved import event_data, solver_options
 from filippov.escape import figure_text
 from filippov.problem import Problem
 from filippov.solution_tree import Path, SolutionTree

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import json
 from typing import Any
 
@@ -22,7 +21,8 @@ def run(settings: dict[str, Any], console: Console) -> int:
     if wanted is not None and wanted not in loaded.system.parameters:
         raise UsageError(unknown("parameter", wanted, loaded.system.parameters))
     folder = Folder(settings["output"], console)
-    module = importlib.import_module("filippov.analysis.stability")
+    from filippov.analysis import stability as module
+
     with console.progress("stability"):
         report = module.stability_report(loaded.system, values, solve_for=wanted, budget=settings["budget"])
     console.result(json.loads(report.to_json()))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +12,12 @@ from filippov.commands.folder import Folder
 def run(settings: dict[str, Any], console: Console) -> int:
     """Run the study and write its report."""
     name = settings["name"]
-    module = importlib.import_module("filippov.report.study")
+    from filippov.report.study import run_study
+
     folder = Folder(settings["output"] or f"results/{name}", console)
     with console.progress(f"study {name}") as progress:
         output = Path(folder.path or ".")
-        summary = module.run_study(
+        summary = run_study(
             name, output, progress=progress, quick=settings["quick"], resolution=settings["resolution"]
         )
     console.result(summary)

@@ -13,7 +13,7 @@ from filippov.commands.console import Console
 from filippov.commands.folder import Folder
 from filippov.commands.model import load_model
 from filippov.commands.outputs import Outputs
-from filippov.commands.simulate import SOLVER, parse_stop
+from filippov.commands.solved import SOLVER, parse_stop
 from filippov.ensemble import solve_many
 from filippov.errors import SolveError, UsageError
 from filippov.problem import Problem

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import itertools
 import json
 import math
@@ -74,10 +73,11 @@ def run(settings: dict[str, Any], console: Console) -> int:
     corners = [{**end, **corner} for corner in corners for end in [{}, *ends]]
     section, interval = section_of(loaded, settings), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)
-    module = importlib.import_module("filippov.analysis.tuning")
+    from filippov.analysis.tuning import tune
+
     fixed = {name: value for name, value in values.items() if name not in ranges}
     with console.progress("tune") as progress:
-        result = module.tune(
+        result = tune(
             loaded.system, section, ranges, interval, parameters=fixed, band=corners,
             samples=settings["samples"], seed=settings["seed"], progress=progress,
         )  # fmt: skip
@@ -90,14 +90,15 @@ def run(settings: dict[str, Any], console: Console) -> int:
     pairs = list(itertools.combinations(ranges, 2))
     if pairs and result.complete:
         center = result.best or {name: float(np.sqrt(a * b)) for name, (a, b) in ranges.items()}
-        module = importlib.import_module("filippov.analysis.gain_map")
+        from filippov.analysis.gain_map import gain_map
+
         maps, count = [], int(settings["grid"])
         values_of = {n: np.geomspace(low, high, count).tolist() for n, (low, high) in ranges.items()}
         with console.progress("gain maps") as progress:
             for k, pair in enumerate(pairs):
-                axes = [(name, values_of[name]) for name in pair]
-                maps.append(module.gain_map(
-                    loaded.system, section, *axes, interval, parameters=fixed | center, band=corners,
+                x, y = ((name, values_of[name]) for name in pair)
+                maps.append(gain_map(
+                    loaded.system, section, x, y, interval, parameters=fixed | center, band=corners,
                 ))  # fmt: skip
                 progress(k + 1, len(pairs))
         folder.picture("tuning.png", lambda: plot_gain_maps(maps, tuning=result, title=loaded.title))

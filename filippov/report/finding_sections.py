@@ -32,7 +32,10 @@ def cycle_sections(results: Results, drawn: Drawn) -> list[Section]:
         ),
         _section(
             results, "fold_curve", f"The fold over {second}", tables.fold_curve(results),
-            drawn("fold_curve", f"The fold in {parameter} and {second}", "filippov.analysis.curve", "", ""),
+            drawn(
+                "fold_curve", f"The fold in {parameter} and {second}", "filippov.analysis.curve",
+                "", "",
+            ),
         ),
         _section(
             results, "regions", f"Regions of {parameter} and {up}", [],

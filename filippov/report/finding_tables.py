@@ -139,7 +139,8 @@ def predictions(results: Results) -> Tables:
         "What is predicted, and what there is",
         ("law", "harmonic balance", "algebra of the slip", "event map: d [m]", "harmonic balance right"),
         tuple(rows), "",
-        f"Source: `filippov describing-function {results.model.name}`, filippov.analysis.static_cycle.",
+        f"Source: `filippov describing-function {results.model.name}`, "
+        "filippov.analysis.static_cycle.",
     )]  # fmt: skip
 
 
@@ -164,7 +165,8 @@ def experiment(results: Results) -> Tables:
         f"residual standard deviation {found.sigma:.3g} m with {found.degrees} degrees of freedom. No cycles "
         f"above {name} = {number(measured.limit, 7)} for the estimate, above {number(measured.safe, 7)} for "
         "the ends of every interval as well.",
-        "Source: filippov.analysis.identification; `filippov identify record.csv ...`; record.csv.",
+        "Source: filippov.analysis.identification; "
+        "`filippov identify record.csv ...`; record.csv.",
     )]  # fmt: skip
 
 
