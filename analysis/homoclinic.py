@@ -26,8 +26,8 @@ import scipy.linalg
 from filippov.analysis.arcs import Arc, arcs_of
 from filippov.analysis.collocation import Boundary, BoundaryProblem, Mesh, solved
 from filippov.analysis.forcing import is_forced
-from filippov.analysis.orbit_collocation import Collocated, check_admissible
 from filippov.analysis.homoclinic_saddle import HomoclinicSaddle, find_saddle
+from filippov.analysis.orbit_collocation import Collocated, check_admissible
 from filippov.analysis.shooting import (
     NoConvergenceError,
     ReturnError,

@@ -1,4 +1,4 @@
-"""The saddle of a homoclinic orbit, one unstable direction: place, eigenvalues, and the row of its stable manifold."""
+"""The saddle of a homoclinic orbit: place, eigenvalues, row of its stable manifold."""
 
 from __future__ import annotations
 

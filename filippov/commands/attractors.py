@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
 from filippov.commands.console import Console
@@ -35,7 +34,7 @@ def run_attractors(settings: dict[str, Any], console: Console) -> int:
     if plane is not None and len(plane) != 2:
         raise UsageError(f"--plane has {len(plane)} names, expected two states with a comma.")
     folder = Folder(settings["output"], console)
-    find = importlib.import_module("filippov.analysis.attractors").attractors
+    from filippov.analysis.attractors import attractors as find
     options = {name: settings[name] for name in KEEP if settings.get(name) is not None}
     with console.progress("attractors") as progress:
         found = find(
@@ -62,11 +61,14 @@ def run_manifold(settings: dict[str, Any], console: Console) -> int:
     if settings["length"] is None:
         raise UsageError("how long? give --length ARCLENGTH.")
     folder = Folder(settings["output"], console)
-    draw = importlib.import_module("filippov.analysis.manifold").manifold
+    from filippov.analysis.manifold import manifold as draw
+
     section = _section(loaded, settings)
-    at, given = problem.x0, {"parameters": problem.parameters, "mode": settings["mode"]}
+    at: Any = problem.x0
+    given: dict[str, Any] = {"parameters": problem.parameters, "mode": settings["mode"]}
     if settings["orbit"]:
-        find = importlib.import_module("filippov.analysis.orbit_search").find_orbit
+        from filippov.analysis.orbit_search import find_orbit as find
+
         at = find(problem.system, problem.x0, parameters=problem.parameters, period=settings["period"])
         given = {}
     options = {

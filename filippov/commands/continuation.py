@@ -125,7 +125,7 @@ def _curves(follow: Any, settings: dict[str, Any], console: Console) -> list[Any
     found = _run_all(made, "curve", console, runs)
     if not settings["switch"]:
         return found
-    module = importlib.import_module("filippov.analysis.curve_switch")
+    from filippov.analysis import curve_switch as module
     meeting = [
         (point, partial(module.switch_curve, run, point, kind))
         for run in runs

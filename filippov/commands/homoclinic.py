@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
     loaded = load_model(settings["model"])
     problem = loaded.problem({**settings, "t_span": (0.0, 1.0)})
     folder = Folder(settings["output"], console)
-    find = importlib.import_module("filippov.analysis.homoclinic").find_homoclinic
+    from filippov.analysis.homoclinic import find_homoclinic as find
     options = {name: settings[name] for name in KEEP if settings.get(name) is not None}
     found = find(problem.system, problem.x0, parameters=problem.parameters, **options)
     data = {"model": loaded.name} | found.to_dict()
