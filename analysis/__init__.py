@@ -1,1 +1,52 @@
 """Analysis of any system: sections, event maps, equilibria, stability, bifurcations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from filippov.base.exports import exported, keep_names
+
+# Short name -> module of this package.
+EXPORTS: dict[str, str] = {
+    "routh_hurwitz": "algebra.routh_hurwitz",
+    "Branch": "bifurcations.branch",
+    "continuation": "bifurcations.continuation",
+    "curve": "bifurcations.curve",
+    "switch": "bifurcations.switch",
+    "BandModel": "comparisons.band_model",
+    "compare": "comparisons.comparison",
+    "basin": "diagrams.basin",
+    "bifurcation": "diagrams.bifurcation",
+    "brute_force": "diagrams.brute_force",
+    "regions": "diagrams.regions",
+    **dict.fromkeys(("friction_force", "identify_curve"), "estimation.friction_curve"),
+    "identify": "estimation.identification",
+    **dict.fromkeys(("Curve", "Record", "read_record"), "estimation.record"),
+    "gain_map": "gains.gain_map",
+    "tune": "gains.tuning",
+    "relay_loop": "harmonic.control_link",
+    "describing_function": "harmonic.describing_function",
+    **dict.fromkeys(("coulomb_ratio", "static_cycles"), "harmonic.static_cycle"),
+    **dict.fromkeys(("certify", "stability_report"), "local_stability.stability"),
+    "EventMap": "maps.event_map",
+    "Section": "maps.section",
+    "Orbit": "orbits.orbit",
+    "find_orbit": "orbits.orbit_search",
+    "ReturnError": "orbits.shooting",
+    "lyapunov": "sensitivity.lyapunov",
+    "flow_derivative": "sensitivity.saltation",
+    "equilibria": "steady.equilibria",
+    "linearise": "steady.linearisation",
+    **dict.fromkeys(("growth", "rest_map"), "steady.rest_map"),
+}
+
+__all__ = sorted(EXPORTS)  # noqa: PLE0605
+keep_names(__name__)
+
+
+def __getattr__(name: str) -> Any:
+    return exported(__name__, EXPORTS, name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *EXPORTS})

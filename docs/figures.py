@@ -15,11 +15,11 @@ mpl.use("svg")
 from matplotlib import pyplot as plt  # noqa: E402
 
 from filippov import solve  # noqa: E402
-from filippov.analysis.event_map import EventMap  # noqa: E402
-from filippov.analysis.section import Section  # noqa: E402
+from filippov.analysis.maps.event_map import EventMap  # noqa: E402
+from filippov.analysis.maps.section import Section  # noqa: E402
 from filippov.models import get  # noqa: E402
-from filippov.plot_maps import plot_event_map  # noqa: E402
-from filippov.plotting import plot_solution  # noqa: E402
+from filippov.plot.maps import plot_event_map  # noqa: E402
+from filippov.plot.solution import plot_solution  # noqa: E402
 
 
 def hunting() -> None:

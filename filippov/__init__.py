@@ -6,7 +6,8 @@ import importlib
 from pathlib import Path
 from typing import Any
 
-from filippov.delegates import register
+from filippov.base.delegates import register
+from filippov.base.moved import install
 
 # In a checkout the packages filippov.models and filippov.analysis lie beside this folder, not in it.
 _above = Path(__file__).resolve().parent.parent
@@ -35,39 +36,40 @@ _SYMBOLS = [
 
 # Public name -> module; imported when first used, so that `import filippov` costs nothing.
 _EXPORTS: dict[str, str] = {
-    **dict.fromkeys(_SYMBOLS, "filippov.symbols"),
-    **dict.fromkeys(("ModelError", "NonUniqueError", "SolveError", "UsageError"), "filippov.errors"),
-    "Parameter": "filippov.parameter",
-    "parameters": "filippov.parameter_symbol",
-    **dict.fromkeys(("Band", "Exact", "Hysteresis", "Smooth"), "filippov.comparator"),
-    **dict.fromkeys(("Ensemble", "solve_many"), "filippov.ensemble"),
-    "EventKind": "filippov.status",
-    "Problem": "filippov.problem",
-    "Solution": "filippov.solution",
-    "SolutionTree": "filippov.solution_tree",
-    "Status": "filippov.status",
-    "Stop": "filippov.events",
-    "Surface": "filippov.surface",
+    **dict.fromkeys(_SYMBOLS, "filippov.model.symbols"),
+    **dict.fromkeys(("ModelError", "NonUniqueError", "SolveError", "UsageError"), "filippov.base.errors"),
+    "Parameter": "filippov.model.parameter",
+    "parameters": "filippov.model.parameter_symbol",
+    **dict.fromkeys(("Band", "Exact", "Hysteresis", "Smooth"), "filippov.model.comparator"),
+    **dict.fromkeys(("Ensemble", "solve_many"), "filippov.solving.ensemble"),
+    "EventKind": "filippov.base.status",
+    "Problem": "filippov.solving.state.problem",
+    "Solution": "filippov.solving.solution",
+    "SolutionTree": "filippov.solving.solution_tree",
+    "Status": "filippov.base.status",
+    "Stop": "filippov.solving.state.events",
+    "Surface": "filippov.model.surface",
     "Sweep": "filippov.sweep.plan",
-    "System": "filippov.system",
-    "TimeEvent": "filippov.time_event",
-    "UserEvent": "filippov.user_event",
-    "solve": "filippov.solver",
+    "System": "filippov.model.system",
+    "TimeEvent": "filippov.model.time_event",
+    "UserEvent": "filippov.model.user_event",
+    "solve": "filippov.solving.solver",
 }
 
-# Methods that modules of floors above their class carry out (see `filippov.delegates`).
+# Methods that modules of floors above their class carry out (see `filippov.base.delegates`).
 METHODS: dict[str, str] = {
-    "Solution.mode_graph": "filippov.graph:observed_graph",
-    "Solution.plot": "filippov.plotting:plot_solution",
-    "Solution.save": "filippov.storage:save",
-    "Solution.load": "filippov.storage:load",
-    "Solution.to_xarray": "filippov.export:dataset",
-    "SolutionTree.plot": "filippov.plot_tree:plot_branches",
-    "SolutionTree.plot_tree": "filippov.plot_tree:plot_tree",
-    "SolutionTree.save": "filippov.tree_storage:save_tree",
-    "SolutionTree.load": "filippov.tree_storage:load_tree",
+    "Solution.mode_graph": "filippov.graphs.graph:observed_graph",
+    "Solution.plot": "filippov.plot.solution:plot_solution",
+    "Solution.save": "filippov.io.storage:save",
+    "Solution.load": "filippov.io.storage:load",
+    "Solution.to_xarray": "filippov.io.export:dataset",
+    "SolutionTree.plot": "filippov.plot.tree:plot_branches",
+    "SolutionTree.plot_tree": "filippov.plot.tree:plot_tree",
+    "SolutionTree.save": "filippov.io.tree_storage:save_tree",
+    "SolutionTree.load": "filippov.io.tree_storage:load_tree",
 }
 register(METHODS)
+install()
 
 __all__ = sorted(_EXPORTS)  # noqa: PLE0605
 

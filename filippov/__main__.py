@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from filippov.cli import main
+from filippov.app.cli.main import main
 
 
 def _installed_first() -> None:

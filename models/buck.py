@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from filippov.comparator import Hysteresis
+from filippov.model.comparator import Hysteresis
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.surface import Surface
+from filippov.model.symbols import Heaviside, states
+from filippov.model.system import System
+from filippov.model.time_event import TimeEvent
 from filippov.models.registry import Invariant, Model, register
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import parameters
-from filippov.surface import Surface
-from filippov.symbols import Heaviside, states
-from filippov.system import System
-from filippov.time_event import TimeEvent
 
 
 def buck(

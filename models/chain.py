@@ -15,15 +15,15 @@ import math
 
 from sympy import Expr, Symbol
 
-from filippov.errors import ModelError
+from filippov.base.errors import ModelError
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.surface import Surface
+from filippov.model.symbols import states
+from filippov.model.system import System
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Hyperbolic
 from filippov.models.registry import Model, register
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import parameters
-from filippov.surface import Surface
-from filippov.symbols import states
-from filippov.system import System
 
 LAW = Hyperbolic(Fs=1, gamma=3)
 

@@ -5,12 +5,12 @@ Clegg 1958, AIEE Trans. 77, 41; Beker, Hollot, Chait, Han 2004, Automatica 40, 9
 
 from __future__ import annotations
 
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.surface import Surface
+from filippov.model.symbols import states
+from filippov.model.system import System
 from filippov.models.registry import Model, register
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import parameters
-from filippov.surface import Surface
-from filippov.symbols import states
-from filippov.system import System
 
 
 def reset_control(r: float = 1.0, b: float = 1.0, k: float = 1.0, pole: float = 0.2) -> System:

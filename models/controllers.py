@@ -12,9 +12,9 @@ from typing import ClassVar
 
 from sympy import Expr
 
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import ParameterNamespace
 from filippov.models.friction import declare
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import ParameterNamespace
 
 
 @dataclass(frozen=True)

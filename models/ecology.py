@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.surface import Surface
+from filippov.model.symbols import Heaviside, states
+from filippov.model.system import System
 from filippov.models.registry import Invariant, Model, register
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import parameters
-from filippov.surface import Surface
-from filippov.symbols import Heaviside, states
-from filippov.system import System
 
 
 def switching_predator(

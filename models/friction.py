@@ -23,10 +23,10 @@ import numpy.typing as npt
 import sympy
 from sympy import Abs, Expr, Symbol, sign
 
-from filippov.errors import ModelError
-from filippov.parameter import Parameter, ParameterSet, as_number
-from filippov.parameter_symbol import ParameterNamespace, parameters
-from filippov.surface import Surface
+from filippov.base.errors import ModelError
+from filippov.model.parameter import Parameter, ParameterSet, as_number
+from filippov.model.parameter_symbol import ParameterNamespace, parameters
+from filippov.model.surface import Surface
 
 # One number for both directions, or a pair (v > 0, v < 0).
 Level = float | tuple[float, float]

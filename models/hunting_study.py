@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from filippov.model.system import System
 from filippov.models.hunting_questions import QUESTIONS
 from filippov.models.hunting_text import CAPTIONS, DIFFERENCES, SUMMARY
 from filippov.models.karnopp import hunting_karnopp
@@ -17,7 +18,6 @@ from filippov.models.laws import Stribeck
 from filippov.models.mass import REFERENCE_LAW, SOURCE
 from filippov.models.studies import Curve, StatedPoint, Study, StudyCase, Variant, register_study
 from filippov.models.switch import hunting_switch
-from filippov.system import System
 
 FASTEST = 0.5
 

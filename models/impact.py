@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.surface import Surface
+from filippov.model.symbols import cos, states, t
+from filippov.model.system import System
 from filippov.models.registry import Model, register
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import parameters
-from filippov.surface import Surface
-from filippov.symbols import cos, states, t
-from filippov.system import System
 
 
 def bouncing_ball(g: float = 9.81, e: float = 0.7) -> System:

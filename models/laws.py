@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import sympy
 from sympy import Expr, exp
 
-from filippov.errors import ModelError
+from filippov.base.errors import ModelError
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import ParameterNamespace
 from filippov.models.friction import SMALLEST, FrictionLaw, Level, Sides, declare, sides, viscosity
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import ParameterNamespace
 
 
 @dataclass(frozen=True)

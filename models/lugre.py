@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 from sympy import Abs, sign
 
+from filippov.model.symbols import states
+from filippov.model.system import System
 from filippov.models.friction import declare
 from filippov.models.mass import REFERENCE, SOURCE, ControlledMass
 from filippov.models.registry import Model, register
-from filippov.symbols import states
-from filippov.system import System
 
 
 @dataclass(frozen=True)

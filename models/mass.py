@@ -14,15 +14,15 @@ from typing import Any, NamedTuple
 import sympy
 from sympy import Expr, Symbol
 
-from filippov.errors import ModelError
+from filippov.base.errors import ModelError
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import ParameterNamespace, parameters
+from filippov.model.symbols import states
+from filippov.model.system import System
 from filippov.models.controllers import PID, Controller
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Coulomb, StaticCoulomb, Stribeck
 from filippov.models.registry import Invariant, Model, SectionData, register
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import ParameterNamespace, parameters
-from filippov.symbols import states
-from filippov.system import System
 
 SOURCE = "Hensen & van de Molengraft, American Control Conference 2002"
 

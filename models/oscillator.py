@@ -5,13 +5,13 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.symbols import cos, states, t
+from filippov.model.system import System
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Coulomb
 from filippov.models.registry import Invariant, Model, register
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import parameters
-from filippov.symbols import cos, states, t
-from filippov.system import System
 
 LAW = Coulomb(Fc=0.4)
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from filippov.model.parameter_symbol import parameters
+from filippov.model.symbols import sin, states
+from filippov.model.system import System
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Coulomb
 from filippov.models.registry import Invariant, Model, register
-from filippov.parameter_symbol import parameters
-from filippov.symbols import sin, states
-from filippov.system import System
 
 LAW = Coulomb(Fc=0.5)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.system import System
+from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class Law:
     """A law that is put to harmonic balance and to the algebra of its slip, a registered model.
 
     algebra   "" for none; "ratio" of successive stick positions, "cycles" where the force jumps; both for a
-              slip that is linear (see `filippov.analysis.static_cycle`, whose keywords the model's
+              slip that is linear (see `filippov.analysis.harmonic.static_cycle`, whose keywords the model's
               parameters are)
     """
 

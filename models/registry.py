@@ -16,11 +16,11 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any
 
-from filippov.errors import ModelError, UsageError
-from filippov.names import closest
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.names import closest
 
 if TYPE_CHECKING:
-    from filippov.system import System
+    from filippov.model.system import System
 
 GROUP = "filippov.models"
 
@@ -72,7 +72,7 @@ class Invariant:
 
 @dataclass(frozen=True)
 class SectionData:
-    """The event map a model proposes, as plain data (see `filippov.analysis.section.Section`).
+    """The event map a model proposes, as plain data (see `filippov.analysis.maps.section.Section`).
 
     surface, kind  the event that ends a turn; coordinate: the state, or a formula in states, read there
     lift           where a turn starts: an expression a state, as text in d and the parameters

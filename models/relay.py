@@ -13,12 +13,12 @@ from __future__ import annotations
 
 from functools import partial
 
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.surface import Surface
+from filippov.model.symbols import sign, states
+from filippov.model.system import System
 from filippov.models.registry import Model, register
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import parameters
-from filippov.surface import Surface
-from filippov.symbols import sign, states
-from filippov.system import System
 
 
 def relay(

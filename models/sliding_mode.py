@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.surface import Surface
+from filippov.model.symbols import sign, sin, states, t
+from filippov.model.system import System
 from filippov.models.registry import Invariant, Model, register
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import parameters
-from filippov.surface import Surface
-from filippov.symbols import sign, sin, states, t
-from filippov.system import System
 
 
 def sliding_mode(K: float = 2.0, c: float = 1.0, A: float = 0.5, omega: float = 2.0) -> System:

@@ -1,4 +1,4 @@
-"""Studies by name: what is computed for a model and shown, as plain data (see `filippov.report`)."""
+"""Studies by name: what is computed for a model and shown, as plain data (see `filippov.app.report`)."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from filippov.errors import ModelError, UsageError
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.names import closest
+from filippov.model.system import System
 from filippov.models.questions import Questions
-from filippov.names import closest
-from filippov.system import System
 
 # Name -> module that registers it when it is imported.
 BUILT_IN: dict[str, str] = {"hunting": "hunting_study"}
@@ -85,7 +85,7 @@ class Study:
                        classification
     summary            paragraphs at the head of the report
     differences        (title, text): what differs from the source, and why. In all texts {fold_2:.8f} and
-                       the like stand for computed values (see filippov.report.facts)
+                       the like stand for computed values (see filippov.app.report.facts)
     questions          what is asked beyond the cases
     """
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 from sympy import Abs, Piecewise
 
+from filippov.model.surface import Surface
+from filippov.model.system import System
 from filippov.models.friction import SMALLEST, declare
 from filippov.models.mass import REFERENCE, SOURCE, ControlledMass
 from filippov.models.registry import Model, register
-from filippov.surface import Surface
-from filippov.system import System
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from filippov.comparator import Hysteresis
+from filippov.model.comparator import Hysteresis
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.surface import Surface
+from filippov.model.symbols import Heaviside, states
+from filippov.model.system import System
 from filippov.models.registry import Model, register
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import parameters
-from filippov.surface import Surface
-from filippov.symbols import Heaviside, states
-from filippov.system import System
 
 
 def thermostat(

@@ -17,15 +17,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.ensemble import solve_many
-from filippov.events import Stop
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.symbols import states
+from filippov.model.system import System
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Hyperbolic
 from filippov.models.registry import Model, SectionData, register
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import parameters
-from filippov.symbols import states
-from filippov.system import System
+from filippov.solving.ensemble import solve_many
+from filippov.solving.state.events import Stop
 
 Array = npt.NDArray[np.float64]
 LAW = Hyperbolic(Fs=1, gamma=3)

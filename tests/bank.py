@@ -1,4 +1,4 @@
-"""Cases of the bank in data/cases.json, built and solved by filippov.bank."""
+"""Cases of the bank in data/cases.json, built and solved by filippov.app.bank."""
 
 import json
 from functools import cache
@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from filippov import Solution, solve
-from filippov.bank.build import Built, build
-from filippov.bank.case import number
+from filippov.app.bank.build import Built, build
+from filippov.app.bank.case import number
 
 __all__ = ["CASES", "FILE", "case", "event_word", "expected", "number", "solved"]
 

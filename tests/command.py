@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from filippov.cli import main
+from filippov.app.cli.main import main
 
 ROOT = Path(__file__).resolve().parent.parent
 SECTION = (

@@ -11,10 +11,16 @@ from feedback_models import KINDS, Loop, ends, random_loop
 from sympy import Poly, Rational
 
 from filippov import Max, Min, System, sign, states
-from filippov.analysis.certificates.certificate import Certificate
-from filippov.analysis.certificates.characteristic import INPUT, Characteristic, Piece
-from filippov.analysis.certificates.positive_real import S, popov, positive_real, real_part, zames_falb
-from filippov.analysis.stability import certify
+from filippov.analysis.local_stability.certificates.certificate import Certificate
+from filippov.analysis.local_stability.certificates.characteristic import INPUT, Characteristic, Piece
+from filippov.analysis.local_stability.certificates.positive_real import (
+    S,
+    popov,
+    positive_real,
+    real_part,
+    zames_falb,
+)
+from filippov.analysis.local_stability.stability import certify
 
 DRAWS = {"nightly": 60, "ci": 3}.get(os.environ.get("FILIPPOV_PROFILE", ""), 2)
 x, v, z = states("x v z")

@@ -10,19 +10,19 @@ from scipy.linalg import expm
 from sympy import Eq, Heaviside, Piecewise
 
 from filippov import ModelError, Surface, System, parameters, sign, solve, states
-from filippov.analysis.comparison import compare
-from filippov.analysis.event_map import EventMap
-from filippov.analysis.polynomial import Verdict
-from filippov.analysis.routh_hurwitz import routh_hurwitz
-from filippov.analysis.saltation import NotDifferentiableError, flow_derivative
-from filippov.analysis.section import Section
-from filippov.analysis.stability import stability_report
+from filippov.analysis.algebra.polynomial import Verdict
+from filippov.analysis.algebra.routh_hurwitz import routh_hurwitz
+from filippov.analysis.comparisons.comparison import compare
+from filippov.analysis.local_stability.stability import stability_report
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.section import Section
+from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
+from filippov.base.status import Status
 from filippov.models import get
 from filippov.models.karnopp import hunting_karnopp
 from filippov.models.lugre import hunting_lugre
 from filippov.models.switch import hunting_switch
-from filippov.plot_maps import plot_event_map
-from filippov.status import Status
+from filippov.plot.maps import plot_event_map
 
 x, v = states("x v")
 

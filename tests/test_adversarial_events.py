@@ -21,7 +21,7 @@ from filippov import (
     states,
     t,
 )
-from filippov.events import Stop
+from filippov.solving.state.events import Stop
 
 x, y, v = states("x y v")
 TIGHT: dict[str, Any] = {"rtol": 1e-12, "atol": 1e-14}

@@ -11,12 +11,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from filippov import Surface, System, TimeEvent, UsageError, parameters, sign, states, t
-from filippov.analysis.attractors import Attractors, attractors
-from filippov.analysis.basin import basin
-from filippov.analysis.section import Section
-from filippov.cli import main
+from filippov.analysis.diagrams.basin import basin
+from filippov.analysis.invariant_sets.attractors import Attractors, attractors
+from filippov.analysis.maps.section import Section
+from filippov.app.cli.main import main
+from filippov.model.symbols import cos
 from filippov.models import get
-from filippov.symbols import cos
 
 Array = npt.NDArray[np.float64]
 X, Y, V = states("x y v")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from filippov import Problem, Sweep, System, sign, solve, solve_many, states
-from filippov.errors import UsageError
+from filippov.base.errors import UsageError
 
 x, v, z = states("x v z")
 OSCILLATOR = System({x: v, v: -x - 0.1 * sign(v)})
@@ -76,7 +76,7 @@ def test_11_10_every_entry_has_the_same_rule():
 
 def test_11_10_the_command_says_it_with_a_flag(tmp_path, capsys):
     """--t-span 2 0 alone is refused."""
-    from filippov.cli import main
+    from filippov.app.cli.main import main
 
     model = tmp_path / "own.py"
     text = "from filippov import System, states\nx, v = states('x v')\nosc = System({x: v, v: -x})\n"

@@ -8,7 +8,7 @@ import pytest
 from bank import CASES, FILE, case, event_word, expected, number, solved
 
 from filippov import Solution, Status, solve
-from filippov.bank import read_bank, run_case
+from filippov.app.bank import read_bank, run_case
 
 BANK = {item.id: item for item in read_bank(FILE)}
 # What people say to people; nobody may count it as passed.

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from filippov.bank import run_bank
+from filippov.app.bank import run_bank
 
 CASES = json.loads((Path(__file__).parent / "data" / "more_cases.json").read_text(encoding="utf-8"))["cases"]
 NAMES = [case["id"] for case in CASES]

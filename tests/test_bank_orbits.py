@@ -9,11 +9,11 @@ import pytest
 from bank import CASES, FILE
 
 from filippov import System, solve, states
-from filippov.analysis.orbit import Orbit
-from filippov.analysis.orbit_search import find_orbit
-from filippov.analysis.saltation import flow_derivative
-from filippov.bank.build import build
-from filippov.symbols import Abs, exp
+from filippov.analysis.orbits.orbit import Orbit
+from filippov.analysis.orbits.orbit_search import find_orbit
+from filippov.analysis.sensitivity.saltation import flow_derivative
+from filippov.app.bank.build import build
+from filippov.model.symbols import Abs, exp
 
 MORE = json.loads(FILE.with_name("more_cases.json").read_text(encoding="utf-8"))["cases"]
 ALL = CASES | {case["id"]: case for case in MORE}

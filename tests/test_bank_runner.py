@@ -16,16 +16,16 @@ import pytest
 from bank import FILE
 
 from filippov import UsageError
-from filippov.bank import Row, read_bank, rows_json, rows_text, run_bank
-from filippov.bank.compare import OUTCOMES, compare_bank, peers_json, peers_text, read_peers
-from filippov.bank.notation import formula, strict
-from filippov.bank.peer import Limits
-from filippov.bank.peer_process import PeerProcess
-from filippov.bank.target import whole_and_parts
-from filippov.cli import main
-from filippov.errors import ModelError
-from filippov.expression import parse_condition, parse_expression
-from filippov.symbols import states
+from filippov.app.bank import Row, read_bank, rows_json, rows_text, run_bank
+from filippov.app.bank.compare import OUTCOMES, compare_bank, peers_json, peers_text, read_peers
+from filippov.app.bank.notation import formula, strict
+from filippov.app.bank.peers.peer import Limits
+from filippov.app.bank.peers.peer_process import PeerProcess
+from filippov.app.bank.target import whole_and_parts
+from filippov.app.cli.main import main
+from filippov.base.errors import ModelError
+from filippov.model.expression import parse_condition, parse_expression
+from filippov.model.symbols import states
 
 RELAY: dict[str, Any] = {
     "id": "relay", "states": ["x"], "params": {"k": "2"}, "h": ["x"], "fields": {"+": ["-k"], "-": ["k"]},
@@ -382,7 +382,7 @@ def test_peers_say_what_cannot_be_stated_and_who_is_silent() -> None:
 def test_a_solver_that_hangs_or_dies_is_an_outcome(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     case, limits = read_bank([{**RELAY, "expected": []}])[0], Limits(1e-8, 1e-10, 1000, 0.2)
     outcomes, python = [], sys.executable
-    monkeypatch.setattr("filippov.bank.peer_process.GRACE", 0.0)
+    monkeypatch.setattr("filippov.app.bank.peers.peer_process.GRACE", 0.0)
     for does in ("import time; print('ready', flush=True); time.sleep(600)",
                  "print('ready', flush=True); input(); import os; os._exit(7)"):  # fmt: skip
         program = tmp_path / "solver"
@@ -397,7 +397,7 @@ def test_a_solver_that_hangs_or_dies_is_an_outcome(monkeypatch: pytest.MonkeyPat
 
 
 def test_every_pattern_is_described() -> None:
-    from filippov.bank.readers import patterns
+    from filippov.app.bank.expect.readers import patterns
 
     assert len({entry.pattern for entry in patterns()}) == len(patterns())
     assert all(entry.text for entry in patterns())

@@ -13,13 +13,13 @@ from scipy.optimize import brentq
 from filippov import Surface, System, parameters, sign, states
 from filippov import cos as cosine
 from filippov import t as time
-from filippov.analysis.branch import Branch, BranchPoint
-from filippov.analysis.continuation import Continuation, continuation
-from filippov.analysis.curve import curve
-from filippov.analysis.event_map import EventMap
-from filippov.analysis.orbit_search import find_orbit
-from filippov.analysis.section import Section
-from filippov.analysis.shooting import NoConvergenceError
+from filippov.analysis.bifurcations.branch import Branch, BranchPoint
+from filippov.analysis.bifurcations.continuation import Continuation, continuation
+from filippov.analysis.bifurcations.curve import curve
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.section import Section
+from filippov.analysis.orbits.orbit_search import find_orbit
+from filippov.analysis.orbits.shooting import NoConvergenceError
 
 x, y, z = states("x y z")
 COARSE = {"step": 0.1, "max_step": 0.4}

@@ -13,9 +13,9 @@ from test_bifurcations import COARSE, clock, logistic, map_of, the
 from filippov import System, UsageError, parameters, states
 from filippov import cos as cosine
 from filippov import t as time
-from filippov.analysis.continuation import continuation
-from filippov.analysis.orbit_search import find_orbit
-from filippov.analysis.switch import switch
+from filippov.analysis.bifurcations.continuation import continuation
+from filippov.analysis.bifurcations.switch import switch
+from filippov.analysis.orbits.orbit_search import find_orbit
 
 x, v = states("x v")
 

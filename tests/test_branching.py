@@ -11,10 +11,10 @@ from bank import case
 from scipy.integrate import solve_ivp
 
 from filippov import Status, Surface, System, UsageError, sign, solve, states
-from filippov.ambiguity import CORNER, REPELLING, VISIBLE
-from filippov.cli import main
-from filippov.events import Stop
-from filippov.solution_tree import SolutionTree
+from filippov.app.cli.main import main
+from filippov.solving.selection.ambiguity import CORNER, REPELLING, VISIBLE
+from filippov.solving.solution_tree import SolutionTree
+from filippov.solving.state.events import Stop
 
 mpl.use("Agg")
 X, Y, Z = states("x y z")

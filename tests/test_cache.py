@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from filippov._kernels import cache
+from filippov.kernel.codegen import cache
 
 PROGRAM = """
 import sys
@@ -222,7 +222,7 @@ def test_11_21_no_home_is_no_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
 
 
 def test_11_21_doctor_says_which_cache_is_used(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from filippov.cli import main
+    from filippov.app.cli.main import main
 
     place.mkdir()
     (place / "notes.txt").write_text("other things")

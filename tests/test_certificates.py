@@ -15,9 +15,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigh, expm
 
 from filippov import Abs, System, cos, exp, sign, sin, solve, sqrt, states, t
-from filippov.analysis.certificates.centre import lyapunov_coefficient
-from filippov.analysis.stability import certify, stability_report
-from filippov.analysis.time_bounds import bounds
+from filippov.analysis.algebra.time_bounds import bounds
+from filippov.analysis.local_stability.certificates.centre import lyapunov_coefficient
+from filippov.analysis.local_stability.stability import certify, stability_report
 
 x, v, y, w, z, u = states("x v y w z u")
 # A few draws of each family here, hundreds of them nightly: each makes a system and its report.

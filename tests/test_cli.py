@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from command import ROOT, SECTION, command, strict, summary, write_own
 
-from filippov import progress
-from filippov._kernels.layout import RULES
-from filippov.cli import main
-from filippov.commands.catalogue import commands
-from filippov.options import METHODS
+from filippov.app.cli.catalogue import commands
+from filippov.app.cli.main import main
+from filippov.base import progress
+from filippov.kernel.tables.layout import RULES
+from filippov.solving.state.options import METHODS
 
 HEAVY = ("numpy", "scipy", "sympy", "numba", "llvmlite", "networkx", "matplotlib", "rich")
 
@@ -34,7 +34,7 @@ def own(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("words", [["--help"], ["simulate", "--help"], ["--version"]])
 def test_help_imports_nothing_heavy(words: Sequence[str]) -> None:
     code = (
-        f"import sys; from filippov.cli import main; code = main({list(words)!r});"
+        f"import sys; from filippov.app.cli.main import main; code = main({list(words)!r});"
         f"bad = [m for m in {HEAVY!r} if m in sys.modules];"
         "sys.exit(f'{code} {bad}' if code or bad else 0)"
     )
@@ -374,7 +374,7 @@ def test_d3_ctrl_c_writes_what_there_is(model: str, own: Path, tmp_path: Path) -
 
 def test_ctrl_c_before_there_is_a_result() -> None:
     code = (
-        "import sys, filippov.cli as cli\n"
+        "import sys, filippov.app.cli.main as cli\n"
         "def stop(*a): raise KeyboardInterrupt\n"
         "cli.merge = stop\n"
         "sys.exit(cli.main(['doctor']))"

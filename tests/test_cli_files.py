@@ -13,8 +13,8 @@ import pytest
 from command import SECTION, strict, summary, table, write_own
 from matplotlib import pyplot as plt
 
-from filippov.cli import main
-from filippov.solution import Solution
+from filippov.app.cli.main import main
+from filippov.solving.solution import Solution
 
 
 @pytest.fixture
@@ -174,7 +174,7 @@ def test_compare_hands_over_and_writes(
         rows = [{"model": "switch", "error": float("nan")}, {"model": "karnopp", "calls": 3}]
         return SimpleNamespace(rows=rows, to_text=lambda: "the table", plot=plt.figure)
 
-    fake(monkeypatch, "filippov.analysis.comparison", compare=compare)
+    fake(monkeypatch, "filippov.analysis.comparisons.comparison", compare=compare)
     words = ["compare", "hunting", *SECTION, "-p", "P=20", "--widths", "1e-2,1e-4", "--alphas", "5"]
     assert main([*words, "-o", str(tmp_path), "--json"]) == 0
     out, err = capsys.readouterr()
@@ -197,8 +197,8 @@ def test_study_hands_over(
         progress(2, 3, "maps")
         return {"quick": quick, "bound": float("inf")}
 
-    fake(monkeypatch, "filippov.report")
-    fake(monkeypatch, "filippov.report.study", run_study=run_study)
+    fake(monkeypatch, "filippov.app.report")
+    fake(monkeypatch, "filippov.app.report.study", run_study=run_study)
     out = tmp_path / "report"
     assert summary(capsys, "study", "hunting", "--quick", "-o", str(out)) == {"quick": True, "bound": None}
     assert main(["study", "huntin"]) == 2
@@ -208,7 +208,7 @@ def test_study_hands_over(
 def test_ctrl_c_keeps_the_part_of_a_map(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from filippov.analysis.event_map import EventMap
+    from filippov.analysis.maps.event_map import EventMap
 
     whole, calls = EventMap.returns, []
 

@@ -14,11 +14,11 @@ from test_bifurcations import COARSE, SLIDING, clock, forced, map_of
 from filippov import Surface, System, UsageError, parameters, sign, states
 from filippov import cos as cosine
 from filippov import t as time
-from filippov.analysis.branch import BranchPoint
-from filippov.analysis.continuation import Continuation, continuation
-from filippov.analysis.curve import curve
-from filippov.analysis.curve_switch import curves_at, switch_curve
-from filippov.analysis.orbit_search import find_orbit
+from filippov.analysis.bifurcations.branch import BranchPoint
+from filippov.analysis.bifurcations.continuation import Continuation, continuation
+from filippov.analysis.bifurcations.curve import curve
+from filippov.analysis.bifurcations.curve_switch import curves_at, switch_curve
+from filippov.analysis.orbits.orbit_search import find_orbit
 
 x, y, z = states("x y z")
 FAR = {"step": 0.1, "max_step": 0.3}

@@ -13,11 +13,11 @@ from test_phase_of_orbits import buck, jacobian
 from filippov import Surface, System, UsageError, parameters, sign, states
 from filippov import cos as cosine
 from filippov import t as time
-from filippov.analysis.continuation import continuation
-from filippov.analysis.floquet import multipliers, product_multipliers
-from filippov.analysis.orbit import Orbit
-from filippov.analysis.orbit_search import find_orbit
-from filippov.analysis.shooting import NoConvergenceError
+from filippov.analysis.bifurcations.continuation import continuation
+from filippov.analysis.orbits.floquet import multipliers, product_multipliers
+from filippov.analysis.orbits.orbit import Orbit
+from filippov.analysis.orbits.orbit_search import find_orbit
+from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.models import registry
 
 NIGHTLY = os.environ.get("FILIPPOV_PROFILE") == "nightly"

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from filippov import models
-from filippov.analysis.band_model import BandModel
-from filippov.analysis.comparison import compare
-from filippov.analysis.comparison_result import Comparison
-from filippov.analysis.section import Section
-from filippov.errors import UsageError
+from filippov.analysis.comparisons.band_model import BandModel
+from filippov.analysis.comparisons.comparison import compare
+from filippov.analysis.comparisons.comparison_result import Comparison
+from filippov.analysis.maps.section import Section
+from filippov.base.errors import UsageError
 
 SECTION = Section(
     "velocity", "sliding entry", "x", {"x": "d", "v": "0", "z": "(sign(d)*Fs/P - d)/I"}, t_max=100.0

@@ -10,10 +10,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from filippov._kernels import bernstein, dense, tables
-from filippov._kernels.compiler import compile_unit, load_object
-from filippov._kernels.language import KernelError
-from filippov._kernels.unit import Unit, add_kernels
+from filippov.kernel.language.compiler import compile_unit, load_object
+from filippov.kernel.language.primitives import KernelError
+from filippov.kernel.language.unit import Unit, add_kernels
+from filippov.kernel.loop import bernstein, dense
+from filippov.kernel.tables import root_tables as tables
 
 ROOM = tables.DEPTH + 3
 WRAPPERS = """

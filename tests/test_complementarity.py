@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from filippov import UsageError
-from filippov.complementarity import Box, complementarity, enumerate_solutions, lemke
+from filippov.solving.selection.complementarity import Box, complementarity, enumerate_solutions, lemke
 
 OPEN = np.inf
 

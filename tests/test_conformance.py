@@ -18,15 +18,15 @@ import pytest
 import sympy as sp
 
 from filippov import Exact, Status, models, solve
+from filippov.model.symbolic import SymbolicForm
+from filippov.model.symbols import t
+from filippov.model.system import System
 from filippov.models import Coulomb, Hyperbolic, Model
 from filippov.models.belt import belt
 from filippov.models.mass import controlled_mass
 from filippov.models.oscillator import oscillator
 from filippov.models.registry import BUILT_IN
 from filippov.models.sliding_mode import sliding_mode
-from filippov.symbolic import SymbolicForm
-from filippov.symbols import t
-from filippov.system import System
 
 ROOT = Path(__file__).resolve().parent.parent
 LOOSE, TIGHT = 1e-8, 1e-11

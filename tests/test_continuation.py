@@ -12,13 +12,13 @@ from scipy.optimize import brentq
 from filippov import Surface, System, UsageError, parameters, sign, states
 from filippov import cos as cosine
 from filippov import t as time
-from filippov.analysis.branch import Branch
-from filippov.analysis.continuation import Continuation, continuation
-from filippov.analysis.curve import curve
-from filippov.analysis.event_map import EventMap
-from filippov.analysis.orbit import Orbit
-from filippov.analysis.orbit_search import find_orbit
-from filippov.analysis.section import Section
+from filippov.analysis.bifurcations.branch import Branch
+from filippov.analysis.bifurcations.continuation import Continuation, continuation
+from filippov.analysis.bifurcations.curve import curve
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.section import Section
+from filippov.analysis.orbits.orbit import Orbit
+from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.models import hunting
 from filippov.models.registry import get
 

@@ -8,16 +8,16 @@ import pytest
 from bank import CASES, case, number
 
 from filippov import ModelError, Surface, System, UsageError, solve, states
-from filippov.analysis.control_link import linear_plant, relay_loop
-from filippov.analysis.describing_function import describing_function
-from filippov.analysis.event_map import EventMap
-from filippov.analysis.quasi_linear import lure
-from filippov.analysis.section import Section
-from filippov.analysis.static_cycle import coulomb_ratio, static_cycles
-from filippov.comparator import Hysteresis
+from filippov.analysis.harmonic.control_link import linear_plant, relay_loop
+from filippov.analysis.harmonic.describing_function import describing_function
+from filippov.analysis.harmonic.quasi_linear import lure
+from filippov.analysis.harmonic.static_cycle import coulomb_ratio, static_cycles
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.section import Section
+from filippov.model.comparator import Hysteresis
+from filippov.model.symbols import Max, Min, sign
+from filippov.model.symbols import t as time
 from filippov.models import get
-from filippov.symbols import Max, Min, sign
-from filippov.symbols import t as time
 
 RELAY = "R05_relay_oscillator_no_sliding"
 

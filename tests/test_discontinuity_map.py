@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from filippov import Surface, System, UsageError, cos, parameters, sign, states
 from filippov import t as time
-from filippov.analysis.discontinuity_map import DiscontinuityMap, discontinuity_map
+from filippov.analysis.bifurcations.discontinuity_map import DiscontinuityMap, discontinuity_map
 
 Array = npt.NDArray[np.float64]
 Field = Callable[[Array], Array]

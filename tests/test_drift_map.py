@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from filippov import Surface, System, exp, parameters, sign, solve, states
-from filippov.analysis.drift_map import drift_map
-from filippov.analysis.rest_map import rest_map
-from filippov.analysis.stability import stability_report
+from filippov.analysis.local_stability.stability import stability_report
+from filippov.analysis.steady.drift_map import drift_map
+from filippov.analysis.steady.rest_map import rest_map
 
 x, v, z, f, u = states("x v z f u")
 p = parameters(P=20, D=1, I=10, tau=0.1, lag=0.05, Fs=4, Fc=2, vs=0.1, b=1)

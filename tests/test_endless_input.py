@@ -10,17 +10,18 @@ import numpy as np
 import pytest
 import sympy
 
-from filippov import System, extract, sign, solve, states
-from filippov._kernels import generate
-from filippov.analysis import deadline
-from filippov.analysis.budget import OutOfBudgetError
-from filippov.bank import build
-from filippov.bank.case import read_bank
-from filippov.bank.run import run_bank
-from filippov.errors import ModelError
-from filippov.expression import parse_condition, parse_expression
-from filippov.size import MOST_NODES, MOST_TERMS, Scale, expanded, terms
-from filippov.table import vanishes
+from filippov import System, sign, solve, states
+from filippov.analysis.algebra import deadline
+from filippov.analysis.algebra.budget import OutOfBudgetError
+from filippov.app.bank import build
+from filippov.app.bank.case import read_bank
+from filippov.app.bank.run import run_bank
+from filippov.base.errors import ModelError
+from filippov.kernel.codegen import generate
+from filippov.model import extract
+from filippov.model.expression import parse_condition, parse_expression
+from filippov.model.size import MOST_NODES, MOST_TERMS, Scale, expanded, terms
+from filippov.model.table import vanishes
 
 X, Y = (sympy.Symbol(name, real=True) for name in "xy")
 NAMES = {"x": X, "y": Y}
@@ -164,7 +165,7 @@ def test_11_22_fields_are_not_multiplied_out(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(sympy, "expand", counted)
     x, y = states("x y")
-    from filippov.symbols import t
+    from filippov.model.symbols import t
 
     big = (x + y + t + 1) ** 64
     system = System({x: -big * sign(x) * sign(y) - big * sign(x), y: sympy.Max(big, big * y, y) - sign(y)})
@@ -207,7 +208,7 @@ def test_11_22_hostile_cases_end_in_a_row(seed: int) -> None:
 
 
 def test_11_22_the_time_covers_evaluation_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    from filippov.bank import run as runner
+    from filippov.app.bank import run as runner
 
     def endless(ask: Any) -> Any:
         while True:

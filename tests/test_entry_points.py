@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import filippov._kernels as kernels
-from filippov._kernels.entries import ARGUMENTS, ordered
-from filippov._kernels.language import KernelError
+import filippov.kernel as kernels
+from filippov.kernel.codegen.entries import ARGUMENTS, ordered
+from filippov.kernel.language.primitives import KernelError
 
 FILES = sorted(Path(kernels.__path__[0]).glob("*.py"))
 

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from filippov import Abs, Max, Surface, System, UsageError, exp, parameters, sign, sin, states, t
-from filippov.analysis.branches import DegenerateError, Elimination, UnsolvedError
-from filippov.analysis.budget import Clock, OutOfBudgetError
-from filippov.analysis.deadline import within
-from filippov.analysis.equilibria import equilibria
-from filippov.analysis.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.algebra.budget import Clock, OutOfBudgetError
+from filippov.analysis.algebra.deadline import within
+from filippov.analysis.steady.branches import DegenerateError, Elimination, UnsolvedError
+from filippov.analysis.steady.equilibria import equilibria
+from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 
 x, v, z = states("x v z")
 quick = settings(max_examples=12, deadline=None)

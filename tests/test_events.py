@@ -22,7 +22,7 @@ from filippov import (
     states,
     t,
 )
-from filippov.events import Stop
+from filippov.solving.state.events import Stop
 
 x, v = states("x v")
 q = parameters(F=0.4, a=0.0)

@@ -15,13 +15,13 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from filippov.errors import ModelError
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import parameters
-from filippov.surface import Surface
-from filippov.symbolic import Select, SymbolicForm
-from filippov.symbols import states, t
-from filippov.system import System
+from filippov.base.errors import ModelError
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.surface import Surface
+from filippov.model.symbolic import Select, SymbolicForm
+from filippov.model.symbols import states, t
+from filippov.model.system import System
 
 x, v, z = states("x v z")
 p = parameters(m=1, k=Parameter(3, lower=0.5), c=-2, Fs=4, Fc=2, vs=0.1, beta=2)
@@ -299,8 +299,8 @@ def _digest(seed: str) -> str:
     root = Path(__file__).resolve().parent.parent
     lines = [
         "import sympy as sp",
-        "from filippov.symbols import states",
-        "from filippov.system import System",
+        "from filippov.model.symbols import states",
+        "from filippov.model.system import System",
         "x, v, z = states('x v z')",
         "first = sp.Max(x, v, z, 1) + sp.sign(x + sp.Abs(v))",
         "second = sp.Piecewise((1, (x > 0) & (v < z)), (2, True))",

@@ -30,7 +30,7 @@ from filippov import (
     solve_many,
     states,
 )
-from filippov.cli import main
+from filippov.app.cli.main import main
 
 FIELD, SURFACE, RADIUS, RESET, GRADIENT, CLOCK = "field", "surface", "radius", "reset", "gradient", "clock"
 RAISED: dict[str, Callable[[], Any]] = {
@@ -113,16 +113,16 @@ def test_11_20_an_exception_of_the_general_path_is_its_row_s(monkeypatch: pytest
     p = parameters(k=1.0)
     clock = TimeEvent("tick", period=0.3, reset={x: x / 1})
     system = System({x: -p.k * x, y: 0 * y}, time_events=[clock])
-    import filippov.solver
+    import filippov.solving.solver
 
-    plain = filippov.solver.solve
+    plain = filippov.solving.solver.solve
 
     def solve(problem: Problem, **options: Any) -> Any:
         if problem.parameters["k"] == 2.0:
             raise OverflowError("math range error")
         return plain(problem, **options)
 
-    monkeypatch.setattr(filippov.solver, "solve", solve)
+    monkeypatch.setattr(filippov.solving.solver, "solve", solve)
     ends = solve_many(system, [1.0, 0.0], (0, 1), parameters={"k": [1.0, 2.0, 3.0]})
     assert [status.value for status in ends.status] == ["success", "error", "success"]
     assert ends.message[1] == "OverflowError: math range error"

@@ -7,8 +7,8 @@ import pytest
 import sympy as sp
 
 from filippov import Surface, System, solve, states
-from filippov.ensemble import solve_many
-from filippov.symbols import t
+from filippov.model.symbols import t
+from filippov.solving.ensemble import solve_many
 
 METHODS = ("DOP853", "DP5", "Radau")
 x, v = states("x v")

@@ -10,7 +10,7 @@ import sympy
 from scipy.linalg import expm
 
 from filippov import Abs, System, sign, states
-from filippov.analysis.stability import certify, stability_report
+from filippov.analysis.local_stability.stability import certify, stability_report
 
 DRAWS = {"nightly": 40, "ci": 4}.get(os.environ.get("FILIPPOV_PROFILE", ""), 2)
 NAMES = states("x y z w")

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from linear_oracle import Answer, Linear, NotGenericError, solve_linear
 
 from filippov import Surface, System, parameters, solve, states
-from filippov.ensemble import solve_many
-from filippov.symbols import t
+from filippov.model.symbols import t
+from filippov.solving.ensemble import solve_many
 
 METHODS = {"DOP853": 1e-10, "DP5": 1e-9, "Radau": 1e-8}
 END = 20.0

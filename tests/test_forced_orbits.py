@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from filippov import System, TimeEvent, parameters, sign, solve, states
-from filippov.analysis.forcing import forcing_period, is_forced
-from filippov.analysis.orbit_search import find_orbit
+from filippov.analysis.orbits.orbit_search import find_orbit
+from filippov.analysis.steady.forcing import forcing_period, is_forced
 from filippov.models import registry
 
 x, v = states("x v")

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from filippov import Surface, System, solve, solve_many
-from filippov.errors import ModelError
+from filippov.base.errors import ModelError
 
 
 def friction(gradient=None, h=lambda t, x, p: x[1], **more):

@@ -12,19 +12,19 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from filippov.comparator import Band, Hysteresis
-from filippov.errors import ModelError, UsageError
-from filippov.escape import printable
-from filippov.graph import observed_graph, possible_graph, recurrent_part
-from filippov.graph_io import dot_text, graphml_text, load_graph, quoted, save_graph
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.escape import printable
+from filippov.graphs.graph import observed_graph, possible_graph, recurrent_part
+from filippov.graphs.graph_io import dot_text, graphml_text, load_graph, quoted, save_graph
+from filippov.graphs.word import mode_word, periodic_tail
+from filippov.model.comparator import Band, Hysteresis
+from filippov.model.parameter_symbol import parameters
+from filippov.model.surface import Surface
+from filippov.model.symbols import states, t
+from filippov.model.system import System
 from filippov.models import registry
-from filippov.parameter_symbol import parameters
-from filippov.solution import Solution
-from filippov.solver import solve
-from filippov.surface import Surface
-from filippov.symbols import states, t
-from filippov.system import System
-from filippov.word import mode_word, periodic_tail
+from filippov.solving.solution import Solution
+from filippov.solving.solver import solve
 
 x, v, z = states("x v z")
 

@@ -8,8 +8,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from filippov import System, UsageError, parameters, sign, states
-from filippov.analysis.homoclinic import find_homoclinic
-from filippov.analysis.shooting import NoConvergenceError, ReturnError
+from filippov.analysis.orbits.homoclinic import find_homoclinic
+from filippov.analysis.orbits.shooting import NoConvergenceError, ReturnError
 
 x, v = states("x v")
 

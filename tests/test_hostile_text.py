@@ -19,19 +19,20 @@ from command import strict
 from hypothesis import given
 from hypothesis import strategies as st
 
-from filippov import Problem, Solution, Surface, Sweep, System, UsageError, progress
-from filippov.bank.compare import PeerTable, peers_text
-from filippov.bank.peer_row import PeerRow
-from filippov.bank.row import Row
-from filippov.bank.table import rows_text
-from filippov.cli import main
-from filippov.commands.outputs import Outputs
-from filippov.commands.sweep import FILES
-from filippov.csv_text import csv_text
-from filippov.escape import LINES, cell, figure_text, latex, markdown, printable
-from filippov.json_text import json_text
-from filippov.report import html as pages
-from filippov.report.tables import Table
+from filippov import Problem, Solution, Surface, Sweep, System, UsageError
+from filippov.app.bank.compare import PeerTable, peers_text
+from filippov.app.bank.peers.peer_row import PeerRow
+from filippov.app.bank.row import Row
+from filippov.app.bank.table import rows_text
+from filippov.app.cli.main import main
+from filippov.app.cli.outputs import Outputs
+from filippov.app.cli.sweep import FILES
+from filippov.app.report import html as pages
+from filippov.app.report.tables import Table
+from filippov.base import progress
+from filippov.base.csv_text import csv_text
+from filippov.base.escape import LINES, cell, figure_text, latex, markdown, printable
+from filippov.base.json_text import json_text
 from filippov.sweep.dataset import write_csv, write_netcdf
 
 SIZE = {"ci": 3, "nightly": 400}.get(os.environ.get("FILIPPOV_PROFILE", ""), 2)

@@ -14,12 +14,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from filippov import Surface, System, exp, parameters, sign, solve, states
-from filippov.analysis.bifurcation import bifurcation
-from filippov.analysis.event_map import EventMap
-from filippov.analysis.rest_map import rest_map
-from filippov.analysis.section import Section
-from filippov.events import Stop
+from filippov.analysis.diagrams.bifurcation import bifurcation
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.section import Section
+from filippov.analysis.steady.rest_map import rest_map
 from filippov.models import get
+from filippov.solving.state.events import Stop
 
 MODEL = get("hunting")
 SYSTEM = MODEL.build()

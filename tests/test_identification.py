@@ -7,10 +7,10 @@ import pytest
 from command import summary
 
 from filippov import UsageError, solve
-from filippov.analysis.friction_curve import friction_force, identify_curve
-from filippov.analysis.identification import Identified, identify
-from filippov.analysis.record import Curve, Record, read_record
-from filippov.cli import main
+from filippov.analysis.estimation.friction_curve import friction_force, identify_curve
+from filippov.analysis.estimation.identification import Identified, identify
+from filippov.analysis.estimation.record import Curve, Record, read_record
+from filippov.app.cli.main import main
 from filippov.models import get
 from filippov.models.driven import driven_mass
 from filippov.models.laws import Stribeck

@@ -10,10 +10,10 @@ import pytest
 from scipy.stats import binom
 
 from filippov import UsageError
-from filippov.analysis.force_input import SmoothForce
-from filippov.analysis.identification import identify
-from filippov.analysis.record import Record
-from filippov.cli import main
+from filippov.analysis.estimation.force_input import SmoothForce
+from filippov.analysis.estimation.identification import identify
+from filippov.analysis.estimation.record import Record
+from filippov.app.cli.main import main
 from filippov.models.driven import driven_mass
 
 sys.path.insert(0, str(Path(__file__).parent / "benchmarks"))

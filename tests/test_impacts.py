@@ -21,7 +21,7 @@ from filippov import (
     states,
     t,
 )
-from filippov.solution import Solution
+from filippov.solving.solution import Solution
 
 G = 9.81
 DRAWS = {"default": 20, "ci": 60, "nightly": 2000}[os.environ.get("FILIPPOV_PROFILE", "default")]

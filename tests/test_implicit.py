@@ -11,15 +11,16 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-import filippov.loop
+import filippov.solving.loop
 from filippov import Problem, Surface, System, UsageError, cos, sign, solve, sqrt, states, t
-from filippov._kernels import dense_lu, radau_tables
-from filippov.ensemble import solve_many
-from filippov.events import Stop
+from filippov.kernel.loop import dense_lu
+from filippov.kernel.tables import radau_tables
 from filippov.models.lugre import hunting_lugre
 from filippov.models.mass import hunting
 from filippov.models.switch import hunting_switch
-from filippov.solution import Solution
+from filippov.solving.ensemble import solve_many
+from filippov.solving.solution import Solution
+from filippov.solving.state.events import Stop
 
 a, b, c = states("a b c")
 x, v, u, y = states("x v u y")
@@ -276,8 +277,8 @@ def test_a_motion_that_ends_in_finite_time_is_stopped_there() -> None:
 def test_steps_do_not_depend_on_how_a_run_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = radau(LAG, (0.1, 3.0), (0, 4))
     for chunk in (1, 7):
-        monkeypatch.setattr(filippov.loop, "_CHUNK", chunk)
-        monkeypatch.setattr(filippov.loop, "_LONGEST_CHUNK", chunk)
+        monkeypatch.setattr(filippov.solving.loop, "_CHUNK", chunk)
+        monkeypatch.setattr(filippov.solving.loop, "_LONGEST_CHUNK", chunk)
         cut = radau(LAG, (0.1, 3.0), (0, 4))
         assert np.array_equal(cut.x_end, whole.x_end)
         assert cut.steps == whole.steps

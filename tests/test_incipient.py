@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from filippov import Surface, System, cos, parameters, sign, solve, states, t
-from filippov._kernels.tables import POSITION
-from filippov.leading import Terms, first_derivative
+from filippov.kernel.tables.root_tables import POSITION
 from filippov.models import get
+from filippov.solving.state.leading import Terms, first_derivative
 
 v, w, x = states("v w x")
 

@@ -21,7 +21,7 @@ from filippov import (
     states,
     t,
 )
-from filippov.events import Stop
+from filippov.solving.state.events import Stop
 
 x, v = states("x v")
 COULOMB = System({x: v, v: -x - Rational(2, 5) * sign(v)})

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from filippov.bank.case import read_bank
-from filippov.bank.peer import Limits
-from filippov.bank.peer_process import PeerProcess
+from filippov.app.bank.case import read_bank
+from filippov.app.bank.peers.peer import Limits
+from filippov.app.bank.peers.peer_process import PeerProcess
 
 ROOT = Path(__file__).resolve().parent.parent
 TRAP = """

@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from filippov._kernels import build, elementary
-from filippov._kernels.compiler import compile_unit, load_object
-from filippov._kernels.interpreted import interpret
-from filippov._kernels.language import KernelError
-from filippov._kernels.unit import Unit, add_kernels
+from filippov.kernel.codegen import build
+from filippov.kernel.codegen.interpreted import interpret
+from filippov.kernel.language.compiler import compile_unit, load_object
+from filippov.kernel.language.primitives import KernelError
+from filippov.kernel.language.unit import Unit, add_kernels
+from filippov.kernel.loop import elementary
 
 ELEMENTARY = Path(elementary.__file__)  # the exponential function
 SIGNATURE = "(a: int, b: int, u: float, v: float, out: Vector) -> int"

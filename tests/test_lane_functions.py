@@ -3,16 +3,16 @@
 import ctypes
 import math
 from collections.abc import Callable
-from pathlib import Path
 
 import mpmath
 import numpy as np
 import pytest
 
-from filippov._kernels import build, lane_functions
-from filippov._kernels.compiler import compile_unit, load_object
-from filippov._kernels.language import KernelError
-from filippov._kernels.unit import LANES, Unit, add_kernels
+from filippov.kernel.codegen import build
+from filippov.kernel.files import kernel_file
+from filippov.kernel.language.compiler import compile_unit, load_object
+from filippov.kernel.language.primitives import KernelError
+from filippov.kernel.language.unit import LANES, Unit, add_kernels
 
 NAMES = ("exp", "log", "sin", "cos", "tanh", "sqrt", "tan", "atan", "expm1")
 WRAPPER = """
@@ -38,8 +38,7 @@ def compiled() -> tuple[object, dict[str, Callable[..., int]]]:
     unit.constants.update(constants)
     unit.constants["LANES"] = LANES
     for name in ("elementary", "lane_functions"):
-        folder = Path(lane_functions.__file__).parent
-        add_kernels(unit, (folder / f"{name}.py").read_text(encoding="utf-8"))
+        add_kernels(unit, kernel_file(name).read_text(encoding="utf-8"))
     texts = {name: f"{name}(a[0])" for name in NAMES}
     texts |= {name: f"{name}(a[0], b[0])" for name in ("power", "power_of", "size_power", "atan2")}
     texts |= {"least": "min(a[0], b[0])", "size": "abs(a[0])", "sign": "sign_of(a[0])"}

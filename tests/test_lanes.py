@@ -10,14 +10,14 @@ import scipy.linalg
 import sympy
 
 from filippov import ModelError, Status, Surface, System, UsageError, parameters, sign, sqrt, states
-from filippov import ensemble as ensembles
-from filippov._kernels.build import widest
-from filippov.analysis.event_map import EventMap
-from filippov.analysis.section import Section
-from filippov.ensemble import Ensemble, solve_many
-from filippov.events import Stop
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.section import Section
+from filippov.kernel.codegen.build import widest
 from filippov.models import get
 from filippov.models.registry import BUILT_IN
+from filippov.solving import ensemble as ensembles
+from filippov.solving.ensemble import Ensemble, solve_many
+from filippov.solving.state.events import Stop
 
 RTOL, ATOL = 1e-9, 1e-12
 # Short enough that the hunting loop does not magnify the last digit, where lanes and the plain loop differ.
@@ -203,7 +203,7 @@ def test_an_interrupted_ensemble_keeps_what_is_done(
         if done > 0:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("filippov.batch._CHUNK", 8_000)
+    monkeypatch.setattr("filippov.solving.state.batch._CHUNK", 8_000)
     ends = solve_many(
         system, x0, (0, 60), lanes=lanes, threads=threads, progress=interrupt,
         **OPTIONS | {"max_steps": 10**6},

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from filippov.errors import UsageError
+from filippov.base.errors import UsageError
 from filippov.sweep import lock as locks
 from filippov.sweep.lock import Lock
 

@@ -9,13 +9,13 @@ import pytest
 from bank import case
 
 from filippov import Surface, System, UsageError, solve, states
-from filippov.analysis.brute_force import brute_force
-from filippov.analysis.lyapunov import lyapunov
-from filippov.analysis.orbit_search import find_orbit
-from filippov.analysis.section import Section
-from filippov.cli import main
+from filippov.analysis.diagrams.brute_force import brute_force
+from filippov.analysis.maps.section import Section
+from filippov.analysis.orbits.orbit_search import find_orbit
+from filippov.analysis.sensitivity.lyapunov import lyapunov
+from filippov.app.cli.main import main
+from filippov.model.symbols import sign
 from filippov.models import get
-from filippov.symbols import sign
 
 
 def test_smooth_linear_system() -> None:

@@ -23,12 +23,12 @@ from filippov import (
     states,
     t,
 )
-from filippov.analysis.manifold import Manifold, manifold
-from filippov.analysis.orbit_search import find_orbit
-from filippov.analysis.saddle import saddle
-from filippov.analysis.section import Section
-from filippov.cli import main
-from filippov.symbols import cos
+from filippov.analysis.invariant_sets.manifold import Manifold, manifold
+from filippov.analysis.invariant_sets.saddle import saddle
+from filippov.analysis.maps.section import Section
+from filippov.analysis.orbits.orbit_search import find_orbit
+from filippov.app.cli.main import main
+from filippov.model.symbols import cos
 
 Array = npt.NDArray[np.float64]
 X, Y, Z, V = states("x y z v")

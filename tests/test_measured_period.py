@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from filippov import Problem, Surface, Sweep, System, parameters, sign, solve, states
-from filippov.cli import main
+from filippov.app.cli.main import main
 from filippov.sweep.period import period_of
 
 x, v = states("x v")

@@ -12,10 +12,10 @@ from test_continuation import belt_oscillator, hunting_run
 from filippov import Surface, System, parameters, solve, states
 from filippov import cos as cosine
 from filippov import t as time
-from filippov.analysis.branch import Branch
-from filippov.analysis.continuation import continuation
-from filippov.analysis.orbit_search import find_orbit
-from filippov.analysis.switch import switch
+from filippov.analysis.bifurcations.branch import Branch
+from filippov.analysis.bifurcations.continuation import continuation
+from filippov.analysis.bifurcations.switch import switch
+from filippov.analysis.orbits.orbit_search import find_orbit
 
 x, y, z, v = states("x y z v")
 

@@ -22,17 +22,17 @@ from filippov import (
 )
 from filippov import cos as cosine
 from filippov import t as time
-from filippov.analysis.event_map import EventMap
-from filippov.analysis.forcing import depends_on_time, forcing_period
-from filippov.analysis.orbit import Orbit
-from filippov.analysis.orbit_search import find_orbit, refine
-from filippov.analysis.saltation import NotDifferentiableError, flow_derivative
-from filippov.analysis.section import Section
-from filippov.analysis.shooting import NoConvergenceError, ReturnError
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.section import Section
+from filippov.analysis.orbits.orbit import Orbit
+from filippov.analysis.orbits.orbit_search import find_orbit, refine
+from filippov.analysis.orbits.shooting import NoConvergenceError, ReturnError
+from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
+from filippov.analysis.steady.forcing import depends_on_time, forcing_period
+from filippov.model.symbols import Abs
+from filippov.model.symbols import exp as exponential
 from filippov.models import hunting
 from filippov.models.registry import get
-from filippov.symbols import Abs
-from filippov.symbols import exp as exponential
 
 x, v, z = states("x v z")
 TIGHT = {"rtol": 1e-13, "atol": 1e-15}

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from sympy import Heaviside, Piecewise, sign
 
 from filippov import Problem, Solution, Stop, Sweep, System, parameters, solve, solve_many, states, t
-from filippov.analysis.event_map import EventMap
-from filippov.analysis.section import Section
-from filippov.errors import UsageError
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.section import Section
+from filippov.base.errors import UsageError
 
 x, v = states("x v")
 p = parameters(vb=0.4, P=1, F=1.3, k=2)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from filippov.errors import ModelError, UsageError
-from filippov.names import check_known, check_name, closest, unknown
-from filippov.parameter import Parameter, ParameterSet
-from filippov.parameter_symbol import ParameterSymbol, parameters
-from filippov.symbols import states
-from filippov.system import System
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.names import check_known, check_name, closest, unknown
+from filippov.model.parameter import Parameter, ParameterSet
+from filippov.model.parameter_symbol import ParameterSymbol, parameters
+from filippov.model.symbols import states
+from filippov.model.system import System
 
 x, v, z = states("x v z")
 

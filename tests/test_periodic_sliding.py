@@ -10,7 +10,7 @@ import pytest
 import sympy
 
 from filippov import System, TimeEvent, cos, sign, sin, solve, states, t
-from filippov.analysis.stability import stability_report
+from filippov.analysis.local_stability.stability import stability_report
 
 DRAWS = {"nightly": 60, "ci": 5}.get(os.environ.get("FILIPPOV_PROFILE", ""), 3)
 NAMES = states("x y z")

@@ -10,10 +10,10 @@ import pytest
 import scipy.linalg
 from scipy.optimize import brentq, fsolve
 
-from filippov.analysis.branch import Branch
-from filippov.analysis.continuation import Continuation, continuation
-from filippov.analysis.orbit_search import find_orbit
-from filippov.analysis.switch import switch
+from filippov.analysis.bifurcations.branch import Branch
+from filippov.analysis.bifurcations.continuation import Continuation, continuation
+from filippov.analysis.bifurcations.switch import switch
+from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.models import registry
 
 Array = np.ndarray

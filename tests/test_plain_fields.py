@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from filippov import Surface, System, TimeEvent, solve, solve_many, states
-from filippov._kernels import replacement
-from filippov._kernels.purity import purity
-from filippov.errors import ModelError, UsageError
+from filippov.base.errors import ModelError, UsageError
+from filippov.kernel.codegen import replacement
+from filippov.kernel.codegen.purity import purity
 
 Made = tuple[Callable[..., Any], Callable[[float], None]]
 

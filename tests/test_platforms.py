@@ -8,7 +8,7 @@ from types import ModuleType
 
 import pytest
 
-from filippov.errors import UsageError
+from filippov.base.errors import UsageError
 from filippov.sweep import processes, worker
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -42,7 +42,7 @@ out, *modules = sys.argv[1:]
 for module in modules:
     importlib.import_module(module)
 
-from filippov.cli import main
+from filippov.app.cli.main import main
 assert main(["simulate", "hunting", "--t-span", "0", "1", "-o", f"{out}/one"]) == 0
 from concurrent.futures import ThreadPoolExecutor
 from filippov import Sweep

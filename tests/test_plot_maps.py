@@ -8,8 +8,8 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from filippov.errors import UsageError
-from filippov.plot_maps import plot_diagram, plot_event_map, plot_iterates
+from filippov.base.errors import UsageError
+from filippov.plot.maps import plot_diagram, plot_event_map, plot_iterates
 
 mpl.use("Agg")
 

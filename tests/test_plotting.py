@@ -17,13 +17,13 @@ import sympy as sp
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from filippov.errors import UsageError
-from filippov.graph import observed_graph, possible_graph
-from filippov.plotting import plot_graph, plot_phase, plot_solution
-from filippov.solution import Solution
-from filippov.solver import solve
-from filippov.symbols import states, t
-from filippov.system import System
+from filippov.base.errors import UsageError
+from filippov.graphs.graph import observed_graph, possible_graph
+from filippov.model.symbols import states, t
+from filippov.model.system import System
+from filippov.plot.solution import plot_graph, plot_phase, plot_solution
+from filippov.solving.solution import Solution
+from filippov.solving.solver import solve
 
 x, v, z = states("x v z")
 
@@ -165,6 +165,6 @@ def test_without_matplotlib_the_extra_is_named(motion: Solution, monkeypatch: py
 
 
 def test_importing_the_package_does_not_import_matplotlib() -> None:
-    code = "import sys, filippov, filippov.plotting; print('matplotlib' in sys.modules)"
+    code = "import sys, filippov, filippov.plot.solution; print('matplotlib' in sys.modules)"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "False"

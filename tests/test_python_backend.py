@@ -23,9 +23,9 @@ from filippov import (
     states,
     t,
 )
-from filippov.bank import read_bank
-from filippov.bank.build import build
-from filippov.bank.case import Case
+from filippov.app.bank import read_bank
+from filippov.app.bank.build import build
+from filippov.app.bank.case import Case
 from filippov.models import get, names
 
 ROOT = Path(__file__).resolve().parent.parent

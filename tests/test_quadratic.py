@@ -11,9 +11,9 @@ import sympy
 from scipy.linalg import expm
 
 from filippov import Abs, Surface, System, sign, states
-from filippov.analysis.certificates import decide, quadratic
-from filippov.analysis.certificates.matrix_inequality import positive_definite, rounded
-from filippov.analysis.stability import stability_report
+from filippov.analysis.local_stability.certificates import decide, quadratic
+from filippov.analysis.local_stability.certificates.matrix_inequality import positive_definite, rounded
+from filippov.analysis.local_stability.stability import stability_report
 
 DRAWS = {"nightly": 60, "ci": 4}.get(os.environ.get("FILIPPOV_PROFILE", ""), 2)
 NAMES = states("x y z")

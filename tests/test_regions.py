@@ -9,13 +9,13 @@ from command import summary
 from scipy.optimize import brentq
 
 from filippov import UsageError, solve
-from filippov.analysis.basin import basin
-from filippov.analysis.bifurcation import bifurcation
-from filippov.analysis.event_map import EventMap
-from filippov.analysis.regions import regions
-from filippov.analysis.rest_map import growth, rest_map
-from filippov.analysis.section import Section
-from filippov.analysis.static_cycle import static_cycles
+from filippov.analysis.diagrams.basin import basin
+from filippov.analysis.diagrams.bifurcation import bifurcation
+from filippov.analysis.diagrams.regions import regions
+from filippov.analysis.harmonic.static_cycle import static_cycles
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.section import Section
+from filippov.analysis.steady.rest_map import growth, rest_map
 from filippov.models import get
 
 MODEL = get("hunting")

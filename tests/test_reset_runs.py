@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from filippov import Surface, System, TimeEvent, parameters, sign, solve, states
-from filippov.ensemble import solve_many
-from filippov.solution import Solution
-from filippov.status import Status
+from filippov.base.status import Status
+from filippov.solving.ensemble import solve_many
+from filippov.solving.solution import Solution
 
 X, Y, V, Q = states("x y v q")
 E, G = 0.5, 10.0

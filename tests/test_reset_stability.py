@@ -10,7 +10,7 @@ import sympy
 from scipy.linalg import expm
 
 from filippov import Surface, System, states
-from filippov.analysis.stability import certify, stability_report
+from filippov.analysis.local_stability.stability import certify, stability_report
 
 DRAWS = {"nightly": 40, "ci": 3}.get(os.environ.get("FILIPPOV_PROFILE", ""), 2)
 NAMES = states("q v w u")

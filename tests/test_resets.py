@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from filippov import ModelError, Status, Surface, System, cos, models, parameters, sign, sin, solve, states, t
-from filippov.analysis.saltation import NotDifferentiableError, flow_derivative
-from filippov.events import Stop
-from filippov.solution import Solution
+from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
+from filippov.solving.solution import Solution
+from filippov.solving.state.events import Stop
 
 y, v, q, T = states("y v q T")
 g = 9.81

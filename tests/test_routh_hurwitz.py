@@ -10,10 +10,10 @@ import sympy
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from filippov.analysis.polynomial import Verdict, coefficients, count_roots, exact, sign_changes
-from filippov.analysis.routh_array import signs_at_zero
-from filippov.analysis.routh_hurwitz import RouthHurwitz, routh_hurwitz
-from filippov.errors import UsageError
+from filippov.analysis.algebra.polynomial import Verdict, coefficients, count_roots, exact, sign_changes
+from filippov.analysis.algebra.routh_array import signs_at_zero
+from filippov.analysis.algebra.routh_hurwitz import RouthHurwitz, routh_hurwitz
+from filippov.base.errors import UsageError
 
 DATA = Path(__file__).parent / "data" / "routh_hurwitz.json"
 CASES = json.loads(DATA.read_text(encoding="utf-8"))["cases"]

@@ -7,7 +7,7 @@ import pytest
 import sympy
 
 from filippov import System, sign, solve, states, t
-from filippov.status import Status
+from filippov.base.status import Status
 
 X, Y = states("x y")
 K1, K2 = 1.5, 1.1

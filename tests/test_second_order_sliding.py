@@ -8,7 +8,7 @@ import pytest
 import sympy
 
 from filippov import Surface, System, parameters, sign, solve, sqrt, states, t
-from filippov.status import Status
+from filippov.base.status import Status
 
 X, Y, Z, W = states("x y z w")
 P = parameters(k1=1.5, k2=1.1, push=0.0, offset=0.0, ramp=0.0)

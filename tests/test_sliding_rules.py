@@ -10,7 +10,7 @@ import pytest
 from command import summary
 
 from filippov import Surface, System, UsageError, sign, solve, states
-from filippov.solution import Solution
+from filippov.solving.solution import Solution
 
 RULES = ("filippov", "moments", "utkin")
 x, y, z, w = states("x y z w")
@@ -170,7 +170,7 @@ def test_equivalent_control_enters_and_leaves() -> None:
 
 
 def test_the_derivative_of_the_flow_is_that_of_the_default_rule() -> None:
-    from filippov.analysis.saltation import flow_derivative
+    from filippov.analysis.sensitivity.saltation import flow_derivative
 
     with pytest.raises(UsageError, match="sliding='filippov', the solution has 'moments'"):
         flow_derivative(along(NODAL, (0, 0, 0), (0, 1), "moments"))

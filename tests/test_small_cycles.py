@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hunting_oracle import NAMES, cycles, law, set_slope, twice
 
-from filippov.analysis.event_map import EventMap
-from filippov.analysis.section import Section
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.section import Section
 from filippov.models import hunting
 
 SECTION = Section("velocity", "sliding entry", "x", {"x": "d", "v": "0", "z": "(sign(d)*Fs/P - d)/I"})

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from filippov import Abs, ModelError, Surface, System, exp, parameters, sign, sin, solve, states
-from filippov.analysis.equilibria import equilibria
-from filippov.analysis.exponents import exponent_cases, size_powers
-from filippov.analysis.linearisation import characteristic_polynomial, linearise
-from filippov.analysis.rest_map import growth, rest_map, threshold
-from filippov.analysis.stability import StabilityReport, stability_report
-from filippov.analysis.stability_result import SetEvidence
+from filippov.analysis.algebra.exponents import exponent_cases, size_powers
+from filippov.analysis.local_stability.stability import StabilityReport, stability_report
+from filippov.analysis.local_stability.stability_result import SetEvidence
+from filippov.analysis.steady.equilibria import equilibria
+from filippov.analysis.steady.linearisation import characteristic_polynomial, linearise
+from filippov.analysis.steady.rest_map import growth, rest_map, threshold
 
 x, v, z = states("x v z")
 p = parameters(m=1, P=10, D=1, I=10, Fs=4, Fc=2, vs=0.1, beta=2, b=1)

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
 from filippov import Abs, Max, System, parameters, sign, sin, sqrt, states
-from filippov.analysis.equilibria import equilibria
-from filippov.analysis.linearisation import characteristic_polynomial
-from filippov.analysis.number_text import plain, tex, tex_name
-from filippov.analysis.stability import stability_report
+from filippov.analysis.algebra.number_text import plain, tex, tex_name
+from filippov.analysis.local_stability.stability import stability_report
+from filippov.analysis.steady.equilibria import equilibria
+from filippov.analysis.steady.linearisation import characteristic_polynomial
 from filippov.models import registry
 
 x, v, w = states("x v w")

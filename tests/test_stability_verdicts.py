@@ -11,10 +11,10 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from filippov import Abs, Piecewise, Surface, System, TimeEvent, cos, parameters, sin, states, t
-from filippov.analysis.equilibria import equilibria
-from filippov.analysis.planar_cone import planar_cone
-from filippov.analysis.routh_hurwitz import routh_hurwitz
-from filippov.analysis.stability import stability_report
+from filippov.analysis.algebra.routh_hurwitz import routh_hurwitz
+from filippov.analysis.local_stability.planar_cone import planar_cone
+from filippov.analysis.local_stability.stability import stability_report
+from filippov.analysis.steady.equilibria import equilibria
 from filippov.models import registry
 
 x, v, y, w = states("x v y w")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from filippov import Surface, System, sign, solve, states
-from filippov.ensemble import solve_many
-from filippov.events import Stop
-from filippov.status import EventKind, Status
+from filippov.base.status import EventKind, Status
+from filippov.solving.ensemble import solve_many
+from filippov.solving.state.events import Stop
 
 x, y = states("x y")
 # x = cos t: crossings of x = 0 at pi/2 + k pi, downwards first.

@@ -18,18 +18,18 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from filippov.comparator import Band, Hysteresis, Smooth
-from filippov.errors import ModelError, UsageError
-from filippov.events import Stop
-from filippov.parameter import Parameter
-from filippov.parameter_symbol import parameters
-from filippov.solution import Solution
-from filippov.solver import solve
-from filippov.storage import load, save
-from filippov.stored_system import system_data, system_of
-from filippov.surface import Surface
-from filippov.symbols import states, t
-from filippov.system import System
+from filippov.base.errors import ModelError, UsageError
+from filippov.io.storage import load, save
+from filippov.io.stored_system import system_data, system_of
+from filippov.model.comparator import Band, Hysteresis, Smooth
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.surface import Surface
+from filippov.model.symbols import states, t
+from filippov.model.system import System
+from filippov.solving.solution import Solution
+from filippov.solving.solver import solve
+from filippov.solving.state.events import Stop
 
 x, v, z = states("x v z")
 

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from filippov.errors import UsageError
+from filippov.app.report.effort import Effort
+from filippov.app.report.facts import Facts
+from filippov.app.report.html import escape, inline_svg, preformatted
+from filippov.app.report.independent import Rule
+from filippov.app.report.study import run_study
+from filippov.base.errors import UsageError
 from filippov.models.studies import BUILT_IN, get_study, study_names
-from filippov.report.effort import Effort
-from filippov.report.facts import Facts
-from filippov.report.html import escape, inline_svg, preformatted
-from filippov.report.independent import Rule
-from filippov.report.study import run_study
 
 SET, CYCLE = "equilibrium set", "limit cycle"
 # 40-digit Taylor integration; beta = 0.5: the four digits that are printed.
@@ -370,7 +370,7 @@ def test_text_is_escaped_and_wrapped():
 
 
 def test_report_knows_no_model():
-    root = Path(__file__).resolve().parent.parent / "filippov" / "report"
+    root = Path(__file__).resolve().parent.parent / "filippov" / "app" / "report"
     for path in root.glob("*.py"):
         # Analyses may be imported whatever they are called.
         lines = path.read_text(encoding="utf-8").splitlines()

@@ -16,9 +16,9 @@ from command import strict, table
 from sweep_case import check, decay, serial, sweep_of, write_case
 
 from filippov import Parameter, Problem, Surface, Sweep, System, UsageError, parameters, sign, states
-from filippov.cli import main
-from filippov.events import Stop
+from filippov.app.cli.main import main
 from filippov.models import get
+from filippov.solving.state.events import Stop
 from filippov.sweep.dataset import load_table, to_xarray, write_csv, write_netcdf
 from filippov.sweep.rows import Limits
 from filippov.sweep.store import read_manifest

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from sweep_case import decay, serial, write_case
 
 from filippov import Parameter, Problem, Stop, Surface, Sweep, System, UsageError, parameters, states
-from filippov.cli import main
+from filippov.app.cli.main import main
 from filippov.sweep.dataset import load_table
 from filippov.sweep.table import Table
 from filippov.sweep.toolchain import PACKAGES

@@ -15,15 +15,15 @@ import pytest
 import sympy as sp
 
 import filippov
-from filippov.comparator import Band, Exact, Hysteresis, Smooth
-from filippov.ensemble import solve_many
-from filippov.errors import ModelError, NonUniqueError, SolveError, UsageError
-from filippov.machine import Machine
-from filippov.parameter_symbol import parameters
-from filippov.surface import Surface
-from filippov.symbols import states, t
-from filippov.system import System
-from filippov.time_event import TimeEvent
+from filippov.base.errors import ModelError, NonUniqueError, SolveError, UsageError
+from filippov.model.comparator import Band, Exact, Hysteresis, Smooth
+from filippov.model.parameter_symbol import parameters
+from filippov.model.surface import Surface
+from filippov.model.symbols import states, t
+from filippov.model.system import System
+from filippov.model.time_event import TimeEvent
+from filippov.solving.ensemble import solve_many
+from filippov.solving.state.machine import Machine
 
 x, v, z = states("x v z")
 
@@ -477,7 +477,7 @@ def test_functions_need_no_sympy() -> None:
     code = """
 import sys
 from filippov import Problem, Surface, System, solve_many
-from filippov.solver import solve
+from filippov.solving.solver import solve
 system = System(
     field=lambda t, x, p, s: [-s[0]], surfaces=[Surface("x", lambda t, x, p: x[0])], states="x"
 )

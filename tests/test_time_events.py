@@ -22,7 +22,7 @@ from filippov import (
     states,
     t,
 )
-from filippov.solution import Solution
+from filippov.solving.solution import Solution
 
 y, z, n = states("y z n")
 

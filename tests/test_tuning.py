@@ -9,13 +9,13 @@ import pytest
 from command import summary
 
 from filippov import UsageError, solve
-from filippov.analysis.contraction import contraction
-from filippov.analysis.event_map import EventMap
-from filippov.analysis.gain_map import gain_map
-from filippov.analysis.section import Section
-from filippov.analysis.static_cycle import coulomb_ratio, static_cycles
-from filippov.analysis.tuning import Tuning, tune
-from filippov.cli import main
+from filippov.analysis.gains.contraction import contraction
+from filippov.analysis.gains.gain_map import gain_map
+from filippov.analysis.gains.tuning import Tuning, tune
+from filippov.analysis.harmonic.static_cycle import coulomb_ratio, static_cycles
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.section import Section
+from filippov.app.cli.main import main
 from filippov.models import get
 
 MODEL = get("hunting")

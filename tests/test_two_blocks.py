@@ -10,10 +10,10 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from filippov import UsageError, solve
-from filippov.analysis.basin import basin
-from filippov.analysis.event_map import EventMap
-from filippov.analysis.orbit_search import find_orbit
-from filippov.analysis.section import Section
+from filippov.analysis.diagrams.basin import basin
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.section import Section
+from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.models import get
 from filippov.models.two_blocks import both_stick, stick_map, two_blocks
 

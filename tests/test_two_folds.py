@@ -8,7 +8,7 @@ import pytest
 from two_fold_oracle import Folds, draw, slide
 
 from filippov import Solution, Status, Surface, System, exp, parameters, sign, solve, solve_many, states, t
-from filippov.events import Stop
+from filippov.solving.state.events import Stop
 
 X, Y, Z = states("x y z")
 PROFILE = os.environ.get("FILIPPOV_PROFILE", "default")

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from command import ROOT, command, strict
 
-from filippov.cli import main
+from filippov.app.cli.main import main
 
 MODEL = """
 import atexit, os, subprocess, sys, threading

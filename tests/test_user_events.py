@@ -20,7 +20,7 @@ from filippov import (
     states,
     t,
 )
-from filippov.solution import Solution
+from filippov.solving.solution import Solution
 
 x, y = states("x y")
 SYMBOLIC = System({x: y, y: -x})

@@ -8,8 +8,8 @@ import sympy
 from scipy.optimize import least_squares
 from stability_models import AS, KINDS, UN, Case, cases
 
-from filippov.analysis.equilibrium import EquilibriumPoint, EquilibriumSet
-from filippov.analysis.stability import StabilityReport, stability_report
+from filippov.analysis.local_stability.stability import StabilityReport, stability_report
+from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 
 NEAR = 1e-6
 MOST_OPEN = 5

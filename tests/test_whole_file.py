@@ -13,16 +13,17 @@ from typing import Any, BinaryIO
 import numpy as np
 import pytest
 
-from filippov import System, sign, solve, states, whole_file
-from filippov.analysis.orbit_file import write_json as write_orbit
-from filippov.archive import write_arrays
-from filippov.commands.console import Console
-from filippov.commands.folder import Folder
-from filippov.graph import possible_graph
-from filippov.graph_io import save_graph
-from filippov.report.files import write as write_report
+from filippov import System, sign, solve, states
+from filippov.analysis.orbits.orbit_file import write_json as write_orbit
+from filippov.app.cli.console import Console
+from filippov.app.cli.folder import Folder
+from filippov.app.report.files import write as write_report
+from filippov.base import whole_file
+from filippov.base.whole_file import write_whole
+from filippov.graphs.graph import possible_graph
+from filippov.graphs.graph_io import save_graph
+from filippov.io.archive import write_arrays
 from filippov.sweep.store import write_json as write_manifest
-from filippov.whole_file import write_whole
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="links and permissions of POSIX")
 
@@ -154,7 +155,7 @@ def test_a_pipe_is_written_to_and_not_replaced(tmp_path: Path) -> None:
 
 WATCHED = """
 import os, sys
-from filippov.cli import main
+from filippov.app.cli.main import main
 
 out, seen = sys.argv[1], []
 write, new = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND, os.O_EXCL | os.O_NOFOLLOW

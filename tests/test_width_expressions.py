@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from filippov import Band, Solution, Surface, System, parameters, sign, solve, solve_many, states, t
-from filippov.errors import ModelError
+from filippov.base.errors import ModelError
 
 x, y = states("x y")
 p = parameters(w=0.5, k=2, r=1)

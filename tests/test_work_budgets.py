@@ -7,10 +7,10 @@ from contextlib import suppress
 import pytest
 import sympy
 
-from filippov.analysis.budget import Clock, OutOfBudgetError, counted
-from filippov.analysis.equilibria import equilibria
-from filippov.analysis.routh_hurwitz import routh_hurwitz
-from filippov.analysis.stability import stability_report
+from filippov.analysis.algebra.budget import Clock, OutOfBudgetError, counted
+from filippov.analysis.algebra.routh_hurwitz import routh_hurwitz
+from filippov.analysis.local_stability.stability import stability_report
+from filippov.analysis.steady.equilibria import equilibria
 from filippov.models import hunting, registry
 
 x, y = sympy.symbols("x y", real=True)
@@ -60,7 +60,7 @@ def test_12_9_what_never_asks_is_stopped_by_its_calls() -> None:
     assert 0.4 < clock.remaining() < 0.5
     with pytest.raises(OutOfBudgetError, match=r"budget of 0\.5"):
         clock.within(endless)
-    assert sys.gettrace() is None or sys.gettrace().__module__ != "filippov.analysis.budget"
+    assert sys.gettrace() is None or sys.gettrace().__module__ != "filippov.analysis.algebra.budget"
 
 
 def test_12_9_a_trace_hook_that_is_there_goes_on() -> None:

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from filippov.csv_text import csv_text
-from filippov.errors import UsageError
-from filippov.escape import printable
+from filippov.base.csv_text import csv_text
+from filippov.base.errors import UsageError
+from filippov.base.escape import printable
+from filippov.base.whole_file import write_whole
 from filippov.sweep.chunk import no_room
 from filippov.sweep.manifest import Manifest
 from filippov.sweep.points import Whole, digest_of, shape_of
 from filippov.sweep.rows import Limits, Rows
 from filippov.sweep.store import CHUNKS, POINTS, away, fill, held_by, read_points
 from filippov.sweep.table import Table
-from filippov.whole_file import write_whole
 
 
 def to_xarray(table: Table) -> Any:

@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from filippov.system import System
+from filippov.model.system import System
 
 _SCALARS = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis), type(NotImplemented))
 _BUILT_IN = (types.BuiltinFunctionType, types.MethodDescriptorType, types.WrapperDescriptorType,

@@ -8,9 +8,9 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import nullcontext, suppress
 from typing import Any, Protocol
 
-from filippov.batch import cores
-from filippov.errors import SolveError, UsageError
-from filippov.names import unknown
+from filippov.base.errors import SolveError, UsageError
+from filippov.base.names import unknown
+from filippov.solving.state.batch import cores
 from filippov.sweep.points import Whole
 from filippov.sweep.processes import CONTEXTS, Processes
 from filippov.sweep.rows import Work

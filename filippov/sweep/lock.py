@@ -14,7 +14,7 @@ import socket
 from pathlib import Path
 from typing import Any, Self
 
-from filippov.errors import UsageError
+from filippov.base.errors import UsageError
 
 NAME = "lock.json"
 _LARGEST = 10_000

@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from filippov.errors import UsageError
+from filippov.base.errors import UsageError
 from filippov.sweep.points import digest_of
 from filippov.sweep.rows import Work
 

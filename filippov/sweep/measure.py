@@ -25,19 +25,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from filippov.ensemble import Ensemble
-from filippov.errors import ModelError, UsageError
-from filippov.events import Events, columns_of
-from filippov.names import unknown
-from filippov.status import mode_text
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.names import unknown
+from filippov.base.status import mode_text
+from filippov.base.user_file import load_file
+from filippov.model.system import System
+from filippov.solving.ensemble import Ensemble
+from filippov.solving.state.events import Events, columns_of
 from filippov.sweep.dependence import Dependence, dependence
 from filippov.sweep.period import period_of
 from filippov.sweep.points import Array
-from filippov.system import System
-from filippov.user_file import load_file
 
 if TYPE_CHECKING:
-    from filippov.solution import Solution
+    from filippov.solving.solution import Solution
 
 ENDS = ("end", "t_end", "nfev", "mode", "events")
 EVENTS = ("dwell", "sliding", "period")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from filippov.events import Event
+from filippov.solving.state.events import Event
 
 # Beyond so many of its own intervals without an event, a kind of event belongs to a transient.
 SILENCE = 1.5

@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from filippov.ensemble import solve_many
-from filippov.errors import ModelError, UsageError
-from filippov.failure import failure
-from filippov.names import check_known, unknown
-from filippov.options import Options, check_priority, check_stops, positive
-from filippov.problem import Problem
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.failure import failure
+from filippov.base.names import check_known, unknown
+from filippov.base.version import package_version
+from filippov.model.system import System
+from filippov.solving.ensemble import solve_many
+from filippov.solving.state.options import Options, check_priority, check_stops, positive
+from filippov.solving.state.problem import Problem
 from filippov.sweep.dependence import Dependence, dependence, plain_system
 from filippov.sweep.measure import Function, Measure, read_measures
 from filippov.sweep.point import START, Plan, compute_many, compute_one
@@ -26,8 +28,6 @@ from filippov.sweep.rows import Limits, Rows
 from filippov.sweep.samples import sample
 from filippov.sweep.table import Table
 from filippov.sweep.toolchain import own_sources, toolchain
-from filippov.system import System
-from filippov.version import package_version
 
 OPTIONS = (
     "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "nonunique", "on_graze",
@@ -211,7 +211,7 @@ class Sweep:
         """The measures, with the names of what functions return found by a trial at the template."""
         if not any(isinstance(measure, Function) for measure in measures):
             return measures
-        from filippov.solver import solve
+        from filippov.solving.solver import solve
 
         solution = solve(self.problem, stop=self.stop, **self.options)
         out: list[Measure | Function] = []

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from filippov.ensemble import Ensemble, solve_many
-from filippov.events import Stop
-from filippov.failure import failure
-from filippov.problem import Problem
-from filippov.status import Status
+from filippov.base.failure import failure
+from filippov.base.status import Status
+from filippov.model.system import System
+from filippov.solving.ensemble import Ensemble, solve_many
+from filippov.solving.state.events import Stop
+from filippov.solving.state.problem import Problem
 from filippov.sweep.measure import Function, Measure
 from filippov.sweep.points import Array, Points, Whole
 from filippov.sweep.rows import ERROR, Limits, Rows, chosen, failed_row, joined
-from filippov.system import System
 
 START = "x0."
 BLOCK = 512
@@ -139,7 +139,7 @@ def _row(plan: Plan, point: int, limits: Limits) -> Rows:
         watch = threading.Timer(LEAVE * limits.max_time + _OWN_LIMIT, limits.late, (point,))
         watch.daemon = True
         watch.start()
-    from filippov.solver import solve
+    from filippov.solving.solver import solve
 
     extra: dict[str, Any] = {} if limits.max_time is None else {"max_time": limits.max_time}
     dense = any(measure.needs == 2 for measure in plan.measures)

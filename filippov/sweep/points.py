@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.archive import Archive
+from filippov.io.archive import Archive
 
 Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]

@@ -18,7 +18,7 @@ from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any
 
-from filippov.errors import SolveError, UsageError
+from filippov.base.errors import SolveError, UsageError
 from filippov.sweep import worker
 from filippov.sweep.points import Whole
 from filippov.sweep.rows import Work

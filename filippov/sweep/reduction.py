@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from filippov.errors import UsageError
-from filippov.names import unknown
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
 from filippov.sweep.rows import DONE
 from filippov.sweep.table import Table
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from filippov.errors import SolveError, UsageError
-from filippov.failure import failure
-from filippov.options import check_count, positive
+from filippov.base.errors import SolveError, UsageError
+from filippov.base.failure import failure
+from filippov.solving.state.options import check_count, positive
 from filippov.sweep.chunk import FullError
 from filippov.sweep.engine import Engine, engine_of
 from filippov.sweep.lock import Lock

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from filippov.errors import UsageError
-from filippov.names import unknown
-from filippov.options import check_count
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+from filippov.solving.state.options import check_count
 from filippov.sweep.points import Array, Grid, Points
 
 SAMPLES = ("grid", "list", "latin_hypercube", "sobol")

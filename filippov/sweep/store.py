@@ -23,16 +23,16 @@ from typing import Any
 
 import numpy as np
 
-from filippov.archive import Archive, write_arrays
-from filippov.errors import UsageError
-from filippov.json_text import json_text
+from filippov.base.errors import UsageError
+from filippov.base.json_text import json_text
+from filippov.base.whole_file import write_whole
+from filippov.io.archive import Archive, write_arrays
 from filippov.sweep.chunk import chunk_name, chunks_of, leftovers_of, no_room, read_chunk, write_chunk
 from filippov.sweep.manifest import NAME as MANIFEST
 from filippov.sweep.manifest import Manifest, read_manifest
 from filippov.sweep.points import Points, Whole, digest_of, restored, stored
 from filippov.sweep.rows import Rows, Work
 from filippov.sweep.table import Table
-from filippov.whole_file import write_whole
 
 POINTS, CHUNKS, QUARANTINE = "points.npz", "chunks", "quarantine.json"
 ASIDE = "filippov quarantine"

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.errors import SolveError, UsageError
-from filippov.names import unknown
+from filippov.base.errors import SolveError, UsageError
+from filippov.base.names import unknown
 from filippov.sweep.points import BLOCK, Array, Points, Whole
 from filippov.sweep.rows import DONE, Rows, Work
 

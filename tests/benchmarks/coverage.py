@@ -108,7 +108,7 @@ def held(t: Array) -> tuple[Array, Array, Array]:
 
 def record(kind: Kind, seed: int) -> Any:
     """The record of one draw."""
-    from filippov.analysis.record import Record
+    from filippov.analysis.estimation.record import Record
 
     t, x, force = motion(kind.law, kind.step)
     random = np.random.default_rng([seed, KINDS.index(kind)])
@@ -121,7 +121,7 @@ def record(kind: Kind, seed: int) -> Any:
 
 def draw(task: tuple[str, int]) -> dict[str, Any]:
     """One draw: estimate and interval of each parameter, and what was said."""
-    from filippov.analysis.identification import identify
+    from filippov.analysis.estimation.identification import identify
     from filippov.models.driven import driven_mass
 
     kind = next(kind for kind in KINDS if kind.name == task[0])

@@ -25,10 +25,10 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
 import peers  # noqa: E402
 
 from filippov import Solution, solve  # noqa: E402
-from filippov.analysis.event_map import EventMap  # noqa: E402
-from filippov.analysis.section import Section  # noqa: E402
-from filippov.ensemble import solve_many  # noqa: E402
+from filippov.analysis.maps.event_map import EventMap  # noqa: E402
+from filippov.analysis.maps.section import Section  # noqa: E402
 from filippov.models import get  # noqa: E402
+from filippov.solving.ensemble import solve_many  # noqa: E402
 
 COLD = """
 import time; t0 = time.perf_counter()

@@ -20,8 +20,8 @@ import numpy as np
 sys.path[:0] = [str(Path(__file__).parents[2])]
 
 from filippov import Problem, Sweep  # noqa: E402
-from filippov.ensemble import solve_many  # noqa: E402
 from filippov.models import get  # noqa: E402
+from filippov.solving.ensemble import solve_many  # noqa: E402
 from filippov.sweep.point import split  # noqa: E402
 
 SPAN = (0.0, 100.0)

@@ -1,0 +1,1 @@
+"""Polynomials, inequalities, Routh-Hurwitz, exact numbers, and budgets for such work."""

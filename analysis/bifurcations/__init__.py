@@ -1,0 +1,1 @@
+"""Branches over a parameter: continuation, special points, switching, curves of them."""

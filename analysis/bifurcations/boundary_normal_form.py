@@ -1,0 +1,168 @@
+"""Boundary equilibria of Filippov systems: what meets at a surface, and on which side of the parameter.
+
+With H = side h >= 0 on the side of the equilibrium, A = F1_x, C = H_x, B = F2 there (F1 = 0) and the shift
+H of the equilibrium as the parameter changes, D = dH/d(value), the equilibrium of F1 is there for D dv > 0
+and the pseudo-equilibrium, A x + B l + ... = 0 on H = 0, for l = D dv/(C A^-1 B) > 0:
+
+    C A^-1 B < 0    persistence       C A^-1 B > 0    non-smooth fold
+    C B > 0         sliding attracts  C B < 0         sliding repels
+
+The sliding field has the eigenvalues of (1 - B C/(C B)) A on C x = 0; in the plane that is one,
+det A (C A^-1 B)/(C B). A planar focus that repels (for C B < 0: that attracts, with time reversed) has a
+sliding cycle if the motion from the visible tangency comes back to the surface before the pseudo-saddle.
+Source: di Bernardo, Budd, Champneys & Kowalczyk 2008, chapter 5; Kuznetsov, Rinaldi & Gragnani 2003,
+section 3.1 (cases are described here, not numbered: later classifications count them
+differently, Hogan, Homer, Jeffrey & Szalai 2016).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import scipy.linalg
+from scipy.optimize import brentq
+
+from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
+from filippov.analysis.bifurcations.smooth_normal_form import number
+from filippov.base.errors import UsageError
+
+Array = npt.NDArray[np.float64]
+Form = tuple[dict[str, float], str]
+_ZERO, _SAMPLES, _TURNS = 1e-7, 64, 1.5
+
+
+class BoundaryEquilibrium:
+    """A, B, C, D at a boundary equilibrium, in the mode beside the surface.
+
+    problem  equilibria of that mode, or pseudo-equilibria; test: "boundary NAME", "upper NAME", "lower NAME"
+    """
+
+    def __init__(self, problem: EquilibriumProblem, test: str, u: Array, value: float) -> None:
+        end, _, name = test.partition(" ")
+        system = problem.system
+        i = self.index = system.surface_index(name)
+        n = system.dimension
+        self.side = problem.mode[i] if end == "boundary" else (1 if end == "upper" else -1)
+        values = dict(zip(system.parameters.names, problem.base.tolist(), strict=True))
+        mode = (*problem.mode[:i], self.side, *problem.mode[i + 1 :])
+        if any(m == 0 for m in mode):
+            raise UsageError("another surface is slid on: the coefficients of the point are not known.")
+        regular = EquilibriumProblem(system, mode, problem.parameter, u[:n], values)
+        other = EquilibriumProblem(
+            system, (*mode[:i], -self.side, *mode[i + 1 :]), problem.parameter, u[:n], values
+        )
+        at = regular._at(u[:n], value)
+        radius = regular.field.part("radius", *at)[0, i]
+        if np.max(np.abs(radius - (-1.0, 1.0))) > 1e-12:
+            raise UsageError(f"surface {name!r} has a set wider than the hull of its fields.")
+        by = regular.field.part("fy", *at)[0]
+        slope = self.side * regular.field.part("hy", *at)[0, i]
+        self.A, self.M = by[:, :n], by[:, n]
+        self.C, self.moves = slope[:n], float(slope[n])
+        self.B = other.field.part("f", *other._at(u[:n], value))[0, :, 0]
+
+    @property
+    def across(self) -> float:
+        """C B: positive where sliding attracts."""
+        return float(self.C @ self.B)
+
+    @property
+    def bordered(self) -> float:
+        """det A (C A^-1 B), also where A is singular."""
+        block = np.block([[self.A, self.B[:, None]], [self.C[None, :], np.zeros((1, 1))]])
+        return -float(np.linalg.det(block))
+
+    def sliding(self) -> npt.NDArray[np.complex128]:
+        """Eigenvalues of the sliding field at the pseudo-equilibrium."""
+        n = len(self.B)
+        basis = scipy.linalg.null_space(self.C[None, :])
+        matrix = (np.eye(n) - np.outer(self.B, self.C) / self.across) @ self.A
+        return np.asarray(np.linalg.eigvals(basis.T @ matrix @ basis), dtype=complex)
+
+    def cycle(self) -> tuple[float, float] | None:
+        """Of a planar focus at H = 1 with CB > 0: where the motion from the tangency comes back, and where
+        the pseudo-equilibrium is, along the surface from the tangency; None where it does not come back."""
+        sense = 1.0 if self.across > 0 else -1.0
+        A, B, C = sense * self.A, sense * self.B, self.C
+        tangency = np.linalg.solve(np.vstack([C, C @ A]), [-1.0, 0.0])
+        turn = 2 * np.pi / float(np.max(np.abs(np.linalg.eigvals(A).imag)))
+
+        def height(t: float) -> float:
+            return 1.0 + float(C @ scipy.linalg.expm(A * t) @ tangency)
+
+        times = np.linspace(0.05, _TURNS, _SAMPLES) * turn
+        values = [height(t) for t in times]
+        after = next((k for k in range(1, _SAMPLES) if values[k - 1] > 0 >= values[k]), None)
+        if after is None:
+            return None
+        t = float(brentq(height, times[after - 1], times[after], xtol=1e-14))
+        along = np.array([-C[1], C[0]])
+        back = float(along @ (scipy.linalg.expm(A * t) @ tangency - tangency))
+        # A z + B l = 0 and C z = -1.
+        block = np.block([[A, B[:, None]], [C[None, :], np.zeros((1, 1))]])
+        pseudo = float(along @ (np.linalg.solve(block, [0.0, 0.0, -1.0])[:2] - tangency))
+        return back / float(C @ C) ** 0.5, pseudo / float(C @ C) ** 0.5
+
+    def form(self, value: float, name: str) -> Form:
+        """Coefficients and what they predict; name: of the parameter."""
+        det = float(np.linalg.det(self.A))
+        size = float(np.linalg.norm(self.A, 2))
+        if abs(det) < _ZERO * size ** len(self.B):
+            return {"C B": self.across}, "degenerate: an eigenvalue of the equilibrium is 0"
+        inverse = float(self.C @ np.linalg.solve(self.A, self.B))
+        shift = self.moves - float(self.C @ np.linalg.solve(self.A, self.M))
+        out = {"C A^-1 B": inverse, "C B": self.across, "dH/dvalue": shift}
+        scale = float(np.linalg.norm(self.C) * np.linalg.norm(self.B))
+        if min(abs(self.across), abs(inverse) * size) < _ZERO * scale:
+            return out, "degenerate: the other field is tangent to the surface or the branch turns there"
+        if abs(shift) < _ZERO:
+            return out, "degenerate: the parameter does not move the equilibrium across the surface"
+        regular = _kind(np.linalg.eigvals(self.A))
+        values = self.sliding()
+        pseudo = self._pseudo(values)
+        for k, v in enumerate(sorted(values.real)):
+            out[f"sliding eigenvalue {k + 1}"] = float(v)
+        away, back = (">", "<") if shift > 0 else ("<", ">")
+        there, here = (f"for {name} {sign} {number(value)}" for sign in (away, back))
+        cycle = self._cycle(out, inverse)
+        if inverse < 0:
+            return out, f"persistence: {regular}{cycle} {there}, {pseudo} {here}"
+        return out, f"non-smooth fold: {regular}{cycle} and {pseudo} {there}, neither {here}"
+
+    def _pseudo(self, values: npt.NDArray[np.complex128]) -> str:
+        if not values.size:
+            return "a pseudo-equilibrium"
+        repels = self.across < 0
+        if np.all(values.real < 0):
+            if repels:
+                return "a pseudo-saddle" if len(self.B) == 2 else "an unstable pseudo-equilibrium"
+            return "a stable pseudo-node" if len(self.B) == 2 else "a stable pseudo-equilibrium"
+        if len(self.B) == 2:
+            return "an unstable pseudo-node" if repels else "a pseudo-saddle"
+        return "an unstable pseudo-equilibrium"
+
+    def _cycle(self, out: dict[str, float], inverse: float) -> str:
+        """The sliding cycle around a planar focus, in words; its length on the surface in units of H."""
+        values = np.linalg.eigvals(self.A)
+        if len(self.B) != 2 or np.max(np.abs(values.imag)) < _ZERO or values[0].real * self.across <= 0:
+            return ""
+        found = self.cycle()
+        if found is None:
+            raise UsageError("the motion from the tangency does not come back within a turn and a half.")
+        back, pseudo = found
+        out["return"] = abs(back)
+        if inverse > 0:
+            out["pseudo-saddle"] = abs(pseudo)
+            if abs(back) >= abs(pseudo):
+                return ""
+        return f" inside {'a stable' if self.across > 0 else 'an unstable'} sliding cycle"
+
+
+def _kind(values: npt.NDArray[np.complex128]) -> str:
+    """An equilibrium by its eigenvalues."""
+    if np.all(values.real < 0) or np.all(values.real > 0):
+        word = "a stable" if values[0].real < 0 else "an unstable"
+        if len(values) != 2:
+            return f"{word} equilibrium"
+        return f"{word} {'focus' if abs(values[0].imag) > 0 else 'node'}"
+    return "a saddle" if len(values) == 2 else "an unstable equilibrium"

@@ -1,0 +1,160 @@
+"""A branch of a continuation: its points, the special ones among them, as a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.orbits.orbit_file import read_json, write_json
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+
+Array = npt.NDArray[np.float64]
+FORMAT, VERSION = "filippov branch", 1
+
+
+@dataclass(frozen=True)
+class BranchPoint:
+    """One solution on a branch.
+
+    value         of the parameter; u: the unknowns of the equations
+    coordinates   what describes it, by name: d of a map; period, and "max x", "min x", "amplitude x" of an
+                  orbit; the states and multipliers of an equilibrium
+    multipliers   Floquet multipliers or slope of the map; eigenvalues of an equilibrium
+    stable        by them
+    word          mode word; modes: the modes in order
+    tests         test functions, whose changes of sign are special points
+    special       what is special here, "" for an ordinary point; note: more about it
+    residual      what is left of the equations; tangent: direction of the branch in (u, value), scaled
+    phase         of the state u of a forced orbit, in periods; it changes where an event comes near
+    coefficients  of the normal form of a special point, by name (see
+                  `filippov.analysis.bifurcations.normal_form`)
+    predicts      what they predict, or why they are not known
+    """
+
+    value: float
+    u: tuple[float, ...]
+    coordinates: Mapping[str, float]
+    multipliers: tuple[complex, ...]
+    stable: bool
+    word: str = ""
+    modes: tuple[str, ...] = ()
+    period: float = 0.0
+    tests: Mapping[str, float] = field(default_factory=dict)
+    residual: float = 0.0
+    tangent: tuple[float, ...] = ()
+    special: str = ""
+    note: str = ""
+    phase: float = 0.0
+    coefficients: Mapping[str, float] = field(default_factory=dict)
+    predicts: str = ""
+
+    def __str__(self) -> str:
+        where = ", ".join(f"{name} = {v:.12g}" for name, v in list(self.coordinates.items())[:3])
+        kind = f"{self.special}: " if self.special else ""
+        note = f" ({self.note})" if self.note else ""
+        says = f"; {self.predicts}" if self.predicts else ""
+        stable = "stable" if self.stable else "unstable"
+        return f"{kind}value {self.value:.12g}, {where}, {stable}{note}{says}"
+
+
+@dataclass
+class Branch:
+    """Points in the order along the branch, special points among them.
+
+    parameter  what is varied; parameters: the other values; kind: "map", "orbit", "equilibrium", "function"
+    message    how it ended, at each end that was reached
+    state      what a continuation needs to go on: direction done, next step
+    """
+
+    parameter: str
+    kind: str
+    parameters: dict[str, float]
+    points: list[BranchPoint] = field(default_factory=list)
+    message: str = ""
+    state: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def values(self) -> Array:
+        """Values of the parameter along the branch."""
+        return np.array([point.value for point in self.points])
+
+    @property
+    def stable(self) -> npt.NDArray[np.bool_]:
+        """Stability along the branch."""
+        return np.array([point.stable for point in self.points])
+
+    @property
+    def special(self) -> list[BranchPoint]:
+        """The special points."""
+        return [point for point in self.points if point.special]
+
+    @property
+    def folds(self) -> list[BranchPoint]:
+        """The folds."""
+        return [point for point in self.points if point.special == "fold"]
+
+    @property
+    def d(self) -> Array:
+        """The first coordinate along the branch."""
+        return self.coordinate(next(iter(self.points[0].coordinates))) if self.points else np.zeros(0)
+
+    def coordinate(self, name: str) -> Array:
+        """One coordinate along the branch."""
+        known = list(self.points[0].coordinates) if self.points else []
+        if name not in known:
+            raise UsageError(unknown("coordinate", name, known))
+        return np.array([point.coordinates[name] for point in self.points])
+
+    def plot(self, **options: Any) -> Any:
+        """The branch over the parameter (see `filippov.plot.branch.plot_branches`)."""
+        from filippov.plot.branch import plot_branches
+
+        return plot_branches([self], **options)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the branch as JSON; the file appears complete or not at all."""
+        data = {
+            "format": FORMAT, "version": VERSION, "parameter": self.parameter, "kind": self.kind,
+            "parameters": self.parameters, "message": self.message, "state": self.state,
+            "points": [_out(point) for point in self.points],
+        }  # fmt: skip
+        return write_json(path, data)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Branch:
+        """Read what `save` wrote. Raises UsageError for any other content; FileNotFoundError."""
+        data = read_json(path, FORMAT, VERSION)
+        try:
+            points = [_in(row) for row in data["points"]]
+            others = {str(k): float(v) for k, v in data["parameters"].items()}
+            return cls(
+                str(data["parameter"]), str(data["kind"]), others, points, str(data["message"]),
+                dict(data["state"]),
+            )  # fmt: skip
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise UsageError(f"{str(path)!r} holds no branch ({type(error).__name__}: {error}).") from None
+
+    def __repr__(self) -> str:
+        span = f"{self.values.min():.6g} ... {self.values.max():.6g}" if self.points else "empty"
+        named = ", ".join(f"{q.special} at {q.value:.9g}" for q in self.special)
+        return f"Branch({self.parameter} = {span}, {len(self.points)} points{'; ' + named if named else ''})"
+
+
+def _out(point: BranchPoint) -> dict[str, Any]:
+    data = asdict(point)
+    data["multipliers"] = [[v.real, v.imag] for v in map(complex, point.multipliers)]
+    return data
+
+
+def _in(row: Mapping[str, Any]) -> BranchPoint:
+    data = dict(row)
+    data["multipliers"] = tuple(complex(*pair) for pair in data["multipliers"])
+    for name in ("u", "modes", "tangent"):
+        data[name] = tuple(data[name])
+    return BranchPoint(**data)

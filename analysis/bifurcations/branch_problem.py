@@ -1,0 +1,426 @@
+"""What a continuation can follow: fixed points of a map, orbits, zeros of a function.
+
+A problem has unknowns u and one parameter; `evaluate` gives residual and matrix, `point` describes a solution
+and gives its test functions. Equilibria are in `filippov.analysis.bifurcations.equilibrium_branch`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+
+from filippov.analysis.bifurcations.branch import BranchPoint
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.set_slope import equilibrium_slope, near_set
+from filippov.analysis.orbits.orbit import Orbit, make_orbit
+from filippov.analysis.orbits.shooting import NoConvergenceError, Shooting, velocity_at
+from filippov.analysis.sensitivity.saltation import derivative_by_all
+from filippov.base.errors import UsageError
+from filippov.base.status import EventKind, Status
+from filippov.model.system import System
+from filippov.solving.solver import solve
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+# A cycle this much smaller than at the start is one that shrinks into the equilibrium set.
+_SHRUNK = 1e-5
+# It joins the set where its branch is this near to it, in widths of the bounds; it is followed down to so
+# many times the least coordinate that rounding leaves.
+# Where the slope at the set is farther than this from 1, in its logarithm, the cycle does not join it.
+_JOINS, _SLACK, _FAR = 1e-3, 100.0, 0.1
+# An event this near to the state that a forced orbit begins with, in parts of the motion, moves the state.
+_CLOSE = 0.03
+_SWITCHES = (EventKind.CROSSING, EventKind.ENTRY, EventKind.EXIT, EventKind.RESET, EventKind.TIME)
+
+
+class BranchProblem(Protocol):
+    """Equations F(u, value) = 0 with m unknowns."""
+
+    kind: str
+    scale: Array
+    start: Array
+
+    def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
+        """Residual (m,) and its derivatives by u and the parameter (m, m + 1)."""
+
+    def point(self, u: Array, value: float) -> BranchPoint:
+        """The solution's description with test functions."""
+
+    def moved(self, u: Array, value: float) -> BranchProblem:
+        """The problem for the next step, its phase condition moved here."""
+
+
+class MapProblem:
+    """Fixed points P(d) = d of an event map, as P(d)/d - 1 over log d where the map rests at 0."""
+
+    kind = "map"
+
+    def __init__(self, event_map: EventMap, parameter: str, start: float) -> None:
+        self.event_map, self.parameter = event_map, parameter
+        self.names = (parameter,)
+        self.rests = event_map(0.0) == 0.0 and start > 0
+        self.least = 0.0
+        if self.rests:
+            near, self.least = near_set(event_map, abs(start))
+            # Small cycles need the absolute tolerance that rounding leaves.
+            self.event_map = event_map = event_map.remake(atol=min(event_map.atol, near.atol))
+        self.scale = np.array([3.0 if self.rests else max(abs(start), 1e-3)])
+        # Of an odd map the second iterate's fixed points are those of -P, at half the work.
+        self.half = event_map.order == 2 and self._odd(start)
+        if self.half:
+            self.event_map = event_map.remake(order=1)
+        self.start = np.array([np.log(start) if self.rests else start])
+        self._last: tuple[float, float, Array] | None = None
+
+    def with_parameter(self, name: str, value: float) -> MapProblem:
+        """The same at another value of another parameter."""
+        other = object.__new__(MapProblem)
+        other.__dict__.update(self.__dict__)
+        other.event_map, other._last = self.event_map.remake(parameters={name: value}), None
+        return other
+
+    def doubled(self) -> MapProblem:
+        """The fixed points of twice as many turns; for an odd map those without the symmetry."""
+        other = object.__new__(MapProblem)
+        other.__dict__.update(self.__dict__)
+        other.event_map = self.event_map.remake(order=2 * self.event_map.order)
+        other.half, other._last = False, None
+        return other
+
+    def _odd(self, start: float) -> bool:
+        """Whether -P has the fixed point that P(P) has, and P is odd there."""
+        once = self.event_map.remake(order=1)
+        d = np.array([start, -start, 0.5 * start, -0.5 * start])
+        image = once(d)
+        odd = np.allclose(image[::2], -image[1::2], rtol=1e-8, atol=0)
+        return bool(odd and abs(image[0] + start) < 1e-3 * abs(start))
+
+    def d(self, u: Array) -> float:
+        """The coordinate on the section."""
+        return float(np.exp(u[0]) if self.rests else u[0])
+
+    def jet(self, u: Array, value: float) -> Array:
+        """P(d), dP/dd, dP/dparameter; those of the last call are kept."""
+        if self._last is None or self._last[:2] != (float(u[0]), value):
+            jet = self.event_map.remake(parameters={self.parameter: value}).jet(self.d(u), self.names)
+            if not np.all(np.isfinite(jet)):
+                raise NoConvergenceError(f"the map does not return at d = {self.d(u):.6g}.")
+            self._last = (float(u[0]), value, -jet if self.half else jet)
+        return self._last[2]
+
+    def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
+        """See `BranchProblem`."""
+        jet, d = self.jet(u, value), self.d(u)
+        if self.rests:
+            ratio = jet[0] / d
+            return np.array([ratio - 1.0]), np.array([[jet[1] - ratio, jet[2] / d]])
+        return np.array([jet[0] - d]), np.array([[jet[1] - 1.0, jet[2]]])
+
+    def point(self, u: Array, value: float) -> BranchPoint:
+        """See `BranchProblem`."""
+        jet, d = self.jet(u, value), self.d(u)
+        half = float(jet[1])
+        slope = half**2 if self.half else half
+        name = "symmetry breaking" if self.half else "period doubling"
+        return BranchPoint(
+            value, tuple(u.tolist()), {self.event_map.section.coordinate: d, "slope": slope},
+            (complex(slope),), abs(slope) < 1.0, tests={name: half + 1.0}, residual=abs(float(jet[0]) - d),
+        )  # fmt: skip
+
+    def moved(self, u: Array, value: float) -> MapProblem:
+        """See `BranchProblem`."""
+        return self
+
+    def ending(self, u: Array, value: float, bounds: tuple[float, float]) -> BranchPoint | None:
+        """The end of the branch where it shrinks into the equilibrium set at 0; None while it does not.
+
+        There the slope of the map at the set is 1, which is solved for, within the bounds. A cycle that is
+        too near to the set for the rounding of its states, while the slope is 1 elsewhere, ends the branch
+        by name.
+        """
+        if not self.rests:
+            return None
+        width, tiny = bounds[1] - bounds[0], u[0] <= np.log(_SLACK * self.least)
+        if not tiny and u[0] > self.start[0] + np.log(_SHRUNK):
+            return None
+        if not tiny and abs(self._excess(value)) > _FAR:
+            return None
+        at = self._set_changes(value, bounds)
+        if at is not None and abs(at - value) < _JOINS * width:
+            return BranchPoint(
+                at, (float("-inf"),), {self.event_map.section.coordinate: 0.0, "slope": 1.0},
+                (1.0 + 0j,), False, special="cycle shrinks into the equilibrium set",
+                note="the set changes stability",
+            )  # fmt: skip
+        if not tiny:
+            return None
+        where = "outside the bounds" if at is None else f"at {at:.6g}"
+        return replace(
+            self.point(u, value), special="cycle below rounding",
+            note=f"the set changes stability {where}; nearer to it cycles are not resolved",
+        )  # fmt: skip
+
+    def _excess(self, value: float) -> float:
+        """The logarithm of the slope at the set."""
+        slope, _ = equilibrium_slope(self.event_map.remake(parameters={self.parameter: value}), 1e-3)
+        return float(np.log(abs(slope))) if slope else -np.inf
+
+    def _set_changes(self, value: float, bounds: tuple[float, float]) -> float | None:
+        """The parameter next to `value`, within the bounds, where the slope at the set is 1, or None."""
+        here, reach = self._excess(value), 1e-4 * (bounds[1] - bounds[0])
+        last = dict.fromkeys((-1.0, 1.0), (value, here))
+        for _ in range(14):
+            for side, (inner, before) in last.items():
+                end = min(max(value + side * reach, bounds[0]), bounds[1])
+                there = self._excess(end) if end != inner else before
+                if np.isfinite(before * there) and before * there < 0:
+                    return float(brentq(self._excess, inner, end, xtol=1e-12, rtol=1e-14))
+                last[side] = end, there
+            reach *= 2.0
+        return None
+
+
+class OrbitProblem:
+    """Periodic orbits by (multiple) shooting."""
+
+    kind = "orbit"
+
+    def __init__(self, orbit: Orbit, parameter: str, shooting: Shooting | None = None) -> None:
+        assert orbit.problem is not None
+        assert orbit.unknowns is not None
+        self.parameter, self.names = parameter, (parameter,)
+        self.shooting = shooting or orbit.problem
+        if orbit.symmetric and self.shooting.turns == 1 and len(self.shooting.shares) == 1:
+            # Half the work, and the branch cannot leave for one without the symmetry.
+            self.shooting = replace(self.shooting, symmetry=-np.eye(self.shooting.n), turns=2)
+        self.base = orbit.system.parameters.resolve(dict(orbit.parameters))
+        self.index = orbit.system.parameters.index(parameter)
+        self.start = orbit.unknowns
+        size = np.maximum(orbit.high - orbit.low, 1e-9)
+        # A state that stands still along the orbit still moves along the branch.
+        still = size < 1e-6 * np.max(size)
+        size[still] = np.maximum(np.abs(orbit.high), np.max(size))[still]
+        parts = [np.tile(size, len(self.shooting.shares))]
+        if self.shooting.period is None:
+            parts.append(np.array([orbit.period]))
+        self.scale = np.concatenate(parts)
+        self._last: tuple[bytes, float, list[Any]] | None = None
+
+    def p(self, value: float) -> Array:
+        """Parameter values, checked against their bounds."""
+        names = self.shooting.system.parameters.names
+        values = dict(zip(names, self.base.tolist(), strict=True))
+        return np.asarray(self.shooting.system.parameters.resolve({**values, self.parameter: value}))
+
+    def with_parameter(self, name: str, value: float) -> OrbitProblem:
+        """The same at another value of another parameter."""
+        other = object.__new__(OrbitProblem)
+        other.__dict__.update(self.__dict__)
+        other.base, other._last = self.base.copy(), None
+        other.base[self.shooting.system.parameters.index(name)] = value
+        return other
+
+    def with_system(self, system: System) -> OrbitProblem:
+        """The same equations for another system of the same states and parameters."""
+        other = object.__new__(OrbitProblem)
+        other.__dict__.update(self.__dict__)
+        other.shooting, other._last = replace(self.shooting, system=system), None
+        return other
+
+    def doubled(self) -> OrbitProblem:
+        """The orbits of twice the period, of a symmetric orbit those of its period without the symmetry.
+
+        Raises UsageError for an orbit of several nodes.
+        """
+        shooting = self.shooting
+        if len(shooting.shares) != 1:
+            raise UsageError("the orbit has several nodes; find it with one (nodes=1) to leave it there.")
+        other = object.__new__(OrbitProblem)
+        other.__dict__.update(self.__dict__)
+        other._last = None
+        if shooting.turns > 1:
+            other.shooting = replace(shooting, symmetry=None, turns=1)
+        elif shooting.period is not None:
+            other.shooting = shooting.times(2)
+        else:
+            other.shooting, other.scale = shooting, self.scale.copy()
+            other.scale[-1] *= 2
+        return other
+
+    def phased(self, u: Array, value: float, t: float) -> tuple[OrbitProblem, Array]:
+        """The same orbit of a forced system from another state of it, and that state: one after which the
+        time t is inside the motion. Unchanged where the orbit has several nodes or is not forced."""
+        shooting = self.shooting
+        if shooting.period is None or len(shooting.shares) != 1:
+            return self, u
+        motion = self.motions(u, value)[0]
+        low, high = motion.problem.t_span
+        for share in (0.37, 0.55, 0.22, 0.71):
+            at = low + (t - low - share * (high - low)) % (high - low)
+            if 0 not in next((s.mode for s in motion.segments if s.t0 < at < s.t1), (0,)):
+                break
+        else:
+            return self, u
+        state, period = motion.sol(at), shooting.period(self.p(value))
+        other = object.__new__(OrbitProblem)
+        other.__dict__.update(self.__dict__)
+        other.shooting, other._last = replace(shooting, t0=at % period, unit=period, sliding=((),)), None
+        return other, state
+
+    def motions(self, u: Array, value: float) -> list[Any]:
+        """The motions from the nodes; those of the last call are kept."""
+        key = u.tobytes()
+        if self._last is None or self._last[:2] != (key, value):
+            self._last = (key, value, self.shooting.motions(u, self.p(value)))
+        return self._last[2]
+
+    def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
+        """See `BranchProblem`."""
+        p, motions = self.p(value), self.motions(u, value)
+        return self.shooting.residual(u, motions, p), self.shooting.matrix(u, motions, p, self.names)
+
+    def orbit(self, u: Array, value: float, margins: bool = False) -> Orbit:
+        """The orbit with these unknowns."""
+        p, motions = self.p(value), self.motions(u, value)
+        left = float(np.max(np.abs(self.shooting.residual(u, motions, p))))
+        return make_orbit(self.shooting, u, p, left, motions, margins=margins)
+
+    def point(self, u: Array, value: float) -> BranchPoint:
+        """See `BranchProblem`."""
+        orbit = self.orbit(u, value)
+        half = orbit.half_multipliers
+        tests = {"Neimark-Sacker": _pairs(orbit.multipliers if half is None else half)}
+        if half is not None:
+            tests["symmetry breaking"] = _product(half + 1.0)
+        else:
+            tests["period doubling"] = _product(orbit.multipliers + 1.0)
+        jumps = sum(kind == "reset" for _, kind, _, _ in orbit.signature)
+        word = orbit.word + (f" with {jumps} resets" if jumps else "")
+        names = orbit.system.states
+        data = {"period": orbit.period}
+        for i, name in enumerate(names):
+            data[f"max {name}"], data[f"min {name}"] = float(orbit.high[i]), float(orbit.low[i])
+            data[f"amplitude {name}"] = 0.5 * float(orbit.high[i] - orbit.low[i])
+        return BranchPoint(
+            value, tuple(u.tolist()), data, tuple(complex(v) for v in orbit.multipliers), orbit.stable,
+            word, orbit.modes, orbit.period, tests, orbit.residual, phase=self.shooting.phase,
+        )  # fmt: skip
+
+    def at_phase(self, phase: float) -> OrbitProblem:
+        """The same equations from another phase of the forcing, in periods, off the surfaces."""
+        shooting = self.shooting
+        if shooting.period is None or len(shooting.shares) != 1 or phase == shooting.phase:
+            return self
+        other = object.__new__(OrbitProblem)
+        other.__dict__.update(self.__dict__)
+        other.shooting, other._last = replace(shooting, t0=phase * shooting.unit, sliding=((),)), None
+        return other
+
+    def rephased(self, u: Array, value: float) -> tuple[OrbitProblem, Array, Array] | None:
+        """The same forced orbit from a phase away from its events, where one comes near the state u.
+
+        Returns the equations, the state there, and its derivatives by (u, parameter): (n, n + 1). None where
+        no event is near, there is no better phase, or the orbit is not forced or has several nodes.
+        """
+        shooting = self.shooting
+        if shooting.period is None or len(shooting.shares) != 1:
+            return None
+        motion = self.motions(u, value)[0]
+        low, high = motion.problem.t_span
+        times = sorted(e.t for e in motion.events if e.kind in _SWITCHES)
+        if not times or min(times[0] - low, high - times[-1]) > _CLOSE * (high - low):
+            return None
+        # Between neighbours on the circle; the stretch that goes over the end is looked at in both parts.
+        gaps = [(b - a, 0.5 * (a + b)) for a, b in pairwise(times)]
+        gaps += [(times[0] - low, 0.5 * (times[0] + low)), (high - times[-1], 0.5 * (high + times[-1]))]
+        free = [(width, t) for width, t in gaps if 0 not in motion.mode_at(t, "+")]
+        width, t = max(free, default=(0.0, low))
+        if width < 4 * _CLOSE * (high - low):
+            return None
+        p, period = self.p(value), shooting.period(self.p(value))
+        part = solve(
+            shooting.system, u, (low, t), parameters=motion.problem.parameters, rtol=shooting.rtol,
+            atol=shooting.atol, method=shooting.method, zeno="continue", nonunique="stick",
+        )  # fmt: skip
+        if part.status is not Status.SUCCESS:
+            return None
+        n, by = shooting.n, derivative_by_all(part, False, self.names, shooting.jacobian)
+        speed = velocity_at(shooting.system, part.end_mode, t, part.x_end, p, shooting.jacobian)
+        moves = float(shooting.period.slope(p, self.names)[0])
+        carried = by[:n, : n + 1].copy()
+        carried[:, n] += (by[:n, -1] * shooting.phase + speed * (t - low) / period) * moves
+        return self.at_phase(t / period), part.x_end, carried
+
+    def moved(self, u: Array, value: float) -> OrbitProblem:
+        """See `BranchProblem`."""
+        other = object.__new__(OrbitProblem)
+        other.__dict__.update(self.__dict__)
+        other.shooting = self.shooting.at(u, self.p(value))
+        other._last = None
+        return other
+
+
+class FunctionProblem:
+    """Zeros of a function (u, value) -> residual, as many as unknowns; derivatives by differences."""
+
+    kind = "function"
+
+    def __init__(self, function: Callable[[Array, float], Any], start: Any) -> None:
+        self.function = function
+        self.start = np.atleast_1d(np.asarray(start, dtype=float))
+        self.scale = np.maximum(np.abs(self.start), 1.0)
+
+    def residual(self, u: Array, value: float) -> Array:
+        """The function's value, checked."""
+        left = np.atleast_1d(np.asarray(self.function(u, value), dtype=float))
+        if left.shape != u.shape:
+            raise NoConvergenceError(f"the function returned {left.shape}, expected {u.shape} numbers.")
+        if not np.all(np.isfinite(left)):
+            raise NoConvergenceError(f"the function is not finite at {u.tolist()}, {value:.6g}.")
+        return left
+
+    def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
+        """See `BranchProblem`."""
+        z = np.append(u, value)
+        columns = []
+        for j in range(z.size):
+            reach = 6e-6 * max(abs(z[j]), 1e-2)
+            sides = []
+            for side in (1.0, -1.0):
+                moved = z.copy()
+                moved[j] += side * reach
+                sides.append(self.residual(moved[:-1], float(moved[-1])))
+            columns.append((sides[0] - sides[1]) / (2 * reach))
+        return self.residual(u, value), np.array(columns).T
+
+    def point(self, u: Array, value: float) -> BranchPoint:
+        """See `BranchProblem`; stability is that of u' = F(u, value)."""
+        left, matrix = self.evaluate(u, value)
+        values = np.linalg.eigvals(matrix[:, :-1])
+        data = {f"u{j}": float(v) for j, v in enumerate(u)}
+        return BranchPoint(
+            value, tuple(u.tolist()), data, tuple(complex(v) for v in values), bool(np.all(values.real < 0)),
+            residual=float(np.max(np.abs(left))),
+        )  # fmt: skip
+
+    def moved(self, u: Array, value: float) -> FunctionProblem:
+        """See `BranchProblem`."""
+        return self
+
+
+def _product(values: Complex) -> float:
+    """The product of conjugate numbers: real."""
+    return float(np.prod(values).real) if values.size else 1.0
+
+
+def _pairs(values: Complex) -> float:
+    """Product of 1 - a b over pairs: 0 where two have the product 1, as a pair on the unit circle has."""
+    count = len(values)
+    rest = [1.0 - values[i] * values[j] for i in range(count) for j in range(i + 1, count)]
+    return _product(np.array(rest)) if rest else 1.0

@@ -1,0 +1,371 @@
+"""Follow solutions over a parameter: pseudo-arclength continuation as an iterator of points.
+
+    run = continuation(system, orbit, parameter="P", bounds=(10, 31))
+    for point in run:
+        print(point)
+    run.branch.save("branch.json")
+
+A predictor along the tangent, a corrector across it (Newton, exact matrices) and a step control are apart.
+Changes of sign of test functions between two points are located on the branch by root-finding, changes of the
+mode word by bisection; the branch goes on across both. Source: Allgower & Georg 1990; Seydel 2010, chapter 4;
+Veltz 2020 (BifurcationKit) for the iterator.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.bifurcations.branch import Branch, BranchPoint
+from filippov.analysis.bifurcations.branch_problem import (
+    BranchProblem,
+    FunctionProblem,
+    MapProblem,
+    OrbitProblem,
+)
+from filippov.analysis.bifurcations.corrector import FAILURES, Along, Corrector
+from filippov.analysis.bifurcations.crossing import Crossings
+from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
+from filippov.analysis.bifurcations.normal_form import described
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.orbits.orbit import Orbit
+from filippov.analysis.orbits.orbit_search import refine
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+
+Array = npt.NDArray[np.float64]
+# Cosine of the angle between two tangents below which a step is halved.
+_STRAIGHT = 0.9
+
+
+def continuation(
+    system: Any,
+    start: Any,
+    *,
+    parameter: str = "parameter",
+    bounds: tuple[float, float],
+    value: float | None = None,
+    mode: Any = None,
+    parameters: Mapping[str, float] | None = None,
+    direction: int = 0,
+    step: float = 0.02,
+    min_step: float = 1e-8,
+    max_step: float = 0.1,
+    max_points: int = 500,
+    max_time: float = float("inf"),
+    resume: Branch | None = None,
+) -> Continuation:
+    """A continuation, not begun: iterate over it, or `run()` it.
+
+    system      what `start` is a solution of, or a function F(u, value) with as many values as unknowns
+    start       an Orbit; (EventMap, d) for fixed points of the map; for equilibria a state, with `mode`;
+                for a function the unknowns
+    parameter   name of what is varied, from `value` (default: what the start has) within `bounds`
+    mode        of an equilibrium, "+0" or signs; 0 for the surfaces that a pseudo-equilibrium slides on
+    parameters  values of the others, for equilibria
+    direction   +1 or -1: to larger or smaller values first, only that way; 0: both ways
+    step, min_step, max_step   of the arclength, in units of the solution's size and of the width of bounds
+    max_points, max_time   budgets; what was found is kept
+    resume      a Branch that was interrupted: goes on where that ended
+
+    Raises UsageError, ModelError; NoConvergenceError where the start is no solution or singular.
+    """
+    low, high = float(bounds[0]), float(bounds[1])
+    if not low < high:
+        raise UsageError(f"bounds are ({low:g}, {high:g}), expected two increasing numbers.")
+    if direction not in (-1, 0, 1):
+        raise UsageError(f"direction is {direction!r}, expected -1, 0 or 1.")
+    if not 0 < min_step < step <= max_step:
+        raise UsageError(f"steps are {min_step:g}, {step:g}, {max_step:g}; expected 0 < min < step <= max.")
+    problem, at, others = _problem(system, start, parameter, value, mode, parameters)
+    if not low <= at <= high:
+        raise UsageError(f"{parameter} = {at:g} at the start is outside bounds ({low:g}, {high:g}).")
+    run = Continuation(problem, at, (low, high), Branch(parameter, problem.kind, others), direction, step)
+    run.min_step, run.max_step, run.max_points, run.max_time = min_step, max_step, max_points, max_time
+    if resume is not None:
+        run.take_up(resume)
+    run.prepare()
+    return run
+
+
+def _problem(
+    system: Any, start: Any, parameter: str, value: float | None, mode: Any,
+    parameters: Mapping[str, float] | None,
+) -> tuple[Any, float, dict[str, float]]:  # fmt: skip
+    """The problem, the parameter's value at the start, the values of the others."""
+    if callable(system) and not hasattr(system, "states"):
+        if value is None:
+            raise UsageError("a function needs the parameter's value at the start: value=.")
+        return FunctionProblem(system, start), float(value), {}
+    if parameter not in system.parameters:
+        raise UsageError(unknown("parameter", parameter, system.parameters.names))
+    if isinstance(start, Orbit):
+        values = dict(start.parameters)
+        if value is not None or start.problem is None:
+            start = refine(start, {} if value is None else {parameter: value})
+        at = float(start.parameters[parameter])
+        return OrbitProblem(start, parameter), at, {k: v for k, v in values.items() if k != parameter}
+    if isinstance(start, tuple) and len(start) == 2 and isinstance(start[0], EventMap):
+        event_map, d = start
+        at = float(event_map.parameters[parameter] if value is None else value)
+        others = {k: v for k, v in event_map.parameters.items() if k != parameter}
+        fine = event_map.remake(rtol=min(event_map.rtol, 1e-11), atol=min(event_map.atol, 1e-13))
+        return MapProblem(fine.remake(parameters={parameter: at}), parameter, float(d)), at, others
+    if mode is None:
+        raise UsageError("the start is a state; an equilibrium needs its mode=, such as '+0'.")
+    p = system.parameters.resolve(parameters)
+    named = dict(zip(system.parameters.names, p.tolist(), strict=True))
+    at = named[parameter] if value is None else float(value)
+    signs = system.symbolic.signs(mode) if system.symbolic is not None else tuple(mode)
+    problem = EquilibriumProblem(system, signs, parameter, start, named | {parameter: at})
+    return problem, at, {k: v for k, v in named.items() if k != parameter}
+
+
+class Continuation:
+    """A continuation under way: an iterator of points. `branch` has what was found, in order along it.
+
+    stop()   ends it after the point at hand; a KeyboardInterrupt does so too when it runs by `run`
+    """
+
+    min_step, max_step, max_points, max_time = 1e-8, 0.1, 500, float("inf")
+
+    def __init__(
+        self, problem: BranchProblem, value: float, bounds: tuple[float, float], branch: Branch,
+        direction: int, step: float,
+    ) -> None:  # fmt: skip
+        self.problem, self.value, self.bounds, self.branch = problem, value, bounds, branch
+        self.direction, self.step = direction, step
+        self.width = bounds[1] - bounds[0]
+        self._z = np.zeros(0)
+        self._message = ""
+        self.stopped = False
+        self._resumed: list[BranchPoint] = []
+        self._iterator: Iterator[BranchPoint] | None = None
+        self._first: Along | None = None
+
+    def __iter__(self) -> Iterator[BranchPoint]:
+        return self
+
+    def __next__(self) -> BranchPoint:
+        if self._iterator is None:
+            self._iterator = self._points()
+        return next(self._iterator)
+
+    def stop(self) -> None:
+        """End after the point at hand."""
+        self.stopped = True
+
+    def run(self, progress: Callable[[float, float, str], None] | None = None) -> Branch:
+        """All points; progress(done, all, note) is called at each. After Ctrl-C what was found is kept."""
+        try:
+            for count, point in enumerate(self):
+                if progress is not None:
+                    progress(min(count, self.max_points), self.max_points, f"{point.value:.6g}")
+        except KeyboardInterrupt:
+            self.branch.message = f"interrupted after {len(self.branch.points)} points; resume= goes on"
+        return self.branch
+
+    def take_up(self, branch: Branch) -> None:
+        """Go on with a branch that was stored. Raises UsageError where it is another continuation's."""
+        mine = self.branch
+        if (branch.parameter, branch.kind) != (mine.parameter, mine.kind):
+            raise UsageError(
+                f"the branch to resume follows a {branch.kind} over {branch.parameter!r}, this one a "
+                f"{mine.kind} over {mine.parameter!r}."
+            )
+        for name, number in mine.parameters.items():
+            if branch.parameters.get(name) != number:
+                raise UsageError(
+                    f"the branch to resume has {name} = {branch.parameters.get(name)}, this one {number}."
+                )
+        self._resumed = list(branch.points)
+        self.branch.points = list(branch.points)
+        self.branch.state = dict(branch.state)
+
+    def at(self, value: float) -> list[BranchPoint]:
+        """The solutions of the branch found so far at one value of the parameter, each corrected there."""
+        corrector, points, out = Corrector(self.problem, self.width), self.branch.points, []
+        for k, (a, b) in enumerate(pairwise(points)):
+            inside = min(a.value, b.value) <= value <= max(a.value, b.value) and a.value != b.value
+            # An end that two stretches share is taken once.
+            if len(a.u) != len(b.u) or not inside or (k and value == a.value):
+                continue
+            share = (value - a.value) / (b.value - a.value)
+            near = a if share < 0.5 else b
+            u, at = np.array(near.u), corrector
+            if a.phase == b.phase:
+                u = np.array(a.u) + share * (np.array(b.u) - np.array(a.u))
+            if isinstance(self.problem, OrbitProblem) and near.phase:
+                at = Corrector(self.problem.at_phase(near.phase), self.width)
+            if np.all(np.isfinite(u)):
+                out.append(at.fixed(u, value))
+        return out
+
+    # -- the march ---------------------------------------------------------------------------------------
+
+    def _points(self) -> Iterator[BranchPoint]:
+        begun = time.monotonic()
+        state = self.branch.state
+        ways = [self.direction] if self.direction else [1, -1]
+        done = list(state.get("done", []))
+        messages = list(state.get("messages", []))
+        for way in ways:
+            if way in done:
+                continue
+            current = self._begin(way)
+            if not self._resumed and not self.branch.points:
+                self.branch.points.append(current.point)
+                yield current.point
+            for point in self._march(current, way, begun):
+                # Points of the second way come before those of the first.
+                if way == ways[0]:
+                    self.branch.points.append(point)
+                else:
+                    self.branch.points.insert(0, point)
+                yield point
+                if self.stopped or self._spent(begun):
+                    break
+            messages += [self._message] if self._message else []
+            self.branch.message = "; ".join(messages)
+            if self.stopped or self._spent(begun):
+                messages.append("stopped" if self.stopped else self._limit())
+                self.branch.message = "; ".join(messages)
+                return
+            done.append(way)
+            self.branch.state = {"done": done, "messages": messages}
+
+    def _spent(self, begun: float) -> bool:
+        return len(self.branch.points) >= self.max_points or time.monotonic() - begun > self.max_time
+
+    def _limit(self) -> str:
+        """The limit that ended the march, by name."""
+        if len(self.branch.points) >= self.max_points:
+            return f"cut off by max_points = {self.max_points}"
+        return f"cut off by max_time = {self.max_time:g} s of the wall clock"
+
+    def _begin(self, way: int) -> Along:
+        """The first point with its tangent; that of a stored branch where it is resumed."""
+        points = self.branch.points
+        if self._resumed and self.branch.state.get("way") == way:
+            end = -1 if way == (self.direction or 1) else 0
+            while len(points) > 1 and points[end].special:
+                # It is found again on the way from the point before it.
+                points.pop(end)
+            stored = points[end]
+            u = np.array(stored.u)
+            if isinstance(self.problem, EquilibriumProblem):
+                self.problem = self.problem.in_mode(stored.modes[0], u)
+            if isinstance(self.problem, OrbitProblem) and stored.phase:
+                self.problem = self.problem.at_phase(stored.phase)
+            self.problem = self.problem.moved(u, stored.value)
+            corrector = Corrector(self.problem, self.width)
+            tangent = np.array(stored.tangent) if stored.tangent else None
+            found = corrector.along(corrector.scaled(u, stored.value), tangent, way)
+            # Signs of tests that are 0 here to rounding stay as they were.
+            return replace(found, point=stored) if stored.tests else found
+        if self._first is not None:
+            return replace(self._first, tangent=way * self._first.tangent)
+        corrector = Corrector(self.problem, self.width)
+        return corrector.along(self._z, None, way)
+
+    def begin_at(self, first: Along) -> None:
+        """Begin at a point with a tangent of its own: a branch point, where the equations give two."""
+        self._first = first
+
+    def prepare(self) -> None:
+        """Correct the start. Raises NoConvergenceError where it is no solution, or singular."""
+        start = np.asarray(self.problem.start, dtype=float)
+        self._z = Corrector(self.problem, self.width).settle(start, self.value)
+
+    def _march(self, current: Along, way: int, begun: float) -> Iterator[BranchPoint]:
+        step, low, high = self.step, self.bounds[0], self.bounds[1]
+        crossings = Crossings(self.width, self.min_step)
+        self.branch.state["way"] = way
+        self._message = ""
+        first = current
+        while True:
+            corrector = current.corrector
+            near = 1e-12 * self.width
+            if not low + near < current.point.value < high - near and self._outward(current):
+                self._message = f"{self.branch.parameter} = {current.point.value:.9g}: bound reached"
+                return
+            try:
+                following, count = corrector.step(current, step)
+            except FAILURES as error:
+                step *= 0.5
+                if step >= self.min_step:
+                    continue
+                jumped = crossings.jump(current, error)
+                if jumped is None:
+                    name, note = crossings.blocked(current)
+                    if name:
+                        yield self._described(current, crossings.marked(current, name, note))
+                    self._message = f"no further point at {current.point.value:.9g}: {error}"
+                    return
+                before, (special, current) = current, jumped
+                if not low <= min(special.value, current.point.value) <= max(
+                    special.value, current.point.value
+                ) <= high:
+                    self._message = f"{self.branch.parameter} = {special.value:.9g}: bound reached"
+                    return
+                step = self.step * 0.1
+                yield self._described(before, special)
+                yield current.point
+                continue
+            same = following.point.word == current.point.word
+            if same and current.tangent @ following.tangent < _STRAIGHT and step > 1e3 * self.min_step:
+                step *= 0.5
+                continue
+            value = following.point.value
+            if not low <= value <= high:
+                following = corrector.at_value(current, following, low if value < low else high)
+            found, goes_on = crossings.between(current, following, step)
+            if any(not low - near <= point.value <= high + near for point in found) and step > self.min_step:
+                # The branch leaves the bounds and comes back within the step: shorter ones end at the bound.
+                step = max(0.5 * step, self.min_step)
+                continue
+            for special in found:
+                yield self._described(current, special)
+            current = goes_on
+            end = self._end(current)
+            if end is None or end.u != current.point.u:
+                yield current.point
+            if end is not None:
+                yield end
+                return
+            current = current.moved()
+            if goes_on is not following:
+                step = max(min(step, self.step) * 0.25, 10 * self.min_step)
+            elif count <= 3:
+                step = min(1.4 * step, self.max_step)
+            elif count >= 6:
+                step *= 0.7
+            if following.near(first) and len(self.branch.points) > 5:
+                self._message = "the branch is closed"
+                return
+
+    def _described(self, at: Along, point: BranchPoint) -> BranchPoint:
+        """A special point with its normal form."""
+        return described(at.corrector.problem, point, self.width, self.branch.parameter)
+
+    def _outward(self, current: Along) -> bool:
+        """Whether the branch leaves the bounds at a point on them."""
+        at_high = current.point.value > 0.5 * (self.bounds[0] + self.bounds[1])
+        return bool((current.tangent[-1] > 0) == at_high)
+
+    def _end(self, current: Along) -> BranchPoint | None:
+        """The end of a branch of a map's fixed points in the equilibrium set, None before it."""
+        problem = current.corrector.problem
+        ending = getattr(problem, "ending", None)
+        if ending is None:
+            return None
+        point: BranchPoint | None = ending(current.u, current.point.value, self.bounds)
+        if point is not None:
+            self._message = f"{point.special} at {point.value:.12g}"
+        return point

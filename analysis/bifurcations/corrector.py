@@ -1,0 +1,189 @@
+"""Predictor and corrector of a continuation: points along a branch, in scaled unknowns z = (u, value)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.bifurcations.branch import BranchPoint
+from filippov.analysis.orbits.shooting import NoConvergenceError
+from filippov.base.errors import ModelError, SolveError
+
+Array = npt.NDArray[np.float64]
+FAILURES = (SolveError, ArithmeticError, np.linalg.LinAlgError, ModelError)
+_ITERATIONS, _TOLERANCE, _NOISE, _FARTHEST = 12, 1e-9, 1e-6, 0.5
+
+
+@dataclass(frozen=True)
+class Along:
+    """A point with the tangent there (scaled, of length 1) and the corrector it was found with."""
+
+    corrector: Corrector
+    z: Array
+    tangent: Array
+    point: BranchPoint
+
+    @property
+    def u(self) -> Array:
+        """The unknowns."""
+        return self.corrector.plain(self.z)[0]
+
+    def moved(self) -> Along:
+        """The same with the problem's phase condition moved here, the tangent taken anew."""
+        old = self.corrector
+        u, value = old.plain(self.z)
+        towards, z, problem = self.tangent, self.z, old.problem
+        rephased = getattr(problem, "rephased", lambda u, value: None)(u, value)
+        if rephased is not None:
+            problem, u, carried = rephased
+            z = old.scaled(u, value)
+            along = self.tangent * old.sizes
+            towards = np.append(carried @ along, along[-1]) / old.sizes
+        problem = problem.moved(u, value)
+        if problem is old.problem:
+            return self
+        corrector = Corrector(problem, old.width)
+        point = self.point
+        if rephased is not None:
+            point = replace(point, u=tuple(u.tolist()), phase=problem.shooting.phase)
+        return replace(self, corrector=corrector, z=z, tangent=corrector.tangent(z, towards), point=point)
+
+    def near(self, other: Along) -> bool:
+        """Whether this is the same point passed in the same direction."""
+        if len(self.z) != len(other.z):
+            return False
+        if self.point.phase != other.point.phase:
+            mine, theirs = ({"": p.value, **p.coordinates} for p in (self.point, other.point))
+            same = all(abs(v - theirs[k]) < 1e-4 * (1.0 + abs(v)) for k, v in mine.items())
+            return same and self.tangent[-1] * other.tangent[-1] > 0
+        return bool(np.linalg.norm(self.z - other.z) < 1e-3 and self.tangent @ other.tangent > 0.99)
+
+
+class Corrector:
+    """Newton's method on a problem, in unknowns divided by their sizes; width: of the bounds."""
+
+    def __init__(self, problem: Any, width: float) -> None:
+        self.problem, self.width = problem, width
+        self.sizes = np.append(problem.scale, width)
+
+    def scaled(self, u: Array, value: float) -> Array:
+        """z."""
+        return np.asarray(np.append(u, value) / self.sizes)
+
+    def plain(self, z: Array) -> tuple[Array, float]:
+        """(u, value)."""
+        full = z * self.sizes
+        return full[:-1], float(full[-1])
+
+    def equations(self, z: Array) -> tuple[Array, Array]:
+        """Residual and matrix by z."""
+        residual, matrix = self.problem.evaluate(*self.plain(z))
+        if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(matrix)):
+            raise NoConvergenceError("the equations are not finite.")
+        return residual, matrix * self.sizes
+
+    def correct(self, guess: Array, normal: Array) -> tuple[Array, int]:
+        """The solution in the plane through the guess across `normal`, and the number of iterations."""
+        z, moved, last = guess.copy(), 0.0, np.inf
+        for count in range(1, _ITERATIONS + 1):
+            residual, matrix = self.equations(z)
+            full = np.vstack([matrix, normal])
+            change = np.linalg.solve(full, -np.append(residual, normal @ (z - guess)))
+            size = float(np.linalg.norm(change))
+            moved += size
+            if not np.isfinite(size) or moved > _FARTHEST or (count > 3 and size > 4 * last and size > 1e-6):
+                raise NoConvergenceError("the corrector leaves the branch.")
+            z = z + change
+            # Changes that no longer shrink are the rounding of the motions.
+            rounding = size < _NOISE and size > 0.1 * last and float(np.max(np.abs(residual))) < _NOISE
+            if size < _TOLERANCE or rounding:
+                return z, count
+            last = size
+        raise NoConvergenceError(f"the corrector does not converge (last change {last:.2g}).")
+
+    def tangent(self, z: Array, towards: Array | None) -> Array:
+        """The direction of the branch, in the sense of `towards`."""
+        _, matrix = self.equations(z)
+        found = _null(matrix)
+        if towards is not None and found @ towards < 0:
+            found = -found
+        return found
+
+    def along(self, z: Array, towards: Array | None, way: int = 1) -> Along:
+        """The point at z with its tangent; without `towards`, the one in which the parameter goes `way`."""
+        _, matrix = self.equations(z)
+        tangent = _null(matrix)
+        sense = tangent @ towards if towards is not None else tangent[-1] * way
+        tangent = -tangent if sense < 0 else tangent
+        point = self.problem.point(*self.plain(z))
+        # The determinant with the tangent as last row changes its sign at branch points.
+        sign, size = np.linalg.slogdet(np.vstack([matrix, tangent]))
+        crossed = float(sign * np.exp(size / len(z)))
+        tests = {**point.tests, "fold": float(tangent[-1]), "branch point": crossed}
+        return Along(self, z, tangent, replace(point, tests=tests, tangent=tuple(tangent.tolist())))
+
+    def step(self, current: Along, length: float) -> tuple[Along, int]:
+        """The point at a distance along the tangent, and how many iterations it took."""
+        z, count = self.correct(current.z + length * current.tangent, current.tangent)
+        return self.along(z, current.tangent), count
+
+    def at_value(self, current: Along, following: Along, value: float) -> Along:
+        """The point between two where the parameter has a value."""
+        a, b = current.z, following.z
+        goal = value / self.width
+        share = (goal - a[-1]) / (b[-1] - a[-1])
+        guess = a + share * (b - a)
+        normal = np.zeros_like(guess)
+        normal[-1] = 1.0
+        guess[-1] = goal
+        z, _ = self.correct(guess, normal)
+        z[-1] = goal
+        found = self.along(z, current.tangent)
+        return replace(found, point=replace(found.point, value=value))
+
+    def fixed(self, u: Array, value: float) -> BranchPoint:
+        """The solution at a value of the parameter."""
+        normal = np.zeros(len(u) + 1)
+        normal[-1] = 1.0
+        z, _ = self.correct(self.scaled(u, value), normal)
+        point: BranchPoint = self.problem.point(self.plain(z)[0], value)
+        return point
+
+    def settle(self, u: Array, value: float) -> Array:
+        """The solution near the start. Raises NoConvergenceError where there is none or it is singular."""
+        z = self.scaled(u, value)
+        for _ in range(_ITERATIONS):
+            residual, matrix = self.equations(z)
+            change = np.append(np.linalg.lstsq(matrix[:, :-1], -residual, rcond=1e-12)[0], 0.0)
+            z = z + change
+            if np.linalg.norm(change) < _TOLERANCE:
+                break
+        residual, matrix = self.equations(z)
+        sizes = np.linalg.svd(matrix, compute_uv=False)
+        if sizes[-1] <= 1e-10 * max(float(sizes[0]), self._usual(z, residual) if sizes[0] < 1e-6 else 0.0):
+            raise NoConvergenceError(
+                "the start is singular: the equations do not fix a direction to go on. Common causes: a "
+                "residual that depends on nothing, a start on a branch point, or solutions that are not "
+                "isolated. Start elsewhere.", float(np.max(np.abs(residual))),
+            )  # fmt: skip
+        change = np.linalg.lstsq(matrix[:, :-1], -residual, rcond=1e-12)[0]
+        if not np.linalg.norm(change) < 1e-6 or not np.max(np.abs(residual)) < 1e-6:
+            raise NoConvergenceError(
+                f"the start is no solution: Newton's method leaves {np.max(np.abs(residual)):.3g} of its "
+                "equations. Give one nearer to it.", float(np.max(np.abs(residual))),
+            )  # fmt: skip
+        return z
+
+    def _usual(self, z: Array, residual: Array) -> float:
+        """How much the residual changes a tenth of a unit away: what a slope is measured with."""
+        moved = [self.equations(z + 0.1 * row)[0] for row in np.eye(len(z))]
+        return 10.0 * max(float(np.linalg.norm(left - residual)) for left in moved)
+
+
+def _null(matrix: Array) -> Array:
+    """The unit vector that the matrix (m, m + 1) maps to 0."""
+    _, _, rows = np.linalg.svd(matrix)
+    return np.asarray(rows[-1], dtype=np.float64)

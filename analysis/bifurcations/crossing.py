@@ -1,0 +1,218 @@
+"""What lies between two points of a branch: changes of sign located by root-finding, changes of the word by
+bisection, and how the branch goes on across them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+
+from filippov.analysis.bifurcations.branch import BranchPoint
+from filippov.analysis.bifurcations.branch_point import locate
+from filippov.analysis.bifurcations.branch_problem import OrbitProblem
+from filippov.analysis.bifurcations.codim2 import PREFIX, title
+from filippov.analysis.bifurcations.corrector import FAILURES, Along, Corrector
+from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
+from filippov.analysis.bifurcations.special_points import confirmed, name_of_change
+
+Array = npt.NDArray[np.float64]
+_BISECTIONS = 44
+_AWAY = 1e-5
+_SAME = 1e-4
+_CUSP = PREFIX + "cusp"
+_BOUNDARY = ("boundary ", "upper ", "lower ")
+
+
+class Crossings:
+    """Location of special points."""
+
+    def __init__(self, width: float, min_step: float) -> None:
+        self.width, self.min_step = width, min_step
+
+    def between(self, a: Along, b: Along, step: float) -> tuple[list[BranchPoint], Along]:
+        """The special points after a up to b, and the point to go on from (b, or one beyond a change)."""
+        if a.point.word != b.point.word and a.point.word:
+            return self._word(a, b, step)
+        found: list[tuple[float, BranchPoint, str, Along]] = []
+        changed = [
+            name for name, value in a.point.tests.items()
+            if name in b.point.tests and value * b.point.tests[name] < 0
+        ]  # fmt: skip
+        if "branch point" in changed and {"symmetry breaking", "period doubling"} & set(changed):
+            changed.remove("branch point")
+        length = float(a.tangent @ (b.z - a.z))
+        for name in changed:
+            located = self._meeting(a, b) if name == "branch point" else self._locate(a, name, length)
+            if located is None or not confirmed(name, located[1].point):
+                continue
+            share, at = located
+            if _vanishes(name, a, b, at):
+                found.append((share, _titled(at.point, name), name, at))
+        meetings = [at.z for _, _, name, at in found if name in ("branch point", _CUSP)]
+        # A branch that turns where it meets another one has no fold of its own, nor a curve at its cusp.
+        found = [
+            item for item in found
+            if item[2] != "fold" or not any(np.linalg.norm(item[3].z - z) < _SAME for z in meetings)
+        ]  # fmt: skip
+        found.sort(key=lambda item: item[0])
+        points: list[BranchPoint] = []
+        for _, point, name, at in found:
+            if name.startswith(_BOUNDARY):
+                special, onwards = self._boundary(a, at, name)
+                return [*points, special], onwards
+            points.append(point)
+        return points, b
+
+    def _locate(self, a: Along, name: str, length: float) -> tuple[float, Along] | None:
+        """Where a test function vanishes, by Brent's method along the tangent of a."""
+        corrector = a.corrector
+        last: dict[float, Along] = {}
+
+        def test(share: float) -> float:
+            z, _ = corrector.correct(a.z + share * length * a.tangent, a.tangent)
+            last[share] = corrector.along(z, a.tangent)
+            return last[share].point.tests[name]
+
+        try:
+            share = float(brentq(test, 0.0, 1.0, xtol=1e-13, rtol=1e-12, maxiter=60))
+            test(share)
+        except (*FAILURES, ValueError, KeyError):
+            # A test that an orbit does not have, or without a change of sign: nothing was found.
+            return None
+        return share, last[share]
+
+    def _meeting(self, a: Along, b: Along) -> tuple[float, Along] | None:
+        """The branch point between two points, where the corrector's matrix is singular."""
+        corrector = a.corrector
+        # The determinant is linear there, the test its root.
+        left, right = (abs(q.point.tests["branch point"]) ** len(a.z) for q in (a, b))
+        try:
+            z = locate(corrector.equations, a.z + left / (left + right) * (b.z - a.z))
+            share = float(a.tangent @ (z - a.z)) / float(a.tangent @ (b.z - a.z))
+            point = corrector.problem.point(*corrector.plain(z))
+        except FAILURES:
+            return None
+        if not -_SAME < share < 1 + _SAME or np.linalg.norm(z - a.z) > 2 * np.linalg.norm(b.z - a.z):
+            return None
+        return share, Along(corrector, z, a.tangent, replace(point, tangent=tuple(a.tangent.tolist())))
+
+    # -- change of the word --------------------------------------------------------------------------------
+
+    def _word(self, a: Along, b: Along, step: float) -> tuple[list[BranchPoint], Along]:
+        length = float(a.tangent @ (b.z - a.z))
+        low, high, before, after, onwards = 0.0, 1.0, a, b, b
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            if (high - low) * abs(length) < 1e-12:
+                break
+            try:
+                z, _ = a.corrector.correct(a.z + middle * length * a.tangent, a.tangent)
+                at = a.corrector.along(z, a.tangent)
+            except FAILURES:
+                # No solution in this plane: beyond the change.
+                high = middle
+                continue
+            if at.point.word == a.point.word:
+                low, before = middle, at
+            else:
+                high, after = middle, at
+                # Close to grazing a root of the distance makes solutions inaccurate: go on from farther away.
+                if (high - low) * abs(length) > _AWAY:
+                    onwards = at
+        return [self._named(before, after)], onwards
+
+    def _named(self, before: Along, after: Along) -> BranchPoint:
+        name, note = "change of the mode word", f"{before.point.word} -> {after.point.word}"
+        if isinstance(before.corrector.problem, OrbitProblem):
+            first = before.corrector.problem.orbit(*before.corrector.plain(before.z))
+            second = after.corrector.problem.orbit(*after.corrector.plain(after.z))
+            name, note = name_of_change(first, second)
+        return replace(before.point, special=name, note=note)
+
+    def jump(self, a: Along, error: Exception) -> tuple[BranchPoint, Along] | None:
+        """Across a change of the word where no solution lies ahead: back in the parameter (a non-smooth
+        fold), or at a small distance on. None where there is none."""
+        if not a.point.word:
+            return None
+        back = a.tangent.copy()
+        back[-1] = -back[-1]
+        aside = np.zeros_like(back)
+        aside[-1] = float(np.sign(a.tangent[-1]) or 1.0)
+        for direction in (a.tangent, back, -aside, aside):
+            for length in (1e-6, 1e-5, 1e-4, 1e-3, 1e-2):
+                try:
+                    z, _ = a.corrector.correct(a.z + length * direction, direction)
+                    at = a.corrector.along(z, z - a.z)
+                except FAILURES:
+                    continue
+                if at.point.word != a.point.word and np.linalg.norm(z - a.z) < 0.2:
+                    special = self._named(a, at)
+                    turned = at.tangent[-1] * a.tangent[-1] < 0
+                    kind = "non-smooth fold" if turned else "persistence"
+                    return replace(special, note=f"{kind}; {special.note}"), at
+        return None
+
+    def blocked(self, a: Along) -> tuple[str, str]:
+        """Name of what stops a branch of orbits: grazing, where its derivative has no bound."""
+        problem = a.corrector.problem
+        if not isinstance(problem, OrbitProblem):
+            return "", ""
+        try:
+            orbit = problem.orbit(*a.corrector.plain(a.z), margins=True)
+        except FAILURES:
+            return "", ""
+        size = float(np.max(orbit.high - orbit.low))
+        edge = orbit.margin
+        if edge.distance < 1e-3 * size:
+            return "C-bifurcation", f"surface {edge.surface!r} passed at a distance of {edge.distance:.3g}"
+        if edge.transversality < 1e-2:
+            return "C-bifurcation", f"an event met with relative speed {edge.transversality:.3g}"
+        return "", ""
+
+    def marked(self, a: Along, name: str, note: str) -> BranchPoint:
+        """The point with a name."""
+        return replace(a.point, special=name, note=note)
+
+    # -- boundary equilibria -------------------------------------------------------------------------------
+
+    def _boundary(self, a: Along, at: Along, name: str) -> tuple[BranchPoint, Along]:
+        """The boundary equilibrium, and the first point of the branch of the other kind."""
+        problem = at.corrector.problem
+        assert isinstance(problem, EquilibriumProblem)
+        new, test = problem.across(name, at.u)
+        corrector = Corrector(new, self.width)
+        z = corrector.scaled(new.start, at.point.value)
+        tangent = corrector.tangent(z, None)
+        forth = new.point(*corrector.plain(z + 1e-4 * tangent)).tests[test]
+        if forth < 0:
+            tangent = -tangent
+        onwards = corrector.along(z, tangent)
+        onwards = replace(onwards, tangent=tangent, point=_leaving(onwards.point, test))
+        same = tangent[-1] * a.tangent[-1] > 0
+        note = f"{'persistence' if same else 'non-smooth fold'}; {name}: {problem.mode} -> {new.mode}"
+        return replace(at.point, special="boundary equilibrium", note=note, stable=at.point.stable), onwards
+
+
+def _leaving(point: BranchPoint, test: str) -> BranchPoint:
+    """The start of the other kind: the test that is 0 to rounding there counts as left."""
+    return replace(point, tests={**point.tests, test: abs(point.tests[test])})
+
+
+def _titled(point: BranchPoint, name: str) -> BranchPoint:
+    """The point with its name."""
+    if name.startswith(PREFIX):
+        special, note = title(name)
+        return replace(point, special=special, note="; ".join(filter(None, (point.note, note))))
+    return replace(point, special="boundary equilibrium" if name.startswith(_BOUNDARY) else name)
+
+
+def _vanishes(name: str, a: Along, b: Along, at: Along) -> bool:
+    """Whether a test of a codimension-2 point is 0 there and does not jump."""
+    if not name.startswith(PREFIX):
+        return True
+    size = max(abs(q.point.tests[name]) for q in (a, b))
+    return abs(at.point.tests.get(name, np.inf)) < 1e-3 * size
+
+

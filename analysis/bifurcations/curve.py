@@ -1,0 +1,280 @@
+"""Curves of special points in two parameters: fold, branch point, period doubling, Neimark-Sacker, symmetry
+breaking, Hopf, pseudo-Hopf, boundary equilibrium, grazing, and the changes of sliding: crossing-sliding,
+switching-sliding, adding-sliding.
+
+Unknowns are those of the solution and the first parameter; the equations are those of the solution and the
+vanishing test function, whose derivatives are taken by differences of exact quantities. A fold is where the
+bordered matrix has g = 0 in [J b; c 0] (v, g) = (0, 1) (Govaerts 2000, section 4.1). Grazing is
+the least value of h along the motion that goes on as if the surface were not there; the changes of sliding
+are in `filippov.analysis.bifurcations.sliding_border`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.bifurcations.border_normal_form import touched
+from filippov.analysis.bifurcations.branch import Branch, BranchPoint
+from filippov.analysis.bifurcations.branch_point import BranchPointCurve
+from filippov.analysis.bifurcations.branch_problem import MapProblem, OrbitProblem
+from filippov.analysis.bifurcations.codim2 import border_tests, critical_pair, orbit_multipliers, smooth_tests
+from filippov.analysis.bifurcations.continuation import Continuation
+from filippov.analysis.bifurcations.discontinuity_map import second_rate
+from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
+from filippov.analysis.bifurcations.held_surface import without_surface
+from filippov.analysis.bifurcations.sliding_border import ADDING, ARRIVALS, Contact, contacts
+from filippov.analysis.bifurcations.touching import Touching, touchings
+from filippov.analysis.orbits.shooting import NoConvergenceError
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+
+Array = npt.NDArray[np.float64]
+_REACH, _SMALLEST = 1e-5, 1e-7
+GRAZING = ("grazing-sliding", "C-bifurcation", "grazing")
+BORDERS = (*ARRIVALS, ADDING)
+CONTACTS = ("grazing", *BORDERS)
+# On the border itself an orbit enters and leaves sliding at one instant, which no location of events
+# resolves: it is kept this far inside.
+_ASIDE = 1e-9
+
+
+def curve(
+    run: Continuation,
+    special: BranchPoint,
+    *,
+    parameter: str,
+    bounds: tuple[float, float],
+    direction: int = 0,
+    step: float = 0.02,
+    min_step: float = 1e-6,
+    max_step: float = 0.1,
+    max_points: int = 200,
+    max_time: float = float("inf"),
+) -> Continuation:
+    """The curve of a special point over a second parameter, not begun: iterate over it, or `run()` it.
+
+    run        the continuation that found it (its problem is used); special: the point
+    parameter  the second parameter, from its value in `run` within `bounds`
+
+    Points have the first parameter among their coordinates. Raises UsageError, NoConvergenceError.
+    """
+    problem: Any = run.problem
+    if not isinstance(problem, MapProblem | OrbitProblem | EquilibriumProblem):
+        raise UsageError("curves are for maps, orbits and equilibria, not for a plain function.")
+    if isinstance(problem, OrbitProblem) and special.phase:
+        problem = problem.at_phase(special.phase)
+    system = problem.event_map.system if isinstance(problem, MapProblem) else _system(problem)
+    if parameter not in system.parameters or parameter == problem.parameter:
+        raise UsageError(unknown("second parameter", parameter, run.branch.parameters))
+    names = {name: name for name in special.tests}
+    kind = "grazing" if special.special in GRAZING else names.get(special.special, special.special)
+    if kind == "boundary equilibrium":
+        kind = special.note.split("; ")[1].split(":")[0]
+    if kind not in (*special.tests, "grazing", "branch point", *BORDERS):
+        known = ", ".join(dict.fromkeys((*special.tests, "branch point", "grazing", *BORDERS)))
+        raise UsageError(f"no curve is known for {special.special!r}; known: {known}.")
+    at = run.branch.parameters[parameter]
+    grazed = _grazed(problem, special) if kind in ("grazing", *BORDERS) else (0, 1)
+    u = np.array(special.u)
+    made: Any
+    if kind == "branch point":
+        made = BranchPointCurve(problem, parameter, u, special.value, at, run.width)
+    else:
+        made = CurveProblem(problem, kind, parameter, u, special.value, at, run.width, grazed)
+    others = {name: number for name, number in run.branch.parameters.items() if name != parameter}
+    branch = Branch(parameter, f"{kind} curve", others)
+    out = Continuation(made, at, (float(bounds[0]), float(bounds[1])), branch, direction, step)
+    out.min_step, out.max_step, out.max_points, out.max_time = min_step, max_step, max_points, max_time
+    out.prepare()
+    return out
+
+
+def _system(problem: OrbitProblem | EquilibriumProblem) -> Any:
+    return problem.shooting.system if isinstance(problem, OrbitProblem) else problem.system
+
+
+def _grazed(problem: Any, special: BranchPoint) -> tuple[int, int]:
+    """The surface that is grazed, and the side the orbit is on."""
+    return touched(problem.doubled() if problem.shooting.turns > 1 else problem, special)
+
+
+class CurveProblem:
+    """A solution with a vanishing test function; the second parameter is the one that is followed."""
+
+    def __init__(
+        self, inner: Any, test: str, parameter: str, u: Array, value: float, at: float, width: float,
+        grazed: tuple[int, int] = (0, 1), avoid: Touching | None = None,
+    ) -> None:  # fmt: skip
+        if test == "grazing" and isinstance(inner, OrbitProblem) and inner.shooting.turns > 1:
+            # The touching may be in any part of a symmetric orbit.
+            inner = inner.doubled()
+        self.inner, self.test, self.parameter = inner, test, parameter
+        self.kind = f"{test} curve"
+        self.start = np.append(u, value)
+        self.scale = np.append(inner.scale, width)
+        if test == "fold":
+            matrix = self._inner(at).evaluate(u, value)[1][:, :-1] * inner.scale
+            left, _, right = np.linalg.svd(matrix)
+            self.border = left[:, -1], right[-1]
+        if test in CONTACTS:
+            self.grazed, self.side = grazed
+            if test == "grazing" and inner.shooting.system.surfaces[self.grazed].kind != "observer":
+                self.inner = inner.with_system(
+                    without_surface(inner.shooting.system, self.grazed, self.side)
+                )
+            # The contact is kept away from the ends of the motion, which it would leave by otherwise.
+            contact = self._nearest(self._inner(at), u, value, avoid)
+            self.inner, u = self._inner(at).phased(u, value, contact.t)
+            self.start = np.append(u, value)
+            self.contact = self._nearest(self.inner, u, value, avoid)
+
+    def _inner(self, second: float) -> Any:
+        return self.inner.with_parameter(self.parameter, second)
+
+    def function(self, problem: Any, u: Array, value: float, matrix: Array) -> float:
+        """The test function."""
+        if self.test == "fold":
+            b, c = self.border
+            block = np.block([[matrix[:, :-1] * problem.scale, b[:, None]], [c[None, :], np.zeros((1, 1))]])
+            return float(np.linalg.solve(block, np.append(np.zeros(len(u)), 1.0))[-1])
+        if self.test in CONTACTS:
+            gap = self._contact(problem, u, value).gap
+            return gap if self.test == "grazing" else gap - _ASIDE
+        return float(problem.point(u, value).tests[self.test])
+
+    def _found(self, problem: OrbitProblem, u: Array, value: float) -> Sequence[Contact | Touching]:
+        motions = problem.motions(u, value)
+        found: Sequence[Contact | Touching] = (
+            touchings(motions, self.grazed, self.side)
+            if self.test == "grazing"
+            else contacts(self.test, motions, self.grazed)
+        )
+        if not found:
+            raise NoConvergenceError(f"the orbit has no contact with the border of sliding: {self.test}.")
+        return found
+
+    def _nearest(
+        self, problem: OrbitProblem, u: Array, value: float, avoid: Touching | None = None
+    ) -> Contact | Touching:
+        """The contact nearest to the border, other than one that is to be avoided."""
+        found = list(self._found(problem, u, value))
+        if avoid is not None:
+            found.remove(self._next(problem, value, found, avoid))
+        if not found:
+            raise NoConvergenceError("the orbit has no other contact with the surface.")
+        return min(found, key=lambda contact: abs(contact.gap))
+
+    def _next(
+        self, problem: OrbitProblem, value: float, found: Sequence[Contact | Touching], to: Any
+    ) -> Contact | Touching:
+        """The contact next to another one."""
+        shooting = problem.shooting
+        scale = problem.scale[: shooting.n]
+        period = 0.0 if shooting.period is None else float(shooting.period(problem.p(value)))
+        return min(found, key=lambda contact: contact.distance(to, scale, period))
+
+    def _contact(self, problem: OrbitProblem, u: Array, value: float) -> Contact | Touching:
+        """The contact next to the last one."""
+        return self._next(problem, value, self._found(problem, u, value), self.contact)
+
+    def tests(self, u: Array, value: float, point: BranchPoint) -> dict[str, float]:
+        """Test functions of codimension-2 points (see `filippov.analysis.bifurcations.codim2`)."""
+        inner, u, first = self._inner(value), u[:-1], float(u[-1])
+        if self.test not in CONTACTS:
+            null = self._null(inner.evaluate(u, first)[1], inner) if self.test == "fold" else None
+            return smooth_tests(self.test, inner, u, first, point, null)
+        values, near = orbit_multipliers(inner, u, first, point), self._found(inner, u, first)
+        contact = self._next(inner, first, near, self.contact)
+        others: list[float] = []
+        bend = None
+        if self.test == "grazing":
+            others = [q.gap for q in near if q is not contact]
+        elif self.test in ARRIVALS:
+            bend = self._bend(inner, first, contact)
+        return border_tests(self.test, values, others, bend)
+
+    def _null(self, matrix: Array, inner: Any) -> tuple[Array, Array]:
+        """Left and right null vectors of a fold, in the sense of the border."""
+        b, c = self.border
+        block = np.block([
+            [matrix[:, :-1] * inner.scale, b[:, None]], [c[None, :], np.zeros((1, 1))]
+        ])  # fmt: skip
+        last = np.append(np.zeros(len(c)), 1.0)
+        p, q = np.linalg.solve(block.T, last)[:-1], np.linalg.solve(block, last)[:-1]
+        return p / np.linalg.norm(p), q / np.linalg.norm(q)
+
+    def _bend(self, inner: OrbitProblem, value: float, contact: Any) -> float | None:
+        """L_F2^2 H at an arrival; None where it is not known."""
+        system, side = inner.shooting.system, contact.side
+        mode = tuple(side if k == self.grazed else 1 for k in range(len(system.surfaces)))
+        if len(system.surfaces) > 1:
+            return None
+        try:
+            return second_rate(system, contact.x, contact.t, inner.p(value), mode, self.grazed, side)
+        except UsageError:
+            return None
+
+    def _both(self, z: Array) -> tuple[Array, Array, float]:
+        """Residual and matrix of the solution, and the test, at (u, value, second)."""
+        problem = self._inner(float(z[-1]))
+        residual, matrix = problem.evaluate(z[:-2], float(z[-2]))
+        return residual, matrix, self.function(problem, z[:-2], float(z[-2]), matrix)
+
+    def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
+        """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""
+        z = np.append(u, value)
+        residual, matrix, test = self._both(z)
+        m = len(residual)
+        out = np.zeros((m + 1, m + 2))
+        out[:m, : m + 1] = matrix
+        reaches = _REACH * np.append(self.scale, max(abs(value), 1e-2))
+        for j, reach in enumerate(reaches):
+            moved = [self._both(z + side * reach * np.eye(m + 2)[j]) for side in (1.0, -1.0)]
+            out[m, j] = (moved[0][2] - moved[1][2]) / (2 * reach)
+            if j == m + 1:
+                out[:m, j] = (moved[0][0] - moved[1][0]) / (2 * reach)
+        return np.append(residual, test), out
+
+    def point(self, u: Array, value: float) -> BranchPoint:
+        """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""
+        found: BranchPoint = self._inner(value).point(u[:-1], float(u[-1]))
+        data = {self.inner.parameter: float(u[-1]), **found.coordinates}
+        # The word at a grazing changes with rounding.
+        return replace(
+            found, value=value, u=tuple(u.tolist()), coordinates=data, word="",
+            tests=self.tests(u, value, found), note=self._note(found),
+        )  # fmt: skip
+
+    def _note(self, point: BranchPoint) -> str:
+        """Where the pair of a Hopf or Neimark-Sacker curve is real, it is none."""
+        hopf, values = self.test == "Hopf", np.array(point.multipliers, dtype=complex)
+        if (not hopf and self.test != "Neimark-Sacker") or len(values) < 2:
+            return point.note
+        pair, _ = critical_pair(values, hopf)
+        if np.max(np.abs(pair.imag)) < 1e-9:
+            return "; ".join(filter(None, (point.note, "neutral saddle")))
+        return point.note
+
+    def moved(self, u: Array, value: float) -> CurveProblem:
+        """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""
+        other = object.__new__(CurveProblem)
+        other.__dict__.update(self.__dict__)
+        inner = self._inner(value)
+        if self.test == "fold":
+            other.border = self._null(inner.evaluate(u[:-1], float(u[-1]))[1], inner)
+        if self.test in CONTACTS:
+            other.contact = self._contact(inner, u[:-1], float(u[-1]))
+        other.inner = inner.moved(u[:-1], float(u[-1]))
+        return other
+
+    def ending(self, u: Array, value: float, bounds: tuple[float, float]) -> BranchPoint | None:
+        """The end of a fold curve of a map whose cycle shrinks into the equilibrium set; None before that."""
+        inner = self.inner
+        if not isinstance(inner, MapProblem) or not inner.rests or np.exp(u[0]) > _SMALLEST:
+            return None
+        return replace(self.point(u, value), special="cycle shrinks into the equilibrium set")

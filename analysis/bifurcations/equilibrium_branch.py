@@ -1,0 +1,163 @@
+"""Branches of equilibria and pseudo-equilibria, through the surfaces that bound them.
+
+An equilibrium of a mode is a zero of its field; with sliding surfaces (a pseudo-equilibrium) the multipliers
+are unknowns too and the surfaces are equations: f(x, s) = 0, h(x) = 0. A boundary equilibrium, where h = 0 or
+a multiplier reaches the end of its set, is one of both kinds; the branch goes on as the other (di Bernardo et
+al. 2008, section 5.3): on the other side of the parameter (persistence) or back on the same (non-smooth
+fold).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.linalg
+
+from filippov.analysis.bifurcations.branch import BranchPoint
+from filippov.analysis.sensitivity.variation import mode_field
+from filippov.analysis.steady.forcing import depends_on_time
+from filippov.base.errors import UsageError
+from filippov.base.status import mode_text
+from filippov.model.system import System
+from filippov.solving.state.events import Mode
+
+Array = npt.NDArray[np.float64]
+
+
+class EquilibriumProblem:
+    """Equilibria of one mode.
+
+    mode   signs, 0 on sliding surfaces; start: a state near the equilibrium
+    """
+
+    kind = "equilibrium"
+
+    def __init__(
+        self, system: System, mode: Mode, parameter: str, start: Any, parameters: Any = None,
+        multipliers: Array | None = None,
+    ) -> None:  # fmt: skip
+        if depends_on_time(system):
+            raise UsageError("the system depends on time and has no equilibria; follow its orbits.")
+        self.system, self.mode, self.parameter = system, tuple(mode), parameter
+        self.base = system.parameters.resolve(parameters)
+        self.index = system.parameters.index(parameter)
+        self.field = mode_field(system, self.mode, (parameter,))
+        self.sliding = self.field.sliding
+        x = np.asarray(start, dtype=float)
+        s = np.zeros(len(self.sliding)) if multipliers is None else multipliers
+        self.start = np.concatenate((x, s))
+        self.scale = np.concatenate((np.maximum(np.abs(x), 1.0), np.ones(len(self.sliding))))
+
+    def p(self, value: float) -> Array:
+        """Parameter values, checked against their bounds."""
+        values = dict(zip(self.system.parameters.names, self.base.tolist(), strict=True))
+        return np.asarray(self.system.parameters.resolve({**values, self.parameter: value}))
+
+    def with_parameter(self, name: str, value: float) -> EquilibriumProblem:
+        """The same at another value of another parameter."""
+        other = object.__new__(EquilibriumProblem)
+        other.__dict__.update(self.__dict__)
+        other.base = self.base.copy()
+        other.base[self.system.parameters.index(name)] = value
+        return other
+
+    def _at(self, u: Array, value: float) -> tuple[Array, Array, Array, Array]:
+        n = self.system.dimension
+        s = np.array(self.mode, dtype=float)[None, :]
+        s[0, self.sliding] = u[n:]
+        return np.zeros(1), u[None, :n], s, self.p(value)
+
+    def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
+        """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""
+        at, n, k = self._at(u, value), self.system.dimension, len(self.sliding)
+        part = self.field.part
+        residual = np.concatenate((part("f", *at)[0, :, 0], part("h", *at)[0, self.sliding, 0]))
+        matrix = np.zeros((n + k, n + k + 1))
+        by, slope = part("fy", *at)[0], part("hy", *at)[0, self.sliding]
+        matrix[:n, :n], matrix[:n, -1] = by[:, :n], by[:, n]
+        matrix[:n, n : n + k] = part("fs", *at)[0]
+        matrix[n:, :n], matrix[n:, -1] = slope[:, :n], slope[:, n]
+        return residual, matrix
+
+    def point(self, u: Array, value: float) -> BranchPoint:
+        """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""
+        at, n = self._at(u, value), self.system.dimension
+        names = self.system.surface_names
+        data = dict(zip(self.system.states, u[:n].tolist(), strict=True))
+        data |= {f"multiplier {names[i]}": float(u[n + k]) for k, i in enumerate(self.sliding)}
+        tests: dict[str, float] = {}
+        h, radius = self.field.part("h", *at)[0, :, 0], self.field.part("radius", *at)[0]
+        inside = True
+        for i, name in enumerate(names):
+            if self.system.surfaces[i].kind == "observer":
+                continue
+            if self.mode[i] != 0:
+                tests[f"boundary {name}"] = float(h[i]) * self.mode[i]
+                inside &= tests[f"boundary {name}"] >= -1e-12
+            else:
+                s = u[n + self.sliding.index(i)]
+                tests[f"upper {name}"] = float(radius[i, 1] - s)
+                tests[f"lower {name}"] = float(s - radius[i, 0])
+                inside &= bool(radius[i, 0] - 1e-12 <= s <= radius[i, 1] + 1e-12)
+        values, attracts = self._eigenvalues(at)
+        if self.sliding:
+            tests["pseudo-Hopf"] = attracts
+        sums = [values[i] + values[j] for i in range(len(values)) for j in range(i + 1, len(values))]
+        if sums:
+            tests["Hopf"] = float(np.prod(sums).real)
+        stable = bool(np.all(values.real < 0)) and (not self.sliding or attracts > 0)
+        left = float(np.max(np.abs(self.evaluate(u, value)[0])))
+        return BranchPoint(
+            value, tuple(u.tolist()), data, tuple(complex(v) for v in values), stable, mode_text(self.mode),
+            (mode_text(self.mode),), 0.0, tests, left, note="" if inside else "virtual",
+        )  # fmt: skip
+
+    def _eigenvalues(self, at: tuple[Array, Array, Array, Array]) -> tuple[npt.NDArray[np.complex128], float]:
+        """Eigenvalues of the linearisation along the sliding surfaces, and whether these attract (> 0)."""
+        n = self.system.dimension
+        if not self.sliding:
+            return np.linalg.eigvals(self.field.part("fy", *at)[0, :, :n]).astype(complex), 1.0
+        rs = self.field.part("rs", *at)[0, self.sliding]
+        attracts = -float(rs[0, 0]) if len(self.sliding) == 1 else float(np.linalg.det(-rs))
+        slope = self.field.part("hy", *at)[0, self.sliding, :n]
+        basis = scipy.linalg.null_space(slope)
+        if abs(np.linalg.det(rs)) < 1e-300 or basis.shape[1] == 0:
+            return np.zeros(0, dtype=complex), attracts
+        matrix = self.field.matrix(*at)[0, :n, :n]
+        return np.linalg.eigvals(basis.T @ matrix @ basis).astype(complex), attracts
+
+    def moved(self, u: Array, value: float) -> EquilibriumProblem:
+        """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""
+        return self
+
+    def in_mode(self, text: str, u: Array) -> EquilibriumProblem:
+        """The problem of another mode, as `mode_text` writes it, at its unknowns."""
+        if text == mode_text(self.mode):
+            return self
+        n = self.system.dimension
+        values = dict(zip(self.system.parameters.names, self.base.tolist(), strict=True))
+        mode = tuple({"+": 1, "0": 0, "-": -1}[sign] for sign in text)
+        return EquilibriumProblem(self.system, mode, self.parameter, u[:n], values, u[n:])
+
+    def across(self, test: str, u: Array) -> tuple[EquilibriumProblem, str]:
+        """The problem on the other side of a boundary, starting there, and the test that then has to grow."""
+        side, _, name = test.partition(" ")
+        i = self.system.surface_index(name)
+        n = self.system.dimension
+        mode = list(self.mode)
+        s = dict(zip(self.sliding, u[n:].tolist(), strict=True))
+        if side == "boundary":
+            s[i] = float(self.mode[i])
+            mode[i] = 0
+        else:
+            mode[i] = 1 if side == "upper" else -1
+            s.pop(i)
+        values = dict(zip(self.system.parameters.names, self.base.tolist(), strict=True))
+        new = EquilibriumProblem(
+            self.system, tuple(mode), self.parameter, u[:n], values, np.array([s[j] for j in sorted(s)])
+        )
+        if mode[i] != 0:
+            return new, f"boundary {name}"
+        return new, f"upper {name}" if s[i] > 0 else f"lower {name}"

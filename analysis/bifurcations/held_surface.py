@@ -1,0 +1,35 @@
+"""A system as it would be if one surface were not there: for the motion on beyond a touching."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import sympy
+
+from filippov.base.errors import UsageError
+from filippov.model.system import System
+
+
+@lru_cache(maxsize=32)
+def without_surface(system: System, i: int, side: int) -> System:
+    """The system with the sign of surface i held at `side`: the surface is then only watched."""
+    form = system.symbolic
+    if form is None:
+        raise UsageError("a curve of grazing needs a system of expressions, whose sign can be held.")
+    held: dict[Any, Any] = {form.s[i]: sympy.Integer(side)}
+    held[form.a[i]] = side * form.h[i]
+    surfaces = list(system.surfaces)
+    surfaces[i] = replace(surfaces[i], kind="observer", radius=1.0, reset=None, side="+", contact=None)
+    radius = list(form.radius)
+    radius[i] = (sympy.Integer(-1), sympy.Integer(1))
+    changed = replace(
+        form, field=tuple(f.xreplace(held) for f in form.field), radius=tuple(radius),
+        h=tuple(h if k == i else h.xreplace({form.a[i]: held[form.a[i]]}) for k, h in enumerate(form.h)),
+        reset=tuple(None if k == i else after for k, after in enumerate(form.reset)),
+        contact=tuple(None if k == i else after for k, after in enumerate(form.contact)),
+    )  # fmt: skip
+    out = object.__new__(System)
+    out._set_symbolic(changed, tuple(surfaces), system.time_events)
+    return out

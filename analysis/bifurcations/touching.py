@@ -1,0 +1,98 @@
+"""Where motions touch a surface, or nearly: least heights of side h, and events met almost without speed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+
+from filippov.analysis.orbits.shooting import NoConvergenceError
+from filippov.analysis.sensitivity.variation import ModeField, mode_field
+from filippov.solving.solution import Solution
+
+Array = npt.NDArray[np.float64]
+_GRID = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Touching:
+    """State x and time t of an interior least height of side h, or of an event there; height: what is left
+    of side h, negative beyond the surface (of an event: the height that it would come to)."""
+
+    x: Array
+    t: float
+    height: float
+
+    @property
+    def gap(self) -> float:
+        """The height: 0 where the surface is grazed."""
+        return self.height
+
+    def distance(self, other: Touching, scale: Array, period: float) -> float:
+        """How far apart two touchings are; period: that of the forcing, 0 for an autonomous system."""
+        apart = float(np.linalg.norm((self.x - other.x) / scale))
+        if period > 0:
+            phase = (self.t - other.t) / period
+            apart += abs(phase - round(phase))
+        return apart
+
+
+def touchings(motions: Sequence[Solution], i: int, side: int) -> list[Touching]:
+    """All touchings of motions with surface i from one side."""
+    return [found for motion in motions for found in (*_least(motion, i, side), *_met(motion, i, side))]
+
+
+def nearest(found: Sequence[Touching]) -> Touching:
+    """The touching with the least height in size. Raises NoConvergenceError where there is none."""
+    if not found:
+        raise NoConvergenceError("the orbit turns nowhere towards the surface.")
+    return min(found, key=lambda touch: abs(touch.height))
+
+
+def _least(motion: Solution, i: int, side: int) -> Iterator[Touching]:
+    """Interior least heights while the surface is off."""
+    system, p, sol = motion.problem.system, motion.problem.p, motion.sol
+    assert sol is not None
+    observer = system.surfaces[i].kind == "observer"
+    for segment in motion.segments:
+        if not observer and segment.mode[i] != side:
+            continue
+        mode = segment.mode
+        part = mode_field(system, mode)
+
+        def read(name: str, t: Array, part: ModeField = part) -> Array:
+            x = np.ascontiguousarray(np.atleast_2d(sol(t).T))
+            s = part.multipliers(t, x, p)
+            return side * part.part(name, t, x, s, p)[:, i, 0]
+
+        inside = sol.start[(sol.start > segment.t0) & (sol.start < segment.t1)]
+        knots = np.concatenate(([segment.t0], inside, [segment.t1]))
+        near = 1e-9 * segment.dwell
+        times = (knots[:-1, None] + np.diff(knots)[:, None] * np.arange(_GRID) / _GRID).ravel()
+        times = np.unique(np.clip(np.append(times, knots[-1]), segment.t0 + near, segment.t1 - near))
+        rates = read("r", times)
+        for k in np.flatnonzero((rates[:-1] < 0) & (rates[1:] >= 0)).tolist():
+            t = float(brentq(
+                lambda t, read=read: float(read("r", np.array([t]))[0]), times[k], times[k + 1], xtol=1e-14
+            ))  # fmt: skip
+            at = np.array([t])
+            yield Touching(np.atleast_2d(sol(at).T)[0].copy(), t, float(read("h", at)[0]))
+
+
+def _met(motion: Solution, i: int, side: int) -> Iterator[Touching]:
+    """Events of the surface met from the side, with the height that the motion would come to."""
+    system, p = motion.problem.system, motion.problem.p
+    for event in motion.events:
+        if event.index != i or event.before[i] != side or system.surfaces[i].kind == "observer":
+            continue
+        part = mode_field(system, event.before)
+        t, x = np.array([event.t]), np.asarray(event.x, dtype=float)[None, :]
+        s = part.multipliers(t, x, p)
+        speed = float(part.part("r", t, x, s, p)[0, i, 0])
+        slope = part.part("ry", t, x, s, p)[0, i]
+        bend = side * float(slope @ part.velocity(t, x, s, p)[0])
+        if bend > 0:
+            yield Touching(x[0].copy(), event.t, -(speed**2) / (2 * bend))

@@ -1,0 +1,1 @@
+"""The exact inclusion against band models."""

@@ -1,0 +1,221 @@
+"""Models in which a layer of some width stands for the sliding mode, and how their stick is read.
+
+In such a model the surface is never reached: there is no sliding entry. What counts as stick is one of
+
+    by modes   the motion is in the mode in which the model says it sticks: signs of its own surfaces, each
+               closed ("-" is h <= 0), so that moving along the edge of the layer counts as well
+    by layer   |h| <= reach * width for the surface h of the exact system, as long as the exact system is
+               attracted to the surface from both sides (dh/dt < 0 at s = +1 and > 0 at s = -1)
+
+Comparators of bounded width are read by modes with that same condition at the entry; without it a motion that
+only reverses would stick.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+from filippov.model.comparator import Band, Smooth
+from filippov.model.system import System
+from filippov.solving.solution import Solution
+from filippov.solving.state.machine import Machine
+
+Array = npt.NDArray[np.float64]
+# tanh(10) is 1 to 4e-9: beyond this many widths the smooth sign is the sign.
+SMOOTH_REACH = 10.0
+_SIGNS = {"-": (-1, 0), "+": (1, 0)}
+
+
+@dataclass(frozen=True)
+class BandModel:
+    """A family of systems whose band goes to 0 with `width`.
+
+    name      as it is to appear in the table
+    build     (width, **option) -> System with the states of the exact one, or (System, parameter values),
+              which saves making the same system for every width
+    stick     mode of stick by its own surfaces: {"band upper": "-", "band lower": "+"}; None: by layer
+    options   further arguments of `build` with the values to try: {"alpha": (10, 100)}, all combinations
+    reach     by layer: half-width of the layer over `width`
+    attracted with `stick`: whether the exact system must also be attracted to the surface at the entry
+
+    Raises UsageError.
+    """
+
+    name: str
+    build: Callable[..., System | tuple[System, Mapping[str, float]]]
+    stick: Mapping[str, str] | None = field(default=None, hash=False)
+    options: Mapping[str, Sequence[float]] = field(default_factory=dict, hash=False)
+    reach: float = 1.0
+    attracted: bool = False
+
+    def __post_init__(self) -> None:
+        for surface, sign in (self.stick or {}).items():
+            if sign not in _SIGNS:
+                raise UsageError(
+                    f"{self.name}: stick has {sign!r} for surface {surface!r}, expected '+' or '-'. Leave "
+                    "out the surfaces that do not matter."
+                )
+
+    def variants(self) -> Iterator[dict[str, float]]:
+        """Every combination of the options."""
+        for values in itertools.product(*self.options.values()):
+            yield dict(zip(self.options, values, strict=True))
+
+
+def comparator_models(exact: System, surface: str) -> dict[str, BandModel]:
+    """The classical regularisations of the same system: Band (saturated line) and Smooth (tanh)."""
+    edges = {f"{surface}:upper": "-", f"{surface}:lower": "+"}
+    return {
+        "band": BandModel("band", lambda width: exact.with_comparator(Band(width)), edges, attracted=True),
+        "smooth": BandModel("smooth", lambda width: exact.with_comparator(Smooth(width)), reach=SMOOTH_REACH),
+    }
+
+
+@dataclass(frozen=True)
+class Stay:
+    """A stay in stick, t0 to t1; x: state at t0. from_start: the run began in it; to_end: ended in it."""
+
+    t0: float
+    t1: float
+    x: Array
+    from_start: bool
+    to_end: bool
+
+
+class Reader:
+    """Finds the stays in stick of a model's solutions.
+
+    exact, surface, p   the exact system, its surface and parameter values: what attracts
+    """
+
+    def __init__(self, exact: System, surface: str, p: Array) -> None:
+        self.machine = Machine(exact, "DOP853", p)
+        self.index = exact.surface_index(surface)
+
+    def of_exact(self, solution: Solution) -> list[Stay]:
+        """Stays in the sliding mode of the exact system."""
+        return _by_mode(solution, lambda mode, t, x: mode[self.index] == 0)
+
+    def of_model(self, solution: Solution, model: BandModel, width: float) -> list[Stay]:
+        """Stays in stick of a band model."""
+        if model.stick is None:
+            return self._by_layer(solution, model.reach * width)
+        names = [surface.name for surface in solution.problem.system.surfaces]
+        for name in model.stick:
+            if name not in names:
+                raise UsageError(f"{model.name}: {unknown('surface', name, names)}")
+        wanted = [(names.index(name), _SIGNS[sign]) for name, sign in model.stick.items()]
+        last = [False]  # an entry decides for the whole stay in the layer
+
+        def sticks(mode: tuple[int, ...], t: float, x: Array) -> bool:
+            inside = all(mode[i] in signs for i, signs in wanted)
+            last[0] = inside and (not model.attracted or last[0] or self.attraction(t, x) > 0)
+            return last[0]
+
+        return _by_mode(solution, sticks)
+
+    def attraction(self, t: float, x: Array) -> float:
+        """min(dh/dt at s = -1, -dh/dt at s = +1), exact system: > 0 where both sides lead to the surface."""
+        machine, i = self.machine, self.index
+        point = np.ascontiguousarray(x, dtype=float)
+        signs = np.where(machine.guards(t, point, np.ones(machine.m)) >= 0, 1.0, -1.0)
+        slope, drift = machine.gradients(t, point, signs)
+        mode = signs.copy()
+        mode[i] = 0.0
+        rates = []
+        for sign in (-1.0, 1.0):
+            signs[i] = sign
+            rates.append(float(slope[i] @ machine.rhs(t, point, signs, mode) + drift[i]))
+        return min(rates[0], -rates[1])
+
+    def height(self, t: float, x: Array) -> float:
+        """h of the surface."""
+        machine = self.machine
+        return float(machine.guards(t, np.ascontiguousarray(x, dtype=float), np.ones(machine.m))[self.index])
+
+    def _by_layer(self, solution: Solution, half: float) -> list[Stay]:
+        """Stays in |h| <= half that are entered where the exact system attracts, from the dense output."""
+        sol = solution.sol
+        assert sol is not None, "the layer is read from the dense output"
+        edge = half * (1.0 + 1e-9)
+        t, x = solution.t, solution.y.T
+        inside = np.array([abs(self.height(a, b)) <= edge for a, b in zip(t, x, strict=True)])
+
+        def inner(time: float) -> bool:
+            return abs(self.height(time, sol(time))) <= edge
+
+        out: list[Stay] = []
+        for first, last in _runs(inside):
+            t0 = float(t[0]) if first == 0 else _border(float(t[first - 1]), float(t[first]), inner)
+            end = last == len(t) - 1
+            t1 = float(t[-1]) if end else _border(float(t[last + 1]), float(t[last]), inner)
+            entry = np.asarray(solution.problem.x0 if first == 0 else sol(t0))
+            if self.attraction(t0, entry) <= 0:
+                continue
+            released = self._release(solution, np.unique(np.concatenate([[t0], t[first : last + 1], [t1]])))
+            out.append(
+                Stay(t0, t1 if released is None else released, entry, first == 0, end and released is None)
+            )
+        return out
+
+    def _release(self, solution: Solution, times: Array) -> float | None:
+        """First time at which the exact system no longer attracts, None if it does throughout."""
+        sol = solution.sol
+        assert sol is not None
+
+        def attracts(time: float) -> bool:
+            return self.attraction(time, sol(time)) > 0
+
+        chosen = times[np.unique(np.linspace(0, times.size - 1, 200).astype(int))]
+        for before, after in itertools.pairwise(chosen):
+            if not attracts(float(after)):
+                return _border(float(after), float(before), attracts)
+        return None
+
+
+def _border(outside: float, inside: float, test: Callable[[float], bool]) -> float:
+    """The time nearest to `outside` that passes the test, by halving."""
+    while True:
+        middle = 0.5 * (outside + inside)
+        if middle in (outside, inside):
+            return inside
+        if test(middle):
+            inside = middle
+        else:
+            outside = middle
+
+
+def _by_mode(solution: Solution, sticks: Callable[[tuple[int, ...], float, Array], bool]) -> list[Stay]:
+    """Neighbouring segments in stick, put together. The state at an entry is that of its event."""
+    states: dict[float, Array] = {event.t: event.x for event in solution.events}
+    start = solution.problem.t_span[0]
+    parts: list[tuple[float, float]] = []
+    entered: list[Array] = []
+    before = False
+    for segment in solution.segments:
+        x = solution.problem.x0 if segment.t0 == start else states[segment.t0]
+        now = sticks(segment.mode, segment.t0, x)
+        if now and before:
+            parts[-1] = (parts[-1][0], segment.t1)
+        elif now:
+            parts.append((segment.t0, segment.t1))
+            entered.append(x)
+        before = now
+    return [
+        Stay(t0, t1, x, t0 == start, t1 == solution.t_end) for (t0, t1), x in zip(parts, entered, strict=True)
+    ]
+
+
+def _runs(inside: Any) -> Iterator[tuple[int, int]]:
+    """First and last index of every stretch of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+    for first, after in edges.reshape(-1, 2):
+        yield int(first), int(after) - 1

@@ -1,0 +1,138 @@
+"""The exact system against models in which a layer of finite width stands for its sliding mode.
+
+Compared, at every width and for every combination of a model's options:
+
+    error_times         largest |t - t_exact| over the first entries into and exits from stick of one response
+    error_P             largest |P(d) - P_exact(d)| over the coordinates d
+    error_fixed_points  |d* - d*_exact| for every isolated fixed point of the order-th return
+    drift               largest |position(t) - position(entry)| during the stays in stick of the response
+    field_calls, seconds   of the same motions over the same span, ratios to the exact system beside them
+
+P(d) is the section's coordinate where the motion that starts at lift(d) enters stick (see `band_model` for
+what that is); the order-th return is its order-th entry, in one motion, so that what the model does during
+stick is in it. The exact system is computed at two tolerances; its row holds how far they differ, and that
+bounds what can be told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.comparisons.band_model import BandModel, comparator_models
+from filippov.analysis.comparisons.comparison_result import Comparison
+from filippov.analysis.comparisons.comparison_run import (
+    BandRun,
+    ExactRun,
+    OverBudgetError,
+    Position,
+    blank_row,
+)
+from filippov.analysis.maps.section import Section
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+from filippov.model.system import System
+
+Array = npt.NDArray[np.float64]
+WIDTHS = tuple(10.0**-k for k in range(2, 9))
+
+
+def compare(
+    exact: System,
+    section: Section,
+    bands: Mapping[str, Callable[..., System]] | Sequence[BandModel] = (),
+    *,
+    widths: Sequence[float] = WIDTHS,
+    comparators: Sequence[str] = ("band", "smooth"),
+    coordinates: Sequence[float] | None = None,
+    interval: tuple[float, float] | None = None,
+    order: int = 2,
+    x0: Any = None,
+    events: int = 6,
+    position: Position | None = None,
+    parameters: Mapping[str, float] | None = None,
+    rtol: float = 1e-11,
+    atol: float = 1e-13,
+    max_steps: int = 100_000,
+    repeats: int = 5,
+    progress: Callable[..., object] | None = None,
+) -> Comparison:
+    """Compare band models with the exact system, over the widths.
+
+    exact        the inclusion; section: on a sliding entry of it
+    bands        BandModels, or {name: width -> System} (stick is then read by layer)
+    widths       half-widths of the bands, in the units of h
+    comparators  regularisations of `exact` itself to try too: "band", "smooth"
+    coordinates  d at which P(d) is compared; default five over the interval, else 0.1 ... 0.5
+    interval     where fixed points of the order-th return are sought; None: not compared
+    x0           start of the response, default the lift of the middle coordinate; events: how many to compare
+    position     quantity (t, x, p) that stick keeps, p of the exact system; default the coordinate
+    parameters   values by name, for the exact system and every model that has them
+    max_steps    budget of one motion; a model that uses it up is not tried at smaller widths
+    repeats      runs whose median is the time, exact and model in turn
+    progress     called with (done, total, what)
+
+    Raises UsageError, ModelError.
+    """
+    models = [*_models(bands), *_comparators(exact, section, comparators)]
+    sizes = sorted({_width(value) for value in widths}, reverse=True)
+    run = ExactRun(exact, section, parameters, rtol, atol, max_steps, repeats)
+    run.measure(_coordinates(coordinates, interval), interval, order, x0, events, position)
+    total = 1 + len(sizes) * sum(len(list(model.variants())) for model in models)
+    rows = [run.row()]
+    for model in models:
+        for options in model.variants():
+            spent = None
+            for width in sizes:
+                if progress is not None:
+                    progress(len(rows), total, f"{model.name} {width:g}")
+                row = blank_row(model.name, width, options)
+                if spent is None:
+                    try:
+                        row |= BandRun(run, model, width, options).row()
+                    except OverBudgetError:
+                        spent = width
+                        row["note"] = f"not computed: a motion takes more than {max_steps} steps"
+                else:
+                    row["note"] = f"not computed: {max_steps} steps were not enough at width {spent:g}"
+                rows.append(row)
+    if progress is not None:
+        progress(total, total)
+    return Comparison(tuple(rows), section.coordinate, tuple(run.d.tolist()), run.points, rtol)
+
+
+def _width(value: float) -> float:
+    width = float(value)
+    if not 0 < width < np.inf:
+        raise UsageError(f"widths holds {value!r}, expected numbers > 0.")
+    return width
+
+
+def _models(bands: Any) -> list[BandModel]:
+    if isinstance(bands, Mapping):
+        return [BandModel(str(name), build) for name, build in bands.items()]
+    for band in bands:
+        if not isinstance(band, BandModel):
+            raise UsageError(f"bands holds {band!r}, expected BandModel(name, build, ...) or a dict.")
+    return list(bands)
+
+
+def _comparators(exact: System, section: Section, names: Sequence[str]) -> list[BandModel]:
+    known = comparator_models(exact, section.surface)
+    for name in names:
+        if name not in known:
+            raise UsageError(unknown("comparator", name, known))
+    return [known[name] for name in names]
+
+
+def _coordinates(given: Sequence[float] | None, interval: tuple[float, float] | None) -> Array:
+    if given is None:
+        lo, hi = (0.0, 0.5) if interval is None else interval
+        return np.linspace(lo, hi, 6)[1:]
+    d = np.atleast_1d(np.asarray(given, dtype=float))
+    if d.ndim != 1 or not d.size or not np.all(np.isfinite(d)):
+        raise UsageError(f"coordinates are {given!r}, expected one number or more.")
+    return d

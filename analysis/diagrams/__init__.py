@@ -1,0 +1,1 @@
+"""Diagrams over parameters and states: bifurcation diagrams, regions, basins."""

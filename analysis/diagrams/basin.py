@@ -1,0 +1,188 @@
+"""Basins of attraction in a plane of initial states, through the event map.
+
+Every state is followed to the first event of a section; from there the one-dimensional map decides, and its
+basins are intervals between unstable fixed points. So a state costs one turn, however long it takes to come
+close to its attractor. States that do not reach the section within t_max are told apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.section import Section
+from filippov.analysis.maps.turn import MOST_STEPS
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+from filippov.base.status import Status
+from filippov.model.system import System
+from filippov.solving.ensemble import solve_many
+from filippov.solving.state.problem import Problem
+from filippov.sweep.plan import Sweep
+
+Array = npt.NDArray[np.float64]
+CHUNK = 20_000
+UNKNOWN, OUTSIDE, LOST = -1, -2, -3
+
+
+@dataclass(frozen=True)
+class Basin:
+    """Labels over a plane of initial states, shape (len(y), len(x)).
+
+    names       of the two states; x, y: their values; at: the others
+    label       number of the attractor in `attractors`; -1 not computed or to none found, -2 the first event
+                lies outside the interval, -3 no event within t_max
+    attractors  coordinates on the section, 0 for the set of equilibria; of a cycle with several points the
+                largest
+    d           coordinate of the first event, NaN without one
+    complete    False where the computation was interrupted
+    """
+
+    names: tuple[str, str]
+    x: Array
+    y: Array
+    at: dict[str, float]
+    label: npt.NDArray[np.int64]
+    attractors: tuple[float, ...]
+    d: Array
+    complete: bool = True
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Share of the plane that goes to each attractor, by its coordinate as text."""
+        names = {UNKNOWN: "unknown", OUTSIDE: "outside the interval", LOST: "no event"}
+        out = {}
+        for label, count in zip(*np.unique(self.label, return_counts=True), strict=True):
+            name = names.get(int(label)) or f"{self.attractors[int(label)]:.9g}"
+            out[name] = float(count) / self.label.size
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        """What it is and the shares, without the arrays."""
+        return {
+            "names": list(self.names), "at": self.at, "attractors": list(self.attractors),
+            "shares": self.shares, "shape": list(self.label.shape), "complete": self.complete,
+        }  # fmt: skip
+
+
+def basin(
+    system: System,
+    section: Section,
+    x: tuple[str, Sequence[float]],
+    y: tuple[str, Sequence[float]],
+    interval: tuple[float, float],
+    *,
+    at: Mapping[str, float] | None = None,
+    parameters: Mapping[str, float] | None = None,
+    order: int = 2,
+    points: int = 400,
+    rtol: float = 1e-8,
+    threads: int | None = None,
+    engine: Mapping[str, Any] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Basin:
+    """Basins over two states; `at` gives the others (default 0).
+
+    x, y      (name, values) of the states
+    interval  (lo, hi) of the section's coordinate in which attractors are looked for
+    order     iterate of the map whose fixed points are the attractors; points: of that search
+    engine    keywords of `filippov.sweep.run.run`, such as {"folder": ..., "jobs": 8, "resume": True}: the
+              states are followed by worker processes and kept in the folder; None: here, by threads
+    progress  called with (states done, states)
+
+    Ctrl-C returns what is done. Raises UsageError.
+    """
+    others = dict(at or {})
+    for name in (x[0], y[0], *others):
+        if name not in system.states:
+            raise UsageError(unknown("state", name, system.states))
+    if x[0] == y[0] or {x[0], y[0]} & others.keys():
+        raise UsageError(
+            f"the axes are {x[0]!r} and {y[0]!r}, held are {', '.join(others) or 'none'}: expected two "
+            "states, and others in `at`."
+        )
+    turns = EventMap(system, section, parameters=parameters, order=order)
+    place, surface = turns.bound.index, turns.bound.surface
+    pieces = turns.basins(*interval, points)
+    cycle_of = {p.attractor: _largest(turns, p.attractor) for p in pieces if p.attractor is not None}
+    attractors = tuple(dict.fromkeys(cycle_of.values()))
+    across, up = np.asarray(x[1], dtype=float), np.asarray(y[1], dtype=float)
+    states = np.zeros((up.size * across.size, system.dimension))
+    for name, value in others.items():
+        states[:, system.state_index(name)] = value
+    states[:, system.state_index(x[0])] = np.tile(across, up.size)
+    states[:, system.state_index(y[0])] = np.repeat(up, across.size)
+    d = np.full(len(states), np.nan)
+    label = np.full(len(states), UNKNOWN)
+    complete = True
+    if engine is not None:
+        d, rest_at, complete = _by_engine(turns, states, rtol, engine, progress)
+        known = ~np.isnan(rest_at)
+        label[known] = _labels(d[known], rest_at[known] == 1, pieces, cycle_of, attractors)
+    try:
+        for first in range(0, 0 if engine is not None else len(states), CHUNK):
+            part = slice(first, first + CHUNK)
+            ends = solve_many(
+                system, states[part], (0.0, section.t_max), stop=section.stop, parameters=turns.parameters,
+                rtol=rtol, atol=1e-3 * rtol, max_steps=MOST_STEPS, threads=threads,
+            )  # fmt: skip
+            back = np.array([status is Status.STOPPED for status in ends.status])
+            done = np.array([status is Status.SUCCESS for status in ends.status])
+            rest = done & (ends.mode[:, surface] == 0)
+            found = np.where(back | rest, ends.x[:, place], np.nan)
+            d[part] = found
+            label[part] = _labels(found, rest, pieces, cycle_of, attractors)
+            if progress is not None:
+                progress(min(first + CHUNK, len(states)), len(states))
+    except KeyboardInterrupt:
+        complete = False
+    shape = (up.size, across.size)
+    rest_of = {name: others.get(name, 0.0) for name in system.states if name not in (x[0], y[0])}
+    return Basin(
+        (x[0], y[0]), across, up, rest_of, label.reshape(shape), attractors, d.reshape(shape), complete
+    )
+
+
+def _by_engine(
+    turns: EventMap, states: Array, rtol: float, engine: Mapping[str, Any],
+    progress: Callable[[int, int], None] | None,
+) -> tuple[Array, Array, bool]:
+    """Coordinates of first events, whether the motion rests there (NaN: not computed), and completeness."""
+    section, system = turns.section, turns.system
+    problem = Problem(system, states[0], (0.0, section.t_max), turns.parameters)
+    measure = (f"end({section.coordinate})", f"mode({section.surface})")
+    sweep = Sweep(
+        problem, {f"x0.{name}": states[:, k] for k, name in enumerate(system.states)}, "list",
+        measure=measure, stop=section.stop, rtol=rtol, atol=1e-3 * rtol, max_steps=MOST_STEPS,
+    )  # fmt: skip
+    table = sweep.run(**engine, progress=progress)
+    status = np.array(table.status)
+    rest = np.where(table.known, (status == Status.SUCCESS) & (table[measure[1]] == 0), np.nan)
+    d = np.where((status == Status.STOPPED) | (rest == 1), table[measure[0]], np.nan)
+    return d, rest, table.complete
+
+
+def _largest(turns: EventMap, d: float) -> float:
+    """The largest coordinate of the cycle that a fixed point of the iterate belongs to, to 9 digits."""
+    points = [d] if d == 0.0 else turns.remake(order=1).iterate(d, turns.order - 1).tolist()
+    return float(f"{max(points):.9g}")
+
+
+def _labels(
+    d: Array, rest: npt.NDArray[np.bool_], pieces: Sequence[Any], cycle_of: Mapping[float, float],
+    attractors: tuple[float, ...],
+) -> npt.NDArray[np.int64]:  # fmt: skip
+    edges = np.array([pieces[0].lo, *(piece.hi for piece in pieces)])
+    number = np.searchsorted(edges, np.nan_to_num(d, nan=np.inf), side="right") - 1
+    of_piece = [UNKNOWN if p.attractor is None else attractors.index(cycle_of[p.attractor]) for p in pieces]
+    table = np.array([OUTSIDE, *of_piece, OUTSIDE])
+    label = table[np.clip(number, -1, len(pieces)) + 1]
+    # A motion that stays on the section is at rest: with the set of equilibria, where that is an attractor.
+    label[rest] = attractors.index(0.0) if 0.0 in attractors else UNKNOWN
+    label[np.isnan(d)] = LOST
+    return np.asarray(label, dtype=np.int64)

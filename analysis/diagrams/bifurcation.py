@@ -1,0 +1,278 @@
+"""Bifurcation diagram of an event map in one parameter: every branch, and the exact places where it changes.
+
+The fixed points of each parameter value are joined into branches. Where two of them disappear together
+between two values, the fold is the root of P(d) = d, dP/dd = 1 in (parameter, d); where the equilibrium set
+changes stability, the root of |slope| = 1 at the set. Both are found by root-finding with exact slopes, not
+read off the values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq, root
+
+from filippov.analysis.diagrams.cell_work import DiagramWork, fixed_points_of
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.fixed_points import FixedPoint
+from filippov.analysis.maps.section import Section
+from filippov.analysis.maps.set_slope import equilibrium_slope
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+from filippov.model.system import System
+from filippov.sweep.run import run
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Special:
+    """A place where the diagram changes.
+
+    kind   "fold", "set stability change" or "period doubling"
+    value  of the parameter; d: coordinate; residual: what is left of the equations that define it
+    """
+
+    kind: str
+    value: float
+    d: float
+    residual: float
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Fixed points that belong together: parameter values and points, in order."""
+
+    values: tuple[float, ...]
+    points: tuple[FixedPoint, ...]
+
+    @property
+    def d(self) -> Array:
+        """Coordinates along the branch."""
+        return np.array([point.d for point in self.points])
+
+    @property
+    def stable(self) -> npt.NDArray[np.bool_]:
+        """Stability along the branch."""
+        return np.array([point.stable for point in self.points])
+
+    @property
+    def kind(self) -> str:
+        """What its points are."""
+        return self.points[0].kind
+
+
+@dataclass(frozen=True)
+class Diagram:
+    """A bifurcation diagram.
+
+    parameter, values  what was varied
+    points             fixed points of each value
+    branches           the same, joined; special: folds and changes of stability
+    """
+
+    parameter: str
+    values: tuple[float, ...]
+    points: tuple[tuple[FixedPoint, ...], ...]
+    branches: tuple[Branch, ...]
+    special: tuple[Special, ...] = field(default=())
+
+    @property
+    def folds(self) -> list[tuple[float, float]]:
+        """(value, d) of every fold."""
+        return [(s.value, s.d) for s in self.special if s.kind == "fold"]
+
+    @property
+    def stability_changes(self) -> list[float]:
+        """Values at which the equilibrium set changes stability."""
+        return [s.value for s in self.special if s.kind == "set stability change"]
+
+    def cycles(self, value: float) -> list[FixedPoint]:
+        """Limit cycles at one of the values."""
+        if value not in self.values:
+            raise UsageError(f"the diagram has no value {value}; it has {list(self.values)}.")
+        return [point for point in self.points[self.values.index(value)] if point.kind == "limit cycle"]
+
+
+def bifurcation(
+    system: System,
+    section: Section,
+    *,
+    parameter: str,
+    values: Sequence[float],
+    interval: tuple[float, float],
+    parameters: Mapping[str, float] | None = None,
+    order: int = 2,
+    points: int = 400,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+    engine: Mapping[str, Any] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Diagram:
+    """Fixed points of the order-th iterate of the section's map over values of one parameter.
+
+    interval    of the coordinate that is searched
+    points      of the grid on it
+    engine      keywords of `filippov.sweep.run.run`, such as {"folder": ..., "jobs": 8, "resume": True}: the
+                values are computed by worker processes and kept in the folder; None: in this process
+    progress    called with (done, all)
+
+    Raises UsageError, ModelError. Source: Hensen & van de Molengraft 2002, section 5, for the diagrams of
+    hunting.
+    """
+    if parameter not in system.parameters:
+        raise UsageError(unknown("parameter", parameter, system.parameters.names))
+    base = EventMap(system, section, parameters=parameters, order=order, rtol=rtol, atol=atol)
+    ordered = sorted(float(v) for v in values)
+    found: list[tuple[FixedPoint, ...]] = []
+    if engine is not None:
+        options = {"order": order, "rtol": rtol, "atol": atol}
+        unit = system.parameters[parameter].unit
+        work = DiagramWork(
+            system, section, (parameter,), np.array(ordered)[:, None], interval, points, options,
+            dict(parameters or {}), {parameter: unit} if unit else {},
+        )  # fmt: skip
+        table = run(work, **engine, progress=progress)
+        if not table.complete:
+            raise KeyboardInterrupt
+        table.raise_errors()
+        found = fixed_points_of(table)
+    for number, value in enumerate(() if found else ordered):
+        found.append(base.remake(parameters={parameter: value}).fixed_points(*interval, points))
+        if progress is not None:
+            progress(number + 1, len(ordered))
+    branches = _joined(ordered, found)
+    special = [
+        *_folds(base, parameter, ordered, found, interval),
+        *_set_changes(base, parameter, ordered, found, interval),
+    ]
+    special += _doublings(base, parameter, branches)
+    return Diagram(parameter, tuple(ordered), tuple(found), tuple(branches), tuple(special))
+
+
+def _joined(values: Sequence[float], found: Sequence[tuple[FixedPoint, ...]]) -> list[Branch]:
+    """Join points of neighbouring values: same kind, same side of slope 1, nearest coordinate."""
+    growing: list[tuple[list[float], list[FixedPoint]]] = []
+    done: list[tuple[list[float], list[FixedPoint]]] = []
+    for value, points in zip(values, found, strict=True):
+        rest = list(points)
+        following = []
+        for branch in growing:
+            last = branch[1][-1]
+            fitting = [q for q in rest if q.kind == last.kind and (q.slope > 1.0) == (last.slope > 1.0)]
+            if not fitting and last.kind == "equilibrium set":
+                fitting = [q for q in rest if q.kind == last.kind]
+            if fitting:
+                best = min(fitting, key=lambda q: abs(q.d - last.d))
+                rest.remove(best)
+                branch[0].append(value)
+                branch[1].append(best)
+                following.append(branch)
+            else:
+                done.append(branch)
+        growing = following + [([value], [q]) for q in rest]
+    return [Branch(tuple(v), tuple(p)) for v, p in done + growing]
+
+
+def _folds(
+    base: EventMap, name: str, values: Sequence[float], found: Sequence[tuple[FixedPoint, ...]],
+    interval: tuple[float, float],
+) -> list[Special]:  # fmt: skip
+    out: list[Special] = []
+    for i in range(len(values) - 1):
+        for one, other in ((i, i + 1), (i + 1, i)):
+            lost = _lost_pairs(found[one], found[other])
+            for pair in lost:
+                special = _fold(base, name, values[one], values[other], pair, interval)
+                if special is not None and all(abs(special.value - s.value) > 1e-9 for s in out):
+                    out.append(special)
+    return out
+
+
+def _lost_pairs(
+    here: Sequence[FixedPoint], there: Sequence[FixedPoint]
+) -> list[tuple[FixedPoint, FixedPoint]]:
+    """Neighbouring cycles with slopes on both sides of 1 that the other value has two fewer of."""
+    cycles = [q for q in here if q.kind == "limit cycle"]
+    missing = len(cycles) - sum(q.kind == "limit cycle" for q in there)
+    if missing < 2:
+        return []
+    pairs = [(a, b) for a, b in pairwise(cycles) if (a.slope > 1.0) != (b.slope > 1.0)]
+    return sorted(pairs, key=lambda pair: pair[1].d - pair[0].d)[: missing // 2]
+
+
+def _fold(
+    base: EventMap, name: str, here: float, there: float, pair: tuple[FixedPoint, FixedPoint],
+    interval: tuple[float, float],
+) -> Special | None:  # fmt: skip
+    """Newton on P(d) - d = 0, dP/dd - 1 = 0 from the extremum of the gap between the two that disappear."""
+    scale = abs(there - here)
+    size = pair[1].d - pair[0].d
+
+    def equations(unknowns: Array) -> Array:
+        value, d = here + scale * unknowns[0], unknowns[1]
+        at = base.remake(parameters={name: value}, rtol=1e-13, atol=1e-15)
+        return np.array([(float(at(d)) - d) / size, at.derivative(d) - 1.0])
+
+    start, guess = 0.5 * float(np.sign(there - here)), 0.5 * (pair[0].d + pair[1].d)
+    result = root(equations, np.array([start, guess]), method="hybr", options={"eps": 1e-10, "xtol": 1e-12})
+    residual = float(np.max(np.abs(equations(result.x))))
+    value, d = here + scale * float(result.x[0]), float(result.x[1])
+    inside = min(here, there) - scale <= value <= max(here, there) + scale and interval[0] <= d <= interval[1]
+    if not inside or residual > 1e-6:
+        return None
+    return Special("fold", value, d, residual, "two limit cycles meet")
+
+
+def _set_changes(
+    base: EventMap, name: str, values: Sequence[float], found: Sequence[tuple[FixedPoint, ...]],
+    interval: tuple[float, float],
+) -> list[Special]:  # fmt: skip
+    reach = 1e-3 * max(abs(interval[0]), abs(interval[1]))
+
+    def excess(value: float) -> float:
+        slope, _ = equilibrium_slope(base.remake(parameters={name: value}), reach)
+        return float(np.log(abs(slope))) if slope and np.isfinite(slope) else float(np.nan)
+
+    out = []
+    sets = [next((q for q in points if q.kind == "equilibrium set"), None) for points in found]
+    for i in range(len(values) - 1):
+        a, b = sets[i], sets[i + 1]
+        if a is None or b is None or a.stable == b.stable or not np.isfinite(a.slope * b.slope):
+            continue
+        value = float(brentq(excess, values[i], values[i + 1], xtol=1e-11, rtol=1e-14))
+        out.append(Special("set stability change", value, 0.0, abs(excess(value)), "|slope| = 1 at the set"))
+    return out
+
+
+def _doublings(base: EventMap, name: str, branches: Sequence[Branch]) -> list[Special]:
+    """Where the slope of a cycle passes -1: a cycle of twice the period branches off."""
+    out = []
+    for branch in branches:
+        for i in range(len(branch.points) - 1):
+            a, b = branch.points[i], branch.points[i + 1]
+            if branch.kind != "limit cycle" or (a.slope + 1.0) * (b.slope + 1.0) >= 0:
+                continue
+            v0, v1 = branch.values[i], branch.values[i + 1]
+
+            def along(
+                value: float, a: FixedPoint = a, b: FixedPoint = b, v0: float = v0, v1: float = v1
+            ) -> float:
+                at = base.remake(parameters={name: value})
+                middle = a.d + (b.d - a.d) * (value - v0) / (v1 - v0)
+                reach = abs(b.d - a.d) + 1e-3 * abs(middle)
+                near = [
+                    q for q in at.fixed_points(middle - reach, middle + reach, 40) if q.kind == "limit cycle"
+                ]
+                return min(near, key=lambda q: abs(q.d - middle)).slope + 1.0 if near else float("nan")
+
+            value = float(brentq(along, v0, v1, xtol=1e-10))
+            d = a.d + (b.d - a.d) * (value - v0) / (v1 - v0)
+            out.append(Special("period doubling", value, d, abs(along(value)), "slope -1"))
+    return out

@@ -1,0 +1,158 @@
+"""How many cycles there are, and which are stable, over two parameters.
+
+Every cell is one pair of values: the sign changes of P(d) - d over a grid of coordinates, each refined until
+its slope is known, and the local extrema that come close to 0, where a pair of cycles may hide. The borders
+between regions are not read off the cells: they are curves of their own (see
+`filippov.analysis.bifurcations.curve`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.diagrams.borders import exact_borders
+from filippov.analysis.diagrams.cell_work import CellWork, map_rows
+from filippov.analysis.diagrams.cells import cells
+from filippov.analysis.maps.section import Section
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+from filippov.model.system import System
+from filippov.sweep.rows import ERROR
+from filippov.sweep.run import run
+
+Array = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Regions:
+    """Cells over two parameters; arrays have shape (len(y), len(x)).
+
+    names          of the parameters; x, y: their values
+    cycles, stable number of cycles in the interval, and how many of them are stable; -1 where not computed
+    set_stable     whether small excursions shrink: the set of equilibria attracts
+    amplitude      d of the largest stable cycle, NaN without one
+    lost           share of the coordinates whose motion does not come back within t_max
+    borders        (name, points (k, 2)) of curves that bound the regions
+    complete       False where the computation was interrupted
+    """
+
+    names: tuple[str, str]
+    x: Array
+    y: Array
+    cycles: Whole
+    stable: Whole
+    set_stable: npt.NDArray[np.bool_]
+    amplitude: Array
+    lost: Array
+    borders: tuple[tuple[str, Array], ...] = ()
+    complete: bool = True
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The map as plain data."""
+        return {
+            "names": list(self.names), "x": self.x.tolist(), "y": self.y.tolist(),
+            "cycles": self.cycles.tolist(), "stable": self.stable.tolist(),
+            "set_stable": self.set_stable.tolist(), "amplitude": self.amplitude.tolist(),
+            "lost": self.lost.tolist(), "complete": self.complete, "parameters": dict(self.parameters),
+            "borders": [{"name": name, "points": points.tolist()} for name, points in self.borders],
+        }  # fmt: skip
+
+    def text(self, i: int, j: int) -> str:
+        """What the cell in row i and column j holds."""
+        if self.cycles[i, j] < 0:
+            return "not computed"
+        word = "stable" if self.set_stable[i, j] else "unstable"
+        return f"{self.cycles[i, j]} cycles, {self.stable[i, j]} stable; set of equilibria {word}"
+
+
+def regions(
+    system: System,
+    section: Section,
+    x: tuple[str, Sequence[float]],
+    y: tuple[str, Sequence[float]],
+    interval: tuple[float, float],
+    *,
+    parameters: Mapping[str, float] | None = None,
+    order: int = 2,
+    points: int = 40,
+    rtol: float = 1e-8,
+    borders: Sequence[tuple[str, Array]] | str = (),
+    threads: int | None = None,
+    engine: Mapping[str, Any] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Regions:
+    """Number and stability of the cycles over two parameters.
+
+    x, y       (name, values) of the parameters
+    interval   (0, hi) of the section's coordinate
+    order      turns of the map after which a cycle closes (2 for symmetric hunting)
+    points     coordinates in a cell
+    borders    "exact": the fold of cycles and the change of stability of the set are computed as curves
+               (see `filippov.analysis.diagrams.borders`) and kept with the map; or curves (name, points (k,
+               2))
+    engine     keywords of `filippov.sweep.run.run`, such as {"folder": ..., "jobs": 8, "resume": True}: the
+               cells are computed by worker processes and kept in the folder; None: here, by threads
+    progress   called with (rows done, rows), with an engine with (cells done, cells)
+
+    Ctrl-C returns the rows that are done. Raises UsageError.
+    """
+    lo, hi = interval
+    for name in (x[0], y[0]):
+        if name not in system.parameters:
+            raise UsageError(unknown("parameter", name, system.parameters))
+    if x[0] == y[0] or lo != 0.0 or not hi > 0 or points < 8:
+        raise UsageError(
+            f"axes {x[0]!r} and {y[0]!r}, interval {interval}, points {points}: expected two parameters, "
+            "(0, hi) and at least 8 points."
+        )
+    if isinstance(borders, str) and borders != "exact":
+        raise UsageError(f"borders is {borders!r}, expected 'exact' or curves (name, points (k, 2)).")
+    across, up = np.asarray(x[1], dtype=float), np.asarray(y[1], dtype=float)
+
+    def curves(amplitude: Array) -> tuple[tuple[str, Array], ...]:
+        if not isinstance(borders, str):
+            return tuple(borders)
+        return exact_borders(system, section, x, y, amplitude, parameters=parameters, order=order)
+
+    shape = (up.size, across.size)
+    if engine is not None:
+        pairs = np.column_stack([axis.ravel() for axis in np.meshgrid(across, up)])
+        units = {name: system.parameters[name].unit for name in (x[0], y[0])}
+        work = CellWork(
+            system, section, (x[0], y[0]), pairs, hi, points, order, rtol, dict(parameters or {}),
+            {name: unit for name, unit in units.items() if unit}, across.size,
+        )  # fmt: skip
+        table = run(work, **engine, progress=progress)
+        table.raise_errors(ERROR)
+        found = [table[name].reshape(shape) for name in work.columns]
+        count = [np.where(np.isnan(part), -1, part).astype(np.int64) for part in found[:2]]
+        return Regions(
+            (x[0], y[0]), across, up, count[0], count[1], found[2] == 1.0, found[3], found[4],
+            curves(found[3]) if table.complete else (), table.complete, dict(parameters or {}),
+        )  # fmt: skip
+    cycles, stable = np.full(shape, -1), np.full(shape, -1)
+    calm, lost = np.zeros(shape, dtype=bool), np.full(shape, np.nan)
+    amplitude = np.full(shape, np.nan)
+    rows_of_map = map_rows(system, section, order, rtol, hi, threads)
+    complete = True
+    try:
+        for i, value in enumerate(up):
+            values = {x[0]: across, y[0]: np.full(across.size, value)}
+            row = cells(rows_of_map, rows_of_map.rows(values, parameters), hi, points)
+            cycles[i], stable[i], calm[i], amplitude[i], lost[i] = row
+            if progress is not None:
+                progress(i + 1, up.size)
+    except KeyboardInterrupt:
+        complete = False
+    return Regions(
+        (x[0], y[0]), across, up, cycles, stable, calm, amplitude, lost,
+        curves(amplitude) if complete else (), complete,
+        dict(parameters or {}),
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Friction from measurements: records, fits, misfit, intervals."""

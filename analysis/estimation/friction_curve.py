@@ -1,0 +1,89 @@
+"""A friction law as a curve: its force off rest, and its parameters from measured points (v, F)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import sympy
+from scipy.optimize import least_squares
+
+from filippov.analysis.estimation.driven_run import INPUT
+from filippov.analysis.estimation.identification import Identified, check_names, estimate, parameter_bounds
+from filippov.analysis.estimation.record import Curve
+from filippov.base.errors import UsageError
+from filippov.model.symbols import t
+from filippov.model.system import System
+
+Array = npt.NDArray[np.float64]
+
+
+def friction_force(system: System, v: Array, values: Mapping[str, float]) -> Array:
+    """F(v) [N] of a driven mass off v = 0: what it takes to keep the velocity v, shape of v.
+
+    Raises UsageError for a system without the input's parameters.
+    """
+    p = system.parameters.resolve({**values, "force": 0.0, "interval": 1.0})
+    return np.asarray(_force_function(system)(v, p))
+
+
+def _force_function(system: System) -> Callable[[Array, Array], Array]:
+    form = system.symbolic
+    if form is None or not set(INPUT) <= set(system.parameters.names):
+        raise UsageError("friction_force needs a driven mass: filippov.models.driven.driven_mass(law).")
+    mass = next(q for q in form.p if q.name == "m")
+    force = sympy.lambdify([form.x, form.p, form.s, form.a, t], -mass * form.field[1], "numpy")
+
+    def evaluate(v: Array, p: Array) -> Array:
+        signs = np.sign(v)[None, :].repeat(len(form.s), axis=0)
+        sizes = np.abs(v)[None, :].repeat(len(form.s), axis=0)
+        values = force((0.0 * v, v), p, signs, sizes, 0.0)
+        return np.asarray(np.broadcast_to(np.asarray(values, dtype=float), v.shape))
+
+    return evaluate
+
+
+def identify_curve(
+    curve: Curve,
+    system: System,
+    free: Sequence[str],
+    *,
+    start: Mapping[str, float] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    level: float = 0.95,
+) -> Identified:
+    """Estimate parameters of a friction law from points (v, F), v != 0, by least squares of the force.
+
+    Other arguments as in `identify`. The minimisation starts from several places, because vs and the
+    exponent of a steep curve have local minima. Raises UsageError.
+    """
+    names = check_names(system, free, start, fixed, "zero")
+    moving = curve.v != 0
+    v, friction = curve.v[moving], curve.friction[moving]
+    if v.size <= len(names) + 1:
+        raise UsageError(f"{v.size} points with v != 0 are too few for {len(names)} parameters.")
+    force = _force_function(system)
+    base = system.parameters.resolve({**(fixed or {}), **(start or {})})
+    places = [system.parameters.index(name) for name in names]
+    low, high = parameter_bounds(system, names)
+
+    def misfit(theta: Array) -> Array:
+        p = base.copy()
+        p[places] = theta
+        with np.errstate(all="ignore"):
+            return np.asarray(np.nan_to_num(friction - force(v, p), nan=1e6, posinf=1e6, neginf=-1e6))
+
+    best = None
+    for factor in (1.0, 0.3, 3.0, 0.1, 10.0):
+        guess = np.clip(base[places] * factor, np.nextafter(low, np.inf), high)
+        found = least_squares(misfit, guess, bounds=(low, high), x_scale=np.maximum(np.abs(guess), 1e-6))
+        if best is None or found.cost < best.cost * (1 - 1e-9):
+            best = found
+    assert best is not None
+    residual = misfit(best.x)
+    order = np.argsort(v)
+    return estimate(
+        names, best.x, residual, best.jac, level, v[order], friction[order], (friction - residual)[order],
+        bool(best.success), str(best.message),
+    )  # fmt: skip

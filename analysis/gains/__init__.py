@@ -1,0 +1,1 @@
+"""Controller gains: contraction of the event map, maps over gains, tuning."""

@@ -1,0 +1,298 @@
+"""Controller gains without hunting: where they are, how far from the border, and which are farthest from it.
+
+Gains are free of hunting where the event map contracts at every excursion, rho < 1 (see `contraction`), for
+every friction law of the band. Distances are taken in the logarithm of the gains: a margin s means that every
+gain may be multiplied or divided by any factor up to s, in any combination, without hunting.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+from scipy.stats import qmc
+
+from filippov.analysis.gains.contraction import contraction
+from filippov.analysis.maps.section import Section
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+from filippov.model.system import System
+
+Array = npt.NDArray[np.float64]
+CANDIDATES, ROUNDS, BISECTIONS, SHELL = 3, 3, 8, 16
+FARTHEST = float(np.log(5.0))
+STEEP = 10.0
+
+
+@dataclass(frozen=True)
+class GainLimit:
+    """Lower and upper border of one gain alone, the others at the best; None where none is met."""
+
+    name: str
+    lower: float | None
+    upper: float | None
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What `tune` found.
+
+    names      the gains; gains: samples (k, g); ratio: rho of each, the largest over the band
+    best       gains with the largest margin found, None where no sample is free of hunting
+    margin     factor s <= 5 by which every gain may change, in any combination; 1 without best
+    best_ratio rho at the best gains
+    limits     borders of every gain alone within a factor of 5, the others at the best
+    share      share of the samples that is free of hunting
+    reason     why there is none, "" where there is one
+    lost       share of the samples with a motion that did not come back within t_max; they count as hunting
+    complete   False where the search was interrupted
+    """
+
+    names: tuple[str, ...]
+    gains: Array
+    ratio: Array
+    best: dict[str, float] | None
+    margin: float
+    best_ratio: float
+    limits: tuple[GainLimit, ...]
+    share: float
+    reason: str
+    lost: float
+    complete: bool = True
+
+    def to_dict(self) -> dict[str, Any]:
+        """The answer as plain data, without the samples."""
+        return {
+            "best": self.best, "margin": self.margin, "best_ratio": self.best_ratio, "share": self.share,
+            "limits": [asdict(limit) for limit in self.limits], "reason": self.reason, "lost": self.lost,
+            "samples": len(self.ratio), "complete": self.complete,
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        if self.best is None:
+            return f"no gains without hunting among {len(self.ratio)} samples: {self.reason}"
+        gains = ", ".join(f"{name} = {value:.6g}" for name, value in self.best.items())
+        rows = [
+            f"{100 * self.share:.3g} % of {len(self.ratio)} samples are free of hunting",
+            f"best margin at {gains}: a factor {self.margin:.4g} on every gain, in any combination",
+            f"there the excursions shrink at least by the factor {self.best_ratio:.4g} from stick to stick",
+        ]
+        for limit in self.limits:
+            low = "none met" if limit.lower is None else f"{limit.lower:.6g}"
+            high = "none met" if limit.upper is None else f"{limit.upper:.6g}"
+            rows.append(f"{limit.name} alone: border below {low}, above {high}")
+        return "\n".join(rows)
+
+
+def tune(
+    system: System,
+    section: Section,
+    ranges: Mapping[str, tuple[float, float]],
+    interval: tuple[float, float],
+    *,
+    parameters: Mapping[str, float] | None = None,
+    band: Sequence[Mapping[str, float]] = ({},),
+    samples: int = 512,
+    points: int = 40,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Tuning:
+    """Search gains for which the event map contracts for every law of a band.
+
+    ranges     lowest and highest value by name of gain, > 0
+    interval   of the section's coordinate, as in `contraction`
+    parameters values of the others; band: sets of values by name that all have to be free of hunting
+    samples    Sobol samples of the ranges (rounded up to a power of 2); points: excursions a sample
+    progress   called with (stages done, stages)
+
+    Ctrl-C returns what has been found. Raises UsageError.
+    """
+    search = _Search(system, section, ranges, interval, dict(parameters or {}), list(band), points)
+    exponent = max(int(np.ceil(np.log2(samples))), 4)
+    u = search.low + (search.high - search.low) * qmc.Sobol(len(ranges), rng=seed).random_base2(exponent)
+    total = 2 + ROUNDS
+    complete = True
+    search.tell = lambda done: None if progress is None else progress(done, total)
+    best, margin = None, 0.0
+    try:
+        search.ratios(u)
+        search.tell(1)
+        best, margin = search.best(np.random.default_rng(seed))
+        search.tell(total)
+    except KeyboardInterrupt:
+        complete = False
+    known, ratio = search.known()
+    sampled = np.isin(np.arange(len(ratio)), np.arange(min(len(u), len(ratio))))
+    share = float(np.mean(ratio[sampled] < 1)) if ratio.size else 0.0
+    if best is None and ratio.size and np.any(ratio < 1):
+        best = known[int(np.argmin(ratio))]
+    if best is None:
+        return Tuning(
+            search.names, np.exp(known), ratio, None, 1.0, float(np.min(ratio, initial=np.inf)), (), 0.0,
+            search.reason(), search.lost, complete,
+        )  # fmt: skip
+    limits: tuple[GainLimit, ...] = ()
+    if complete:
+        limits = tuple(search.limit(best, k) for k in range(len(search.names)))
+    return Tuning(
+        search.names, np.exp(known), ratio,
+        dict(zip(search.names, np.exp(best).tolist(), strict=True)), float(np.exp(margin)),
+        float(search.ratios(best[None, :])[0]), limits, share, "", search.lost, complete,
+    )  # fmt: skip
+
+
+class _Search:
+    """rho of points in the logarithm of the gains, all of them remembered."""
+
+    def __init__(
+        self, system: System, section: Section, ranges: Mapping[str, tuple[float, float]],
+        interval: tuple[float, float], parameters: dict[str, float], band: list[Mapping[str, float]],
+        points: int,
+    ) -> None:  # fmt: skip
+        self.names = tuple(ranges)
+        if not self.names:
+            raise UsageError("ranges is empty, expected (low, high) for at least one gain.")
+        for name in (*self.names, *(key for item in band for key in item)):
+            if name not in system.parameters:
+                raise UsageError(unknown("parameter", name, system.parameters))
+        for name, (low, high) in ranges.items():
+            if not 0 < low < high < np.inf:
+                raise UsageError(f"the range of {name} is ({low}, {high}), expected 0 < low < high.")
+        if not band:
+            raise UsageError("band is empty, expected at least one set of values; {} changes nothing.")
+        self.system, self.section, self.interval, self.points = system, section, interval, points
+        self.parameters, self.band = parameters, band
+        self.low = np.log([pair[0] for pair in ranges.values()])
+        self.high = np.log([pair[1] for pair in ranges.values()])
+        self._u: list[Array] = []
+        self._ratio: list[Array] = []
+        self._nearest: list[Array] = []
+        self._lost: list[Array] = []
+        self.tell: Callable[[int], None] = lambda done: None
+
+    def known(self) -> tuple[Array, Array]:
+        """All points so far and their rho."""
+        if not self._u:
+            return np.zeros((0, len(self.names))), np.zeros(0)
+        return np.concatenate(self._u), np.concatenate(self._ratio)
+
+    @property
+    def lost(self) -> float:
+        """Share of points with a motion that did not come back."""
+        return float(np.mean(np.concatenate(self._lost) > 0)) if self._lost else 0.0
+
+    def ratios(self, u: Array) -> Array:
+        """rho at points (k, g), the largest over the band; motions that do not come back count as inf."""
+        worst, nearest, lost = np.zeros(len(u)), np.zeros(len(u)), np.zeros(len(u))
+        for item in self.band:
+            # What hunts under one law of the band need not be asked under the others.
+            left = np.nonzero(worst < 1)[0]
+            if not left.size:
+                break
+            gains = np.exp(u[left])
+            found = contraction(
+                self.system, self.section, {n: gains[:, k] for k, n in enumerate(self.names)}, self.interval,
+                parameters={**self.parameters, **item}, points=self.points,
+            )  # fmt: skip
+            worst[left] = np.maximum(worst[left], np.where(found.lost > 0, np.inf, found.ratio))
+            nearest[left] = np.maximum(nearest[left], found.nearest)
+            lost[left] = np.maximum(lost[left], found.lost)
+        for store, value in zip(
+            (self._u, self._ratio, self._nearest, self._lost), (u, worst, nearest, lost), strict=True
+        ):
+            store.append(value)
+        return worst
+
+    def best(self, random: np.random.Generator) -> tuple[Array | None, float]:
+        """The point with the largest verified box around it: candidates far from what hunts, then moves."""
+        u, ratio = self.known()
+        good = u[ratio < 1]
+        if not good.size:
+            return None, 0.0
+        bad = u[ratio >= 1]
+        far = cKDTree(bad).query(good, p=np.inf)[0] if bad.size else np.full(len(good), FARTHEST)
+        centers = good[np.argsort(-far)[:CANDIDATES]]
+        best, margin = centers[0], 0.0
+        for stage in range(ROUNDS):
+            for center in centers:
+                reach = self.margin(center, margin, random)
+                if reach > margin:
+                    best, margin = center, reach
+            self.tell(2 + stage)
+            moves = random.uniform(-1, 1, (CANDIDATES, len(self.names))) * 0.5 * max(margin, 0.05)
+            centers = np.clip(best + moves, self.low, self.high)
+        return best, margin
+
+    def margin(self, center: Array, least: float, random: np.random.Generator) -> float:
+        """Largest box half-width whose surface is free of hunting at all probes; 0 if not even `least`."""
+        shell = self._shell(random)
+
+        def free(reach: float) -> bool:
+            return bool(np.all(self.ratios(center + reach * shell) < 1))
+
+        if not free(max(least, 1e-3)):
+            return 0.0
+        low, high = max(least, 1e-3), FARTHEST
+        if free(high):
+            return high
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if free(middle) else (low, middle)
+        return low
+
+    def _shell(self, random: np.random.Generator) -> Array:
+        """Directions to the corners, the middles of the sides, and other places of a box's surface."""
+        size = len(self.names)
+        corners = np.array(np.meshgrid(*[(-1.0, 1.0)] * size)).reshape(size, -1).T
+        sides = np.concatenate((np.eye(size), -np.eye(size)))
+        others = random.uniform(-1, 1, (SHELL, size))
+        others /= np.max(np.abs(others), axis=1, keepdims=True)
+        return np.concatenate((corners, sides, others)) if size > 1 else sides
+
+    def limit(self, center: Array, k: int) -> GainLimit:
+        """Borders of gain k alone, to 1e-6 of it, within a factor of 5."""
+        ends: list[float | None] = []
+        for side in (-1.0, 1.0):
+            steps = np.linspace(0.0, FARTHEST, 41)
+            line = np.repeat(center[None, :], steps.size, axis=0)
+            line[:, k] += side * steps
+            hunting = np.nonzero(self.ratios(line) >= 1)[0]
+            if not hunting.size or hunting[0] == 0:
+                ends.append(None)
+                continue
+            low, high = steps[hunting[0] - 1], steps[hunting[0]]
+            while high - low > 1e-6:
+                probes = np.linspace(low, high, 9)
+                line = np.repeat(center[None, :], probes.size, axis=0)
+                line[:, k] += side * probes
+                first = int(np.argmax(self.ratios(line) >= 1))
+                low, high = probes[max(first - 1, 0)], probes[max(first, 1)]
+            ends.append(float(np.exp(center[k] + side * 0.5 * (low + high))))
+        return GainLimit(self.names[k], ends[0], ends[1])
+
+    def reason(self) -> str:
+        """Why no gains are free of hunting, from what the small excursions do."""
+        if not self._nearest:
+            return "the search was interrupted before the first sample was done."
+        nearest, ratio = np.concatenate(self._nearest), np.concatenate(self._ratio)
+        if np.min(nearest) > STEEP:
+            return (
+                "however small an excursion, it grows (by a factor of at least "
+                f"{np.min(nearest):.3g} from 1e-6 of the interval), so the set of equilibria is unstable for "
+                "every controller here. The friction falls too steeply as motion starts (a static level "
+                "above the slip curve, or an exponent beta below 1): integral action hunts whatever its "
+                "gains."
+            )
+        if np.min(nearest) > 1:
+            return (
+                "the set of equilibria is unstable for all of them: the smallest excursions grow by a factor "
+                f"of at least {np.min(nearest):.4g}. Widen the ranges."
+            )
+        return (
+            f"larger excursions grow for all of them, by a factor of at least {np.min(ratio):.4g}: a hunting "
+            "cycle surrounds the set of equilibria. Widen the ranges."
+        )

@@ -1,0 +1,1 @@
+"""Harmonic balance: describing functions and the cycles they predict."""

@@ -1,0 +1,203 @@
+"""Limit cycles as harmonic balance predicts them: an approximation, to be held against the exact ones.
+
+The input y = c . x of the nonlinear terms is taken for a sine, y = mean + A sin(omega t), and every phi_i(y)
+for its mean and first harmonic N_i(A) (y - mean). What is left is linear, x' = (A0 + N(A) c) x, and a cycle
+is predicted where this matrix has an eigenvalue j omega. Nothing bounds the error;
+`PredictedCycle.distortion` says how far the input would be from a sine.
+
+Sources: Gelb & Vander Velde 1968, chapter 3; Khalil 2002, section 7.2; for friction, where the method fails,
+Armstrong-Helouvry & Amin 1996 and Olsson 1995.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq, root
+
+from filippov.analysis.harmonic.quasi_linear import Array, ComplexArray, Lure, lure
+from filippov.base.errors import UsageError
+from filippov.model.system import System
+
+LEVELS, EDGE = 160, 1e-9
+
+
+@dataclass(frozen=True)
+class PredictedCycle:
+    """A limit cycle that harmonic balance predicts.
+
+    amplitude    of the input y; amplitudes: of every state; mean: of the input
+    frequency    omega [rad/s]; period: 2 pi/omega
+    stable       whether the quasi-linear growth rate falls with the amplitude (Loeb's criterion)
+    distortion   size of the third harmonic that the loop would feed back to the input, divided by A: small
+                 means that the assumption of a sine is consistent
+    """
+
+    amplitude: float
+    frequency: float
+    stable: bool
+    mean: float
+    amplitudes: tuple[float, ...]
+    distortion: float
+
+    @property
+    def period(self) -> float:
+        """2 pi/omega."""
+        return float(2 * np.pi / self.frequency)
+
+
+@dataclass(frozen=True)
+class DescribingFunction:
+    """What harmonic balance says of a loop.
+
+    cycles     predicted limit cycles by growing amplitude; () where none is predicted
+    amplitude  grid of A; growth, frequency: the largest real part among the oscillating eigenvalues of the
+               quasi-linear matrix there, and its frequency; NaN where none oscillates
+    gain       N(A) of each equation, shape (n, k)
+    """
+
+    states: tuple[str, ...]
+    surface: str
+    cycles: tuple[PredictedCycle, ...]
+    amplitude: Array
+    growth: Array
+    frequency: Array
+    gain: ComplexArray
+
+    def to_dict(self) -> dict[str, Any]:
+        """The prediction as plain data."""
+        return {
+            "surface": self.surface,
+            "cycles": [asdict(cycle) | {"period": cycle.period} for cycle in self.cycles],
+        }
+
+    def __str__(self) -> str:
+        if not self.cycles:
+            return f"input '{self.surface}': harmonic balance predicts no limit cycle."
+        rows = [
+            f"  A = {c.amplitude:.9g}, omega = {c.frequency:.9g} (period {c.period:.9g}), "
+            f"{'stable' if c.stable else 'unstable'}, third harmonic {100 * c.distortion:.2g} % of A"
+            for c in self.cycles
+        ]
+        return "\n".join([f"input '{self.surface}': harmonic balance predicts", *rows])
+
+
+def describing_function(
+    system: System,
+    surface: str | None = None,
+    parameters: Mapping[str, float] | None = None,
+    *,
+    amplitudes: tuple[float, float] = (1e-4, 1e3),
+) -> DescribingFunction:
+    """Limit cycles predicted from the first harmonic of the nonlinear terms.
+
+    surface     the surface whose h is their input y; may be left out where there is one
+    amplitudes  range of A that is searched, in the units of h
+
+    Raises ModelError where the system has no form x' = A x + phi(y), UsageError for a bad range.
+    """
+    low, high = amplitudes
+    if not 0 < low < high < np.inf:
+        raise UsageError(f"amplitudes are {amplitudes}, expected 0 < low < high.")
+    if surface is None:
+        names = [item.name for item in system.surfaces]
+        if len(names) != 1:
+            raise UsageError(f"name the input's surface with surface=...; known: {', '.join(names)}")
+        surface = names[0]
+    split = lure(system, surface, parameters)
+    # A relay with hysteresis switches where the input goes through all of its band.
+    least = float(np.max(np.abs(split.widths / split.slopes), initial=0.0, where=split.widths > 0))
+    grid = np.geomspace(max(low, least * (1 + EDGE)), high, LEVELS)
+    balance = _Balance(split)
+    spectra = [balance.spectrum(amplitude) for amplitude in grid]
+    gain = np.array([balance.gain(amplitude) for amplitude in grid]).T
+    cycles = []
+    for a, b, first, second in zip(grid[:-1], grid[1:], spectra[:-1], spectra[1:], strict=True):
+        for value in first:
+            if second.size:
+                match = second[np.argmin(np.abs(second - value))]
+                if value.real * match.real < 0 or value.real == 0.0:
+                    cycle = balance.cycle(a, b, value)
+                    if cycle is not None:
+                        cycles.append(cycle)
+    growth = np.full(grid.size, np.nan)
+    frequency = np.full(grid.size, np.nan)
+    for k, values in enumerate(spectra):
+        if values.size:
+            top = values[np.argmax(values.real)]
+            growth[k], frequency[k] = top.real, top.imag
+    return DescribingFunction(system.states, surface, tuple(cycles), grid, growth, frequency, gain)
+
+
+class _Balance:
+    """The quasi-linear matrix of one loop; the mean is followed from amplitude to amplitude."""
+
+    def __init__(self, split: Lure) -> None:
+        self.split = split
+        self.center = np.zeros(len(split.states))
+
+    def mean(self, amplitude: float) -> float:
+        """Mean of the input for which the constant terms balance."""
+        split = self.split
+
+        def rest(x: Array) -> Array:
+            mean = float(split.row @ x) + split.offset
+            return np.asarray(split.matrix @ x + split.harmonic(mean, amplitude, 0).real)
+
+        start = rest(self.center)
+        if np.max(np.abs(start), initial=0.0) > 1e-12 * (1 + np.max(np.abs(self.center), initial=0.0)):
+            found = root(rest, self.center, method="lm", tol=1e-13)
+            if np.max(np.abs(rest(found.x))) < 1e-8 * (1 + np.max(np.abs(start))):
+                self.center = found.x
+        return float(split.row @ self.center) + split.offset
+
+    def gain(self, amplitude: float) -> ComplexArray:
+        """N(A), shape (n,)."""
+        return self.split.harmonic(self.mean(amplitude), amplitude) / amplitude
+
+    def matrix(self, amplitude: float) -> ComplexArray:
+        """A0 + N(A) c."""
+        return self.split.matrix + np.outer(self.gain(amplitude), self.split.row)
+
+    def spectrum(self, amplitude: float) -> ComplexArray:
+        """The eigenvalues that oscillate: imaginary part > 0."""
+        values = np.linalg.eigvals(self.matrix(amplitude))
+        size = np.max(np.abs(values), initial=0.0)
+        return np.asarray(values[values.imag > 1e-9 * size])
+
+    def cycle(self, low: float, high: float, near: complex) -> PredictedCycle | None:
+        """The amplitude between two at which the eigenvalue followed from `near` is on the axis."""
+        followed = {"last": near}
+
+        def rate(amplitude: float) -> float:
+            values = self.spectrum(amplitude)
+            if not values.size:
+                return float("nan")
+            followed["last"] = values[np.argmin(np.abs(values - followed["last"]))]
+            return float(followed["last"].real)
+
+        at_low, at_high = rate(low), rate(high)
+        if not at_low * at_high <= 0:
+            return None
+        amplitude = low if at_low == 0.0 else float(brentq(rate, low, high, xtol=1e-13 * high, rtol=1e-14))
+        values, vectors = np.linalg.eig(self.matrix(amplitude))
+        k = int(np.argmin(np.abs(values - followed["last"])))
+        omega = float(values[k].imag)
+        vector = vectors[:, k] / (self.split.row @ vectors[:, k])
+        return PredictedCycle(
+            amplitude,
+            omega,
+            at_low > at_high,
+            self.mean(amplitude),
+            tuple(float(v) for v in amplitude * np.abs(vector)),
+            self._distortion(amplitude, omega),
+        )
+
+    def _distortion(self, amplitude: float, omega: float) -> float:
+        third = self.split.harmonic(self.mean(amplitude), amplitude, 3)
+        size = len(self.split.states)
+        back = np.linalg.solve(3j * omega * np.eye(size) - self.split.matrix, third)
+        return float(abs(self.split.row @ back) / amplitude)

@@ -1,0 +1,205 @@
+"""A system as a linear part and functions of one scalar input: x' = A x + phi(y), y = c . x + c0.
+
+The form every describing function starts from (Lur'e form). All surfaces must be functions of y alone.
+Source: Gelb & Vander Velde 1968, chapter 3; Khalil 2002, section 7.2.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.base.errors import ModelError
+from filippov.model.symbolic import Select
+from filippov.model.symbols import t
+from filippov.model.system import System
+
+Array = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
+
+PANELS, SHARPER, POINTS = 9, 5.0, 16
+_NODE, _WEIGHT = np.polynomial.legendre.leggauss(POINTS)
+
+
+@dataclass(frozen=True)
+class Lure:
+    """x' = A x + phi(y, s), y = c . x + offset, s_i the sign of h_i, a piecewise affine function of y.
+
+    matrix   A, shape (n, n); row: c, shape (n,)
+    phi      function (y, s) -> (n, k) of inputs y, shape (k,), and of signs s, shape (m, k)
+    h        function y -> (m, k): the switching functions
+    cuts     the inputs at which one of them is 0, or at an edge of its hysteresis
+    widths   half width of the hysteresis of every surface; slopes: dh_i/dy where it has one, else NaN
+    """
+
+    states: tuple[str, ...]
+    matrix: Array
+    row: Array
+    offset: float
+    phi: Callable[[Array, Array], Array]
+    h: Callable[[Array], Array]
+    cuts: tuple[float, ...]
+    widths: Array
+    slopes: Array
+
+    def signs(self, theta: Array, y: Array) -> Array:
+        """The signs along y = mean + amplitude sin(theta), shape (m, k); hysteresis goes by the direction."""
+        rising = np.multiply.outer(np.nan_to_num(self.slopes), np.cos(theta)) > 0
+        edge = np.where(rising, 1.0, -1.0) * self.widths[:, None]
+        return np.where(self.h(y) > edge, 1.0, -1.0)
+
+    def harmonic(self, mean: float, amplitude: float, order: int = 1) -> ComplexArray:
+        """Harmonic `order` of phi along y = mean + amplitude sin(theta), as a multiple of sin: shape (n,).
+
+        Order 0 is the mean. The angle is split where a surface is met and refined towards those places,
+        because friction curves are steep there.
+        """
+        edges = self._edges(mean, amplitude)
+        theta, weight = _nodes(edges)
+        y = mean + amplitude * np.sin(theta)
+        values = self.phi(y, self.signs(theta, y))
+        if order == 0:
+            return (values @ weight / (2 * np.pi)).astype(complex)
+        wave = np.sin(order * theta) + 1j * np.cos(order * theta)
+        return np.asarray(values @ (weight * wave) / np.pi)
+
+    def _edges(self, mean: float, amplitude: float) -> Array:
+        edges = {-np.pi / 2, np.pi / 2, 3 * np.pi / 2}
+        for cut in self.cuts:
+            ratio = (cut - mean) / amplitude
+            if abs(ratio) < 1:
+                angle = float(np.arcsin(ratio))
+                edges |= {angle, np.pi - angle}
+        return np.array(sorted(edges))
+
+
+def _nodes(edges: Array) -> tuple[Array, Array]:
+    """Gauss points and weights on the intervals between edges, each split towards both of its ends."""
+    half = 0.5 * SHARPER ** -np.arange(PANELS - 1, -1, -1.0)
+    cuts = np.concatenate(([0.0], half, 1.0 - half[-2::-1], [1.0]))
+    theta, weight = [], []
+    for low, high in itertools.pairwise(edges):
+        points = low + (high - low) * cuts
+        for a, b in itertools.pairwise(points):
+            theta.append(0.5 * (a + b) + 0.5 * (b - a) * _NODE)
+            weight.append(0.5 * (b - a) * _WEIGHT)
+    return np.concatenate(theta), np.concatenate(weight)
+
+
+def lure(system: System, surface: str, parameters: Mapping[str, float] | None = None) -> Lure:
+    """Split a system whose nonlinear terms depend on the states through one surface's h alone.
+
+    surface   the surface whose h, affine in the states, is the input y
+
+    Raises ModelError for plain functions, explicit time, an h that is not affine, and terms of other inputs.
+    """
+    form = system.symbolic
+    if form is None:
+        raise ModelError("a describing function needs a system written as expressions, not plain functions.")
+    values = dict(zip(form.p, (sympy.Float(v) for v in system.parameters.resolve(parameters)), strict=True))
+    index = system.surface_index(surface)
+    h = [e.xreplace(values) for e in form.h]
+    field = [e.xreplace(values) for e in form.field]
+    if any(e.has(t) for e in (*h, *field)):
+        raise ModelError("a describing function needs an autonomous system; this one depends on t.")
+    gradient = [h[index].diff(x) for x in form.x]
+    if any(not g.is_number for g in gradient):
+        raise ModelError(
+            f"surface {surface!r}: h = {h[index]} is not affine in the states, so it is no input of a "
+            "describing function. Name a surface with an affine h."
+        )
+    row = np.array([float(g) for g in gradient])
+    offset = float(h[index].xreplace(dict.fromkeys(form.x, sympy.S.Zero)))
+    j = int(np.argmax(np.abs(row)))
+    y = sympy.Dummy("y", real=True)
+    others = sum((row[k] * x for k, x in enumerate(form.x) if k != j), sympy.S.Zero)
+    inside = {form.x[j]: (y - offset - others) / row[j]}
+    matrix = np.zeros((len(form.x), len(form.x)))
+    rest: list[Expr] = []
+    for i, f in enumerate(field):
+        g = sympy.expand(f.xreplace(inside))
+        for k, x in enumerate(form.x):
+            slope = sympy.simplify(g.diff(x)) if k != j else sympy.S.Zero
+            if not slope.is_number:
+                raise ModelError(
+                    f"the equation of {x.name!r} or of others is nonlinear in {x.name!r} by itself "
+                    f"(d/d{x.name} = {slope}), not only through the surface {surface!r}: no describing "
+                    "function with this one input."
+                )
+            matrix[i, k] = float(slope)
+        bare = g.xreplace(dict.fromkeys(form.x, sympy.S.Zero))
+        slope = sympy.simplify(bare.diff(y))
+        if slope.is_number:
+            matrix[i] += float(slope) * row
+            bare = sympy.expand(bare - slope * (y - offset))
+        rest.append(bare)
+    guard, cuts, slopes = _switches(system, [sympy.expand(g.xreplace(inside)) for g in h], y)
+    function = sympy.lambdify([y, form.s, form.a], [_closed(e) for e in rest], "numpy")
+
+    def evaluate(inputs: Array, signs: Array) -> Array:
+        # Both branches of a Piecewise are computed; what is not taken may be undefined.
+        with np.errstate(all="ignore"):
+            rows = function(inputs, signs, np.abs(guard(inputs)))
+        return np.array([np.broadcast_to(np.asarray(r, dtype=float), inputs.shape) for r in rows])
+
+    widths = np.array([surface.width for surface in system.surfaces])
+    return Lure(system.states, matrix, row, offset, evaluate, guard, cuts, widths, slopes)
+
+
+def _switches(
+    system: System, h: list[Expr], y: Symbol
+) -> tuple[Callable[[Array], Array], tuple[float, ...], Array]:
+    """The switching functions of the input, the inputs at which one switches, and their slopes."""
+    assert system.symbolic is not None
+    sizes = system.symbolic.a
+    functions = []
+    for surface, g in zip(system.surfaces, h, strict=True):
+        if g.free_symbols - {y, *sizes}:
+            raise ModelError(
+                f"surface {surface.name!r}: its h depends on more than the one input ({g}). A describing "
+                "function has one input."
+            )
+        functions.append(sympy.lambdify([y, sizes], g, "numpy"))
+
+    def guard(inputs: Array) -> Array:
+        values = np.zeros((len(h), *np.shape(inputs)))
+        for i, function in enumerate(functions):
+            values[i] = function(inputs, np.abs(values))
+        return values
+
+    cuts: list[float] = []
+    slopes = np.full(len(h), np.nan)
+    for i, surface in enumerate(system.surfaces):
+        ends = [min(cuts, default=0.0) - 1.0, *sorted(cuts), max(cuts, default=0.0) + 1.0]
+        found = []
+        for k, (low, high) in enumerate(itertools.pairwise(ends)):
+            points = low + (high - low) * np.array([0.25, 0.5, 0.75])
+            first, middle, last = guard(points)[i]
+            slope = (last - first) / (points[2] - points[0])
+            if abs(first + last - 2 * middle) > 1e-9 * (abs(first) + abs(last)):
+                raise ModelError(
+                    f"surface {surface.name!r}: h = {h[i]} is no piecewise affine function of the input."
+                )
+            slopes[i] = slope if k == 0 or slope == slopes[i] else np.nan
+            for level in {surface.width, -surface.width}:
+                at = points[1] + (level - middle) / slope if slope else np.nan
+                inside = (at > low or k == 0) and (at < high or k == len(ends) - 2)
+                found += [float(at)] if inside and np.isfinite(at) else []
+        cuts += found
+    return guard, tuple(sorted(set(cuts))), slopes
+
+
+def _closed(e: Expr) -> Expr:
+    """Select written as Piecewise, which evaluates on arrays."""
+    if not e.args:
+        return e
+    args = [_closed(arg) for arg in e.args]
+    if isinstance(e, Select):
+        return sympy.Piecewise((args[1], args[0] > 0), (args[2], True))
+    return e.func(*args)

@@ -1,0 +1,1 @@
+"""Attractors, their basins by recurrence, saddles and their manifolds."""

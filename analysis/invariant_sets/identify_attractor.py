@@ -1,0 +1,231 @@
+"""What a recurrent motion has come to: an equilibrium, a periodic orbit, chaos, or none of them for sure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.invariant_sets.attractor import Attractor, AttractorKind, curve_of
+from filippov.analysis.invariant_sets.recurrence import Grid
+from filippov.analysis.invariant_sets.state_map import StateMap
+from filippov.analysis.orbits.orbit import Orbit
+from filippov.analysis.orbits.orbit_search import find_orbit
+from filippov.analysis.sensitivity.lyapunov import lyapunov
+from filippov.base.errors import SolveError, UsageError
+from filippov.solving.solver import solve
+
+Array = npt.NDArray[np.float64]
+# Iterates that are looked at; longest period of the map that is searched; iterates kept of a chaotic
+# attractor.
+LOOK, LONGEST, KEPT = 200, 48, 1200
+# Displacement that counts as none, and distance to a solution that a motion has to keep, in parts of the
+# sizes.
+NEAR, CLOSE, SLACK = 1e-8, 2e-2, 1e-4
+NEWTON, EXPONENT = 30, 300
+# An exponent is positive where it is so many of its errors above 0.
+ERRORS = 4.0
+FAILS = (SolveError, ArithmeticError, np.linalg.LinAlgError)
+# An aperiodic motion has the same extent early and late to this part of it.
+STEADY = 0.02
+
+
+class Identifier:
+    """Looks at one motion after the other; `size`: of the box by state, (n,)."""
+
+    def __init__(self, flow: StateMap, grid: Grid, size: Array) -> None:
+        self.flow, self.grid, self.size = flow, grid, size
+
+    def __call__(self, x: Array) -> Attractor | None:
+        """What the motion from x is at, whether it attracts or not; None where the motion ends."""
+        y = self.run(x, LOOK)
+        if y is None:
+            return None
+        late = y[LOOK // 2 :]
+        still = np.max(np.abs(y[-1] - y[-2]) / self.size) <= NEAR
+        if still and self.flow.kind != "section" and self.flow.resting(y[-1:], 10 * NEAR * self.size)[0]:
+            return self.at_rest(y[-1])
+        if self.flow.kind == "step":
+            return self.equilibrium(y) or self.cycle(y) or self.other(y)
+        gaps = [float(np.max(np.abs(late[q:] - late[:-q]) / self.size)) for q in range(1, LONGEST + 1)]
+        order = [q + 1 for q, gap in enumerate(gaps) if gap <= CLOSE and gap <= 2 * min(gaps[: q + 1])]
+        for turns in order[:4]:
+            found = self.periodic(y, turns)
+            if found is not None:
+                return found
+        if self.flow.kind == "section":
+            found = self.cycle(y)
+            if found is not None:
+                return found
+        return self.other(y)
+
+    def run(self, x: Array, count: int) -> Array | None:
+        """Iterates of x, (count, n); None where the motion ends."""
+        out, here = [], x[None, :]
+        for _ in range(count):
+            here, ends = self.flow(here)
+            if not self.flow.done(ends)[0]:
+                return None
+            out.append(here[0])
+        return np.array(out)
+
+    # -- equilibria --------------------------------------------------------------------------------------
+
+    def at_rest(self, x: Array) -> Attractor:
+        """A state that the motion does not leave: an equilibrium, or one state of a set."""
+        matrix = self.flow.derivative(x, self.size)
+        if not np.all(np.isfinite(matrix)):
+            return Attractor("equilibrium", x[None, :], low=x.copy(), high=x.copy())
+        values = np.linalg.eigvals(matrix).astype(complex)
+        values = values[np.argsort(-np.abs(values), kind="stable")]
+        kind: AttractorKind = "equilibrium set" if np.any(np.abs(values - 1) <= 1e-6) else "equilibrium"
+        return Attractor(kind, x[None, :], multipliers=values, low=x.copy(), high=x.copy())
+
+    def equilibrium(self, y: Array) -> Attractor | None:
+        """The fixed point of all times that iterates draw near to, by Newton's method."""
+        x = y[-20:].mean(axis=0)
+        for _ in range(NEWTON):
+            image, ends = self.flow(x[None, :])
+            if not self.flow.done(ends)[0]:
+                return None
+            matrix = self.flow.derivative(x, self.size) - np.eye(len(x))
+            if not np.all(np.isfinite(matrix)):
+                return None
+            scaled = matrix * self.size / self.size[:, None]
+            # A direction in which the map is the identity belongs to a set: the nearest state of it is taken.
+            change = self.size * (np.linalg.pinv(scaled, rcond=1e-9) @ ((x - image[0]) / self.size))
+            x = x + change
+            if not np.all(np.isfinite(x)) or np.max(np.abs(x - y[-1]) / self.size) > 0.5:
+                return None
+            if np.max(np.abs(change) / self.size) <= 1e-10:
+                break
+        if not self.flow.resting(x[None, :], NEAR * self.size)[0]:
+            return None
+        away = np.linalg.norm((y - x) / self.size, axis=1)
+        found = self.at_rest(x)
+        early, end = float(np.max(away[: LOOK // 4])), float(np.max(away[-LOOK // 4 :]))
+        # The motion has to draw near: by its multipliers, or markedly where they do not decide.
+        rate = float(np.max(np.abs(found.multipliers), initial=0.0))
+        fall = 0.3 * (1.0 - rate ** (LOOK // 2)) if found.stable is True else 0.02
+        near = end <= (1.0 - fall) * early or end <= SLACK
+        return found if near and end <= 10 * CLOSE else None
+
+    # -- periodic ----------------------------------------------------------------------------------------
+
+    def periodic(self, y: Array, turns: int) -> Attractor | None:
+        """The orbit of a forced system that repeats after so many strobes."""
+        if self.flow.kind == "section":
+            return None
+        flow = self.flow
+        try:
+            orbit = find_orbit(
+                flow.system, y[-1], parameters=flow.parameters, period=turns * flow.duration, t0=flow.t0
+            )
+        except FAILS:
+            return None
+        return self._of_orbit(orbit, y)
+
+    def cycle(self, y: Array) -> Attractor | None:
+        """The limit cycle at the end of a motion of an autonomous system."""
+        flow = self.flow
+        try:
+            orbit = find_orbit(
+                flow.system, y[-1], parameters=flow.parameters, t_max=max(400 * flow.duration, 1e-9)
+            )
+        except FAILS:
+            return None
+        return self._of_orbit(orbit, y)
+
+    def _of_orbit(self, orbit: Orbit, y: Array) -> Attractor | None:
+        """The attractor of an orbit, where the motion keeps near to it."""
+        flow = self.flow
+        found = Attractor(
+            "periodic", orbit.x0[None, :], None, orbit.period, orbit.multipliers, low=orbit.low,
+            high=orbit.high, orbit=orbit,
+        )  # fmt: skip
+        if flow.kind == "strobe":
+            turns = round(orbit.period / flow.duration)
+            x = self._at_strobe(orbit)
+            if x is None:
+                return None
+            points = self.run(x, turns)
+            if points is None:
+                return None
+            found = replace(found, states=points, period=turns)
+        else:
+            found = replace(found, curve=curve_of(orbit))
+            if flow.kind == "section":
+                points = self.run(y[-1], LONGEST)
+                if points is None:
+                    return None
+                same = np.max(np.abs(points - points[-1]) / self.size, axis=1) <= CLOSE / 10
+                turns = int(np.diff(np.flatnonzero(same))[-1]) if np.sum(same) > 1 else len(points)
+                found = replace(found, states=points[-turns:], period=turns)
+        away = found.distance(y, self.size)
+        # Chords of the orbit's curve are off it by up to SLACK.
+        if np.max(away[-20:]) > CLOSE or np.max(away[-20:]) > np.max(away[:40]) + SLACK:
+            return None
+        return found
+
+    def _at_strobe(self, orbit: Orbit) -> Array | None:
+        """The state of the orbit at a strobe: it may have been solved for at another phase."""
+        flow = self.flow
+        shift = (orbit.t0 - flow.t0) / flow.duration
+        late = float(np.ceil(shift - 1e-9) - shift) * flow.duration
+        if late <= 1e-9 * flow.duration:
+            return orbit.x0
+        run = solve(
+            orbit.system, orbit.x0, (orbit.t0, orbit.t0 + late), parameters=orbit.parameters, rtol=orbit.rtol,
+            atol=orbit.atol, zeno="continue", nonunique="stick", dense_output=False,
+        )  # fmt: skip
+        return run.x_end if run.success else None
+
+    # -- what is left ------------------------------------------------------------------------------------
+
+    def other(self, y: Array) -> Attractor | None:
+        """Chaos where the largest exponent says so; else aperiodic. Known by the cells that it fills."""
+        flow = self.flow
+        kept = self.run(y[-1], KEPT)
+        if kept is None:
+            return None
+        # One that clearly grows or shrinks is on its way: its exponent would say nothing.
+        drift = self.drift(kept)
+        if drift > 10 * STEADY:
+            return None
+        value, error = float("nan"), float("nan")
+        stretch = flow.duration
+        if flow.kind == "section":
+            ends = flow(y[-1:])[1]
+            stretch = float(ends.t[0])
+        try:
+            found = lyapunov(
+                flow.system, y[-1], EXPONENT * stretch, stretch=stretch, t0=flow.t0, number=1,
+                parameters=flow.parameters,
+            )  # fmt: skip
+            if "interrupted" in found.message:
+                raise KeyboardInterrupt
+            value, error = float(found.exponents[0]), float(found.error[0])
+        except (*FAILS, UsageError):
+            pass
+        chaotic = np.isfinite(value) and value > ERRORS * error and value * EXPONENT * stretch > 5.0
+        if not chaotic and drift > STEADY:
+            return None
+        note = (
+            ""
+            if chaotic
+            else "no period up to the longest was found, and no positive exponent beyond its error"
+        )
+        return Attractor(
+            "chaotic" if chaotic else "aperiodic", kept[:: KEPT // 200], exponent=(value, error),
+            low=kept.min(axis=0), high=kept.max(axis=0), note=note,
+            cells=np.unique(self.grid.names(self.grid.around(kept))),
+        )  # fmt: skip
+
+    def drift(self, kept: Array) -> float:
+        """Change of the extent of a long motion from its first quarter to its last, in parts of it."""
+        first, last = kept[: len(kept) // 4], kept[-(len(kept) // 4) :]
+        size = np.maximum(np.ptp(kept, axis=0), NEAR * self.size)
+        low = np.abs(first.min(axis=0) - last.min(axis=0)) / size
+        high = np.abs(first.max(axis=0) - last.max(axis=0)) / size
+        return float(max(np.max(low), np.max(high)))

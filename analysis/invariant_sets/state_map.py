@@ -1,0 +1,183 @@
+"""The map whose iterates show where motions go: the flow once a period, once a step or at a section.
+
+forced or clocked    P(x) = Phi(t0 + T, t0, x), the stroboscopic map
+autonomous           P(x) = Phi(dt, x), or the next event of a section
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.maps.section import Section
+from filippov.analysis.orbits.shooting import resolved
+from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
+from filippov.analysis.steady.forcing import Period, is_forced
+from filippov.base.errors import UsageError
+from filippov.base.status import Status
+from filippov.model.system import System
+from filippov.solving.ensemble import Ensemble, Prepared
+from filippov.solving.solver import solve
+
+Array = npt.NDArray[np.float64]
+Kind = Literal["strobe", "step", "section"]
+STEPS = 200_000
+# A motion is at rest where it is unchanged at these shares of the map's time as well.
+SHARES = (0.371, 0.713)
+# Displacement in one step, in parts of the box, up to which it is doubled; where doubling has to gain
+# something.
+MOST, LEAST, GAIN, TRIES = 0.3, 1e-4, 1.5, 40
+# How often the step is chosen anew, after so many steps.
+ROUNDS, SETTLED = 3, 20
+
+
+class StateMap:
+    """P: states (k, n) -> states (k, n).
+
+    kind      "strobe" (one period of the forcing), "step" (a fixed time) or "section" (the next event)
+    duration  period, step, or the longest time of a turn
+    t0        time at which a period starts
+
+    Raises UsageError, for a system with hysteresis too: the sign of such a surface is a state of its own.
+    """
+
+    def __init__(
+        self, system: System, *, parameters: Mapping[str, float] | None = None, section: Section | None =
+        None, period: Any = None, step: float | None = None, t0: float = 0.0, rtol: float = 1e-8,
+        atol: float | None = None, threads: int | None = None,
+    ) -> None:  # fmt: skip
+        if any(surface.width != 0 for surface in system.surfaces):
+            raise UsageError(
+                "a surface has hysteresis: where a motion goes on depends on its sign, which is not in the "
+                "state. Make the sign a state, or sample the system by an event map (EventMap)."
+            )
+        given = [
+            name for name, v in (("section", section), ("period", period), ("step", step)) if v is not None
+        ]
+        if len(given) > 1:
+            raise UsageError(f"{' and '.join(given)} are given, expected one of them at most.")
+        forced = is_forced(system)
+        if forced and (section is not None or step is not None):
+            raise UsageError(
+                f"the system depends on time, so that {given[0]} does not fit; give its period or nothing."
+            )
+        if step is not None and not (0 < step < np.inf):
+            raise UsageError(f"step is {step!r}, expected a time > 0.")
+        if section is not None and section.after:
+            raise UsageError(
+                f"the section asks for mode {section.after!r} after its event; expected any mode."
+            )
+        self.system, self.t0 = system, float(t0)
+        self.p = resolved(system, parameters)
+        self.parameters = dict(zip(system.parameters.names, self.p.tolist(), strict=True))
+        self.section = None if section is None else section.bind(system).section
+        self.kind: Kind = (
+            "section" if section is not None else "strobe" if forced or period is not None else "step"
+        )
+        if section is not None:
+            self.duration = float(section.t_max)
+        elif self.kind == "strobe":
+            self.duration = Period(system, period)(self.p)
+        else:
+            self.duration = 1.0 if step is None else float(step)
+        self.options: dict[str, Any] = {
+            "rtol": rtol, "atol": 1e-3 * rtol if atol is None else atol, "max_steps": STEPS,
+            "zeno": "continue",
+        }  # fmt: skip
+        self.threads = threads
+
+    def at_pace(self, states: Array, size: Array) -> StateMap:
+        """The same map with a step in which motions go a good part of the way that they move about in.
+
+        It is doubled from a short one until half of them go MOST of the sizes (n,), or no further by more
+        time; and again from where they are after some steps, for transients are faster than what they lead
+        to.
+        """
+        other: StateMap = object.__new__(StateMap)
+        other.__dict__.update({k: v for k, v in self.__dict__.items() if k != "_prepared"})
+        x, step = states, self.duration
+        for _ in range(ROUNDS):
+            while self._pace(x, size, step) > MOST and step > 1e-12:
+                step *= 0.5
+            pace = self._pace(x, size, step)
+            for _ in range(TRIES):
+                further = self._pace(x, size, 2 * step)
+                if pace == 0.0 or further > MOST or (pace > LEAST and further < GAIN * pace):
+                    break
+                step, pace = 2 * step, further
+            ends = self.over(x, SETTLED * step)
+            good = np.array([status is Status.SUCCESS for status in ends.status])
+            if not good.any():
+                break
+            x = ends.x[good]
+        other.duration = step
+        return other
+
+    def _pace(self, states: Array, size: Array, step: float) -> float:
+        """Median displacement in a step of the motions that move, in parts of the sizes."""
+        ends = self.over(states, step)
+        good = np.array([status is Status.SUCCESS for status in ends.status])
+        gone = np.max(np.abs(ends.x - states) / size, axis=1)
+        gone = np.where(good, gone, np.inf)
+        gone = gone[gone > 1e-9]
+        return float(np.median(gone)) if gone.size else 0.0
+
+    @cached_property
+    def _prepared(self) -> Prepared:
+        stop = () if self.section is None else self.section.stop
+        start = 0.0 if self.kind == "section" else self.t0
+        return Prepared(
+            self.system, (start, start + self.duration), stop=stop, threads=self.threads, **self.options
+        )
+
+    def __call__(self, states: Array) -> tuple[Array, Ensemble]:
+        """Images of states with how each motion ended; one that meets no section is at its end."""
+        ends = self._prepared.run(states, np.tile(self.p, (len(states), 1)))
+        return ends.x, ends
+
+    def timed(self) -> StateMap:
+        """This map, or in the place of an event map the flow over its longest turn."""
+        if self.kind != "section":
+            return self
+        return StateMap(
+            self.system, parameters=self.parameters, step=self.duration, threads=self.threads,
+            rtol=self.options["rtol"], atol=self.options["atol"],
+        )  # fmt: skip
+
+    def over(self, states: Array, duration: float) -> Ensemble:
+        """Where motions from states at t0 are after another time than the map's."""
+        prepared = Prepared(self.system, (self.t0, self.t0 + duration), threads=self.threads, **self.options)
+        return prepared.run(states, np.tile(self.p, (len(states), 1)))
+
+    def done(self, ends: Ensemble) -> npt.NDArray[np.bool_]:
+        """Which motions came to the end of the map's time, or to its section."""
+        wanted = Status.STOPPED if self.kind == "section" else Status.SUCCESS
+        return np.array([status is wanted for status in ends.status])
+
+    def resting(self, states: Array, near: Array) -> npt.NDArray[np.bool_]:
+        """Which states a motion does not leave: the same to `near` (n,) at three times of a step."""
+        kept = np.ones(len(states), dtype=bool)
+        for share in (*SHARES, 1.0):
+            ends = self.over(states, share * self.duration)
+            same = np.all(np.abs(ends.x - states) <= near, axis=1)
+            kept &= same & np.array([status is Status.SUCCESS for status in ends.status])
+        return kept
+
+    def derivative(self, x: Array, size: Array) -> Array:
+        """dPhi/dx over the map's time at x, (n, n): exact through events; by differences where that fails."""
+        run = solve(
+            self.system, x, (self.t0, self.t0 + self.duration), parameters=self.parameters, rtol=1e-11,
+            atol=1e-13, zeno="continue", nonunique="stick",
+        )  # fmt: skip
+        try:
+            if run.success:
+                return np.asarray(flow_derivative(run))
+        except NotDifferentiableError:
+            pass
+        reach = 1e-5 * np.diag(size)
+        ends = self.over(np.vstack([x + reach, x - reach]), self.duration).x
+        return np.asarray(((ends[: len(x)] - ends[len(x) :]) / (2e-5 * size[:, None])).T)

@@ -1,0 +1,33 @@
+"""What a certificate is: a verdict with the theorem that gives it and the hypotheses that were checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from filippov.analysis.local_stability.stability_result import Answer, Statement
+
+Reach = Literal["local", "global"]
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A verdict on an equilibrium or a set of equilibria.
+
+    answer   "asymptotically stable", "stable" or "unstable"
+    theorem  what gives the verdict, in words
+    source   where the theorem is proved
+    checked  the hypotheses, each with what was found
+    reach    "local", or "global" where all motions come to the equilibrium or set
+    """
+
+    answer: Answer
+    theorem: str
+    source: str
+    checked: tuple[str, ...]
+    reach: Reach = "local"
+
+    def statements(self) -> list[Statement]:
+        """The certificate as lines of a report."""
+        head = self.theorem + (", for all motions" if self.reach == "global" else "")
+        return [Statement(head, self.source), *(Statement(f"checked: {text}") for text in self.checked)]

@@ -1,0 +1,87 @@
+"""A segment of equilibria of a smooth mode, cut where the linear part across it changes its stability.
+
+Roots cross the axis where the last coefficient of the characteristic polynomial across the set vanishes (a
+root 0) or the last Hurwitz determinant but one does (an imaginary pair; Orlando's formula).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import sympy
+from sympy import Expr
+
+from filippov.analysis.local_stability.stability_context import Context
+from filippov.analysis.steady.branches import short
+from filippov.analysis.steady.equilibrium import EquilibriumSet
+from filippov.analysis.steady.linearisation import characteristic_polynomial
+
+NEAR = 1e-9
+
+
+def parts(context: Context, found: EquilibriumSet) -> tuple[EquilibriumSet, ...]:
+    """The set cut at the borders of stability; itself where there are none inside, or in higher dimension."""
+    if found.dimension != 1:
+        return (found,)
+    (c,) = found.free
+    matrix = context.form.jacobian(found.mode).subs(context.put)
+    at = matrix.subs(dict(zip(context.form.x, found.x, strict=True))).applyfunc(short)
+    polynomial, zeros = context.without_zeros(characteristic_polynomial(at), 1)
+    if zeros < 1 or len(polynomial) < 2:
+        return (found,)
+    ((low, high),), ((first, last),) = found.bounds, found.domain
+    marks: list[tuple[float, Expr]] = []
+    for g in _borders(polynomial):
+        for formula in _roots(context, g, c):
+            number = context.number(formula)
+            if low + NEAR < number < high - NEAR and not any(abs(number - m) <= NEAR for m, _ in marks):
+                marks.append((number, formula))
+    marks.sort(key=lambda mark: mark[0])
+    if not marks:
+        return (found,)
+    edges = [(low, first), *marks, (high, last)]
+    return tuple(
+        replace(
+            found, domain=((left, right),), bounds=((a, b),),
+            ends=tuple(e for e in found.ends if any(_at(e.value, found, context, c) for c in (a, b))),
+        )
+        for (a, left), (b, right) in itertools.pairwise(edges)
+    )  # fmt: skip
+
+
+def _at(value: tuple[float, ...], found: EquilibriumSet, context: Context, c: float) -> bool:
+    """Whether a state is that of the set at c."""
+    if abs(c) == float("inf"):
+        return False
+    place = [context.number(e, {found.free[0]: sympy.Float(c, 20)}) for e in found.x]
+    return all(abs(p - v) <= NEAR * max(1.0, abs(v)) for p, v in zip(place, value, strict=True))
+
+
+def _borders(polynomial: Sequence[Expr]) -> list[Expr]:
+    """The last coefficient, and the Hurwitz determinant of order n - 1."""
+    n = len(polynomial) - 1
+    borders = [polynomial[-1]]
+    if n >= 2:
+        entry = dict(enumerate(polynomial))
+        hurwitz = sympy.Matrix(n - 1, n - 1, lambda i, j: entry.get(2 * j - i + 1, sympy.S.Zero))
+        borders.append(hurwitz.det(method="berkowitz"))
+    return borders
+
+
+def _roots(context: Context, g: Expr, c: sympy.Symbol) -> list[Expr]:
+    """Real zeros of g(c): formulas where g is linear or quadratic in c, else numbers."""
+    g = sympy.fraction(sympy.together(g))[0]
+    if not g.has(c):
+        return []
+    if g.is_polynomial(c) and sympy.degree(g, c) <= 2:
+        return [short(r) for r in sympy.roots(sympy.Poly(g, c))]
+    numeric = g.subs(context.values)
+    if numeric.is_polynomial(c):
+        return [sympy.S(r) for r in sympy.Poly(numeric, c).nroots(n=20) if abs(sympy.im(r)) < NEAR]
+    try:
+        solved = sympy.solveset(numeric, c, sympy.Interval(-1e6, 1e6))
+    except (TypeError, NotImplementedError, ValueError):
+        return []
+    return list(solved) if isinstance(solved, sympy.FiniteSet) else []

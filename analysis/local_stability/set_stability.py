@@ -1,0 +1,426 @@
+"""Stability of a set of equilibria in a sliding mode: its inner points, then break-away at its ends.
+
+What is decided, and by what:
+- inner points, by attraction of the surface and the sliding field on it;
+- ends where slip starts with a jump of the field or an infinite slope that points away: the set is unstable,
+  for h' >= C h**e with e < 1 leaves h = 0 in a time that does not depend on how near the motion starts;
+- ends with a linear slip field, in dimension 2 and 3: the return map of filippov.analysis.steady.rest_map.
+  Routh-Hurwitz on the slip polynomial is sufficient there and not necessary;
+- in higher dimensions the slip polynomial says nothing by itself: where every slide drifts along the segment,
+  the return map is followed numerically (filippov.analysis.steady.drift_map); else undecided, unless a hook
+  knows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import sympy
+from sympy import Expr, Rational, Symbol
+
+from filippov.analysis.algebra.polynomial import Verdict
+from filippov.analysis.local_stability.sliding_stability import attraction
+from filippov.analysis.local_stability.stability_context import SMALL, Context
+from filippov.analysis.local_stability.stability_result import (
+    Answer,
+    Criterion,
+    EquilibriumStability,
+    SlipCase,
+    Solved,
+    Statement,
+)
+from filippov.analysis.steady.branches import short
+from filippov.analysis.steady.drift_map import drift_map
+from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.steady.linearisation import (
+    SlipLinearisation,
+    characteristic_polynomial,
+    linearise,
+)
+from filippov.analysis.steady.rest_map import RestMap, growth, rest_map, threshold
+
+PAPER = "Hensen & van de Molengraft 2002, section 3"
+PROOF = "proved in filippov.analysis.steady.rest_map"
+FOLLOWED = "computed, see filippov.analysis.steady.drift_map"
+Sides = list[tuple[str, SlipLinearisation]]
+EDGE = 1e-9
+NARROW = 1e-6
+
+
+def set_stability(
+    context: Context, found: EquilibriumSet, ends: Sequence[EquilibriumPoint] | None = None
+) -> EquilibriumStability:
+    """Return the analysis of a set that lies in a sliding mode.
+
+    ends   of the segment of which the set is a part, cut off by kinks; its own where it is no part
+    """
+    linear = linearise(context.system, found, values=context.put, sides=[])
+    sliding = linear.sliding
+    assert sliding is not None
+    inner = _inner_point(found)
+    statements, attracts = attraction(context, sliding, found.mode, found.x, inner)
+    statements = [*_degenerate(found), *statements]
+    if sliding.matrix is None:
+        text = "the sliding field is not determined by first derivatives"
+        return EquilibriumStability(
+            found, linear, None, None, False, "undecided", (), attracts, (*statements, Statement(text))
+        )
+    k = sliding.normal.rows
+    polynomial = characteristic_polynomial(sliding.matrix)[: -k or None]
+    rest, zeros = context.without_zeros(polynomial, len(polynomial))
+    drift = not context.semisimple(sliding, zeros, inner)
+    interior, said = _interior(context, found, rest, zeros, drift, attracts, inner)
+    statements += said
+    cases: tuple[SlipCase, ...] = ()
+    if k == 1 and found.dimension == 1 and attracts != "unstable":
+        outer = found.ends if ends is None else tuple(ends)
+        if ends is not None:
+            text = "part of one segment, cut by kinks at which nothing breaks away: the outer ends decide"
+            statements.append(Statement(text))
+        cases = _Ends(context, found, outer, drift and zeros == 2, attracts == "stable").cases()
+    elif attracts != "unstable":
+        statements.append(Statement(f"break-away from {k} surfaces at once is not decided by a linear part"))
+    answer: Answer = "unstable" if "unstable" in {attracts, interior} else "undecided"
+    if answer == "undecided":
+        answer = _worst([c.answer for c in cases if c.applies])
+    routh = context.routh(rest)
+    if context.hook is not None:
+        answer, more = _asked(context, found, answer)
+        statements += more
+    return EquilibriumStability(
+        found, linear, polynomial, routh, drift, interior, cases, answer, tuple(statements)
+    )
+
+
+def _worst(answers: Sequence[Answer]) -> Answer:
+    """Of the sides of a set: unstable where one is, undecided where one is and none is unstable."""
+    order: tuple[Answer, ...] = ("unstable", "undecided", "stable", "asymptotically stable")
+    return next((a for a in order if a in answers), "undecided")
+
+
+def _inner_point(found: EquilibriumSet) -> dict[Symbol, Expr]:
+    inner = {}
+    for q, (low, high) in zip(found.free, found.bounds, strict=True):
+        ends = [e for e in (low, high) if np.isfinite(e)]
+        middle = (
+            0.53 * low + 0.47 * high
+            if len(ends) == 2
+            else (ends[0] + (1 if ends[0] == low else -1) if ends else 0.1)
+        )
+        inner[q] = Rational(str(middle))
+    return inner
+
+
+def _degenerate(found: EquilibriumSet) -> list[Statement]:
+    statements = [Statement(f"degenerate: {text}") for text in found.degenerate]
+    if not found.bounded:
+        names = ", ".join(str(q) for q in found.free)
+        statements.append(Statement(f"degenerate: the set is unbounded, {names} is free"))
+    return statements
+
+
+def _interior(
+    context: Context,
+    found: EquilibriumSet,
+    rest: Sequence[Expr],
+    zeros: int,
+    drift: bool,
+    attracts: Answer,
+    inner: dict[Symbol, Expr],
+) -> tuple[Answer, list[Statement]]:
+    if attracts == "unstable":
+        return "unstable", []
+    verdict = context.verdict(rest, inner)
+    if verdict is Verdict.UNSTABLE:
+        return "unstable", [Statement("a root of the sliding field lies in the right half plane")]
+    if drift:
+        text = "sliding beside the set moves along it (to first order at constant distance)"
+        ends = (
+            " until a multiplier reaches its bound, so the ends decide"
+            if found.bounded
+            else " and meets no end"
+        )
+        return "undecided", [Statement(text + ends)]
+    if zeros == found.dimension and verdict is Verdict.ASYMPTOTICALLY_STABLE and attracts == "stable":
+        text = "each inner point is stable, motions near it come to rest at a point of the set"
+        return "stable", [Statement(text)]
+    return "undecided", [Statement("the linear part of the sliding field does not decide for inner points")]
+
+
+def _asked(context: Context, found: EquilibriumSet, answer: Answer) -> tuple[Answer, list[Statement]]:
+    assert context.hook is not None
+    evidence = context.hook(context.system, found, {q.name: float(v) for q, v in context.values.items()})
+    if evidence is None:
+        return answer, []
+    told: Answer = "asymptotically stable" if abs(evidence.slope) < 1 else "unstable"
+    statement = Statement(
+        f"slope of the second iterate at the set: {evidence.slope:.10g}, {told}", evidence.method
+    )
+    if answer not in {"undecided", told}:
+        return answer, [statement, Statement(f"this contradicts the verdict {answer!r} of the linear part")]
+    return told, [statement]
+
+
+def _slope_text(m: RestMap) -> str:
+    if m.outcome == "leaves":
+        return "slip never ends"
+    if m.outcome == "converges":
+        return "slip converges to the end"
+    return f"slope {m.kappa:.9g}, {'attracts' if abs(m.kappa) < 1 else 'repels'}"
+
+
+class _Ends:
+    """Break-away at the two ends of a segment on one surface."""
+
+    def __init__(
+        self,
+        context: Context,
+        found: EquilibriumSet,
+        ends: Sequence[EquilibriumPoint],
+        drifts: bool,
+        attracts: bool,
+    ) -> None:
+        self.context = context
+        self.found = found
+        self.ends = ends
+        self.n = len(found.x)
+        # The return map needs both ends, dimension 2 or 3, and the drift along the set that it describes.
+        closed = attracts and found.bounded and len(ends) == 2
+        self.mapped = closed and ((self.n == 3 and drifts) or self.n == 2)
+        self.followed = closed and self.n > 3 and drifts
+        self.place = found.mode.index("0")
+
+    def cases(self) -> tuple[SlipCase, ...]:
+        """One case of the exponents after the other, sides with the same polynomial together."""
+        by_side = {side: self._linear(side) for side in "+-"}
+        out = []
+        for plus, minus in zip(by_side["+"], by_side["-"], strict=True):
+            self.context.clock.check()
+            same = self._polynomial(plus) == self._polynomial(minus)
+            both = [("+", plus), ("-", minus)]
+            out += [self._case(group, both) for group in ([both] if same else [[side] for side in both])]
+        return tuple(out)
+
+    def _end(self, side: str) -> EquilibriumPoint | EquilibriumSet:
+        if len(self.ends) != 2:
+            return self.found
+        ends = sorted(self.ends, key=lambda e: e.s_value[0])
+        return ends[-1] if side == "+" else ends[0]
+
+    def _linear(self, side: str) -> tuple[SlipLinearisation, ...]:
+        end = self._end(side)
+        mode = end.mode[: self.place] + side + end.mode[self.place + 1 :]
+        return linearise(self.context.system, end, values=self.context.put, sides=[mode]).slip
+
+    def _polynomial(self, slip: SlipLinearisation) -> tuple[Expr, ...] | None:
+        if slip.matrix is None or (slip.singular is not None and not self._vanishes(slip)):
+            return None
+        return characteristic_polynomial(slip.matrix)
+
+    def _vanishes(self, slip: SlipLinearisation) -> bool:
+        """Whether the part with the infinite slope has the coefficient 0 at the parameter values."""
+        return slip.singular is not None and all(
+            abs(self.context.number(b)) < SMALL for b in slip.singular[1]
+        )
+
+    def _outward(self, side: str, vector: Sequence[Expr], slip: SlipLinearisation) -> float:
+        """sigma grad h . vector at the end: positive where it points away from the surface."""
+        return self.context.number(self._normal(side, vector), dict(slip.case.put))
+
+    def _normal(self, side: str, vector: Sequence[Expr]) -> Expr:
+        sliding = linearise(self.context.system, self._end(side), values=self.context.put, sides=[]).sliding
+        assert sliding is not None
+        total = sum((c * v for c, v in zip(sliding.gradient, vector, strict=True)), sympy.S.Zero)
+        return short(total if side == "+" else -total)
+
+    def _case(self, group: Sides, both: Sides) -> SlipCase:
+        context, slip = self.context, group[0][1]
+        put = dict(slip.case.put)
+        polynomial = self._polynomial(slip)
+        routh = context.routh(polynomial)
+        verdict = None if polynomial is None else context.verdict(polynomial, put)
+        hurwitz = None if verdict is None else verdict is Verdict.ASYMPTOTICALLY_STABLE
+        maps: tuple[RestMap, ...] = ()
+        solved = context.solved(routh, put) if routh is not None else None
+        criterion: Criterion = "none"
+        answer: Answer = "undecided"
+        statements = self._leaves(group)
+        if statements:
+            answer = "unstable"
+        elif polynomial is None:
+            statements = [Statement(f"no linear part: {slip.validity}")]
+        elif self.mapped:
+            polynomials = [self._polynomial(s) for _, s in both]
+            maps = tuple(self._map(p, put) for p in polynomials if p is not None)
+            criterion = "sufficient"
+            answer, statements = self._decide(maps, hurwitz)
+            if solved is not None:
+                solved = self._threshold(solved, lambda symbol: self._mapper(polynomials, symbol, put))
+        elif self.followed and (drifting := self._follower(both, None, put)(0.0)):
+            maps = drifting
+            answer, statements = self._decide(maps, None)
+            if solved is not None:
+                solved = self._threshold(solved, lambda symbol: self._follower(both, symbol, put))
+        else:
+            text = (
+                "the slip polynomial alone does not decide for the set here; the event map at its ends does"
+            )
+            if not self.ends:
+                text = (
+                    "the set has no end at which slip starts, so the slip polynomial does not decide for it"
+                )
+            statements = [Statement(text)]
+            if polynomial[-1].is_zero or abs(context.number(polynomial[-1], put)) < SMALL:
+                statements.append(Statement("degenerate: the slip polynomial has a root that is 0"))
+        if slip.case.holds(context.values):
+            statements += self._narrow(slip)
+        return SlipCase(
+            tuple(side for side, _ in group),
+            slip.condition,
+            slip.case.holds(context.values),
+            slip,
+            polynomial,
+            routh,
+            criterion,
+            hurwitz,
+            maps,
+            solved,
+            answer,
+            tuple(statements),
+        )
+
+    def _narrow(self, slip: SlipLinearisation) -> list[Statement]:
+        """How near to the surface the linear part is one, where that is very near."""
+        out = []
+        for exponent, scale in slip.neglected:
+            e, c = self.context.number(exponent), self.context.number(scale)
+            tenth = c * 0.1 ** (1 / (e - 1)) if e > 1 else 0.0
+            if tenth < NARROW * c:
+                text = (
+                    f"the exponent {e:g} is near 1: the neglected slope falls to a tenth of its value at "
+                    f"|h| = {c:g} only below "
+                    f"|h| = {tenth:.3g}; above it exponent 1 describes the motion"
+                )
+                out.append(Statement(text))
+        return out
+
+    def _leaves(self, group: Sides) -> list[Statement]:
+        """Why motions leave the set from arbitrarily near, or [] where this is not so."""
+        if len(self.ends) != 2:
+            return []
+        for side, slip in group:
+            if slip.jump:
+                jump = self._outward(side, slip.jump, slip)
+                if jump > EDGE:
+                    text = (
+                        "the set at h = 0 is wider than the one-sided limits: at break-away dh/dt jumps from "
+                        f"0 to {jump:.6g} (side {side}), so motions from arbitrarily near leave by a finite "
+                        "distance"
+                    )
+                    return [Statement(text)]
+            if slip.singular is not None and not self._vanishes(slip):
+                slope = self._outward(side, slip.singular[1], slip)
+                if slope > 0:
+                    e, formula = slip.singular[0], self._normal(side, slip.singular[1])
+                    text = (
+                        f"d|h|/dt contains C |h|**{e if e.is_Symbol else f'({e})'} with C = {formula} > 0 "
+                        "and an exponent below 1: no linear part, and motions that break away leave by a "
+                        "finite distance in a time that does not depend on how near to the set they were"
+                    )
+                    return [Statement(text, "proved: h' >= C h**e gives h >= (C (1 - e) t)**(1/(1 - e))")]
+        return []
+
+    def _map(self, polynomial: Sequence[Expr], put: dict[Symbol, Expr]) -> RestMap:
+        return rest_map([self.context.number(c, put) for c in polynomial])
+
+    def _decide(self, maps: tuple[RestMap, ...], hurwitz: bool | None) -> tuple[Answer, list[Statement]]:
+        factor = growth(maps)
+        kappa = " and ".join(_slope_text(m) for m in dict.fromkeys(maps))
+        statements = [] if self.followed else [
+            Statement(
+                "Routh-Hurwitz on the slip polynomial is sufficient for the set to be stable, not necessary, "
+                "for slip lasts a finite time; the return map at the ends decides",
+                f"{PAPER}; {PROOF}",
+            )
+        ]
+        if self.n == 2:
+            statements.append(Statement(f"beyond an end, slip {self._told(maps)}", PROOF))
+            return ("asymptotically stable" if factor < 1 or self._returns(maps) else "unstable"), statements
+        text = f"return map from one rest position to the next, linearised at an end: {kappa}"
+        statements.append(Statement(text, FOLLOWED if self.followed else PROOF))
+        if abs(factor - 1) < 1e-9:
+            return "undecided", statements
+        answer: Answer = "asymptotically stable" if factor < 1 else "unstable"
+        if hurwitz is False and answer == "asymptotically stable":
+            statements.append(Statement("Routh-Hurwitz fails here and yet the set is stable"))
+        return answer, statements
+
+    @staticmethod
+    def _returns(maps: Sequence[RestMap]) -> bool:
+        return all(m.outcome != "leaves" for m in maps)
+
+    def _told(self, maps: Sequence[RestMap]) -> str:
+        if not self._returns(maps):
+            return "leaves: a real root lies in the right half plane"
+        turning = any(m.outcome == "returns" for m in maps)
+        return "comes to rest inside the set after half a turn" if turning else "converges to the end"
+
+    def _mapper(
+        self, polynomials: Sequence[tuple[Expr, ...] | None], symbol: Symbol, put: dict[Symbol, Expr]
+    ) -> Callable[[float], tuple[RestMap, ...]]:
+        """The return maps of the ends as functions of one parameter."""
+        fixed = self._others(symbol, put)
+        known = [p for p in polynomials if p is not None]
+        rows = [[sympy.lambdify(symbol, c.subs(fixed), "math") for c in p] for p in known]
+        return lambda value: tuple(rest_map([float(c(value)) for c in row]) for row in rows)
+
+    def _follower(
+        self, both: Sides, symbol: Symbol | None, put: dict[Symbol, Expr]
+    ) -> Callable[[float], tuple[RestMap, ...]]:
+        """The same in dimension 4 and up; () where one of them is not decided."""
+        fixed, free, rows = self._others(symbol, put), symbol or sympy.Dummy(), []
+        for side, slip in both:
+            end = linearise(self.context.system, self._end(side), values=self.context.put, sides=[]).sliding
+            if slip.matrix is None or end is None or end.matrix is None:
+                return lambda _: ()
+            normal = sympy.Matrix(end.gradient).T * (1 if side == "+" else -1)
+            parts = (slip.matrix, end.matrix, normal)
+            rows.append([sympy.lambdify(free, sympy.Matrix(part).subs(fixed), "numpy") for part in parts])
+
+        def maps(value: float) -> tuple[RestMap, ...]:
+            ends = [[np.array(part(value), dtype=float) for part in row] for row in rows]
+            if not all(np.all(np.isfinite(part)) for end in ends for part in end):
+                return ()
+            first = ends[0]
+            # The other end is often this one mirrored.
+            mirrored = all(np.array_equal(a, b) for a, b in zip(first[:2], ends[-1][:2], strict=True))
+            found = [drift_map(A, J, c.ravel()) for A, J, c in (ends[:1] if mirrored else ends)]
+            return tuple(m for m in found if m is not None) * (len(ends) // len(found)) if all(found) else ()
+
+        return maps
+
+    def _others(self, symbol: Symbol | None, put: dict[Symbol, Expr]) -> dict[Symbol, Expr]:
+        """The values of all parameters but one."""
+        return {q: v for q, v in {**self.context.values, **put}.items() if q != symbol}
+
+    def _threshold(
+        self, solved: Solved, maps_of: Callable[[Symbol], Callable[[float], tuple[RestMap, ...]]]
+    ) -> Solved:
+        """Where the set changes stability in the parameter, by the return map."""
+        symbol, maps_at = solved.symbol, maps_of(solved.symbol)
+
+        def measure(value: float) -> float:
+            self.context.clock.check()
+            maps = maps_at(value)
+            if self.n == 2:
+                return 0.0 if self._returns(maps) else 2.0
+            return growth(maps) if maps else float("nan")
+
+        marks = [float(v) for v in solved.numeric.atoms(sympy.Number) if v > 0]
+        value = self.context.number(symbol)
+        marks += [value] if value > 0 else []
+        if not marks:
+            return solved
+        return replace(solved, threshold=threshold(measure, min(marks) / 8, max(marks) * 8))

@@ -1,0 +1,106 @@
+"""Stability of what lies in a sliding mode: attraction of the surfaces, then the sliding field on them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.analysis.algebra.polynomial import Verdict
+from filippov.analysis.local_stability.stability_context import Context
+from filippov.analysis.local_stability.stability_result import Answer, EquilibriumStability, Statement
+from filippov.analysis.steady.equilibrium import EquilibriumPoint
+from filippov.analysis.steady.existence import at_rest
+from filippov.analysis.steady.linearisation import SlidingLinearisation, characteristic_polynomial, linearise
+from filippov.model.symbols import t as time
+
+PSEUDO = "Filippov 1988, section 19"
+
+
+def sliding_stability(context: Context, point: EquilibriumPoint) -> EquilibriumStability:
+    """Stability of a pseudo-equilibrium: its surface attracts, and it is stable on it."""
+    if any(e.has(*context.form.s) or e.free_symbols - set(context.values) for _, e in point.multipliers):
+        moves = all(e.has(time) for _, e in point.multipliers)
+        text = "its multipliers are not unique: the sliding field is not determined by first derivatives"
+        text = "its multipliers move with time" if moves else text
+        return EquilibriumStability(
+            point, None, None, None, False, "undecided", (), "undecided", (Statement(text),)
+        )
+    linear = linearise(context.system, point, values=context.put, sides=[])
+    sliding = linear.sliding
+    assert sliding is not None
+    statements, attracts = attraction(context, sliding, point.mode, point.x, {})
+    if sliding.matrix is None:
+        return EquilibriumStability(
+            point, linear, None, None, False, "undecided", (), "undecided", tuple(statements)
+        )
+    k = sliding.normal.rows
+    polynomial = characteristic_polynomial(sliding.matrix)[: -k or None]
+    routh = context.routh(polynomial)
+    answer: Answer = "undecided"
+    verdict = context.verdict(polynomial)
+    if attracts == "unstable":
+        answer = "unstable"
+    elif verdict is Verdict.UNSTABLE:
+        answer = "unstable"
+        statements.append(Statement("a root of the sliding field lies in the right half plane", PSEUDO))
+    elif verdict is Verdict.ASYMPTOTICALLY_STABLE and attracts == "stable":
+        answer = "asymptotically stable"
+        text = "the surface is reached in finite time and all roots of the sliding field lie on the left"
+        statements.append(
+            Statement(text if len(polynomial) > 1 else "the surface is reached in finite time", PSEUDO)
+        )
+    elif attracts == "stable":
+        statements.append(Statement("the linear part of the sliding field does not decide", PSEUDO))
+    if point.kind == "boundary equilibrium" and answer != "unstable":
+        statements.append(
+            Statement("a multiplier is at its bound: the fields beside the surface decide as well")
+        )
+        answer = "undecided"
+    solved = context.solved(routh) if routh is not None else None
+    return EquilibriumStability(
+        point, linear, polynomial, routh, False, answer, (), answer, tuple(statements), solved
+    )
+
+
+def attraction(
+    context: Context,
+    sliding: SlidingLinearisation,
+    mode: str,
+    x: Sequence[Expr],
+    free: Mapping[Symbol, Expr],
+) -> tuple[list[Statement], Answer]:
+    """Whether the surfaces attract: "stable", "unstable" or "undecided", with the reasons."""
+    normal = context.numbers(sliding.normal, free)
+    if normal.shape == (1, 1):
+        rate = sliding.normal[0, 0]
+        head = f"d(dh/dt)/ds = {rate} = {normal[0, 0]:.6g}"
+        if normal[0, 0] < 0:
+            return [Statement(f"{head} < 0: the surface attracts from both sides", PSEUDO)], "stable"
+        if normal[0, 0] > 0:
+            text = f"{head} > 0: the surface repels, motions leave it at once on either side"
+            return [Statement(text, PSEUDO)], "unstable"
+        return [Statement(f"{head}: attraction is not decided by first derivatives")], "undecided"
+    if _nodal(context, mode, [e.subs(free) for e in x]):
+        text = "every field beside the surfaces points towards all of them: their intersection attracts"
+        return [Statement(text, PSEUDO)], "stable"
+    text = f"{len(normal)} surfaces meet, not all fields point towards all of them: attraction is not decided"
+    return [Statement(text, "the intersection may attract by spirals: Dieci & Lopez 2012")], "undecided"
+
+
+def _nodal(context: Context, mode: str, x: Sequence[Expr]) -> bool:
+    """sigma_i dh_i/dt < 0 for all i, in each of the 2^k modes beside the point."""
+    form = context.form
+    signs = form.signs(mode)
+    on = [i for i, m in enumerate(signs) if m == 0]
+    place = dict(zip(form.x, x, strict=True))
+    for choice in itertools.product((1, -1), repeat=len(on)):
+        beside = dict(zip(on, choice, strict=True))
+        rates = form.rates([beside.get(i, m) for i, m in enumerate(signs)])
+        for i in on:
+            rate = context.number(at_rest(sympy.S(rates[i]).subs(context.put).subs(place)))
+            if not beside[i] * rate < -1e-12:
+                return False
+    return True

@@ -1,0 +1,97 @@
+"""Stability of what lies in a smooth mode: the Jacobian, and what lies beyond the kinks that it touches."""
+
+from __future__ import annotations
+
+import sympy
+
+from filippov.analysis.algebra.polynomial import Verdict
+from filippov.analysis.local_stability.kink_stability import end_stability, kink_stability
+from filippov.analysis.local_stability.stability_context import Context
+from filippov.analysis.local_stability.stability_result import Answer, EquilibriumStability, Statement
+from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.steady.linearisation import characteristic_polynomial, linearise
+
+ANSWERS: dict[str, Answer] = {
+    "asymptotically stable": "asymptotically stable",
+    "marginally stable": "undecided",
+    "unstable": "unstable",
+}
+
+
+def smooth_stability(context: Context, found: EquilibriumPoint | EquilibriumSet) -> EquilibriumStability:
+    """Jacobian and Routh-Hurwitz of the mode; along a set, without the zero roots that belong to it."""
+    linear = linearise(context.system, found, values=context.put)
+    assert linear.smooth is not None
+    polynomial, zeros = context.without_zeros(characteristic_polynomial(linear.smooth), found.dimension)
+    statements = []
+    free = {}
+    if isinstance(found, EquilibriumSet):
+        statements.append(Statement(f"the set has dimension {found.dimension}: as many roots are 0"))
+        free = {q: sympy.Rational(str(_inner(*b))) for q, b in zip(found.free, found.bounds, strict=True)}
+    interior: Answer = "undecided"
+    hurwitz = context.verdict(polynomial, free)
+    if zeros < found.dimension or hurwitz is None:
+        statements.append(Statement("the linear part does not decide"))
+    else:
+        interior, statement = _interior(context, found, linear.smooth, hurwitz)
+        statements.append(statement)
+    answer, more = _beyond(context, found, interior)
+    routh = context.routh(polynomial)
+    solved = context.solved(routh) if routh is not None else None
+    return EquilibriumStability(
+        found, linear, polynomial, routh, False, interior, (), answer, (*statements, *more), solved
+    )
+
+
+def _interior(
+    context: Context, found: EquilibriumPoint | EquilibriumSet, matrix: sympy.Matrix, hurwitz: Verdict
+) -> tuple[Answer, Statement]:
+    """What the roots of the mode's own linear part say."""
+    answer = ANSWERS[hurwitz.value]
+    method = "Lyapunov's first method"
+    affine = not context.form.jacobian(found.mode).has(*context.form.x)
+    if answer == "undecided" and not found.dimension and affine:
+        bounded = context.bounded(matrix)
+        if bounded is not None:
+            answer, method = ("stable" if bounded else "unstable"), "the mode's field is linear"
+    if answer == "stable":
+        text = "roots on the imaginary axis, with as many eigenvectors: motions stay near"
+    elif answer == "unstable" and hurwitz is not Verdict.UNSTABLE:
+        text = "a repeated root on the imaginary axis with too few eigenvectors: motions grow like t"
+    elif isinstance(found, EquilibriumPoint) and found.kind == "boundary equilibrium":
+        where = "in the left half plane" if answer == "asymptotically stable" else "not all on the left"
+        text = f"the roots of the linear part on this side lie {where}"
+    elif answer == "undecided":
+        text = "the linear part has roots on the imaginary axis, so higher terms decide"
+    elif answer == "unstable":
+        text = "the linear part is unstable, and so is the equilibrium"
+    else:
+        text = f"all roots lie in the left half plane: the equilibrium is {hurwitz.value}"
+    return answer, Statement(text, method)
+
+
+def _beyond(
+    context: Context, found: EquilibriumPoint | EquilibriumSet, interior: Answer
+) -> tuple[Answer, list[Statement]]:
+    """The verdict with what lies on the other sides of the kinks that a point lies on, or a set ends at."""
+    if isinstance(found, EquilibriumPoint):
+        if found.kind != "boundary equilibrium":
+            return interior, []
+        answer, statement = kink_stability(context, found)
+        return answer, [statement]
+    if interior not in {"asymptotically stable", "stable"} or not found.ends:
+        return interior, []
+    said = [end_stability(context, found, end) for end in found.ends]
+    answers = {answer for answer, _ in said}
+    statements = [statement for _, statement in said]
+    if "unstable" in answers:
+        return "unstable", statements
+    return ("undecided" if "undecided" in answers else interior), statements
+
+
+def _inner(low: float, high: float) -> float:
+    if abs(low) == float("inf") and abs(high) == float("inf"):
+        return 0.1
+    if abs(low) == float("inf") or abs(high) == float("inf"):
+        return low + 1.0 if abs(low) < float("inf") else high - 1.0
+    return 0.45 * low + 0.55 * high

@@ -1,0 +1,193 @@
+"""Stability of every equilibrium and equilibrium set of a system: what is decided, and by which argument."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.analysis.algebra.budget import Clock, OutOfBudgetError, counted
+from filippov.analysis.algebra.exact_form import exact_form
+from filippov.analysis.algebra.number_text import has_decimals
+from filippov.analysis.algebra.polynomial import exact
+from filippov.analysis.local_stability import stability_text
+from filippov.analysis.local_stability.certificates.certificate import Certificate
+from filippov.analysis.local_stability.certificates.decide import decided, first
+from filippov.analysis.local_stability.contact_stability import contact_stability, in_contact
+from filippov.analysis.local_stability.periodic_stability import with_time
+from filippov.analysis.local_stability.set_parts import parts
+from filippov.analysis.local_stability.set_stability import set_stability
+from filippov.analysis.local_stability.sliding_stability import sliding_stability
+from filippov.analysis.local_stability.smooth_stability import smooth_stability
+from filippov.analysis.local_stability.stability_context import Context
+from filippov.analysis.local_stability.stability_result import (
+    EquilibriumStability,
+    SetStability,
+    StabilityResult,
+)
+from filippov.analysis.local_stability.stick_parts import joined
+from filippov.analysis.steady.equilibria import equilibria
+from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.steady.forcing import depends_on_time
+from filippov.base.errors import ModelError
+from filippov.model.symbolic import SymbolicForm
+from filippov.model.system import System
+
+
+class StabilityReport(StabilityResult):
+    """The result as text, Markdown, LaTeX, JSON."""
+
+    def to_text(self) -> str:
+        """Plain text, one section an equilibrium."""
+        return stability_text.render(self, stability_text.text_style(self.decimals))
+
+    def to_markdown(self) -> str:
+        """Markdown with the formulas in $...$."""
+        return stability_text.render(self, stability_text.markdown_style(self.decimals))
+
+    def to_latex(self) -> str:
+        """LaTeX sections, for a document with amsmath."""
+        return stability_text.render(self, stability_text.latex_style(self.decimals))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Strings, numbers, lists and dicts only."""
+        return stability_text.as_dict(self)
+
+    def to_json(self) -> str:
+        """`to_dict` as JSON."""
+        return stability_text.as_json(self)
+
+
+@counted
+def stability_report(
+    system: System,
+    parameters: Mapping[Any, float] | None = None,
+    *,
+    solve_for: str | Symbol | None = None,
+    modes: Sequence[str] | None = None,
+    t: float | None = None,
+    assume: Iterable[Any] | None = None,
+    hook: SetStability | None = None,
+    budget: float = 30.0,
+) -> StabilityReport:
+    """Return the stability of all equilibria of a system of expressions.
+
+    parameters  values at which existence and verdicts are decided, the defaults where not given
+    solve_for   a parameter for which the Routh-Hurwitz conditions are solved, in formulas and in numbers
+    modes, t    as in `equilibria`
+    assume      inequalities taken to hold in the formulas; by default each parameter but
+                the one that is solved for keeps the sign of its value
+    hook        gives the slope of an event map's second iterate at a set: decides where the rest does not
+    budget      work, in millions of calls of Python functions (about a second each)
+
+    Raises ModelError for a system of plain functions or an unknown parameter.
+    """
+    form = _expressions(system)
+    clock = Clock(budget)
+    p = system.parameters.resolve(parameters)
+    values = {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
+    symbol = None if solve_for is None else form.p[system.parameters.index(solve_for)]
+    told = tuple(_signs({q: v for q, v in values.items() if q != symbol}) if assume is None else assume)
+    found = equilibria(system, parameters, modes=modes, t=t, budget=max(budget / 2, 1e-3))
+    notes = list(found.notes)
+    items = []
+    outer = joined(found)
+    for equilibrium in found:
+        context = Context(system, form, values, told, symbol, hook, clock)
+        try:
+            items += _items(context, equilibrium, t, outer.get(id(equilibrium)))
+        except OutOfBudgetError as error:
+            notes.append(
+                f"stopped after {len(items)} of {len(found)} equilibria: {error}. Give a larger budget."
+            )
+            break
+    names = tuple(zip(system.parameters.names, p.tolist(), strict=True))
+    surfaces = tuple(s.name for s in system.surfaces)
+    written = system.symbolic
+    decimals = written is not None and has_decimals(written.expressions())
+    return StabilityReport(system.states, surfaces, names, told, tuple(items), tuple(notes), decimals)
+
+
+def _expressions(system: System) -> SymbolicForm:
+    form = exact_form(system)
+    if form is None:
+        raise ModelError(
+            "a stability report needs the field as expressions, for it is expanded at the surfaces. Write "
+            "System({x: ..., v: ...}), or use equilibria(system), which works for plain functions too."
+        )
+    return form
+
+
+def _signs(values: Mapping[Symbol, Expr]) -> list[Any]:
+    """q > 0 or q < 0, as the value is; sympy.true where the symbol knows it already."""
+    return [r for q, v in values.items() if v != 0 and (r := q > 0 if v > 0 else q < 0) != sympy.true]
+
+
+def _items(
+    context: Context,
+    equilibrium: EquilibriumPoint | EquilibriumSet,
+    t: float | None,
+    ends: tuple[EquilibriumPoint, ...] | None,
+) -> list[EquilibriumStability]:
+    """The analysis of a point, or of a set in parts of one verdict each."""
+    context.clock.check()
+    context = context.put_degenerate(equilibrium.degenerate, t)
+    if "0" not in equilibrium.mode and isinstance(equilibrium, EquilibriumSet):
+        pieces = parts(context, equilibrium)
+        return [_whole(context, smooth_stability(context, part), t) for part in pieces]
+    return [_whole(context, _item(context, equilibrium, ends), t)]
+
+
+def certify(
+    system: System, parameters: Mapping[Any, float] | None = None, *, budget: float = 30.0
+) -> tuple[tuple[EquilibriumPoint | EquilibriumSet, Certificate | None], ...]:
+    """Return every equilibrium and set with the first certificate of its stability or instability, or None.
+
+    parameters  values at which it is asked, the defaults where not given
+    budget      seconds
+
+    Unlike `stability_report` it does not stop where the linear part decides. A certificate names theorem,
+    source and the hypotheses that were checked. Raises ModelError for a system of plain functions or an
+    unknown parameter, OutOfBudgetError.
+    """
+    form = _expressions(system)
+    p = system.parameters.resolve(parameters)
+    values = {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
+    told = tuple(_signs(values))
+    found = equilibria(system, parameters, budget=max(budget / 2, 1e-3))
+    outer = joined(found)
+    out = []
+    for equilibrium in found:
+        context = Context(system, form, values, told, None, None, Clock(budget))
+        context = context.put_degenerate(equilibrium.degenerate, None)
+        smooth = "0" not in equilibrium.mode
+        item = (
+            smooth_stability(context, equilibrium)
+            if smooth
+            else _item(context, equilibrium, outer.get(id(equilibrium)))
+        )
+        out.append((equilibrium, first(context, item, wide=True)))
+    return tuple(out)
+
+
+def _whole(context: Context, item: EquilibriumStability, t: float | None) -> EquilibriumStability:
+    """The analysis with time and clocks, and with a certificate where these leave it undecided."""
+    moved = with_time(context, item, t)
+    frozen = t is not None and depends_on_time(context.system)
+    return moved if frozen else decided(context, item, moved)
+
+
+def _item(
+    context: Context,
+    equilibrium: EquilibriumPoint | EquilibriumSet,
+    ends: tuple[EquilibriumPoint, ...] | None,
+) -> EquilibriumStability:
+    if "0" not in equilibrium.mode:
+        return smooth_stability(context, equilibrium)
+    if isinstance(equilibrium, EquilibriumSet):
+        return set_stability(context, equilibrium, ends)
+    if in_contact(context, equilibrium.mode):
+        return contact_stability(context, equilibrium)
+    return sliding_stability(context, equilibrium)

@@ -1,0 +1,1 @@
+"""Sections and event maps: turns, slopes, fixed points."""

@@ -1,0 +1,185 @@
+"""The event map d -> P(d) of a section: to call, iterate, differentiate and find fixed points of.
+
+Source: Hensen & van de Molengraft 2002 (event map of the hunting loop); Galvanetto & Knudsen 1997.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.maps.section import BoundSection, Section
+from filippov.analysis.maps.turn import MOST_STEPS, motion, turns
+from filippov.analysis.sensitivity.saltation import derivative_by_all, onto_section
+from filippov.base.status import Status
+from filippov.model.system import System
+from filippov.solving.ensemble import Prepared
+from filippov.solving.solution import Solution
+
+Array = npt.NDArray[np.float64]
+
+
+class EventMap:
+    """P(d): from coordinate d on the section along the motion to the section's next event and its coordinate.
+
+    order       the map is the order-th iterate (2 for orbits that come back after two turns)
+    parameters  values by name
+    rtol, atol  of every turn
+
+    Call it with a number or an array; NaN stands where the motion does not return within t_max.
+    """
+
+    def __init__(
+        self, system: System, section: Section, *, parameters: Mapping[str, float] | None = None,
+        order: int = 1, rtol: float = 1e-10, atol: float = 1e-12, method: str = "DOP853",
+    ) -> None:  # fmt: skip
+        options: dict[str, Any] = {"order": order, "rtol": rtol, "atol": atol, "method": method}
+        self._set(system, section, section.bind(system), parameters, **options)
+
+    def _set(
+        self, system: System, section: Section, bound: BoundSection,
+        parameters: Mapping[str, float] | None, *, order: int, rtol: float, atol: float, method: str,
+    ) -> None:  # fmt: skip
+        self.system, self.section, self.order = system, section, order
+        self.bound = bound
+        self.p = system.parameters.resolve(parameters)
+        self.parameters = dict(zip(system.parameters.names, self.p.tolist(), strict=True))
+        self.rtol, self.atol, self.method = rtol, atol, method
+        self._prepared: Prepared | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Machine code stays in its process."""
+        return {**vars(self), "_prepared": None}
+
+    def remake(self, **changes: Any) -> Self:
+        """The same map with other parameters (updated by name), order or tolerances."""
+        keep: dict[str, Any] = {
+            "order": self.order,
+            "rtol": self.rtol,
+            "atol": self.atol,
+            "method": self.method,
+        }
+        parameters = {**self.parameters, **changes.pop("parameters", {})}
+        made = type(self).__new__(type(self))
+        made._set(self.system, self.section, self.bound, parameters, **{**keep, **changes})
+        return made
+
+    def power(self, order: int) -> EventMap:
+        """The map's own iterate: power(2) of a first return is the second return."""
+        return self.remake(order=self.order * order)
+
+    def returns(self, d: Any) -> tuple[Array, tuple[Status, ...]]:
+        """Values of the map and how each trajectory ended; NaN with its status where it did not return
+        (NO_RETURN: not within t_max)."""
+        values = np.array(d, dtype=float, ndmin=1)
+        if self.order == 1 and np.all(np.isfinite(values)):
+            return self._turn(values)
+        statuses = [Status.STOPPED] * values.size
+        for _ in range(self.order):
+            alive = np.flatnonzero(np.isfinite(values))
+            if not alive.size:
+                break
+            values[alive], ended = self._turn(values[alive])
+            for position, status in zip(alive.tolist(), ended, strict=True):
+                statuses[position] = status
+        return values, tuple(statuses)
+
+    def _turn(self, d: Array) -> tuple[Array, tuple[Status, ...]]:
+        start = self.bound.start(d, self.p)
+        if self.section.after:
+            x, ended, resting = turns(
+                self.bound, start, self.parameters, rtol=self.rtol, atol=self.atol, method=self.method
+            )
+        else:
+            if self._prepared is None:
+                self._prepared = Prepared(
+                    self.system, (0.0, self.section.t_max), stop=self.section.stop, rtol=self.rtol,
+                    atol=self.atol, method=self.method, max_steps=MOST_STEPS,
+                )  # fmt: skip
+            rows = np.empty((d.size, self.p.size))
+            rows[:] = self.p
+            ends = self._prepared.run(start, rows)
+            x, ended = ends.x, list(ends.status)
+            resting = np.any(ends.mode[:, self.bound.surfaces] == 0, axis=1)
+        values = self.bound.read(x)
+        if ended.count(Status.STOPPED) == len(values):
+            return values, tuple(ended)
+        lost = [q for q, status in enumerate(ended) if status is not Status.STOPPED]
+        for q in lost:
+            # A motion that never leaves the section rests there: its coordinate does not change.
+            rests = ended[q] is Status.SUCCESS and resting[q]
+            if not (rests and abs(values[q] - d[q]) <= 1e-15 * abs(d[q])):
+                values[q] = np.nan
+        came = [Status.NO_RETURN if q in lost and np.isnan(values[q]) and status is Status.SUCCESS else status
+                for q, status in enumerate(ended)]  # fmt: skip
+        return values, tuple(came)
+
+    def __call__(self, d: Any) -> Any:
+        """P(d), a number or an array like d; NaN where the motion does not return."""
+        values, _ = self.returns(d)
+        return values if np.ndim(d) else float(values[0])
+
+    def iterate(self, d: float, n: int) -> Array:
+        """d, P(d), P(P(d)), ...: n + 1 numbers."""
+        out = [float(d)]
+        for _ in range(n):
+            out.append(float(self(out[-1])))
+        return np.array(out)
+
+    def orbit(self, d: float) -> tuple[Solution, ...]:
+        """The motion behind the map, one solution a turn."""
+        motions: list[Solution] = []
+        for _ in range(self.order):
+            motions.append(self._solve(d))
+            d = float(self.bound.read(motions[-1].x_end[None])[0])
+        return tuple(motions)
+
+    def _solve(self, d: float) -> Solution:
+        x0 = self.bound.start(np.array([d]), self.p)[0]
+        return motion(self.bound, x0, self.parameters, rtol=self.rtol, atol=self.atol, method=self.method)
+
+    def derivative(self, d: float) -> float:
+        """dP/dd from saltation matrices (no differences); NaN where the map does not return."""
+        return float(self.jet(d)[1])
+
+    def jet(self, d: float, parameters: Sequence[str] = ()) -> Array:
+        """P(d), dP/dd, and dP/dq for the named parameters q, in one array; NaN where the map does not return.
+
+        All derivatives come from saltation matrices; that of the lift by parameters from differences.
+        """
+        names = tuple(parameters)
+        out = np.zeros(2 + len(names))
+        out[:2] = d, 1.0
+        n = self.system.dimension
+        for _ in range(self.order):
+            solution = self._solve(out[0])
+            if solution.status is not Status.STOPPED:
+                return np.full(out.size, np.nan)
+            change = derivative_by_all(solution, True, names) @ self.bound.start_change(out[0], self.p, names)
+            slope = self.bound.slope(solution.x_end)
+            change = slope @ onto_section(solution, solution.events[-1], change, names)[:n]
+            out[2:] = change[0] * out[2:] + change[1:]
+            out[1] *= change[0]
+            out[0] = self.bound.read(solution.x_end[None])[0]
+        return out
+
+    def fixed_points(self, lo: float, hi: float, points: int = 400) -> tuple[Any, ...]:
+        """Every fixed point in [lo, hi] with kind, slope and stability; see `fixed_points`."""
+        from filippov.analysis.maps.fixed_points import fixed_points
+
+        return fixed_points(self, lo, hi, points)
+
+    def basins(self, lo: float, hi: float, points: int = 400) -> tuple[Any, ...]:
+        """Intervals of [lo, hi] that go to the same attractor (see `filippov.analysis.maps.fixed_points`)."""
+        from filippov.analysis.maps.fixed_points import basins
+
+        return basins(self, lo, hi, points)
+
+    def jumps(self, lo: float, hi: float, points: int = 400) -> tuple[Any, ...]:
+        """Places in [lo, hi] where the map is not continuous (see `filippov.analysis.maps.fixed_points`)."""
+        from filippov.analysis.maps.fixed_points import jumps
+
+        return jumps(self, lo, hi, points)

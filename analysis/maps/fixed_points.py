@@ -1,0 +1,260 @@
+"""Fixed points, jumps and basins of an event map on an interval.
+
+Roots of P(d) - d are bracketed on a grid that is dense near 0 as well, and beside an equilibrium set at 0 on
+one that is even in log d down to rounding. Pairs that a grid would step over are found from the extrema of
+P(d) - d (where the exact slope is 1), and each is polished at a tight tolerance. A change of sign across a
+jump of the map is no fixed point, and is told apart by what is left of P(d) - d.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+
+from filippov.analysis.maps.set_slope import equilibrium_slope, near_set
+from filippov.analysis.sensitivity.saltation import NotDifferentiableError
+from filippov.base.errors import UsageError
+
+if TYPE_CHECKING:
+    from filippov.analysis.maps.scalar_map import ReturnMap
+
+Array = npt.NDArray[np.float64]
+TIGHT = 1e-12
+# Halvings between the coarse grid and the smallest coordinate, a decade in about three.
+PER_DECADE = 6
+_SAME = 1e-6
+# What rounding may leave of P(d) - d, in units of the smallest coordinate that it leaves.
+_NOISE = 1e-2
+
+
+@dataclass(frozen=True)
+class FixedPoint:
+    """A fixed point of a map.
+
+    d         coordinate; residual: |P(d) - d| there
+    kind      "equilibrium set" where the motion rests, else "limit cycle"
+    slope     dP/dd (from saltation matrices), NaN where the map has none; at an equilibrium set the limit of
+              P(d)/d for d -> 0+, which is
+              infinite where the map jumps at the set
+    stable    |slope| < 1
+    period    time of the turns together, 0 for an equilibrium set
+    hidden    of an equilibrium set: a cycle of the other stability lies between it and this coordinate, too
+              near to the set for the rounding of its states; 0 where none is known to
+    note      what is special
+    """
+
+    d: float
+    kind: str
+    slope: float
+    stable: bool
+    residual: float
+    period: float
+    note: str = ""
+    hidden: float = 0.0
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A place where the map is not continuous: limits from below and above."""
+
+    d: float
+    below: float
+    above: float
+
+
+@dataclass(frozen=True)
+class Basin:
+    """Coordinates between lo and hi whose iterates go to the attractor at d (None: to none found).
+
+    Beside a stable set with a hidden cycle (`FixedPoint.hidden`) it is None, too: some go to the set, some
+    do not.
+    """
+
+    lo: float
+    hi: float
+    attractor: float | None
+
+
+def grid(lo: float, hi: float, points: int) -> Array:
+    """Half of the points evenly over [lo, hi], half crowding at 0 where 0 lies in it or at its end."""
+    if not hi > lo or points < 8:
+        raise UsageError(
+            f"the interval [{lo}, {hi}] with {points} points; expected lo < hi and at least 8 points."
+        )
+    out = [np.linspace(lo, hi, points // 2)]
+    if hi > 0 >= lo:
+        out.append(np.geomspace(1e-5 * hi, hi, points // 2))
+    if lo < 0 <= hi:
+        out.append(-np.geomspace(-1e-5 * lo, -lo, points // 2))
+    merged = np.unique(np.concatenate(out))
+    return np.asarray(merged[merged != 0.0])
+
+
+def fixed_points(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tuple[FixedPoint, ...]:
+    """All fixed points of the map in [lo, hi], in order, the equilibrium set at 0 among them."""
+    d = grid(lo, hi, points)
+    fine = event_map.remake(rtol=min(event_map.rtol, TIGHT), atol=min(event_map.atol, TIGHT * 1e-2))
+    searches = [(fine, d, event_map(d) - d)]
+    found: list[FixedPoint] = []
+    if lo <= 0.0 <= hi and event_map(0.0) == 0.0:
+        at_set = equilibrium_set(event_map, 1e-3 * max(abs(lo), abs(hi)))
+        for first in (d[d > 0][:1], d[d < 0][-1:]):
+            if first.size:
+                near, rest, gap = _beside_set(event_map, float(first[0]))
+                searches.append((near, rest, gap))
+                at_set = _told(at_set, rest, gap)
+        found.append(at_set)
+    noise = _NOISE * near_set(event_map, max(abs(lo), abs(hi)))[1]
+    for at, places, gap in searches:
+        for a, b in _brackets(at, places, gap):
+            point = _polish(at, a, b, noise)
+            if point is not None and all(
+                abs(point.d - other.d) > 1e-9 * max(abs(point.d), abs(other.d)) for other in found
+            ):
+                found.append(point)
+    return tuple(sorted(found, key=lambda point: point.d))
+
+
+def _beside_set(event_map: ReturnMap, first: float) -> tuple[ReturnMap, Array, Array]:
+    """From the grid's coordinate next to the set down to what rounding leaves, evenly in log d."""
+    near, least = near_set(event_map, first)
+    count = max(2, 1 + int(PER_DECADE * np.log10(max(abs(first) / least, 1.0))))
+    d = np.sort(first * np.geomspace(1.0, min(least / abs(first), 0.5), count))
+    gap = near(d) - d
+    # P(d) = d to so many digits is rounding: the motion came back before it left.
+    left = np.isfinite(gap) & (np.abs(gap) > _SAME * np.abs(d))
+    return near, d[left], gap[left]
+
+
+def _told(at_set: FixedPoint, d: Array, gap: Array) -> FixedPoint:
+    """The equilibrium set, with a note where its slope and the motions next to it contradict each other.
+
+    Between two neighbouring fixed points that are both stable, or both not, there is another one.
+    """
+    if not d.size:
+        return at_set
+    last = int(np.argmin(np.abs(d)))
+    grows = gap[last] * d[last] > 0
+    if at_set.slope <= 0 or not np.isfinite(gap[last]) or grows != at_set.stable:
+        return at_set
+    kind = "unstable" if at_set.stable else "stable"
+    note = f"{kind} cycle between the set and |d| = {abs(d[last]):.1g} is not resolved"
+    hidden = max(at_set.hidden, abs(float(d[last])))
+    return replace(at_set, note="; ".join(filter(None, (at_set.note, note))), hidden=hidden)
+
+
+def _brackets(event_map: ReturnMap, d: Array, gap: Array) -> list[tuple[float, float]]:
+    """Neighbours between which P(d) - d changes sign, with the pairs found at its extrema."""
+    out: list[tuple[float, float]] = []
+    out += [
+        (float(d[i]), float(d[i + 1]) if gap[i] else float(d[i]))
+        for i in range(len(d) - 1)
+        if gap[i] == 0.0 or gap[i] * gap[i + 1] < 0
+    ]
+    sizes = np.abs(gap)
+    for i in range(1, len(d) - 1):
+        same = gap[i - 1] * gap[i] > 0 and gap[i] * gap[i + 1] > 0
+        if same and sizes[i] <= sizes[i - 1] and sizes[i] <= sizes[i + 1]:
+            middle = extremum(event_map, float(d[i - 1]), float(d[i + 1]))
+            if middle is not None and (event_map(middle) - middle) * gap[i] < 0:
+                out += [(float(d[i - 1]), middle), (middle, float(d[i + 1]))]
+    return out
+
+
+def extremum(event_map: ReturnMap, a: float, b: float) -> float | None:
+    """Where the slope of the map is 1 between a and b, None if it is not."""
+    try:
+        left, right = event_map.derivative(a) - 1.0, event_map.derivative(b) - 1.0
+        if not left * right < 0:
+            return None
+        return float(brentq(lambda d: event_map.derivative(d) - 1.0, a, b, xtol=1e-13 * max(abs(a), abs(b))))
+    except (NotDifferentiableError, ValueError):
+        return None
+
+
+def _polish(event_map: ReturnMap, a: float, b: float, noise: float) -> FixedPoint | None:
+    def gap(d: float) -> float:
+        return float(event_map(d)) - d
+
+    scale = max(abs(a), abs(b))
+    before, after = gap(a), gap(b)
+    if not before * after <= 0:
+        return None
+    try:
+        d = a if before == 0.0 else float(brentq(gap, a, b, xtol=1e-15 * scale, rtol=8.9e-16))
+    except ValueError:
+        return None  # the map does not return somewhere inside: NaN
+    left = abs(gap(d))
+    # At a jump the gap stays as it is on both sides, however close they come.
+    if left > 1e-3 * max(abs(before), abs(after)) and left > max(1e-7 * scale, noise):
+        return None
+    orbit = event_map.orbit(d)
+    period = float(sum(turn.t_end for turn in orbit))
+    try:
+        slope, note = event_map.derivative(d), ""
+    except NotDifferentiableError as error:
+        slope, note = float("nan"), f"stability undecided: {error}"
+    return FixedPoint(d, "limit cycle", slope, bool(abs(slope) < 1.0), left, period, note)
+
+
+def equilibrium_set(event_map: ReturnMap, reach: float) -> FixedPoint:
+    """The fixed point at 0, where the motion rests."""
+    slope, note = equilibrium_slope(event_map, reach)
+    return FixedPoint(0.0, "equilibrium set", slope, bool(abs(slope) < 1.0), 0.0, 0.0, note)
+
+
+def jumps(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tuple[Jump, ...]:
+    """Places where the map jumps: intervals where it changes more than its slopes explain, halved down."""
+    d = grid(lo, hi, points)
+    value = event_map(d)
+    out: list[Jump] = []
+    if lo <= 0.0 < hi:
+        _, note = equilibrium_slope(event_map, 1e-3 * hi)
+        if note.startswith("the map jumps"):
+            above = float(event_map(1e-9 * hi))
+            out.append(Jump(0.0, -above if lo < 0 else 0.0, above))
+    rise = np.abs(np.diff(value))
+    usual = 20.0 * np.median(rise / np.diff(d))
+    for i in np.flatnonzero(rise > usual * np.diff(d) + 1e-9):
+        a, b, left, right = float(d[i]), float(d[i + 1]), float(value[i]), float(value[i + 1])
+        for _ in range(60):
+            middle = 0.5 * (a + b)
+            if middle in (a, b):
+                break
+            at = float(event_map(middle))
+            if abs(at - left) < abs(at - right):
+                a, left = middle, at
+            else:
+                b, right = middle, at
+        if abs(right - left) > 1e-6 * (abs(left) + abs(right)) + 1e-9:
+            out.append(Jump(0.5 * (a + b), left, right))
+    return tuple(out)
+
+
+def basins(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tuple[Basin, ...]:
+    """Intervals of [lo, hi] between repelling points, each with the attractor its middle goes to."""
+    known = fixed_points(event_map, lo, hi, points)
+    attractors = [point.d for point in known if point.stable]
+    hidden = max((point.hidden for point in known if point.stable), default=0.0)
+    edges = {-hidden, hidden} if hidden else set()
+    edges |= {point.d for point in known if not point.stable}
+    borders = [lo, *sorted(edge for edge in edges if lo < edge < hi), hi]
+    out = []
+    for a, b in pairwise(borders):
+        d, target = 0.5 * (a + b), None
+        if max(abs(a), abs(b)) <= hidden:
+            out.append(Basin(a, b, None))
+            continue
+        for _ in range(2000):
+            d = float(event_map(d))
+            near = [q for q in attractors if abs(d - q) <= 1e-6 * max(abs(lo), abs(hi))]
+            if near or not np.isfinite(d):
+                target = near[0] if near else None
+                break
+        out.append(Basin(a, b, target))
+    return tuple(out)

@@ -1,0 +1,136 @@
+"""The slope of an event map at the set where it rests, in closed form: the turn of the linearised inclusion.
+
+From an end of a set of rest positions the slip field vanishes, so a turn from a coordinate d next to the set
+obeys y' = A y on its side of the surface, y(0) = d dx0/dd, until c y = 0 again at T: then P(d)/d -> r y(T)/d,
+with c = grad h and r the gradient of the coordinate. Where the slip field grows out of the surface like
+|h|**e with 0 < e < 1, or does not vanish at the end, a motion from arbitrarily near the set leaves by a
+finite distance: the map jumps there. Source: `filippov.analysis.steady.rest_map`; Hensen & van de Molengraft
+2002, section 3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+import sympy
+from scipy.linalg import expm
+
+from filippov.analysis.sensitivity.variation import mode_field
+from filippov.analysis.steady.drift_map import first_zero
+from filippov.analysis.steady.equilibrium import EquilibriumPoint
+from filippov.analysis.steady.linearisation import linearise
+from filippov.base.status import mode_text
+from filippov.model.system import System
+
+if TYPE_CHECKING:
+    from filippov.analysis.maps.scalar_map import ReturnMap
+
+Array = npt.NDArray[np.float64]
+# A constant part below this part of the field's terms is rounding.
+ROUNDING = 1e-11
+# Coordinate, in units of the reach, from which the mode of the slip is read.
+NEAR = 1e-3
+
+
+def linear_slope(turn: ReturnMap, reach: float) -> float | None:
+    """Limit of P(d)/d for d -> 0 on the side of `reach`, for a map of one turn.
+
+    inf or -inf where the map jumps at 0 or slip grows without end; None where no formula gives it: a system
+    of plain functions, a section on several surfaces or of another kind than an entry into sliding, a turn
+    that does not begin with slip from the end of a set, slip that fades away beside the surface.
+    """
+    system, section = turn.system, turn.section
+    if system.symbolic is None or system.time_events or len(turn.bound.surfaces) > 1 or section.after:
+        return None
+    if section.kind != "sliding entry" or any(s.kind != "switching" for s in system.surfaces):
+        return None
+    i, side = turn.bound.surfaces[0], math.copysign(1.0, reach)
+    motion = turn.orbit(NEAR * reach)[0]
+    mode = motion.start_mode
+    if mode[i] == 0 or 0 in mode:
+        return None
+    tiny = side * np.finfo(float).tiny
+    x0 = turn.bound.start(np.array([tiny]), turn.p)[0]
+    signs = np.array([mode], dtype=float)
+    heights = mode_field(system, mode).part("h", np.zeros(1), x0[None], signs, turn.p)[0, :, 0]
+    size = 1.0 + float(np.max(np.abs(x0)))
+    if any((abs(h) <= ROUNDING * size) != (k == i) for k, h in enumerate(heights)):
+        return None
+    normal = _normal(turn, mode, x0)[i]
+    outward, at = mode[i] * normal, (*turn.p, *x0)
+    slip = next((case for case in _cases(system, mode, i) if case.condition(*at)), None)
+    if slip is None:
+        return None
+    if slip.growth is not None and (grows := float(outward @ np.array(slip.growth(*at), dtype=float))):
+        return _jumping(turn, reach) if grows > 0 else None
+    if slip.matrix is None:
+        return None
+    jump = np.array(slip.jump(*at), dtype=float)
+    matrix = np.array(slip.matrix(*at), dtype=float)
+    if np.max(np.abs(jump)) > ROUNDING * size * max(1.0, float(np.max(np.abs(matrix)))):
+        return _jumping(turn, reach) if outward @ jump > 0 else None
+    y = side * turn.bound.start_slope(tiny, turn.p)
+    if abs(normal @ y) > ROUNDING * float(np.max(np.abs(y))):
+        return None
+    time = first_zero(matrix, outward, y)
+    if time == math.inf:
+        return _jumping(turn, reach)
+    if time is None or not time > 0:
+        return None
+    return float(side * turn.bound.slope(x0) @ expm(matrix * time) @ y)
+
+
+def _normal(turn: ReturnMap, mode: tuple[int, ...], x0: Array) -> Array:
+    """Gradients of the surfaces' h: (m, n)."""
+    rows = mode_field(turn.system, mode).part("hy", np.zeros(1), x0[None], np.array([mode], float), turn.p)
+    return np.asarray(rows[0, :, : turn.system.dimension])
+
+
+@dataclass(frozen=True)
+class _Case:
+    """The slip field beside the surface in one case of the exponents, as functions of parameters and states.
+
+    growth  the coefficients of |h|**e where its slope at 0 is infinite
+    """
+
+    condition: Callable[..., Any]
+    jump: Callable[..., Any]
+    matrix: Callable[..., Any] | None
+    growth: Callable[..., Any] | None
+
+
+@lru_cache(maxsize=64)
+def _cases(system: System, mode: tuple[int, ...], i: int) -> tuple[_Case, ...]:
+    """Made once for a system, a mode and the surface it lies beside: the states stay symbols."""
+    form = system.symbolic
+    assert form is not None
+    on = mode_text(tuple(0 if k == i else m for k, m in enumerate(mode)))
+    multiplier = ((system.surfaces[i].name, sympy.Integer(mode[i])),)
+    point = EquilibriumPoint(on, system.states, form.x, multiplier, (), (), "boundary equilibrium")
+
+    def function(rows: Any) -> Callable[..., Any]:
+        made: Callable[..., Any] = sympy.lambdify((*form.p, *form.x), rows, "numpy")
+        return made
+
+    return tuple(
+        _Case(
+            function(sympy.S(slip.condition)),
+            function(list(slip.jump)),
+            None if slip.matrix is None else function(slip.matrix.tolist()),
+            None if slip.singular is None else function(list(slip.singular[1])),
+        )
+        for slip in linearise(system, point, sides=[mode_text(mode)]).slip
+        if slip.jump
+    )
+
+
+def _jumping(turn: ReturnMap, reach: float) -> float | None:
+    """Infinite, with the sign of the map next to 0."""
+    value = float(turn(NEAR * reach))
+    return math.copysign(math.inf, value * reach) if math.isfinite(value) and value else None

@@ -1,0 +1,38 @@
+"""What fixed points and slopes ask of an event map; `filippov.analysis.maps.event_map.EventMap` is one."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.maps.section import BoundSection, Section
+from filippov.model.system import System
+from filippov.solving.solution import Solution
+
+Array = npt.NDArray[np.float64]
+
+
+class ReturnMap(Protocol):
+    """P(d): from coordinate d on a section to that of its next event, or the order-th iterate of this."""
+
+    system: System
+    section: Section
+    bound: BoundSection
+    order: int
+    p: Array
+    rtol: float
+    atol: float
+
+    def __call__(self, d: Any) -> Any:
+        """P(d), a number or an array like d; NaN where the motion does not return."""
+
+    def derivative(self, d: float) -> float:
+        """dP/dd; NaN where the map does not return."""
+
+    def orbit(self, d: float) -> tuple[Solution, ...]:
+        """The motion behind the map, one solution a turn."""
+
+    def remake(self, **changes: Any) -> Self:
+        """The same map with other parameters, order or tolerances."""

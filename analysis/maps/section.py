@@ -1,0 +1,232 @@
+"""A section: where an event map starts from a number and where it reads the next one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import sympy
+
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.names import unknown
+from filippov.model.expression import parse_expression
+from filippov.model.system import System
+from filippov.solving.state.events import STOP_KINDS, Stop, turned
+
+Array = npt.NDArray[np.float64]
+# A Dummy: a parameter of the system may be called d as well.
+D = sympy.Dummy("d", real=True)
+
+
+@dataclass(frozen=True)
+class Section:
+    """The events of one kind on a surface (or several), with a number as coordinate on them.
+
+    surface, kind  the event that ends a turn of the map (as in `Stop`); several surfaces with commas between.
+                   A surface is named, or given by the formula of its h, written either way round
+    coordinate     what is read there: the name of a state, or a formula in states (sympy or text)
+    lift           where a turn starts for a coordinate d: an expression a state (sympy or text) in `d` and
+                   the parameters, or a function (d, p) -> x0 with p by name
+    t_max          longest time of a turn; a motion that takes longer does not return
+    after          mode after the event, such as "0" or "+0" with * for any sign, one a surface of the system:
+                   other events do not end a turn; "": any. For systems that do not depend on time
+
+    Raises UsageError, ModelError.
+    """
+
+    surface: str
+    kind: str
+    coordinate: str
+    lift: Mapping[str, Any] | Callable[..., Any] = field(hash=False)
+    t_max: float = 100.0
+    after: str = ""
+
+    def __post_init__(self) -> None:
+        if self.kind not in STOP_KINDS:
+            raise UsageError(unknown("kind of event", self.kind, STOP_KINDS))
+        if not self.t_max > 0:
+            raise UsageError(f"Section: t_max is {self.t_max}, expected a number > 0.")
+        if set(self.after) - set("+0-*"):
+            raise UsageError(f"Section: after is {self.after!r}, expected signs +, 0, - or * for any.")
+
+    @classmethod
+    def from_model(cls, model: Any) -> Section:
+        """The section a registered model proposes; its `section` is plain data."""
+        data = getattr(model, "section", None)
+        if data is None:
+            raise UsageError(
+                f"model {model.name!r} proposes no section; give Section(surface, kind, coordinate, lift)."
+            )
+        return cls(data.surface, data.kind, data.coordinate, data.lift, data.t_max, data.after)
+
+    @property
+    def surfaces(self) -> tuple[str, ...]:
+        """Names of the surfaces."""
+        return tuple(name.strip() for name in self.surface.split(","))
+
+    @property
+    def stops(self) -> tuple[Stop, ...]:
+        """The events of which one ends a turn, one a surface."""
+        return tuple(Stop(name, self.kind) for name in self.surfaces)
+
+    @property
+    def stop(self) -> Stop | tuple[Stop, ...]:
+        """The event, or events, of which one ends a turn."""
+        return self.stops[0] if len(self.stops) == 1 else self.stops
+
+    def bind(self, system: System) -> BoundSection:
+        """The section on a system: names checked, the lift compiled to numpy with its derivative."""
+        names = system.surface_names
+        try:
+            places = [system.surface_place(name) for name in self.surfaces]
+        except ModelError as error:
+            raise UsageError(str(error)) from None
+        if self.after and len(self.after) != len(names):
+            raise UsageError(
+                f"Section: after is {self.after!r}, expected {len(names)} signs, for {', '.join(names)}."
+            )
+        kinds = {self.kind if sense > 0 else turned(self.kind) for _, sense in places}
+        if len(kinds) > 1:
+            raise UsageError(
+                f"Section: {self.surface!r} with kind {self.kind!r} means {' and '.join(sorted(kinds))} on "
+                f"{', '.join(names)}; expected one kind. Write every surface by its name."
+            )
+        surface = ", ".join(names[place] for place, _ in places)
+        return BoundSection(replace(self, surface=surface, kind=kinds.pop()), system)
+
+
+class BoundSection:
+    """A section on one system."""
+
+    def __init__(self, section: Section, system: System) -> None:
+        self.section, self.system = section, system
+        self.surfaces = [system.surface_index(name) for name in section.surfaces]
+        self._read = None if section.coordinate in system.states else self._formula(section.coordinate)
+        self._functions: tuple[Callable[..., Any], Callable[..., Any]] | None = None
+        if not callable(section.lift):
+            self._functions = self._compile(section.lift)
+
+    @property
+    def index(self) -> int:
+        """Place of the state that is the coordinate. Raises UsageError where it is a formula."""
+        if self._read is not None:
+            raise UsageError(
+                f"the section's coordinate is the formula {self.section.coordinate!r}; expected one state, "
+                f"of {', '.join(self.system.states)}."
+            )
+        return self.system.state_index(self.section.coordinate)
+
+    @property
+    def surface(self) -> int:
+        """Place of the one surface. Raises UsageError where a mode is asked for or there are several."""
+        if len(self.surfaces) > 1 or self.section.after:
+            raise UsageError(
+                "the section has several surfaces or asks for a mode after the event; expected one surface "
+                "and any mode."
+            )
+        return self.surfaces[0]
+
+    def wanted(self, mode: Sequence[int]) -> bool:
+        """Whether the mode after an event is one that ends a turn."""
+        signs = {"+": 1, "0": 0, "-": -1}
+        return all(a == "*" or signs[a] == m for a, m in zip(self.section.after, mode, strict=False))
+
+    def read(self, x: Array) -> Array:
+        """The coordinate of states (k, n): (k,)."""
+        if self._read is None:
+            return np.array(x[:, self.index])
+        return np.array(np.broadcast_to(self._read[0](*x.T), len(x)), dtype=float)
+
+    def slope(self, x: Array) -> Array:
+        """Derivative of the coordinate by the states at x (n,): (n,)."""
+        if self._read is None:
+            return np.asarray(np.eye(len(x))[self.index])
+        return np.array([float(v) for v in self._read[1](*x)])
+
+    def _formula(self, text: Any) -> tuple[Callable[..., Any], Callable[..., Any]]:
+        names = {name: sympy.Symbol(name, real=True) for name in self.system.states}
+        try:
+            formula = parse_expression(text, names) if isinstance(text, str) else sympy.S(text)
+        except ModelError as error:
+            raise UsageError(
+                f"the section's coordinate is {text!r}, expected a state or a formula in states: {error}"
+            ) from None
+        symbols = list(names.values())
+        slopes = [formula.diff(q) for q in symbols]
+        return sympy.lambdify(symbols, formula, "numpy"), sympy.lambdify(symbols, slopes, "numpy")
+
+    def _compile(self, lift: Mapping[str, Any]) -> tuple[Callable[..., Any], Callable[..., Any]]:
+        symbols: dict[str, sympy.Symbol] = {
+            name: sympy.Symbol(name, real=True) for name in self.system.parameters
+        }
+        missing = [name for name in self.system.states if name not in lift]
+        if missing:
+            raise UsageError(
+                f"the lift has no expression for state {', '.join(missing)}; give one for every state."
+            )
+        for name in lift:
+            if name not in self.system.states:
+                raise UsageError(unknown("state", name, self.system.states))
+        names: dict[str, Any] = {**symbols, "d": D}
+        rows = []
+        for state in self.system.states:
+            value = lift[state]
+            expression = parse_expression(value, names) if isinstance(value, str) else sympy.S(value)
+            expression = expression.xreplace(
+                {s: names[s.name] for s in expression.free_symbols if s.name in names}
+            )
+            extra = expression.free_symbols - set(names.values())
+            if extra:
+                raise ModelError(
+                    f"the lift of {state!r} holds {sorted(map(str, extra))}, expected d and parameters of "
+                    "the system."
+                )
+            rows.append(expression)
+        arguments = [D, *symbols.values()]
+        # sign(d) is constant where the derivative is taken.
+        slopes = [row.diff(D).subs(sympy.DiracDelta(D), 0) for row in rows]
+        return sympy.lambdify(arguments, rows, "numpy"), sympy.lambdify(arguments, slopes, "numpy")
+
+    def start(self, d: Array, p: Array) -> Array:
+        """Initial states for coordinates d (k,) and parameter rows p (k, P) or (P,): (k, n)."""
+        values = np.atleast_1d(np.asarray(d, dtype=float))
+        if self._functions is not None:
+            return self._stack(self._functions[0], values, p)
+        rows = np.broadcast_to(p, (values.size, p.shape[-1]))
+        lift: Any = self.section.lift
+        out = [
+            lift(float(v), self.system.parameters.record(row)) for v, row in zip(values, rows, strict=True)
+        ]
+        return np.array(out, dtype=float).reshape(values.size, self.system.dimension)
+
+    def start_slope(self, d: float, p: Array) -> Array:
+        """Derivative of the initial state by d: (n,). A lift given as a function is differenced."""
+        if self._functions is not None:
+            return np.asarray(self._stack(self._functions[1], np.array([d]), p)[0])
+        reach = 1e-6 * max(abs(d), 1e-3)
+        pair = self.start(np.array([d + reach, d - reach]), p)
+        return np.asarray((pair[0] - pair[1]) / (2 * reach))
+
+    def start_change(self, d: float, p: Array, names: tuple[str, ...]) -> Array:
+        """Derivative of (initial state, parameters, t) by d and the named parameters: (N, 1 + names)."""
+        n = self.system.dimension
+        out = np.zeros((n + len(names) + 1, 1 + len(names)))
+        out[:n, 0] = self.start_slope(d, p)
+        for k, name in enumerate(names):
+            i = self.system.parameters.index(name)
+            reach = 1e-4 * max(abs(float(p[i])), 1e-3)
+            rows = np.tile(p, (4, 1))
+            rows[:, i] += reach * np.array([-2.0, -1.0, 1.0, 2.0])
+            moved = self.start(np.full(4, d), rows)
+            out[:n, 1 + k] = np.array([1.0, -8.0, 8.0, -1.0]) @ moved / (12.0 * reach)
+            out[n + k, 1 + k] = 1.0
+        return out
+
+    def _stack(self, function: Callable[..., Any], d: Array, p: Array) -> Array:
+        out = np.empty((d.size, self.system.dimension))
+        for place, column in enumerate(function(d, *p.T)):
+            out[:, place] = column
+        return out

@@ -1,0 +1,135 @@
+"""The slope of an event map at the equilibrium set: in closed form, or from ratios P(d)/d at ever smaller d.
+
+`filippov.analysis.maps.linear_turn` has the closed form. Elsewhere, where the slip field is smooth beside the
+set, P(d)/d = kappa + c d + ...: Richardson's extrapolation by halving. A friction curve |v|**beta makes it a
+series in u = d**(beta - 1), which may fall slowly: there log P(d)/d is fitted by polynomials in d**gamma over
+windows of d, gamma free, and three degrees tell the error.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize_scalar
+
+from filippov.analysis.maps.linear_turn import linear_slope
+
+if TYPE_CHECKING:
+    from filippov.analysis.maps.scalar_map import ReturnMap
+
+Array = npt.NDArray[np.float64]
+TIGHT = 1e-12
+LEVELS = 24
+EPS = float(np.finfo(float).eps)
+# Below this many roundings of the starting state a coordinate is not resolved.
+ROUNDINGS = 1e5
+EXPONENTS = np.linspace(0.04, 2.2, 55)
+DEGREES = (2, 3, 4, 5)
+
+
+def near_set(event_map: ReturnMap, reach: float) -> tuple[ReturnMap, float]:
+    """The map at tolerances for small coordinates, and the smallest coordinate that rounding leaves.
+
+    The absolute tolerance is what rounding leaves of the starting states.
+    """
+    size = float(np.max(np.abs(event_map.bound.start(np.array([reach]), event_map.p))))
+    return event_map.remake(rtol=TIGHT * 0.1, atol=2.0 * EPS * size), ROUNDINGS * EPS * size
+
+
+def equilibrium_slope(event_map: ReturnMap, reach: float, side: float = 1.0) -> tuple[float, str]:
+    """Limit of P(d)/d for d -> 0 on one side, and a note: infinite where the map jumps at 0.
+
+    It is the product of the limits over the turns of the map, each on the side to which the turn before it
+    leads.
+    """
+    slope, notes = 1.0, []
+    for _ in range(event_map.order):
+        one, note = _one_turn_slope(event_map.remake(order=1), side * reach)
+        slope *= one
+        side = side if one > 0 else -side
+        notes.append(note)
+        if not np.isfinite(one):
+            return float(np.inf), note
+    return slope, next((note for note in notes if note), "")
+
+
+def _one_turn_slope(event_map: ReturnMap, reach: float) -> tuple[float, str]:
+    """Limit of P(d)/d in closed form; else from ratios at reach, reach/2, ..., extrapolated until rounding
+    takes over."""
+    fine, least = near_set(event_map, reach)
+    exact = linear_slope(event_map, reach)
+    if exact is not None:
+        return exact, "" if np.isfinite(exact) else _leaving(fine, float(np.copysign(least, reach)))
+    d = reach * 0.5 ** np.arange(LEVELS)
+    ratios = fine(d) / d
+    good = int(np.argmin(np.isfinite(ratios))) if not np.all(np.isfinite(ratios)) else LEVELS
+    d, ratios = d[:good], ratios[:good]
+    if good < 6:
+        return float("nan"), "the map does not return near the equilibrium set"
+    growth = np.abs(ratios[1:] / ratios[:-1])
+    if abs(ratios[-1]) > 10.0 and np.all(growth[-5:] > 1.05) and growth[-1] > growth[-3] - 1e-3:
+        sign = float(np.sign(ratios[-1]))
+        if np.all(growth[-3:] > 1.9):
+            return (
+                sign * np.inf,
+                f"the map jumps at the equilibrium set: P(0+) = {float(ratios[-1] * abs(d[-1])):.9g}",
+            )
+        return sign * np.inf, "the slope of the map grows without bound at the equilibrium set"
+    table: list[Array] = [ratios]
+    for j in range(1, min(6, good - 2)):
+        previous = table[-1]
+        table.append(previous[1:] + (previous[1:] - previous[:-1]) / (2.0**j - 1.0))
+    best, error = float(ratios[-1]), np.inf
+    for column in table[1:]:
+        changes = np.abs(np.diff(column))
+        if np.min(changes) < error:
+            place = int(np.argmin(changes))
+            best, error = float(column[place + 1]), float(changes[place])
+    if error > 1e-6 * max(1.0, abs(best)):
+        best, error = min((best, error), _fitted(fine, reach, least), key=lambda pair: pair[1])
+    told = error < 1e-6 * max(1.0, abs(best))
+    return best, "" if told else f"slope at the equilibrium set known to {error:.1g} only"
+
+
+def _leaving(fine: ReturnMap, least: float) -> str:
+    """What is seen of a jump of the map at the set, from the smallest coordinates."""
+    near, far = fine(np.array([30.0 * least, 60.0 * least]))
+    if abs(far / near - 1.0) < 0.01:
+        return f"the map jumps at the equilibrium set: P(0+) = {near:.6g}"
+    return "the slope of the map grows without bound at the equilibrium set"
+
+
+def _fitted(fine: ReturnMap, reach: float, least: float) -> tuple[float, float]:
+    """Limit of P(d)/d for d -> 0 and its error, from fits in d**gamma over windows above `least`."""
+    d = reach * np.geomspace(1.0, min(least / abs(reach), 0.5), 56)
+    ratios = fine(d) / d
+    best = (float("nan"), float("inf"))
+    if not np.all(np.isfinite(ratios)) or np.any(ratios * ratios[0] <= 0):
+        return best
+    scale, y = np.log(d / d[0]), np.log(np.abs(ratios))
+    for first, last in ((0, 28), (10, 38), (18, 46), (26, 54)):
+        limits = [_fit(scale[first:last], y[first:last], degree) for degree in DEGREES]
+        # Two degrees may agree by chance, three do not.
+        for three in zip(limits, limits[1:], limits[2:], strict=False):
+            known = [limit for limit in three if limit is not None]
+            if len(known) == 3 and max(known) - min(known) < best[1]:
+                best = (known[-1], max(known) - min(known))
+    return float(np.sign(ratios[0])) * best[0], best[1]
+
+
+def _fit(scale: Array, y: Array, degree: int) -> float | None:
+    """exp of the constant of the best polynomial in exp(gamma scale); None at the ends of gamma."""
+
+    def left(gamma: float) -> tuple[float, float]:
+        rows = np.vander(np.exp(gamma * scale), degree + 1, increasing=True)
+        c, *_ = np.linalg.lstsq(rows, y, rcond=None)
+        return float(np.sum((rows @ c - y) ** 2)), float(c[0])
+
+    k = int(np.argmin([left(gamma)[0] for gamma in EXPONENTS]))
+    if k in (0, len(EXPONENTS) - 1):
+        return None
+    between = (float(EXPONENTS[k - 1]), float(EXPONENTS[k + 1]))
+    found = minimize_scalar(lambda gamma: left(gamma)[0], bounds=between, method="bounded")
+    return float(np.exp(left(float(found.x))[1]))

@@ -1,0 +1,97 @@
+"""One turn of an event map for many motions: from their starts to the next event of the section."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.maps.section import BoundSection
+from filippov.analysis.steady.forcing import depends_on_time
+from filippov.base.errors import UsageError
+from filippov.base.status import Status
+from filippov.solving.ensemble import solve_many
+from filippov.solving.solution import Solution
+from filippov.solving.solver import solve
+
+Array = npt.NDArray[np.float64]
+# A turn takes tens of steps; one that takes this many does not return.
+MOST_STEPS = 200_000
+# Events of the section's kind that may pass before one leads into the mode that is wanted.
+MOST_EVENTS = 200
+
+
+def turns(
+    bound: BoundSection, x0: Array, parameters: Mapping[str, Any], **options: Any
+) -> tuple[Array, list[Status], npt.NDArray[np.bool_]]:
+    """State (k, n) at the section's next event of each motion, how it ended, whether it rests on the section.
+
+    parameters: numbers or rows (k,) by name. STOPPED: the event was met; SUCCESS: not within t_max.
+    """
+    section, system = bound.section, bound.system
+    run = {"stop": section.stop, "max_steps": MOST_STEPS, **options}
+    if not section.after:
+        ends = solve_many(system, x0, (0.0, section.t_max), parameters=parameters, **run)
+        return ends.x, list(ends.status), np.any(ends.mode[:, bound.surfaces] == 0, axis=1)
+    _autonomous(bound)
+    x, status = x0.copy(), [Status.SUCCESS] * len(x0)
+    resting = np.zeros(len(x0), dtype=bool)
+    spent = np.zeros(len(x0))
+    # A start that is none (NaN) goes nowhere.
+    open_rows = np.flatnonzero(np.all(np.isfinite(x0), axis=1))
+    for _ in range(MOST_EVENTS):
+        if not open_rows.size:
+            break
+        rows = {name: v[open_rows] if np.ndim(v) else v for name, v in parameters.items()}
+        ends = solve_many(system, x[open_rows], (0.0, section.t_max), parameters=rows, **run)
+        x[open_rows] = ends.x
+        spent[open_rows] += ends.t
+        goes_on = np.zeros(open_rows.size, dtype=bool)
+        for place, (k, ended) in enumerate(zip(open_rows.tolist(), ends.status, strict=True)):
+            resting[k] = bool(np.any(ends.mode[place, bound.surfaces] == 0))
+            met = ended is Status.STOPPED and bound.wanted(ends.mode[place])
+            goes_on[place] = ended is Status.STOPPED and not met and spent[k] < section.t_max
+            status[k] = Status.SUCCESS if ended is Status.STOPPED and not met else ended
+        open_rows = open_rows[goes_on]
+    return x, status, resting
+
+
+def motion(bound: BoundSection, x0: Array, parameters: Mapping[str, float], **options: Any) -> Solution:
+    """The motion of one turn; its last event is the section's where its status is STOPPED."""
+    section, system = bound.section, bound.system
+    run: dict[str, Any] = {"parameters": parameters, "max_steps": MOST_STEPS, **options}
+
+    def whole(**end: Any) -> Solution:
+        found: Solution = solve(system, x0, (0.0, section.t_max), **{**run, **end})
+        return found
+
+    if not section.after:
+        return whole(stop=section.stop)
+    _autonomous(bound)
+    counts = dict.fromkeys(section.surfaces, 0)
+    x, left = x0, section.t_max
+    for _ in range(MOST_EVENTS):
+        part: Solution = solve(system, x, (0.0, left), stop=section.stop, **run)
+        x, left = part.x_end, left - part.t_end
+        if part.status is not Status.STOPPED:
+            break
+        for event in part.events:
+            if event.surface in counts and section.kind.startswith(str(event.kind)):
+                counts[event.surface] += 1
+        if bound.wanted(part.end_mode):
+            last = part.events[-1].surface
+            stop = section.stops[section.surfaces.index(last)].counted(counts[last])
+            return whole(stop=stop)
+        if left <= 0:
+            break
+    return whole()
+
+
+def _autonomous(bound: BoundSection) -> None:
+    if depends_on_time(bound.system):
+        raise UsageError(
+            f"the section asks for mode {bound.section.after!r} after its event; that is for systems that do "
+            "not depend on time."
+        )

@@ -1,0 +1,341 @@
+"""Homoclinic orbits of saddles and pseudo-saddles, with the parameter value at which there is one.
+
+The orbit leaves the saddle xe along its unstable direction w and comes back on its stable manifold. With the
+parameter q and the duration T unknown,
+
+    x(0) = xe + e0 w,   l (x(T) - xe) = 0,   d (x(T) - xe) = e1,
+
+where l is the left eigenvector of the unstable eigenvalue (projection boundary conditions) and d the
+direction from which it comes, solved by collocation over the arcs of the orbit. Where nothing comes in for
+ever, as at a pseudo-saddle of a planar system, the orbit lands on it in finite time: x(T) = xe. Source: Beyn
+1990, IMA J. Numer. Anal. 10, 379; for pseudo-saddles Kuznetsov, Rinaldi & Gragnani 2003, Int. J. Bifurcation
+Chaos 13, 2157.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import scipy.linalg
+
+from filippov.analysis.orbits.arcs import Arc, arcs_of
+from filippov.analysis.orbits.collocation import Boundary, BoundaryProblem, Mesh, solved
+from filippov.analysis.orbits.homoclinic_saddle import HomoclinicSaddle, find_saddle
+from filippov.analysis.orbits.orbit_collocation import Collocated, check_admissible
+from filippov.analysis.orbits.shooting import (
+    NoConvergenceError,
+    ReturnError,
+    Shooting,
+    onto_surfaces,
+    resolved,
+)
+from filippov.analysis.steady.forcing import is_forced
+from filippov.base.errors import SolveError, UsageError
+from filippov.base.names import unknown
+from filippov.base.status import Status, mode_text
+from filippov.graphs.word import word_of
+from filippov.model.system import System
+from filippov.solving.solution import Solution
+from filippov.solving.solver import solve
+from filippov.solving.state.options import check_state
+
+Array = npt.NDArray[np.float64]
+# Distance from the saddle at which the orbit is cut, in units of its size; the factor from one distance to
+# the next, far from the saddle and near to it, where its linear part says enough; points of the way there.
+_CUT, _NEARER, _SMALL, _TAIL = 1e-4, (0.4, 0.1), 0.03, 16
+# What the exact motions between points of the orbit may miss, in units of its size.
+_MISSED, _POINTS = 1e-7, 48
+
+
+@dataclass(frozen=True, eq=False)
+class Homoclinic:
+    """A homoclinic orbit.
+
+    system, parameters   with the value of `free` at which the orbit exists
+    free, value          that parameter
+    saddle               see `filippov.analysis.orbits.homoclinic_saddle`
+    period               time between the cuts near the saddle: the orbit itself takes for ever, or comes from
+                         for ever
+    pieces               motions along it, one after the other
+    residual             largest gap between these motions, in units of the orbit's size
+    """
+
+    system: System
+    parameters: Mapping[str, float]
+    free: str
+    value: float
+    saddle: HomoclinicSaddle
+    period: float
+    modes: tuple[str, ...]
+    word: str
+    residual: float
+    pieces: tuple[Solution, ...] = field(repr=False, default=())
+
+    def plot(self, **options: Any) -> Any:
+        """Phase portrait beside time series (see `filippov.plot.orbits.plot_orbit`)."""
+        from filippov.plot.orbits import plot_orbit
+
+        place = ", ".join(f"{round(v, 9):.5g}" for v in self.saddle.x.tolist())
+        title = f"homoclinic orbit of the saddle ({place}) in mode {mode_text(self.saddle.mode)}\n"
+        return plot_orbit(self, **{"title": f"{title}{self.free} = {self.value:.10g}", **options})
+
+    def __repr__(self) -> str:
+        mode = mode_text(self.saddle.mode)
+        return f"Homoclinic({self.free} = {self.value:.12g}, saddle in mode {mode}, {self.word!r})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data: numbers, text, lists and dicts; complex numbers as [re, im]."""
+        return {
+            "parameters": dict(self.parameters), "free": self.free, "value": self.value,
+            "saddle": self.saddle.x.tolist(), "mode": mode_text(self.saddle.mode),
+            "eigenvalues": [[v.real, v.imag] for v in self.saddle.eigenvalues.tolist()],
+            "duration": self.period, "word": self.word, "modes": list(self.modes), "residual": self.residual,
+        }  # fmt: skip
+
+
+def find_homoclinic(
+    system: System,
+    near: Any,
+    *,
+    free: str,
+    parameters: Mapping[str, float] | None = None,
+    mode: str | Sequence[int] | None = None,
+    side: int = 0,
+    t_max: float = 200.0,
+    rtol: float = 1e-11,
+    atol: float = 1e-13,
+    jacobian: Any = None,
+) -> Homoclinic:
+    """The homoclinic orbit of the saddle near a state, and the value of a parameter at which it exists.
+
+    near        a state near the saddle, in order or by name
+    free        the parameter that is solved for; its value in `parameters` (or its default) is the guess
+    mode        of the saddle, "+0" or signs; default: that of the state; 0 for the surfaces that a
+                pseudo-saddle slides on
+    side        +1 or -1: along which way of the unstable direction the orbit leaves, its largest entry
+                taken positive; 0: the one that comes back nearer
+    t_max       longest time in which the motion is to come back near to the saddle
+
+    Raises ReturnError where the motion does not come back, NoConvergenceError, WordError (not admissible),
+    UsageError. Autonomous systems; saddles with one unstable direction.
+    """
+    if free not in system.parameters:
+        raise UsageError(unknown("parameter", free, system.parameters.names))
+    if side not in (-1, 0, 1):
+        raise UsageError(f"side is {side!r}, expected -1, 0 or 1.")
+    if is_forced(system):
+        raise UsageError("the system depends on time; homoclinic orbits are those of autonomous systems.")
+    p, state = resolved(system, parameters), check_state(near, system)
+    search = _Search(system, p, free, rtol, atol, jacobian)
+    if mode is None:
+        signs = search.motion(p, state, 1e-9).start_mode
+    else:
+        known, count = {"-": -1, "0": 0, "+": 1, "-1": -1, "1": 1}, len(system.surfaces)
+        given = [str(q) for q in mode if q != "."]
+        signs = tuple(known.get(q, 2) for q in given)
+        if len(signs) != count or 2 in signs:
+            raise UsageError(f"mode is {mode!r}, expected one of +, 0, - for each of {count} surfaces.")
+    search.saddle = find_saddle(system, signs, state, p, jacobian)
+    errors = []
+    for motion in search.returns(side, t_max):
+        try:
+            return search.solve(motion)
+        except (SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
+            errors.append(error)
+    raise errors[0]
+
+
+class _Search:
+    """One search, with what it shares."""
+
+    saddle: HomoclinicSaddle
+    leaving: Array
+
+    def __init__(
+        self, system: System, p: Array, free: str, rtol: float, atol: float, jacobian: Any
+    ) -> None:  # fmt: skip
+        self.system, self.p, self.free, self.jacobian = system, p, free, jacobian
+        self.place = system.parameters.index(free)
+        self.rtol, self.atol, self.size, self.way = rtol, atol, 1.0, 1.0
+
+    def motion(self, p: Array, x: Array, length: float) -> Solution:
+        """A motion of so much time."""
+        values = dict(zip(self.system.parameters.names, p.tolist(), strict=True))
+        return solve(
+            self.system, x, (0.0, length), parameters=values, rtol=self.rtol, atol=self.atol,
+            zeno="continue", nonunique="stick",
+        )  # fmt: skip
+
+    def returns(self, side: int, t_max: float) -> list[tuple[float, list[Arc]]]:
+        """(way, arcs from the saddle to where the motion is nearest to it again), the best first."""
+        saddle, found = self.saddle, []
+        self.leaving = saddle.unstable
+        for way in (1.0, -1.0) if side == 0 else (float(side),):
+            on = tuple(i for i, sign in enumerate(saddle.mode) if sign == 0)
+            size = float(np.max(np.abs(saddle.x))) + 1.0
+            out = saddle.x + way * _CUT * size * saddle.unstable
+            start = onto_surfaces(self.system, out, 0.0, self.p, on)
+            motion = self.motion(self.p, start, t_max)
+            arcs = arcs_of([motion])
+            best = self._nearest(arcs)
+            if best is not None:
+                found.append((best[0], way, best[1]))
+        if not found:
+            raise ReturnError(
+                f"the motion from the saddle {saddle.x.tolist()} does not come back near to it within "
+                f"t_max = {t_max:g}. Give parameters nearer to those of a homoclinic orbit.", None, t_max,
+            )  # fmt: skip
+        return [(way, arcs) for _, way, arcs in sorted(found, key=lambda item: item[0])]
+
+    def _nearest(self, arcs: list[Arc]) -> tuple[float, list[Arc]] | None:
+        """The share of the way out at which the motion is nearest to the saddle after its first turn."""
+        x = np.vstack([arc.x for arc in arcs])
+        t = np.concatenate([arc.t for arc in arcs])
+        away = np.linalg.norm(x - self.saddle.x, axis=1)
+        if self.saddle.stable == 0:
+            # It lands on the saddle: at the end of an arc off the surface.
+            ends = [k for k, arc in enumerate(arcs) if 0 not in arc.mode and arc.ending is not None]
+            gaps = [(float(np.linalg.norm(arcs[k].x[-1] - self.saddle.x)), k) for k in ends]
+            if not gaps:
+                return None
+            gap, k = min(gaps)
+            last = Arc(arcs[k].mode, arcs[k].t, arcs[k].x)
+            return gap / float(np.max(away)), [*arcs[:k], last]
+        falling = np.flatnonzero(np.diff(away) < 0)
+        if not falling.size:
+            return None
+        rises = np.flatnonzero((np.diff(away) > 0) & (np.arange(len(away) - 1) > falling[0]))
+        # The first time that it goes away again, having come near.
+        lows = [k for k in rises if away[k] <= away[k - 1] and away[k] < 0.5 * np.max(away[: k + 1])]
+        k = int(lows[0]) if lows else len(away) - 1
+        out = []
+        for arc in arcs:
+            if arc.t[-1] < t[k]:
+                out.append(arc)
+                continue
+            keep = arc.t <= t[k]
+            out.append(Arc(arc.mode, arc.t[keep], arc.x[keep]))
+            break
+        if len(out[-1].t) < 2:
+            out.pop()
+            out[-1] = Arc(out[-1].mode, out[-1].t, out[-1].x)
+        return float(away[k] / np.max(away)), out
+
+    def solve(self, guess: tuple[float, list[Arc]]) -> Homoclinic:
+        """The orbit from a guess, cut nearer and nearer to the saddle."""
+        self.way, arcs = guess
+        saddle = self.saddle
+        self.size = float(np.max(np.ptp(np.vstack([arc.x for arc in arcs]), axis=0)))
+        start = float(np.linalg.norm(arcs[0].x[0] - saddle.x))
+        end = float(np.linalg.norm(arcs[-1].x[-1] - saddle.x))
+        total = float(arcs[-1].t[-1] - arcs[0].t[0])
+        counts = [int(np.clip(80 * (arc.t[-1] - arc.t[0]) / total, 8, 80)) for arc in arcs]
+        mesh = Mesh.from_arcs(arcs, counts, [float(self.p[self.place])])
+        while True:
+            towards = mesh.states[-1][-1] - saddle.x
+            problem = self._problem(arcs, start, end, towards)
+            mesh, steps = solved(problem, mesh)
+            if saddle.stable == 0 or end <= 1.0001 * _CUT * self.size:
+                break
+            self.saddle = saddle = find_saddle(
+                self.system, saddle.mode, saddle.x, problem.p(mesh.free), self.jacobian
+            )
+            factor = _NEARER[end < _SMALL * self.size]
+            following = max(factor * end, _CUT * self.size)
+            mesh, end = self._longer(mesh, following / end), following
+        p = problem.p(mesh.free)
+        found = Collocated(Shooting(self.system, saddle.x, saddle.x), p, problem, mesh, tuple(steps))
+        check_admissible(found)
+        return self._confirmed(found, float(mesh.free[0]))
+
+    def _problem(self, arcs: list[Arc], start: float, end: float, towards: Array) -> BoundaryProblem:
+        system, n = self.system, self.system.dimension
+        lands = self.saddle.stable == 0
+        leaving = self.leaving
+        towards = towards - self.saddle.unstable * (self.saddle.left @ towards)
+        towards = towards / float(np.linalg.norm(towards) or 1.0)
+
+        def conditions(x0: Array, x1: Array, p: Array) -> Array:
+            saddle = find_saddle(system, self.saddle.mode, self.saddle.x, p, self.jacobian)
+            # Between entries of one size the largest may change its place.
+            out = self.way * saddle.unstable * np.sign(saddle.unstable @ leaving)
+            off = x1 - saddle.x
+            rows = [saddle.left @ off, towards @ off / end - 1.0]
+            if lands:
+                rows = [saddle.left @ off, *(saddle.normals @ off)]
+            return np.append(x0 - saddle.x - start * out, rows)
+
+        def boundary(x0: Array, x1: Array, t: float, p: Array) -> Boundary:
+            saddle = find_saddle(system, self.saddle.mode, self.saddle.x, p, self.jacobian)
+            second = saddle.normals if lands else towards[None, :] / end
+            reach = 1e-6 * max(abs(float(p[self.place])), 1e-2)
+            moved = []
+            for by in (reach, -reach):
+                q = p.copy()
+                q[self.place] += by
+                moved.append(conditions(x0, x1, q))
+            return Boundary(
+                conditions(x0, x1, p), np.vstack([np.eye(n), np.zeros((2, n))]),
+                np.vstack([np.zeros((n, n)), saddle.left, second]), np.zeros(n + 2),
+                ((moved[0] - moved[1]) / (2 * reach))[:, None],
+            )  # fmt: skip
+
+        states = np.vstack([arc.x for arc in arcs])
+        size = np.maximum(np.ptp(states, axis=0), 1e-6 * self.size)
+        return BoundaryProblem(
+            system, [arc.mode for arc in arcs], [arc.ending for arc in arcs if arc.ending is not None],
+            self.p, boundary, size, names=(self.free,), jacobian=self.jacobian, origin=self.saddle.x,
+        )  # fmt: skip
+
+    def _longer(self, mesh: Mesh, part: float) -> Mesh:
+        """A solution, gone on along the stable manifold until the distance has this part."""
+        saddle, grid, x = self.saddle, mesh.grids[-1], mesh.states[-1]
+        begin, end = mesh.times[-2:].tolist()
+        slowest = -float(np.max(saddle.eigenvalues[1:].real))
+        times = np.log(1.0 / part) / slowest * np.arange(1, _TAIL + 1) / _TAIL
+        off = x[-1] - saddle.x
+        off = off - saddle.unstable * (saddle.left @ off)
+        tail = np.array([saddle.x + scipy.linalg.expm(saddle.matrix * t) @ off for t in times])
+        all_times = np.append(begin + grid * (end - begin), end + times)
+        longer = (all_times - begin) / (all_times[-1] - begin)
+        longer[-1] = 1.0
+        return Mesh(
+            (*mesh.grids[:-1], longer), (*mesh.states[:-1], np.vstack([x, tail])),
+            np.append(mesh.times[:-1], all_times[-1]), mesh.free,
+        )  # fmt: skip
+
+    def _confirmed(self, found: Collocated, value: float) -> Homoclinic:
+        """The record, with exact motions between points of the orbit. Raises NoConvergenceError."""
+        begin, end = float(found.mesh.times[0]), float(found.mesh.times[-1])
+        times = np.linspace(begin, end, _POINTS + 1).tolist()
+        p, pieces, gap = found.p, [], 0.0
+        values = dict(zip(self.system.parameters.names, p.tolist(), strict=True))
+        for t0, t1 in pairwise(times):
+            x, mode = found.at(t0)
+            on = tuple(i for i, sign in enumerate(mode) if sign == 0)
+            piece = solve(
+                self.system, onto_surfaces(self.system, x, t0, p, on), (t0, t1), parameters=values,
+                rtol=self.rtol, atol=self.atol, zeno="continue", nonunique="stick",
+            )  # fmt: skip
+            if piece.status is not Status.SUCCESS:
+                raise SolveError(f"the motion along the orbit ended early: {piece.message}", piece)
+            gap = max(gap, float(np.max(np.abs(piece.x_end - found.at(t1)[0]))) / self.size)
+            pieces.append(piece)
+        if gap > _MISSED:
+            raise NoConvergenceError(
+                f"collocation found an orbit that the exact motions miss by {gap:.3g} of its size.", gap
+            )
+        saddle = find_saddle(self.system, self.saddle.mode, self.saddle.x, p, self.jacobian)
+        modes = tuple(map(mode_text, found.problem.modes))
+        if all(mode == found.problem.modes[0] for mode in found.problem.modes):
+            modes = modes[:1]
+        return Homoclinic(
+            self.system, values, self.free, value, saddle, end - begin, modes,
+            word_of(modes, self.system), gap, tuple(pieces),
+        )  # fmt: skip
+

@@ -1,0 +1,339 @@
+"""A periodic orbit: period, Floquet multipliers, mode word, amplitude, margins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.orbits.floquet import product_multipliers, return_factors, without_trivial
+from filippov.analysis.orbits.margin import Margin, margin
+from filippov.analysis.orbits.oddness import is_odd
+from filippov.analysis.orbits.shooting import Shooting
+from filippov.base.errors import SolveError, UsageError
+from filippov.base.status import EventKind, mode_text
+from filippov.graphs.word import word_of
+from filippov.io.stored_system import system_data, system_of
+from filippov.model.system import System
+from filippov.solving.solution import Solution
+from filippov.solving.solver import solve
+from filippov.solving.state.events import Event, Mode
+
+Array = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+FORMAT, VERSION = "filippov orbit", 1
+# A symmetric orbit satisfies x(t + T/2) = -x(t) to this part of its size.
+_SYMMETRIC = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Orbit:
+    """A limit cycle, or a periodic motion of a forced system.
+
+    system, parameters  what it is an orbit of; parameters by name
+    x0, t0         a state on it, off the surfaces where there is such a stretch; its time (forced systems)
+    period         T
+    multipliers    Floquet multipliers, complex, largest modulus first; of an autonomous orbit without the
+                   trivial one
+    trivial        the multiplier that belongs to a shift in time, 1 to rounding; None for a forced system
+    half_multipliers  of a symmetric orbit, x(t + T/2) = -x(t): eigenvalues of -d x(T/2)/d x0 (the half map),
+                   whose squares are the multipliers; None for others. The trivial one is taken out
+    word           modes of a period, such as "stick slip- stick slip+" (see `filippov.graphs.word`)
+    amplitude      half the distance between the largest and the smallest value, by state
+    low, high      those values, (n,)
+    stable         all multipliers have modulus < 1
+    events         events of one period from x0
+    signature      the switching events of a period in order, wherever it begins: what the word leaves out
+    margin         see `filippov.analysis.orbits.margin`
+    symmetric      x(t + T/2) = -x(t)
+    residual       what is left of the equations of the orbit, largest entry
+    """
+
+    system: System
+    parameters: Mapping[str, float]
+    x0: Array
+    t0: float
+    period: float
+    multipliers: Complex
+    trivial: complex | None
+    half_multipliers: Complex | None
+    word: str
+    modes: tuple[str, ...]
+    low: Array
+    high: Array
+    margin: Margin
+    symmetric: bool
+    residual: float
+    forced: bool
+    rtol: float = 1e-11
+    atol: float = 1e-13
+    method: str = "DOP853"
+    problem: Shooting | None = field(default=None, repr=False)
+    unknowns: Array | None = field(default=None, repr=False)
+    motions: tuple[Solution, ...] = field(default=(), repr=False)
+
+    @property
+    def stable(self) -> bool:
+        """Whether all multipliers have modulus below 1."""
+        return bool(np.all(np.abs(self.multipliers) < 1.0))
+
+    @property
+    def amplitude(self) -> dict[str, float]:
+        """Half the peak-to-peak value of each state."""
+        return dict(zip(self.system.states, (0.5 * (self.high - self.low)).tolist(), strict=True))
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Events of one period."""
+        return tuple(event for motion in self._motions for event in motion.events)
+
+    @cached_property
+    def signature(self) -> tuple[tuple[str, str, str, str], ...]:
+        """(surface, kind, mode before, mode after) of the events that matter, from the first in order."""
+        items = tuple(
+            (e.surface, str(e.kind), mode_text(e.before), mode_text(e.after))
+            for e in self.events
+            if e.kind is not EventKind.GRAZING
+            and e.index < len(self.system.surfaces)
+            and self.system.surfaces[e.index].kind != "observer"
+        )
+        return min((items[k:] + items[:k] for k in range(len(items))), default=())
+
+    @property
+    def pieces(self) -> tuple[Solution, ...]:
+        """The motions that make up one period, one after the other: several where it repels strongly."""
+        return self._motions
+
+    @cached_property
+    def _motions(self) -> tuple[Solution, ...]:
+        return self.motions or (self.solution(),)
+
+    def solution(self, periods: float = 1.0) -> Solution:
+        """The motion over so many periods from x0; from an orbit that repels it departs (see `pieces`)."""
+        return solve(
+            self.system, self.x0, (self.t0, self.t0 + periods * self.period), parameters=self.parameters,
+            rtol=self.rtol, atol=self.atol, method=self.method, zeno="continue", nonunique="stick",
+        )  # fmt: skip
+
+    def plot(self, **options: Any) -> Any:
+        """Phase portrait beside time series (see `filippov.plot.orbits.plot_orbit`)."""
+        from filippov.plot.orbits import plot_orbit
+
+        return plot_orbit(self, **options)
+
+    def __repr__(self) -> str:
+        kind = "stable" if self.stable else "unstable"
+        largest = np.abs(self.multipliers[0]) if self.multipliers.size else 0.0
+        return f"Orbit({kind}, period {self.period:.12g}, largest |multiplier| {largest:.6g}, {self.word!r})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data: numbers, text, lists and dicts; complex numbers as [re, im]."""
+        return {
+            "parameters": dict(self.parameters), "x0": self.x0.tolist(), "t0": self.t0, "period": self.period,
+            "multipliers": _pairs(self.multipliers),
+            "trivial": None if self.trivial is None else [self.trivial.real, self.trivial.imag],
+            "half_multipliers": None if self.half_multipliers is None else _pairs(self.half_multipliers),
+            "word": self.word, "modes": list(self.modes),
+            "low": self.low.tolist(), "high": self.high.tolist(),
+            "amplitude": self.amplitude, "stable": self.stable, "margin": asdict(self.margin),
+            "symmetric": self.symmetric, "residual": self.residual, "forced": self.forced,
+            "rtol": self.rtol, "atol": self.atol, "method": self.method,
+        }  # fmt: skip
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], system: System) -> Orbit:
+        """The orbit that `to_dict` described. Raises UsageError for data that do not describe one."""
+        try:
+            keep = {k: data[k] for k in ("t0", "period", "word", "symmetric", "residual", "forced", "rtol",
+                                         "atol", "method")}  # fmt: skip
+            return cls(
+                system, dict(data["parameters"]), np.array(data["x0"], dtype=float),
+                multipliers=_complex(data["multipliers"]),
+                trivial=None if data["trivial"] is None else complex(*data["trivial"]),
+                half_multipliers=(
+                    None if data["half_multipliers"] is None else _complex(data["half_multipliers"])
+                ),
+                modes=tuple(data["modes"]), low=np.array(data["low"], dtype=float),
+                high=np.array(data["high"], dtype=float), margin=Margin(**data["margin"]), **keep,
+            )  # fmt: skip
+        except (KeyError, TypeError, ValueError) as error:
+            raise UsageError(f"these data describe no orbit ({type(error).__name__}: {error}).") from None
+
+    def save(self, path: str | Path) -> Path:
+        """Write the orbit as JSON, with its system where that is symbolic."""
+        from filippov.analysis.orbits.orbit_file import write_json
+
+        return write_json(path, {"format": FORMAT, "version": VERSION, "system": system_data(self.system)} | {
+            "orbit": self.to_dict()
+        })  # fmt: skip
+
+    @classmethod
+    def load(cls, path: str | Path, system: System | None = None) -> Orbit:
+        """Read what `save` wrote; a system of plain functions has to be given."""
+        from filippov.analysis.orbits.orbit_file import read_json
+
+        data = read_json(path, FORMAT, VERSION)
+        return cls.from_dict(data["orbit"], stored_system(data, system, path))
+
+
+def stored_system(data: Mapping[str, Any], system: System | None, path: Any) -> System:
+    """The system of a file, compared with the one that is given."""
+    if data.get("system") is None:
+        if system is None:
+            raise UsageError(f"{str(path)!r} holds no system (it has plain functions); give it: system=...")
+        return system
+    read = system_of(data["system"])
+    if system is not None and system != read:
+        raise UsageError(f"the system that is given is not the one {str(path)!r} was made with.")
+    return read
+
+
+def make_orbit(
+    problem: Shooting, u: Array, p: Array, residual: float, motions: Sequence[Solution] | None = None,
+    margins: bool = True,
+) -> Orbit:
+    """The orbit that solves the equations at the unknowns u, with all that is derived from it.
+
+    motions: those from the nodes, where they are known; margins: whether they are wanted. Raises
+    NotDifferentiableError, SolveError.
+    """
+    pieces = list(motions or problem.motions(u, p))
+    nodes, period = problem.split(u, p)
+    system, forced = problem.system, problem.period is not None
+    whole = pieces if problem.turns == 1 else _turned(problem, u, p)
+    factors, zeros = return_factors(pieces, problem.symmetry, problem.jacobian)
+    half: Complex | None = None
+    turns = problem.turns
+    low, high = _extent(whole)
+    symmetric = turns == 2 and np.array_equal(problem.gate, -np.eye(problem.n))
+    values = product_multipliers(factors, zeros, turns)
+    if symmetric:
+        half = product_multipliers(factors, zeros)
+    elif turns == 1 and _opposite(whole, problem.begin(p), period, high - low) and is_odd(
+        system, p, np.maximum(np.abs(low), np.abs(high)), problem.begin(p), period, problem.jacobian
+    ):
+        found = _half(problem, pieces, period, p)
+        if found is not None and _same(found**2, values):
+            half, symmetric, values = found, True, found**2
+    trivial: complex | None = None
+    if not forced:
+        values, trivial = without_trivial(values)
+        half = None if half is None else without_trivial(half)[0]
+    modes = _cycle([segment.mode for motion in whole for segment in motion.segments])
+    texts = tuple(mode_text(mode) for mode in modes)
+    names = system.parameters.names
+    return Orbit(
+        system, dict(zip(names, p.tolist(), strict=True)), nodes[0].copy(), problem.begin(p), period, values,
+        trivial, half, word_of(texts, system), texts, low, high,
+        margin(whole, problem.jacobian) if margins else Margin(),
+        bool(symmetric), residual, forced, problem.rtol, problem.atol, problem.method, problem, u.copy(),
+        tuple(whole),
+    )  # fmt: skip
+
+
+def _turned(problem: Shooting, u: Array, p: Array) -> list[Solution]:
+    """The motions of a whole period from those of a part of it: from several nodes also the images of all."""
+    nodes, period = problem.split(u, p)
+    if len(nodes) == 1:
+        return [_whole(problem, nodes[0], period, p)]
+    images = [nodes]
+    for _ in range(problem.turns - 1):
+        images.append(images[-1] @ problem.gate.T)
+    full = replace(
+        problem, symmetry=None, turns=1,
+        shares=tuple(share / problem.turns for share in problem.shares) * problem.turns,
+        sliding=problem.sliding * problem.turns,
+    )  # fmt: skip
+    return full.motions(np.append(np.concatenate(images).ravel(), u[nodes.size :]), p)
+
+
+def _whole(problem: Shooting, x0: Array, period: float, p: Array) -> Solution:
+    values = dict(zip(problem.system.parameters.names, p.tolist(), strict=True))
+    begin = problem.begin(p)
+    motion = solve(
+        problem.system, x0, (begin, begin + period), parameters=values, rtol=problem.rtol, atol=problem.atol,
+        method=problem.method, zeno="continue", nonunique="stick",
+    )  # fmt: skip
+    if not motion.success:
+        raise SolveError(f"the motion along the orbit ended early: {motion.message}", motion)
+    return motion
+
+
+def _cycle(modes: Sequence[Mode]) -> list[Mode]:
+    """Modes in order without repetitions, the last one joined with the first."""
+    out: list[Mode] = []
+    for mode in modes:
+        if not out or out[-1] != mode:
+            out.append(mode)
+    if len(out) > 1 and out[0] == out[-1]:
+        out.pop()
+    return out
+
+
+def _extent(motions: Sequence[Solution]) -> tuple[Array, Array]:
+    """Least and largest value of each state: samples, refined where the dense output has its extremes."""
+    lows: list[Array] = []
+    highs: list[Array] = []
+    for motion in motions:
+        sol = motion.sol
+        assert sol is not None
+        ends = np.append(sol.start, motion.t_end)
+        x = sol(np.append((ends[:-1, None] + np.diff(ends)[:, None] * np.arange(8) / 8).ravel(), ends[-1]))
+        # At a reset the state has two values.
+        jumps = np.hstack([sol(ends, side=side) for side in ("-", "+")])
+        for sign, into in ((1.0, lows), (-1.0, highs)):
+            best = np.minimum(np.min(sign * x, axis=1), np.min(sign * jumps, axis=1))
+            for i, row in enumerate(sign * x):
+                k = int(np.argmin(row)) // 8
+                for step in {max(k - 1, 0), min(k, len(sol.start) - 1)}:
+                    curve = np.polynomial.Polynomial(sign * sol.coef[step][:, i])
+                    turns = curve.deriv().roots()
+                    inside = turns.real[(np.abs(turns.imag) < 1e-9) & (turns.real > 0) & (turns.real < 1)]
+                    inside = inside[sol.start[step] + inside * sol.step[step] <= ends[step + 1]]
+                    best[i] = min([best[i], *curve(inside).tolist()])
+            into.append(sign * best)
+    return np.min(lows, axis=0), np.max(highs, axis=0)
+
+
+def _opposite(motions: Sequence[Solution], t0: float, period: float, size: Array) -> bool:
+    """Whether x(t + T/2) = -x(t)."""
+    begins = [motion.problem.t_span[0] for motion in motions]
+
+    def state(t: float) -> Array:
+        sol = motions[int(np.searchsorted(begins, t, side="right")) - 1].sol
+        assert sol is not None
+        return np.asarray(sol(t))
+
+    times = (t0 + period * np.linspace(0.0, 0.499, 24)).tolist()
+    gap = [np.max(np.abs(state(t) + state(t + 0.5 * period))) for t in times]
+    return bool(max(gap) < _SYMMETRIC * np.max(size))
+
+
+def _half(problem: Shooting, pieces: Sequence[Solution], period: float, p: Array) -> Complex | None:
+    """Multipliers of the half map x -> -x(T/2); None where several motions have no node at T/2."""
+    if len(pieces) == 1:
+        first = [_whole(problem, pieces[0].problem.x0, 0.5 * period, p)]
+    else:
+        end = problem.begin(p) + 0.5 * period
+        first = [motion for motion in pieces if motion.problem.t_span[0] < end - 1e-9 * period]
+        if abs(first[-1].t_end - end) > 1e-9 * period:
+            return None
+    return product_multipliers(*return_factors(first, -np.eye(problem.n), problem.jacobian))
+
+
+def _same(a: Complex, b: Complex) -> bool:
+    scale = 1e-5 * (1.0 + float(np.max(np.abs(b), initial=0.0)))
+    return bool(np.allclose(np.sort_complex(a), np.sort_complex(b), rtol=0, atol=scale))
+
+
+def _pairs(values: Complex) -> list[list[float]]:
+    return [[float(v.real), float(v.imag)] for v in values]
+
+
+def _complex(rows: Any) -> Complex:
+    return np.array([complex(*row) for row in rows], dtype=complex)

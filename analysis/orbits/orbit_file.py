@@ -1,0 +1,62 @@
+"""Orbits and branches as JSON files: written in one piece or not at all, read with a limit and checked."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from filippov.base.errors import UsageError
+from filippov.base.json_text import json_text
+from filippov.base.whole_file import write_whole
+
+LARGEST_FILE = 256 << 20
+
+
+def write_json(path: str | Path, data: Any) -> Path:
+    """Write plain data; infinities and NaN as text. Returns the path."""
+    return write_whole(path, json_text(_out(data)))
+
+
+def read_json(path: str | Path, form: str, version: int) -> dict[str, Any]:
+    """Read a file of this form and version. Raises UsageError for any other content; FileNotFoundError."""
+    source = Path(path)
+    if source.stat().st_size > LARGEST_FILE:
+        raise UsageError(f"{str(path)!r} has over {LARGEST_FILE} bytes, too many for a {form} file.")
+    try:
+        data = json.loads(source.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise UsageError(f"{str(path)!r} is damaged or no JSON file: {error}.") from None
+    if not isinstance(data, dict) or data.get("format") != form:
+        raise UsageError(f"{str(path)!r} is no {form} file.")
+    if data.get("version") != version:
+        raise UsageError(
+            f"{str(path)!r} has version {data.get('version')!r} of the {form} format, expected {version}; "
+            "read it with the release that wrote it."
+        )
+    result: dict[str, Any] = _in(data)
+    return result
+
+
+_WORDS = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
+
+
+def _out(data: Any) -> Any:
+    if isinstance(data, float) and not math.isfinite(data):
+        return {"number": str(data)}
+    if isinstance(data, dict):
+        return {str(k): _out(v) for k, v in data.items()}
+    if isinstance(data, list | tuple):
+        return [_out(v) for v in data]
+    return data
+
+
+def _in(data: Any) -> Any:
+    if isinstance(data, dict):
+        if set(data) == {"number"} and data["number"] in _WORDS:
+            return _WORDS[data["number"]]
+        return {k: _in(v) for k, v in data.items()}
+    if isinstance(data, list):
+        return [_in(v) for v in data]
+    return data

@@ -1,0 +1,277 @@
+"""The equations of a periodic orbit: motions between nodes on it fit together (multiple shooting).
+
+Unknowns are the states at the nodes and, for an autonomous system, the period T:
+
+    Phi(x_i, t_i, c_i T) = x_{i+1},   Phi(x_last, ...) = G x_0,   f_0 . (x_0 - reference) = 0
+
+with G = 1 for a whole period and a symmetry of the system (such as x -> -x) for a part of it; a forced
+system knows its T and needs no phase condition. The matrix of the equations is exact
+(`filippov.analysis.sensitivity.saltation`).
+Source: Seydel 2010, chapter 7; Leine & Nijmeijer 2004, section 7.5, for sliding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.sensitivity.saltation import derivative_by_all
+from filippov.analysis.sensitivity.variation import mode_field
+from filippov.analysis.steady.forcing import Period
+from filippov.base.errors import SolveError, UsageError
+from filippov.base.status import Status
+from filippov.model.system import System
+from filippov.solving.solution import Solution
+from filippov.solving.solver import solve
+from filippov.solving.state.events import Mode
+
+Array = npt.NDArray[np.float64]
+MOST_STEPS = 2_000_000
+
+
+class ReturnError(SolveError):
+    """A motion does not come back; `solution` holds it, `t` the time reached. Its status is NO_RETURN."""
+
+    status = Status.NO_RETURN
+
+    def __init__(self, message: str, solution: Any = None, t: float = float("nan")) -> None:
+        super().__init__(f"NO_RETURN: {message}", solution)
+        self.t = t
+
+
+class NoConvergenceError(SolveError):
+    """Newton's method did not find a solution of the equations; `residual` is what was left."""
+
+    def __init__(self, message: str, residual: float = float("nan")) -> None:
+        super().__init__(message)
+        self.residual = residual
+
+
+@dataclass(frozen=True)
+class Shooting:
+    """The equations for one system, with reference point, nodes and symmetry.
+
+    reference   state at the first node (n,), velocity there (n,): for the phase condition
+    t0, unit    time of the first node of a forced system, taken where the period is `unit`: it keeps its
+                phase, t0 T/unit, when a parameter changes the period; unit 0: t0 is the time
+    shares      parts of the duration between nodes, adding up to 1
+    sliding     for each node the surfaces it lies on (a node in sliding stays on them)
+    period      of the forcing, None for an autonomous system
+    symmetry    the matrix G (n, n), with turns = number of times it takes to be the identity: the duration of
+                the motion is T/turns
+    """
+
+    system: System
+    reference: Array
+    velocity: Array
+    t0: float = 0.0
+    unit: float = 0.0
+    shares: tuple[float, ...] = (1.0,)
+    sliding: tuple[tuple[int, ...], ...] = ((),)
+    period: Period | None = None
+    symmetry: Array | None = None
+    turns: int = 1
+    rtol: float = 1e-11
+    atol: float = 1e-13
+    method: str = "DOP853"
+    jacobian: Callable[..., Any] | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return self.system.dimension
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.n * len(self.shares) + (self.period is None)
+
+    @property
+    def gate(self) -> Array:
+        """G."""
+        return np.eye(self.n) if self.symmetry is None else self.symmetry
+
+    def split(self, u: Array, p: Array) -> tuple[Array, float]:
+        """States at the nodes (k, n) and the period from the unknowns."""
+        nodes = u[: self.n * len(self.shares)].reshape(-1, self.n)
+        return nodes, float(u[-1]) if self.period is None else self.period(p)
+
+    @property
+    def phase(self) -> float:
+        """Time of the first node in periods of the forcing."""
+        return self.t0 / self.unit if self.unit else 0.0
+
+    def begin(self, p: Array) -> float:
+        """Time of the first node."""
+        return self.t0 if self.period is None or not self.unit else self.phase * self.period(p)
+
+    def times(self, count: float) -> Shooting:
+        """The equations of a multiple of the period of the forcing, or of a part of it."""
+        assert self.period is not None
+        return replace(self, period=self.period.times(count), unit=self.unit * count)
+
+    def motions(self, u: Array, p: Array) -> list[Solution]:
+        """The motions from the nodes. Raises SolveError where one ends early or T is not positive."""
+        nodes, period = self.split(u, p)
+        if not period > 0 or not np.all(np.isfinite(u)):
+            raise NoConvergenceError(f"the period came out as {period:.6g}.")
+        values = dict(zip(self.system.parameters.names, p.tolist(), strict=True))
+        out, t = [], self.begin(p)
+        for x, share, surfaces in zip(nodes, self.shares, self.sliding, strict=True):
+            end = t + share * period / self.turns
+            start = onto_surfaces(self.system, x, t, p, surfaces)
+            motion = solve(
+                self.system, start, (t, end), parameters=values, rtol=self.rtol, atol=self.atol,
+                method=self.method, max_steps=MOST_STEPS, zeno="continue", nonunique="stick",
+            )  # fmt: skip
+            if motion.status is not Status.SUCCESS:
+                raise SolveError(f"the motion along the orbit ended early: {motion.message}", motion)
+            out.append(motion)
+            t = end
+        return out
+
+    def residual(self, u: Array, motions: Sequence[Solution], p: Array) -> Array:
+        """What is left of the equations: (size,)."""
+        nodes, _ = self.split(u, p)
+        ends = [*nodes[1:], self.gate @ nodes[0]]
+        rows = [motion.x_end - end for motion, end in zip(motions, ends, strict=True)]
+        if self.period is None:
+            rows.append(np.array([self.velocity @ (nodes[0] - self.reference)]))
+        return np.concatenate(rows)
+
+    def matrix(self, u: Array, motions: Sequence[Solution], p: Array, names: tuple[str, ...] = ()) -> Array:
+        """Derivative of the residual by the unknowns and the named parameters: (size, size + names)."""
+        n, k, e = self.n, len(self.shares), len(names)
+        out = np.zeros((self.size, self.size + e))
+        fixed = self.period.slope(p, names) if self.period is not None else np.zeros(e)
+        begin = self.phase * self.turns
+        for i, (motion, share) in enumerate(zip(motions, self.shares, strict=True)):
+            rows = slice(i * n, (i + 1) * n)
+            by = derivative_by_all(motion, False, names, self.jacobian)
+            out[rows, i * n : (i + 1) * n] = by[:n, :n] @ tangent(motion, self.sliding[i])
+            end = velocity_at(self.system, motion.end_mode, motion.t_end, motion.x_end, p, self.jacobian)
+            stretch = share / self.turns * end
+            if self.period is None:
+                out[rows, self.size - 1] = stretch
+            # Parameters move the state, the start of the node's motion, and its length.
+            by_start = by[:n, -1] * begin / self.turns
+            out[rows, self.size :] = by[:n, n : n + e] + np.multiply.outer(stretch + by_start, fixed)
+            begin += share
+            following = ((i + 1) % k) * n
+            out[rows, following : following + n] -= self.gate if i == k - 1 else np.eye(n)
+        if self.period is None:
+            out[-1, :n] = self.velocity
+        return out
+
+    def at(self, u: Array, p: Array) -> Shooting:
+        """The same equations with the reference point moved to these unknowns."""
+        nodes, _ = self.split(u, p)
+        motion = self.motions(u, p)[0]
+        speed = velocity_at(
+            self.system, motion.start_mode, self.begin(p), motion.problem.x0, p, self.jacobian
+        )
+        return replace(self, reference=nodes[0].copy(), velocity=speed / np.linalg.norm(speed))
+
+
+def velocity_at(
+    system: System, mode: Mode, t: float, x: Array, p: Array, jacobian: Callable[..., Any] | None = None
+) -> Array:
+    """The field of a mode at one point: (n,)."""
+    part = mode_field(system, mode, (), jacobian)
+    time, state = np.array([t]), np.asarray(x, dtype=float)[None, :]
+    return np.asarray(part.part("f", time, state, part.multipliers(time, state, p), p)[0, :, 0])
+
+
+def onto_surfaces(system: System, x: Array, t: float, p: Array, surfaces: tuple[int, ...]) -> Array:
+    """The nearest state on the given surfaces (Newton's method along their gradients)."""
+    if not surfaces:
+        return x
+    mode = tuple(0 if i in surfaces else 1 for i in range(len(system.surfaces)))
+    part, rows = mode_field(system, mode), list(surfaces)
+    state, time, s = x.copy(), np.array([t]), np.array([mode], dtype=float)
+    for _ in range(20):
+        h = part.part("h", time, state[None, :], s, p)[0, rows, 0]
+        slope = part.part("hy", time, state[None, :], s, p)[0, rows, : system.dimension]
+        change = np.linalg.lstsq(slope, h, rcond=None)[0]
+        state = state - change
+        if np.max(np.abs(change)) <= 4e-16 * (1.0 + np.max(np.abs(state))):
+            break
+    return state
+
+
+def tangent(motion: Solution, surfaces: tuple[int, ...]) -> Array:
+    """Projection of displacements onto the surfaces a motion starts on: (n, n)."""
+    system, p = motion.problem.system, motion.problem.p
+    n = system.dimension
+    if not surfaces:
+        return np.eye(n)
+    part = mode_field(system, motion.start_mode)
+    t, x = np.array([motion.problem.t_span[0]]), motion.problem.x0[None, :]
+    slope = part.part("hy", t, x, part.multipliers(t, x, p), p)[0, list(surfaces), :n]
+    return np.asarray(np.eye(n) - np.linalg.pinv(slope) @ slope)
+
+
+def newton(
+    problem: Shooting, u: Array, p: Array, *, tolerance: float = 1e-11, iterations: int = 25
+) -> tuple[Array, float]:
+    """Solve the equations by damped Newton steps of least squares; returns the unknowns and what is left.
+
+    Raises NoConvergenceError, and what a motion along the orbit raises.
+    """
+    scale = max(float(np.max(np.abs(u))), 1e-12)
+    motions = problem.motions(u, p)
+    left = problem.residual(u, motions, p)
+    size = float(np.max(np.abs(left)))
+    for _ in range(iterations):
+        if size <= tolerance * 1e-2 * scale:
+            break
+        step = np.linalg.lstsq(problem.matrix(u, motions, p), -left, rcond=1e-13)[0]
+        for halving in range(5):
+            trial = u + step * 0.5**halving
+            try:
+                tried = problem.motions(trial, p)
+            except SolveError:
+                continue
+            rest = problem.residual(trial, tried, p)
+            if float(np.max(np.abs(rest))) < size:
+                break
+        else:
+            break
+        u, motions, left = trial, tried, rest
+        size = float(np.max(np.abs(left)))
+    if not size <= max(tolerance, 1e3 * problem.rtol) * scale:
+        raise NoConvergenceError(
+            f"Newton's method did not converge to a periodic orbit: {size:.3g} is left of its equations. "
+            "Give a state nearer to the orbit, more nodes, or the period.",
+            size,
+        )
+    return u, size
+
+
+def symmetry_matrix(given: Any, system: System) -> tuple[Array | None, int]:
+    """G and the number of turns after which it is the identity. given: None, "odd" (x -> -x) or a matrix."""
+    n = system.dimension
+    if given is None:
+        return None, 1
+    if isinstance(given, str):
+        if given != "odd":
+            raise UsageError(f"symmetry is {given!r}, expected 'odd' (x -> -x), a matrix (n, n) or None.")
+        return -np.eye(n), 2
+    matrix = np.array(given, dtype=float)
+    if matrix.shape != (n, n):
+        raise UsageError(f"symmetry has the shape {matrix.shape}, expected ({n}, {n}).")
+    power = matrix
+    for turns in range(1, 13):
+        if np.allclose(power, np.eye(n), atol=1e-12):
+            return (matrix, turns) if turns > 1 else (None, 1)
+        power = power @ matrix
+    raise UsageError("symmetry: none of the first 12 powers of the matrix is the identity.")
+
+
+def resolved(system: System, parameters: Mapping[str, float] | None) -> Array:
+    """Parameter values in order."""
+    return np.asarray(system.parameters.resolve(parameters), dtype=float)

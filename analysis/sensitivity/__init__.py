@@ -1,0 +1,1 @@
+"""Derivatives along a solution: variation, saltation at events, Lyapunov exponents."""

@@ -1,0 +1,145 @@
+"""Lyapunov exponents of a motion with events: growth of small displacements, saltation included.
+
+The derivative of the flow over stretches of time, with a QR decomposition after each; the logarithms of the
+diagonals add up (Benettin et al. 1980). Sliding loses rank, which is an exponent of minus infinity. The first
+tenth of the stretches only turns the basis into its directions and is not counted.
+Source for the events: Mueller 1995 (saltation in Lyapunov exponents); Leine & Nijmeijer 2004, section 7.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
+from filippov.base.errors import UsageError
+from filippov.model.system import System
+from filippov.solving.solution import Solution
+from filippov.solving.solver import solve
+from filippov.solving.state.machine import Machine
+from filippov.solving.state.options import check_state
+
+Array = npt.NDArray[np.float64]
+BLOCKS = 8
+
+
+@dataclass(frozen=True)
+class Lyapunov:
+    """Exponents [1/time], largest first.
+
+    exponents  (k,), -inf where rank is lost in sliding; error: from the scatter over 8 parts of the run
+    t, running times and the exponents estimated up to them, (r,), (r, k): whether they have settled
+    skipped    stretches left out because the motion touches a surface in them
+    message    how the run ended, "" for as planned
+    """
+
+    exponents: Array
+    error: Array
+    t: Array
+    running: Array
+    skipped: int
+    message: str
+
+    def __str__(self) -> str:
+        rows = [f"{v:.6g} +- {e:.2g}" for v, e in zip(self.exponents, self.error, strict=True)]
+        return f"Lyapunov exponents over {self.t[-1] - self.t[0]:.6g}: " + ", ".join(rows)
+
+
+def lyapunov(
+    system: System,
+    x0: Any,
+    duration: float,
+    *,
+    stretch: float,
+    transient: float = 0.0,
+    t0: float = 0.0,
+    number: int | None = None,
+    parameters: Mapping[str, float] | None = None,
+    rtol: float = 1e-9,
+    atol: float = 1e-12,
+    progress: Callable[[float, float], None] | None = None,
+) -> Lyapunov:
+    """Exponents along the motion from x0: `transient` is run first, then `duration` in stretches.
+
+    stretch   time between two decompositions; of a forced system a multiple of the period
+    number    how many exponents, the largest ones; default: all
+
+    A run that fails, or Ctrl-C, ends the average where it is, and the message says so. Raises UsageError.
+    """
+    if not (0 < stretch <= duration and transient >= 0):
+        raise UsageError(
+            f"stretch {stretch}, duration {duration}, transient {transient}: expected 0 < stretch <= "
+            "duration and transient >= 0."
+        )
+    n = system.dimension
+    k = n if number is None else number
+    if not 1 <= k <= n:
+        raise UsageError(f"number is {number}, expected 1 ... {n}.")
+    t, x, message = t0, check_state(x0, system), ""
+    options: dict[str, Any] = {"parameters": parameters, "rtol": rtol, "atol": atol}
+    if transient > 0:
+        run = solve(system, x, (t, t + transient), dense_output=False, **options)
+        t, x = run.t_end, run.x_end
+        if not run.success:
+            raise UsageError(f"the transient did not reach its end: {run.message}")
+    basis = np.linalg.qr(np.random.default_rng(0).standard_normal((n, k)))[0]
+    logs: list[Array] = []
+    times = [t]
+    skipped, end = 0, t + duration
+    try:
+        while t < end - 1e-9 * stretch:
+            run = solve(system, x, (t, min(t + stretch, end)), **options)
+            if not run.success:
+                message = run.message
+                break
+            try:
+                image = flow_derivative(run) @ _along(run, basis)
+            except NotDifferentiableError:
+                skipped += 1
+            else:
+                basis, r = np.linalg.qr(image)
+                with np.errstate(divide="ignore"):
+                    growth = np.log(np.abs(np.diag(r)))
+                # Below rounding of the matrix a direction is lost, not merely small.
+                growth[np.abs(np.diag(r)) <= 1e-14 * np.max(np.abs(image), initial=1e-300)] = -np.inf
+                logs.append(growth)
+                times.append(run.t_end)
+            t, x = run.t_end, run.x_end
+            if progress is not None:
+                progress(t, end)
+    except KeyboardInterrupt:
+        message = f"interrupted at t = {t:.9g}"
+    if not logs:
+        raise UsageError(f"no stretch could be used: {message or 'all of them touch a surface'}")
+    settling = len(logs) // 10
+    table, times = np.array(logs[settling:]), times[settling:]
+    spans = np.diff(times)
+    running = np.cumsum(table, axis=0) / np.cumsum(spans)[:, None]
+    return Lyapunov(running[-1], _scatter(table, spans), np.array(times), running, skipped, message)
+
+
+def _along(run: Solution, basis: Array) -> Array:
+    """The basis without its components off the surfaces on which the stretch starts sliding."""
+    sliding = [i for i, sign in enumerate(run.start_mode) if sign == 0]
+    if not sliding:
+        return basis
+    machine = Machine(run.problem.system, run.options.method, run.problem.p)
+    gradients, _ = machine.gradients(
+        run.problem.t_span[0], run.problem.x0, np.array(run.start_mode, dtype=float)
+    )
+    normal = gradients[sliding]
+    return np.asarray(basis - np.linalg.pinv(normal) @ (normal @ basis))
+
+
+def _scatter(table: Array, spans: Array) -> Array:
+    parts = [p for p in np.array_split(np.arange(len(spans)), BLOCKS) if p.size]
+    if len(parts) < 2:
+        return np.full(table.shape[1], np.nan)
+    means = np.array([table[p].sum(axis=0) / spans[p].sum() for p in parts])
+    finite = np.all(np.isfinite(means), axis=0)
+    spread = np.std(np.where(finite, means, 0.0), axis=0, ddof=1) / np.sqrt(len(parts))
+    return np.asarray(np.where(finite, spread, 0.0))

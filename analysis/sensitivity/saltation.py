@@ -1,0 +1,337 @@
+"""Derivative of the flow through events: saltation matrices between the transition matrices of the modes.
+
+Derivatives are by y = (x, q, t): states, parameters that are asked for, time (see
+`filippov.analysis.sensitivity.variation`). At an event with guard G (h of a surface reached; for a sliding
+exit the multiplier less the end of its set), with y' = v- before and v+ after,
+
+    S = I + (v+ - v-) G_y / (G_y v-)
+
+(Aizerman & Gantmakher 1958; Leine & Nijmeijer 2004, section 7.3; di Bernardo et al. 2008, section 2.5). Entry
+into sliding loses rank by one for each surface: the multipliers that belong to it are 0. At a touching
+(G_y v- = 0) the flow has no derivative, and that is an error. Several surfaces at once have one if it is the
+same in whatever order they are met; then it is the product of theirs. At a reset y+ = R(y), v+ taken at y+,
+
+    S = R_y + (v+ - R_y v-) G_y / (G_y v-)
+
+(di Bernardo et al. 2008, (2.59)), with G = t - t_k at a time event, whose instant t_k does not depend on x.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.sensitivity.reset_slopes import instant_slopes, reset_slopes
+from filippov.analysis.sensitivity.variation import ModeField, mode_field, transition
+from filippov.base.errors import UsageError
+from filippov.base.status import JUMPED_OVER, EventKind, mode_text
+from filippov.model.system import System
+from filippov.solving.selection.modes import successors
+from filippov.solving.solution import Solution
+from filippov.solving.state.events import Event, Mode
+from filippov.solving.state.machine import Machine
+from filippov.solving.state.point import Point
+
+Array = npt.NDArray[np.float64]
+
+
+class NotDifferentiableError(ArithmeticError):
+    """The flow has no derivative here: it touches a surface, or meets several in a way that depends on the
+    order."""
+
+
+@dataclass(frozen=True)
+class Factor:
+    """One factor of the derivative: over a stretch of one mode, or of the events of one instant.
+
+    t, mode  time and mode where it ends; matrix: (N, N) in y = (x, q, t)
+    """
+
+    t: float
+    mode: Mode
+    matrix: Array
+
+
+def flow_derivative(
+    solution: Solution,
+    before_last: bool = False,
+    *,
+    parameters: Sequence[str] = (),
+    jacobian: Callable[..., Any] | None = None,
+) -> Array:
+    """d x(t_end) / d (x(t0), parameters), at fixed times: (n, n + number of parameters).
+
+    before_last: leave out the saltation of events at the very end (the derivative just before them).
+    parameters: names of parameters by which it is differentiated too
+    jacobian: of a system of plain functions, (t, x, p, s) -> df/dx with signs held; default: differences
+
+    A solution that starts on sliding surfaces stays on them: the derivative belongs to displacements along
+    them. Raises NotDifferentiableError at touchings and at several surfaces at once whose order matters;
+    UsageError without dense output.
+    """
+    total = derivative_by_all(solution, before_last, tuple(parameters), jacobian)
+    n = solution.problem.system.dimension
+    return total[:n, : n + len(parameters)]
+
+
+def derivative_by_all(
+    solution: Solution,
+    before_last: bool = False,
+    names: tuple[str, ...] = (),
+    jacobian: Callable[..., Any] | None = None,
+) -> Array:
+    """d y(t_end) / d y(t0), y = (x, parameters, t): (N, N), with the time between held."""
+    total = np.eye(solution.problem.system.dimension + len(names) + 1)
+    for factor in flow_factors(solution, before_last, names, jacobian):
+        total = factor.matrix @ total
+    return total
+
+
+def flow_factors(
+    solution: Solution,
+    before_last: bool = False,
+    names: tuple[str, ...] = (),
+    jacobian: Callable[..., Any] | None = None,
+) -> list[Factor]:
+    """The factors of the derivative in the order of the motion."""
+    _check_rule(solution)
+    sol = solution.sol
+    if sol is None:
+        raise UsageError(
+            "the derivative of the flow needs the dense output; solve without dense_output=False."
+        )
+    system, p = solution.problem.system, solution.problem.p
+    mode: Mode = solution.start_mode
+    out: list[Factor] = []
+    begin = 0
+    leaving: tuple[Array, Array] | None = None
+
+    def stretch(end: int, t: float, x: Array) -> None:
+        if end > begin:
+            field = mode_field(system, mode, names, jacobian)
+            # A step's polynomial may reach beyond the event that ended the step.
+            starts = sol.start[begin:end]
+            steps = np.diff(np.append(starts, t))
+            matrix = transition(field, starts, steps, _states(solution), p)
+            if leaving is not None:
+                matrix = _along(field, matrix, *leaving, t, x, p)
+            out.append(Factor(t, mode, matrix))
+
+    for _, group in itertools.groupby(solution.events, key=lambda event: event.group):
+        events = list(group)
+        t = events[0].t
+        end = int(np.searchsorted(sol.direction * sol.start, sol.direction * t, side="left"))
+        stretch(end, t, events[0].x)
+        begin, mode = end, events[-1].after
+        here = Together(solution, events, names, jacobian)
+        if not (before_last and t == solution.t_end and events[-1] is solution.events[-1]):
+            out.append(Factor(t, mode, here.saltation()))
+        leaving = here.leaving()
+    stretch(len(sol.start), solution.t_end, solution.x_end)
+    return out
+
+
+def _along(
+    field: ModeField, matrix: Array, slope: Array, velocity: Array, t: float, x: Array, p: Array
+) -> Array:
+    """A transition matrix from an exit, made to carry y' at the exit into y' at (t, x), as the flow does.
+
+    Next to a surface where the field has an infinite slope, the quadrature excites a motion that only a
+    displacement across the manifold of exits excites; what moves along y' is known without it.
+    """
+    s = field.multipliers(np.array([t]), x[None, :], p)
+    there = field.velocity(np.array([t]), x[None, :], s, p)[0]
+    return np.asarray(matrix + np.outer(there - matrix @ velocity, slope) / (slope @ velocity))
+
+
+def saltation(solution: Solution, event: Event) -> Array:
+    """The saltation matrix of an event and those at the same instant: (n, n)."""
+    together = [other for other in solution.events if other.group == event.group]
+    n = solution.problem.system.dimension
+    return Together(solution, together).saltation()[:n, :n]
+
+
+def _check_rule(solution: Solution) -> None:
+    """Refuse solutions under another rule of sliding: their sliding field is not the one differentiated."""
+    rule = solution.options.sliding
+    if rule != "filippov":
+        raise UsageError(
+            f"the derivative of the flow is that of sliding='filippov', the solution has {rule!r}. Solve "
+            "with the default rule, or take differences of solutions."
+        )
+
+
+def _states(solution: Solution) -> Callable[[Array], Array]:
+    """Dense output that may be asked a rounding beyond the span: a step's last node may lie there."""
+    sol = solution.sol
+    assert sol is not None
+
+    def state(t: Array) -> Array:
+        low, high = min(sol.span), max(sol.span)
+        return np.ascontiguousarray(sol(np.clip(t, low, high), side="+").T)
+
+    return state
+
+
+class Together:
+    """The events of one instant."""
+
+    def __init__(
+        self, solution: Solution, events: Sequence[Event], names: tuple[str, ...] = (), jacobian: Any = None
+    ) -> None:
+        _check_rule(solution)
+        self.solution, self.events, self.names, self.jacobian = solution, list(events), names, jacobian
+        self.system: System = solution.problem.system
+        self.p, self.t, self.x = solution.problem.p, events[0].t, events[0].x
+        self.before, self.after = events[0].before, events[-1].after
+
+    def field(self, mode: Mode, at: Array | None = None) -> tuple[ModeField, Array]:
+        """The field of a mode here, or in another state, and y' in it."""
+        part = mode_field(self.system, mode, self.names, self.jacobian)
+        t, x = np.array([self.t]), (self.x if at is None else at)[None, :]
+        return part, part.velocity(t, x, part.multipliers(t, x, self.p), self.p)[0]
+
+    def guard(self, mode: Mode, i: int, side: int) -> Array:
+        """G_y of surface i in a mode: of h where it is off it, of the multiplier less its end where it slides
+        (side: +1 the upper end, -1 the lower)."""
+        part = mode_field(self.system, mode, self.names, self.jacobian)
+        t, x = np.array([self.t]), self.x[None, :]
+        s = part.multipliers(t, x, self.p)
+        if mode[i] != 0:
+            return np.asarray(part.part("hy", t, x, s, self.p)[0, i])
+        slope = part.multiplier_slope(t, x, s, self.p)[0, part.sliding.index(i)]
+        end = part.part("radiusy", t, x, s, self.p)[0, 2 * i + (side > 0)]
+        return np.asarray(slope - end)
+
+    def rate(self, mode: Mode, i: int, side: int) -> tuple[Array, float]:
+        """G_y and G_y v in a mode. Raises NotDifferentiableError where the guard is met without speed."""
+        slope, (_, velocity) = self.guard(mode, i, side), self.field(mode)
+        rate = float(slope @ velocity)
+        if not abs(rate) >= 1e-10 * (np.abs(slope) @ np.abs(velocity) + 1e-300):
+            raise self.refused(f"surface {self.system.surfaces[i].name!r} is met without speed")
+        return slope, rate
+
+    def refused(self, why: str) -> NotDifferentiableError:
+        """The error that says why there is no derivative."""
+        return NotDifferentiableError(f"the flow is not differentiable at t = {self.t:.9g}: {why}.")
+
+    def saltation(self) -> Array:
+        """(N, N). Raises NotDifferentiableError."""
+        identity = np.eye(self.system.dimension + len(self.names) + 1)
+        events = [e for e in self.events if not passive(e)]
+        if any(e.x_after is not None for e in events):
+            return self._reset(events)
+        for event in events:
+            if event.kind is EventKind.ENTRY and self.system.surfaces[event.index].kind == "reset":
+                raise self.refused(f"impacts accumulate on {event.surface!r}; that is not differentiated")
+        switching = [
+            e
+            for e in events
+            if self.system.surfaces[e.index].kind == "switching"
+            or (self.system.surfaces[e.index].kind == "reset" and e.kind is not EventKind.CROSSING)
+        ]
+        for event in switching:
+            if event.kind is EventKind.GRAZING:
+                raise self.refused(f"the motion grazes surface {event.surface!r}")
+        reached = [e for e in switching if self.leads(e)]
+        if not reached:
+            if self.before == self.after or not switching:
+                return identity
+            raise self.refused("no surface is met, yet the mode changes (the end of an accumulation?)")
+        if len(reached) == 1:
+            return self._one(self.before, self.after, reached[0])
+        return self._several(reached)
+
+    def leaving(self) -> tuple[Array, Array] | None:
+        """G_y and y' where the instant is one sliding exit, across which y' is continuous; else None."""
+        if len(self.events) != 1 or self.events[0].kind is not EventKind.EXIT:
+            return None
+        (event,) = self.events
+        slope = self.guard(self.before, event.index, 1 if event.after[event.index] > 0 else -1)
+        return slope, self.field(self.after)[1]
+
+    def _reset(self, events: Sequence[Event]) -> Array:
+        if len(events) > 1:
+            names = ", ".join(repr(e.surface) for e in events)
+            raise self.refused(f"{names} happen at once, resets among them")
+        (event,) = events
+        by = reset_slopes(self.system, event, self.names, self.p)
+        before, after = self.field(self.before)[1], self.field(self.after, event.x_after)[1]
+        if event.kind is EventKind.TIME:
+            slope, rate = instant_slopes(self.system, event, self.names, self.p), 1.0
+        else:
+            slope, rate = self.rate(self.before, event.index, 1)
+        return np.asarray(by + np.outer(after - by @ before, slope) / rate)
+
+    def leads(self, event: Event) -> bool:
+        """Whether the event is met by itself, and does not follow from another one of the instant."""
+        i = event.index
+        if self.before[i] != 0 or len(self.events) == 1:
+            return True
+        part = mode_field(self.system, self.before)
+        t, x = np.array([self.t]), self.x[None, :]
+        s = part.multipliers(t, x, self.p)
+        low, high = part.part("radius", t, x, s, self.p)[0, i]
+        return bool(min(abs(s[0, i] - low), abs(s[0, i] - high)) < 1e-6 * (1.0 + high - low))
+
+    def _one(self, before: Mode, after: Mode, event: Event) -> Array:
+        slope, rate = self.rate(before, event.index, 1 if event.after[event.index] > 0 else -1)
+        change = self.field(after)[1] - self.field(before)[1]
+        return np.eye(len(slope)) + np.outer(change, slope) / rate
+
+    def _several(self, reached: Sequence[Event]) -> Array:
+        """The product over each order in which neighbouring motions meet the surfaces, if all agree."""
+        machine = Machine(self.system, self.solution.options.method, self.p)
+        direction = float(self.events[0].sense)
+        found: list[Array] = []
+        for order in itertools.permutations(reached):
+            mode, total = self.before, np.eye(self.system.dimension + len(self.names) + 1)
+            for k, event in enumerate(order):
+                met = sorted({e.index for e in order[: k + 1]})
+                following = self.after
+                if k < len(order) - 1:
+                    here = Point(machine, self.t, self.x, direction, direction * 1e-6, np.zeros(machine.m))
+                    near = [c for c in successors(here, mode, met) if c.mode != mode]
+                    if len(near) != 1:
+                        raise self._disagree(reached)
+                    following = near[0].mode
+                total = self._one(mode, following, event) @ total
+                mode = following
+            found.append(total)
+        scale = max(float(np.max(np.abs(matrix))) for matrix in found)
+        if any(np.max(np.abs(matrix - found[0])) > 1e-8 * scale for matrix in found):
+            raise self._disagree(reached)
+        return found[0]
+
+    def _disagree(self, reached: Sequence[Event]) -> NotDifferentiableError:
+        names = ", ".join(repr(event.surface) for event in reached)
+        return self.refused(
+            f"the surfaces {names} are met at once ({mode_text(self.before)} -> {mode_text(self.after)}), "
+            "and neighbouring motions depend on the order in which they meet them"
+        )
+
+
+def passive(event: Event) -> bool:
+    """Whether an event leaves the flow as it is: a user's, a time event alone, a surface jumped over."""
+    still = event.kind is EventKind.TIME and event.x_after is None
+    return event.kind is EventKind.USER or still or event.note == JUMPED_OVER
+
+
+def onto_section(solution: Solution, event: Event, change: Array, names: tuple[str, ...] = ()) -> Array:
+    """Variation of y at an event: that at fixed time, moved along the motion to it, and through its reset.
+
+    change: (N, any number), y = (x, parameters, t).
+    """
+    here = Together(solution, [event], names)
+    velocity = here.field(event.before)[1]
+    slope, rate = here.rate(event.before, event.index, 1 if event.after[event.index] > 0 else -1)
+    rows = change.shape[0]
+    moved = np.asarray(change - np.multiply.outer(velocity[:rows], slope[:rows] @ change) / rate)
+    if event.x_after is None:
+        return moved
+    return np.asarray(reset_slopes(here.system, event, names, here.p)[:rows, :rows] @ moved)

@@ -1,0 +1,227 @@
+"""The linearised field of every mode, sliding included, exact from the symbolic form.
+
+Derivatives are taken by y = (x, q, t): the states, parameters q that are asked for, and time, which move with
+y' = (f, 0, 1). In a sliding mode the multipliers follow: s(y) solves r(y, s) = dh/dt = 0, so the matrix of
+the linearised field is A = f_y - f_s (r_s)^-1 r_y (implicit function theorem). A system of plain functions is
+differentiated in `filippov.analysis.sensitivity.plain_variation`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+import sympy
+
+from filippov.analysis.sensitivity.plain_variation import PlainParts
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+from filippov.model.symbols import t as time
+from filippov.model.system import System
+
+Array = npt.NDArray[np.float64]
+
+
+class Parts(Protocol):
+    """Field, switching functions and derivatives of one mode, on many points at once."""
+
+    def part(self, name: str, t: Array, x: Array, s: Array, p: Array) -> Array:
+        """One of f, fy, fs, h, hy, r, ry, rs, radius, radiusy: (k, rows, columns)."""
+
+
+class SymbolicParts:
+    """The parts of a mode from expressions.
+
+    f (n, 1), fy (n, N), fs (n, sliding); h (m, 1), hy (m, N); r (m, 1), ry (m, N), rs (m, sliding);
+    radius (m, 2), radiusy (2 m, N), with N = n + number of parameters + 1.
+    """
+
+    def __init__(self, system: System, mode: tuple[int, ...], names: tuple[str, ...]) -> None:
+        form = system.symbolic
+        assert form is not None
+        arguments = (time, *form.x, *form.s, *form.p)
+        places = [system.parameters.index(name) for name in names]
+        by = (*form.x, *(form.p[i] for i in places), time)
+        f, h = sympy.Matrix(form.at_mode(mode)), _column(form.h_at_mode(mode))
+        free = [form.s[i] for i, sign in enumerate(mode) if sign == 0]
+        slope = h.jacobian(form.x) if len(h) else sympy.zeros(0, len(form.x))
+        rate = h.diff(time) + slope * f if len(h) else h
+        radius = sympy.Matrix([list(pair) for pair in form.radius]) if len(h) else sympy.zeros(0, 2)
+        ends = _column(radius)
+        matrices = {
+            "f": f, "fy": _slopes(f, by), "fs": _slopes(f, free), "h": h, "hy": _slopes(h, by),
+            "r": rate, "ry": _slopes(rate, by), "rs": _slopes(rate, free), "radius": radius,
+            "radiusy": _slopes(ends, by),
+        }  # fmt: skip
+        self._shapes = {name: matrix.shape for name, matrix in matrices.items()}
+        self._arguments = arguments
+        self._matrices = matrices
+        self._functions: dict[str, Callable[..., Any]] = {}
+
+    def part(self, name: str, t: Array, x: Array, s: Array, p: Array) -> Array:
+        """One of the parts on all points: (k, rows, columns)."""
+        rows, columns = self._shapes[name]
+        if name not in self._functions:
+            matrix = self._matrices[name]
+            self._functions[name] = sympy.lambdify(self._arguments, list(matrix), "numpy", cse=True)
+        with np.errstate(all="ignore"):
+            values = self._functions[name](t, *x.T, *s.T, *p)
+        out = np.empty((t.size, rows * columns))
+        for j, value in enumerate(values):
+            out[:, j] = value
+        return out.reshape(t.size, rows, columns)
+
+
+def _column(items: Any) -> sympy.Matrix:
+    flat = list(items)
+    return sympy.Matrix(flat) if flat else sympy.zeros(0, 1)
+
+
+def _slopes(functions: sympy.Matrix, by: Any) -> sympy.Matrix:
+    if not len(functions) or not len(by):
+        return sympy.zeros(len(functions), len(by))
+    return functions.jacobian(by)
+
+
+class ModeField:
+    """A mode's field with its derivatives: the parts, and what follows from them.
+
+    Each method takes times (k,), states (k, n), signs (k, m) with the multipliers of sliding surfaces in
+    place, and one parameter row; shapes of the results begin with k.
+    """
+
+    def __init__(
+        self, system: System, mode: tuple[int, ...], names: tuple[str, ...] = (), jacobian: Any = None
+    ) -> None:
+        for name in names:
+            if name not in system.parameters:
+                raise UsageError(unknown("parameter", name, system.parameters.names))
+        self.system, self.mode, self.names = system, mode, names
+        self.size = system.dimension + len(names) + 1
+        self.sliding = [i for i, sign in enumerate(mode) if sign == 0]
+        self.parts: Parts = (
+            PlainParts(system, mode, names, jacobian)
+            if system.symbolic is None
+            else SymbolicParts(system, mode, names)
+        )
+
+    def part(self, name: str, t: Array, x: Array, s: Array, p: Array) -> Array:
+        """One of the parts on all points."""
+        return self.parts.part(name, t, x, s, p)
+
+    def velocity(self, t: Array, x: Array, s: Array, p: Array) -> Array:
+        """y' = (f, 0, 1): (k, N)."""
+        out = np.zeros((t.size, self.size))
+        out[:, : self.system.dimension] = self.part("f", t, x, s, p)[:, :, 0]
+        out[:, -1] = 1.0
+        return out
+
+    def multiplier_slope(self, t: Array, x: Array, s: Array, p: Array) -> Array:
+        """ds/dy of the sliding surfaces: (k, sliding, N)."""
+        rs = self.part("rs", t, x, s, p)[:, self.sliding, :]
+        ry = self.part("ry", t, x, s, p)[:, self.sliding, :]
+        return np.asarray(-np.linalg.solve(rs, ry), dtype=np.float64)
+
+    def matrix(self, t: Array, x: Array, s: Array, p: Array) -> Array:
+        """A = dy'/dy along the mode: (k, N, N)."""
+        n = self.system.dimension
+        out = np.zeros((t.size, self.size, self.size))
+        out[:, :n] = self.part("fy", t, x, s, p)
+        if self.sliding:
+            out[:, :n] += self.part("fs", t, x, s, p) @ self.multiplier_slope(t, x, s, p)
+        return out
+
+    def multipliers(self, t: Array, x: Array, p: Array) -> Array:
+        """Signs (k, m) with the multipliers of the sliding surfaces solved from r = 0 (Newton from 0)."""
+        s = np.tile(np.array(self.mode, dtype=float), (t.size, 1))
+        for _ in range(40 if self.sliding else 0):
+            r = self.part("r", t, x, s, p)[:, self.sliding, 0]
+            rs = self.part("rs", t, x, s, p)[:, self.sliding, :]
+            change = np.linalg.solve(rs, r[..., None])[..., 0]
+            s[:, self.sliding] -= change
+            if np.max(np.abs(change), initial=0.0) < 1e-14 * (1.0 + np.max(np.abs(s))):
+                break
+        return s
+
+
+@lru_cache(maxsize=512)
+def mode_field(
+    system: System, mode: tuple[int, ...], names: tuple[str, ...] = (), jacobian: Any = None
+) -> ModeField:
+    """The (cached) linearised field of a mode; names: parameters to differentiate by.
+
+    jacobian: for a system of plain functions, (t, x, p, s) -> df/dx with the signs held; else differences.
+    """
+    return ModeField(system, mode, names, jacobian)
+
+
+def gauss(stages: int) -> tuple[Array, Array, Array]:
+    """Nodes, weights and matrix of Gauss collocation on [0, 1] (order 2 * stages)."""
+    nodes, weights = np.polynomial.legendre.leggauss(stages)
+    c, b = 0.5 * (nodes + 1.0), 0.5 * weights
+    a = np.empty((stages, stages))
+    for j in range(stages):
+        others = np.delete(c, j)
+        basis = np.poly1d(others, r=True) / np.prod(c[j] - others)
+        integral = basis.integ()
+        a[:, j] = integral(c) - integral(0.0)
+    return c, b, a
+
+
+_NODES, _WEIGHTS, _MATRIX = gauss(4)
+# Largest |eigenvalue| times step of one Gauss step, whose error is 6e-10 times its ninth power; and into how
+# many parts a step is divided at most: stiff motions only need what decays to decay.
+_FURTHEST, _MOST_PARTS = 0.3, 16
+
+
+def _divided(
+    field: ModeField, start: Array, step: Array, state: Callable[[Array], Array], p: Array
+) -> tuple[Array, Array]:
+    """The steps, divided where the largest eigenvalue of A times the step is more than 0.3."""
+    times = start + 0.5 * step
+    x = state(times)
+    a = field.matrix(times, x, field.multipliers(times, x, p), p)
+    counts = np.ones(start.size, dtype=int)
+    reach = np.abs(step) * np.max(np.sum(np.abs(a), axis=2), axis=1)
+    check = np.isfinite(reach) & (reach > _FURTHEST)
+    if not np.any(check):
+        return start, step
+    rates = np.max(np.abs(np.linalg.eigvals(a[check])), axis=1)
+    counts[check] = np.clip(np.ceil(rates * np.abs(step[check]) / _FURTHEST), 1, _MOST_PARTS)
+    first = np.repeat(np.cumsum(counts) - counts, counts)
+    part = np.repeat(step / counts, counts)
+    return np.repeat(start, counts) + (np.arange(counts.sum()) - first) * part, part
+
+
+def transition(
+    field: ModeField, start: Array, step: Array, state: Callable[[Array], Array], p: Array
+) -> Array:
+    """Product of the transition matrices of Y' = A Y over steps of one mode: (N, N).
+
+    Gauss collocation of order 8 on the integrator's own steps, all of them at once; state(t) gives x on the
+    nodes. A step is divided where the matrix itself, of which the motion may know nothing, asks for it.
+    """
+    n, stages = field.size, len(_NODES)
+    start, step = _divided(field, start, step, state, p)
+    times = (start[:, None] + step[:, None] * _NODES).ravel()
+    x = state(times)
+    s = field.multipliers(times, x, p)
+    a = field.matrix(times, x, s, p).reshape(start.size, stages, n, n)
+    # K_i = A_i (Y + step sum_j a_ij K_j): one linear system of size stages * n a step.
+    identity = np.eye(n)
+    scaled = -step[:, None, None, None] * a
+    blocks = np.einsum("siab,ij->siajb", scaled, _MATRIX)
+    for i in range(stages):
+        blocks[:, i, :, i, :] += identity
+    size = stages * n
+    k = np.linalg.solve(blocks.reshape(-1, size, size), a.reshape(-1, size, n)).reshape(-1, stages, n, n)
+    steps = identity + step[:, None, None] * np.einsum("i,sijk->sjk", _WEIGHTS, k)
+    # Pairwise products: as many roundings, far fewer calls.
+    while len(steps) > 1:
+        odd = steps[-1:] if len(steps) % 2 else steps[:0]
+        even = len(steps) - len(odd)
+        steps = np.concatenate((steps[1:even:2] @ steps[0:even:2], odd))
+    return np.asarray(steps[0]) if len(steps) else identity

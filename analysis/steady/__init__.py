@@ -1,0 +1,1 @@
+"""Equilibria and sets of equilibria: where they are, their linearisation, motion beside them."""

@@ -1,0 +1,249 @@
+"""All solutions of algebraic equations, by elimination: branches of unknown = expression, the others free.
+
+Every step divides only by what is not zero at given values of the parameters, so a branch holds in a
+neighbourhood of them, and it is checked there by putting it back into the equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.analysis.algebra.budget import Clock, OutOfBudgetError
+from filippov.analysis.algebra.polynomial import sign_of_number
+from filippov.base.errors import UsageError
+
+MOST_BRANCHES = 64
+ROUNDING = 1e-9
+# Work that one equation may take, in the units of a budget.
+ROOTS = 1.0
+
+Branch = dict[Symbol, Expr]
+
+
+class DegenerateError(Exception):
+    """A step would divide by an expression in the parameters that is 0 at their values."""
+
+    def __init__(self, expression: Expr) -> None:
+        super().__init__(str(expression))
+        self.expression = expression
+
+
+class UnsolvedError(Exception):
+    """No step is left that leads on, though equations are."""
+
+
+@dataclass
+class Elimination:
+    """The unknowns, states before multipliers, which rather stay free; and the values of the parameters."""
+
+    states: Sequence[Symbol]
+    multipliers: Sequence[Symbol]
+    values: Mapping[Symbol, Expr]
+    clock: Clock
+    numeric: bool = False
+    found: list[Branch] = field(default_factory=list)
+
+    @property
+    def unknowns(self) -> tuple[Symbol, ...]:
+        """States, then multipliers."""
+        return (*self.states, *self.multipliers)
+
+    def solve(self, equations: Sequence[Expr]) -> list[Branch]:
+        """Return the branches on which all equations are 0; unknowns that are no key of one are free."""
+        self.found = []
+        self._step(list(equations), {})
+        return [b for b in self._different() if self._holds(b, equations)]
+
+    def _step(self, equations: list[Expr], known: Branch) -> None:
+        self.clock.check()
+        if len(self.found) > MOST_BRANCHES:
+            raise UnsolvedError
+        left: list[list[Expr]] = []
+        for equation in equations:
+            factors = self._factors(equation.subs(known) if known else equation)
+            if factors is None:
+                return
+            if factors and factors not in left:
+                left.append(factors)
+        if not left:
+            self.found.append(known)
+            return
+        left.sort(key=len)
+        rest = [sympy.Mul(*factors) for factors in left]
+        single = [k for k, factors in enumerate(left) if len(factors) == 1]
+        if self._eliminate(single, rest, known, states_only=True):
+            return
+        if len(single) < len(left):  # a product is 0 where one of its factors is
+            k = len(single)
+            for factor in left[k]:
+                self._step([factor, *rest[:k], *rest[k + 1 :]], known)
+            return
+        free = set().union(*(e.free_symbols for e in rest)) & set(self.unknowns)
+        if len(rest) < len(free) and self._nonlinear(rest, known, self.states):
+            return
+        if self._eliminate(single, rest, known, states_only=False):
+            return
+        if not self._nonlinear(rest, known, self.unknowns) and not self._split(rest, known):
+            raise UnsolvedError
+
+    def _eliminate(self, single: list[int], rest: list[Expr], known: Branch, states_only: bool) -> bool:
+        """Solve one equation for an unknown in which it is linear; the plainest coefficient first."""
+        best: tuple[int, int, Symbol, Expr] | None = None
+        degenerate: Expr | None = None
+        for unknown in self.states if states_only else self.unknowns:
+            for k in single:
+                parts = _linear(rest[k], unknown)
+                if parts is None:
+                    continue
+                slope, constant = parts
+                if not slope.has(*self.unknowns):
+                    if self.at_values(slope) == 0:
+                        degenerate = slope
+                        continue
+                    rank = 0 if slope.is_number else 1
+                elif not constant.has(*self.unknowns) and self.at_values(constant) != 0:
+                    rank = 2
+                else:
+                    continue
+                if best is None or rank < best[0]:
+                    best = rank, k, unknown, -constant / slope
+        if best is None:
+            if degenerate is not None:
+                raise DegenerateError(degenerate)
+            return False
+        _, k, unknown, value = best
+        self._put(unknown, value, rest[:k] + rest[k + 1 :], known)
+        return True
+
+    def _nonlinear(self, rest: list[Expr], known: Branch, unknowns: Sequence[Symbol]) -> bool:
+        """Solve one equation for an unknown in which it is not linear."""
+        for unknown in unknowns:
+            for k, equation in enumerate(rest):
+                roots = self._roots(equation, unknown) if equation.has(unknown) else None
+                if roots is None:
+                    continue
+                for root in roots:
+                    self._put(unknown, root, rest[:k] + rest[k + 1 :], known)
+                return True
+        return False
+
+    def _split(self, rest: list[Expr], known: Branch) -> bool:
+        """c y + d = 0 with unknowns in both: c = d = 0, or y = -d/c."""
+        for unknown in self.unknowns:
+            for k, equation in enumerate(rest):
+                parts = _linear(equation, unknown)
+                if parts is not None:
+                    slope, constant = parts
+                    others = rest[:k] + rest[k + 1 :]
+                    self._step([slope, constant, *others], known)
+                    self._put(unknown, -constant / slope, others, known)
+                    return True
+        return False
+
+    def _put(self, unknown: Symbol, value: Expr, rest: list[Expr], known: Branch) -> None:
+        value = short(value)
+        put = {unknown: value}
+        self._step([e.subs(put) for e in rest], {**{x: short(e.subs(put)) for x, e in known.items()}, **put})
+
+    def _factors(self, equation: Expr) -> list[Expr] | None:
+        """Return the factors that hold unknowns; [] if the equation holds, None if it cannot hold."""
+        numerator = sympy.fraction(sympy.together(equation))[0]
+        try:
+            constant, powers = self.clock.within(lambda: sympy.factor_list(numerator))
+            factors = [constant, *(factor for factor, _ in powers)]
+        except sympy.PolynomialError:
+            factors = list(sympy.Mul.make_args(sympy.factor_terms(numerator)))
+        kept = []
+        for factor in factors:
+            if factor.is_zero:
+                return []
+            if factor.has(*self.unknowns):
+                if not _never_zero(factor):
+                    kept.append(factor)
+            elif self.at_values(factor) == 0:
+                if not factor.free_symbols:
+                    return []
+                raise DegenerateError(factor)
+        return kept or None
+
+    def _roots(self, equation: Expr, unknown: Symbol) -> list[Expr] | None:
+        if equation.is_polynomial(unknown):
+            polynomial = sympy.Poly(equation, unknown)
+            if polynomial.degree() < 2:
+                return None
+            if polynomial.degree() > 2 and self.numeric and not polynomial.free_symbols_in_domain:
+                return [r for r in polynomial.nroots(n=20, maxsteps=200) if abs(sympy.im(r)) < ROUNDING]
+            if polynomial.degree() > 2:
+                return None
+        try:
+            roots = self.clock.within(lambda: sympy.solve(equation, unknown), ROOTS)
+        except OutOfBudgetError:
+            self.clock.check()
+            return None
+        except (NotImplementedError, ValueError, TypeError, AttributeError, KeyError, sympy.PolynomialError):
+            return None
+        plain = [r for r in roots if isinstance(r, Expr) and not r.has(unknown, sympy.I, sympy.Piecewise)]
+        return plain if plain or equation.is_polynomial(unknown) else None
+
+    def at_values(self, expression: Expr) -> Expr:
+        """Return an expression in parameters at their values."""
+        value = expression.subs(self.values)
+        try:
+            return sympy.S.Zero if not value.free_symbols and sign_of_number(value) == 0 else value
+        except (UsageError, TypeError):
+            return value
+
+    def _holds(self, branch: Branch, equations: Sequence[Expr]) -> bool:
+        """Whether the branch is real and the equations are 0 on it, at some values of what is free."""
+        free = [x for x in self.unknowns if x not in branch]
+        for guess in (sympy.Rational(1, 7), sympy.Rational(-2, 11), sympy.Rational(3, 17)):
+            point = {x: guess * (1 + sympy.Rational(k, 5)) for k, x in enumerate(free)}
+            place = {x: self._number(e.subs(point)) for x, e in branch.items()}
+            if any(v is None for v in place.values()):
+                continue
+            residuals = [self._number(e.subs({**place, **point})) for e in equations]
+            if all(r is not None and abs(r) < ROUNDING for r in residuals):
+                return True
+        return False
+
+    def _number(self, expression: Expr) -> Expr | None:
+        value = expression.subs(self.values).evalf(25)
+        if not value.is_number or value.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+            return None
+        real, imaginary = value.as_real_imag()
+        return real if abs(imaginary) < ROUNDING else None
+
+    def _different(self) -> list[Branch]:
+        kept: list[Branch] = []
+        for branch in self.found:
+            if branch not in kept:
+                kept.append(branch)
+        return kept
+
+
+def short(expression: Expr) -> Expr:
+    """Return a rational expression cancelled and factored, any other as it is."""
+    if expression.is_number or expression.is_Symbol:
+        return expression
+    try:
+        return sympy.factor(sympy.cancel(expression))
+    except (sympy.PolynomialError, NotImplementedError):
+        return expression
+
+
+def _linear(equation: Expr, unknown: Symbol) -> tuple[Expr, Expr] | None:
+    """(slope, constant) of an equation that is affine in the unknown."""
+    if not equation.has(unknown):
+        return None
+    slope = sympy.expand(equation).diff(unknown)
+    if slope.has(unknown) or slope.is_zero:
+        return None
+    return slope, sympy.expand(equation.subs(unknown, 0))
+
+
+def _never_zero(factor: Expr) -> bool:
+    return bool(factor.is_nonzero) or isinstance(factor, sympy.exp)

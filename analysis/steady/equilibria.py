@@ -1,0 +1,331 @@
+"""0 in F(x; p): equilibria of smooth modes, pseudo-equilibria of sliding modes, and sets of both.
+
+In a mode the signs are numbers, except s_i in [lo_i, hi_i] where the mode slides on surface i. There
+f(x, s) = 0 and h_i(x) = 0 are solved for x AND s; what stays free parameterises a set.
+Source: Filippov 1988, section 19.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.analysis.algebra.budget import Clock, OutOfBudgetError, counted
+from filippov.analysis.algebra.exact_form import exact_form
+from filippov.analysis.algebra.polynomial import exact
+from filippov.analysis.algebra.time_bounds import bounds
+from filippov.analysis.steady.branches import Branch, DegenerateError, Elimination, UnsolvedError
+from filippov.analysis.steady.clocks import after, mover
+from filippov.analysis.steady.equilibria_numeric import NumericMode, numeric_equilibria
+from filippov.analysis.steady.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet
+from filippov.analysis.steady.existence import Existence, ModeProblem
+from filippov.base.errors import UsageError
+from filippov.model import symbols
+from filippov.model.symbolic import SymbolicForm
+from filippov.model.system import System
+
+MOST_MODES = 243
+FORMULAS = 3.0  # seconds a mode, before it is searched numerically
+SOME_TIME = sympy.Rational(7313, 10000)
+
+
+@counted
+def equilibria(
+    system: System,
+    parameters: Mapping[Any, float] | None = None,
+    *,
+    modes: Sequence[str] | None = None,
+    t: float | None = None,
+    box: Mapping[str, tuple[float, float]] | None = None,
+    budget: float = 10.0,
+) -> Equilibria:
+    """Return the points and sets with 0 in F(x; p).
+
+    parameters  values that decide which exist, the defaults where not given; formulas stay in the symbols
+    modes       those to search, such as ["0"]; every mode by default (at most 243, else up to one sliding)
+    t           the time at which a system that depends on it is frozen
+    box         (least, greatest) by state where a numerical search is needed, +-10 by default
+    budget      work, in millions of calls of Python functions (about a second each)
+
+    A mode whose equations cannot be solved in formulas is searched numerically from many starts, which may
+    miss equilibria and is noted. A system of plain functions is always searched so. Raises UsageError,
+    ModelError.
+    """
+    p = system.parameters.resolve(parameters)
+    numbers = tuple(zip(system.parameters.names, p.tolist(), strict=True))
+    clock = Clock(budget)
+    ranges = _ranges(system, box)
+    chosen, notes = _modes(system, modes)
+    found: list[EquilibriumPoint | EquilibriumSet] = []
+    for k, mode in enumerate(chosen):
+        try:
+            if system.symbolic is None:
+                search = NumericMode.of_functions(system, mode, p, 0.0 if t is None else t)
+                more, said = numeric_equilibria(search, ranges, clock)
+            else:
+                form = exact_form(system)
+                assert form is not None
+                more, said = _symbolic(system, form, mode, numbers, t, ranges, clock)
+        except OutOfBudgetError as error:
+            notes.append(f"stopped after {k} of {len(chosen)} modes: {error}. Give a larger budget.")
+            break
+        notes += [note for note in said if note not in notes]
+        found += more
+    found, moved = _kept(system, found, p)
+    notes += moved
+    found = _without_doubles(found, system, p)
+    if system.symbolic is None and t is None and chosen:
+        notes.append("plain functions were searched numerically, at t = 0.")
+    return Equilibria(
+        tuple(e for e in found if isinstance(e, EquilibriumPoint)),
+        tuple(e for e in found if isinstance(e, EquilibriumSet)),
+        numbers,
+        tuple(notes),
+    )
+
+
+def mode_signs(system: System, mode: str) -> tuple[int, ...]:
+    """Return a mode text as integers; UsageError if it does not fit."""
+    table = {"+": 1, "-": -1, "0": 0}
+    if len(mode) != len(system.surfaces) or any(c not in table for c in mode):
+        raise UsageError(f"mode {mode!r}: expected {len(system.surfaces)} characters, each of + - 0.")
+    return tuple(table[c] for c in mode)
+
+
+def _modes(system: System, modes: Sequence[str] | None) -> tuple[list[str], list[str]]:
+    if modes is not None:
+        for mode in modes:
+            mode_signs(system, mode)
+        return list(dict.fromkeys(modes)), []
+    # The field does not jump on a kink, so what lies on it is found in the modes beside it.
+    signs = {"switching": "+0-", "kink": "+-", "reset": "+-", "observer": "+"}
+    options = [signs[s.kind] if s.width == 0 else "+-" for s in system.surfaces]
+    form = exact_form(system)
+    for i, contact in enumerate(form.contact if form is not None else ()):
+        options[i] = "+0-" if contact is not None else options[i]
+    total = 1
+    for option in options:
+        total *= len(option)
+    every = ("".join(m) for m in itertools.product(*options))
+    if total <= MOST_MODES:
+        return sorted(every, key=lambda m: m.count("0")), []
+    note = (
+        f"{total} modes are too many: those that slide on several surfaces were left out. Give modes=[...]."
+    )
+    few = (m for m in itertools.islice(every, 100_000) if m.count("0") <= 1)
+    return list(itertools.islice(few, MOST_MODES)), [note]
+
+
+def _ranges(system: System, box: Mapping[str, tuple[float, float]] | None) -> list[tuple[float, float]]:
+    ranges = [(-10.0, 10.0)] * system.dimension
+    for name, (low, high) in (box or {}).items():
+        if not low < high:
+            raise UsageError(f"box of {name!r} is ({low}, {high}), expected (least, greatest).")
+        ranges[system.state_index(name)] = (float(low), float(high))
+    return ranges
+
+
+def _symbolic(
+    system: System,
+    form: SymbolicForm,
+    mode: str,
+    numbers: tuple[tuple[str, float], ...],
+    t: float | None,
+    ranges: list[tuple[float, float]],
+    clock: Clock,
+) -> tuple[list[EquilibriumPoint | EquilibriumSet], list[str]]:
+    problem = ModeProblem.of(system, form, mode)
+    values = {q: exact(v) for q, (_, v) in zip(form.p, numbers, strict=True)}
+    put: dict[Symbol, Expr] = {} if t is None else {symbols.t: exact(t)}
+    degenerate: tuple[str, ...] = ()
+    if t is None and problem.has(symbols.t):
+        zero = {q: v for q, v in values.items() if v == 0 and not problem.put({q: v}).has(symbols.t)}
+        put |= zero
+        degenerate = tuple(f"{q} = 0" for q in zero)
+    notes: list[str] = []
+    numeric = False
+    branches: list[Branch] = []
+    for _ in range(len(form.p) + 2):
+        current = problem.put(put)
+        part = Clock(min(FORMULAS, clock.remaining() / 2))
+        search = Elimination(current.x, current.sliding, {**values, symbols.t: SOME_TIME}, part, numeric)
+        try:
+            branches = search.solve(current.equations)
+            break
+        except DegenerateError as error:
+            names = {q: v for q, v in values.items() if error.expression.has(q)}
+            zero = {q: v for q, v in names.items() if v == 0} or names
+            if error.expression.has(symbols.t) or not zero:
+                branches = []
+                break
+            degenerate += tuple(f"{q} = {v}" for q, v in zero.items())
+            put |= zero
+        except (UnsolvedError, OutOfBudgetError):
+            clock.check()
+            if numeric:
+                fallback = NumericMode.of_expressions(current.put(values).put({symbols.t: exact(t or 0.0)}))
+                more, said = numeric_equilibria(fallback, ranges, clock)
+                return more, said
+            numeric = True
+            put |= values
+    still, moving = _apart(branches)
+    held = [point for branch in moving for point in _held(current, branch, {**values, **put})]
+    if moving and len(held) < len(moving):
+        notes.append(
+            f"mode {mode!r}: what balances the field moves with the time t and is no equilibrium. "
+            "Give t=... to freeze the system."
+        )
+    notes += _turns(current, still)
+    existence = Existence(current, {**values, **put}, degenerate, exact=not numeric)
+    return [*held, *(e for branch in still for e in existence.of(branch))], notes
+
+
+def _turns(problem: ModeProblem, branches: Sequence[Branch]) -> list[str]:
+    """Notes on the states that stand in sines, cosines and tangents: only roots of one turn are listed."""
+    notes = []
+    for x in problem.x:
+        waves = {
+            q
+            for e in problem.equations
+            for q in e.atoms(sympy.sin, sympy.cos, sympy.tan)
+            if q.has(x) and q.args[0].diff(x).is_number
+        }
+        if not waves or not any(x in b for b in branches):
+            continue
+        periods = {2 * sympy.pi / abs(q.args[0].diff(x)) for q in waves}
+        period = max(periods, key=float)
+        expressions = [*problem.equations, *(b.g for b in problem.bounds)]
+        same = all(sympy.simplify(e.subs(x, x + period) - e) == 0 for e in expressions if e.has(x))
+        if same:
+            turns = f"{x} + k ({period}), k a whole number"
+            text = f"with each equilibrium {turns}, gives one too; those of one turn are listed."
+        else:
+            text = f"{x} stands in sines or cosines: roots further than one turn of {period} may be missing."
+        notes.append(text)
+    return notes
+
+
+def _held(problem: ModeProblem, branch: Branch, values: Mapping[Symbol, Expr]) -> list[EquilibriumPoint]:
+    """A point that stays while its multipliers move with time, clear of their bounds at all times."""
+    if any(q not in branch or branch[q].has(symbols.t) for q in problem.x):
+        return []
+    for q, limits in zip(problem.sliding, problem.limits, strict=True):
+        found = bounds(exact(sympy.S(branch.get(q, q)).subs(values)))
+        low, high = (sympy.S(e).subs(values) for e in limits)
+        if found is None or not (low.is_number and high.is_number and low < found[0] and found[1] < high):
+            return []
+    now = {symbols.t: SOME_TIME}
+    frozen = {q: e.subs(now) for q, e in branch.items()}
+    point = Existence(problem.put(now), values).point(frozen)
+    others = [b.g.subs(branch) for b in problem.bounds if b.surface not in problem.names]
+    if point is None or any(g.has(symbols.t) for g in others):
+        return []
+    multipliers = tuple((name, branch[q]) for name, q in zip(problem.names, problem.sliding, strict=True))
+    return [replace(point, multipliers=multipliers, conditions=())]
+
+
+def _apart(branches: list[Branch]) -> tuple[list[Branch], list[Branch]]:
+    moving = [b for b in branches if any(e.has(symbols.t) for e in b.values())]
+    return [b for b in branches if b not in moving], moving
+
+
+def _kept(
+    system: System, found: list[EquilibriumPoint | EquilibriumSet], p: Any
+) -> tuple[list[EquilibriumPoint | EquilibriumSet], list[str]]:
+    """Leave out what the reset of a time event moves, with a note each."""
+    numbers = _numbers(system, p)
+    kept: list[EquilibriumPoint | EquilibriumSet] = []
+    notes = []
+    for e in found:
+        name = mover(system, e, p, numbers)
+        part = _unmoved(system, e, numbers) if name is not None else None
+        if name is None or part is not None:
+            kept.append(part or e)
+        else:
+            text = f"what balances the field is moved by {name!r} and is no equilibrium."
+            notes.append(f"mode {e.mode!r}: {text}")
+    return kept, list(dict.fromkeys(notes))
+
+
+def _unmoved(
+    system: System, found: EquilibriumPoint | EquilibriumSet, numbers: Mapping[Symbol, Expr]
+) -> EquilibriumPoint | None:
+    """The one point of a set that all resets of time events keep; None where there is none, or more."""
+    form = exact_form(system)
+    if form is None or not isinstance(found, EquilibriumSet):
+        return None
+    place = dict(zip(form.x, found.x, strict=True))
+    changes = [
+        (e - x).subs(place, simultaneous=True)
+        for k, event in enumerate(system.time_events)
+        if event.reset is not None
+        for x, e in zip(form.x, after(system, k, found.mode), strict=True)
+    ]
+    if any(e.has(symbols.t) or not e.is_polynomial(*found.free) for e in changes):
+        return None
+    try:
+        solved = list(sympy.linsolve([e for e in changes if e != 0], *found.free))
+    except (ValueError, NotImplementedError):
+        return None
+    if len(solved) != 1 or any(e.has(*found.free) for e in solved[0]):
+        return None
+    at = dict(zip(found.free, solved[0], strict=True))
+    inside = [
+        float(low) < float(at[q].subs(numbers)) < float(high)
+        for q, (low, high) in zip(found.free, found.bounds, strict=True)
+    ]
+    if not all(inside):
+        return None
+    x = tuple(e.subs(at) for e in found.x)
+    multipliers = tuple((name, e.subs(at)) for name, e in found.multipliers)
+    return EquilibriumPoint(
+        found.mode, found.states, x, multipliers, tuple(float(e.subs(numbers)) for e in x),
+        tuple(float(e.subs(numbers)) for _, e in multipliers),
+        "pseudo-equilibrium" if "0" in found.mode else "equilibrium", (), found.exact, found.degenerate,
+    )  # fmt: skip
+
+
+def _numbers(system: System, p: Any) -> dict[Symbol, Expr]:
+    form = exact_form(system)
+    return {} if form is None else {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
+
+
+def _without_doubles(
+    found: list[EquilibriumPoint | EquilibriumSet], system: System, p: Any
+) -> list[EquilibriumPoint | EquilibriumSet]:
+    """Leave out a point that is an end of a set, and what the two sides of a kink or a surface both have."""
+    kept: list[EquilibriumPoint | EquilibriumSet] = []
+    places: list[tuple[float, ...]] = []
+    formulas = set()
+    numbers = _numbers(system, p)
+    for e in found:
+        if isinstance(e, EquilibriumSet) and (e.x, e.domain) not in formulas:
+            formulas.add((e.x, e.domain))
+            places += [end.value for end in e.ends]
+            kept.append(e)
+    for e in found:
+        if isinstance(e, EquilibriumPoint) and not any(_near(e.value, place) for place in places):
+            places.append(e.value)
+            if not any(_inside(e, s, numbers) for s in kept if isinstance(s, EquilibriumSet)):
+                kept.append(e)
+    return kept
+
+
+def _inside(point: EquilibriumPoint, found: EquilibriumSet, numbers: Mapping[Symbol, Expr]) -> bool:
+    """Whether a point of the same mode lies in a set whose free symbols are states."""
+    at = dict(zip(point.states, point.value, strict=True))
+    if point.mode != found.mode or any(q.name not in at for q in found.free):
+        return False
+    put = {q: sympy.Float(at[q.name], 20) for q in found.free}
+    within = all(a <= at[q.name] <= b for q, (a, b) in zip(found.free, found.bounds, strict=True))
+    values = [e.subs(put).subs(numbers).evalf(20) for e in found.x]
+    return within and all(v.is_number for v in values) and _near([float(v) for v in values], point.value)
+
+
+def _near(x: Sequence[float], y: Sequence[float]) -> bool:
+    return all(abs(a - b) <= 1e-9 * max(1.0, abs(a)) for a, b in zip(x, y, strict=True))

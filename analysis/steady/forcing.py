@@ -1,0 +1,152 @@
+"""How a system depends on time: not at all, or periodically through sines and cosines of t and clocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import sympy
+
+from filippov.analysis.algebra.polynomial import exact
+from filippov.base.errors import UsageError
+from filippov.model.expression import parse_expression
+from filippov.model.symbols import t as time
+from filippov.model.system import System
+
+Array = npt.NDArray[np.float64]
+
+
+@lru_cache(maxsize=128)
+def depends_on_time(system: System) -> bool:
+    """Whether t stands in the field or in a surface. Plain functions are asked at a few times."""
+    form = system.symbolic
+    if form is not None:
+        return any(time in expression.free_symbols for expression in form.expressions())
+    assert system.field is not None
+    p = system.parameters.record(system.parameters.defaults)
+    x, s = np.linspace(0.31, 0.74, system.dimension), np.ones(len(system.surfaces))
+    values = []
+    for moment in (0.0, 0.377, 1.913):
+        row = [float(v) for v in system.field(moment, x, p, s)]
+        values.append(np.array(row + [float(q.h(moment, x, p)) for q in system.surfaces]))
+    return not all(np.array_equal(values[0], value) for value in values[1:])
+
+
+def is_forced(system: System) -> bool:
+    """Whether a solution shifted in time is none: t stands in the equations, or a clock ticks."""
+    return depends_on_time(system) or any(e.period is not None for e in system.time_events)
+
+
+@lru_cache(maxsize=128)
+def forcing_period(system: System) -> sympy.Expr | None:
+    """Period of the forcing, from the sines and cosines in t and the clocks; None where it is not clear."""
+    form = system.symbolic
+    clocks = [e.period for e in system.time_events if e.period is not None]
+    if any(callable(q) and not isinstance(q, sympy.Expr) for q in clocks):
+        return None
+    rates = {2 * sympy.pi / exact(q) for q in clocks}
+    if form is None:
+        return _common(rates) if not depends_on_time(system) else None
+    for expression in form.expressions():
+        waves = expression.atoms(sympy.sin, sympy.cos, sympy.tan)
+        hidden = {wave: sympy.Dummy() for wave in waves if time in wave.free_symbols}
+        if time in expression.xreplace(hidden).free_symbols:
+            return None
+        for wave in hidden:
+            rate = wave.args[0].diff(time)
+            if rate.free_symbols & {time, *form.x, *form.s, *form.a}:
+                return None
+            rates.add(sympy.simplify(rate))
+    return _common(rates)
+
+
+def _common(rates: set[sympy.Expr]) -> sympy.Expr | None:
+    """The common period of angular frequencies; None where their ratios are not rational."""
+    if not rates:
+        return None
+    first = next(iter(rates))
+    ratios = [sympy.nsimplify(sympy.simplify(rate / first)) for rate in rates]
+    if not all(ratio.is_rational for ratio in ratios):
+        return None
+    common = sympy.gcd_list([abs(ratio) for ratio in ratios])
+    return 2 * sympy.pi / sympy.Abs(first * common)
+
+
+class Period:
+    """The period of the forcing, with its derivatives by parameters.
+
+    given   a number, a formula in the parameters such as "2*pi/omega" (text or sympy), a function of the
+            parameters by name, or None: read off the system
+    """
+
+    def __init__(self, system: System, given: Any = None) -> None:
+        self.system, self._function = system, None
+        self.text: str | float | None = given if isinstance(given, str | float | int) else None
+        if given is None:
+            given = forcing_period(system)
+            if given is None:
+                raise UsageError(
+                    "the system depends on time, and its period cannot be read off it; give period=, a "
+                    "number or a formula in the parameters such as '2*pi/omega'."
+                )
+            self.text = None
+        if isinstance(given, str):
+            symbols = {name: sympy.Symbol(name, real=True) for name in system.parameters}
+            given = parse_expression(given, symbols)
+        if isinstance(given, sympy.Expr):
+            self._value, self._slopes = self._compile(given)
+        elif callable(given):
+            self._value, self._slopes = self._called(given)
+        else:
+            number = float(given)
+            if not number > 0 or not np.isfinite(number):
+                raise UsageError(f"period is {given!r}, expected a number > 0.")
+            self._value, self._slopes = (lambda p: number), (lambda p: np.zeros(len(p)))
+
+    def _compile(self, formula: sympy.Expr) -> tuple[Callable[..., float], Callable[..., Array]]:
+        names = self.system.parameters.names
+        symbols = [sympy.Symbol(name, real=True) for name in names]
+        by_name = {symbol.name: symbol for symbol in symbols}
+        plain = formula.xreplace({s: by_name[s.name] for s in formula.free_symbols if s.name in by_name})
+        extra = plain.free_symbols - set(symbols)
+        if extra:
+            raise UsageError(f"period holds {sorted(map(str, extra))}, expected parameters of the system.")
+        value = sympy.lambdify(symbols, plain, "numpy")
+        slopes = sympy.lambdify(symbols, [plain.diff(q) for q in symbols], "numpy")
+        return (lambda p: float(value(*p))), (lambda p: np.array(slopes(*p), dtype=float))
+
+    def _called(self, function: Callable[..., Any]) -> tuple[Callable[..., float], Callable[..., Array]]:
+        def value(p: Array) -> float:
+            return float(function(self.system.parameters.record(p)))
+
+        def slopes(p: Array) -> Array:
+            reach = 1e-6 * np.maximum(np.abs(p), 1e-3)
+            steps = np.diag(reach)
+            moved = [value(p + d) - value(p - d) for d in steps]
+            return np.array(moved) / (2 * reach)
+
+        return value, slopes
+
+    def times(self, count: float) -> Period:
+        """A multiple of this period, or a part of it."""
+        other = object.__new__(Period)
+        other.__dict__.update(self.__dict__)
+        value, slopes = self._value, self._slopes
+        other.text = None
+        other._value, other._slopes = (lambda p: count * value(p)), (lambda p: count * slopes(p))
+        return other
+
+    def __call__(self, p: Array) -> float:
+        """The period at resolved parameter values."""
+        value = self._value(p)
+        if not value > 0 or not np.isfinite(value):
+            raise UsageError(f"the period of the forcing is {value} at these parameters, expected > 0.")
+        return value
+
+    def slope(self, p: Array, names: tuple[str, ...]) -> Array:
+        """Its derivatives by the named parameters."""
+        rows = self._slopes(p)
+        return np.array([rows[self.system.parameters.index(name)] for name in names])

@@ -1,1 +1,0 @@
-"""Arrays in, arrays out: what the solver compiles."""

@@ -1,0 +1,156 @@
+"""A bank run through other solvers: who gets which case right, and who says so when not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from filippov.app.bank.case import chosen, read_bank
+from filippov.app.bank.peers.peer import Limits, Peer
+from filippov.app.bank.peers.peer_process import PeerProcess
+from filippov.app.bank.peers.peer_row import FAMILIES, OUTCOMES, PeerRow
+from filippov.app.bank.peers.peer_scipy import FILIPPOV
+from filippov.app.bank.table import widest
+from filippov.app.bank.target import whole_and_parts
+from filippov.base.errors import UsageError
+from filippov.base.escape import printable
+from filippov.base.json_text import json_text
+from filippov.base.names import unknown
+
+_MARKS = {
+    "right": "yes", "wrong": "WRONG", "silent": "silent", "hang": "hang", "error": "error", "cannot": "-",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PeerTable:
+    """All rows, with the versions of the solvers and what counted as right."""
+
+    rows: tuple[PeerRow, ...]
+    versions: Mapping[str, str]
+    rtol: float
+    tolerance: float
+    max_calls: int
+    max_time: float
+
+    def count(self, peer: str, outcome: str, reported: bool | None = None) -> int:
+        """How often a solver had an outcome."""
+        return sum(
+            row.peer == peer and row.outcome == outcome and reported in (None, row.reported)
+            for row in self.rows
+        )
+
+    @property
+    def peers(self) -> tuple[str, ...]:
+        """Names of the solvers."""
+        return tuple(dict.fromkeys(row.peer for row in self.rows))
+
+    @property
+    def cases(self) -> tuple[str, ...]:
+        """Ids of the cases."""
+        return tuple(dict.fromkeys(row.id for row in self.rows))
+
+
+def compare_bank(
+    bank: str | Path | Sequence[Any] | Mapping[str, Any],
+    *,
+    only: Sequence[str] | None = None,
+    peers: Sequence[str] | None = None,
+    rtol: float = 1e-8,
+    tolerance: float = 1e-6,
+    max_calls: int = 50_000,
+    max_time: float = 20.0,
+    progress: Callable[..., None] | None = None,
+) -> PeerTable:
+    """Every case that is a motion, through every solver naively, each solver in a process of its own.
+
+    peers      "scipy", "heyoka", "diffrax"; default: those that are installed
+    rtol       of every solver; the absolute tolerance is rtol / 100
+    tolerance  right means: all that is compared within tolerance (1 + |value|), far above rtol
+    max_calls  field calls for each case and solver, max_time: seconds
+    progress   called with (done, of, what)
+
+    Cases that are polynomials alone are left out; a case with labelled parts counts as its parts. An
+    interrupt ends the run; KeyboardInterrupt carries the table of the rows that are there as its argument.
+    Raises UsageError for a solver that is unknown or not installed.
+    """
+    solvers = (*FILIPPOV, *_solvers(peers))
+    cases = [
+        one
+        for case in chosen(read_bank(bank), only)
+        if case.raw.get("polynomial") is None
+        for one in whole_and_parts(case)
+    ]
+    versions = {solver.module: solver.version for solver in solvers if solver not in FILIPPOV}
+    rows: dict[tuple[int, int], PeerRow] = {}
+
+    def table() -> PeerTable:
+        return PeerTable(tuple(rows[k] for k in sorted(rows)), versions, rtol, tolerance, max_calls, max_time)
+
+    try:
+        for column, solver in enumerate(solvers):
+            process = PeerProcess(solver.name)
+            try:
+                for line, case in enumerate(cases):
+                    if progress is not None:
+                        done = column * len(cases) + line
+                        progress(done, len(solvers) * len(cases), f"{case.id}, {solver.name}")
+                    limits = Limits(rtol, rtol / 100, max_calls, max_time)
+                    rows[line, column] = process.run(case, limits, tolerance)
+            finally:
+                process.close()
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(table()) from None
+    return table()
+
+
+def _solvers(names: Sequence[str] | None) -> list[Peer]:
+    if names is None:
+        return [peer for family in FAMILIES.values() for peer in family if peer.installed]
+    out: list[Peer] = []
+    for name in names:
+        if name not in FAMILIES:
+            raise UsageError(unknown("peer", name, FAMILIES))
+        if not FAMILIES[name][0].installed:
+            raise UsageError(f"the peer {name!r} is not installed.")
+        out += FAMILIES[name]
+    return out
+
+
+# -- texts ---------------------------------------------------------------------------------------------
+
+
+def peers_text(table: PeerTable) -> str:
+    """Who gets which case right, and how many each."""
+    width = widest(table.cases)
+    by = {(row.id, row.peer): row for row in table.rows}
+    lines = [f"{'case':<{width}}  " + "  ".join(f"{peer:>14}" for peer in table.peers)]
+    for name in table.cases:
+        marks = [_MARKS[by[name, peer].outcome] if (name, peer) in by else "" for peer in table.peers]
+        lines.append(f"{printable(name):<{width}}  " + "  ".join(f"{mark:>14}" for mark in marks))
+    for outcome in OUTCOMES:
+        counts = [table.count(peer, outcome) for peer in table.peers]
+        lines.append(f"{outcome:<{width}}  " + "  ".join(f"{count:>14}" for count in counts))
+    versions = ", ".join(f"{name} {version}" for name, version in table.versions.items())
+    lines.append(
+        f"{len(table.cases)} cases at rtol {table.rtol:g}; right: within {table.tolerance:g} (1 + |x|); "
+        f"at most {table.max_calls} field calls and {table.max_time:g} s; {versions}"
+    )
+    reasons = {row.id: row.message for row in table.rows if row.outcome == "cannot"}
+    lines += [printable(f"  cannot be stated: {name}: {reason}") for name, reason in reasons.items()]
+    return "\n".join(lines)
+
+
+def peers_json(table: PeerTable) -> str:
+    """The table as one JSON object."""
+    data = {**asdict(table), "rows": [asdict(row) for row in table.rows], "versions": dict(table.versions)}
+    return json_text(data)
+
+
+def read_peers(path: str | Path) -> PeerTable:
+    """The table from what `peers_json` wrote."""
+    data = json.loads(Path(path).read_text(encoding="utf-8"))
+    return PeerTable(**{**data, "rows": tuple(PeerRow(**row) for row in data["rows"])})

@@ -1,0 +1,1 @@
+"""What a case expects, read and measured: one module for each kind of quantity."""

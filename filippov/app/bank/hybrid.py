@@ -1,0 +1,107 @@
+"""Hybrid texts that are regular enough to be read: a flow with a reset, a two-state automaton.
+
+    flow x'=v, v'=-9.8; guard x=0, v<0; reset v->-0.9 v
+    on: T'=-(T-18)/10+2 until 23.5; off: T'=-(T-18)/10 until 22
+
+The first becomes a smooth field with a surface that resets; the second a relay with hysteresis between its
+two thresholds. Anything else stays as it is, and the case has to give h and fields.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from filippov.app.bank.notation import strict
+from filippov.base.errors import ModelError
+
+_DERIVATIVE = re.compile(r"^\s*(?:d?(\w+)'|d(\w+)/dt)\s*=\s*(.+?)\s*$")
+_AUTOMATON = re.compile(r"^\s*(?P<name>\w+)\s*:\s*(?P<flow>.+?)\s+until\s+(?P<until>.+?)\s*$")
+_SIDE = re.compile(r"^\s*(?P<state>\w+)\s*(?P<relation>[<>]=?|=)\s*(?P<value>.+?)\s*$")
+
+
+def written_out(raw: Mapping[str, Any]) -> dict[str, Any]:
+    """The case with h and fields from its hybrid text, where it has none and the text can be read."""
+    text = raw.get("hybrid")
+    if not isinstance(text, str) or raw.get("fields") is not None or raw.get("smooth_field") is not None:
+        return dict(raw)
+    states = [str(name) for name in raw.get("states") or ()]
+    clauses = [clause.strip() for clause in text.split(";") if clause.strip()]
+    for read in (_automaton, _flow):
+        try:
+            found = read(clauses, states)
+        except ModelError:
+            continue
+        if found is not None:
+            return {**raw, **found}
+    return dict(raw)
+
+
+def _automaton(clauses: list[str], states: list[str]) -> dict[str, Any] | None:
+    parts = [_AUTOMATON.match(clause) for clause in clauses]
+    if len(parts) != 2 or None in parts or not states:
+        return None
+    flows, levels, where = [], [], states[0]
+    for part in parts:
+        assert part is not None
+        flows.append(_field(part["flow"], states))
+        bound = _SIDE.match(part["until"])
+        if bound is not None:
+            where = bound["state"]
+        levels.append(strict(bound["value"] if bound is not None else part["until"], states))
+    if where not in states:
+        return None
+    middle, half = f"(({levels[0]})+({levels[1]}))/2", f"(({levels[0]})-({levels[1]}))/2"
+    # The first state is named first: it holds below its threshold where that is the upper one.
+    upper = _number(half) > 0
+    low, high = flows if upper else flows[::-1]
+    surface = {"h": f"{where}-({middle})", "width": half if upper else f"-({half})"}
+    return {"h": [surface], "fields": {"-": low, "+": high}}
+
+
+def _flow(clauses: list[str], states: list[str]) -> dict[str, Any] | None:
+    said = {clause.split(None, 1)[0]: clause.split(None, 1)[1] for clause in clauses if " " in clause}
+    if set(said) != {"flow", "guard", "reset"}:
+        return None
+    surface, side = "", None
+    for condition in said["guard"].split(","):
+        match = _SIDE.match(condition)
+        if match is None:
+            return None
+        if match["relation"] == "=":
+            surface = f"{match['state']}-({strict(match['value'], states)})"
+            # The guard is reached from above where what falls is asked for.
+            side = side or "+"
+        elif match["relation"].startswith(">"):
+            side = "-"
+    resets = {}
+    for change in said["reset"].split(","):
+        name, arrow, value = change.partition("->")
+        if not arrow or name.strip() not in states:
+            return None
+        resets[name.strip()] = strict(value, states)
+    if not surface:
+        return None
+    return {
+        "h": [{"h": surface, "reset": resets, "side": side}],
+        "fields": {"*": _field(said["flow"], states)},
+    }
+
+
+def _field(text: str, states: list[str]) -> list[str]:
+    found: dict[str, str] = {}
+    for piece in text.split(","):
+        match = _DERIVATIVE.match(piece)
+        if match is None:
+            raise ModelError(f"{piece!r} is not an equation such as x'=v.")
+        found[match[1] or match[2]] = strict(match[3], states)
+    if set(found) != set(states):
+        raise ModelError(f"equations are given for {', '.join(found)}, the states are {', '.join(states)}.")
+    return [found[name] for name in states]
+
+
+def _number(text: str) -> float:
+    from filippov.app.bank.case import number
+
+    return number(text)

@@ -1,0 +1,311 @@
+"""The motion of a case: solved when asked for, further or otherwise where an expectation needs it."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import sympy
+from scipy.optimize import brentq
+from sympy import Expr
+
+from filippov.analysis.algebra.budget import OutOfBudgetError
+from filippov.analysis.algebra.deadline import within
+from filippov.analysis.orbits.orbit import Orbit
+from filippov.analysis.orbits.orbit_search import find_orbit
+from filippov.analysis.sensitivity.saltation import NotDifferentiableError
+from filippov.app.bank.build import Built
+from filippov.app.bank.reason import MissingError, OutOfTimeError
+from filippov.base.errors import ModelError, SolveError, UsageError
+from filippov.base.status import EventKind, Status
+from filippov.model.symbols import t as time_symbol
+from filippov.solving.selection.modes import Successor
+from filippov.solving.solution import Solution
+from filippov.solving.solution_tree import SolutionTree
+from filippov.solving.solver import solve
+from filippov.solving.state.events import Event, Mode
+from filippov.solving.state.machine import Machine
+from filippov.solving.state.options import falls
+
+Array = npt.NDArray[np.float64]
+LEAST_STEPS = 100
+SAMPLES = 64  # of each stretch of one mode, where zeros and extremes are looked for
+LONGEST = 16.0  # how many times its span a motion is followed until it recurs
+
+
+@dataclass
+class Settings:
+    """How the cases are solved: tolerances, method, and seconds for each."""
+
+    rtol: float = 1e-11
+    atol: float = 1e-13
+    method: str = "DOP853"
+    max_time: float = 120.0
+
+
+@dataclass
+class Motion:
+    """Runs of one case."""
+
+    built: Built
+    settings: Settings
+    deadline: float
+    field_calls: int = 0
+    _runs: dict[Any, Solution] = field(default_factory=dict)
+
+    def solve(
+        self,
+        x0: Sequence[float] | None = None,
+        t_end: float | None = None,
+        t0: float | None = None,
+        **options: Any,
+    ) -> Solution:
+        """A run of the case's system; another start, end or policy where given. Raises OutOfTimeError."""
+        start = tuple(self.built.x0 if x0 is None else x0)
+        begin, end = self.built.t_span
+        span = (begin if t0 is None else t0, end if t_end is None else t_end)
+        plain = not any(callable(value) for value in options.values())
+        key = (start, span, tuple(sorted(options.items(), key=lambda item: item[0])) if plain else None)
+        if plain and key in self._runs:
+            return self._runs[key]
+        left = self.deadline - time.monotonic()
+        if left <= 0:
+            raise OutOfTimeError
+        chosen = {
+            "rtol": self.settings.rtol, "atol": self.settings.atol, "method": self.settings.method,
+            "max_time": left, **options,
+        }  # fmt: skip
+        if span[0] != span[1]:
+            # A short pulse in a field that is constant elsewhere is not to be stepped over.
+            chosen.setdefault("max_step", abs(span[1] - span[0]) / LEAST_STEPS)
+        run: Solution = solve(self.built.system, start, span, backward=falls(span), **chosen)
+        self.field_calls += run.nfev
+        if run.status is Status.TIMEOUT:
+            raise OutOfTimeError
+        if run.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        if plain:
+            self._runs[key] = run
+        return run
+
+    @cached_property
+    def main(self) -> Solution:
+        """The run over the case's own span."""
+        return self.solve()
+
+    def covering(self, t: float) -> Solution:
+        """A run that reaches the time t, in the span or beyond it."""
+        start, end = self.built.t_span
+        forwards = end >= start
+        inside = (start <= t <= end) if forwards else (end <= t <= start)
+        run = self.main if inside else self.solve(t_end=t)
+        if abs(t - start) > abs(run.t_end - start) and abs(t - run.t_end) > 1e-12 * (1 + abs(t)):
+            # A motion that accumulates goes on in its limit.
+            run = self.solve(t_end=max(t, end) if forwards else min(t, end), zeno="continue")
+        if abs(t - start) > abs(run.t_end - start) and abs(t - run.t_end) > 1e-12 * (1 + abs(t)):
+            raise MissingError(f"the run ends at t = {run.t_end:.9g} ({run.message})")
+        return run
+
+    def state(self, t: float, side: str = "-") -> Array:
+        """x(t)."""
+        run = self.covering(t)
+        assert run.sol is not None
+        low, high = sorted((run.problem.t_span[0], run.t_end))
+        if t == run.t_end:
+            return np.asarray(run.x_end)
+        return np.asarray(run.sol(min(max(t, low), high), side=side))
+
+    def events(self, run: Solution | None = None) -> list[Event]:
+        """The events on the case's own surfaces; those on kinks of its formulas are left out."""
+        return [e for e in (self.main if run is None else run).events if e.surface in self.built.declared]
+
+    def candidates(self) -> tuple[Solution, list[Successor]]:
+        """The run that ends where several modes can follow, and those modes."""
+        seen: list[Successor] = []
+
+        def end(found: list[Successor]) -> None:
+            seen.extend(found)
+
+        return self.solve(nonunique=end), seen
+
+    def velocity(self, run: Solution, t: float | None = None, side: str = "+") -> tuple[Array, Array]:
+        """Field and multipliers of the mode at a time, or at the end of a run."""
+        system = run.problem.system
+        machine = Machine(system, self.settings.method, run.problem.p, sliding=run.options.sliding)
+        if t is None or t == run.t_end:
+            at, x, mode = run.t_end, run.x_end, run.end_mode
+            guess = run.end_multipliers
+        else:
+            assert run.sol is not None
+            at, x, mode = t, np.asarray(run.sol(t, side=side)), run.mode_at(t, side)
+            guess = np.zeros(len(mode))
+        _, velocity, lam, _ = machine.probe(
+            float(at), 0.0, np.ascontiguousarray(x), np.array(mode, dtype=float), np.ascontiguousarray(guess)
+        )
+        return velocity.copy(), lam
+
+    def times(self, run: Solution, low: float | None = None, high: float | None = None) -> Array:
+        """Sample times: SAMPLES in each stretch of one mode, between two bounds."""
+        low = run.problem.t_span[0] if low is None else low
+        high = run.t_end if high is None else high
+        if high <= low:
+            return np.array([low])
+        edges = [low, *(e.t for e in run.events if low < e.t < high), high]
+        parts = [np.linspace(a, b, SAMPLES) for a, b in itertools.pairwise(edges) if b > a]
+        return np.unique(np.concatenate(parts))
+
+    def values(
+        self, run: Solution, expression: Expr, times: Array, extra: dict[Any, Any] | None = None
+    ) -> Array:
+        """An expression in t and the states along a run."""
+        assert run.sol is not None
+        rows = run.sol(times)
+        symbols = [time_symbol, *self.built.states]
+        function = sympy.lambdify(symbols, expression.xreplace(extra or {}), "numpy")
+        return np.broadcast_to(np.asarray(function(times, *rows), dtype=float), times.shape)
+
+    def zeros(
+        self, run: Solution, expression: Expr, low: float | None = None, high: float | None = None
+    ) -> list[tuple[float, int]]:
+        """Times at which an expression vanishes along a run, each with its direction (0: it stays)."""
+        assert run.sol is not None
+        sol = run.sol
+        function = sympy.lambdify([time_symbol, *self.built.states], expression, "numpy")
+
+        def value(t: float) -> float:
+            return float(function(t, *sol(t)))
+
+        low = run.problem.t_span[0] if low is None else low
+        high = run.t_end if high is None else high
+        steps = np.asarray(run.t)
+        steps = steps[(steps >= low) & (steps <= high)]
+        times = np.unique(np.concatenate([self.times(run, low, high), steps]))
+        values = self.values(run, expression, times)
+        small = 1e-10 * (1.0 + float(np.max(np.abs(values), initial=0.0)))
+        signs = np.where(np.abs(values) <= small, 0, np.sign(values)).astype(int)
+        found: list[tuple[float, int]] = []
+        for k in range(len(times)):
+            if signs[k] == 0:
+                before = signs[k - 1] if k else 0
+                later = signs[k + 1] if k + 1 < len(times) else 0
+                if before != 0 or later != 0 or k == 0:
+                    found.append((float(times[k]), int(np.sign(later - before))))
+            elif k and signs[k] * signs[k - 1] < 0:
+                root = brentq(value, times[k - 1], times[k], xtol=1e-15, rtol=1e-14)
+                found.append((float(root), int(signs[k])))
+        return found
+
+    @cached_property
+    def cycle(self) -> Cycle:
+        """The periodic motion that the case settles on. Raises MissingError where it does not."""
+        start, end = self.built.t_span
+        factor, found = 1.0, None
+        while factor <= LONGEST:
+            run = self.solve(t_end=start + factor * (end - start))
+            found = recurrence(run, self.events(run)) or found
+            if found is not None and found.residual < 3e-11:
+                return found
+            if not run.status.ok:
+                break
+            factor *= 2.0
+        if found is None or found.residual > 1e-7:
+            raise MissingError(f"the motion does not recur within {LONGEST:g} times its span")
+        return found
+
+
+    def orbit(self, period: float | None = None) -> Orbit:
+        """The periodic orbit near the start of the case, stable or not, from a guess of its period.
+
+        Raises MissingError.
+        """
+        left = self.deadline - time.monotonic()
+        if left <= 0:
+            raise OutOfTimeError
+        built, start = self.built, self.built.t_span[0]
+        try:
+            return within(
+                left, lambda: find_orbit(
+                    built.system, built.x0, t0=start, period=period, rtol=self.settings.rtol,
+                    atol=self.settings.atol, method=self.settings.method,
+                )
+            )  # fmt: skip
+        except OutOfBudgetError:
+            raise OutOfTimeError from None
+        except (SolveError, NotDifferentiableError, ModelError, UsageError) as error:
+            raise MissingError(f"no periodic orbit was found: {error}") from None
+
+    def tree(self, t_end: float, release_times: int = 0) -> SolutionTree:
+        """All solutions up to a time, with departures from sliding that can be left sampled."""
+        left = self.deadline - time.monotonic()
+        if left <= 0:
+            raise OutOfTimeError
+        tree = solve(
+            self.built.system, self.built.x0, (self.built.t_span[0], t_end), nonunique="branch",
+            rtol=self.settings.rtol, atol=self.settings.atol, method=self.settings.method, max_time=left,
+            max_branches=256, release_times=release_times or None, backward=t_end < self.built.t_span[0],
+        )  # fmt: skip
+        self.field_calls += sum(branch.solution.nfev for branch in tree.branches)
+        if tree.status is Status.TIMEOUT:
+            raise OutOfTimeError
+        return tree
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """The last period of a run: from the event before the last turn to the last event.
+
+    residual  largest difference between the states of its events and those a period earlier, relative
+    """
+
+    run: Solution
+    period: float
+    events: tuple[Event, ...]
+    residual: float
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time of it."""
+        return self.events[-1].t - self.period, self.events[-1].t
+
+
+def recurrence(run: Solution, events: Sequence[Event]) -> Cycle | None:
+    """The shortest repetition at the end of a run: k events that equal the k before them."""
+    best: Cycle | None = None
+    scale = 1.0 + max((float(np.max(np.abs(e.x), initial=0.0)) for e in events), default=0.0)
+    for k in range(1, len(events) // 2 + 1):
+        last, before = events[-k:], events[-2 * k : -k]
+        if any(_word(a) != _word(b) for a, b in zip(last, before, strict=True)):
+            continue
+        gap = max(float(np.max(np.abs(a.x - b.x))) for a, b in zip(last, before, strict=True)) / scale
+        shifts = np.array([a.t - b.t for a, b in zip(last, before, strict=True)])
+        gap = max(gap, float(np.ptp(shifts)) / (1.0 + abs(float(shifts[-1]))))
+        if gap < 1e-7 and shifts[-1] > 0:
+            found = Cycle(run, float(shifts[-1]), tuple(last), gap)
+            if best is None or found.residual < 1e-2 * best.residual:
+                best = found
+            if found.residual < 3e-11:
+                return found
+    return best
+
+
+def _word(event: Event) -> tuple[int, EventKind, int]:
+    return event.index, event.kind, event.direction
+
+
+def first_where(events: Sequence[Event], wanted: Callable[[Event], bool]) -> Event:
+    """The first event of that sort. Raises MissingError."""
+    for event in events:
+        if wanted(event):
+            return event
+    raise MissingError("the run has no such event")
+
+
+def slides(mode: Mode) -> bool:
+    """Whether a mode slides on a surface."""
+    return any(sign == 0 for sign in mode)

@@ -1,0 +1,71 @@
+"""Formulas as people write them (2 t, x^2, e1 l1 R1, ln C, 1.5(t-te)) as expressions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from sympy import Expr
+
+from filippov.base.errors import ModelError
+from filippov.model.expression import FUNCTIONS, parse_expression
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[^\W\d]\w*)|(?P<other>\*\*|[-+*/^(),{}]))"
+)
+LONGEST = 2_000
+
+
+def formula(text: str, names: Mapping[str, Any]) -> Expr:
+    """The expression that a formula in loose notation stands for. Raises ModelError."""
+    try:
+        return parse_expression(text, names)
+    except ModelError as error:
+        try:
+            return parse_expression(strict(text, names), names)
+        except ModelError:
+            raise error from None
+
+
+def strict(text: str, names: Collection[str]) -> str:
+    """The formula with every product written out, ^ as **, and arguments of functions in brackets."""
+    tokens = _tokens(text)
+    out: list[str] = []
+    pending = False  # a function whose bare argument follows
+    for k, (kind, word) in enumerate(tokens):
+        after = tokens[k + 1] if k + 1 < len(tokens) else ("", "")
+        function = kind == "name" and word in FUNCTIONS and word not in names
+        if out and kind in ("number", "name", "open") and _ends_factor(tokens[k - 1], names) and not pending:
+            out.append("*")
+        out.append({"^": "**", "{": "(", "}": ")"}.get(word, word))
+        if pending:
+            out.append(")")
+            pending = False
+        if function and after[0] in ("name", "number"):
+            out.append("(")
+            pending = True
+    return "".join(out)
+
+
+def _ends_factor(token: tuple[str, str], names: Collection[str]) -> bool:
+    kind, word = token
+    return kind in ("number", "close") or (kind == "name" and not (word in FUNCTIONS and word not in names))
+
+
+def _tokens(text: str) -> list[tuple[str, str]]:
+    if len(text) > LONGEST:
+        raise ModelError(f"the formula has {len(text)} characters, expected at most {LONGEST}.")
+    found: list[tuple[str, str]] = []
+    place, end = 0, len(text.rstrip())
+    while place < end:
+        match = _TOKEN.match(text, place)
+        if match is None:
+            raise ModelError(f"cannot read the formula {text[:80]!r} at {text[place : place + 10]!r}.")
+        place = match.end()
+        word = match[match.lastgroup or 0]
+        kind = match.lastgroup or ""
+        if kind == "other":
+            kind = {"(": "open", "{": "open", ")": "close", "}": "close"}.get(word, "operator")
+        found.append((kind, word))
+    return found

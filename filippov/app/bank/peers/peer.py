@@ -1,0 +1,150 @@
+"""Other solvers put to the same cases naively: the sign of h as the language has it, no events.
+
+What is compared are states at given times (`final_state`, `x_at_3`, ...), which any solver can give.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import itertools
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.app.bank.build import Built
+from filippov.app.bank.case import Case
+from filippov.app.bank.target import Array, Target, targets
+from filippov.model.symbols import t as time_symbol
+
+
+class HangError(Exception):
+    """The solver did not come to the end within what it was allowed."""
+
+
+class CannotError(Exception):
+    """The case cannot be written for this solver."""
+
+
+class SaidError(Exception):
+    """The solver says that the solution is not unique."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """A case as a naive user has it: x' = f(t, x, sgn h), a start, and times at which x is asked for.
+
+    ambiguous  whether its solution is not unique, so that what is asked for is that the solver says so
+    """
+
+    built: Built
+    targets: tuple[Target, ...]
+    h: tuple[Expr, ...]
+    rows: Mapping[tuple[int, ...], Sequence[Expr]]
+    ambiguous: bool = False
+
+    @property
+    def symbols(self) -> list[Symbol]:
+        """Time and the states."""
+        return [time_symbol, *self.built.states]
+
+    @property
+    def times(self) -> list[float]:
+        """The times of the targets, in order, each once."""
+        return sorted({target.t for target in self.targets})
+
+
+@dataclass
+class Limits:
+    """What a solver is given: tolerances, field calls, seconds."""
+
+    rtol: float
+    atol: float
+    calls: int
+    seconds: float
+    started: float = field(default_factory=time.monotonic)
+
+    def check(self, calls: int = 0) -> None:
+        """Raise HangError when so many field calls are too many, or the time is over."""
+        if calls > self.calls or time.monotonic() - self.started > self.seconds:
+            raise HangError
+
+
+# Returns states (one row a time) and whether the solver reported success.
+Solve = Callable[[Given, Limits], tuple[Array, bool]]
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A solver by name, the module that it needs, and the function that runs a case."""
+
+    name: str
+    module: str
+    solve: Solve
+
+    @property
+    def installed(self) -> bool:
+        """Whether its module is there."""
+        return importlib.util.find_spec(self.module) is not None
+
+    @property
+    def version(self) -> str:
+        """Version of its module."""
+        return importlib.metadata.version(self.module)
+
+
+def given(case: Case, built: Built) -> Given:
+    """The case for naive solvers. Raises CannotError where it is more than a field with signs in it."""
+    for surface in built.system.surfaces:
+        if surface.reset is not None:
+            raise CannotError("a reset: it takes events and restarts")
+        if surface.width:
+            raise CannotError("a hysteresis: a sign has no memory")
+        if surface.wide:
+            raise CannotError("static friction above the slip curve: a sign has no such values")
+    if built.system.time_events:
+        raise CannotError("a clock: it takes restarts")
+    ambiguous = case.expectation("must_report") is not None
+    asked = targets(case, built)
+    if ambiguous:
+        asked = (Target(built.t_span[1], (), ()),)
+    if not asked:
+        raise CannotError("no state at a known time is expected")
+    count = len(next(iter(built.fields)))
+    named = {s.name: s for s in built.system.surfaces}
+    h = tuple(named[name].h for name in built.declared[:count])
+    rows = {tuple(1 if c == "+" else -1 for c in signs): row for signs, row in built.fields.items()}
+    return Given(built, asked, h, rows, ambiguous)
+
+
+def worst(case: Given, states: Array, tolerance: float) -> tuple[float, float]:
+    """Largest error, and the largest error over its tolerance, which is relative to 1 + |value|."""
+    error = ratio = 0.0
+    for target in case.targets:
+        gaps = target.gaps(case.built, states[case.times.index(target.t)])
+        for gap, value in zip(gaps, target.values, strict=True):
+            error = max(error, float(gap)) if np.isfinite(gap) else np.inf
+            ratio = max(ratio, gap / (tolerance * (1 + abs(value)))) if np.isfinite(gap) else np.inf
+    return error, ratio
+
+
+def numeric_field(case: Given, limits: Limits) -> Callable[[float, Array], Array]:
+    """f(t, x) as a user writes it with numpy: sgn 0 is 0, fields between are the mean of their neighbours."""
+    h = sympy.lambdify(case.symbols, list(case.h), "numpy")
+    rows = {signs: sympy.lambdify(case.symbols, list(row), "numpy") for signs, row in case.rows.items()}
+    calls = itertools.count()
+
+    def f(t: float, x: Array) -> Array:
+        count = next(calls)
+        if count % 64 == 0:
+            limits.check(count)
+        signs = [int(np.sign(v)) for v in h(t, *x)]
+        corners = list(itertools.product(*((s,) if s else (1, -1) for s in signs)))
+        mean: Array = np.mean([np.asarray(rows[c](t, *x), dtype=float) for c in corners], axis=0)
+        return mean
+
+    return f

@@ -1,0 +1,127 @@
+"""A process for one solver: what hangs in it is ended, what crashes in it is an outcome.
+
+The process is `python -m filippov.app.bank.peers.peer_process NAME`. It reads cases as lines of JSON and
+answers each with its row; nothing else goes to where the rows go, whatever the solver prints.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import filippov
+from filippov.app.bank.case import Case, read_bank
+from filippov.app.bank.peers.peer import Limits
+from filippov.app.bank.peers.peer_row import SOLVERS, PeerRow, peer_row
+
+STARTING = 300.0  # seconds for the interpreter and the solver's module, on any machine
+GRACE = 5.0  # seconds beyond those allowed, within which a solver can end by itself
+
+
+class PeerProcess:
+    """Runs the cases of one solver, in a process that is made anew when it had to be ended."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._process: subprocess.Popen[str] | None = None
+        self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+
+    def run(self, case: Case, limits: Limits, tolerance: float) -> PeerRow:
+        """The row of a case; "hang" where the time is over, "error" where the process died."""
+        try:
+            self._start()
+            assert self._process is not None
+            assert self._process.stdin is not None
+            asked = {
+                "case": {**case.raw, "id": case.id}, "rtol": limits.rtol, "atol": limits.atol,
+                "calls": limits.calls, "seconds": limits.seconds, "tolerance": tolerance,
+            }  # fmt: skip
+            self._process.stdin.write(json.dumps(asked) + "\n")
+            self._process.stdin.flush()
+            answer = self._lines.get(timeout=limits.seconds + GRACE)
+        except queue.Empty:
+            self.close()
+            return PeerRow(case.id, self.name, "hang", False, None, f"ended after {limits.seconds:g} s")
+        except BrokenPipeError:
+            answer = ""
+        if not answer:
+            code = self.close()
+            return PeerRow(case.id, self.name, "error", False, None, f"its process died (exit code {code})")
+        return PeerRow(**json.loads(answer))
+
+    def _start(self) -> None:
+        """The process, ready for a case. Raises queue.Empty when it does not get ready."""
+        if self._process is not None and self._process.poll() is None:
+            return
+        self.close()
+        self._process = subprocess.Popen(  # noqa: S603 (this interpreter, a name of SOLVERS)
+            [sys.executable, "-P", "-m", "filippov.app.bank.peers.peer_process", self.name],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+            env=_environment(),
+        )  # fmt: skip
+        self._lines = queue.SimpleQueue()
+        threading.Thread(target=_pump, args=(self._process, self._lines), daemon=True).start()
+        self._lines.get(timeout=STARTING)
+
+    def close(self) -> int | None:
+        """End the process; its exit code."""
+        process, self._process = self._process, None
+        if process is None:
+            return None
+        if process.stdin is not None:
+            with contextlib.suppress(BrokenPipeError):
+                process.stdin.close()
+        try:
+            # One that is done ends by itself, and says with which code it died.
+            return process.wait(timeout=0 if process.poll() is None else None)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return process.wait()
+
+
+def _environment() -> dict[str, str]:
+    """That of this process, with this package found and nothing of the current folder.
+
+    A file scipy.py there is not the solver; where the process is started by `-m`, Python would run it.
+    """
+    given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    paths = [str(Path(filippov.__file__).resolve().parents[1]), *(p for p in given if Path(p).is_absolute())]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONSAFEPATH": "1"}
+
+
+def _pump(process: subprocess.Popen[str], lines: queue.SimpleQueue[str]) -> None:
+    """Every line of the process into the queue, and an empty one at its end."""
+    assert process.stdout is not None
+    with process.stdout as stream:
+        for line in stream:
+            lines.put(line)
+    lines.put("")
+
+
+def serve(name: str) -> None:
+    """Answer cases on stdin until it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is for who started this process
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    solver = SOLVERS[name]
+    importlib.import_module(solver.module)
+    print("ready", file=answers, flush=True)
+    for line in sys.stdin:
+        asked: dict[str, Any] = json.loads(line)
+        limits = Limits(asked["rtol"], asked["atol"], asked["calls"], asked["seconds"])
+        row = peer_row(solver, read_bank([asked["case"]])[0], limits, asked["tolerance"])
+        print(json.dumps(asdict(row)), file=answers, flush=True)
+
+
+if __name__ == "__main__":
+    serve(sys.argv[1])

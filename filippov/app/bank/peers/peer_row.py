@@ -1,0 +1,78 @@
+"""What one solver made of one case."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from filippov.app.bank.build import build
+from filippov.app.bank.case import Case
+from filippov.app.bank.motion import Settings
+from filippov.app.bank.peers import peer_diffrax, peer_heyoka, peer_scipy
+from filippov.app.bank.peers.peer import CannotError, HangError, Limits, Peer, SaidError, given, worst
+from filippov.app.bank.run import run_case
+from filippov.base.errors import ModelError
+
+FAMILIES: dict[str, tuple[Peer, ...]] = {
+    "scipy": peer_scipy.PEERS, "heyoka": peer_heyoka.PEERS, "diffrax": peer_diffrax.PEERS,
+}  # fmt: skip
+SOLVERS = {peer.name: peer for family in (peer_scipy.FILIPPOV, *FAMILIES.values()) for peer in family}
+OUTCOMES = ("right", "wrong", "silent", "hang", "error", "cannot")
+
+
+@dataclass(frozen=True)
+class PeerRow:
+    """What one solver made of one case.
+
+    outcome   "right", "wrong", "silent" (one of several solutions, without a word), "hang" (not done within
+              the field calls or the time allowed), "error" (raised, or ended early), "cannot" (the case
+              cannot be stated for it: message says why)
+    reported  whether the solver said that it succeeded
+    error     largest difference of what is compared
+    """
+
+    id: str
+    peer: str
+    outcome: str
+    reported: bool
+    error: float | None
+    message: str = ""
+
+
+def peer_row(solver: Peer, case: Case, limits: Limits, tolerance: float) -> PeerRow:
+    """The outcome; whatever the solver raises is one."""
+    limits.started = time.monotonic()
+    try:
+        problem = given(case, build(case.raw))
+        states, reported = solver.solve(problem, limits)
+    except HangError:
+        return PeerRow(case.id, solver.name, "hang", False, None)
+    except SaidError as said:
+        right = problem.ambiguous
+        return PeerRow(case.id, solver.name, "right" if right else "error", False, None, str(said)[:200])
+    except CannotError as reason:
+        if solver in peer_scipy.FILIPPOV:
+            return _by_expectations(solver.name, case, limits)
+        return PeerRow(case.id, solver.name, "cannot", False, None, str(reason)[:200])
+    except ModelError as error:
+        return PeerRow(case.id, solver.name, "cannot", False, None, str(error)[:200])
+    except Exception as error:  # noqa: BLE001 (a solver may raise anything; it is its outcome)
+        return PeerRow(case.id, solver.name, "error", False, None, f"{type(error).__name__}: {error}"[:200])
+    if not reported:
+        return PeerRow(case.id, solver.name, "error", False, None, "ended early")
+    if problem.ambiguous:
+        return PeerRow(case.id, solver.name, "silent", True, None, "one of several solutions")
+    gap, ratio = worst(problem, states, tolerance)
+    shown = float(gap) if np.isfinite(gap) else None
+    return PeerRow(case.id, solver.name, "right" if ratio <= 1 else "wrong", True, shown)
+
+
+def _by_expectations(name: str, case: Case, limits: Limits) -> PeerRow:
+    """This package in a case without states at known times, or with more than signs: as `run_bank` has it."""
+    method = "Radau" if name.endswith("Radau") else "DOP853"
+    settings = Settings(rtol=limits.rtol, atol=limits.atol, method=method, max_time=limits.seconds)
+    row = run_case(case, settings)
+    outcome = "right" if row.passed else "hang" if row.status == "timeout" else "wrong"
+    return PeerRow(case.id, name, outcome, row.status == "success", row.max_error, row.message[:200])

@@ -1,0 +1,1 @@
+"""What the commands of `filippov` do; each is imported when it is asked for (see `filippov.app.cli.main`)."""

@@ -1,0 +1,98 @@
+"""filippov bank: run a file of cases with reference values, or run it through other solvers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from filippov.app.bank import Row, read_bank, rows_json, run_bank
+from filippov.app.bank.case import chosen
+from filippov.app.bank.table import head, line, summary, widest
+from filippov.app.cli.console import Console
+from filippov.app.cli.folder import Folder
+from filippov.base.errors import UsageError
+
+NOT_PASSED, INTERRUPTED = 3, 130
+
+
+def run(settings: dict[str, Any], console: Console) -> int:
+    """Run the cases, or compare with peers; 3 where a case did not pass."""
+    if settings["action"] is None or settings["file"] is None:
+        raise UsageError("bank needs what to do and a file: filippov bank run FILE")
+    return _run(settings, console) if settings["action"] == "run" else _compare(settings, console)
+
+
+def _run(settings: dict[str, Any], console: Console) -> int:
+    if settings["peers"] is not None:
+        raise UsageError("--peers goes with: filippov bank compare FILE")
+    given = {
+        key: settings[key] for key in ("rtol", "atol", "method", "max_time") if settings[key] is not None
+    }
+    cases = chosen(read_bank(settings["file"]), settings["only"])
+    width, places = widest(case.id for case in cases), _places(settings, console)
+    console.say(head(width))
+    rows: list[Row] = []
+
+    def told(row: Row) -> None:
+        rows.append(row)
+        console.say(line(row, width))
+        progress(len(rows), max(len(cases), 1), row.id)
+
+    interrupted = False
+    with console.progress("bank") as progress:
+        try:
+            rows = run_bank(
+                settings["file"], only=settings["only"], jobs=settings["jobs"], told=told, **given
+            )
+        except KeyboardInterrupt:
+            interrupted = True
+    _write(places, console, rows_json(rows))
+    for text in summary(rows):
+        console.say(text)
+    if interrupted:
+        console.warn(f"interrupted; the rows of {len(rows)} of {len(cases)} cases are kept")
+        return INTERRUPTED
+    return 0 if all(row.passed for row in rows) else NOT_PASSED
+
+
+def _places(settings: dict[str, Any], console: Console) -> list[tuple[Folder, str]]:
+    """Folders, made and tried, with the names of the files that the JSON goes to."""
+    where = settings["json"]
+    places = [(Folder(settings["output"], console), "rows.json")]
+    if isinstance(where, str):
+        path = Path(where)
+        places.append((Folder(str(path.parent), console), path.name))
+    return places
+
+
+def _write(places: list[tuple[Folder, str]], console: Console, text: str) -> None:
+    """The JSON where it was asked for: on stdout, in a file, in the folder of -o."""
+    if console.json:
+        console.raw(text)
+    for folder, name in places:
+        folder.content(name, text)
+        folder.report()
+
+
+def _compare(settings: dict[str, Any], console: Console) -> int:
+    from filippov.app.bank.compare import compare_bank, peers_json, peers_text
+
+    for name in ("atol", "method"):
+        if settings[name] is not None:
+            raise UsageError(f"--{name} goes with: filippov bank run FILE")
+    given = {key: settings[key] for key in ("rtol", "max_time") if settings[key] is not None}
+    code, places = 0, _places(settings, console)
+    with console.progress("bank compare") as progress:
+        try:
+            table = compare_bank(
+                settings["file"], only=settings["only"], peers=settings["peers"], progress=progress, **given
+            )
+        except KeyboardInterrupt as interrupt:
+            if not interrupt.args:
+                raise
+            table, code = interrupt.args[0], INTERRUPTED
+    _write(places, console, peers_json(table))
+    console.say(peers_text(table))
+    if code:
+        console.warn(f"interrupted; {len(table.rows)} rows are kept")
+    return code

@@ -1,0 +1,91 @@
+"""filippov lyapunov and filippov diagram: exponents of a motion, diagrams by iteration."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from filippov.app.cli.console import Console
+from filippov.app.cli.folder import Folder
+from filippov.app.cli.maps import interval_of, section_of
+from filippov.app.cli.model import load_model
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+from filippov.plot.lyapunov import plot_brute_force, plot_lyapunov
+
+
+def run_lyapunov(settings: dict[str, Any], console: Console) -> int:
+    """Write the exponents and how they settle; after Ctrl-C those of the time that was run."""
+    loaded = load_model(settings["model"])
+    problem = loaded.problem({**settings, "t_span": (0.0, 1.0)})
+    for name in ("duration", "stretch"):
+        if settings[name] is None:
+            raise UsageError(f"how long? give --{name} TIME.")
+    folder = Folder(settings["output"], console)
+    from filippov.analysis.sensitivity import lyapunov as module
+
+    options = {name: settings[name] for name in ("number", "rtol", "atol") if settings[name] is not None}
+    with console.progress("exponents") as progress:
+        found = module.lyapunov(
+            problem.system, problem.x0, settings["duration"], stretch=settings["stretch"],
+            transient=settings["transient"], parameters=problem.parameters, progress=progress, **options,
+        )  # fmt: skip
+    console.say(str(found))
+    if found.message:
+        console.warn(found.message)
+    data = {
+        "model": loaded.name, "parameters": dict(problem.parameters), "exponents": found.exponents.tolist(),
+        "error": found.error.tolist(), "t": found.t[[0, -1]].tolist(), "skipped": found.skipped,
+        "message": found.message,
+    }  # fmt: skip
+    console.result(data)
+    folder.json("exponents.json", data)
+    columns = ("t", *(f"exponent {k + 1}" for k in range(len(found.exponents))))
+    folder.csv("exponents.csv", columns, np.column_stack([found.t[1:], found.running]).tolist())
+    folder.picture("exponents.png", lambda: plot_lyapunov(found, title=loaded.title))
+    folder.report()
+    return 130 if "interrupted" in found.message else 0
+
+
+def run_diagram(settings: dict[str, Any], console: Console) -> int:
+    """Write the iterates at every value of the parameter and their picture."""
+    loaded = load_model(settings["model"])
+    values = loaded.values(settings["parameters"])
+    parameter = settings["parameter"]
+    if parameter is None or settings["values"] is None:
+        raise UsageError("over which values of which parameter? give --parameter NAME --values LO HI.")
+    if parameter not in loaded.system.parameters:
+        raise UsageError(unknown("parameter", parameter, loaded.system.parameters))
+    low, high = settings["values"]
+    section = section_of(loaded, settings)
+    start = settings["start"]
+    if start is None:
+        start = 0.5 * sum(interval_of(loaded, settings))
+    folder = Folder(settings["output"], console)
+    from filippov.analysis.diagrams import brute_force as module
+
+    with console.progress("diagram") as progress:
+        found = module.brute_force(
+            loaded.system, section, parameter, np.linspace(low, high, settings["count"]).tolist(),
+            start,
+            transient=settings["transient"], keep=settings["keep"], follow=settings["follow"],
+            rtol=settings["rtol"], progress=progress,
+            parameters={name: value for name, value in values.items() if name != parameter},
+        )  # fmt: skip
+    data = {
+        "model": loaded.name, "parameter": parameter, "values": found.values.tolist(),
+        "d": found.d.tolist(), "period": found.period.tolist(), "complete": found.complete,
+    }  # fmt: skip
+    console.result(data)
+    periods, counts = np.unique(found.period, return_counts=True)
+    for period, count in zip(periods.tolist(), counts.tolist(), strict=True):
+        what = f"period {period}" if period else "no period found"
+        console.say(f"{count} of {found.period.size} values: {what}")
+    folder.json("diagram.json", data)
+    rows = zip(found.values.tolist(), found.period.tolist(), *found.d.T.tolist(), strict=True)
+    folder.csv("diagram.csv", (parameter, "period", *(f"d{k}" for k in range(found.d.shape[1]))), rows)
+    labels = {"d": f"{section.coordinate} at the event"}
+    folder.picture("diagram.png", lambda: plot_brute_force(found, labels=labels, title=loaded.title))
+    folder.report()
+    return 0 if found.complete else 130

@@ -1,0 +1,133 @@
+"""Settings of a command: from its flags, from a TOML file, from defaults, in this order of precedence.
+
+A file holds the settings of a command at the top, or in a table with the name of the command, which goes
+before the top. Names are those of the flags with _ for -:
+
+    model = "hunting"
+    rtol = 1e-10
+    [parameters]
+    P = 20
+    [simulate]
+    x0 = { x = 0.1 }
+    t_span = [0, "10*pi"]
+
+Numbers may be written as formulas in text; they are read by `filippov.model.expression` and never run as
+code.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+
+LARGEST_FILE = 1 << 20
+
+
+@dataclass(frozen=True)
+class Option:
+    """One setting of a command.
+
+    name     key in a file and in the settings; its flag is --name with - for _, unless `flags` says otherwise
+    help     for --help
+    read     function from a flag's text or a file's value to the setting; raises UsageError
+    metavar  what stands for the value in --help
+    count    number of values on the command line, None for one; "?" for one or none, "+" for one or more
+    default  value where neither the command line nor the file has one
+    flags    short and long flag, or the bare name of a positional argument
+    repeat   whether the flag can be given several times
+    """
+
+    name: str
+    help: str
+    read: Callable[[Any, str], Any]
+    metavar: str | tuple[str, ...] | None = None
+    count: int | str | None = None
+    default: Any = None
+    flags: tuple[str, ...] = ()
+    repeat: bool = False
+
+    @property
+    def flag(self) -> str:
+        """The long flag; the name itself for a positional argument."""
+        return self.flags[-1] if self.flags else "--" + self.name.replace("_", "-")
+
+    @property
+    def positional(self) -> bool:
+        """Whether it is given by place."""
+        return not self.flag.startswith("-")
+
+
+def read_file(path: Path) -> dict[str, Any]:
+    """What a TOML file holds. Raises UsageError."""
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise UsageError(f"{str(path)!r} has over {LARGEST_FILE} bytes, too many for a configuration.")
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"cannot read the configuration {str(path)!r}: {error.strerror or error}.") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise UsageError(f"the configuration {str(path)!r} is not TOML: {error}.") from None
+
+
+def merge(
+    command: str, options: Sequence[Option], given: Mapping[str, Any], commands: Mapping[str, Iterable[str]]
+) -> dict[str, Any]:
+    """The settings of a command.
+
+    given     what the command line has, by name; absent: not given. `config` names the file
+    commands  the keys of every command, to check the tables of the file
+
+    Numbers by name (parameters, x0) are merged name by name. Raises UsageError.
+    """
+    layers: list[tuple[Mapping[str, Any], str]] = []
+    if given.get("config") is not None:
+        path = Path(given["config"])
+        top, own = _tables(read_file(path), command, commands, str(path))
+        layers = [(top, f"{path}: "), (own, f"{path}: {command}.")]
+    layers.append((given, ""))
+    settings: dict[str, Any] = {}
+    for option in options:
+        value = option.default
+        for layer, where in layers:
+            if option.name in layer:
+                new = option.read(layer[option.name], where + (option.name if where else option.flag))
+                both = isinstance(value, dict) and isinstance(new, dict)
+                value = {**value, **new} if both else new
+        settings[option.name] = value
+    return settings
+
+
+def _tables(
+    data: dict[str, Any], command: str, commands: Mapping[str, Iterable[str]], path: str
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The top of a file and the command's own table, all names checked."""
+    own: dict[str, Any] = {}
+    top: dict[str, Any] = {}
+    known = [key for key in commands[command] if key != "config"]
+    for key, value in data.items():
+        if key in commands and isinstance(value, dict):
+            _check(value, [k for k in commands[key] if k != "config"], f"{path}: [{key}]")
+            own = value if key == command else own
+        elif key in known:
+            top[key] = value
+        else:
+            others = [name for name, keys in commands.items() if key in keys and key != "config"]
+            if others:
+                raise UsageError(
+                    f"{path}: {key!r} is no setting of {command}; it belongs to {', '.join(others)}. "
+                    f"Put it into a table [{others[0]}]."
+                )
+            _check({key: value}, [*known, *commands], path)
+    return top, own
+
+
+def _check(given: Iterable[str], known: Sequence[str], where: str) -> None:
+    for key in given:
+        if key not in known:
+            raise UsageError(f"{where}: {unknown('setting', key, known)}")

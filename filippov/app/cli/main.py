@@ -1,0 +1,165 @@
+"""The command `filippov`: reads flags and configuration, runs a command, returns its exit code.
+
+    0    done
+    1    failed, with a named cause on stderr
+    2    wrong usage: unknown name, flag or setting, with a suggestion
+    3    done, and some case of a bank did not pass, or some point of a sweep failed
+    130  interrupted; what had been computed is written
+
+Text for people goes to stderr, one JSON document to stdout with --json. `--help` imports nothing heavy.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import sys
+import traceback
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any, NoReturn
+
+from filippov.app.cli.catalogue import Command, commands
+from filippov.app.cli.configuration import Option, merge
+from filippov.app.cli.console import Console, write_error
+from filippov.app.cli.values import switch
+from filippov.base.errors import UsageError
+from filippov.base.names import closest
+
+OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
+_NEGATIVE = re.compile(r"-[\d.(]")
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse that raises UsageError, with suggestions, in place of leaving the process."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**{"allow_abbrev": False, "formatter_class": _formatter, **options})
+        self.words: list[str] = ["-h", "--help"]
+
+    def add(self, option: Option) -> None:
+        """Add an option; one that is not given leaves no trace, so that file and default can step in."""
+        shared: dict[str, Any] = {"help": option.help, "default": argparse.SUPPRESS}
+        if option.default not in (None, False, {}):
+            shared["help"] += f" (default {option.default})"
+        if option.positional:
+            self.add_argument(option.name, nargs="?", metavar=option.metavar, **shared)
+            return
+        flags = option.flags or (option.flag,)
+        self.words += flags
+        if option.read is switch:
+            self.add_argument(*flags, dest=option.name, action=argparse.BooleanOptionalAction, **shared)
+        else:
+            action = "append" if option.repeat else "extend" if option.count == "+" else "store"
+            shared |= {} if option.count is None else {"nargs": option.count}
+            self.add_argument(*flags, dest=option.name, action=action, metavar=option.metavar, **shared)
+
+    def error(self, message: str) -> NoReturn:
+        """Raise UsageError."""
+        wrong = re.search(r"invalid choice: '([^']*)'", message)
+        hint = closest(wrong[1], self.words) if wrong else ""
+        raise UsageError(f"{message}{'; ' + hint if hint else ''} (see {self.prog} --help)")
+
+
+def _formatter(prog: str) -> argparse.HelpFormatter:
+    return argparse.RawDescriptionHelpFormatter(prog, max_help_position=30)
+
+
+class _Version(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            found = version("filippov")
+        except PackageNotFoundError:
+            found = "(a checkout, not installed)"
+        sys.stdout.write(f"filippov {found}\n")
+        parser.exit()
+
+
+def build_parser(known: dict[str, Command]) -> Parser:
+    """The tree of commands and flags."""
+    parser = Parser(
+        prog="filippov", description="Filippov differential inclusions, solved and analysed exactly.",
+        epilog="filippov COMMAND --help tells the flags of a command.\n"
+        "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 a case or point failed, 130 interrupted.",
+    )  # fmt: skip
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and leave")
+    parser.words += known
+    tree = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
+    for command in known.values():
+        part = tree.add_parser(
+            command.name, help=command.help, description=command.help, epilog=f"example: {command.example}"
+        )
+        part.set_defaults(parser=part)
+        for option in command.settings:
+            part.add(option)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command; returns its exit code."""
+    show: dict[str, bool] = {}
+    try:
+        return _main(list(sys.argv[1:] if argv is None else argv), show, argv is None)
+    except SystemExit as leave:
+        if not show.get("begun"):  # --help and --version
+            return int(leave.code or 0)
+        return _failed(FAILED, _left(leave), show)
+    except UsageError as error:
+        return _failed(USAGE, str(error), show)
+    except KeyboardInterrupt:
+        return _failed(INTERRUPTED, "interrupted", show)
+    except BrokenPipeError:
+        # Whoever read stdout has left; Python would complain once more when it closes the stream.
+        with suppress(OSError, ValueError, AttributeError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except BaseException as error:  # noqa: BLE001
+        # A user's own function may raise anything; its cause is named and the exit code tells of it.
+        return _failed(FAILED, f"{type(error).__name__}: {error}", show)
+
+
+def _left(leave: SystemExit) -> str:
+    """What to say where a function of the user's ended the program: none of its codes is that of a result."""
+    frames = traceback.extract_tb(leave.__traceback__)
+    where = f", line {frames[-1].lineno} of {frames[-1].filename}" if frames else ""
+    return (
+        f"the model or a function of yours left the program (SystemExit: {leave.code}{where}), so there is "
+        "no result. Raise an exception that says why, or return a value."
+    )
+
+
+def _failed(code: int, said: str, show: dict[str, bool]) -> int:
+    """Name the cause of the error at hand."""
+    if show.get("traceback"):
+        write_error(traceback.format_exc())
+    write_error(f"filippov: {said}")
+    return code
+
+
+def _main(argv: list[str], show: dict[str, bool], for_good: bool) -> int:
+    """The work; for_good: nothing comes after it in this process."""
+    known = commands()
+    parser = build_parser(known)
+    # A leading blank keeps argparse from taking -1e-3 and -(pi/2) for flags.
+    space, extra = parser.parse_known_args([" " + word if _NEGATIVE.match(word) else word for word in argv])
+    given = vars(space)
+    if given.get("command") is None and not extra:
+        parser.print_help(sys.stderr)
+        raise UsageError(f"no command was given, expected one of {', '.join(known)}")
+    part: Parser = given.pop("parser", parser)
+    if extra:
+        word = extra[0].strip()
+        hint = closest(word.split("=")[0], part.words) if word.startswith("-") else ""
+        raise UsageError(f"unknown argument {word!r}; {hint or 'expected no more'} (see {part.prog} --help)")
+    command = known[given.pop("command")]
+    show["traceback"] = bool(given.get("traceback"))
+    keys = {name: [option.name for option in other.settings] for name, other in known.items()}
+    settings = merge(command.name, command.settings, given, keys)
+    show["traceback"] = settings["traceback"]
+    console = Console(settings["json"] is True, settings["quiet"])
+    show["begun"] = True
+    with console.alone(for_good):
+        return command.load()(settings, console)

@@ -1,0 +1,118 @@
+"""MODEL on the command line: a registered name, or `path/to/file.py:name` with a file of the user's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.escape import figure_text
+from filippov.base.names import closest
+from filippov.base.user_file import load_file, place_of
+from filippov.model.system import System
+from filippov.models import registry
+from filippov.solving.state.options import check_state, falls
+from filippov.solving.state.problem import Problem
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A system with the values to start from.
+
+    x0, t_span   None where the model has none
+    parameters   values by name that differ from the system's defaults
+    model        the registry's entry, None for a bare system
+    """
+
+    name: str
+    system: System
+    x0: Any = None
+    t_span: tuple[float, float] | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    model: registry.Model | None = None
+
+    @property
+    def title(self) -> str:
+        """The name as the title of a picture."""
+        return figure_text(self.name)
+
+    def values(self, given: Mapping[str, float] | None) -> dict[str, float]:
+        """All parameter values of a run; UsageError, with a suggestion, for one the system does not have."""
+        try:
+            resolved = self.system.parameters.resolve({**self.parameters, **(given or {})})
+        except ModelError as error:
+            raise UsageError(str(error)) from None
+        return dict(zip(self.system.parameters.names, resolved.tolist(), strict=True))
+
+    def problem(self, settings: Mapping[str, Any]) -> Problem:
+        """The problem, with what the settings have of x0, t_span and parameters. Raises UsageError."""
+        span = settings.get("t_span") or self.t_span
+        if span is None:
+            raise UsageError(f"{self.name} has no time span of its own; give --t-span T0 T1.")
+        state, values = self.state(settings.get("x0")), self.values(settings.get("parameters"))
+        backward = bool(settings.get("backward")) or (not settings.get("t_span") and falls(span))
+        return Problem(self.system, state, span, values, backward)
+
+    def state(self, given: Any) -> Any:
+        """An initial state: what is given, by name over the model's own."""
+        if given is None:
+            if self.x0 is None:
+                names = ",".join(f"{name}=..." for name in self.system.states)
+                raise UsageError(f"{self.name} has no initial state of its own; give --x0 {names}.")
+            return self.x0
+        if isinstance(given, dict) and self.x0 is not None:
+            own = dict(zip(self.system.states, check_state(self.x0, self.system).tolist(), strict=True))
+            return own | given
+        return given
+
+
+def load_model(name: str | None) -> Loaded:
+    """The model that MODEL names. Raises UsageError; ModelError where the file itself fails."""
+    if not name:
+        raise UsageError("no MODEL was given: name a registered one (filippov models) or file.py:name.")
+    if ".py" not in name:
+        return _of_model(registry.get(name))
+    path, colon, attribute = name.rpartition(":")
+    if not colon or not path.endswith(".py"):
+        path, attribute = name.removesuffix(":"), ""
+    module = load_file(Path(path))
+    if not attribute:
+        raise UsageError(f"{path!r} names a file; name what is in it too: {path}:{_listing(module, '|')}.")
+    if not hasattr(module, attribute):
+        near = closest(attribute, [n for n in vars(module) if not n.startswith("_")])
+        near = near + " " if near else ""
+        raise UsageError(f"{path!r} has no {attribute!r}; {near}systems in it: {_listing(module, ', ')}")
+    return _of_object(name, getattr(module, attribute))
+
+
+def _of_model(model: registry.Model) -> Loaded:
+    return Loaded(model.name, model.build(), model.x0, model.t_span, model=model)
+
+
+def _of_object(name: str, value: Any) -> Loaded:
+    made = value
+    if callable(value) and not isinstance(value, System | Problem | registry.Model):
+        try:
+            made = value()
+        except Exception as error:
+            raise ModelError(f"{name} failed: {place_of(error, name)}") from error
+    if isinstance(made, registry.Model):
+        return _of_model(made)
+    if isinstance(made, Problem):
+        return Loaded(name, made.system, made.x0, made.t_span, made.parameters)
+    if isinstance(made, System):
+        return Loaded(name, made)
+    what = f"returned {type(made).__name__}" if made is not value else f"is {type(made).__name__}"
+    raise UsageError(f"{name} {what}, expected a System, a Problem, or a function that returns a System.")
+
+
+def _listing(module: ModuleType, between: str) -> str:
+    names = [n for n, value in vars(module).items() if isinstance(value, System | Problem | registry.Model)]
+    own = [
+        n for n, value in vars(module).items()
+        if callable(value) and not isinstance(value, type) and value.__module__ == module.__name__
+    ]  # fmt: skip
+    return between.join([*names, *(n for n in own if n not in names)]) or "(none)"

@@ -1,0 +1,70 @@
+"""filippov orbit: a periodic orbit with its multipliers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from filippov.app.cli.console import Console
+from filippov.app.cli.folder import Folder
+from filippov.app.cli.model import load_model
+
+KEEP = ("period", "symmetry", "nodes", "transient", "t_max", "rtol", "atol", "method")
+
+
+def run(settings: dict[str, Any], console: Console) -> int:
+    """Find the orbit from --x0, say what it is, write orbit.json, orbit.csv and orbit.png."""
+    loaded = load_model(settings["model"])
+    problem = loaded.problem({**settings, "t_span": (0.0, 1.0)})
+    folder = Folder(settings["output"], console)
+    from filippov.analysis.orbits.orbit_search import find_orbit as find
+
+    options = {name: settings[name] for name in KEEP if settings.get(name) is not None}
+    with console.progress("orbit") as progress:
+        orbit = find(
+            problem.system, problem.x0, parameters=problem.parameters,
+            progress=progress, **options,
+        )  # fmt: skip
+    data = {"model": loaded.name} | orbit.to_dict()
+    console.result(data)
+    tell(orbit, console)
+    rows = [row for piece in orbit.pieces for row in _rows(piece, orbit.period)]
+    folder.csv("orbit.csv", ("t", *problem.system.states), rows)
+    folder.file("orbit.json", orbit.save)
+    folder.picture("orbit.png", lambda: orbit.plot(title=""))
+    folder.report()
+    return 0
+
+
+def _rows(piece: Any, period: float) -> list[list[float]]:
+    """Time and states along one of the motions of the orbit, 401 over a period."""
+    begin, end = piece.problem.t_span[0], piece.t_end
+    t = np.linspace(begin, end, max(2, round(401 * (end - begin) / period)))
+    rows: list[list[float]] = np.vstack([t, piece.sol(t)]).T.tolist()
+    return rows
+
+
+def tell(orbit: Any, console: Console) -> None:
+    """What an orbit is, in words."""
+    console.say(f"{'stable' if orbit.stable else 'unstable'} orbit, period {orbit.period:.12g}: {orbit.word}")
+    state = ", ".join(f"{n} = {v:.12g}" for n, v in zip(orbit.system.states, orbit.x0, strict=True))
+    console.say(f"state on it: {state}" + (f" at t = {orbit.t0:.12g}" if orbit.forced else ""))
+    console.say("multipliers: " + (", ".join(number(v) for v in orbit.multipliers) or "none besides 1"))
+    if orbit.half_multipliers is not None:
+        values = ", ".join(number(v) for v in orbit.half_multipliers) or "none"
+        console.say(f"symmetric, x(t + T/2) = -x(t); multipliers of the half map: {values}")
+    console.say("amplitude: " + ", ".join(f"{n} {a:.9g}" for n, a in orbit.amplitude.items()))
+    edge = orbit.margin
+    if np.isfinite(edge.distance):
+        console.say(f"passes surface '{edge.surface}' at distance {edge.distance:.6g} (t = {edge.t:.6g})")
+    if np.isfinite(edge.transversality):
+        when = f"t = {edge.transversal_t:.6g}"
+        console.say(f"least relative speed at an event {edge.transversality:.6g} ({when})")
+
+
+def number(value: complex) -> str:
+    """A multiplier in words."""
+    if value.imag == 0:
+        return f"{value.real:.10g}"
+    return f"{value.real:.10g}{value.imag:+.10g}i"

@@ -1,0 +1,75 @@
+"""The results of a sweep in its folder: replaced by those of its next run, and no file of anyone else's."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from filippov.base.errors import UsageError
+from filippov.base.json_text import json_text
+from filippov.base.whole_file import write_whole
+
+NAME = "written.json"
+FORMAT = "filippov outputs"
+_BLOCK = 1 << 20
+
+
+class Outputs:
+    """Files that one run after the other writes into a folder; `written.json` there has their sha256.
+
+    Raises UsageError, before anything is computed, where one of these names is taken by a file that no run
+    has written, or that was changed since.
+    """
+
+    def __init__(self, folder: Path | None, names: Sequence[str]) -> None:
+        self.folder, self.names, self.begun = folder, names, False
+        if folder is None:
+            return
+        known = self._known(folder / NAME)
+        for name in names:
+            path = folder / name
+            if os.path.lexists(path) and _digest(path) != known.get(name):
+                raise _left(path, "was not written by this sweep, or was changed since")
+
+    def remove(self) -> None:
+        """Remove them once, for a run that begins afresh."""
+        if self.folder is not None and not self.begun:
+            self.begun = True
+            for name in (*self.names, NAME):
+                (self.folder / name).unlink(missing_ok=True)
+
+    def keep(self) -> None:
+        """Note what stands there now as written."""
+        if self.folder is not None:
+            files = {name: _digest(self.folder / name) for name in self.names}
+            here = {name: digest for name, digest in files.items() if digest}
+            write_whole(self.folder / NAME, json_text({"format": FORMAT, "files": here}))
+
+    def _known(self, path: Path) -> dict[str, str]:
+        if not os.path.lexists(path):
+            return {}
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            if found["format"] != FORMAT:
+                raise ValueError
+            return {str(name): str(digest) for name, digest in found["files"].items()}
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            raise _left(path, "does not say which results a sweep has written") from None
+
+
+def _left(path: Path, why: str) -> UsageError:
+    return UsageError(f"{str(path)!r} {why}: it is left as it is. Move it away, or name another folder.")
+
+
+def _digest(path: Path) -> str:
+    """sha256 of a file, "" where there is none that can be read."""
+    if path.is_symlink() or not path.is_file():
+        return ""
+    total = hashlib.sha256()
+    with path.open("rb") as file:
+        while part := file.read(_BLOCK):
+            total.update(part)
+    return total.hexdigest()

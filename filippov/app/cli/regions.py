@@ -1,0 +1,88 @@
+"""filippov regions and filippov basin: what holds where, over two parameters or two initial states."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from filippov.app.cli.console import Console
+from filippov.app.cli.folder import Folder
+from filippov.app.cli.maps import interval_of, section_of
+from filippov.app.cli.model import load_model
+from filippov.app.cli.sweep import engine
+from filippov.base.errors import UsageError
+from filippov.plot.regions import plot_basin, plot_regions
+
+
+def _axes(settings: dict[str, Any], what: str) -> list[tuple[str, list[float]]]:
+    axes = []
+    for flag in ("x", "y"):
+        if len(settings[flag]) != 1:
+            raise UsageError(f"which {what}? give --{flag} NAME=LOW:HIGH, one name.")
+        ((name, (low, high)),) = settings[flag].items()
+        if not low < high:
+            raise UsageError(f"--{flag} is {name}={low:g}:{high:g}, expected LOW < HIGH.")
+        axes.append((name, np.linspace(low, high, settings["cells"]).tolist()))
+    return axes
+
+
+def run_regions(settings: dict[str, Any], console: Console) -> int:
+    """Write the cells as rows and as a picture; after Ctrl-C those that are done."""
+    loaded = load_model(settings["model"])
+    values = loaded.values(settings["parameters"])
+    x, y = _axes(settings, "parameters")
+    section, interval = section_of(loaded, settings), interval_of(loaded, settings)
+    folder = Folder(settings["output"], console)
+    from filippov.analysis.diagrams import regions as module
+
+    with console.progress("regions") as progress:
+        result = module.regions(
+            loaded.system, section, x, y, interval, order=settings["order"], points=settings["points"],
+            rtol=settings["rtol"], parameters={k: v for k, v in values.items() if k not in (x[0], y[0])},
+            engine=engine(settings, folder), progress=progress, borders=settings["borders"] or (),
+        )  # fmt: skip
+    data = {"model": loaded.name} | result.to_dict()
+    console.result(data)
+    console.say(f"{int(np.sum(result.cycles > 0))} of {result.cycles.size} cells have a cycle")
+    for name, points in result.borders:
+        (x0, y0), (x1, y1) = points[0], points[-1]
+        console.say(f"{name}: from {x[0]} {x0:.6g}, {y[0]} {y0:.6g} to {x[0]} {x1:.6g}, {y[0]} {y1:.6g}")
+    folder.json("regions.json", data)
+    columns = (x[0], y[0], "cycles", "stable", "set_stable", "amplitude", "lost")
+    grid = np.meshgrid(result.x, result.y)
+    cells = [a.ravel().tolist() for a in (
+        *grid, result.cycles, result.stable, result.set_stable, result.amplitude, result.lost,
+    )]  # fmt: skip
+    folder.csv("regions.csv", columns, zip(*cells, strict=True))
+    folder.picture("regions.png", lambda: plot_regions(result, title=loaded.title))
+    folder.report()
+    return 0 if result.complete else 130
+
+
+def run_basin(settings: dict[str, Any], console: Console) -> int:
+    """Write the labels and their picture; after Ctrl-C those that are done."""
+    loaded = load_model(settings["model"])
+    values = loaded.values(settings["parameters"])
+    x, y = _axes(settings, "states")
+    section, (lo, hi) = section_of(loaded, settings), interval_of(loaded, settings)
+    folder = Folder(settings["output"], console)
+    from filippov.analysis.diagrams import basin as module
+
+    interval = (min(lo, -hi), hi)
+    with console.progress("basin") as progress:
+        result = module.basin(
+            loaded.system, section, x, y, interval, at=settings["at"], parameters=values,
+            order=settings["order"], rtol=settings["rtol"], engine=engine(settings, folder),
+            progress=progress,
+        )  # fmt: skip
+    data = {"model": loaded.name, "parameters": values} | result.to_dict()
+    console.result(data)
+    for name, share in result.shares.items():
+        console.say(f"{100 * share:.4g} % of the states go to {name}")
+    folder.json("basin.json", data)
+    arrays = {"x": result.x, "y": result.y, "label": result.label, "d": result.d}
+    folder.content("basin.npz", lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
+    folder.picture("basin.png", lambda: plot_basin(result))
+    folder.report()
+    return 0 if result.complete else 130

@@ -1,0 +1,161 @@
+"""filippov sweep and filippov ensemble: one model at many parameter values and initial states."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from filippov.app.cli.console import Console
+from filippov.app.cli.folder import Folder
+from filippov.app.cli.model import load_model
+from filippov.app.cli.outputs import Outputs
+from filippov.app.cli.solved import SOLVER, parse_stop
+from filippov.base.errors import SolveError, UsageError
+from filippov.base.status import mode_text
+from filippov.solving.ensemble import solve_many
+from filippov.solving.state.problem import Problem
+from filippov.sweep.dataset import write_csv, write_netcdf
+from filippov.sweep.plan import Sweep
+from filippov.sweep.point import split
+from filippov.sweep.table import Table
+
+SHOWN = 5
+FAILED, INTERRUPTED = 3, 130
+FILES = ("summary.json", "results.csv", "results.nc")
+HOW = ("jobs", "executor", "scheduler", "resume", "fresh", "trust", "max_memory", "chunk")
+
+
+def run(settings: dict[str, Any], console: Console) -> int:
+    """Compute every point, or those that an earlier run left; 3 where some failed, 130 interrupted."""
+    problem, options = _start(settings)
+    sweep = Sweep(
+        problem, settings["vary"], settings["samples"], measure=settings["measure"], n=settings["n"],
+        seed=settings["seed"], tail=settings["tail"], reduce=settings["reduce"], **options,
+    )  # fmt: skip
+    folder = Folder(settings["output"], console)
+    outputs = Outputs(folder.path, FILES)
+    how = {name: settings[name] for name in HOW}
+    try:
+        with console.progress("sweep") as progress:
+
+            def look(done: int, total: int) -> None:
+                if settings["fresh"]:
+                    outputs.remove()  # by now the folder is this sweep's
+                progress(done, total, f"{done} of {total} points")
+
+            table = sweep.run(folder.path, progress=look, max_time=settings["max_time"], **how)
+    except SolveError:
+        if folder.path is not None:
+            console.warn(f"what is done is kept; to go on: {_resume(settings)}")
+        raise
+    data = {
+        "model": settings["model"], "points": len(table), "complete": table.complete,
+        "counts": table.counts, "content_hash": table.content_hash, "columns": list(table.columns),
+        "reduced": table.reduced, "failed": _failed(table),
+    }  # fmt: skip
+    console.result(data)
+    if table.damaged:
+        console.warn(f"{len(table.damaged)} chunks were damaged and computed again")
+    console.say(", ".join(f"{count} {name or 'not computed'}" for name, count in table.counts.items()))
+    for row in data["failed"][:SHOWN]:
+        console.warn(f"point {row['point']}: {row['status']}: {row['message']}")
+    folder.json("summary.json", data)
+    folder.file("results.csv", lambda path: write_csv(table, path))
+    try:
+        folder.file("results.nc", lambda path: write_netcdf(table, path))
+    except ImportError as error:
+        console.say(f"no results.nc: {error}")
+    outputs.keep()
+    folder.report()
+    if not table.complete:
+        if folder.path is not None:
+            console.warn(f"interrupted; to go on: {_resume(settings)}")
+        return INTERRUPTED
+    return FAILED if table.failed.size else 0
+
+
+def run_ensemble(settings: dict[str, Any], console: Console) -> int:
+    """Write where every trajectory ends; 3 where some failed, 130 interrupted."""
+    problem, options = _start(settings)
+    sweep = Sweep(
+        problem, settings["vary"], settings["samples"], n=settings["n"], seed=settings["seed"], **options
+    )
+    folder = Folder(settings["output"], console)
+    x0, values = split(sweep.plan, np.arange(len(sweep.points)))
+    with console.progress("ensemble") as progress:
+        ends = solve_many(
+            problem.system, x0, problem.t_span, parameters=values, threads=settings["jobs"],
+            backward=problem.backward,
+            progress=progress, **options,
+        )  # fmt: skip
+    states = problem.system.states
+    counts = Counter(status.value for status in ends.status)
+    data = {
+        "model": settings["model"], "trajectories": len(ends.t), "complete": ends.complete,
+        "counts": dict(counts), "nfev": int(ends.nfev.sum()), "lanes": ends.lanes, "threads": ends.threads,
+    }  # fmt: skip
+    console.result(data)
+    console.say(", ".join(f"{count} {name}" for name, count in counts.items()))
+    folder.json("summary.json", data)
+    columns = (*sweep.names, "t", *(f"end({name})" for name in states), "mode", "events", "status", "message")
+    modes = [mode_text(tuple(mode)) for mode in ends.mode.tolist()]
+    rows = zip(
+        sweep.points.tolist(), ends.t.tolist(), ends.x.tolist(), modes, ends.events().tolist(), ends.status,
+        ends.message, strict=True,
+    )  # fmt: skip
+    folder.csv("ends.csv", columns, ([*p, t, *x, *rest] for p, t, x, *rest in rows))
+    arrays: dict[str, Any] = {
+        "points": sweep.points, "t": ends.t, "x": ends.x, "mode": ends.mode, "counts": ends.counts,
+        "success": ends.success,
+    }  # fmt: skip
+    folder.content("ends.npz", lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
+    folder.report()
+    return INTERRUPTED if not ends.complete else FAILED if not ends.success.all() else 0
+
+
+def engine(settings: dict[str, Any], folder: Folder) -> dict[str, Any] | None:
+    """How another command is to compute in workers, None where nothing was said about that."""
+    asked = settings["jobs"] or settings["resume"] or settings["fresh"] or settings["scheduler"]
+    if not asked and settings["executor"] == "processes":
+        return None
+    return {"folder": folder.path, **{name: settings[name] for name in HOW}}
+
+
+def _start(settings: dict[str, Any]) -> tuple[Problem, dict[str, Any]]:
+    """The template and the solver's options. What is varied needs no value of its own."""
+    loaded = load_model(settings["model"])
+    vary = settings["vary"]
+    if not vary:
+        raise UsageError("nothing is varied; give --vary NAME=LOW:HIGH:COUNT, or a table [sweep.vary].")
+    first = {name.removeprefix("x0."): values[0] for name, values in vary.items() if name.startswith("x0.")}
+    x0 = settings["x0"]
+    if loaded.x0 is None and not isinstance(x0, list):
+        x0 = {**first, **(x0 or {})}
+    problem = loaded.problem({**settings, "x0": x0})
+    options = {
+        name: settings[name] for name in SOLVER if name != "max_time" and settings.get(name) is not None
+    }
+    return problem, options | {"stop": [parse_stop(text) for text in settings["stop"] or ()]}
+
+
+def _failed(table: Table) -> list[dict[str, Any]]:
+    return [
+        {"point": point, "values": dict(zip(table.names, table.points[point].tolist(), strict=True)),
+         "status": table.status[point], "message": table.message.get(point, "")}
+        for point in table.failed[:1000].tolist()
+    ]  # fmt: skip
+
+
+def _resume(settings: dict[str, Any]) -> str:
+    """The command that goes on."""
+    words = sys.argv[1:]
+    if words[:1] != ["sweep"]:
+        config = settings.get("config")
+        source = ["--config", config] if config else [settings["model"]]
+        words = ["sweep", *source, "-o", settings["output"]]
+    words = [word for word in words if word not in ("--fresh", "--resume")]
+    return shlex.join(["filippov", *words, "--resume"])

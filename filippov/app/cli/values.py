@@ -1,0 +1,240 @@
+"""Readers of settings: from a flag's text, or from what TOML has, to a value. Each raises UsageError.
+
+Formulas in text (pi/2) are read by `filippov.model.expression`; nothing is run as code.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.names import unknown
+
+# As in `filippov.solving.state.options`, which is not imported for a help text.
+POLICIES = ("raise", "stick", "slip", "branch")
+
+
+def number(value: Any, name: str) -> float:
+    """A finite number: 0.5, "1e-3", "pi/2"."""
+    if isinstance(value, str):
+        result = _calculated(value, name)
+    elif isinstance(value, bool) or not isinstance(value, int | float):
+        raise UsageError(f"{name} is {value!r}, expected a number.")
+    else:
+        result = float(value)
+    if not math.isfinite(result):
+        raise UsageError(f"{name} is {value!r}, expected a finite number.")
+    return result
+
+
+def _calculated(text: str, name: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    from filippov.model.expression import parse_expression
+
+    try:
+        return float(parse_expression(text))
+    except ModelError as error:
+        raise UsageError(f"{name} is {text[:80]!r}, expected a number or a formula: {error}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise UsageError(f"{name} is {text[:80]!r}, which is not a real number.") from None
+
+
+def number_or_formula(value: Any, name: str) -> float | str:
+    """A number, or a formula in parameters as text, which is kept."""
+    if isinstance(value, str):
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    return number(value, name)
+
+
+def whole(value: Any, name: str) -> int:
+    """A whole number of at least 1."""
+    result = number(value, name)
+    if result != int(result) or result < 1:
+        raise UsageError(f"{name} is {value!r}, expected a whole number of at least 1.")
+    return int(result)
+
+
+def numbers(value: Any, name: str) -> list[float]:
+    """One or more numbers: a list, or text with commas."""
+    items = value if isinstance(value, list | tuple) else [value]
+    pieces: list[Any] = []
+    for item in items:
+        pieces += parts(item) if isinstance(item, str) else [item]
+    if not pieces:
+        raise UsageError(f"{name} is empty, expected at least one number.")
+    return [number(piece, name) for piece in pieces]
+
+
+def pair(value: Any, name: str) -> tuple[float, float]:
+    """Two numbers."""
+    found = numbers(value, name)
+    if len(found) != 2:
+        raise UsageError(f"{name} has {len(found)} numbers, expected 2.")
+    return found[0], found[1]
+
+
+def tolerance(value: Any, name: str) -> float | list[float]:
+    """One number, or one a state."""
+    found = numbers(value, name)
+    return found[0] if len(found) == 1 and not isinstance(value, list) else found
+
+
+def named_numbers(value: Any, name: str) -> dict[str, float]:
+    """Numbers by name: a table, "P=20", or ["P=20", "D=2"]."""
+    return {key: number(item, f"{name}: {key}") for key, item in named(value, name).items()}
+
+
+def named_ranges(value: Any, name: str) -> dict[str, tuple[float, float]]:
+    """Ranges by name: a table of pairs, "P=5:60", or ["P=5:60", "D=1:2"]."""
+    out = {}
+    for key, item in named(value, name).items():
+        ends = item.split(":") if isinstance(item, str) else item
+        if not isinstance(ends, list | tuple) or len(ends) != 2:
+            raise UsageError(f"{name}: {key} is {item!r}, expected LOW:HIGH.")
+        low, high = (number(end, f"{name}: {key}") for end in ends)
+        if not low <= high:
+            raise UsageError(f"{name}: {key} is {item!r}, expected LOW <= HIGH.")
+        out[key] = (low, high)
+    return out
+
+
+def varied(value: Any, name: str) -> dict[str, list[float]]:
+    """Values by name: lists in a table, or text: "P=5:60:12" (twelve values), "P=5:60" (both ends), "P=5"."""
+    out = {}
+    for key, item in named(value, name).items():
+        if not isinstance(item, str):
+            out[key] = numbers(item, f"{name}: {key}")
+            continue
+        ends = item.split(":")
+        if len(ends) > 3:
+            raise UsageError(f"{name}: {key} is {item!r}, expected LOW:HIGH or LOW:HIGH:COUNT.")
+        found = [number(end, f"{name}: {key}") for end in ends[:2]]
+        if len(ends) == 3:
+            count = whole(ends[2], f"{name}: {key}")
+            step = (found[1] - found[0]) / max(count - 1, 1)
+            found = [found[0] + k * step for k in range(count)]
+        out[key] = found
+    return out
+
+
+def whole_or_zero(value: Any, name: str) -> int:
+    """A whole number of at least 0."""
+    return 0 if value in (0, "0") else whole(value, name)
+
+
+def state(value: Any, name: str) -> dict[str, float] | list[float]:
+    """A state: "x=0.1,v=0" or a table by name; "0.1,0,0" or a list in order."""
+    if isinstance(value, Mapping) or (isinstance(value, str) and "=" in value):
+        return named_numbers(value, name)
+    return numbers(value, name)
+
+
+def named(value: Any, name: str) -> dict[str, Any]:
+    """Values by name, not read yet: a table, or text such as "x=d,v=0"."""
+    if isinstance(value, Mapping):
+        return dict(value)
+    items = value if isinstance(value, list | tuple) else [value]
+    found: dict[str, Any] = {}
+    for item in items:
+        for piece in parts(item) if isinstance(item, str) else [str(item)]:
+            key, equals, text = piece.partition("=")
+            if not equals or not key.strip() or not text.strip():
+                raise UsageError(f"{name} is {piece!r}, expected name=value.")
+            found[key.strip()] = text.strip()
+    return found
+
+
+def formulas(value: Any, name: str) -> dict[str, str]:
+    """Formulas by name, as text or numbers; read by what uses them."""
+    found = named(value, name)
+    for key, item in found.items():
+        if isinstance(item, bool) or not isinstance(item, str | int | float):
+            raise UsageError(f"{name}: {key} is {item!r}, expected a formula as text.")
+    return {key: str(item) for key, item in found.items()}
+
+
+def text(value: Any, name: str) -> str:
+    """A text that is not empty."""
+    if not isinstance(value, str) or not value.strip():
+        raise UsageError(f"{name} is {value!r}, expected text.")
+    return value.strip()
+
+
+def names(value: Any, name: str) -> list[str]:
+    """One name or several: a list, or text with commas."""
+    return [piece for item in texts(value, name) for piece in parts(item)]
+
+
+def texts(value: Any, name: str) -> list[str]:
+    """One text or several."""
+    return [text(item, name) for item in (value if isinstance(value, list | tuple) else [value])]
+
+
+def words(value: Any, name: str) -> list[str]:
+    """One text or several: a list, or text with commas."""
+    found = [piece for item in texts(value, name) for piece in parts(item)]
+    if not found:
+        raise UsageError(f"{name} is empty, expected at least one name.")
+    return found
+
+
+def destination(value: Any, name: str) -> str | bool:
+    """A file for JSON; true or no file for stdout, false for none."""
+    if value is None:
+        return True
+    return value if isinstance(value, bool) else text(value, name)
+
+
+def policy(value: Any, name: str) -> str | list[str]:
+    """A policy by name, or modes with commas (or a list of them)."""
+    if isinstance(value, str) and value in POLICIES:
+        return value
+    found = [piece for item in texts(value, name) for piece in parts(item)]
+    if not found or any(set(mode) - set("+0-") for mode in found):
+        raise UsageError(f"{unknown(f'value of {name}:', value, POLICIES)}; or modes with commas: +,0")
+    return found
+
+
+def releases(value: Any, name: str) -> int | list[float]:
+    """One whole number, or times."""
+    found = numbers(value, name)
+    alone = len(found) == 1 and not isinstance(value, list) and "." not in str(value)
+    return whole(found[0], name) if alone else found
+
+
+def switch(value: Any, name: str) -> bool:
+    """Yes or no."""
+    if not isinstance(value, bool):
+        raise UsageError(f"{name} is {value!r}, expected true or false.")
+    return value
+
+
+def one_of(*known: str) -> Callable[[Any, str], str]:
+    """A reader for one of the known words."""
+
+    def read(value: Any, name: str) -> str:
+        if not isinstance(value, str) or value not in known:
+            raise UsageError(unknown(f"value of {name}:", value, known))
+        return value
+
+    return read
+
+
+def parts(value: str) -> list[str]:
+    """The pieces of a text between its commas, not counting commas within brackets."""
+    pieces, depth = [""], 0
+    for character in value:
+        depth += (character in "([") - (character in ")]")
+        if character == "," and depth == 0:
+            pieces.append("")
+        else:
+            pieces[-1] += character
+    return [piece.strip() for piece in pieces if piece.strip()]

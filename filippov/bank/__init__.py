@@ -1,8 +1,0 @@
-"""A bank of cases: published systems as text with reference values, read, solved and compared."""
-
-from filippov.bank.case import Case, Expectation, read_bank
-from filippov.bank.row import Row, rows_json
-from filippov.bank.run import run_bank, run_case
-from filippov.bank.table import rows_text
-
-__all__ = ["Case", "Expectation", "Row", "read_bank", "rows_json", "rows_text", "run_bank", "run_case"]

@@ -1,0 +1,1 @@
+"""What every room needs: errors, names, statuses, text and whole files."""

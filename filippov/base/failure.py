@@ -1,0 +1,23 @@
+"""What a row of many says where a function of the user's raised instead of returning."""
+
+from __future__ import annotations
+
+import multiprocessing
+import threading
+
+from filippov.base.errors import ModelError, SolveError, UsageError
+
+
+def failure(error: BaseException) -> str:
+    """The sentence of a row for an exception of its own, SystemExit among them.
+
+    Raises the error itself where it is not the row's: an interrupt from the terminal, which reaches the first
+    thread of a process that nobody has started as a worker.
+    """
+    first = threading.current_thread() is threading.main_thread() and multiprocessing.parent_process() is None
+    if isinstance(error, KeyboardInterrupt) and first:
+        raise error
+    if isinstance(error, SystemExit):
+        return f"SystemExit: a function of the user's ended the program with sys.exit({error.code!r})"
+    own = isinstance(error, ModelError | UsageError | SolveError)
+    return str(error) if own else f"{type(error).__name__}: {error}"

@@ -1,1 +1,0 @@
-"""What the commands of `filippov` do; each is imported when it is asked for (see `filippov.cli`)."""

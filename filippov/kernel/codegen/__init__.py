@@ -1,0 +1,1 @@
+"""What makes a unit of machine code for a system, and keeps it."""

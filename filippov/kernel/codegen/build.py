@@ -1,0 +1,208 @@
+"""Compile a system's unit and keep its object code in a per-user cache folder.
+
+A unit is one LLVM module: the source of one system, the method's stages, and the kernel files. Its file is
+named by a digest of all of these sources, of the versions of llvmlite and Python and of the processor, so
+that no stale code can be found; `cache` says which files are trusted.
+"""
+
+import ast
+import ctypes
+import hashlib
+import platform
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from typing import Any
+
+from filippov.kernel.codegen import cache as kept
+from filippov.kernel.codegen import interpreted
+from filippov.kernel.codegen.entries import CALLED_BY_LANES, IN_LANES, PLAIN, ordered, prototype
+from filippov.kernel.codegen.method import method_constants, method_source
+from filippov.kernel.files import all_files, kernel_file
+from filippov.kernel.language.compiler import compile_unit, load_object
+from filippov.kernel.language.primitives import KernelError
+from filippov.kernel.language.unit import Constant, Unit, add_kernels
+from filippov.kernel.loop.rules import MOMENTS
+from filippov.kernel.tables import codes, layout, radau_tables
+from filippov.kernel.tables import root_tables as tables
+from filippov.kernel.tables.layout import LANES, MOST_LANES, Layout
+from filippov.kernel.tables.tableaus import TABLEAUS
+
+_FILES = (
+    "elementary", "bernstein", "dense", "multiplier", "rules", "field", "land", "points", "locate", "control",
+    "resolve", "lap", "reset", "record", "segment", "advance", "probe", "start", "turn", "ensemble",
+)  # fmt: skip
+# A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
+_LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_seat", "lane_run")
+_BYTE = ctypes.c_char.from_buffer
+_lock = threading.Lock()
+_loaded: dict[str, "Compiled"] = {}
+# The same by what is asked for: a digest of it takes longer than a short run.
+_asked: dict[tuple[Any, ...], "Compiled"] = {}
+
+
+def address(array: Any) -> int:
+    """Where the numbers of an array lie, as `array.ctypes.data`, which takes four times as long."""
+    try:
+        return ctypes.addressof(_BYTE(array))
+    except (BufferError, TypeError, ValueError):  # read-only, empty, or not in one piece
+        return int(array.ctypes.data)
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """Machine code of one system with one method: entry points to call with addresses, and their scratch.
+
+    plain: its kernels are run by Python and are called with arrays (see `interpreted`); no engine then.
+    """
+
+    functions: Mapping[str, Any]
+    addresses: Mapping[str, int]
+    layout: Layout
+    engine: object
+    lanes: int = 1
+
+    @property
+    def plain(self) -> bool:
+        """Whether Python runs the kernels."""
+        return self.engine is None
+
+    def arguments(self, name: str, values: Mapping[str, Any]) -> list[Any]:
+        """What an entry point is called with, from values by name."""
+        return ordered(name, values, None if self.engine is None else address)
+
+
+@cache
+def generation() -> bytes:
+    """What the loop and its generator are made of: another one needs units made anew."""
+    parts = [path.read_bytes() for path in all_files()]
+    return hashlib.sha256(b"\0".join(hashlib.sha256(part).digest() for part in parts)).digest()
+
+
+@cache
+def _toolchain() -> bytes:
+    """All that a unit depends on besides the system."""
+    parts = [generation(), version("llvmlite").encode(), platform.machine().encode()]
+    from llvmlite import binding
+
+    parts += [binding.get_host_cpu_name().encode(), binding.get_host_cpu_features().flatten().encode()]
+    return b"\0".join(hashlib.sha256(part).digest() for part in parts)
+
+
+@cache
+def widest() -> int:
+    """Trajectories side by side that suit this processor: two vectors of 8 where it has them, else 8."""
+    from llvmlite import binding
+
+    return MOST_LANES if binding.get_host_cpu_features().get("avx512f", False) else LANES
+
+
+@cache
+def _shared() -> tuple[dict[str, Constant], tuple[str, ...]]:
+    """Constants and texts that are the same in every unit."""
+    constants: dict[str, Constant] = {"NAN": float("nan"), "INF": float("inf")}
+    for module in (codes, tables, radau_tables, layout):
+        constants |= {
+            name: value
+            for name, value in vars(module).items()
+            if name.isupper() and isinstance(value, int | float | list)
+        }
+    texts = []
+    for name in _LANE_FILES:
+        text = kernel_file(name).read_text(encoding="utf-8")
+        texts.append(text)
+        for node in ast.parse(text).body:
+            if isinstance(node, ast.Assign):
+                names = node.targets[0].elts if isinstance(node.targets[0], ast.Tuple) else node.targets
+                values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value]
+                for target, value in zip(names, values, strict=True):
+                    number = _number(value)
+                    if not isinstance(target, ast.Name) or number is None:
+                        continue
+                    if constants.setdefault(target.id, number) != number:
+                        raise KernelError(f"{name}: the constant {target.id} has another value elsewhere")
+    return constants, tuple(texts)
+
+
+def _number(node: ast.expr) -> int | float | bool | None:
+    """A number that stands in a source text, with its sign."""
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        inner = _number(node.operand)
+        return None if inner is None else -inner
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        return node.value
+    return None
+
+
+def _compile(
+    source: str, constants: Mapping[str, Constant], method: str, place: Layout, exported: tuple[str, ...],
+    lanes: int,
+) -> bytes:  # fmt: skip
+    tableau = TABLEAUS[method]
+    shared, texts = _shared()
+    files = ("system", "method", *(f"{name}.py" for name in _LANE_FILES))
+    unit = Unit(width=max(lanes, LANES))
+    unit.constants.update({**shared, "LANES": unit.width, **place.constants, **method_constants(tableau)})
+    for file, text in zip(files, (source, method_source(tableau), *texts), strict=True):
+        add_kernels(unit, text, file)
+    return compile_unit(unit, constants, exported)
+
+
+def build(source: str, constants: Mapping[str, Constant], method: str, lanes: int = 1) -> Compiled:
+    """The compiled unit of a system: its kernel source, its constants (N, M, ROLE ...) and a method.
+
+    lanes  trajectories side by side: 1, 8 or 16
+    """
+    plain = interpreted.current() == "python" and lanes == 1
+    asked = source, method, lanes, plain, tuple((k, _fixed(v)) for k, v in constants.items())
+    found = _asked.get(asked)
+    if found is None:
+        made = _plain(source, constants, method) if plain else _built(source, constants, method, lanes)
+        found = _asked[asked] = made
+    return found
+
+
+def _plain(source: str, constants: Mapping[str, Constant], method: str) -> Compiled:
+    place, tableau = _place(constants, method), TABLEAUS[method]
+    texts = {"system": source, "method": method_source(tableau)}
+    files = tuple(kernel_file(name) for name in _FILES)
+    # Python has no lanes: points of a sample are taken one after the other.
+    numbers = {**_shared()[0], **place.constants, **method_constants(tableau), **constants, "WIDE": False}
+    entries = tuple(name for name in PLAIN if name not in CALLED_BY_LANES and name != "ensemble")
+    return Compiled(interpreted.interpret(texts, files, numbers, entries), {}, place, None)
+
+
+def _fixed(value: Constant) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _place(constants: Mapping[str, Constant], method: str) -> Layout:
+    n, m = int(constants["N"]), int(constants["M"])  # type: ignore[arg-type]
+    colours, largest = int(constants["COLOURS"]), int(constants["LARGEST"])  # type: ignore[arg-type]
+    moments = constants["RULE"] == MOMENTS
+    points = int(constants["P"]) if constants["WIDE"] else None  # type: ignore[arg-type]
+    tableau = TABLEAUS[method]
+    return layout.layout(n, m, bool(constants["AFFINE"]), tableau, colours, largest, moments, points)
+
+
+def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: int) -> Compiled:
+    exported = IN_LANES if lanes > 1 else PLAIN
+    place = _place(constants, method)
+    text = repr((source, sorted(constants.items()), method, lanes)).encode()
+    name = hashlib.sha256(_toolchain() + text).hexdigest()[:32]
+    with _lock:
+        if name in _loaded:
+            return _loaded[name]
+        code = kept.read(name)
+        if code is None:
+            code = _compile(source, constants, method, place, exported, lanes)
+            kept.write(name, code)
+        engine = load_object(code)
+        functions, addresses = {}, {}
+        for function in exported:
+            addresses[function] = engine.get_function_address(function)
+            functions[function] = prototype(function)(addresses[function])
+        _loaded[name] = Compiled(functions, addresses, place, engine, lanes)
+        return _loaded[name]

@@ -1,0 +1,347 @@
+"""Kernel source of a symbolic system: field, guards, gradients and radii, common subexpressions shared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import sympy
+from sympy import Expr, Symbol
+from sympy.printing.str import StrPrinter
+
+from filippov.base.errors import ModelError
+from filippov.kernel.codegen.generate_resets import (
+    contact_field,
+    contact_guards,
+    contact_radii,
+    contact_rows,
+    reset_source,
+)
+from filippov.kernel.codegen.generated import PAIR, TWICE, Generated, unit_constants
+from filippov.kernel.codegen.hoist import Hoisted
+from filippov.kernel.codegen.structure import Structure
+from filippov.model.size import expanded
+from filippov.model.surface import Surface
+from filippov.model.symbolic import SymbolicForm, convex
+from filippov.model.symbols import t
+
+INLINED = 2500
+# Operands in a row, and levels of brackets in one statement: the translation goes down as deep as both.
+LONGEST_ROW, DEEPEST = 50, 25
+_FUNCTIONS = {
+    sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan", sympy.exp: "exp", sympy.log: "log",
+    sympy.tanh: "tanh", sympy.sinh: "sinh", sympy.cosh: "cosh", sympy.asin: "asin", sympy.acos: "acos",
+    sympy.atan: "atan", sympy.asinh: "asinh", sympy.acosh: "acosh", sympy.atanh: "atanh",
+    sympy.atan2: "atan2", sympy.Abs: "fabs", sympy.floor: "floor", sympy.ceiling: "ceil", sympy.erf: "erf",
+    sympy.sign: "sign_of",
+}  # fmt: skip
+
+
+class _Printer(StrPrinter):
+    """Expressions in the kernel language, powers by the cheapest means."""
+
+    def __init__(self, names: dict[Symbol, str], sizes: set[Symbol]) -> None:
+        super().__init__()
+        self.names, self.sizes = names, set(sizes)
+        # Signs between -1 and 1 reach the field, where a branch becomes the mean of both.
+        self.blended = False
+
+    def _print_Symbol(self, e: Symbol) -> str:
+        return str(self.names.get(e, e.name))
+
+    _print_Dummy = _print_Symbol
+
+    def _print_Integer(self, e: sympy.Integer) -> str:
+        return f"{float(int(e))!r}" if abs(int(e)) < 2**53 else repr(float(e))
+
+    def _print_Rational(self, e: sympy.Rational) -> str:
+        return f"({float(int(e.p))!r} / {float(int(e.q))!r})"
+
+    def _print_Float(self, e: sympy.Float) -> str:
+        return f"({float(e)!r})"
+
+    def _print_NumberSymbol(self, e: Expr) -> str:
+        return f"({float(e)!r})"
+
+    _print_Pi = _print_Exp1 = _print_NumberSymbol
+
+    def _print_Add(self, e: Expr, order: str | None = None) -> str:
+        return _joined(" + ", [self._print(a) for a in e.as_ordered_terms()])
+
+    def _print_Mul(self, e: Expr) -> str:
+        above, below = [], []
+        for factor in e.as_ordered_factors():
+            if factor.is_Pow and factor.exp.is_Integer and factor.exp < 0:
+                below.append(self._print(sympy.Pow(factor.base, -factor.exp)))
+            elif factor.is_Pow and factor.exp == -sympy.S.Half and not factor.free_symbols & self.sizes:
+                below.append(self._print(sympy.sqrt(factor.base)))
+            else:
+                above.append(self._print(factor))
+        text = _joined(" * ", above or ["1.0"])
+        return f"({text} / {_joined(' * ', below)})" if below else text
+
+    def _print_Pow(self, e: Expr) -> str:
+        base, exponent = self._print(e.base), e.exp
+        if e.base.free_symbols & self.sizes and not exponent.is_Integer:
+            return f"size_power({base}, {self._print(exponent)})"
+        if exponent.is_Integer and 0 < abs(int(exponent)) <= 4:
+            if not e.base.is_Symbol and abs(int(exponent)) > 2:
+                return f"power({base}, {float(int(exponent))!r})"
+            product = "(" + " * ".join([base] * abs(int(exponent))) + ")"
+            return product if exponent > 0 else f"(1.0 / {product})"
+        if exponent == sympy.S.Half:
+            return f"sqrt({base})"
+        if exponent == -sympy.S.Half:
+            return f"(1.0 / sqrt({base}))"
+        if e.base == sympy.E:
+            return f"exp({self._print(exponent)})"
+        kind = "power" if exponent.is_number else "power_of"
+        return f"{kind}({base}, {self._print(exponent)})"
+
+    def _print_Select(self, e: Expr) -> str:
+        c, plus, minus = (self._print(a) for a in e.args)
+        if self.blended:
+            between = f"(0.5 * ((1.0 + {c}) * {plus} + (1.0 - {c}) * {minus}))"
+            return f"({plus} if {c} == 1.0 else ({minus} if {c} == -1.0 else {between}))"
+        return f"({plus} if {c} > 0.0 else {minus})"
+
+    def _print_Min(self, e: Expr) -> str:
+        return f"min({', '.join(self._print(a) for a in e.args)})"
+
+    def _print_Max(self, e: Expr) -> str:
+        return f"max({', '.join(self._print(a) for a in e.args)})"
+
+    def _print_Heaviside(self, e: Expr) -> str:
+        return f"(0.5 + 0.5 * sign_of({self._print(e.args[0])}))"
+
+    def _print_Function(self, e: Expr) -> str:
+        name = _FUNCTIONS.get(e.func)
+        if name is None:
+            raise ModelError(
+                f"the function {e.func} is not known to the compiled loop. Known: "
+                f"{', '.join(sorted(set(_FUNCTIONS.values())))}, sqrt, powers, Min, Max. Write it with "
+                "these, or give the system as plain functions."
+            )
+        return f"{name}({', '.join(self._print(a) for a in e.args)})"
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_print_") and any(name == f"_print_{f.__name__}" for f in _FUNCTIONS):
+            return self._print_Function
+        raise AttributeError(name)
+
+
+def _joined(operator: str, parts: Sequence[str]) -> str:
+    """Operands with an operator between them, in groups: a long row would be nested as deep as it is long."""
+    while len(parts) > LONGEST_ROW:
+        groups = [parts[k : k + LONGEST_ROW] for k in range(0, len(parts), LONGEST_ROW)]
+        parts = [f"({operator.join(group)})" for group in groups]
+    return f"({operator.join(parts)})"
+
+
+def _shallow(printer: _Printer, e: Expr, prefix: str, lines: list[str]) -> tuple[Expr, int]:
+    """The expression with its parts at every DEEPEST-th level named in lines of their own, and its depth."""
+    if not e.args:
+        return e, 0
+    parts = [_shallow(printer, arg, prefix, lines) for arg in e.args]
+    if 1 + max(depth for _, depth in parts) > DEEPEST:
+        named = []
+        for part, depth in parts:
+            if depth < DEEPEST:
+                named.append((part, depth))
+                continue
+            symbol = sympy.Dummy("d", real=True)
+            printer.names[symbol] = f"{prefix}d{len(lines)}"
+            if part.free_symbols & printer.sizes:
+                printer.sizes.add(symbol)
+            lines.append(f"    {prefix}d{len(lines)} = {printer._print(part)}")
+            named.append((symbol, 0))
+        parts = named
+    if all(part is arg for (part, _), arg in zip(parts, e.args, strict=True)):
+        return e, 1 + max(depth for _, depth in parts)
+    return e.func(*(part for part, _ in parts)), 1 + max(depth for _, depth in parts)
+
+
+def _assign(printer: _Printer, results: Sequence[tuple[str, Expr]], prefix: str) -> list[str]:
+    """Statements that store the expressions, their common parts named once."""
+    names = sympy.numbered_symbols(prefix, cls=sympy.Dummy)
+    shared, reduced = sympy.cse([e for _, e in results], symbols=names)
+    lines: list[str] = []
+    for number, (symbol, whole) in enumerate(shared):
+        expression, _ = _shallow(printer, whole, prefix, lines)
+        printer.names[symbol] = f"{prefix}{number}"
+        if expression.free_symbols & printer.sizes:
+            printer.sizes.add(symbol)
+        lines.append(f"    {prefix}{number} = {printer._print(expression)}")
+    for (target, _), whole in zip(results, reduced, strict=True):
+        expression, _ = _shallow(printer, whole, prefix, lines)
+        lines.append(f"    {target} = {printer._print(expression)}")
+    return lines
+
+
+def _names(form: SymbolicForm) -> dict[Symbol, str]:
+    names: dict[Symbol, str] = {t: "t"}
+    names |= {x: f"x[{i}]" for i, x in enumerate(form.x)}
+    names |= {p: f"p[{i}]" for i, p in enumerate(form.p)}
+    names |= {s: f"s[{i}]" for i, s in enumerate(form.s)}
+    names |= {a: f"a{i}" for i, a in enumerate(form.a)}
+    return names
+
+
+def _sizes(form: SymbolicForm, printer: _Printer, used: set[Symbol]) -> list[str]:
+    """|h_i| = mode_i h_i of the surfaces whose size is used: smooth across the surface, 0 while sliding."""
+    needed = set(used)
+    for a, h in reversed(list(zip(form.a, form.h, strict=True))):
+        if a in needed:
+            needed |= h.free_symbols & set(form.a)
+    return [
+        f"    a{i} = m[{i}] * {printer._print(h)}"
+        for i, (a, h) in enumerate(zip(form.a, form.h, strict=True))
+        if a in needed
+    ]
+
+
+def _gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[Expr]]:
+    """Total derivatives of each h by the states and by t, through the sizes of earlier surfaces."""
+    by = (*form.x, t)
+    rows: list[list[Expr]] = []
+    for i, h in enumerate(form.h):
+        inside = h.free_symbols
+        row = [h.diff(q) if q in inside else sympy.S.Zero for q in by]
+        for k in (k for k in range(i) if form.a[k] in inside):
+            slope = h.diff(form.a[k]) * modes[k]
+            row = [total + slope * inner for total, inner in zip(row, rows[k], strict=True)]
+        rows.append(row)
+    return rows
+
+
+def jointly_affine(form: SymbolicForm) -> bool:
+    """Whether the field is a constant plus a sum of terms in one sign each."""
+    free = set(form.s)
+    for f in form.field:
+        g = convex(f, free) if f.free_symbols & free else f
+        for s in g.free_symbols & free:
+            slope = g.diff(s)
+            if slope.free_symbols & free and expanded(slope).free_symbols & free:
+                return False
+    return True
+
+
+def rough(form: SymbolicForm) -> bool:
+    """Whether the field holds a power of a size |h| that may lie below 1."""
+    for f in form.field:
+        for power in f.atoms(sympy.Pow):
+            whole = power.exp.is_Integer or (power.exp.is_number and power.exp >= 1)
+            if power.base.free_symbols & set(form.a) and not whole:
+                return True
+    return False
+
+
+def straight_rate(form: SymbolicForm, i: int, row: Sequence[Expr], linear: Sequence[bool]) -> bool:
+    """Whether the rate of surface i is affine in t and x while the motion slides on it."""
+    rate = row[-1] + sum(slope * f for slope, f in zip(row, form.field, strict=False) if slope != 0)
+    rate = rate.subs(form.a[i], 0)
+    varying = {t, *form.x, *form.a}
+    sizes = (linear[k] for k, a in enumerate(form.a) if a in rate.free_symbols)
+    return linear[i] and all(sizes) and _affine(rate, varying)
+
+
+def _affine(e: Expr, varying: set[Symbol]) -> bool:
+    """Whether an expression is affine in some symbols: as it stands, or by its derivatives."""
+    terms = [sympy.Mul.make_args(term) for term in sympy.Add.make_args(e)]
+    moving = [[q for q in factors if q.free_symbols & varying] for factors in terms]
+    if all(not row or (len(row) == 1 and row[0] in varying) for row in moving):
+        return True
+    return not any(e.diff(q).free_symbols & varying for q in e.free_symbols & varying)
+
+
+def structure(form: SymbolicForm, field: Sequence[Expr], rows: Sequence[Sequence[Expr]]) -> Structure:
+    """Which gradients, field components and signs have to do with each other."""
+    sign, size = {s: i for i, s in enumerate(form.s)}, {a: i for i, a in enumerate(form.a)}
+    return Structure(
+        tuple(tuple(j for j in range(len(form.x)) if row[j] != 0) for row in rows),
+        tuple(frozenset(sign[s] for s in f.free_symbols if s in sign) for f in field),
+        tuple(frozenset(size[a] for a in h.free_symbols if a in size) for h in form.h),
+    )
+
+
+def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = False) -> Generated:
+    """Kernel source of a symbolic system; see `filippov.kernel.loop.model` for the interface.
+
+    blended: a branch on a sign between -1 and 1 is the mean of both (Utkin's rule), not one of them.
+    """
+    n, m = len(form.x), len(form.h)
+    modes = tuple(sympy.Dummy(f"m{i}") for i in range(m))
+    printer = _Printer(_names(form) | {q: f"m[{i}]" for i, q in enumerate(modes)}, set(form.a))
+    printer.blended = blended
+    plain_rows = _gradients(form, modes)
+    rows, radius = contact_rows(form, plain_rows, modes), contact_radii(form)
+    hoisted = Hoisted(form.p)
+    field = [hoisted(f) for f in contact_field(form, modes)]
+    derived = list(hoisted.derived.items())
+    printer.names |= {symbol: f"p[{len(form.p) + k}]" for k, (_, symbol) in enumerate(derived)}
+    used: set[Symbol] = set().union(*(f.free_symbols for f in form.field)) & set(form.a)
+    lines = field_source(printer, form, field, _sizes(form, printer, used))
+    lines += ["", "@kernel"]
+    lines += ["def guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:"]
+    inside: set[Symbol] = set().union(*(h.free_symbols for h in form.h)) & set(form.a) if m else set()
+    lines += _sizes(form, printer, inside)
+    lines += _assign(printer, [(f"out[{i}]", h) for i, h in enumerate(contact_guards(form, modes))], "c")
+    lines += ["    return 0", "", "@kernel"]
+    arguments = "t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices"
+    lines += [f"def gradients({arguments}) -> int:"]
+    slopes = {a for row in rows for e in row for a in e.free_symbols & set(form.a)}
+    lines += _sizes(form, printer, slopes)
+    # The other entries are zero from the start and stay so.
+    pattern = structure(form, field, rows)
+    targets = [(f"g[{i * n + j}]", rows[i][j]) for i in range(m) for j in pattern.columns[i]]
+    lines += _assign(printer, targets + [(f"gt[{i}]", rows[i][n]) for i in range(m)], "c")
+    lines += [
+        "    return 0",
+        "",
+        "@kernel",
+        "def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:",
+    ]
+    ends = [
+        (f"out[{2 * i + side}]", radius[i][side]) for i in range(m) for side in (0, 1)
+    ]
+    lines += _assign(printer, ends, "c")
+    lines += ["    return 0", "", "@kernel", "def derive(p: Vector) -> int:"]
+    targets = [(f"p[{len(form.p) + k}]", e) for k, (e, _) in enumerate(derived)]
+    lines += [*_assign(printer, targets, "c"), "    return 0", ""]
+    # A reset takes the signs before it.
+    printer.names |= {s: f"m[{i}]" for i, s in enumerate(form.s)}
+    lines += reset_source(
+        form, lambda used: _sizes(form, printer, used), lambda pairs: _assign(printer, pairs, "c")
+    )
+    varying = {t, *form.x, *form.a}
+    linear = [not any(e.free_symbols & varying for e in row) for row in plain_rows]
+    constants = unit_constants(
+        n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), rough(form), pattern,
+        moving=[any(e.free_symbols & varying for e in ends) for ends in form.radius],
+        straight=[straight_rate(form, i, plain_rows[i], linear) for i in range(m)],
+        wide=lines[0] == "@inline" and m > 0, held=form.held,
+    )  # fmt: skip
+    return Generated("\n".join(lines), constants)
+
+
+def field_source(
+    printer: _Printer, form: SymbolicForm, field: Sequence[Expr], sizes: Sequence[str]
+) -> list[str]:
+    """The kernels `rhs` and `pair` of a field."""
+    single = [
+        "@contract",
+        "def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:",
+        *sizes,
+        *_assign(printer, [(f"out[{i}]", f) for i, f in enumerate(field)], "c"),
+        "    return 0",
+        "",
+    ]
+    # Small fields go into every stage, which spares the way through memory; large ones would bloat the unit.
+    if sum(map(len, single)) >= INLINED:
+        return [*single, "@contract", *TWICE]
+    others = {s: sympy.Dummy(f"s{i}", real=True) for i, s in enumerate(form.s)}
+    printer.names |= {other: f"s2[{i}]" for i, other in enumerate(others.values())}
+    results = [(f"out[{i}]", f) for i, f in enumerate(field)]
+    results += [(f"out2[{i}]", f.xreplace(others)) for i, f in enumerate(field)]
+    both = ["@contract", PAIR, *sizes, *_assign(printer, results, "c"), "    return 0"]
+    return ["@inline", *single, "@inline", *both]

@@ -1,0 +1,83 @@
+"""What the compiled loop is given of a system: kernel source, and constants that say what it looks like."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from filippov.kernel.codegen.structure import Structure
+from filippov.kernel.language.unit import Constant
+from filippov.model.surface import Surface
+
+# `pair` where two calls of `rhs` are the best there is.
+PAIR = (
+    "def pair(t: float, x: Vector, p: Vector, s: Vector, s2: Vector, m: Vector, out: Vector, out2: Vector, "
+    "ctx: Indices) -> int:"
+)
+TWICE = [
+    PAIR,
+    "    code = rhs(t, x, p, s, m, out, ctx)",
+    "    if code != 0:",
+    "        return code",
+    "    return rhs(t, x, p, s2, m, out2, ctx)",
+]
+_ROLES = {"switching": 0, "kink": 1, "observer": 2, "reset": 3}
+
+
+@dataclass(frozen=True)
+class Generated:
+    """Kernel source and constants of a system, ready for `build`."""
+
+    source: str
+    constants: dict[str, Constant]
+
+
+def unit_constants(
+    n: int,
+    parameters: int,
+    surfaces: tuple[Surface, ...],
+    linear: Sequence[bool],
+    affine: bool,
+    is_rough: bool,
+    pattern: Structure,
+    moving: Sequence[bool],
+    straight: Sequence[bool],
+    wide: bool = False,
+    held: Sequence[bool] = (),
+    clamped: bool = True,
+) -> dict[str, Constant]:
+    """The constants of `filippov.kernel.loop.model` that belong to the system."""
+    own: dict[str, Constant] = {
+        "N": n,
+        "M": len(surfaces),
+        "P": parameters,
+        "AFFINE": affine,
+        "ROUGH": is_rough,
+        "CLAMPED": is_rough and clamped,
+        "WIDE": wide,
+        "ROLE": [_ROLES[surface.kind] for surface in surfaces] or [0],
+        "LINEAR": [int(flag) for flag in linear] or [1],
+        "WIDTH": [float(surface.width) for surface in surfaces] or [0.0],
+        "MOVING": [int(flag) for flag in moving] or [0],
+        "STRAIGHT": [int(flag) for flag in straight] or [0],
+        "ALL_LINEAR": all(linear),
+        "HELD": [int(flag) for flag in held] or [0] * max(len(surfaces), 1),
+        **_reset_constants(n, surfaces),
+    }
+    return own | pattern.constants(n)
+
+
+def _reset_constants(n: int, surfaces: Sequence[Surface]) -> dict[str, Any]:
+    """The constants of `filippov.kernel.loop.model` that say which surfaces reset the state."""
+    sides = {"+": 1, "-": -1, "both": 2}
+    come = [sides[q.side] if q.reset is not None else 0 for q in surfaces]
+    contact = [sides[q.side] if q.contact else 0 for q in surfaces]
+    resets = any(come)
+    return {
+        "RESET_FROM": come or [0],
+        "CONTACT": contact or [0],
+        "RESETS": resets,
+        "CONTACTS": any(contact),
+        "EVENT_SIZE": 3 + 2 * n if resets else 3 + n,
+    }

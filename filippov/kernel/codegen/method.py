@@ -1,0 +1,100 @@
+"""Source text of the method's part of a compiled unit: stages and error terms.
+
+Those of an explicit method are its tableau written out; those of an implicit one are kernel files.
+"""
+
+from filippov.kernel.files import kernel_file
+from filippov.kernel.language.unit import Constant
+from filippov.kernel.tables.root_tables import to_bernstein
+from filippov.kernel.tables.tableaus import Collocation, Method, Row, Tableau
+
+_IMPLICIT = ("dense_lu", "radau")
+_SIGNATURE = "t: float, x: Vector, p: Vector, m: Vector"
+_SCRATCH = "w: Vector, iw: Indices, ctx: Indices"
+
+
+def _advanced(row: Row) -> str:
+    """x + step * sum, the latest stage last and on its own: everything else is ready before it is."""
+    *early, late = row.items()
+    first = f"(x[i] + step * ({_sum(dict(early))}))" if early else "x[i]"
+    return f"{first} + (step * {late[1]!r}) * w[W_K + {late[0]} * N + i]"
+
+
+def _sum(row: Row) -> str:
+    return " + ".join(f"{value!r} * w[W_K + {stage} * N + i]" for stage, value in row.items())
+
+
+def _stage(row: Row, node: float, target: int, sliding: bool | None = None) -> list[str]:
+    place, out = f"t + {node!r} * step, shift(w, W_STAGE)", f"shift(w, W_K + {target} * N)"
+    lines = ["    for i in range(N):", f"        w[W_STAGE + i] = {_advanced(row)}"]
+    if sliding is not None:
+        call = f"field({place}, p, m, {out}, w, iw, ctx)" if sliding else f"rhs({place}, p, m, m, {out}, ctx)"
+        return [*lines, f"    {call}"]
+    return [
+        *lines,
+        "    if iw[I_SLIDING] == 0:",
+        f"        code = rhs({place}, p, m, m, {out}, ctx)",
+        "    else:",
+        f"        code = field({place}, p, m, {out}, w, iw, ctx)",
+        "    if code != 0:",
+        "        return code",
+    ]
+
+
+def method_source(method: Method) -> str:
+    """The functions `stages`, `extra_stages` and `error_terms` of the interface in `model`.
+
+    `free_stages` and `sliding_stages` are explicit `stages` for lanes: none of them slides, or some do.
+    """
+    if isinstance(method, Collocation):
+        return "\n\n".join(kernel_file(name).read_text(encoding="utf-8") for name in _IMPLICIT)
+    return _explicit_source(method)
+
+
+def _explicit_source(tableau: Tableau) -> str:
+    lines = ["@contract", f"def stages({_SIGNATURE}, step: float, y: Vector, {_SCRATCH}) -> int:"]
+    for target, (row, node) in enumerate(zip(tableau.main, tableau.main_nodes, strict=False), start=1):
+        lines += _stage(row, node, target)
+    lines += ["    if iw[I_SLIDING] == 0:", f"        iw[I_CALLS] += {len(tableau.main) - 1}"]
+    lines += ["    for i in range(N):", f"        y[i] = {_advanced(tableau.main[-1])}", "    return 0"]
+    for name, sliding in (("free", False), ("sliding", True)):
+        lines += ["", "", "@contract"]
+        lines += [f"def {name}_stages({_SIGNATURE}, step: float, y: Vector, {_SCRATCH}) -> int:"]
+        for target, (row, node) in enumerate(zip(tableau.main, tableau.main_nodes, strict=False), start=1):
+            lines += _stage(row, node, target, sliding)
+        lines += ["    for i in range(N):", f"        y[i] = {_advanced(tableau.main[-1])}", "    return 0"]
+    lines += ["", "", "@contract", f"def extra_stages({_SIGNATURE}, step: float, {_SCRATCH}) -> int:"]
+    for offset, (row, node) in enumerate(zip(tableau.extra, tableau.extra_nodes, strict=True)):
+        lines += _stage(row, node, tableau.stages + offset)
+    lines += [
+        "    return 0",
+        "",
+        "",
+        "@contract",
+        "def error_terms(i: int, w: Vector) -> tuple[float, float]:",
+    ]
+    estimates = [f"({_sum(row)})" for row in tableau.errors] + ["0.0"]
+    lines += [f"    return {estimates[0]}, {estimates[1]}", "", ""]
+    return "\n".join(lines)
+
+
+def method_constants(tableau: Method) -> dict[str, Constant]:
+    """The constants of the interface in `model` that belong to the method."""
+    return {
+        "STAGES": tableau.stages,
+        "EXTRA": len(tableau.extra),
+        "DEGREE_DENSE": len(tableau.dense[0]) - 1,
+        "PER_NODE": _per_node(tableau),
+        "ORDER": tableau.error_order if isinstance(tableau, Collocation) else tableau.order,
+        "IMPLICIT": isinstance(tableau, Collocation),
+        "END_IN_ERROR": tableau.end_in_error,
+        "DENSE": [value for row in tableau.dense for value in row],
+        "DENSE_BERNSTEIN": to_bernstein(tableau.dense),
+    }
+
+
+def _per_node(method: Method) -> list[float]:
+    """1 / theta of every main stage, 1 at the start of the step."""
+    if isinstance(method, Collocation):
+        return [1.0] * method.stages
+    return [1.0, *[1.0 / node for node in method.main_nodes], 1.0]

@@ -1,0 +1,1 @@
+"""The kernels that run several trajectories side by side."""

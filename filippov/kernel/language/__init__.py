@@ -1,0 +1,1 @@
+"""The kernel language and its compiler: Python's syntax tree -> LLVM IR -> machine code."""

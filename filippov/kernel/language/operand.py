@@ -1,0 +1,148 @@
+"""Operands of the kernel language as LLVM values: numbers, masks and arrays, single or in lanes."""
+
+import ast
+from collections.abc import Sequence
+
+from llvmlite import ir
+
+from filippov.kernel.language.primitives import KernelError
+from filippov.kernel.language.unit import (
+    BIT,
+    DOUBLE,
+    LONG,
+    VECTOR,
+    Constant,
+    Kernel,
+    Unit,
+)
+
+
+class Operands:
+    """Conversions between operands, and the functions on them, in the kernel that is being translated."""
+
+    def __init__(self, unit: Unit, kernel: Kernel) -> None:
+        self.unit, self.kernel = unit, kernel
+        self.wide, self.wide_long, self.wide_bit = unit.wide, unit.wide_long, unit.wide_bit
+        self.entry = ir.IRBuilder(kernel.function.append_basic_block("entry"))
+        self.b = ir.IRBuilder(kernel.function.append_basic_block("body"))
+
+    def fail(self, node: ast.AST, why: str) -> KernelError:
+        """The error to raise for what stands at a node."""
+        name = self.kernel.node.name
+        file = self.unit.files.get(name, "kernels")
+        return KernelError(f"{file}:{getattr(node, 'lineno', '?')}: kernel {name}: {why}")
+
+    def double(self, value: ir.Value) -> ir.Value:
+        """A value as a double."""
+        if value.type == LONG:
+            return self.b.sitofp(value, DOUBLE)
+        if value.type == BIT:
+            return self.b.uitofp(value, DOUBLE)
+        if value.type == self.wide_long:
+            return self.b.sitofp(value, self.wide)
+        if value.type == self.wide_bit:
+            return self.b.uitofp(value, self.wide)
+        return value
+
+    def splat(self, value: ir.Value) -> ir.Value:
+        """The same number in every lane."""
+        kind = ir.VectorType(value.type, self.unit.width)
+        if isinstance(value, ir.Constant):
+            return ir.Constant(kind, [value.constant] * self.unit.width)
+        whole = self.b.insert_element(ir.Constant(kind, ir.Undefined), value, ir.Constant(LONG, 0))
+        places = ir.Constant(ir.VectorType(ir.IntType(32), self.unit.width), [0] * self.unit.width)
+        return self.b.shuffle_vector(whole, ir.Constant(kind, ir.Undefined), places)
+
+    def alike(self, left: ir.Value, right: ir.Value) -> tuple[ir.Value, ir.Value]:
+        """Both in lanes where one of them is, both doubles where one of them is."""
+        kinds = (DOUBLE, self.wide)
+        if (left.type in kinds) != (right.type in kinds):
+            left, right = self.double(left), self.double(right)
+        wide = [isinstance(value.type, ir.VectorType) for value in (left, right)]
+        if wide[0] and not wide[1]:
+            right = self.splat(right)
+        elif wide[1] and not wide[0]:
+            left = self.splat(left)
+        return left, right
+
+    def bit(self, value: ir.Value) -> ir.Value:
+        """A value as a condition: whether it differs from 0."""
+        if value.type in (BIT, self.wide_bit):
+            return value
+        if value.type == LONG:
+            return self.b.icmp_signed("!=", value, ir.Constant(LONG, 0))
+        return self.b.fcmp_unordered("!=", value, ir.Constant(DOUBLE, 0.0))
+
+    def cast(self, value: ir.Value, kind: ir.Type, node: ast.AST) -> ir.Value:
+        """A value as one of another type. Raises KernelError where there is no way."""
+        if value.type == kind:
+            return value
+        if kind == DOUBLE:
+            return self.double(value)
+        if kind == LONG and value.type == BIT:
+            return self.b.zext(value, LONG)
+        if kind == self.unit.wide_vector and value.type == VECTOR:
+            return self.b.bitcast(value, self.unit.wide_vector)
+        if kind == self.wide and value.type in (DOUBLE, LONG):
+            return self.splat(self.double(value))
+        if kind == self.wide_bit and value.type == BIT:
+            return self.splat(value)
+        raise self.fail(node, f"a {value.type} where a {kind} is needed")
+
+    def constant(self, value: Constant, name: str) -> ir.Value:
+        """A constant of the unit as a value; a list as the address of its numbers."""
+        if isinstance(value, bool):
+            return ir.Constant(BIT, int(value))
+        if isinstance(value, int):
+            return ir.Constant(LONG, value)
+        if isinstance(value, float):
+            return ir.Constant(DOUBLE, value)
+        if name not in self.unit.tables:
+            kind = DOUBLE if any(isinstance(v, float) for v in value) else LONG
+            table = ir.GlobalVariable(self.unit.module, ir.ArrayType(kind, len(value)), f"table_{name}")
+            table.initializer = ir.Constant(table.value_type, list(value))
+            table.global_constant, table.linkage = True, "internal"
+            self.unit.tables[name] = table
+        zero = ir.Constant(LONG, 0)
+        return self.b.gep(self.unit.tables[name], [zero, zero], inbounds=True)
+
+    def intrinsic(self, name: str, values: Sequence[ir.Value]) -> ir.Value:
+        """A function of LLVM's own, such as llvm.sqrt, on doubles."""
+        if any(value.type == self.wide for value in values):
+            values = [value if value.type == self.wide else self.splat(value) for value in values]
+        of = values[0].type
+        suffix = f"v{self.unit.width}f64" if of == self.wide else "f64"
+        kind = ir.FunctionType(of, [of] * len(values))
+        return self.b.call(self.unit.intrinsic(name, kind, suffix), values)
+
+    def choose(self, values: Sequence[ir.Value], sign: str) -> ir.Value:
+        """The least (sign "<") or greatest (">") of values."""
+        whole = all(value.type in (LONG, self.wide_long) for value in values)
+        best = values[0] if whole else self.double(values[0])
+        for given in values[1:]:
+            best, value = self.alike(best, given if whole else self.double(given))
+            # Written so that min and max of a NaN and a number agree with Python's: the first one stays.
+            test = self.b.icmp_signed(sign, value, best) if whole else self.b.fcmp_ordered(sign, value, best)
+            best = self.b.select(test, value, best)
+        return best
+
+    def each(self, name: str, values: Sequence[ir.Value]) -> ir.Value:
+        """A function of the C library, lane by lane."""
+        function = self.unit.external(name, len(values))
+        values = [value if value.type == self.wide else self.splat(self.double(value)) for value in values]
+        result: ir.Value = ir.Constant(self.wide, ir.Undefined)
+        for lane in range(self.unit.width):
+            place = ir.Constant(LONG, lane)
+            one = self.b.call(function, [self.b.extract_element(value, place) for value in values])
+            result = self.b.insert_element(result, one, place)
+        return result
+
+    def ask(self, name: str, mask: ir.Value) -> ir.Value:
+        """A mask as one answer, or as the bits of an integer."""
+        kind = ir.IntType(self.unit.width)
+        bits = self.b.bitcast(self.splat(mask) if mask.type == BIT else mask, kind)
+        if name == "mask_bits":
+            return self.b.zext(bits, LONG)
+        if name == "anywhere":
+            return self.b.icmp_unsigned("!=", bits, ir.Constant(kind, 0))
+        return self.b.icmp_unsigned("==", bits, ir.Constant(kind, 2**self.unit.width - 1))

@@ -1,0 +1,158 @@
+"""What a kernel may not do, since machine code would do something else than Python: refused by file and line.
+
+Types are the translator's affair (`translate`); here is what a syntax tree shows: names that may be unset, a
+path without a return, loops that are none over a range, operators and arguments that the language lacks.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable, Sequence
+
+from filippov.kernel.language.primitives import KernelError
+
+_OPERATORS = (
+    ast.Add, ast.Sub, ast.Mult, ast.Div, ast.FloorDiv, ast.Mod, ast.Pow, ast.LShift, ast.RShift, ast.BitAnd,
+    ast.BitOr,
+)  # fmt: skip
+_STATEMENTS = (
+    ast.Assign, ast.AugAssign, ast.Expr, ast.Pass, ast.Return, ast.If, ast.While, ast.For, ast.Break,
+    ast.Continue,
+)  # fmt: skip
+_COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
+
+
+def check_kernel(node: ast.FunctionDef, file: str) -> None:
+    """Raise KernelError where this function leaves the language."""
+    checked = _Checked(node, file)
+    checked.signature()
+    for part in ast.walk(node):
+        checked.part(part)
+    known = {argument.arg for argument in node.args.args}
+    after = checked.block(node.body, known)
+    returns = node.returns is not None and not (
+        isinstance(node.returns, ast.Constant) and node.returns.value is None
+    )
+    if returns and after is not None:
+        raise checked.fail(node, "a path through it ends without a return")
+
+
+class _Checked:
+    """One function; sets of names are those that are bound on every path, None where no path leads on."""
+
+    def __init__(self, node: ast.FunctionDef, file: str) -> None:
+        self.node, self.file = node, file
+        self.breaks: list[list[set[str]]] = []
+        self.local = {
+            name.id
+            for name in ast.walk(node)
+            if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)
+        } | {argument.arg for argument in node.args.args}
+
+    def fail(self, node: ast.AST, why: str) -> KernelError:
+        return KernelError(f"{self.file}:{getattr(node, 'lineno', '?')}: kernel {self.node.name}: {why}")
+
+    # Parts that stand for themselves
+
+    def signature(self) -> None:
+        a = self.node.args
+        if a.posonlyargs or a.kwonlyargs or a.vararg or a.kwarg or a.defaults:
+            raise self.fail(self.node, "parameters are plain: no defaults, no *, no keyword-only ones")
+
+    def part(self, node: ast.AST) -> None:
+        """Refuse an operator, a call or a loop that compiled code would take for another."""
+        if isinstance(node, ast.stmt) and node is not self.node and not isinstance(node, _STATEMENTS):
+            raise self.fail(node, f"{type(node).__name__} is not part of the kernel language")
+        if isinstance(node, ast.BinOp | ast.AugAssign) and not isinstance(node.op, _OPERATORS):
+            raise self.fail(node, f"the operator {type(node.op).__name__} is not part of the kernel language")
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Invert):
+            raise self.fail(node, "~ is not part of the kernel language; write `not` of a condition")
+        if isinstance(node, ast.Compare) and not all(isinstance(op, _COMPARISONS) for op in node.ops):
+            raise self.fail(node, "`is` and `in` are not part of the kernel language; compare numbers")
+        if isinstance(node, ast.Call):
+            if node.keywords or any(isinstance(a, ast.Starred) for a in node.args):
+                raise self.fail(node, "arguments are given by position, without names and stars")
+            if isinstance(node.func, ast.Name) and node.func.id in self.local:
+                raise self.fail(node, f"{node.func.id} is a number here, not a function")
+        if isinstance(node, ast.For | ast.While) and node.orelse:
+            raise self.fail(node, "loops have no else")
+        if isinstance(node, ast.For):
+            self._range(node)
+
+    def _range(self, node: ast.For) -> None:
+        call = node.iter
+        if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"):
+            raise self.fail(node, "loops run over range(...)")
+        if not isinstance(node.target, ast.Name):
+            raise self.fail(node, "a loop has one variable")
+        if not 1 <= len(call.args) <= 3:
+            raise self.fail(node, "range takes one to three numbers")
+        if len(call.args) == 3 and not step_of(call.args[2]):
+            raise self.fail(node, "the step of a range is a whole number that stands there, not 0")
+
+    # Names on the paths through it
+
+    def block(self, statements: Sequence[ast.stmt], known: set[str]) -> set[str] | None:
+        """The names that are bound after these statements, or None where they are never left at the end."""
+        now: set[str] | None = set(known)
+        for statement in statements:
+            if now is None:
+                return None  # nothing leads here
+            now = self._after(statement, now)
+        return now
+
+    def _after(self, node: ast.stmt, known: set[str]) -> set[str] | None:
+        if isinstance(node, ast.If):
+            self._read(node.test, known)
+            branches = [self.block(node.body, known), self.block(node.orelse, known)]
+            left = [names for names in branches if names is not None]
+            return set.intersection(*left) if left else None
+        if isinstance(node, ast.While):
+            self._read(node.test, known)
+            ends = self._loop(node.body, known)
+            if isinstance(node.test, ast.Constant) and node.test.value is True:
+                return set.intersection(*ends) if ends else None
+            return known
+        if isinstance(node, ast.For):
+            self._read(node.iter, known)
+            assert isinstance(node.target, ast.Name)
+            self._loop(node.body, known | {node.target.id})
+            # In Python it keeps its last value, in compiled code it has gone one further.
+            return known - {node.target.id}
+        if isinstance(node, ast.Return | ast.Break | ast.Continue):
+            self._read(node, known)
+            if isinstance(node, ast.Break):
+                self.breaks[-1].append(known)
+            return None
+        self._read(node, known)
+        return known | set(_bound(node))
+
+    def _loop(self, body: Sequence[ast.stmt], known: set[str]) -> list[set[str]]:
+        """The names that are bound at each break of a loop."""
+        self.breaks.append([])
+        self.block(body, known)
+        return self.breaks.pop()
+
+    def _read(self, node: ast.AST, known: set[str]) -> None:
+        for name in ast.walk(node):
+            if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Load):
+                self._bound_here(name, known)
+        if isinstance(node, ast.AugAssign) and isinstance(node.target, ast.Name):
+            self._bound_here(node.target, known)
+
+    def _bound_here(self, name: ast.Name, known: set[str]) -> None:
+        if name.id in self.local and name.id not in known:
+            raise self.fail(name, f"{name.id} may be unset here, or is the variable of a loop that has ended")
+
+
+def _bound(node: ast.AST) -> Iterable[str]:
+    return (n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store))
+
+
+def step_of(node: ast.expr) -> int:
+    """The step of a range that stands there as a whole number; 0 where it does not."""
+    sign = 1
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        sign, node = -1, node.operand
+    whole = isinstance(node, ast.Constant) and type(node.value) is int
+    return sign * int(node.value) if whole else 0  # type: ignore[attr-defined]

@@ -1,0 +1,149 @@
+"""An LLVM module in the making: its kernels as syntax trees and functions, and the constants they share."""
+
+import ast
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+from llvmlite import ir
+
+from filippov.kernel.language.primitives import KernelError
+from filippov.kernel.language.strict import check_kernel
+from filippov.kernel.tables.layout import LANES
+
+DOUBLE, LONG, BIT, VOID = ir.DoubleType(), ir.IntType(64), ir.IntType(1), ir.VoidType()
+VECTOR, INDICES = DOUBLE.as_pointer(), LONG.as_pointer()
+_ANNOTATED = {"float": DOUBLE, "int": LONG, "bool": BIT, "Vector": VECTOR, "Indices": INDICES}
+
+Constant = int | float | bool | list[float] | list[int]
+
+
+@dataclass
+class Kernel:
+    """A parsed kernel with the LLVM function that stands for it."""
+
+    node: ast.FunctionDef
+    function: ir.Function
+    flags: tuple[str, ...]
+    wide: bool = False
+
+
+@dataclass
+class Unit:
+    """One LLVM module: its source texts by the names of their kernels, and the constants they share.
+
+    A kernel is declared when it is first asked for, and then waits for its translation. `width` is the number
+    of lanes; `wide`, `wide_vector` ... are what stands in a lane kernel for a number and an array of numbers.
+    """
+
+    constants: dict[str, Constant] = field(default_factory=dict)
+    texts: dict[str, ast.FunctionDef] = field(default_factory=dict)
+    lane_texts: dict[str, ast.FunctionDef] = field(default_factory=dict)
+    kernels: dict[str, Kernel] = field(default_factory=dict)
+    lanes: dict[str, Kernel] = field(default_factory=dict)
+    waiting: list[Kernel] = field(default_factory=list)
+    files: dict[str, str] = field(default_factory=dict)
+    tables: dict[str, ir.GlobalVariable] = field(default_factory=dict)
+    module: ir.Module = field(default_factory=lambda: ir.Module("filippov"))
+    width: int = LANES
+
+    def __post_init__(self) -> None:
+        self.constants["LANES"] = self.width
+        self.wide = ir.VectorType(DOUBLE, self.width)
+        self.wide_long, self.wide_bit = ir.VectorType(LONG, self.width), ir.VectorType(BIT, self.width)
+        self.wide_vector = self.wide.as_pointer()
+        self.in_lanes = {
+            "float": self.wide, "int": LONG, "bool": self.wide_bit, "Vector": self.wide_vector,
+            "Indices": INDICES,
+        }  # fmt: skip
+
+    def external(self, name: str, count: int) -> ir.Function:
+        """A function of the C library on doubles."""
+        known = self.module.globals.get(name)
+        if isinstance(known, ir.Function):
+            return known
+        return ir.Function(self.module, ir.FunctionType(DOUBLE, [DOUBLE] * count), name)
+
+    def intrinsic(self, name: str, kind: ir.FunctionType, suffix: str) -> ir.Function:
+        """An intrinsic function of LLVM."""
+        full = f"{name}.{suffix}"
+        known = self.module.globals.get(full)
+        return known if isinstance(known, ir.Function) else ir.Function(self.module, kind, full)
+
+    def plain(self, name: str) -> Kernel:
+        """The plain kernel of this name."""
+        if name not in self.kernels:
+            self.kernels[name] = _declare(self, self.texts[name], wide=False)
+        return self.kernels[name]
+
+    def widened(self, name: str) -> Kernel:
+        """The lane kernel of this name: its own, or the plain one widened."""
+        if name not in self.lanes:
+            self.lanes[name] = _declare(self, self.lane_texts.get(name) or self.texts[name], wide=True)
+        return self.lanes[name]
+
+
+def _annotation(node: ast.expr | None, where: str, kinds: Mapping[str, ir.Type]) -> ir.Type:
+    if isinstance(node, ast.Name) and node.id in kinds:
+        return kinds[node.id]
+    raise KernelError(f"{where}: annotate with float, int, bool, Vector or Indices")
+
+
+def _result(node: ast.expr | None, where: str, kinds: Mapping[str, ir.Type]) -> ir.Type:
+    if node is None or (isinstance(node, ast.Constant) and node.value is None):
+        return VOID
+    if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Tuple):
+        return ir.LiteralStructType([_annotation(item, where, kinds) for item in node.slice.elts])
+    return _annotation(node, where, kinds)
+
+
+def _marks(node: ast.FunctionDef) -> set[str]:
+    return {mark.id for mark in node.decorator_list if isinstance(mark, ast.Name)}
+
+
+def _signature(node: ast.FunctionDef, kinds: Mapping[str, ir.Type]) -> ir.FunctionType:
+    arguments = [_annotation(a.annotation, f"{node.name}({a.arg})", kinds) for a in node.args.args]
+    return ir.FunctionType(_result(node.returns, node.name, kinds), arguments)
+
+
+def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
+    marks, kind = _marks(node), _signature(node, unit.in_lanes if wide else _ANNOTATED)
+    function = ir.Function(unit.module, kind, f"{node.name}.lanes" if wide else node.name)
+    function.linkage = "internal"
+    function.attributes.add("nounwind")
+    if unit.lane_texts:
+        # Vectors put aside on the stack must not lie across two cache lines.
+        function.attributes.alignstack = 64
+    if "inline" in marks:
+        function.attributes.add("alwaysinline")
+    for argument, value in zip(node.args.args, function.args, strict=True):
+        # No other name writes to them: what depends on them alone is computed once.
+        pointer = value.type in (VECTOR, unit.wide_vector)
+        if pointer and "contract" in marks and argument.arg in ("x", "p", "m"):
+            value.add_attribute("noalias")
+    kernel = Kernel(node, function, ("contract",) if "contract" in marks else (), wide)
+    unit.waiting.append(kernel)
+    return kernel
+
+
+def add_kernels(unit: Unit, text: str, file: str = "kernels") -> None:
+    """Take in every decorated function of a source text; its constants may come later.
+
+    Raises KernelError, with the file and the line, for what is outside the language or there already.
+    """
+    for node in _kernels_of(text, file):
+        texts = unit.lane_texts if "lanes" in _marks(node) else unit.texts
+        if texts.get(node.name, node) is not node:
+            raise KernelError(f"{file}:{node.lineno}: kernel {node.name}: there is another of this name")
+        texts[node.name] = node
+        unit.files[node.name] = file
+
+
+@lru_cache(maxsize=256)
+def _kernels_of(text: str, file: str) -> tuple[ast.FunctionDef, ...]:
+    nodes = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    kernels = tuple(node for node in nodes if _marks(node) & {"lanes", "kernel", "contract"})
+    for node in kernels:
+        _signature(node, _ANNOTATED)
+        check_kernel(node, file)
+    return kernels

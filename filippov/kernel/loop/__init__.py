@@ -1,0 +1,1 @@
+"""The kernels of the event loop: arrays in, arrays out."""

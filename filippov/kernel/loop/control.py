@@ -1,0 +1,421 @@
+"""Step control: error norm, first step, and the tests that say whether a step needs a closer look."""
+
+from filippov.kernel.language.primitives import Indices, Vector, from_bits, kernel, shift, sqrt, to_bits
+from filippov.kernel.loop.field import field, rate
+from filippov.kernel.loop.land import EPS, guard_scale
+from filippov.kernel.loop.model import (
+    ALL_LINEAR,
+    COMPONENT,
+    EXTRA,
+    I_CALLS,
+    I_PEERS,
+    I_SLIDING,
+    IMPLICIT,
+    MOVING,
+    ORDER,
+    PER_NODE,
+    RESET_FROM,
+    RESETS,
+    STAGES,
+    STRAIGHT,
+    W_ATTRACT,
+    W_CREEP,
+    W_DIRECTION,
+    W_END,
+    W_F,
+    W_G,
+    W_GRAZED,
+    W_GT,
+    W_H,
+    W_K,
+    W_MULT,
+    W_RADIUS,
+    W_START,
+    W_TOUCH,
+    W_XM,
+    W_Y,
+    WIDTH,
+    M,
+    N,
+    error_terms,
+    extra_stages,
+    gradients,
+    guards,
+    rhs,
+)
+from filippov.kernel.tables.codes import LOWER, ROOT, T_END, T_START, UPPER, T
+from filippov.kernel.tables.layout import COLUMNS, LEAST, MOST, MULTIPLIER, SLOPE
+from filippov.kernel.tables.root_tables import GAUSS_A, GAUSS_B, GAUSS_C
+
+# Bits of 1.0, moved by the mean error of reading a mantissa as a logarithm.
+ONE_BITS = 4606988764016040477
+
+
+# An error that a field overflows in, next to a pole, is only large.
+LARGEST_ERROR = 1e6
+
+
+@kernel
+def combine(square5: float, square3: float, step: float, n: float, rtol: float) -> float:
+    """Square of the error's norm from its one or two estimates (Hairer, Norsett & Wanner 1993, II.10).
+
+    The two of order 8 together can be far too small where a step enters a narrow peak of the field: e5**2
+    over a large e3. What either may be by itself in an accepted step grows as the tolerance falls, like the
+    powers of a step between its order and theirs: 10 rtol**(-1/4) and 10 rtol**(-1/2).
+    """
+    if ORDER == 8:
+        both = step * step * square5 * square5 / (square5 + 0.01 * square3 + 1e-300)
+        alone = step * step * 0.01 * max(sqrt(rtol) * square5, rtol * square3)
+        return max(both, min(alone, LARGEST_ERROR)) / n
+    return step * step * square5 / n
+
+
+@kernel
+def least_step(t: float, start: float, end: float) -> float:
+    """The step below which a run is stuck: the spacing of t, and around t = 0 what its squares keep apart."""
+    least = max(1e-100 * max(abs(start), abs(end)), 1e-300)
+    return max(4.0 * EPS * abs(t), least)
+
+
+@kernel
+def error_norm(
+    x: Vector, y: Vector, step: float, rtol: float, atol: Vector, relative: int, kept: int, slack: float,
+    noise: float, w: Vector,
+) -> float:  # fmt: skip
+    """Mean square of the local error over atol + rtol |x|; of guard `relative` over rtol |h| slack too.
+
+    kept (0 or 1): |h| is that of the guard itself, or what it goes in the time `slack` of a lap, so that the
+    next root is as accurate in time; else it is its change over the step.
+    """
+    square5, square3 = 0.0, 0.0
+    guard5, guard3, rise, terms = 0.0, 0.0, 0.0, 0.0
+    for i in range(N):
+        e5, e3 = error_terms(i, w)
+        if relative >= 0:
+            guard5 += w[W_G + relative * N + i] * e5
+            guard3 += w[W_G + relative * N + i] * e3
+            rise += w[W_G + relative * N + i] * (y[i] - x[i])
+            terms += abs(w[W_G + relative * N + i] * x[i])
+        scale = 1.0 / (atol[i] + rtol * max(abs(x[i]), abs(y[i])))
+        square5 += (e5 * scale) ** 2
+        square3 += (e3 * scale) ** 2
+    norm = combine(square5, square3, step, float(N), rtol)
+    if relative >= 0:
+        scale = rtol * slack * abs(rise) + noise * abs(step)
+        if kept != 0:
+            start = w[W_START + 2 * relative]
+            rise += w[W_GT + relative] * step
+            far = max(abs(start), abs(start + rise)) + slack * abs(w[W_START + 2 * relative + 1])
+            scale = rtol * far + 16.0 * EPS * terms + 1e-300
+        norm = max(norm, combine((guard5 / scale) ** 2, (guard3 / scale) ** 2, step, 1.0, rtol))
+    return norm
+
+
+@kernel
+def step_factor(square: float) -> float:
+    """0.9 error**(-1/order) from the square of the error, to half a percent.
+
+    The exponent field of a double is its logarithm and the mantissa a linear bit of it, so the root is a
+    division of the bits; an exact one would keep the next step waiting and choose it no better.
+    """
+    bits = ONE_BITS - (to_bits(square) - ONE_BITS) // (2 * ORDER)
+    return 0.9 * from_bits(bits)
+
+
+@kernel
+def first_step(
+    t: float, x: Vector, p: Vector, m: Vector, f: Vector, rtol: float, atol: Vector, limit: float,
+    direction: float, w: Vector, iw: Indices, ctx: Indices,
+) -> tuple[int, float]:  # fmt: skip
+    """A first step from two field values (Hairer, Norsett & Wanner 1993, section II.4)."""
+    y, f1 = shift(w, W_Y), shift(w, W_F)
+    d0, d1 = 0.0, 0.0
+    for i in range(N):
+        scale = atol[i] + rtol * abs(x[i])
+        d0 += (x[i] / scale) ** 2
+        d1 += (f[i] / scale) ** 2
+    d0, d1 = sqrt(d0 / float(N)), sqrt(d1 / float(N))
+    h0 = 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1
+    # A state that starts at 0 up to rounding must not ask for a step below the spacing of t.
+    h0 = min(max(h0, 1e-12 * limit, 64.0 * EPS * abs(t)), limit)
+    for i in range(N):
+        y[i] = x[i] + direction * h0 * f[i]
+    code = field(t + direction * h0, y, p, m, f1, w, iw, ctx)
+    if code != 0:
+        return code, h0
+    d2 = 0.0
+    for i in range(N):
+        d2 += ((f1[i] - f[i]) / (atol[i] + rtol * abs(x[i]))) ** 2
+    if d2 == 0.0:
+        # A constant field, as far as can be seen from here.
+        return 0, limit
+    d2 = sqrt(d2 / float(N)) / h0
+    if not (d2 < 1e300):
+        return 0, h0 * 1e-3
+    h1 = max(1e-6, h0 * 1e-3)
+    if d1 > 1e-15 or d2 > 1e-15:
+        h1 = (0.01 / max(d1, d2)) ** (1.0 / float(ORDER))
+    return 0, min(100.0 * h0, h1, limit)
+
+
+@kernel
+def at_rest(w: Vector) -> bool:
+    """Whether the field at the start of the step is 0."""
+    fastest = 0.0
+    for j in range(N):
+        fastest = max(fastest, abs(w[W_K + j]))
+    return fastest == 0.0
+
+
+@kernel
+def uniform(w: Vector) -> bool:
+    """Whether all stages met the same field: then the step is a straight line."""
+    for a in range(N, (STAGES - 1) * N):  # noqa: SIM110 - the kernel language has no `all`
+        if w[W_K + a] != w[W_K + a % N]:
+            return False
+    return True
+
+
+@kernel
+def go_straight(x: Vector, step: float, y: Vector, w: Vector) -> None:
+    """The exact end of a step along a straight line, and the field there."""
+    for j in range(N):
+        y[j] = x[j] + step * w[W_K + j]
+        w[W_K + (STAGES - 1) * N + j] = w[W_K + j]
+
+
+@kernel
+def other_stages(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, line: bool, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """The stages that only the dense output needs; on a straight line they are known."""
+    if not line:
+        return extra_stages(t, x, p, m, step, w, iw, ctx)
+    for a in range(STAGES * N, (STAGES + EXTRA) * N):
+        w[W_K + a] = w[W_K + a % N]
+    return 0
+
+
+@kernel
+def mark_grazed(m: Vector, start: bool, w: Vector) -> None:
+    """Keep a touching from being reported twice: the guard has to get clear of 0 in between (hysteresis)."""
+    for i in range(M):
+        clear = abs(w[W_END + 2 * i]) > 1e3 * w[W_TOUCH + i]
+        if start:
+            w[W_GRAZED + i] = 0.0 if abs(w[W_START + 2 * i]) > 1e3 * w[W_TOUCH + i] else 1.0
+        elif clear:
+            w[W_GRAZED + i] = 0.0
+
+
+@kernel
+def finite(x: Vector, n: int) -> bool:
+    """Whether every entry is a number."""
+    total = 0.0
+    for i in range(n):
+        total += x[i] * 0.0
+    return total == 0.0
+
+
+@kernel
+def leaves(i: int, twice: bool, step: float, side: float, w: Vector) -> bool:
+    """Whether guard i, zero at the start of the step (twice: its rate too), grows all the way through it.
+
+    Its rates along the stages, by theta where they start from zero, keep clear of 0 by more than their range.
+    """
+    least, most = 1e300, -1e300
+    for r in range(1, STAGES):
+        growth = side * step * rate(i, shift(w, W_K + r * N), w)
+        growth = growth * PER_NODE[r] if twice else growth
+        least, most = min(least, growth), max(most, growth)
+    return least > most - least
+
+
+# Stages that are enough for the range of a multiplier over them to tell that it turns fast.
+MANY_STAGES = 10
+
+
+@kernel
+def suspicious(step: float, m: Vector, order: Indices, line: bool, w: Vector, iw: Indices) -> bool:
+    """Whether a guard may vanish in the step: no if it keeps clear of 0 by more than it bends.
+
+    For linear guards the test is on the cubic through both ends of the step; it is skipped for others, which
+    are always sampled. One that starts from 0 is clear if it grows throughout (see `leaves`). Multipliers are
+    judged by their range over the stages, if these are many and the ends of their sets stand still: what
+    holds a motion on a surface may turn faster than the motion, which then takes steps as long as it likes.
+    On a straight line it can always do so, unless the rates are straight too.
+    """
+    for i in range(M):
+        if m[i] == 0.0:
+            if IMPLICIT or MOVING[i] != 0 or (line and iw[I_SLIDING] > 1):
+                return True
+            if STRAIGHT[i] == 0 and (line or STAGES < MANY_STAGES):
+                return True
+            mult = shift(w, W_MULT + i * COLUMNS)
+            spread = mult[MOST] - mult[LEAST]
+            below, above = mult[LEAST] - spread, mult[MOST] + spread
+            if not (above < w[W_RADIUS + 2 * i + 1] and below > w[W_RADIUS + 2 * i]):
+                return True
+            if iw[I_PEERS + COMPONENT[i]] == 1 and (w[W_ATTRACT + i] < 0.0 or not (mult[SLOPE] < 0.0)):
+                return True
+            continue
+        if not ALL_LINEAR:
+            return True
+        if order[i] > 0:
+            if IMPLICIT or WIDTH[i] > 0.0 or order[i] > 2 or not leaves(i, order[i] == 2, step, m[i], w):
+                return True
+            continue
+        h0, h1 = m[i] * w[W_START + 2 * i] + WIDTH[i], m[i] * w[W_END + 2 * i] + WIDTH[i]
+        d0, d1 = m[i] * w[W_START + 2 * i + 1] * step, m[i] * w[W_END + 2 * i + 1] * step
+        bend = abs(h1 - h0 - d0) + abs(2.0 * (h1 - h0) - d0 - d1)
+        least = min(h0, h1, h0 + d0 / 3.0, h1 - d1 / 3.0)
+        if not (least > bend + w[W_TOUCH + i]):
+            return True
+    return False
+
+
+@kernel
+def guard_state(
+    t: float, x: Vector, p: Vector, m: Vector, f: Vector, state: Vector, w: Vector, ctx: Indices
+) -> int:
+    """Guards and their rates along f, in turn, into `state`."""
+    h = shift(w, W_H)
+    if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
+        return 1
+    for i in range(M):
+        state[2 * i], state[2 * i + 1] = h[i], rate(i, f, w)
+    return 0
+
+
+@kernel
+def is_rough(t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, iw: Indices, ctx: Indices) -> bool:
+    """Whether the field off surface i is not Lipschitz in h_i at 0 (a power below 1): clause E8."""
+    y, f0, f1 = shift(w, W_Y), shift(w, W_XM), shift(w, W_F)
+    size = 0.0
+    for j in range(N):
+        size += w[W_G + i * N + j] ** 2
+    if size == 0.0 or rhs(t, x, p, m, m, f0, ctx) != 0:
+        return False
+    iw[I_CALLS] += 3
+    near, far, noise = 0.0, 0.0, 0.0
+    for q in range(2):
+        reach = m[i] * (1e-7 if q == 0 else 1e-11) / size
+        for j in range(N):
+            y[j] = x[j] + reach * w[W_G + i * N + j]
+        if rhs(t, y, p, m, m, f1, ctx) != 0:
+            return False
+        far = near
+        near = 0.0
+        for j in range(N):
+            near = max(near, abs(w[W_G + i * N + j] * (f1[j] - f0[j])))
+            noise = max(noise, EPS * abs(w[W_G + i * N + j] * f0[j]))
+    # A Lipschitz field changes ten thousand times less over ten thousand times less.
+    return near > 2e-4 * far + 1e2 * noise
+
+
+@kernel
+def creep_off(
+    t: float, x: Vector, p: Vector, m: Vector, length: float, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """A first tiny step off a surface where the field is not Lipschitz: Picard iteration on 3 Gauss nodes.
+
+    A relative error in h decays like 1/t from there on, so the step may be rough as long as it is tiny; for
+    the same reason `slack` lets the steps that follow be as much less accurate as they are closer to the
+    surface.
+    """
+    at, f = shift(w, W_CREEP), shift(w, W_CREEP + 3 * N)
+    for q in range(3):
+        for j in range(N):
+            at[q * N + j] = x[j]
+    for _ in range(80):
+        for q in range(3):
+            code = field(t + GAUSS_C[q] * length, shift(at, q * N), p, m, shift(f, q * N), w, iw, ctx)
+            if code != 0:
+                return code
+        for q in range(3):
+            for j in range(N):
+                total = 0.0
+                for r in range(3):
+                    total += GAUSS_A[3 * q + r] * f[r * N + j]
+                at[q * N + j] = x[j] + length * total
+    for j in range(N):
+        for r in range(3):
+            x[j] += length * GAUSS_B[r] * f[r * N + j]
+    return 0
+
+
+@kernel
+def time_to_surface(m: Vector, order: Indices, w: Vector) -> tuple[float, int]:
+    """Shortest time in which a guard reaches 0 at its present rate, and its surface (-1 for none).
+
+    A surface from which the segment starts is behind, whatever the sign of a rounded rate.
+    """
+    best, surface = 1e300, -1
+    for i in range(M):
+        rate = m[i] * w[W_START + 2 * i + 1]
+        if rate < 0.0 and order[i] == 0:
+            wait = -(m[i] * w[W_START + 2 * i] + WIDTH[i]) / rate
+            if wait < best:
+                best, surface = max(wait, 0.0), i
+    return best, surface
+
+
+@kernel
+def shrink_invalid(clock: Vector, m: Vector, order: Indices, step: float, w: Vector) -> tuple[float, int]:
+    """Step after an invalid stage: towards the nearest surface ahead if there is one, else a quarter.
+
+    The surface is returned where it is one rounding away, -1 otherwise.
+    """
+    wait, surface = time_to_surface(m, order, w)
+    reach = max(abs(clock[T]), 1e-3 * abs(clock[T_END] - clock[T_START]))
+    if surface >= 0 and wait <= 16.0 * EPS * reach:
+        return 0.0, surface
+    if surface >= 0 and wait < 4.0 * abs(step):
+        return min(0.5 * abs(step), 0.9 * wait), -1
+    return 0.25 * abs(step), -1
+
+
+@kernel
+def hides_order(t: float, length: float, step: float) -> bool:
+    """Whether a step is so long that rounding of its dense output may hide which of two impacts is first."""
+    return RESETS and M > 1 and length < 1e-3 * step and length > 1e3 * EPS * abs(t)
+
+
+@kernel
+def falls(j: int, m: Vector, w: Vector) -> bool:
+    """Whether the motion runs onto surface j, off which it ran at the start of the step."""
+    speed = float(m[j] * w[W_END + 2 * j + 1] * w[W_DIRECTION])
+    return speed < 0.0
+
+
+@kernel
+def mark_hits(
+    t: float, x: Vector, m: Vector, order: Indices, cause: int, i: int, step: float, hit: Indices, w: Vector
+) -> int:
+    """Mark every surface whose guard vanishes at the event within rounding, and return how many.
+
+    A sliding surface counts where its multiplier stands at an end of its set.
+    """
+    total = 0
+    for j in range(M):
+        hit[j] = 0
+        if j == i:
+            hit[j] = cause
+        elif m[j] != 0.0 and (order[j] == 0 or (RESET_FROM[j] != 0 and falls(j, m, w))):
+            near = 8.0 * EPS * guard_scale(j, t, x, w)
+            near += abs(w[W_END + 2 * j + 1]) * 32.0 * EPS * max(abs(t), abs(step))
+            value = m[j] * w[W_END + 2 * j] + WIDTH[j]
+            # A reset is not to be missed where the interpolant took its surface for the later one.
+            if abs(value) <= near or (RESET_FROM[j] != 0 and value < 0.0):
+                hit[j] = ROOT
+        elif m[j] == 0.0 and abs(order[j]) < 2:
+            mult = shift(w, W_MULT + j * COLUMNS)
+            lo, hi = w[W_RADIUS + 2 * j], w[W_RADIUS + 2 * j + 1]
+            near = 64.0 * EPS * (1.0 + min(abs(lo), abs(hi)))
+            near += abs(mult[MOST] - mult[LEAST]) * 32.0 * EPS * max(abs(t) / abs(step), 1.0)
+            if hi - mult[MULTIPLIER] <= near:
+                hit[j] = UPPER
+            elif mult[MULTIPLIER] - lo <= near:
+                hit[j] = LOWER
+        if hit[j] != 0:
+            total += 1
+    return total

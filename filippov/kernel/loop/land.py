@@ -1,0 +1,184 @@
+"""Land on a located event: a real step of the integrator to it, then Newton steps short enough to be exact.
+
+The dense output only says where to go; the state at the event comes from the method itself, so |h| there is
+at rounding level and not at the interpolant's.
+"""
+
+from filippov.kernel.language.primitives import Indices, Vector, kernel, shift
+from filippov.kernel.loop.field import add_gradient, field, gradient_product, project, rate
+from filippov.kernel.loop.locate import guard_rows
+from filippov.kernel.loop.model import (
+    CLAMPED,
+    G_COLUMN,
+    G_FIRST,
+    I_SLIDING,
+    IMPLICIT,
+    RESET_FROM,
+    ROLE,
+    W_DIRECTION,
+    W_END,
+    W_F,
+    W_G,
+    W_GT,
+    W_H,
+    W_K,
+    W_ROW,
+    W_START,
+    W_TOUCH,
+    W_XM,
+    WIDTH,
+    M,
+    N,
+    gradients,
+    guards,
+    stages,
+)
+from filippov.kernel.tables.codes import ROOT, SWITCHING, TOUCH, UPPER
+from filippov.kernel.tables.radau_tables import NOT_CONVERGED
+
+EPS = 2.220446049250313e-16
+# Roundings of its terms that a guard may be off 0 at an event, where the integration is that accurate.
+ASTRAY = 1e4
+# A rate below this part of its terms is rounding: the state is at rest relative to the surface.
+NO_RATE = 1e-12
+
+
+@kernel
+def guard_scale(i: int, t: float, x: Vector, w: Vector) -> float:
+    """Size of the terms of h_i, from its gradient: what rounding in h_i is measured by."""
+    total = float(abs(w[W_GT + i] * t))
+    for a in range(G_FIRST[i], G_FIRST[i + 1]):
+        total += abs(w[W_G + i * N + G_COLUMN[a]] * x[G_COLUMN[a]])
+    return total
+
+
+@kernel
+def project_on(t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, ctx: Indices) -> int:
+    """Newton steps along the gradient onto one surface."""
+    h = shift(w, W_H)
+    for _ in range(2):
+        if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
+            return 1
+        size = gradient_product(i, i, w)
+        if h[i] == 0.0 or size == 0.0:
+            return 0
+        add_gradient(i, -h[i] / size, x, w)
+    return guards(t, x, p, m, h, ctx)
+
+
+@kernel
+def go(
+    t: float, x: Vector, p: Vector, m: Vector, length: float, line: bool, xe: Vector, w: Vector, iw: Indices,
+    ctx: Indices,
+) -> int:  # fmt: skip
+    """A step of the method from (t, x), its end in xe; along a straight line it needs no field."""
+    if not line:
+        return stages(t, x, p, m, length, xe, w, iw, ctx)
+    for j in range(N):
+        xe[j] = x[j] + length * w[W_K + j]
+    return 0
+
+
+@kernel
+def reached_before(t: float, x: Vector, f: Vector, m: Vector, i: int, w: Vector) -> tuple[int, float]:
+    """Of the surfaces with resets that the motion has run behind, the one longest ago: (number, how long).
+
+    (-1, 0.0) for none. The guards and their rates at (t, x) are those in W_END, f is the field; surface i is
+    left out. The dense output shows roots, and their order, to its rounding; a step shows them to that of x.
+    """
+    first, longest = -1, 0.0
+    for j in range(M):
+        value, speed = m[j] * w[W_END + 2 * j], m[j] * w[W_END + 2 * j + 1] * w[W_DIRECTION]
+        if value < 0.0 and speed < 0.0 and j != i and m[j] != 0.0 and RESET_FROM[j] != 0:
+            if RESET_FROM[j] != 2 and float(RESET_FROM[j]) != m[j]:
+                continue
+            size = abs(w[W_GT + j])
+            for a in range(N):
+                size += abs(w[W_G + j * N + a] * f[a])
+            near = 8.0 * EPS * guard_scale(j, t, x, w) - 32.0 * EPS * abs(t) * speed
+            if value < -near and speed < -NO_RATE * size and value / speed > longest:
+                first, longest = j, value / speed
+    return first, longest
+
+
+@kernel
+def land(
+    t: float,
+    x: Vector,
+    p: Vector,
+    m: Vector,
+    cause: int,
+    i: int,
+    step: float,
+    theta: float,
+    slope: float,
+    line: bool,
+    xe: Vector,
+    w: Vector,
+    iw: Indices,
+    ctx: Indices,
+) -> tuple[int, float, float, float]:
+    """Step from (t, x) to the event on surface i near theta; its state goes to xe.
+
+    Returns (code, step taken to the event, step of its dense output, |guard| left).
+    """
+    h, f, xm, row = shift(w, W_H), shift(w, W_F), shift(w, W_XM), shift(w, W_ROW)
+    length = theta * step
+    dense_length = length
+    code = go(t, x, p, m, length, line, xe, w, iw, ctx)
+    value, last = 0.0, 1e300
+    for attempt in range(48):
+        if code != 0 or cause == TOUCH:
+            break
+        te = t + length
+        if cause == ROOT:
+            if (
+                guards(te, xe, p, m, h, ctx) != 0
+                or gradients(te, xe, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0
+            ):
+                return 1, length, dense_length, value
+            value = h[i] + m[i] * WIDTH[i]
+            if abs(value) <= EPS * guard_scale(i, te, xe, w):
+                break
+            code = field(te, xe, p, m, f, w, iw, ctx)
+            change = rate(i, f, w)
+        else:
+            code = guard_rows(te, xe, p, m, row, w, iw, ctx)
+            value = row[i] if cause == UPPER else row[M + i]
+            change = slope / step
+        if code != 0 or change == 0.0 or value == 0.0:
+            break
+        delta = -value / change
+        # Newton must not leave the step by more than it can trust the slope.
+        if (length + delta) / step > 1.001:
+            delta = step - length
+        if (length + delta) / step < 0.0:
+            delta = -0.5 * length
+        if abs(delta) <= 2.0 * EPS * abs(te) or (attempt > 2 and abs(value) >= last):
+            break
+        last = abs(value)
+        # An explicit correction of a stiff field is no small one.
+        if IMPLICIT or abs(delta) > 1e-5 * abs(step):
+            length += delta
+            dense_length = length
+            code = go(t, x, p, m, length, line, xe, w, iw, ctx)
+            continue
+        for j in range(N):
+            xm[j] = xe[j] + 0.5 * delta * f[j]
+        code = field(te + 0.5 * delta, xm, p, m, f, w, iw, ctx)
+        for j in range(N):
+            xe[j] += delta * f[j]
+        length += delta
+    if CLAMPED and code == 0 and cause == ROOT and ROLE[i] == SWITCHING:
+        # What is farther off than the integration is accurate is no landing: a field that stands still beyond
+        # the surface leads Newton's method off.
+        went = (abs(t) + abs(length)) * (abs(w[W_START + 2 * i + 1]) + abs(rate(i, f, w)))
+        known = max(w[W_TOUCH + i], ASTRAY * EPS * (guard_scale(i, t + length, xe, w) + went + WIDTH[i]))
+        code = NOT_CONVERGED if abs(value) > known else 0
+    if code == 0:
+        if cause == ROOT and WIDTH[i] == 0.0:
+            code = project_on(t + length, xe, p, m, i, w, ctx)
+            value = h[i]
+        if iw[I_SLIDING] > 0 and project(t + length, xe, p, m, h, w, iw, ctx) != 0:
+            code = 1
+    return code, length, dense_length, abs(value)

@@ -1,0 +1,100 @@
+"""Guards of a motion that slides on one surface, at several points of a step side by side.
+
+The points of a sample do not wait for each other, so a vector takes as many as it holds: LANES of them. Only
+small symbolic fields are sampled like this (WIDE); `locate.sample` has the plain way.
+"""
+
+from filippov.kernel.language.primitives import Indices, Vector, anywhere, contract, kernel, lanes, shift
+from filippov.kernel.loop.model import (
+    G_COLUMN,
+    G_FIRST,
+    W_WIDE,
+    WIDTH,
+    M,
+    N,
+    P,
+    gradients,
+    guards,
+    pair,
+    radii,
+)
+from filippov.kernel.tables.layout import LANES
+
+# Places in the room at W_WIDE, in vectors: times, states, parameters, modes, rows of guards, and the rest.
+X = 1
+
+
+@contract
+@lanes
+def rows_beside(
+    times: Vector, x: Vector, p: Vector, m: Vector, i: int, attract: float, rows: Vector, room: Vector,
+    ctx: Indices,
+) -> int:  # fmt: skip
+    """As `locate.guard_rows`, of the only sliding surface i; 1 where its sign does not act on it anywhere."""
+    t = times[0]
+    s, s2, h, ends = room, shift(room, M), shift(room, 2 * M), shift(room, 3 * M)
+    gt, g = shift(room, 5 * M), shift(room, 6 * M)
+    low, high = shift(room, 6 * M + M * N), shift(room, 6 * M + M * N + N)
+    guards(t, x, p, m, h, ctx)
+    gradients(t, x, p, m, g, gt, ctx)
+    radii(t, x, p, ends, ctx)
+    for j in range(M):
+        s[j] = -1.0 if j == i else m[j]
+        s2[j] = 1.0 if j == i else m[j]
+    pair(t, x, p, s, s2, m, low, high, ctx)
+    minus, plus = gt[i], gt[i]
+    for a in range(G_FIRST[i], G_FIRST[i + 1]):
+        j = G_COLUMN[a]
+        minus += g[i * N + j] * low[j]
+        plus += g[i * N + j] * high[j]
+    for j in range(M):
+        rows[j] = m[j] * h[j] + WIDTH[j]
+        rows[M + j] = 1.0
+    lo, hi = ends[2 * i], ends[2 * i + 1]
+    rows[i] = -0.5 * attract * ((1.0 + hi) * plus + (1.0 - hi) * minus)
+    rows[M + i] = 0.5 * attract * ((1.0 + lo) * plus + (1.0 - lo) * minus)
+    return 1 if anywhere(abs(plus - minus) < 1e-9 * (abs(plus) + abs(minus))) else 0
+
+
+@kernel
+def same_everywhere(n: int, source: Vector, target: Vector) -> None:
+    """A vector of equal numbers for each number."""
+    for i in range(n):
+        for lane in range(LANES):
+            target[i * LANES + lane] = source[i]
+
+
+@kernel
+def prepare_points(p: Vector, m: Vector, w: Vector) -> None:
+    """What is the same at all points of a step."""
+    room = shift(w, W_WIDE)
+    same_everywhere(P, p, shift(room, (X + N) * LANES))
+    same_everywhere(M, m, shift(room, (X + N + P) * LANES))
+
+
+@kernel
+def place_point(lane: int, t: float, x: Vector, w: Vector) -> None:
+    """A point into its lane."""
+    w[W_WIDE + lane] = t
+    for j in range(N):
+        w[W_WIDE + (X + j) * LANES + lane] = x[j]
+
+
+@kernel
+def point_rows(i: int, attract: float, w: Vector, ctx: Indices) -> int:
+    """The guards at the points in the lanes; see `rows_beside`."""
+    room = shift(w, W_WIDE)
+    p = shift(room, (X + N) * LANES)
+    m = shift(p, P * LANES)
+    rows = shift(m, M * LANES)
+    return rows_beside(
+        room, shift(room, X * LANES), p, m, i, attract, rows, shift(rows, 2 * M * LANES), ctx
+    )
+
+
+@kernel
+def take_rows(lane: int, out: Vector, w: Vector) -> None:
+    """The guards at one lane's point."""
+    rows = shift(w, W_WIDE + (X + N + P + M) * LANES)
+    for j in range(2 * M):
+        out[j] = rows[j * LANES + lane]

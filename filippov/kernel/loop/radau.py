@@ -1,0 +1,378 @@
+"""Radau IIA of order 5: the stages by simplified Newton iterations, its error estimate, its memory.
+
+Z = step (A x I) F(x + Z) is solved for Z = (TO_Z x I) W (Hairer & Wanner 1996, section IV.8):
+
+    (REAL/step - J) dW_1 = r_1,   ((PAIR - i SPIN)/step - J) (dW_2 + i dW_3) = r_2 + i r_3
+
+J is the derivative of the mode's field, sliding included, by differences. It is kept from step to step while
+the iteration converges fast, its LU factors while the step stays the same. The derivatives at the stages go
+to W_K behind the field at the start, so that dense output, event location and landing are those of every
+method; behind them there is room for the field at the end of the step.
+
+The iteration goes on to 3e-14 of the state, whatever rtol is looser than 1e-9: the state at an event depends
+on it. Where rounding ends it earlier, what the tolerance asks for is enough.
+"""
+
+from filippov.kernel.language.primitives import NAN, Indices, Vector, kernel, shift, shift_indices, sqrt
+from filippov.kernel.loop.dense_lu import factor, factor_complex, substitute, substitute_complex
+from filippov.kernel.loop.field import clear_ranges, field
+from filippov.kernel.loop.model import (
+    I_CALLS,
+    I_FACTORS,
+    I_JACOBIANS,
+    I_KNOWN,
+    I_PIVOTS,
+    I_SLIDING,
+    I_TWINS,
+    W_ATOL,
+    W_DIFF,
+    W_ERROR,
+    W_IMAG,
+    W_JAC,
+    W_JAC_MODE,
+    W_JAC_X,
+    W_K,
+    W_LU,
+    W_MEMORY,
+    W_PAST,
+    W_REACHED,
+    W_REAL,
+    W_RTOL,
+    W_SCALE,
+    W_STAGE,
+    W_W,
+    W_Z,
+    M,
+    N,
+    rhs,
+)
+from filippov.kernel.tables.radau_tables import (
+    A_INVERSE,
+    ERROR_Z,
+    FACTORED,
+    FAST,
+    FROM_Z,
+    LAST_END,
+    LAST_STEP,
+    MOST_ITERATIONS,
+    NOT_CONVERGED,
+    PAIR,
+    PAST_END,
+    PAST_STEP,
+    RATE,
+    REAL,
+    ROOT_SPACING,
+    SPACING,
+    SPIN,
+    TO_W,
+    TO_Z,
+    UNDEFINED,
+    C,
+)
+
+
+@kernel
+def evaluate(
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """The field of the mode, counted."""
+    if iw[I_SLIDING] == 0:
+        iw[I_CALLS] += 1
+        return rhs(t, x, p, m, m, out, ctx)
+    return field(t, x, p, m, out, w, iw, ctx)
+
+
+@kernel
+def difference(
+    t: float, x: Vector, p: Vector, m: Vector, j: int, delta: float, w: Vector, iw: Indices, ctx: Indices
+) -> tuple[int, float]:
+    """Column j of J from a step delta: (code, largest change on the scale of the field, NaN if undefined)."""
+    f0, f1, at = shift(w, W_K), shift(w, W_DIFF), shift(w, W_STAGE)
+    at[j] = x[j] + delta
+    width = at[j] - x[j]
+    code = evaluate(t, at, p, m, f1, w, iw, ctx)
+    at[j] = x[j]
+    if code != 0:
+        return code, NAN
+    change, size, sound = 0.0, 0.0, 0.0
+    for i in range(N):
+        change = max(change, abs(f1[i] - f0[i]))
+        size = max(size, abs(f1[i]), abs(f0[i]))
+        sound += 0.0 * f1[i]
+        w[W_JAC + i * N + j] = (f1[i] - f0[i]) / width
+    return 0, change / (size + 1e-300) + sound
+
+
+@kernel
+def renew_jacobian(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """J at (t, x) by forward differences: 1.5e-8 of what a state is, moves or may err; more where it is lost.
+
+    A difference below 1e-12 of the field is repeated with a thousand times its step. Where the field is not
+    defined ahead, the step goes the other way; where it is not there either, the column is 0.
+    """
+    at = shift(w, W_STAGE)
+    for j in range(N):
+        at[j] = x[j]
+    for j in range(N):
+        speed = step * w[W_K + j]
+        delta = ROOT_SPACING * max(abs(x[j]), abs(speed), w[W_SCALE + j], 1e-290)
+        if speed < 0.0:
+            delta = -delta
+        for trial in range(4):
+            code, change = difference(t, x, p, m, j, delta, w, iw, ctx)
+            if code == 1:
+                return code
+            if code == 0 and change >= 1e-12:
+                break
+            if code != 0 or not (change >= 0.0):
+                delta = -delta
+                if trial > 0:
+                    for i in range(N):
+                        w[W_JAC + i * N + j] = 0.0
+                    break
+            else:
+                delta *= 1e3
+    for j in range(N):
+        w[W_JAC_X + j] = x[j]
+    for i in range(M):
+        w[W_JAC_MODE + i] = m[i]
+    iw[I_JACOBIANS] += 1
+    iw[I_KNOWN] = 1
+    w[W_MEMORY + FACTORED] = 0.0
+    clear_ranges(w, iw)
+    return 0
+
+
+@kernel
+def factor_both(step: float, w: Vector, iw: Indices) -> bool:
+    """LU factors of the real and of the complex matrix at this step."""
+    lu, re, im = shift(w, W_LU), shift(w, W_REAL), shift(w, W_IMAG)
+    for q in range(N * N):
+        lu[q], re[q], im[q] = -w[W_JAC + q], -w[W_JAC + q], 0.0
+    for i in range(N):
+        lu[i * N + i] += REAL / step
+        re[i * N + i] += PAIR / step
+        im[i * N + i] = -SPIN / step
+    iw[I_FACTORS] += 2
+    w[W_MEMORY + FACTORED] = step
+    if not factor(lu, shift_indices(iw, I_PIVOTS), N):
+        return False
+    return factor_complex(re, im, shift_indices(iw, I_TWINS), N)
+
+
+@kernel
+def differences(one: Vector, other: Vector, n: int) -> int:
+    """In how many of n entries two arrays differ."""
+    total = 0
+    for i in range(n):
+        total += 1 if one[i] != other[i] else 0
+    return total
+
+
+@kernel
+def guess(t: float, x: Vector, step: float, w: Vector) -> None:
+    """Z from the collocation polynomial of the accepted step that led to (t, x), 0 where there is none."""
+    memory, z, past = shift(w, W_MEMORY), shift(w, W_Z), shift(w, W_PAST)
+    for i in range(N):
+        # A jump of the state.
+        if abs(x[i] - w[W_REACHED + i]) > 1e3 * w[W_SCALE + i]:
+            memory[LAST_STEP] = 0.0
+    if memory[LAST_STEP] != 0.0 and abs(memory[LAST_END] - t) <= 1e-9 * abs(memory[LAST_STEP]):
+        for q in range(3 * N):
+            past[q] = z[q]
+        memory[PAST_END], memory[PAST_STEP] = t, memory[LAST_STEP]
+    memory[LAST_STEP] = 0.0
+    ratio = 0.0
+    if memory[PAST_STEP] != 0.0 and memory[PAST_END] == t:
+        ratio = step / memory[PAST_STEP]
+    for q in range(3):
+        theta = 1.0 + ratio * C[q]
+        for i in range(N):
+            total = 0.0
+            if 0.0 < ratio <= 8.0:
+                total = -past[2 * N + i]
+                for r in range(3):
+                    weight = (FROM_Z[3 * r + 2] * theta + FROM_Z[3 * r + 1]) * theta + FROM_Z[3 * r]
+                    total += weight * theta * past[r * N + i]
+            z[q * N + i] = total
+
+
+@kernel
+def newton(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """Solve for Z from the guess in it: 0, a code of `field`, NOT_CONVERGED or UNDEFINED; leaves its rate."""
+    z, v, f, at = shift(w, W_Z), shift(w, W_W), shift(w, W_DIFF), shift(w, W_STAGE)
+    r1, r2, r3 = f, shift(f, N), shift(f, 2 * N)
+    rtol = min(w[W_RTOL], 1e-3)
+    enough = max(10.0 * SPACING / rtol, min(0.03, sqrt(rtol)))
+    tight = enough * min(1.0, 1e-9 / rtol)
+    for q in range(3):
+        for i in range(N):
+            v[q * N + i] = (
+                TO_W[3 * q] * z[i] + TO_W[3 * q + 1] * z[N + i] + TO_W[3 * q + 2] * z[2 * N + i]
+            )
+    last, rate = 0.0, 0.0
+    for iteration in range(MOST_ITERATIONS):
+        for q in range(3):
+            for i in range(N):
+                at[i] = x[i] + z[q * N + i]
+            code = evaluate(t + C[q] * step, at, p, m, shift(f, q * N), w, iw, ctx)
+            if code != 0:
+                return code
+        for i in range(N):
+            f0, f1, f2 = f[i], f[N + i], f[2 * N + i]
+            r1[i] = TO_W[0] * f0 + TO_W[1] * f1 + TO_W[2] * f2 - REAL / step * v[i]
+            r2[i] = TO_W[3] * f0 + TO_W[4] * f1 + TO_W[5] * f2
+            r2[i] -= (PAIR * v[N + i] + SPIN * v[2 * N + i]) / step
+            r3[i] = TO_W[6] * f0 + TO_W[7] * f1 + TO_W[8] * f2
+            r3[i] -= (PAIR * v[2 * N + i] - SPIN * v[N + i]) / step
+        substitute(shift(w, W_LU), shift_indices(iw, I_PIVOTS), r1, N)
+        substitute_complex(shift(w, W_REAL), shift(w, W_IMAG), shift_indices(iw, I_TWINS), r2, r3, N)
+        square = 0.0
+        for q in range(3):
+            for i in range(N):
+                square += (f[q * N + i] / w[W_SCALE + i]) ** 2
+                v[q * N + i] += f[q * N + i]
+        for q in range(3):
+            for i in range(N):
+                z[q * N + i] = (
+                    TO_Z[3 * q] * v[i] + TO_Z[3 * q + 1] * v[N + i] + TO_Z[3 * q + 2] * v[2 * N + i]
+                )
+        norm = sqrt(square / float(3 * N))
+        if not (norm < 1e300):
+            return UNDEFINED
+        if norm == 0.0:
+            return 0
+        if iteration > 0:
+            rate = norm / last
+            if iteration == 1 or rate < 1.0:
+                w[W_MEMORY + RATE] = rate
+            # Rounding: the corrections shrink no further, and are small enough.
+            if rate >= 0.5 and norm <= enough:
+                return 0
+            if rate >= 1.0:
+                return NOT_CONVERGED
+            left = norm * rate / (1.0 - rate)
+            if left <= tight:
+                return 0
+            ahead = float(MOST_ITERATIONS - 1 - iteration)
+            if left * rate**ahead > enough:
+                return NOT_CONVERGED
+        last = norm
+    return 0
+
+
+@kernel
+def estimate(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """Error estimate of the step in W_ERROR, filtered by (REAL/step - J)^-1; twice where it is above 1."""
+    z, error, at = shift(w, W_Z), shift(w, W_ERROR), shift(w, W_STAGE)
+    f = shift(w, W_K)
+    for turn in range(2):
+        for i in range(N):
+            weighted = ERROR_Z[0] * z[i] + ERROR_Z[1] * z[N + i] + ERROR_Z[2] * z[2 * N + i]
+            error[i] = f[i] + weighted / step
+        substitute(shift(w, W_LU), shift_indices(iw, I_PIVOTS), error, N)
+        square = 0.0
+        for i in range(N):
+            square += (error[i] / (w[W_ATOL + i] + w[W_RTOL] * max(abs(x[i]), abs(x[i] + z[2 * N + i])))) ** 2
+        if turn == 1 or not (square > float(N)):
+            break
+        f = shift(w, W_DIFF)
+        for i in range(N):
+            at[i] = x[i] + error[i]
+        code = evaluate(t, at, p, m, f, w, iw, ctx)
+        if code != 0:
+            return code
+    for i in range(N):
+        error[i] /= step
+    return 0
+
+
+@kernel
+def still(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> bool:
+    """Whether to stay at x solves the stages; in a rough equilibrium no Jacobian would find it."""
+    for i in range(N):
+        if w[W_K + i] != 0.0:
+            return False
+    for q in range(3):
+        at = shift(w, W_K + (q + 1) * N)
+        if evaluate(t + C[q] * step, x, p, m, at, w, iw, ctx) != 0:
+            return False
+        for i in range(N):
+            if at[i] != 0.0:
+                return False
+    for i in range(N):
+        y[i], w[W_REACHED + i], w[W_ERROR + i] = x[i], x[i], 0.0
+    return True
+
+
+@kernel
+def stages(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """Derivatives at the three stages in W_K, the end in y; NOT_CONVERGED where Newton's iteration fails."""
+    memory, z = shift(w, W_MEMORY), shift(w, W_Z)
+    if still(t, x, p, m, step, y, w, iw, ctx):
+        memory[LAST_STEP], memory[PAST_STEP] = 0.0, 0.0
+        return 0
+    if differences(shift(w, W_JAC_MODE), m, M) > 0:
+        iw[I_KNOWN] = 0
+        memory[LAST_STEP], memory[PAST_STEP] = 0.0, 0.0
+    rtol = min(w[W_RTOL], 1e-3)
+    for i in range(N):
+        w[W_SCALE + i] = min(w[W_ATOL + i], 1e-3) + rtol * abs(x[i]) + 1e-300
+    here = differences(shift(w, W_JAC_X), x, N) == 0
+    if iw[I_KNOWN] != 0 and not here and memory[RATE] > FAST:
+        iw[I_KNOWN] = 0
+    code = NOT_CONVERGED
+    for _ in range(2):
+        if iw[I_KNOWN] == 0:
+            code = renew_jacobian(t, x, p, m, step, w, iw, ctx)
+            if code != 0:
+                return code
+            here = True
+        if memory[FACTORED] != step and not factor_both(step, w, iw):
+            return NOT_CONVERGED
+        guess(t, x, step, w)
+        code = newton(t, x, p, m, step, w, iw, ctx)
+        if code < NOT_CONVERGED or here:
+            break
+        iw[I_KNOWN] = 0
+    if code == UNDEFINED:
+        for i in range(N):
+            y[i], w[W_ERROR + i] = NAN, NAN
+        return 0
+    if code != 0:
+        return code
+    memory[LAST_END], memory[LAST_STEP] = t + step, step
+    for q in range(3):
+        for i in range(N):
+            total = 0.0
+            for r in range(3):
+                total += A_INVERSE[3 * q + r] * z[r * N + i]
+            w[W_K + (q + 1) * N + i] = total / step
+    for i in range(N):
+        y[i] = x[i] + z[2 * N + i]
+        w[W_REACHED + i] = y[i]
+    return estimate(t, x, p, m, step, w, iw, ctx)
+
+
+@kernel
+def extra_stages(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """The collocation polynomial needs none."""
+    return 0
+
+
+@kernel
+def error_terms(i: int, w: Vector) -> tuple[float, float]:
+    """The error estimate of component i, before the factor of the step."""
+    return w[W_ERROR + i], 0.0

@@ -1,0 +1,189 @@
+"""Sliding fields other than the multi-affine one: the moments rule and Utkin's equivalent control.
+
+moments  weights lambda_v >= 0 of the 2**k vertex fields f(sigma_v) with
+
+             sum_v lambda_v = 1,    sum_v lambda_v w_v,i = 0 for every sliding surface i,
+             sum_v lambda_v |w_v,S| prod_{i in S} sigma_v,i = 0 for every set S of two or more,
+
+         w_v,i the rate of h_i under f(sigma_v) over |grad h_i|, w_v,S those of the surfaces in S. For k = 2
+         Dieci & Difonzo 2015a; in 2015b they extend it to more. A convex combination: a Filippov solution.
+utkin    f as it is written at signs s with dh_i/dt = 0: the equivalent control (Utkin 1992, chapter 2).
+
+Both equal Filippov's where f is a constant plus a sum of terms in one sign each.
+"""
+
+from filippov.kernel.language.primitives import Indices, Vector, kernel, shift, sqrt
+from filippov.kernel.loop.dense import solve_linear
+from filippov.kernel.loop.model import (
+    I_CALLS,
+    I_LIST,
+    I_SLIDING,
+    SIDE,
+    W_G,
+    W_GT,
+    W_MAT,
+    W_MOMENTS,
+    W_MULT,
+    W_RATE,
+    W_S,
+    W_VEC,
+    W_VERT,
+    N,
+    rhs,
+)
+from filippov.kernel.loop.multiplier import track
+from filippov.kernel.tables.layout import COLUMNS, MOST_ENUMERATED, MULTIPLIER
+
+FILIPPOV, MOMENTS, UTKIN = 0, 1, 2
+DELTA, ENOUGH = 1e-6, 1e-14
+
+
+@kernel
+def slide_moments(
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """2**k vertex fields and one linear system for their weights."""
+    k = iw[I_SLIDING]
+    if k > MOST_ENUMERATED:
+        return 2
+    vertices = 1 << k
+    for v in range(vertices):
+        for c in range(k):
+            w[W_S + iw[I_LIST + c]] = 1.0 if (v >> c) & 1 else -1.0
+        if rhs(t, x, p, shift(w, W_S), m, shift(w, W_VERT + v * N), ctx) != 0:
+            return 1
+        for c in range(k):
+            i = iw[I_LIST + c]
+            total, size = w[W_GT + i], 0.0
+            for j in range(N):
+                total += w[W_G + i * N + j] * w[W_VERT + v * N + j]
+                size += w[W_G + i * N + j] ** 2
+            w[W_RATE + v * SIDE + c] = total / sqrt(size + 1e-300)
+    iw[I_CALLS] += vertices
+    a, weights = shift(w, W_MOMENTS), shift(w, W_MOMENTS + vertices * vertices)
+    for chosen in range(vertices):
+        for v in range(vertices):
+            sign, square, count, rate = 1.0, 0.0, 0, 1.0
+            for c in range(k):
+                if (chosen >> c) & 1 == 1:
+                    rate = w[W_RATE + v * SIDE + c]
+                    square += rate**2
+                    sign *= 1.0 if (v >> c) & 1 else -1.0
+                    count += 1
+            a[chosen * vertices + v] = rate if count < 2 else sign * sqrt(square)
+        weights[chosen] = 1.0 if chosen == 0 else 0.0
+    if not solve_linear(a, weights, vertices, vertices):
+        return 2
+    for j in range(N):
+        total = 0.0
+        for v in range(vertices):
+            total += weights[v] * w[W_VERT + v * N + j]
+        out[j] = total
+    for c in range(k):
+        value = 0.0
+        for v in range(vertices):
+            value += weights[v] if (v >> c) & 1 else -weights[v]
+        track(w, iw[I_LIST + c], value, value - 1.0, value + 1.0)
+    return 0
+
+
+@kernel
+def rates_at(
+    t: float, x: Vector, p: Vector, m: Vector, f: Vector, rates: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """The field at the signs in the scratch, and with it the rates of the sliding surfaces."""
+    if rhs(t, x, p, shift(w, W_S), m, f, ctx) != 0:
+        return 1
+    iw[I_CALLS] += 1
+    for c in range(iw[I_SLIDING]):
+        i = iw[I_LIST + c]
+        total = w[W_GT + i]
+        for j in range(N):
+            total += w[W_G + i * N + j] * f[j]
+        rates[c] = total
+    return 0
+
+
+@kernel
+def bisect(
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """A sign between -1 and 1 at which the rate of the only sliding surface vanishes: 2 if there is none."""
+    i, rate = iw[I_LIST], shift(w, W_VEC)
+    low, high = -1.0, 1.0
+    w[W_S + i] = low
+    if rates_at(t, x, p, m, out, rate, w, iw, ctx) != 0:
+        return 1
+    at_low = rate[0]
+    w[W_S + i] = high
+    if rates_at(t, x, p, m, out, rate, w, iw, ctx) != 0:
+        return 1
+    if not (at_low * rate[0] < 0.0):
+        return 2
+    for _ in range(54):
+        w[W_S + i] = 0.5 * (low + high)
+        if rates_at(t, x, p, m, out, rate, w, iw, ctx) != 0:
+            return 1
+        if at_low * rate[0] > 0.0:
+            low = w[W_S + i]
+        else:
+            high = w[W_S + i]
+    return 0
+
+
+@kernel
+def slide_utkin(
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+) -> int:
+    """Newton's method on the signs, slopes by differences, from the last ones; bisection for one surface."""
+    k = iw[I_SLIDING]
+    f, rate, moved = shift(w, W_VERT), shift(w, W_VEC), shift(w, W_RATE)
+    for c in range(k):
+        i = iw[I_LIST + c]
+        w[W_S + i] = max(-1.0, min(1.0, w[W_MULT + i * COLUMNS + MULTIPLIER]))
+    done, last, bisected = False, 1e300, False
+    for iteration in range(40):
+        if rates_at(t, x, p, m, out, rate, w, iw, ctx) != 0:
+            return 1
+        for d in range(k):
+            i = iw[I_LIST + d]
+            held = w[W_S + i]
+            delta = -DELTA if held > 0.0 else DELTA
+            w[W_S + i] = held + delta
+            if rates_at(t, x, p, m, f, moved, w, iw, ctx) != 0:
+                return 1
+            w[W_S + i] = held
+            for c in range(k):
+                w[W_MAT + c * SIDE + d] = (moved[c] - rate[c]) / delta
+        for c in range(k):
+            moved[SIDE + c] = w[W_MAT + c * SIDE + c]
+            rate[c] = -rate[c]
+        if done:
+            break
+        largest = 1e300
+        if solve_linear(shift(w, W_MAT), rate, k, SIDE):
+            largest = 0.0
+            for c in range(k):
+                w[W_S + iw[I_LIST + c]] += rate[c]
+                largest = max(largest, abs(rate[c]))
+        # Far off, or turning in circles: one surface has a bracket to fall back on.
+        if not (largest < 1e3) or iteration == 30:
+            if k > 1 or bisected:
+                return 2
+            code = bisect(t, x, p, m, out, w, iw, ctx)
+            if code != 0:
+                return code
+            bisected = True
+            done = True
+        else:
+            done = largest <= ENOUGH or (largest < 1e-10 and largest >= last)
+        last = largest
+    if not done:
+        return 2
+    for c in range(k):
+        i = iw[I_LIST + c]
+        value, slope = w[W_S + i], moved[SIDE + c]
+        if k == 1 and slope == 0.0:
+            return 2
+        track(w, i, value, slope * (1.0 - value), -slope * (1.0 + value))
+    return 0

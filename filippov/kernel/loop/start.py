@@ -1,0 +1,150 @@
+"""The mode at an initial state, where it is simple: off all surfaces, or on one with rates that tell."""
+
+from filippov.kernel.language.primitives import Indices, Vector, kernel, shift
+from filippov.kernel.loop.land import EPS, guard_scale
+from filippov.kernel.loop.model import (
+    I_KNOWN,
+    ROLE,
+    W_DIRECTION,
+    W_F,
+    W_G,
+    W_GT,
+    W_H,
+    W_MULT,
+    W_RADIUS,
+    W_XM,
+    WIDTH,
+    M,
+    N,
+    gradients,
+    guards,
+    radii,
+    rhs,
+)
+from filippov.kernel.loop.resolve import CLEAR_RATE, side_rates
+from filippov.kernel.tables.codes import GENERAL, REACHED, SWITCHING, USER_ERROR
+from filippov.kernel.tables.layout import COLUMNS, MULTIPLIER
+
+
+@kernel
+def second_rate(
+    t: float, x: Vector, p: Vector, m: Vector, i: int, side: float, w: Vector, iw: Indices, ctx: Indices
+) -> tuple[int, float]:
+    """Sign of h_i'' along the field at s_i = side, where h_i' = 0: (code, -1, 0 or 1), 0 if not clear."""
+    f, y = shift(w, W_F), shift(w, W_XM)
+    size, speed = 0.0, 1e-300
+    m[i] = side
+    code = rhs(t, x, p, m, m, f, ctx)
+    for j in range(N):
+        size = max(size, abs(x[j]))
+        speed = max(speed, abs(f[j]))
+    longest = w[W_DIRECTION] * 1e-6 * (size + 1e-6) / speed
+    whole, half = 0.0, 0.0
+    for part in range(2):
+        length = longest if part == 0 else 0.5 * longest
+        for j in range(N):
+            y[j] = x[j] + length * f[j]
+        m[i] = 0.0
+        failed, plus, minus, scale = side_rates(t + length, y, p, m, i, w, iw, ctx)
+        m[i] = side
+        if code != 0 or failed != 0:
+            return 1, 0.0
+        # side_rates has f in its scratch.
+        if part == 0 and rhs(t, x, p, m, m, f, ctx) != 0:
+            return 1, 0.0
+        rate = plus if side > 0.0 else minus
+        if abs(rate) <= 1e4 * EPS * scale:
+            return 0, 0.0
+        if part == 0:
+            whole = rate
+        else:
+            half = rate
+    # A rate that does not grow like the time vanishes more often: the general path counts how often.
+    if abs(whole - 2.0 * half) > 0.1 * abs(whole):
+        return 0, 0.0
+    return 0, 1.0 if whole > 0.0 else -1.0
+
+
+@kernel
+def on_one_surface(
+    t: float,
+    x: Vector,
+    p: Vector,
+    m: Vector,
+    order: Indices,
+    lam: Vector,
+    i: int,
+    w: Vector,
+    iw: Indices,
+    ctx: Indices,
+) -> int:
+    """Mode on surface i alone: slide, leave, or leave along a tangency whose second derivative tells."""
+    code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
+    if code != 0 or radii(t, x, p, shift(w, W_RADIUS), ctx) != 0:
+        return USER_ERROR
+    lo, hi = w[W_RADIUS + 2 * i], w[W_RADIUS + 2 * i + 1]
+    clear = CLEAR_RATE * scale
+    at_hi = 0.5 * ((1.0 + hi) * plus + (1.0 - hi) * minus)
+    at_lo = 0.5 * ((1.0 + lo) * plus + (1.0 - lo) * minus)
+    if at_hi < -clear and at_lo > clear:
+        m[i] = 0.0
+    elif plus > clear and minus > clear and at_lo > clear and at_hi > clear:
+        m[i] = 1.0
+        order[i] = 1
+    elif plus < -clear and minus < -clear and at_lo < -clear and at_hi < -clear:
+        m[i] = -1.0
+        order[i] = 1
+    elif hi != 1.0 or lo != -1.0:
+        return GENERAL
+    elif abs(plus) <= clear and minus > clear:
+        failed, sign = second_rate(t, x, p, m, i, 1.0, w, iw, ctx)
+        if failed != 0 or sign == 0.0:
+            return USER_ERROR if failed != 0 else GENERAL
+        m[i] = 1.0 if sign > 0.0 else 0.0
+        order[i] = 2
+    elif abs(minus) <= clear and plus < -clear:
+        failed, sign = second_rate(t, x, p, m, i, -1.0, w, iw, ctx)
+        if failed != 0 or sign == 0.0:
+            return USER_ERROR if failed != 0 else GENERAL
+        m[i] = -1.0 if sign < 0.0 else 0.0
+        order[i] = 2
+    else:
+        return GENERAL
+    if m[i] == 0.0:
+        lam[i] = -(plus + minus) / (plus - minus)
+        w[W_MULT + i * COLUMNS + MULTIPLIER] = lam[i]
+    return REACHED
+
+
+@kernel
+def begin(
+    t: float, direction: float, x: Vector, p: Vector, m: Vector, order: Indices, lam: Vector, w: Vector,
+    iw: Indices, ctx: Indices,
+) -> int:  # fmt: skip
+    """Mode at (t, x): REACHED where it is found, GENERAL where the general path has to decide."""
+    h = shift(w, W_H)
+    w[W_DIRECTION] = direction
+    iw[I_KNOWN] = 0
+    for i in range(M):
+        m[i] = 1.0
+        order[i] = 0
+        lam[i] = 0.0
+    # Twice: the sizes |h| inside other guards follow the signs found first.
+    for _ in range(2):
+        if guards(t, x, p, m, h, ctx) != 0:
+            return USER_ERROR
+        for i in range(M):
+            m[i] = -1.0 if h[i] < 0.0 else 1.0
+    if gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
+        return USER_ERROR
+    met, total = -1, 0
+    for i in range(M):
+        # A relay with hysteresis is inside its band there, and h = 0 is as good as any other place.
+        if WIDTH[i] == 0.0 and not (abs(h[i]) > 8.0 * EPS * guard_scale(i, t, x, w)):
+            met = i
+            total += 1
+    if total == 0:
+        return REACHED
+    if total > 1 or ROLE[met] != SWITCHING:
+        return GENERAL
+    return on_one_surface(t, x, p, m, order, lam, met, w, iw, ctx)

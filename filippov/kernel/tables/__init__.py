@@ -1,0 +1,1 @@
+"""Numbers that Python and kernels share: coefficients of methods, codes, places in arrays."""

@@ -1,0 +1,322 @@
+"""Equations to a SymbolicForm: check symbols, extract surfaces, put them in order, tell their kinds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.base.errors import ModelError
+from filippov.base.names import closest, unknown
+from filippov.model.check import as_expression, check_size
+from filippov.model.contact import contact_of
+from filippov.model.extract import Extractor
+from filippov.model.hysteresis import normalised
+from filippov.model.kinds import kind_of
+from filippov.model.parameter_symbol import ParameterNamespace, ParameterSymbol
+from filippov.model.spelling import surface_name
+from filippov.model.surface import Surface
+from filippov.model.symbolic import Contact, SymbolicForm
+from filippov.model.symbols import t
+from filippov.model.table import Entry
+from filippov.model.time_event import TimeEvent
+
+ROUNDING = 1e-12
+
+
+def assemble(
+    equations: Mapping[Symbol, Expr],
+    surfaces: Sequence[Surface],
+    parameters: ParameterNamespace | None,
+    spare: bool = False,
+    time_events: Sequence[TimeEvent] = (),
+) -> tuple[SymbolicForm, tuple[Surface, ...]]:
+    """Return the symbolic form and its surfaces, in one order.
+
+    `spare`: a declared surface may be without effect. Raises ModelError.
+    """
+    x = tuple(equations)
+    for symbol, f in equations.items():
+        check_size(f, f"the equation of {symbol.name!r}")
+    given = tuple(_checked(surface, x) for surface in surfaces)
+    _check_names(given)
+    _check_resets((*given, *time_events), x)
+    clocks = [e for event in time_events for e in event.expressions()]
+    p = _parameters([*equations.values(), *_expressions(given), *clocks], parameters, x)
+    extractor = Extractor()
+    extractor.note(equations.values())
+    extractor.declare(given)
+    field = [extractor.field(f, f"the equation of {symbol.name!r}") for symbol, f in equations.items()]
+    radius = {surface.name: _radius(extractor, surface) for surface in given}
+    after = {surface.name: _after(extractor, surface, x) for surface in given if surface.reset is not None}
+    ticks = [None if event.reset is None else _after(extractor, event, x) for event in time_events]
+    moved = [e for row in (*after.values(), *ticks) for e in row or ()]
+    used = _used(extractor.table.entries, [*field, *moved], spare)
+    entries = _ordered(used, [surface.name for surface in given])
+
+    names = _names(entries)
+    s = tuple(Symbol(f"_s{i}", real=True) for i in range(len(entries)))
+    a = tuple(Symbol(f"_a{i}", nonnegative=True) for i in range(len(entries)))
+    rename = {entry.s: s[i] for i, entry in enumerate(entries)} | {
+        entry.a: a[i] for i, entry in enumerate(entries)
+    }
+    form = SymbolicForm(
+        x=x,
+        p=p,
+        s=s,
+        a=a,
+        field=tuple(f.xreplace(rename) for f in field),
+        h=tuple(entry.h.xreplace(rename) for entry in entries),
+        radius=tuple(radius.get(name, (-sympy.S.One, sympy.S.One)) for name in names),
+        reset=tuple(
+            tuple(e.xreplace(rename) for e in after[name]) if name in after else None for name in names
+        )
+        if after
+        else (),
+        time_reset=tuple(None if row is None else tuple(e.xreplace(rename) for e in row) for row in ticks),
+    )
+    opaque = [extractor.opaque(f).xreplace(rename) for f in equations.values()]
+    plain = form.plain_h()
+    out = []
+    for i, entry in enumerate(entries):
+        declared = entry.declared or Surface(names[i], plain[i])
+        kind = kind_of(form, i, declared, opaque)
+        if kind != "switching" and declared.wide:
+            raise ModelError(
+                f"surface {names[i]!r}: radius is {declared.radius}, but the equations do not jump across "
+                "it, so no set "
+                "stands on it. Leave the radius out, or write the jump with sign(...)."
+            )
+        out.append(replace(declared, kind=kind))
+    return with_contacts(*normalised(form, out))
+
+
+def with_contacts(
+    form: SymbolicForm, surfaces: tuple[Surface, ...]
+) -> tuple[SymbolicForm, tuple[Surface, ...]]:
+    """Return the form with the contacts that its resets allow, and surfaces that say which have one."""
+    contacts: list[Contact | None] = []
+    out = []
+    for i, surface in enumerate(surfaces):
+        contact: Contact | None = None
+        after = form.reset[i] if form.reset else None
+        if after is not None and surface.contact is not False and surface.side != "both":
+            found: Contact | str = "the field jumps across the surface"
+            if surface.kind == "reset":
+                found = contact_of(form, i, after, 1 if surface.side == "+" else -1)
+            if isinstance(found, Contact):
+                contact = found
+            elif surface.contact:
+                raise ModelError(
+                    f"surface {surface.name!r}: there is no resting contact, for {found}. contact=True fits "
+                    "a reset that turns dh/dt round and keeps h = dh/dt = 0."
+                )
+        contacts.append(contact)
+        out.append(surface if surface.reset is None else replace(surface, contact=contact is not None))
+    if any(contact is not None for contact in contacts):
+        form = replace(form, contact=tuple(contacts))
+    return form, tuple(out)
+
+
+# -- symbols -------------------------------------------------------------------------------------------
+
+
+def _checked(surface: object, x: Sequence[Symbol]) -> Surface:
+    if not isinstance(surface, Surface):
+        raise ModelError(f"surfaces holds {surface!r}, expected Surface('name', h).")
+    if not surface.symbolic:
+        raise ModelError(
+            f"surface {surface.name!r}: h is a function, expected an expression in {', '.join(map(str, x))}, "
+            "because the equations are expressions. Functions go with System(field=f, ...)."
+        )
+    for bound in surface.radius:
+        if not isinstance(bound, (float, Expr)):
+            raise ModelError(
+                f"surface {surface.name!r}: radius is a function, expected a number or an expression."
+            )
+    return surface
+
+
+def _check_names(surfaces: Sequence[Surface]) -> None:
+    seen: set[str] = set()
+    for surface in surfaces:
+        if surface.name in seen:
+            raise ModelError(f"two surfaces are named {surface.name!r}. Every surface needs its own name.")
+        seen.add(surface.name)
+
+
+def _check_resets(sources: Sequence[Surface | TimeEvent], x: Sequence[Symbol]) -> None:
+    for source in sources:
+        for name, _ in source.reset or ():
+            if name not in (q.name for q in x):
+                known = [q.name for q in x]
+                raise ModelError(f"the reset of {source.name!r}: {unknown('state', name, known)}")
+
+
+def _expressions(surfaces: Sequence[Surface]) -> list[Expr]:
+    given = (e for surface in surfaces for e in (surface.h, *surface.radius, surface.width))
+    out = [e for e in given if isinstance(e, Expr)]
+    return out + [e for surface in surfaces for _, e in surface.reset or ()]
+
+
+def _parameters(
+    expressions: Sequence[Expr], declared: ParameterNamespace | None, x: Sequence[Symbol]
+) -> tuple[ParameterSymbol, ...]:
+    """Return the parameter symbols in order of declaration; refuse every other symbol that is no state."""
+    free = set().union(*(e.free_symbols for e in expressions)) if expressions else set()
+    strange = sorted(
+        (q for q in free if not isinstance(q, ParameterSymbol) and q not in x and q != t),
+        key=lambda q: q.name,
+    )
+    for symbol in strange:
+        raise ModelError(_strange(symbol, x))
+    found = sorted((q for q in free if isinstance(q, ParameterSymbol)), key=lambda q: (q.position, q.name))
+    ordered = list(declared) if declared is not None else []
+    ordered += [q for q in found if q not in ordered]
+    by_name: dict[str, ParameterSymbol] = {}
+    for q in ordered:
+        if q.name in by_name:
+            raise ModelError(
+                f"parameter {q.name!r} comes from two declarations that differ: "
+                f"{by_name[q.name].parameter} and "
+                f"{q.parameter}. Declare all parameters in one parameters(...)."
+            )
+        if q.name in {state.name for state in x}:
+            raise ModelError(f"{q.name!r} is both a state and a parameter. Rename one of them.")
+        by_name[q.name] = q
+    return tuple(ordered)
+
+
+def _strange(symbol: Symbol, x: Sequence[Symbol]) -> str:
+    names = [state.name for state in x]
+    if symbol.name == "t":
+        return (
+            "the equations hold a symbol 't' that is not filippov.t. Use `from filippov import t` for time."
+        )
+    if symbol.name in names:
+        return (
+            f"the equations hold another symbol named {symbol.name!r} than the state {symbol.name!r}: "
+            "their assumptions "
+            "differ. Make the states with states('...') and use these symbols only."
+        )
+    hint = closest(symbol.name, names)
+    return (
+        f"the equations hold the symbol {symbol.name!r}, which is no state with an equation, no parameter "
+        "and not t"
+        f"{' (' + hint + ')' if hint else ''}. If it is a number, write p = parameters({symbol.name}=...) "
+        "and "
+        f"p.{symbol.name}; if it is a state, add its equation."
+    )
+
+
+# -- surfaces ------------------------------------------------------------------------------------------
+
+
+def _used(entries: Sequence[Entry], field: Sequence[Expr], spare: bool) -> list[Entry]:
+    """Return the surfaces on which the field depends, directly or through another h, and the observers."""
+    free = set().union(*(f.free_symbols for f in field))
+    kept: list[Entry] = []
+    # A dependency is entered before the surface that needs it, save where the user declared it first.
+    changed = True
+    while changed:
+        changed = False
+        for entry in entries:
+            if entry in kept:
+                continue
+            watched = entry.declared is not None and (
+                entry.declared.kind == "observer" or entry.declared.reset is not None or spare
+            )
+            if entry.s in free or entry.a in free or watched:
+                kept.append(entry)
+                free |= entry.h.free_symbols
+                changed = True
+    for entry in entries:
+        if entry.declared is not None and entry not in kept:
+            raise ModelError(
+                f"surface {entry.declared.name!r} (h = {entry.declared.h}) does not occur in the "
+                "equations. Correct its h, "
+                "leave it out, or say kind='observer' if it is only to be watched."
+            )
+    return [entry for entry in entries if entry in kept]
+
+
+def _ordered(entries: Sequence[Entry], declared: Sequence[str]) -> list[Entry]:
+    """Declared surfaces first, in their order, then the others as met; each after those that its h needs."""
+    wanted = sorted(
+        entries, key=lambda e: declared.index(e.declared.name) if e.declared is not None else len(declared)
+    )
+    out: list[Entry] = []
+
+    def place(entry: Entry) -> None:
+        if entry not in out:
+            for other in wanted:
+                if other.a in entry.h.free_symbols:
+                    place(other)
+            out.append(entry)
+
+    for entry in wanted:
+        place(entry)
+    return out
+
+
+def _names(entries: Sequence[Entry]) -> list[str]:
+    taken = {entry.declared.name for entry in entries if entry.declared is not None}
+    sizes: dict[Symbol, Expr] = {}
+    names = []
+    for entry in entries:
+        plain = entry.h.xreplace(sizes)
+        sizes[entry.a] = sympy.Abs(plain)
+        if entry.declared is not None:
+            names.append(entry.declared.name)
+            continue
+        name = surface_name(plain)
+        while name in taken:
+            name = f"({name})"
+        taken.add(name)
+        names.append(name)
+    return names
+
+
+def _after(extractor: Extractor, source: Surface | TimeEvent, x: Sequence[Symbol]) -> list[Expr]:
+    """The state after the reset of a surface or a time event, one expression a state."""
+    given = dict(source.reset)
+    what = "surface" if isinstance(source, Surface) else "time event"
+    return [
+        extractor.field(given[q.name], f"{what} {source.name!r}: reset of {q.name!r}")
+        if q.name in given
+        else q
+        for q in x
+    ]
+
+
+def _radius(extractor: Extractor, surface: Surface) -> tuple[Expr, Expr]:
+    where = f"surface {surface.name!r}: radius"
+    entry = next(e for e in extractor.table.entries if e.declared is surface)
+    pair = []
+    for bound, outward in zip(surface.radius, (-1, 1), strict=True):
+        expr = extractor.continuous(as_expression(_exact(bound), where), where)
+        expr = expr.xreplace({entry.a: sympy.S.Zero})  # |h| is 0 where the set stands
+        if any(e.a in expr.free_symbols for e in extractor.table.entries):
+            raise ModelError(f"{where}: {bound} has a kink on another surface, expected a smooth expression.")
+        defaults = {
+            q: sympy.Float(q.parameter.default, 30)
+            for q in expr.free_symbols
+            if isinstance(q, ParameterSymbol)
+        }
+        value = expr.xreplace(defaults).evalf(20)
+        if value.is_number and not (value.is_finite and value.is_real and value * outward >= 1 - ROUNDING):
+            raise ModelError(
+                f"{where}: {bound} is {sympy.Float(value, 6) if value.is_real else value} at the default "
+                "parameters, "
+                f"expected {'at least 1' if outward > 0 else 'at most -1'}: the set on the surface must "
+                "contain both "
+                "one-sided signs."
+            )
+        pair.append(expr)
+    return pair[0], pair[1]
+
+
+def _exact(value: float | Expr) -> float | Expr:
+    return sympy.Integer(int(value)) if isinstance(value, float) and value.is_integer() else value

@@ -1,0 +1,95 @@
+"""What an expression of a model may hold."""
+
+from __future__ import annotations
+
+import numbers
+
+import numpy as np
+import sympy
+from sympy import Expr
+from sympy.core.function import AppliedUndef
+from sympy.logic.boolalg import Boolean
+
+from filippov.base.errors import ModelError
+from filippov.model.size import Scale
+
+LARGEST, DEEPEST = 200_000, 100
+
+_JUMPS = (
+    "it jumps infinitely often. Jumps in time are a TimeEvent('clock', period=...) with a state that it "
+    "resets; jumps in a state u are Surface('name', sin(pi*u))"
+)
+_UNEVALUATED = "carry it out first (.doit()), the result must be a plain expression"
+_REFUSED: dict[type, str] = {
+    sympy.floor: _JUMPS,
+    sympy.ceiling: _JUMPS,
+    sympy.frac: _JUMPS,
+    sympy.Mod: _JUMPS,
+    sympy.Derivative: _UNEVALUATED,
+    sympy.Integral: _UNEVALUATED,
+    sympy.Sum: _UNEVALUATED,
+    sympy.Product: _UNEVALUATED,
+    sympy.Limit: _UNEVALUATED,
+    sympy.Subs: _UNEVALUATED,
+    sympy.DiracDelta: "an impulse is a reset of the state at an event, not a term of the field",
+    sympy.SingularityFunction: "write it with Heaviside",
+    sympy.arg: "use atan2(y, x)",
+    sympy.re: "states and parameters are real",
+    sympy.im: "states and parameters are real",
+    sympy.conjugate: "states and parameters are real",
+    AppliedUndef: "an undefined function cannot be evaluated; write its formula, or use System(field=f)",
+}
+
+
+def as_expression(value: object, where: str) -> Expr:
+    """Return `value` (an expression or a real number) as a sympy expression; text is never parsed."""
+    if isinstance(value, Expr):
+        return value
+    if isinstance(value, Boolean):
+        raise ModelError(
+            f"{where}: {value} is a condition, expected an expression. Write Heaviside(u - v) for u > v, "
+            "or Piecewise((a, u > v), (b, True))."
+        )
+    truth = isinstance(value, (bool, np.bool_))
+    if isinstance(value, numbers.Real) and not truth:
+        return sympy.sympify(value if isinstance(value, numbers.Rational) else float(value))
+    raise ModelError(
+        f"{where}: {value!r} ({type(value).__name__}) was given, expected a sympy expression or a real "
+        "number." + (" Text is never parsed; write the expression itself." if isinstance(value, str) else "")
+    )
+
+
+def check_size(expr: Expr, where: str) -> None:
+    """Raise ModelError if `expr` has more than LARGEST nodes or is nested deeper than DEEPEST.
+
+    All that is shared in it counts as written out, for so it is gone through.
+    """
+    nodes, depth = Scale().weigh(expr)
+    if depth > DEEPEST:
+        raise ModelError(
+            f"{where}: the expression is nested {depth} deep, expected at most {DEEPEST}. Give the system as "
+            "plain functions: System(field=f, ...)."
+        )
+    if nodes > LARGEST:
+        raise ModelError(
+            f"{where}: the expression has {float(nodes):.3g} nodes, expected at most {LARGEST}. Give the "
+            "system as plain functions: System(field=f, ...)."
+        )
+
+
+def check_expression(expr: Expr, where: str) -> None:
+    """Raise ModelError if `expr` is complex, not finite, or holds a function that has no place in a field.
+    """
+    check_size(expr, where)
+    if expr.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+        raise ModelError(
+            f"{where}: {expr} is not finite. Look for a division by zero or an infinite constant."
+        )
+    if expr.has(sympy.I) or expr.is_extended_real is False:
+        raise ModelError(f"{where}: {expr} is complex, expected a real expression.")
+    if not expr.is_commutative or getattr(expr, "is_Matrix", False):
+        raise ModelError(f"{where}: {expr} is not a scalar. Give one equation a component.")
+    for node in sympy.preorder_traversal(expr):
+        for kind, advice in _REFUSED.items():
+            if isinstance(node, kind):
+                raise ModelError(f"{where}: {node} cannot be used: {advice}.")

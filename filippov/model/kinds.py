@@ -1,0 +1,198 @@
+"""The kind of a surface: whether the field jumps across it, and which signs occur together on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import sympy
+from sympy import Expr, Integer, Symbol
+
+from filippov.base.errors import ModelError
+from filippov.model.parameter_symbol import ParameterSymbol
+from filippov.model.surface import Kind, Surface
+from filippov.model.symbolic import SymbolicForm
+from filippov.model.symbols import t
+from filippov.model.table import decimal, number, samples
+
+MAX_COMBINATIONS = 1024
+ROUNDING = 1e-12
+MARGIN = 1e-9
+
+
+def kind_of(form: SymbolicForm, i: int, surface: Surface, opaque: Sequence[Expr]) -> Kind:
+    """Return the kind of surface i; ModelError if the declared one contradicts the equations."""
+    own = {form.s[i], form.a[i]}
+    used = any(own & e.free_symbols for e in (*form.field, *form.h))
+    if surface.kind == "observer" and not used:
+        return "observer"
+    jumps = _jumps(form, i, opaque)
+    if jumps and surface.kind not in ("switching", "reset"):
+        raise ModelError(
+            f"surface {surface.name!r} is declared as {surface.kind!r}, but the equations jump across it. "
+            "Leave the kind out."
+        )
+    if surface.reset is not None and not jumps:
+        return "reset"
+    return "switching" if jumps else "kink"
+
+
+def _jumps(form: SymbolicForm, i: int, opaque: Sequence[Expr]) -> bool:
+    """Whether f differs on the two sides of surface i; where no point of it is found, it is taken to.
+
+    `opaque` is the field with signs where it jumps, and with its continuous functions left as they are.
+    """
+    h = form.plain_h()
+    own = {sympy.Abs(h[i]): sympy.S.Zero, sympy.Abs(-h[i]): sympy.S.Zero}
+    jumps = []
+    for f in (decimal(f) for f in opaque if form.s[i] in f.free_symbols):
+        if f.has(form.s[i]):
+            plus, minus = (f.xreplace({form.s[i]: Integer(m)}).xreplace(own) for m in (1, -1))
+            if plus != minus:
+                jumps.append(plus - minus)
+    if not jumps:
+        return False
+    seen = False
+    for point in _points_on(decimal(h[i]), set().union(*(j.free_symbols for j in jumps)) - set(form.s)):
+        if any(_jumps_at(form, jump, point) for jump in jumps):
+            return True
+        search = _Search(form, i, point)
+        if any(search.found(jump, {}) for jump in jumps):
+            return True
+        seen = seen or search.evaluated
+    return not seen
+
+
+def _jumps_at(form: SymbolicForm, jump: Expr, point: dict[Symbol, Expr]) -> bool:
+    """Whether a jump is not 0 with the signs that the other surfaces have at the point itself."""
+    signs: dict[Symbol, Expr] = {}
+    for s, h in zip(form.s, form.plain_h(), strict=True):
+        if s in jump.free_symbols:
+            value = number(decimal(h), point)
+            if value is None or not value.is_real or not abs(value) > ROUNDING:
+                return False
+            signs[s] = Integer(1 if value > 0 else -1)
+    size = _size(jump.xreplace(signs), point)
+    return size is not None and bool(size > ROUNDING)
+
+
+class _Search:
+    """Walks through the signs of the other surfaces that a jump across surface i depends on."""
+
+    def __init__(self, form: SymbolicForm, i: int, point: dict[Symbol, Expr]) -> None:
+        self.form = form
+        self.i = i
+        self.point = point
+        self.evaluated = False
+        self.budget = MAX_COMBINATIONS
+
+    def found(self, jump: Expr, mode: dict[Symbol, int]) -> bool:
+        """Whether the jump is not 0 for a combination of signs that can occur; True if there are too many."""
+        if jump.is_zero:
+            self.evaluated = True
+            return False
+        signs = [s for s in self.form.s if s in jump.free_symbols]
+        if signs:
+            s = signs[0]
+            return any(self.found(jump.xreplace({s: Integer(m)}), {**mode, s: m}) for m in (1, -1))
+        self.budget -= 1
+        if self.budget < 0:
+            return True
+        size = _size(jump, self.point)
+        self.evaluated = self.evaluated or size is not None
+        return size is not None and bool(size > ROUNDING) and _possible(self.form, self.i, mode, self.point)
+
+
+def _size(jump: Expr, point: dict[Symbol, Expr]) -> Expr | None:
+    """Return |jump| at a point, relative to the sizes of its terms; None where it is not finite."""
+    terms = [number(term, point) for term in sympy.Add.make_args(jump)]
+    if any(term is None for term in terms):
+        return None
+    scale = sum(abs(term) for term in terms if term is not None)
+    return abs(sum(term for term in terms if term is not None)) / scale if scale else sympy.S.Zero
+
+
+def _points_on(h: Expr, symbols: set[Symbol]) -> list[dict[Symbol, Expr]]:
+    """Return a few points with h = 0."""
+    variables = sorted(h.free_symbols, key=lambda q: (isinstance(q, ParameterSymbol), q == t, q.name))
+    points = []
+    for point in samples(h.free_symbols | symbols, 6):
+        for variable in variables:
+            rest = {q: v for q, v in point.items() if q != variable}
+            line = h.xreplace(rest)
+            root = _root(line, variable, point[variable])
+            if root is not None:
+                points.append({**rest, variable: root})
+                break
+    return points[:4]
+
+
+def _root(line: Expr, variable: Symbol, start: Expr) -> Expr | None:
+    slope = line.diff(variable)
+    if not slope.free_symbols and slope.is_finite and not slope.is_zero:
+        return -line.xreplace({variable: sympy.S.Zero}) / slope
+    for guess in (start, -start, 3 * start):
+        try:
+            root = sympy.nsolve(line, variable, guess, prec=30)
+        except (ValueError, ZeroDivisionError, TypeError, KeyError, AttributeError, NotImplementedError):
+            continue
+        if root.is_real:
+            return root
+    return None
+
+
+def _possible(form: SymbolicForm, i: int, mode: Mapping[Symbol, int], point: Mapping[Symbol, Expr]) -> bool:
+    """Whether the signs in `mode` can occur together on surface i, at the parameters of `point`.
+
+    True where a switching function involved is not affine in state and time: the question is left open.
+    """
+    if not mode:
+        return True
+    fixed = {q: value for q, value in point.items() if isinstance(q, ParameterSymbol)}
+    sizes: dict[Symbol, Expr] = {}
+    rows: list[tuple[Expr, int]] = []
+    for j, (s, a, h) in enumerate(zip(form.s, form.a, form.h, strict=True)):
+        inner = h.xreplace(sizes)
+        sign = 0 if j == i else mode.get(s)
+        # A size whose sign is open stays a symbol, which leaves what it occurs in undecided.
+        if sign is not None:
+            sizes[a] = Integer(sign) * inner
+            rows.append((inner.xreplace(fixed), sign))
+    free = set().union(*(h.free_symbols for h, _ in rows))
+    if free & set(form.a):
+        return True
+    variables = sorted(free, key=lambda q: q.name)
+    equal: list[list[float]] = []
+    above: list[list[float]] = []
+    for h, sign in rows:
+        slopes = [h.diff(q) for q in variables]
+        if any(slope.free_symbols for slope in slopes):
+            return True
+        line = [float(slope) for slope in slopes] + [float(h.xreplace(dict.fromkeys(variables, Integer(0))))]
+        scale = max(abs(c) for c in line) or 1.0
+        (above if sign else equal).append([(sign or 1) * c / scale for c in line])
+    return _feasible(np.array(equal), np.array(above))
+
+
+def _feasible(equal: npt.NDArray[np.float64], above: npt.NDArray[np.float64]) -> bool:
+    """Whether A y + b = 0 and C y + d > 0 have a solution; rows are (A | b) and (C | d).
+
+    Homogenised: A y + b w = 0, C y + d w >= e, w >= e, all bounded; feasible if the largest e is positive.
+    """
+    from scipy.optimize import linprog
+
+    n = equal.shape[1] - 1
+    a_eq = np.hstack([equal, np.zeros((len(equal), 1))])
+    a_ub = np.hstack([-above, np.ones((len(above), 1))])
+    positive = np.zeros((1, n + 2))
+    positive[0, n], positive[0, n + 1] = -1.0, 1.0
+    result = linprog(
+        np.r_[np.zeros(n + 1), -1.0],
+        A_ub=np.vstack([a_ub, positive]),
+        b_ub=np.zeros(len(above) + 1),
+        A_eq=a_eq,
+        b_eq=np.zeros(len(equal)),
+        bounds=[(-1.0, 1.0)] * n + [(0.0, 1.0), (0.0, 1.0)],
+    )
+    return bool(result.status != 0 or -result.fun > MARGIN)

@@ -1,0 +1,262 @@
+"""Parameters: their defaults, units and bounds, and their values in a run."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.base.errors import ModelError
+from filippov.base.names import check_name, unknown
+from filippov.base.symbolic_value import is_expression, is_symbol
+
+
+def as_number(value: object, what: str) -> float:
+    """Return `value` as a finite float; raise ModelError for text, booleans, complex numbers, NaN and inf."""
+    number: float
+    if isinstance(value, float) and math.isfinite(value):
+        return float(value)
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    if isinstance(value, (bool, np.bool_)):
+        raise ModelError(f"{what} is {value!r}, expected a number. Write 1.0 or 0.0.")
+    if isinstance(value, numbers.Real) or is_expression(value):
+        try:
+            number = float(value)
+        except (TypeError, ValueError, OverflowError):
+            raise ModelError(f"{what} is {value!s}, expected a finite real number.") from None
+    else:
+        raise ModelError(
+            f"{what} is {value!r} ({type(value).__name__}), expected a real number. "
+            "Convert text and quantities with units to a float first."
+        )
+    if not math.isfinite(number):
+        raise ModelError(f"{what} is {number}, expected a finite number.")
+    return number
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of the model: default, unit, closed bounds [lower, upper] and a description."""
+
+    default: float
+    unit: str = ""
+    lower: float | None = None
+    upper: float | None = None
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "default", as_number(self.default, "the default of a parameter"))
+        for side in ("lower", "upper"):
+            bound = getattr(self, side)
+            if bound is not None and not (isinstance(bound, numbers.Real) and math.isinf(float(bound))):
+                object.__setattr__(self, side, as_number(bound, f"the bound {side!r} of a parameter"))
+            elif bound is not None:
+                outward = float(bound) < 0 if side == "lower" else float(bound) > 0
+                if not outward:
+                    raise ModelError(f"the bound {side!r} of a parameter is {bound}, which admits no value.")
+                object.__setattr__(self, side, None)
+        for text in ("unit", "description"):
+            if not isinstance(getattr(self, text), str):
+                raise ModelError(f"the {text} of a parameter is {getattr(self, text)!r}, expected text.")
+        if self.lower is not None and self.upper is not None and self.lower > self.upper:
+            raise ModelError(f"parameter bounds [{self.lower}, {self.upper}] are empty: lower exceeds upper.")
+        self.check(self.default, "the default of a parameter")
+
+    def check(self, value: object, what: str) -> float:
+        """Return `value` as a float within the bounds, or raise ModelError naming `what`."""
+        number = as_number(value, what)
+        if (self.lower is not None and number < self.lower) or (
+            self.upper is not None and number > self.upper
+        ):
+            low = "-inf" if self.lower is None else f"{self.lower:g}"
+            high = "inf" if self.upper is None else f"{self.upper:g}"
+            unit = f" {self.unit}" if self.unit else ""
+            raise ModelError(f"{what} is {number!r}, outside its bounds [{low}, {high}]{unit}.")
+        return number
+
+
+class Declaration:
+    """Declared parameters in order; what `parameters(...)` returns is one, with their symbols."""
+
+    __slots__ = ("_symbols",)
+    _symbols: dict[str, Any]
+
+
+def as_parameter(name: str, value: object) -> Parameter:
+    """A default (a finite real number) or a Parameter, as a Parameter. Raises ModelError."""
+    if isinstance(value, Parameter):
+        return value
+    return Parameter(as_number(value, f"the default of parameter {name!r}"))
+
+
+class ParameterRecord:
+    """The values of one run, read-only: p.m, p["m"] and p[0]. This is the `p` of f(t, x, p, s)."""
+
+    __slots__ = ("_index", "_values")
+    _index: Mapping[str, int]
+    _values: tuple[float, ...]
+
+    def __init__(self, index: Mapping[str, int], values: Sequence[float]) -> None:
+        object.__setattr__(self, "_index", index)
+        object.__setattr__(self, "_values", tuple(float(v) for v in values))
+
+    def __getattr__(self, name: str) -> float:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        try:
+            return self._values[self._index[name]]
+        except KeyError:
+            raise AttributeError(unknown("parameter", name, self._index)) from None
+
+    def __getitem__(self, key: str | int) -> float:
+        if isinstance(key, str):
+            try:
+                return self._values[self._index[key]]
+            except KeyError:
+                raise KeyError(unknown("parameter", key, self._index)) from None
+        return self._values[key]
+
+    def __setattr__(self, name: str, value: object) -> NoReturn:
+        raise AttributeError(f"the parameters of a run are read-only: {name!r} cannot be set to {value!r}.")
+
+    def __iter__(self) -> Iterator[float]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        return np.array(self._values, dtype=float if dtype is None else dtype)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, ParameterRecord):
+            return NotImplemented
+        return dict(self._index) == dict(other._index) and self._values == other._values
+
+    def __hash__(self) -> int:
+        return hash(self._values)
+
+    def __dir__(self) -> list[str]:
+        return list(self._index)
+
+    def __repr__(self) -> str:
+        return "(" + ", ".join(f"{n}={self._values[i]:g}" for n, i in self._index.items()) + ")"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ParameterRecord, (dict(self._index), self._values)
+
+
+class ParameterSet:
+    """The parameters of a system in order: `names`, `defaults`, and `resolve` for the values of a run."""
+
+    __slots__ = ("_index", "_items")
+    _items: dict[str, Parameter]
+    _index: dict[str, int]
+
+    def __init__(self, items: Mapping[str, object] | Declaration | ParameterSet | None = None) -> None:
+        if isinstance(items, ParameterSet):
+            found: dict[str, Parameter] = dict(items._items)
+        elif isinstance(items, Declaration):
+            found = {name: symbol.parameter for name, symbol in items._symbols.items()}
+        elif items is None or isinstance(items, Mapping):
+            found = {}
+            for given, value in (items or {}).items():
+                name = check_name(given, "parameter")
+                if name in found:
+                    raise ModelError(f"parameter {name!r} is given twice.")
+                found[name] = as_parameter(name, value)
+        else:
+            raise ModelError(
+                f"parameters are {items!r}, expected parameters(m=1, ...) or a dict of name: number or "
+                "Parameter."
+            )
+        object.__setattr__(self, "_items", found)
+        object.__setattr__(self, "_index", {name: i for i, name in enumerate(found)})
+
+    def __setattr__(self, name: str, value: object) -> NoReturn:
+        raise AttributeError("the parameters of a system are read-only; give other values to the run.")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names in order."""
+        return tuple(self._items)
+
+    @property
+    def defaults(self) -> npt.NDArray[np.float64]:
+        """The default values in order, shape (number of parameters,)."""
+        return np.array([q.default for q in self._items.values()], dtype=float)
+
+    def __getitem__(self, name: str) -> Parameter:
+        try:
+            return self._items[name]
+        except KeyError:
+            raise KeyError(unknown("parameter", name, self._items)) from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._items
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, ParameterSet):
+            return NotImplemented
+        return list(self._items.items()) == list(other._items.items())
+
+    def __hash__(self) -> int:
+        return hash(tuple(self._items.items()))
+
+    def __repr__(self) -> str:
+        return "ParameterSet(" + ", ".join(f"{n}={q.default:g}" for n, q in self._items.items()) + ")"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ParameterSet, (dict(self._items),)
+
+    def index(self, name: object) -> int:
+        """Return the place of a parameter given by name or by symbol; ModelError with a suggestion if "
+        "unknown."""
+        key = name.name if is_symbol(name) else name
+        if isinstance(key, str) and key in self._index:
+            return self._index[key]
+        raise ModelError(unknown("parameter", key, self._items))
+
+    def resolve(self, values: Any = None) -> npt.NDArray[np.float64]:
+        """Return the values of a run in order: the defaults, replaced by those in `values`.
+
+        `values` maps names (or symbols) to numbers, or holds all values in order. Raises ModelError for an
+        unknown name, a value that is not a finite real number, or one outside its bounds.
+        """
+        out = self.defaults
+        if values is None:
+            return out
+        if isinstance(values, Mapping):
+            pairs = [(self.index(name), value) for name, value in values.items()]
+        elif isinstance(values, str) or not isinstance(values, (Sequence, np.ndarray, ParameterRecord)):
+            raise ModelError(f"parameter values are {values!r}, expected a dict of name: number.")
+        else:
+            if isinstance(values, np.ndarray) and values.ndim != 1:
+                raise ModelError(f"parameter values have shape {values.shape}, expected ({len(self)},).")
+            pairs = list(enumerate(values))
+            if len(pairs) != len(self):
+                raise ModelError(
+                    f"{len(pairs)} parameter values were given, expected {len(self)} "
+                    f"({', '.join(self._items)}). "
+                    "Give a dict to set some of them."
+                )
+        names = self.names
+        for place, value in pairs:
+            out[place] = self._items[names[place]].check(value, f"parameter {names[place]!r}")
+        return out
+
+    def record(self, values: Sequence[float] | npt.NDArray[np.float64]) -> ParameterRecord:
+        """Return resolved values as the read-only record p of f(t, x, p, s)."""
+        return ParameterRecord(self._index, [float(v) for v in values])

@@ -1,0 +1,313 @@
+"""Sliding of higher order: the motion on surfaces whose signs act on a higher derivative of h only.
+
+Where the sign of a surface does not act on dh/dt, the motion can stay on it only with h = h' = ... =
+h^(r-1) = 0, and the multiplier follows from h^(r) = 0 (sliding of order r: Levant 1993; Fridman & Levant
+2002, section 1). The derivatives are taken on the surface, where |h| = 0: a term |h|^(1/2) sign h is gone
+there. This is an index reduction: the system that comes out has h^(r-1) in the place of h, slides on it to
+first order, and is followed like any other.
+
+Signs that act on one rate only in a fixed proportion (twisting: x'' = -a sign x - b sign x') are tied to each
+other, so that together they reach what they can reach apart; what they hold besides is a constraint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.model.symbolic import SymbolicForm, convex
+from filippov.model.symbols import t
+from filippov.model.system import System
+
+Array = npt.NDArray[np.float64]
+HIGHEST_ORDER = 6
+# Singular values that are zero, on the scale of the largest.
+NO_RANK = 1e-9
+# Of the way to the surfaces, the part that a state goes for each further state between the signs and it.
+GIVES_WAY, FARTHEST = 1e-2, 6
+# Ends of the set of a sign that only keeps a constraint from drifting: it is 0 but for rounding.
+FREE = 1e6
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """Surfaces slid on together, and the system that follows the motion on them.
+
+    system       guards that hold the motion, in a mode with 0 for every surface of `zero`
+    zero         numbers of the surfaces
+    kinks        surfaces without a jump that h = 0 on the motion as well
+    orders       order of sliding of each surface of `zero`
+    pivots       of those the ones whose multipliers are solved for
+    ties         (surface, pivot, factor): a sign that is the factor times that of a pivot
+    constraints  all expressions that vanish on the motion
+    distance     for every state through how many others the signs act on it
+    """
+
+    system: System
+    zero: tuple[int, ...]
+    kinks: tuple[int, ...]
+    orders: tuple[int, ...]
+    pivots: tuple[int, ...]
+    ties: tuple[tuple[int, int, float], ...]
+    constraints: tuple[Expr, ...]
+    distance: tuple[int, ...]
+
+    @property
+    def order(self) -> int:
+        """The highest order of sliding."""
+        return max(self.orders)
+
+    def projected(self, time: float, x: Array, values: Mapping[Symbol, float]) -> Array:
+        """A state close by at which every constraint holds (Gauss-Newton).
+
+        What the signs act on gives way to what they do not act on, or by way of more states.
+        """
+        assert self.system.symbolic is not None
+        states = self.system.symbolic.x
+        matrix = sympy.Matrix(self.constraints)
+        slopes = matrix.jacobian(states)
+        weights = GIVES_WAY ** np.minimum(self.distance, FARTHEST)
+        for _ in range(4):
+            at = {**values, t: time, **dict(zip(states, x.tolist(), strict=True))}
+            rows, c = _numbers(slopes, at), _numbers(matrix, at).ravel()
+            scale = np.linalg.norm(rows * weights, axis=1)
+            scale = np.where(scale > 0.0, scale, 1.0)
+            step, *_ = np.linalg.lstsq(rows * weights / scale[:, None], c / scale, rcond=1e-13)
+            x = np.ascontiguousarray(x - weights * step)
+        return x
+
+    def multipliers(self, lam: Array) -> Array:
+        """All signs, from those of the pivots."""
+        out = lam.copy()
+        for i, pivot, factor in self.ties:
+            out[i] = factor * lam[pivot]
+        return out
+
+
+def reduction(
+    system: System, zero: Sequence[int], kinks: Sequence[int], at: Mapping[Symbol, float]
+) -> Reduction | str:
+    """The reduction of the surfaces `zero` at a point, or the reason why there is none.
+
+    at: values of t, states, parameters, signs and sizes at a point close to the motion.
+    """
+    form = system.symbolic
+    if form is None:
+        return "the field is a plain function, whose derivatives are not known: write it as expressions"
+    zero, kinks = tuple(sorted(zero)), tuple(sorted(kinks))
+    gone = {form.a[i]: sympy.S.Zero for i in (*zero, *kinks)} | {form.s[i]: sympy.S.One for i in kinks}
+    signs = tuple(form.s[i] for i in zero)
+    field = [_on_surface(convex(f, set(signs)).xreplace(gone), at) for f in form.field]
+    if any(f.has(sympy.nan, sympy.zoo, sympy.oo) for f in field):
+        return "the field has no value on the surfaces"
+    found = _rows(form, zero, signs, field, gone, at)
+    if isinstance(found, str):
+        return found
+    rows, constraints, orders = found
+    for k in kinks:
+        if not _implied(form.h[k].xreplace(gone), constraints, form.x, at):
+            return f"the motion on the surfaces leaves {_name(form, k)}"
+    chosen = _pivots(form, zero, rows, at)
+    if isinstance(chosen, str):
+        return chosen
+    pivots, ties = chosen
+    guards = tuple((pivot, rows[i][0]) for i, pivot in pivots)
+    reduced = _system(system, zero, kinks, guards, ties)
+    order = tuple(orders[i] for i in zero)
+    held = tuple(pivot for _, pivot in pivots)
+    return Reduction(reduced, zero, kinks, order, held, ties, constraints, _distances(form, signs))
+
+
+def _distances(form: SymbolicForm, signs: Sequence[Symbol]) -> tuple[int, ...]:
+    """For every state the least number of states between the signs and it; FARTHEST where they do not act."""
+    distance = [0 if f.free_symbols & set(signs) else FARTHEST for f in form.field]
+    for _ in range(FARTHEST):
+        for j, f in enumerate(form.field):
+            through = [distance[k] + 1 for k, x in enumerate(form.x) if x in f.free_symbols]
+            distance[j] = min([distance[j], *through])
+    return tuple(distance)
+
+
+def _on_surface(f: Expr, at: Mapping[Symbol, float]) -> Expr:
+    """A field on h = 0, where a power of |h| with a parameter for its exponent is 0 too."""
+    powers = [q for q in f.atoms(sympy.Pow) if q.base == 0]
+    return f.xreplace({q: sympy.S.Zero if _number(q.exp, at) > 0 else sympy.nan for q in powers})
+
+
+_Rows = dict[int, tuple[Expr, list[Expr]]]
+
+
+def _rows(
+    form: SymbolicForm, zero: Sequence[int], signs: Sequence[Symbol], field: Sequence[Expr],
+    gone: Mapping[Symbol, Expr], at: Mapping[Symbol, float],
+) -> tuple[_Rows, tuple[Expr, ...], dict[int, int]] | str:  # fmt: skip
+    """Per surface the derivative whose rate feels the signs, and what each does to it; constraints; orders.
+
+    A surface whose derivatives are those of others, already held, has no row.
+    """
+    free = {t, *form.x, *form.p}
+    waiting = {i: sympy.expand(form.h[i].xreplace(dict(gone))) for i in zero}
+    constraints = list(waiting.values())
+    orders = dict.fromkeys(zero, 1)
+    rows: _Rows = {}
+    while waiting:
+        i, phi = waiting.popitem()
+        if phi.free_symbols - free:
+            return f"the rate of {_name(form, i)} depends on other signs or sizes"
+        rate = sympy.expand(
+            phi.diff(t) + sum((phi.diff(x) * f for x, f in zip(form.x, field, strict=True)), sympy.S.Zero)
+        )
+        effects = [rate.diff(s) for s in signs]
+        if any(e.free_symbols & set(signs) for e in effects):
+            return f"the rate of {_name(form, i)} holds products of signs"
+        if any(not _vanishes(e, constraints, form.x) for e in effects):
+            rows[i] = phi, effects
+            continue
+        following = sympy.expand(rate.xreplace(dict.fromkeys(signs, sympy.S.Zero)))
+        if following.free_symbols - free:
+            return f"the rate of {_name(form, i)} depends on other signs or sizes"
+        orders[i] += 1
+        if orders[i] > HIGHEST_ORDER:
+            return f"no sign acts on the first {HIGHEST_ORDER} derivatives of {_name(form, i)}"
+        if _implied(following, constraints, form.x, at):
+            continue
+        constraints.append(following)
+        waiting[i] = following
+    return rows, tuple(constraints), orders
+
+
+def _vanishes(effect: Expr, constraints: Sequence[Expr], x: Sequence[Symbol]) -> bool:
+    """Whether what a sign does to a rate is 0 on the surfaces; those linear in a state are solved for it."""
+    if effect == 0:
+        return True
+    for c in constraints:
+        for q in x:
+            slope = c.diff(q)
+            if slope.is_number and slope != 0:
+                effect = effect.xreplace({q: q - c / slope})
+                break
+    return bool(sympy.expand(effect) == 0)
+
+
+def _implied(e: Expr, constraints: Sequence[Expr], x: Sequence[Symbol], at: Mapping[Symbol, float]) -> bool:
+    """Whether an expression vanishes where the constraints do: its slopes are a combination of theirs."""
+    by = (*x, t)
+    rows = _numbers(sympy.Matrix([*constraints, e]).jacobian(by), at)
+    scale = np.max(np.abs(rows), axis=1, keepdims=True)
+    if scale[-1] == 0.0:
+        return True
+    rows = rows / np.where(scale > 0, scale, 1.0)
+    return bool(np.linalg.matrix_rank(rows, NO_RANK) == np.linalg.matrix_rank(rows[:-1], NO_RANK))
+
+
+def _pivots(
+    form: SymbolicForm, zero: Sequence[int], rows: _Rows, at: Mapping[Symbol, float]
+) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int, float], ...]] | str:
+    """(row, surface whose sign holds it) for every row, and the other signs tied to these."""
+    acting = {i: [k for k, e in enumerate(effects) if e != 0] for i, (_, effects) in rows.items()}
+    numbers = np.array([[_number(e, at) for e in effects] for _, effects in rows.values()])
+    if not len(rows) or np.linalg.matrix_rank(numbers, NO_RANK * float(np.max(np.abs(numbers)))) < len(rows):
+        return "the signs do not tell the derivatives that they act on apart"
+    pivots, taken = [], set()
+    for i in sorted(rows, key=lambda i: (zero.index(i) not in acting[i], len(acting[i]))):
+        own = zero.index(i)
+        able = [k for k in ([own] if own in acting[i] else acting[i]) if k not in taken]
+        if not able:
+            return "the signs do not tell the derivatives that they act on apart"
+        taken.add(able[0])
+        pivots.append((i, zero[able[0]]))
+    ties = []
+    for k, j in enumerate(zero):
+        if k in taken:
+            continue
+        felt = [i for i in rows if k in acting[i]]
+        if len(felt) != 1:
+            return "several signs act on several rates"
+        pivot = dict(pivots)[felt[0]]
+        ratio = sympy.cancel(rows[felt[0]][1][k] / rows[felt[0]][1][zero.index(pivot)])
+        if ratio.free_symbols - set(form.p):
+            return "the proportion in which two signs act on a rate changes"
+        if any(set(form.radius[i]) != {-sympy.S.One, sympy.S.One} for i in (j, pivot)):
+            return "a sign that acts together with others has a set wider than [-1, 1]"
+        ties.append((j, pivot, 1.0 if _number(ratio, at) > 0 else -1.0))
+    return tuple(pivots), tuple(ties)
+
+
+@lru_cache(maxsize=256)
+def rough_surface(system: System) -> int | None:
+    """A switching surface on whose rate its sign acts by a power of |h| below 1 only; None without one."""
+    form = system.symbolic
+    if form is None:
+        return None
+    defaults = {q: q.parameter.default for q in form.p}
+    for i, surface in enumerate(system.surfaces):
+        powers = {q for f in form.field for q in f.atoms(sympy.Pow) if q.base == form.a[i]}
+        if surface.kind != "switching" or not any(0 < _number(q.exp, defaults) < 1 for q in powers):
+            continue
+        gone = {form.a[i]: sympy.S.Zero}
+        slopes = [form.h[i].diff(x) for x in form.x]
+        field = [_at_zero(convex(f, {form.s[i]}).xreplace(gone)) for f in form.field]
+        rate = sum((g * f for g, f in zip(slopes, field, strict=True)), sympy.S.Zero)
+        if sympy.expand(rate.diff(form.s[i])) == 0:
+            return i
+    return None
+
+
+@lru_cache(maxsize=64)
+def _system(
+    system: System, zero: tuple[int, ...], kinks: tuple[int, ...], guards: tuple[tuple[int, Expr], ...],
+    ties: tuple[tuple[int, int, float], ...],
+) -> System:  # fmt: skip
+    """The system with the guards of a reduction."""
+    form = system.symbolic
+    assert form is not None
+    gone = {form.a[i]: sympy.S.Zero for i in (*zero, *kinks)} | {form.s[i]: sympy.S.One for i in kinks}
+    free = {form.s[i] for i in zero}
+    tied = {form.s[i]: sympy.Integer(int(factor)) * form.s[pivot] for i, pivot, factor in ties}
+    field = [_at_zero(convex(f, free).xreplace(gone)).xreplace(tied) for f in form.field]
+    h, radius = [e.xreplace(gone) for e in form.h], [tuple(e.xreplace(gone) for e in q) for q in form.radius]
+    for i in kinks:
+        h[i] = sympy.S.One
+    for i, guard in guards:
+        h[i] = guard
+    for i, _, _ in ties:
+        # Its own constraint is kept by a push along the gradient (Gear, Leimkuhler & Gupta 1985).
+        field = [f - form.s[i] * h[i].diff(x) for f, x in zip(field, form.x, strict=True)]
+        radius[i] = (-sympy.Float(FREE), sympy.Float(FREE))
+    held = {i for i, _ in guards}
+    return system.with_form(
+        replace(
+            form,
+            field=tuple(field),
+            h=tuple(h),
+            radius=tuple((low, high) for low, high in radius),
+            reset=tuple(r and tuple(e.xreplace(gone) for e in r) for r in form.reset),
+            time_reset=tuple(r and tuple(e.xreplace(gone) for e in r) for r in form.time_reset),
+            held=tuple(i in held for i in range(len(form.h))),
+        ),
+        tuple(replace(s, kind="observer") if i in kinks else s for i, s in enumerate(system.surfaces)),
+    )
+
+
+def _at_zero(f: Expr) -> Expr:
+    return f.xreplace({q: sympy.S.Zero for q in f.atoms(sympy.Pow) if q.base == 0})
+
+
+def _name(form: SymbolicForm, i: int) -> str:
+    return repr(str(form.plain_h()[i]))
+
+
+def _number(e: Expr, at: Mapping[Symbol, float]) -> float:
+    value = e.subs(dict(at)).evalf()
+    return float(value) if value.is_number and value.is_real else float("nan")
+
+
+def _numbers(matrix: sympy.Matrix, at: Mapping[Symbol, float]) -> Array:
+    rows = [[_number(matrix[i, j], at) for j in range(matrix.shape[1])] for i in range(matrix.shape[0])]
+    return np.array(rows, dtype=float)

@@ -1,0 +1,55 @@
+"""Time, states, and the sympy functions of which right-hand sides are made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sympy import (
+    Abs,
+    Expr,
+    Heaviside,
+    Max,
+    Min,
+    Piecewise,
+    Symbol,
+    cos,
+    exp,
+    log,
+    pi,
+    sign,
+    sin,
+    sqrt,
+    tan,
+    tanh,
+)
+
+from filippov.base.names import state_names
+
+__all__ = [
+    "Abs",
+    "Expr",
+    "Heaviside",
+    "Max",
+    "Min",
+    "Piecewise",
+    "Symbol",
+    "cos",
+    "exp",
+    "log",
+    "pi",
+    "sign",
+    "sin",
+    "sqrt",
+    "state_names",
+    "states",
+    "t",
+    "tan",
+    "tanh",
+]
+
+t = Symbol("t", real=True)
+
+
+def states(names: str | Sequence[str]) -> tuple[Symbol, ...]:
+    """Return one real symbol a name: x, v = states("x v"). Always a tuple: (x,) = states("x")."""
+    return tuple(Symbol(name, real=True) for name in state_names(names))

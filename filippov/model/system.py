@@ -1,0 +1,411 @@
+"""A model: x' in { f(t, x, s; p) : s_i in Sgn(h_i(t, x; p)) }, with names, parameters and surfaces."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from filippov.base.errors import ModelError
+from filippov.base.names import closest, state_names
+from filippov.base.symbolic_value import is_expression, is_symbol
+from filippov.model.comparator import Comparator, Exact, check_comparator
+from filippov.model.parameter import ParameterSet
+from filippov.model.surface import Surface
+from filippov.model.time_event import TimeEvent
+
+if TYPE_CHECKING:
+    import sympy
+    from sympy import Expr, Symbol
+
+    from filippov.model.parameter_symbol import ParameterNamespace
+    from filippov.model.symbolic import SymbolicForm
+
+Field = Callable[..., Any]
+# What holds expressions and is packed for the way to another process, which may never ask for it.
+_HEAVY = ("surfaces", "symbolic", "time_events", "_base")
+
+
+class System:
+    """x' in { f(t, x, s; p) : s_i in Sgn(h_i(t, x; p)) }; immutable.
+
+    From expressions, surfaces found in them:
+
+        System({x: v, v: (-u - g*sign(v))/p.m})
+        System({...}, surfaces=[Surface("velocity", v, radius=p.Fs/p.Fc)])  # names and sets for some of them
+
+    From functions f(t, x, p, s) -> (n,) and h(t, x, p) -> float, which are kept as they are:
+
+        System(field=f, surfaces=[Surface("velocity", h)], states="x v", parameters={"m": 1})
+
+    With events at known times: time_events=[TimeEvent("clock", period=p.T, reset={ramp: 0})].
+
+    From one vector field a sign vector (Filippov's form): System.from_modes. Raises ModelError.
+    """
+
+    __slots__ = (
+        "_base", "_digest", "_packed", "clocked", "comparator", "compile", "field", "parameters", "states",
+        "surface_names", "surfaces", "symbolic", "time_events", "units", "variable_widths",
+    )  # fmt: skip
+
+    states: tuple[str, ...]
+    parameters: ParameterSet
+    surfaces: tuple[Surface, ...]
+    surface_names: tuple[str, ...]
+    time_events: tuple[TimeEvent, ...]
+    clocked: bool
+    variable_widths: bool
+    comparator: Comparator
+    symbolic: SymbolicForm | None
+    field: Field | None
+    compile: bool | None
+    # What the compiled loop was given of it, by what was asked for (see `filippov.solving.state.machine`): it
+    # goes along.
+    units: dict[Any, Any]
+    _base: System | None
+    _digest: str | None
+    _packed: bytes | None
+
+    def __init__(
+        self,
+        equations: Mapping[Symbol, object] | None = None,
+        *,
+        field: Field | None = None,
+        surfaces: Sequence[Surface] = (),
+        states: str | Sequence[str | Symbol] | None = None,
+        parameters: Mapping[str, object] | ParameterNamespace | ParameterSet | None = None,
+        time_events: Sequence[TimeEvent] = (),
+        compile: bool | None = None,  # noqa: A002 (the word for it)
+    ) -> None:
+        clocks = _clocks(time_events, symbolic=equations is not None)
+        if (equations is None) == (field is None):
+            raise ModelError(
+                "a System is made from equations, System({x: ..., v: ...}), or from a function, "
+                f"System(field=f, ...): {'neither was' if field is None else 'both were'} given."
+            )
+        if isinstance(surfaces, Surface):
+            surfaces = (surfaces,)
+        if compile not in (None, True, False):
+            raise ModelError(f"compile is {compile!r}, expected True, False or None.")
+        if equations is not None:
+            from filippov.model.assemble import assemble
+            from filippov.model.equations import read_equations, read_namespace
+
+            if compile is False:
+                raise ModelError("compile=False is for System(field=f, ...): equations run compiled only.")
+
+            checked = read_equations(equations, states)
+            form, found = assemble(checked, tuple(surfaces), read_namespace(parameters), time_events=clocks)
+            self._set_symbolic(form, found, clocks)
+            return
+        self._set_functions(field, surfaces, states, parameters, clocks)
+        object.__setattr__(self, "compile", compile)
+
+    @classmethod
+    def from_modes(
+        cls,
+        h: Sequence[Expr | Surface],
+        fields: Mapping[Any, Any],
+        states: Sequence[Symbol],
+        *,
+        parameters: ParameterNamespace | None = None,
+        time_events: Sequence[TimeEvent] = (),
+    ) -> System:
+        """x' = f_m(t, x; p) where the signs of h_1 ... h_k are m, for every sign vector m: "++", "+-", ...
+
+        h        expressions or Surfaces
+        fields   from sign vectors (text or tuples of +-1; "*" stands for either sign) to one expression a
+                 state, in order or as a dict
+        Source: Filippov 1988, chapter 2, section 4.
+        """
+        from filippov.model.assemble import assemble
+        from filippov.model.equations import by_mode, read_equations, read_modes, read_namespace
+
+        symbols = tuple(states)
+        surfaces = [g if isinstance(g, Surface) else Surface(str(g), g) for g in h]
+        for surface in surfaces:
+            if not surface.symbolic:
+                raise ModelError(f"surface {surface.name!r}: h is a function, expected an expression.")
+        table = read_modes(fields, len(surfaces), symbols)
+        equations = {x: by_mode(surfaces, table, (), i) for i, x in enumerate(symbols)}
+        checked = read_equations(equations, None)
+        clocks = _clocks(time_events, symbolic=True)
+        form, found = assemble(checked, surfaces, read_namespace(parameters), spare=True, time_events=clocks)
+        system = object.__new__(cls)
+        system._set_symbolic(form, found, clocks)
+        return system
+
+    # -- construction ----------------------------------------------------------------------------------
+
+    def _set_symbolic(
+        self, form: SymbolicForm, surfaces: tuple[Surface, ...], clocks: tuple[TimeEvent, ...] = ()
+    ) -> None:
+        _check_clock_names(clocks, surfaces)
+        self._set(
+            time_events=clocks,
+            states=tuple(x.name for x in form.x),
+            parameters=ParameterSet({q.name: q.parameter for q in form.p}),
+            surfaces=surfaces,
+            symbolic=form,
+            field=None,
+        )
+
+    def _set_functions(
+        self, field: Any, surfaces: Any, states: Any, parameters: Any, clocks: tuple[TimeEvent, ...]
+    ) -> None:
+        if not callable(field):
+            raise ModelError(f"field is {field!r}, expected a function f(t, x, p, s) that returns dx/dt.")
+        if states is None:
+            raise ModelError(
+                "states are missing: System(field=f, ...) needs states='x v', the names in order."
+            )
+        names = state_names(states)
+        values = ParameterSet(parameters)
+        for name in values:
+            if name in names:
+                raise ModelError(f"{name!r} is both a state and a parameter. Rename one of them.")
+        seen: dict[str, Surface] = {}
+        for surface in surfaces:
+            if not isinstance(surface, Surface):
+                raise ModelError(f"surfaces holds {surface!r}, expected Surface('name', h).")
+            given = (surface.h, *surface.radius, surface.width)
+            if any(is_expression(item) for item in given):
+                raise ModelError(
+                    f"surface {surface.name!r}: h, radius or width is an expression, expected a function of "
+                    "(t, x, p) or a "
+                    "number, because the field is a function. Expressions go with System({x: ...})."
+                )
+            if surface.name in seen:
+                raise ModelError(
+                    f"two surfaces are named {surface.name!r}. Every surface needs its own name."
+                )
+            for other in seen.values():
+                if other.h is surface.h:
+                    raise ModelError(
+                        f"surfaces {other.name!r} and {surface.name!r} are the same set: both have the "
+                        "function "
+                        f"{getattr(surface.h, '__name__', surface.h)!r}. Declare it once."
+                    )
+            seen[surface.name] = surface
+        _check_clock_names(clocks, tuple(seen.values()))
+        self._set(
+            states=names,
+            parameters=values,
+            surfaces=tuple(seen.values()),
+            time_events=clocks,
+            symbolic=None,
+            field=field,
+        )
+
+    def _set(self, **content: Any) -> None:
+        rest: dict[str, Any] = {
+            "comparator": Exact(), "_base": None, "_digest": None, "_packed": None, "units": {},
+            "surface_names": tuple(surface.name for surface in content["surfaces"]),
+            "clocked": bool(content["time_events"]), "compile": None,
+            "variable_widths": content["symbolic"] is not None and bool(content["symbolic"].widths),
+        }  # fmt: skip
+        for name, value in {**rest, **content}.items():
+            object.__setattr__(self, name, value)
+
+    def __setattr__(self, name: str, value: object) -> NoReturn:
+        raise AttributeError(f"a System is immutable: {name!r} cannot be set. Make another System.")
+
+    def __delattr__(self, name: str) -> NoReturn:
+        raise AttributeError(f"a System is immutable: {name!r} cannot be deleted.")
+
+    # -- content ---------------------------------------------------------------------------------------
+
+    @property
+    def dimension(self) -> int:
+        """The number n of states."""
+        return len(self.states)
+
+    @property
+    def exact(self) -> System:
+        """The system as it was written, with the comparator Exact()."""
+        return self if self._base is None else self._base
+
+    @property
+    def digest(self) -> str | None:
+        """sha256 of the model as text (names, expressions, kinds, comparator); None for plain functions."""
+        if self._digest is None and self.symbolic is not None:
+            text = hashlib.sha256("\n".join(self._lines(self.symbolic)).encode()).hexdigest()
+            object.__setattr__(self, "_digest", text)
+        return self._digest
+
+    def _lines(self, form: SymbolicForm) -> list[str]:
+        import sympy
+
+        lines = ["filippov system 1", repr(self.states), repr(self.parameters.names), repr(self.comparator)]
+        lines += [
+            f"{s.name!r} {s.kind} {s.width!r}" + ("" if s.reset is None else f" {s.side} {s.contact}")
+            for s in self.surfaces
+        ]
+        for event in self.time_events:
+            lines.append(f"{event.name!r} {sympy.srepr(sympy.Tuple(*event.instants))} {event.times is None}")
+        return lines + [sympy.srepr(e) for e in form.expressions()]
+
+    def surface_index(self, name: str) -> int:
+        """Return the place of a surface; ModelError with a suggestion if there is none of this name."""
+        return self.surface_place(name)[0]
+
+    def surface_place(self, name: str) -> tuple[int, int]:
+        """Return the place of a surface and the sense in which it is asked for.
+
+        name    its name, or the formula of its h, written either way round: for h = v - vb "v - vb" has the
+                sense +1 and "vb - v" the sense -1
+
+        Raises ModelError with a suggestion if there is none.
+        """
+        names = self.surface_names
+        if name in names:
+            return names.index(name), 1
+        if self.symbolic is not None and isinstance(name, str):
+            from filippov.model.spelling import place_of
+
+            found = place_of(self.symbolic, names, name)
+            if found is not None:
+                return found
+        hint = closest(str(name), names)
+        raise ModelError(
+            f"unknown surface {name!r}; {hint + ' ' if hint else ''}known: {', '.join(names) or '(none)'}"
+        )
+
+    def state_index(self, name: str | Symbol) -> int:
+        """Return the place of a state given by name or symbol; ModelError with a suggestion if unknown."""
+        key = name.name if is_symbol(name) else name
+        if key in self.states:
+            return self.states.index(key)
+        hint = closest(str(key), self.states)
+        raise ModelError(
+            f"unknown state {key!r}; {hint + ' ' if hint else ''}known: {', '.join(self.states)}"
+        )
+
+    def jacobian(self, mode: Sequence[int] | str) -> sympy.Matrix:
+        """df/dx in a mode as a sympy matrix (n, n); ModelError for a system of plain functions."""
+        if self.symbolic is None:
+            raise ModelError(
+                "the field is a plain function and has no symbolic Jacobian. Write it as expressions."
+            )
+        return self.symbolic.jacobian(mode)
+
+    def with_comparator(self, comparator: Comparator) -> System:
+        """Return the system with another comparator in the place of Sgn on its switching surfaces."""
+        from filippov.model.regularize import regularize_functions, regularize_symbolic
+
+        checked = check_comparator(comparator)
+        base = self.exact
+        if isinstance(checked, Exact):
+            return base
+        system = object.__new__(System)
+        content: dict[str, Any] = {
+            "states": base.states,
+            "parameters": base.parameters,
+            "time_events": base.time_events,
+            "comparator": checked,
+            "_base": base,
+        }
+        if base.symbolic is not None:
+            form, surfaces = regularize_symbolic(base.symbolic, base.surfaces, checked)
+            system._set(**content, symbolic=form, surfaces=surfaces, field=None)
+        else:
+            assert base.field is not None
+            field, surfaces = regularize_functions(base.field, base.surfaces, checked)
+            # A comparator in the place of Sgn stands around the field: what runs is another function.
+            kept = base.compile if field is base.field else None
+            system._set(**content, symbolic=None, surfaces=surfaces, field=field, compile=kept)
+        return system
+
+    def with_form(self, form: SymbolicForm, surfaces: tuple[Surface, ...]) -> System:
+        """Return a system with other expressions for the same states, parameters and surfaces."""
+        system = object.__new__(System)
+        system._set(
+            states=self.states,
+            parameters=self.parameters,
+            time_events=self.time_events,
+            surfaces=surfaces,
+            symbolic=form,
+            field=None,
+        )
+        return system
+
+    # -- identity --------------------------------------------------------------------------------------
+
+    def _key(self) -> tuple[Any, ...]:
+        if self.field is None:
+            return self.digest, self.parameters
+        return self.field, self.states, self.parameters, self.surfaces, self.time_events, self.comparator
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, System):
+            return NotImplemented
+        return self is other or self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+    def __getstate__(self) -> dict[str, Any]:
+        if self.field is not None:
+            return {name: getattr(self, name) for name in self.__slots__}
+        packed = self._packed or pickle.dumps({name: getattr(self, name) for name in _HEAVY})
+        light = {name: getattr(self, name) for name in self.__slots__ if name not in _HEAVY}
+        return light | {"_digest": self.digest, "_packed": packed}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        # Asked for what is not there: the first time after the way from another process.
+        if name not in _HEAVY:
+            raise AttributeError(f"a System has no attribute {name!r}.")
+        assert self._packed is not None
+        self.__setstate__(pickle.loads(self._packed))  # noqa: S301  # packed by __getstate__, not from a file
+        return object.__getattribute__(self, name)
+
+    def __repr__(self) -> str:
+        surfaces = ", ".join(surface.name for surface in self.surfaces)
+        return (
+            f"System(states={' '.join(self.states)!r}, surfaces=[{surfaces}], comparator={self.comparator})"
+        )
+
+
+def _clocks(time_events: Any, symbolic: bool) -> tuple[TimeEvent, ...]:
+    """Return time events that fit the system."""
+    items = (time_events,) if isinstance(time_events, TimeEvent) else tuple(time_events)
+    for item in items:
+        if not isinstance(item, TimeEvent):
+            raise ModelError(f"time_events holds {item!r}, expected TimeEvent('name', period=...).")
+        if symbolic and not item.symbolic:
+            raise ModelError(
+                f"time event {item.name!r} has a function, expected numbers and expressions, because the "
+                "equations are expressions."
+            )
+        if not symbolic and (item.expressions() or isinstance(item.reset, tuple)):
+            raise ModelError(
+                f"time event {item.name!r} has an expression, expected numbers and functions, because the "
+                "field is a function: reset=lambda t, x, p: [...]."
+            )
+    return items
+
+
+def _check_clock_names(clocks: Sequence[TimeEvent], surfaces: Sequence[Surface]) -> None:
+    seen = [surface.name for surface in surfaces]
+    for clock in clocks:
+        if clock.name in seen:
+            raise ModelError(f"two surfaces or time events are named {clock.name!r}. Rename one of them.")
+        seen.append(clock.name)
+        for e in clock.instants:
+            if is_expression(e):
+                _check_instant(e, clock.name)
+
+
+def _check_instant(e: Expr, name: str) -> None:
+    from filippov.model.parameter_symbol import ParameterSymbol
+
+    if not all(isinstance(q, ParameterSymbol) for q in e.free_symbols):
+        raise ModelError(
+            f"time event {name!r}: its instants are {e}, expected numbers or parameters. What depends on the "
+            "state is a Surface."
+        )

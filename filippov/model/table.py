@@ -1,0 +1,214 @@
+"""The surfaces met while a model is read: equal ones are recognised up to a constant factor."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import sympy
+from sympy import Expr, Rational, S, Symbol
+
+from filippov.base.errors import ModelError
+from filippov.model.parameter_symbol import ParameterSymbol
+from filippov.model.size import MOST_TERMS, cancelled, terms
+from filippov.model.surface import Surface
+
+DIGITS = 40
+CLOSE = sympy.Float("1e-30")
+
+
+@dataclass(eq=False)
+class Entry:
+    """One surface: h, the symbols of its sign and size, and what the user declared of it."""
+
+    h: Expr
+    s: Symbol
+    a: Symbol
+    declared: Surface | None = None
+
+
+class SignSymbol(Symbol):
+    """The sign of a surface while a model is read."""
+
+    __slots__ = ()
+
+
+class SizeSymbol(Symbol):
+    """The size |h| of a surface while a model is read."""
+
+    __slots__ = ()
+
+
+def dynamic(expr: Expr) -> bool:
+    """Whether expr varies along a solution: it holds anything but parameters and numbers."""
+    return any(not isinstance(symbol, ParameterSymbol) for symbol in expr.free_symbols)
+
+
+class Table:
+    """Surfaces in the order in which they were entered."""
+
+    def __init__(self) -> None:
+        self.entries: list[Entry] = []
+        # Arguments of signs and conditions as the model has them: they give a surface its orientation.
+        self.written: list[Expr] = []
+        self._by_sign: dict[Symbol, Entry] = {}
+
+    def entry(self, s: Symbol) -> Entry:
+        """Return the surface whose sign is s."""
+        return self._by_sign[s]
+
+    def signs_in(self, expr: Expr) -> list[Symbol]:
+        """Return the signs that expr holds, in the order of the table."""
+        free = expr.free_symbols
+        return [entry.s for entry in self.entries if entry.s in free]
+
+    def declare(self, surface: Surface, h: Expr) -> Entry:
+        """Enter a surface of the user; ModelError if it cannot switch or equals one declared before."""
+        where = f"surface {surface.name!r}"
+        if not dynamic(h):
+            raise ModelError(f"{where}: h = {h} holds no state and no time, so its sign never changes.")
+        if h.is_nonnegative or h.is_nonpositive:
+            raise ModelError(
+                f"{where}: h = {h} never changes its sign, expected a function that does. "
+                "Give the function whose zero set it is, without the square or the absolute value."
+            )
+        found = self.match(h)
+        if found is not None:
+            entry, factor = found
+            if entry.declared is None:
+                entry.declared = surface  # met inside another surface before its own turn
+                self._rescale(entry, h, factor)
+                return entry
+            raise ModelError(
+                f"surfaces {entry.declared.name!r} and {surface.name!r} are the same set: "
+                f"{h} = ({factor}) * ({entry.h}). Declare it once."
+            )
+        return self._enter(h, surface)
+
+    def _rescale(self, entry: Entry, h: Expr, factor: Expr) -> None:
+        if factor == 1:
+            entry.h = h
+            return
+        raise ModelError(
+            f"surface {entry.declared.name if entry.declared else ''!r}: h = {h} occurs as {entry.h} "
+            "inside another "
+            f"surface. Write h = {entry.h}."
+        )
+
+    def register(self, h: Expr, written: bool = True) -> tuple[Entry, Expr]:
+        """Enter h as met in an expression; return the entry and h/entry.h.
+
+        written     h stands as it was written; else it takes the orientation that a written argument has
+        """
+        if not written and self._turned(self.plain(h)):
+            return self._enter(-h, None), S.NegativeOne
+        return self._enter(h, None), S.One
+
+    def _turned(self, h: Expr) -> bool:
+        """Whether h is the opposite of what was written; without that, whether its canonical form is -h."""
+        for other in self.written:
+            factor = self.ratio(h, other)
+            if factor is not None:
+                return bool(sympy.sign(factor) == -1)
+        return bool(h.could_extract_minus_sign())
+
+    def _enter(self, h: Expr, declared: Surface | None) -> Entry:
+        number = len(self.entries)
+        entry = Entry(
+            h, SignSymbol(f"_s{number}", real=True), SizeSymbol(f"_a{number}", nonnegative=True), declared
+        )
+        self.entries.append(entry)
+        self._by_sign[entry.s] = entry
+        return entry
+
+    def plain(self, h: Expr) -> Expr:
+        """Return h with the sizes written out as Abs."""
+        sizes: dict[Symbol, Expr] = {}
+        for entry in self.entries:
+            sizes[entry.a] = sympy.Abs(entry.h.xreplace(sizes))
+        return h.xreplace(sizes)
+
+    def match(self, h: Expr) -> tuple[Entry, Expr] | None:
+        """Return the entry that is h up to a constant factor, and that factor h/entry.h."""
+        for entry in self.entries:
+            factor = self.ratio(h, entry.h)
+            if factor is not None:
+                return entry, factor
+        return None
+
+    def ratio(self, h: Expr, k: Expr) -> Expr | None:
+        """Return h/k if it is a constant that is not 0, else None."""
+        if h == k:
+            return S.One
+        if h == -k:
+            return S.NegativeOne
+        moving = {s for s in h.free_symbols if dynamic(s)}
+        if not moving or moving != {s for s in k.free_symbols if dynamic(s)}:
+            return None
+        # Decimal fractions are taken as exact: two thresholds may differ in their last digit only.
+        h, k = decimal(h), decimal(k)
+        points = samples(h.free_symbols | k.free_symbols, 4)
+        fixed = {s: q for s, q in points[0].items() if not dynamic(s)}
+        values = (number(h, {**q, **fixed}, k) for q in points)
+        first = next(values)
+        if first is None or first.is_zero or any(v is None or abs(v / first - 1) > CLOSE for v in values):
+            return None
+        constant = cancelled(h / k)
+        if dynamic(constant):
+            constant = cancelled((h / k).xreplace({s: q for s, q in points[0].items() if dynamic(s)}))
+        return constant
+
+
+def decimal(expr: Expr) -> Expr:
+    """Return expr with its floats as the decimal fractions that they were written as."""
+    floats = expr.atoms(sympy.Float)
+    return expr.xreplace({q: Rational(repr(float(q))) for q in floats}) if floats else expr
+
+
+def number(expr: Expr, at: dict[Symbol, Expr], divisor: Expr = S.One) -> Expr | None:
+    """Return expr/divisor at a point as a number of 30 digits, None where it is not finite."""
+    try:
+        top = expr.xreplace(at).evalf(DIGITS)
+        bottom = divisor.xreplace(at).evalf(DIGITS)
+    except (TypeError, ValueError):  # Max and Min of what is not real there
+        return None
+    if not (top.is_number and bottom.is_number) or bottom.is_zero or top.is_finite is not True:
+        return None
+    return top / bottom
+
+
+def vanishes(e: Expr) -> bool:
+    """Whether an expression is 0: multiplied out, or, where that has too many terms, at exact points."""
+    if terms(e) <= MOST_TERMS:
+        return bool(sympy.expand(e).is_zero)
+    seen = False
+    for point in samples(e.free_symbols, 4):
+        parts = [number(part, point) for part in sympy.Add.make_args(e)]
+        found = [part for part in parts if part is not None]
+        if len(found) == len(parts):
+            seen = True
+            if abs(sum(found)) > CLOSE * sum(abs(part) for part in found):
+                return False
+    return seen
+
+
+def samples(symbols: Iterable[Symbol], count: int, seed: int = 1) -> list[dict[Symbol, Expr]]:
+    """Return reproducible rational points; parameters lie within their bounds, sizes are positive."""
+    source = random.Random(seed)  # noqa: S311  (test points, not secrets)
+    ordered = sorted(symbols, key=lambda s: (s.name, type(s).__name__))
+    return [{s: _sample(s, source) for s in ordered} for _ in range(count)]
+
+
+def _sample(symbol: Symbol, source: random.Random) -> Expr:
+    unit = Rational(source.randint(1001, 9999), 10007)
+    if isinstance(symbol, ParameterSymbol):
+        low, high = symbol.parameter.lower, symbol.parameter.upper
+        if low is not None and high is not None:
+            return Rational(str(low)) + unit * (Rational(str(high)) - Rational(str(low)))
+        if low is not None:
+            return Rational(str(low)) + 2 * unit
+        return Rational(str(high)) - 2 * unit if high is not None else 2 * unit
+    if isinstance(symbol, SizeSymbol):
+        return 2 * unit
+    return (4 * unit - 2) if source.random() < 0.75 else 2 * unit

@@ -1,0 +1,108 @@
+"""Figures of branches: a coordinate over the parameter, stable solid, unstable dashed, special marked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from filippov.base.errors import UsageError
+from filippov.base.names import check_known
+from filippov.plot.style import GREEN, INK, ORANGE, PURPLE, RED, SERIES, SKY, new_figure, style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_MARKS = {
+    "fold": ("D", RED), "period doubling": ("X", GREEN), "Neimark-Sacker": ("P", PURPLE),
+    "branch point": ("s", ORANGE), "symmetry breaking": ("s", SKY), "Hopf": ("p", PURPLE),
+    "pseudo-Hopf": ("p", RED), "boundary equilibrium": ("h", ORANGE),
+}  # fmt: skip
+# Codimension-2 points of curves, by a part of their names.
+_MEETINGS = (
+    ("cusp", ("^", RED)), ("generalized period doubling", ("d", GREEN)), ("resonance", ("*", PURPLE)),
+    ("Takens", ("o", RED)), ("Bautin", ("o", PURPLE)), ("double grazing", ("*", SKY)),
+    ("degenerate", ("*", GREEN)),
+    ("grazing-", ("v", SKY)), ("boundary", ("H", ORANGE)), ("fold-", ("D", ORANGE)), ("flip-", ("X", ORANGE)),
+)  # fmt: skip
+
+
+def plot_branches(
+    branches: Sequence[Any],
+    *,
+    coordinate: str | None = None,
+    names: Sequence[str] = (),
+    labels: Mapping[str, str] | None = None,
+    title: str = "",
+    figure: Figure | None = None,
+) -> Figure:
+    """Branches over their parameter.
+
+    branches    objects with parameter, points (each with value, coordinates, stable, special)
+    coordinate  what is drawn; default the first coordinate of the first branch
+    names       one for each branch, for the legend
+    labels      {"parameter": "gain P [N/m]", "coordinate": "stick position [m]"}
+    """
+    filled = [branch for branch in branches if branch.points]
+    if not filled:
+        raise UsageError("there is no branch with points to draw.")
+    if names and len(names) != len(branches):
+        raise UsageError(f"names has {len(names)} entries for {len(branches)} branches.")
+    check_known("label", labels or {}, ("parameter", "coordinate"), UsageError)
+    wanted = coordinate or next(iter(filled[0].points[0].coordinates))
+    text = {"parameter": filled[0].parameter, "coordinate": wanted} | dict(labels or {})
+    seen: set[str] = set()
+    with style():
+        drawn = figure if figure is not None else new_figure(6.4, 4.2)
+        ax = drawn.subplots()
+        for k, branch in enumerate(branches):
+            if branch.points:
+                _branch(ax, branch, wanted, SERIES[k % len(SERIES)], names[k] if names else "", seen)
+        ax.set(xlabel=text["parameter"], ylabel=text["coordinate"])
+        ax.margins(0.04)
+        if title:
+            ax.set_title(title, loc="left", fontsize=10.5)
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend()
+    return drawn
+
+
+def _mark(special: str) -> tuple[str, str]:
+    """Mark and colour of a special point."""
+    if special in _MARKS or special == "grazing-sliding":
+        return _MARKS.get(special, ("v", INK))
+    return next((mark for part, mark in _MEETINGS if part in special), ("v", INK))
+
+
+def _branch(ax: Any, branch: Any, wanted: str, colour: str, name: str, seen: set[str]) -> None:
+    points = [point for point in branch.points if wanted in point.coordinates]
+    value = np.array([point.value for point in points])
+    height = np.array([point.coordinates[wanted] for point in points])
+    curve = str(getattr(branch, "kind", "")).endswith(" curve")
+    # On a curve of special points stability is marginal; what is dashed there is no such point.
+    stable = np.array([point.note != "neutral saddle" if curve else point.stable for point in points])
+    for kind, line in ((True, "-"), (False, "--")):
+        # A stretch between two points is drawn as its first one is, so that no gap is left.
+        part = np.where((stable == kind) | np.append(False, stable[:-1] == kind), height, np.nan)
+        label = name if kind == bool(stable[0]) and name else None
+        ax.plot(value, part, line, color=colour, linewidth=1.4, label=label)
+    for point in points:
+        if point.special:
+            mark, shade = _mark(point.special)
+            label = None if point.special in seen else point.special
+            seen.add(point.special)
+            ax.plot(
+                point.value, point.coordinates[wanted], mark, color=shade, markersize=6, zorder=5,
+                label=label, clip_on=False, linestyle="none",
+            )  # fmt: skip
+            text = point.special if curve else f"{round(point.value, 10) + 0.0:.6g}"
+            if curve and (again := f"{text} at {round(point.value, 6) + 0.0:.4g}") in seen:
+                # Two curves meet there, and both have the point.
+                continue
+            if curve:
+                seen.add(again)
+            ax.annotate(
+                text, (point.value, point.coordinates[wanted]), xytext=(7, 4),
+                textcoords="offset points", fontsize=8, color=shade,
+            )  # fmt: skip

@@ -1,0 +1,100 @@
+"""Figure of a comparison of band models with the exact system, over the width of the band.
+
+What is drawn is asked only for its attributes: `rows` (dicts with model, width, error_P, drift, field_calls
+and the model's options; the first one the exact system) and `trends` (model, options, quantity, order,
+label).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from filippov.plot.style import GREY, INK, SERIES, new_figure, style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_MARKS = "osD^v<>P"
+_PANELS = (("error_P", "error of P(d)"), ("drift", "drift during stick"), ("field_calls", "field calls"))
+
+
+def plot_comparison(comparison: Any, *, title: str = "", figure: Figure | None = None) -> Figure:
+    """Error of P and drift in stick with their orders, and field calls, against the width: log-log.
+
+    One colour a model, one mark a combination of its options; the exact system's own uncertainty and work are
+    dashed lines.
+    """
+    trends = list(comparison.trends)
+    families = list(dict.fromkeys((trend.label, trend.model) for trend in trends))
+    models = list(dict.fromkeys(model for _, model in families))
+    exact = comparison.rows[0]
+    with style():
+        drawn = figure if figure is not None else new_figure(10.5, 4.2)
+        axes = drawn.subplots(1, len(_PANELS))
+        for ax, (quantity, what) in zip(axes, _PANELS, strict=True):
+            for label, model in families:
+                own = [q for q in trends if q.label == label]
+                exponent = next((q.order for q in own if q.quantity == quantity), None)
+                look = _look(label, model, families, models)
+                _line(ax, comparison.rows, own[0], quantity, look, exponent, models.index(model))
+            _reference(ax, exact, quantity)
+            ax.set(xscale="log", yscale="log", xlabel="half-width of the band", ylabel=what)
+            ax.invert_xaxis()
+        _legend(drawn, axes, len(families))
+        if title:
+            drawn.suptitle(title, x=0.01, ha="left", fontsize=10.5)
+    return drawn
+
+
+def _look(label: str, model: str, families: list[tuple[str, str]], models: list[str]) -> dict[str, Any]:
+    own = [name for name, other in families if other == model]
+    return {
+        "color": SERIES[models.index(model) % len(SERIES)], "marker": _MARKS[own.index(label) % len(_MARKS)],
+        "label": label, "markersize": 4.5 + 2.5 * own.index(label), "markerfacecolor": "none",
+        "linewidth": 1.1,
+    }  # fmt: skip
+
+
+def _line(
+    ax: Any, rows: Any, trend: Any, quantity: str, look: dict[str, Any], exponent: float | None, place: int
+) -> None:
+    """One family, with the observed order beside it; what is 0 has no place on a log axis."""
+    mine = [
+        row
+        for row in rows
+        if row["model"] == trend.model
+        and row["width"] is not None
+        and all(row.get(name) == value for name, value in trend.options.items())
+    ]
+    points = [(row["width"], row[quantity]) for row in mine if row[quantity]]
+    if not points:
+        ax.plot([], [], **look)
+        return
+    ax.plot(*np.array(points, dtype=float).T, **look)
+    first = look["marker"] == _MARKS[0] or quantity == "drift"
+    if exponent is not None and first:
+        at = max(0, len(points) // 2 - place % 2)  # models in turn, not above each other
+        ax.annotate(
+            f"{exponent:.2f}", points[at], xytext=(7, 4), textcoords="offset points", color=look["color"],
+            fontsize=7.5,
+        )  # fmt: skip
+
+
+def _reference(ax: Any, exact: Any, quantity: str) -> None:
+    value = exact[quantity]
+    if value:
+        ax.axhline(value, color=GREY, linestyle="--", linewidth=0.9, zorder=1)
+        text = "exact" if quantity == "field_calls" else "exact: two tolerances differ"
+        ax.annotate(
+            text, (0.02, value), xycoords=("axes fraction", "data"), xytext=(0, 3), color=INK, fontsize=7.5,
+            textcoords="offset points",
+        )  # fmt: skip
+    elif quantity == "drift":
+        ax.text(0.02, 0.02, "exact: 0", transform=ax.transAxes, color=INK, fontsize=7.5)
+
+
+def _legend(figure: Any, axes: Any, count: int) -> None:
+    handles, names = axes[0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper center", ncols=min(count, 4))

@@ -1,0 +1,62 @@
+"""Figure of a describing-function analysis: growth rate and frequency over the amplitude of the input."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from filippov.base.errors import UsageError
+from filippov.base.escape import figure_text
+from filippov.base.names import check_known
+from filippov.plot.style import BLUE, GREY, INK, PALE, RED, column, new_figure, style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def plot_describing_function(
+    prediction: Any,
+    *,
+    exact: Iterable[tuple[float, float]] = (),
+    labels: Mapping[str, str] | None = None,
+    title: str = "",
+    figure: Figure | None = None,
+) -> Figure:
+    """Growth rate and frequency of the quasi-linear loop; a cycle is predicted where the growth is 0.
+
+    prediction  what `describing_function` returned
+    exact       (amplitude of the input, frequency) of cycles computed exactly, drawn as crosses
+    labels      {"amplitude": "...", "growth": "...", "frequency": "..."}
+    """
+    text = {
+        "amplitude": figure_text(f"amplitude of the input '{prediction.surface}'"),
+        "growth": "growth rate [1/s]",
+        "frequency": "frequency [rad/s]",
+    }
+    check_known("label", dict(labels or {}), tuple(text), UsageError)
+    text |= labels or {}
+    with style():
+        drawn = figure if figure is not None else new_figure(5.2, 4.6)
+        top, bottom = column(drawn, 2)
+        top.axhline(0, color=PALE, linewidth=0.8)
+        top.semilogx(prediction.amplitude, prediction.growth, color=BLUE)
+        bottom.loglog(prediction.amplitude, prediction.frequency, color=BLUE)
+        for cycle in prediction.cycles:
+            face = BLUE if cycle.stable else "white"
+            style_of = {"color": BLUE, "markerfacecolor": face, "linestyle": "none", "marker": "o"}
+            word = "stable" if cycle.stable else "unstable"
+            top.plot([cycle.amplitude], [0.0], label=f"predicted, {word}", **style_of)
+            bottom.plot([cycle.amplitude], [cycle.frequency], **style_of)
+        for k, (amplitude, frequency) in enumerate(exact):
+            label = "exact cycle" if k == 0 else None
+            bottom.plot([amplitude], [frequency], "x", color=RED, markersize=8, label=label)
+        if not prediction.cycles:
+            top.text(0.02, 0.05, "no cycle predicted", transform=top.transAxes, color=GREY)
+        top.set_ylabel(text["growth"])
+        bottom.set(ylabel=text["frequency"], xlabel=text["amplitude"])
+        for ax in (top, bottom):
+            if ax.get_legend_handles_labels()[0]:
+                ax.legend(loc="best")
+        if title:
+            top.set_title(title, color=INK, fontsize=10)
+    return drawn

@@ -1,0 +1,212 @@
+"""A mode graph as a figure: modes at the place of their signs, transitions as numbered arcs, guards beside
+them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import networkx as nx
+import numpy as np
+import numpy.typing as npt
+
+from filippov.base.errors import UsageError
+from filippov.base.escape import figure_text
+from filippov.base.status import EventKind
+from filippov.graphs.graph_io import node_label
+from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, RED, new_figure, style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Point = npt.NDArray[np.float64]
+_SIGNS = {"-": -1, "0": 0, "+": 1, ".": 0}
+_CUBE = np.array([[2.2, 0.0, 0.8], [0.0, 2.2, 0.62]])
+_COLOURS = {EventKind.CROSSING: BLUE, EventKind.ENTRY: RED, EventKind.EXIT: GREEN, EventKind.GRAZING: PURPLE}
+MOST_GUARDS = 24
+MARGIN = 0.95
+
+
+def plot_graph(
+    graph: nx.MultiDiGraph,
+    *,
+    names: Mapping[str, str] | None = None,
+    guards: bool = True,
+    title: str = "",
+    figure: Figure | None = None,
+) -> Figure:
+    """Draw a mode graph; sliding modes are boxes, arcs are coloured by kind and bend to the left of their
+    direction.
+
+    names   words shown for modes, by mode text
+    guards  list the transitions beside the graph, with guards or counts (left out beyond 24)
+
+    With one or two surfaces a mode stands where its signs are on the axes, else networkx lays the graph out,
+    without crossings where that is possible. Raises UsageError for an empty graph, ImportError without
+    matplotlib.
+    """
+    if not graph:
+        raise UsageError("the graph has no modes, nothing can be drawn.")
+    places = _places(graph)
+    edges = list(graph.edges(data=True))
+    table = guards and 0 < len(edges) <= MOST_GUARDS
+    with style():
+        width, height = _extent(places)
+        lines = len(edges) if table else 0
+        beside = _text_inches(edges) if table else 0.0
+        size = (width + beside, max(height + 0.7, 0.26 * lines + 0.5))
+        drawn = figure if figure is not None else new_figure(*size)
+        if table:
+            left, right = drawn.subplots(1, 2, width_ratios=(width, beside))
+            _list(right, edges, size[1])
+        else:
+            left = drawn.subplots()
+        _draw(left, graph, places, names or {}, table)
+        _key(left, edges)
+        if title:
+            left.set_title(title, loc="left")
+    return drawn
+
+
+def _extent(places: Mapping[str, Point]) -> tuple[float, float]:
+    """Width and height of the graph in inches."""
+    corners = np.array(list(places.values()))
+    span = corners.max(axis=0) - corners.min(axis=0) + 2 * MARGIN
+    unit = min(1.1, 8.0 / float(span.max()))
+    return float(span[0]) * unit, float(span[1]) * unit
+
+
+def _text_inches(edges: list[Any]) -> float:
+    return min(9.5, 0.6 + 0.068 * max(len(_line(a, b, values)) for a, b, values in edges))
+
+
+def _places(graph: nx.MultiDiGraph) -> dict[str, Point]:
+    """Where the modes stand: at their signs for one or two surfaces."""
+    m = max(len(mode) for mode in graph)
+    if m == 1:
+        return {mode: np.array([1.6 * _SIGNS[mode], 0.0]) for mode in graph}
+    if m == 2:
+        return {mode: np.array([1.5 * _SIGNS[mode[0]], 1.5 * _SIGNS[mode[1]]]) for mode in graph}
+    simple = nx.Graph((a, b) for a, b in graph.edges() if a != b)
+    simple.add_nodes_from(graph)
+    planar, _ = nx.check_planarity(simple)
+    if m == 3 and not planar:  # the cube of the signs, seen from the side
+        return {mode: _CUBE @ [_SIGNS[c] for c in mode] for mode in graph}
+    layout = nx.planar_layout(simple) if planar else nx.kamada_kawai_layout(simple)
+    scale = 0.9 * math.sqrt(len(layout))
+    return {mode: scale * np.asarray(point, dtype=float) for mode, point in layout.items()}
+
+
+@dataclass(frozen=True)
+class Node:
+    """A mode as drawn: its place, and half its width and height in points."""
+
+    place: Point
+    label: str
+
+    def gap(self, direction: Point) -> float:
+        """Distance from the middle to the frame, in points, with a little air."""
+        lines = self.label.splitlines()
+        width, height = 3.1 * max(map(len, lines)) + 8.0, 6.5 * len(lines) + 5.0
+        unit = np.abs(direction) / np.linalg.norm(direction)
+        return float(min(width / max(unit[0], 1e-9), height / max(unit[1], 1e-9))) + 1.0
+
+
+def _draw(
+    ax: Any, graph: nx.MultiDiGraph, places: Mapping[str, Point], names: Mapping[str, str], table: bool
+) -> None:
+    nodes = {}
+    for mode, values in graph.nodes(data=True):
+        label = node_label(f"{names[mode]} ({mode})" if mode in names else mode, values)
+        nodes[mode] = Node(places[mode], label)
+        sliding = bool(values.get("sliding"))
+        ax.text(
+            *places[mode], label, ha="center", va="center", fontsize=10, color=INK, zorder=5,
+            linespacing=1.25, bbox={
+                "boxstyle": "square,pad=0.45" if sliding else "round,pad=0.45,rounding_size=0.9",
+                "facecolor": "#fdebd0" if sliding else "white", "edgecolor": ORANGE if sliding else GREY,
+                "linewidth": 2.0 if graph.graph.get("start") == mode else 1.1,
+            },
+        )  # fmt: skip
+    used: dict[tuple[str, str], int] = {}
+    for number, (a, b, values) in enumerate(graph.edges(data=True), start=1):
+        repeat = used[a, b] = used.get((a, b), -1) + 1
+        _arc(ax, nodes, a, b, _colour(values), repeat, str(number) if table else str(values.get("count", "")))
+    corners = np.array(list(places.values()))
+    (x0, y0), (x1, y1) = corners.min(axis=0) - MARGIN, corners.max(axis=0) + MARGIN
+    ax.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal")
+    ax.axis("off")
+
+
+def _arc(ax: Any, nodes: Mapping[str, Node], a: str, b: str, colour: str, repeat: int, text: str) -> None:
+    from matplotlib.patches import FancyArrowPatch
+
+    start, end = nodes[a].place, nodes[b].place
+    if a == b:
+        middle = start + np.array([0.0, 0.62 + 0.3 * repeat])
+        bend, gaps = 1.6 + 0.8 * repeat, (8.0, 8.0)
+        ends = (start + np.array([-0.16, 0.1]), start + np.array([0.16, 0.1]))
+    else:
+        chord = end - start
+        bend = 0.18 + 0.2 * repeat + (0.16 if _passes(nodes, a, b) else 0.0)
+        left = np.array([-chord[1], chord[0]])
+        middle = (start + end) / 2 + left * bend / 2
+        ends = (start, end)
+        gaps = (nodes[a].gap(chord + 2 * bend * left), nodes[b].gap(-chord + 2 * bend * left))
+    ax.add_patch(
+        FancyArrowPatch(
+            *ends, arrowstyle="-|>", mutation_scale=11, shrinkA=gaps[0], shrinkB=gaps[1], color=colour,
+            linewidth=1.3, zorder=2, connectionstyle=f"arc3,rad={-bend}",
+        )
+    )  # fmt: skip
+    if text:
+        ax.text(
+            *middle, figure_text(text), ha="center", va="center", fontsize=8, color=colour, zorder=4,
+            bbox={"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": colour, "linewidth": 0.7},
+        )  # fmt: skip
+
+
+def _passes(nodes: Mapping[str, Node], a: str, b: str) -> bool:
+    """Whether another mode stands on the straight line between two."""
+    start, chord = nodes[a].place, nodes[b].place - nodes[a].place
+    for mode, node in nodes.items():
+        along = float((node.place - start) @ chord / (chord @ chord))
+        if mode not in {a, b} and 0 < along < 1 and np.linalg.norm(node.place - start - along * chord) < 0.3:
+            return True
+    return False
+
+
+def _colour(values: Mapping[str, Any]) -> str:
+    return next((colour for kind, colour in _COLOURS.items() if values.get("kind") == str(kind)), INK)
+
+
+def _line(a: str, b: str, values: Mapping[str, Any]) -> str:
+    ends = f"{a} → {b}   "
+    if "count" in values:
+        return f"{ends}{values['surface']}: {values['kind']}, {values['count']} ×"
+    return f"{ends}{values.get('formula') or values.get('kind', '')}"
+
+
+def _list(ax: Any, edges: list[Any], height: float) -> None:
+    """The transitions by number, one a line."""
+    rows = max(len(edges), height / 0.26 - 2)
+    top = (rows - len(edges)) / 2
+    ax.set(xlim=(0, 1), ylim=(rows, 0))
+    ax.axis("off")
+    for number, (a, b, values) in enumerate(edges, start=1):
+        y = top + number - 0.5
+        ax.text(0.0, y, str(number), color=_colour(values), fontsize=8.5, ha="right", va="center")
+        ax.text(0.02, y, figure_text(_line(a, b, values)), color=INK, fontsize=8.5, ha="left", va="center")
+
+
+def _key(ax: Any, edges: list[Any]) -> None:
+    from matplotlib.lines import Line2D
+
+    kinds = dict.fromkeys(str(values.get("kind", "")) for _, _, values in edges)
+    handles = [Line2D([], [], color=_colour({"kind": kind}), label=kind) for kind in kinds if kind]
+    if handles:
+        ax.legend(
+            handles=handles, loc="lower center", bbox_to_anchor=(0.5, -0.02), ncols=min(len(handles), 3)
+        )

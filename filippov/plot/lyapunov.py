@@ -1,0 +1,53 @@
+"""Figures of chaos: exponents as they settle, and diagrams by iteration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from filippov.plot.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLORS = (BLUE, ORANGE, GREEN, PURPLE, RED)
+
+
+def plot_lyapunov(result: Any, *, title: str = "", figure: Figure | None = None) -> Figure:
+    """The estimate of every exponent over the time that it rests on; those of minus infinity are left out.
+
+    result  what `filippov.analysis.sensitivity.lyapunov.lyapunov` returned
+    """
+    with style():
+        drawn = figure if figure is not None else new_figure(6.4, 3.6)
+        ax = drawn.subplots()
+        spent = np.asarray(result.t)[1:] - result.t[0]
+        for k, value in enumerate(result.exponents):
+            if np.isfinite(value):
+                label = f"{value:.4g} ± {result.error[k]:.2g}"
+                ax.plot(spent, result.running[:, k], color=COLORS[k % len(COLORS)], label=label)
+        ax.axhline(0.0, color=GREY, linewidth=0.6, linestyle=":")
+        ax.set(xlabel="time that the estimate rests on", ylabel="Lyapunov exponents", title=title)
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend()
+    return drawn
+
+
+def plot_brute_force(
+    result: Any, *, labels: Mapping[str, str] | None = None, title: str = "", figure: Figure | None = None
+) -> Figure:
+    """Iterates over the parameter, a dot each.
+
+    result  what `filippov.analysis.diagrams.brute_force.brute_force` returned
+    labels  {"parameter": "speed [m/s]", "d": "x at the stick [m]"}
+    """
+    text = {"parameter": str(result.parameter), "d": "d", **(labels or {})}
+    with style():
+        drawn = figure if figure is not None else new_figure(6.4, 3.8)
+        ax = drawn.subplots()
+        values = np.repeat(result.values, result.d.shape[1])
+        ax.plot(values, result.d.ravel(), ".", color=BLUE, markersize=1.4, rasterized=True)
+        ax.set(xlabel=text["parameter"], ylabel=text["d"], title=title)
+    return drawn

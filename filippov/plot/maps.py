@@ -1,0 +1,224 @@
+"""Figures of event maps and bifurcation diagrams.
+
+Stable fixed points are filled and unstable ones open; equilibrium sets are squares and cycles circles. What
+is drawn is asked only for its attributes, so any object that has them will do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.base.errors import UsageError
+from filippov.base.names import check_known
+from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, RED, new_figure, style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = npt.NDArray[np.float64]
+_BOUNDS = (RED, PURPLE, ORANGE, GREEN)
+
+
+def plot_event_map(
+    event_map: Any,
+    lo: float,
+    hi: float,
+    *,
+    points: int = 400,
+    samples: tuple[Any, Any] | None = None,
+    fixed: Iterable[Any] = (),
+    orbit: Any = None,
+    labels: Mapping[str, str] | None = None,
+    title: str = "",
+    figure: Figure | None = None,
+) -> Figure:
+    """P(d) over [lo, hi] with the diagonal, fixed points, and the pairs (d_k, d_k+1) of an orbit.
+
+    event_map  function of an array of d, NaN where it does not return
+    samples    (d, P(d)) where they are known already
+    fixed      objects with d, kind and stable
+    orbit      successive d of a motion
+    labels     {"d": "x at the stick [m]", "P": "next x"}
+
+    The line is broken where the map has no value, and where it jumps. Raises UsageError.
+    """
+    text = _labels(labels, {"d": "d", "P": "P(d)"})
+    d, image = _sampled(event_map, lo, hi, points, samples)
+    with style():
+        drawn = figure if figure is not None else new_figure(4.8, 4.4)
+        ax = drawn.subplots()
+        _curve(ax, lo, hi, d, image)
+        if orbit is not None:
+            steps = np.asarray(orbit, dtype=float)
+            ax.plot(steps[:-1], steps[1:], "o", color=ORANGE, markersize=3.6, zorder=3, label="orbit")
+        _fixed(ax, fixed)
+        ax.set(xlim=(lo, hi), xlabel=text["d"], ylabel=text["P"])
+        _finish(ax, title)
+    return drawn
+
+
+def plot_iterates(
+    event_map: Any,
+    start: float,
+    n: int = 30,
+    *,
+    lo: float | None = None,
+    hi: float | None = None,
+    points: int = 400,
+    fixed: Iterable[Any] = (),
+    labels: Mapping[str, str] | None = None,
+    title: str = "",
+    figure: Figure | None = None,
+) -> Figure:
+    """Cobweb of n iterates from `start`; [lo, hi] by default what the iterates cover, with a margin.
+
+    event_map  as in `plot_event_map`, with iterate(d, n)
+    """
+    text = _labels(labels, {"d": "d", "P": "P(d)"})
+    if n < 1:
+        raise UsageError(f"n is {n!r}, expected at least 1 iterate.")
+    orbit = np.asarray(event_map.iterate(start, n), dtype=float)
+    known = orbit[np.isfinite(orbit)]
+    margin = 0.08 * (float(np.ptp(known)) or abs(start) or 1.0)
+    low = float(known.min()) - margin if lo is None else lo
+    high = float(known.max()) + margin if hi is None else hi
+    d, image = _sampled(event_map, low, high, points, None)
+    with style():
+        drawn = figure if figure is not None else new_figure(4.8, 4.4)
+        ax = drawn.subplots()
+        _curve(ax, low, high, d, image)
+        x = np.repeat(orbit, 2)[:-1]
+        y = np.concatenate([[orbit[0]], np.repeat(orbit[1:], 2)])
+        ax.plot(x, y, color=ORANGE, linewidth=0.9, zorder=3, label=f"{n} iterates")
+        ax.plot(orbit[0], orbit[0], "s", color=INK, markersize=4.5, zorder=4, label="start")
+        _fixed(ax, fixed)
+        ax.set(xlim=(low, high), xlabel=text["d"], ylabel=text["P"])
+        _finish(ax, title)
+    return drawn
+
+
+def plot_diagram(
+    diagram: Any,
+    *,
+    bounds: Mapping[str, float] | None = None,
+    labels: Mapping[str, str] | None = None,
+    title: str = "",
+    figure: Figure | None = None,
+) -> Figure:
+    """Fixed points over a parameter: stable filled, unstable open; folds and changes of stability marked.
+
+    diagram  object with parameter, values, points (for each value its fixed points), folds [(value, d)] and
+             stability_changes [value]; branches are drawn as lines and period doublings among its `special`
+             as crosses, where it has them
+    bounds   values of the parameter to draw as vertical lines, by what they are: {"Routh-Hurwitz": 29}
+    labels   {"parameter": "P", "d": "x at the stick [m]"}
+    """
+    text = _labels(labels, {"parameter": str(diagram.parameter), "d": "fixed points d"})
+    with style():
+        drawn = figure if figure is not None else new_figure(6.4, 4.0)
+        ax = drawn.subplots()
+        for branch in getattr(diagram, "branches", ()):
+            _branch(ax, branch)
+        flat = [(float(v), q) for v, found in zip(diagram.values, diagram.points, strict=True) for q in found]
+        _scatter(ax, [(value, float(q.d), q) for value, q in flat])
+        for k, (value, d) in enumerate(diagram.folds):
+            ax.plot(value, d, "D", color=RED, markersize=6, zorder=6, label=None if k else "fold")
+            ax.annotate(
+                f"{value:.5g}", (value, d), xytext=(7, 0), textcoords="offset points", color=RED, fontsize=8,
+                va="center",
+            )  # fmt: skip
+        doubled = [(q.value, q.d) for q in getattr(diagram, "special", ()) if q.kind == "period doubling"]
+        if doubled:
+            ax.plot(*np.array(doubled).T, "X", color=GREEN, markersize=7, zorder=6, label="period doubling")
+        for k, value in enumerate(diagram.stability_changes):
+            ax.plot(
+                value, 0.0, "*", color=PURPLE, markersize=11, zorder=6,
+                label=None if k else "set changes stability",
+            )  # fmt: skip
+        for k, (name, value) in enumerate((bounds or {}).items()):
+            colour = _BOUNDS[k % len(_BOUNDS)]
+            label = f"{name} {value:.6g}"
+            ax.axvline(value, color=colour, linewidth=1.0, linestyle="-.", zorder=1, label=label)
+        ax.set(xlabel=text["parameter"], ylabel=text["d"])
+        ax.margins(0.04)
+        _finish(ax, title)
+    return drawn
+
+
+# -- pieces ----------------------------------------------------------------------------------------------
+
+
+def _sampled(
+    event_map: Any, lo: float, hi: float, points: int, samples: tuple[Any, Any] | None
+) -> tuple[Array, Array]:
+    if not hi > lo:
+        raise UsageError(f"the interval is [{lo}, {hi}], expected lo < hi.")
+    if points < 2:
+        raise UsageError(f"points is {points!r}, expected at least 2.")
+    d = np.linspace(lo, hi, points) if samples is None else np.asarray(samples[0], dtype=float)
+    image = event_map(d) if samples is None else samples[1]
+    return d, np.asarray(image, dtype=float)
+
+
+def _curve(ax: Any, lo: float, hi: float, d: Array, image: Array) -> None:
+    """The map with the diagonal; a step far beyond its neighbours is a jump and leaves a gap."""
+    ax.plot([lo, hi], [lo, hi], color=GREY, linewidth=0.8, linestyle=":", zorder=1, label="P(d) = d")
+    x, y = d, image
+    if d.size > 4:
+        rise = np.abs(np.diff(image))
+        seen = rise[np.isfinite(rise)]
+        height = float(np.ptp(image[np.isfinite(image)])) if seen.size else 0.0
+        limit = max(30 * float(np.median(seen)), 0.04 * height) if seen.size else np.inf
+        at = np.flatnonzero(rise > limit) + 1
+        x, y = np.insert(d, at, np.nan), np.insert(image, at, np.nan)
+    ax.plot(x, y, color=BLUE, zorder=2, label="P(d)")
+
+
+def _fixed(ax: Any, points: Iterable[Any]) -> None:
+    _scatter(ax, [(float(q.d), float(q.d), q) for q in points])
+
+
+def _scatter(ax: Any, points: Sequence[tuple[float, float, Any]]) -> None:
+    """Marks by kind and stability, one entry in the legend each."""
+    for stable in (True, False):
+        for rest in (True, False):
+            wanted = stable, rest
+            chosen = [(x, y) for x, y, q in points if (bool(q.stable), q.kind == "equilibrium set") == wanted]
+            if not chosen:
+                continue
+            name = f"{'stable' if stable else 'unstable'} {'equilibrium set' if rest else 'cycle'}"
+            ax.plot(
+                *np.array(chosen).T, "s" if rest else "o", color=INK, zorder=5, label=name,
+                markersize=(6.0 if rest else 5.5) if len(points) < 30 else 4.0,
+                markerfacecolor=INK if stable else "white", markeredgewidth=1.0,
+            )  # fmt: skip
+
+
+def _branch(ax: Any, branch: Any) -> None:
+    """A branch with values and d (and stable, one a point): solid where stable, else dashed."""
+    values, d = np.asarray(branch.values, dtype=float), np.asarray(branch.d, dtype=float)
+    stable = np.broadcast_to(np.asarray(getattr(branch, "stable", True), dtype=bool), d.shape)
+    ax.plot(values, d, color=PALE, linewidth=2.4, zorder=1)
+    for kind, line in ((True, "-"), (False, "--")):
+        part = np.where(stable == kind, d, np.nan)
+        ax.plot(values, part, color=BLUE, linewidth=1.2, linestyle=line, zorder=2)
+
+
+def _labels(given: Mapping[str, str] | None, known: Mapping[str, str]) -> dict[str, str]:
+    check_known("label", given or {}, known, UsageError)
+    return {**known, **(given or {})}
+
+
+def _finish(ax: Any, title: str) -> None:
+    handles, names = ax.get_legend_handles_labels()
+    columns = 3
+    if title:
+        ax.set_title(title, loc="left", pad=10 + 15 * -(-len(names) // columns), fontsize=10.5)
+    ax.legend(
+        handles, names, loc="lower left", bbox_to_anchor=(0, 1.0), ncols=min(len(names), columns),
+        borderpad=0.1, borderaxespad=0.3, handletextpad=0.4, columnspacing=1.2,
+    )  # fmt: skip

@@ -1,0 +1,97 @@
+"""Figures of periodic orbits: the phase portrait and the time series of one period."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from filippov.base.errors import UsageError
+from filippov.base.names import check_known, unknown
+from filippov.base.status import mode_text
+from filippov.plot.style import BLUE, GREY, INK, MARKS, ORANGE, new_figure, style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def plot_orbit(
+    orbit: Any,
+    *,
+    axes: Sequence[str] | None = None,
+    states: Sequence[str] | None = None,
+    labels: Mapping[str, str] | None = None,
+    title: str = "",
+    figure: Figure | None = None,
+) -> Figure:
+    """One period: the phase portrait on the left, the states over time on the right; sliding is orange.
+
+    orbit   has system, pieces, period, multipliers, word, stable
+    axes    the two states of the phase portrait; default the first two (one state: over time only)
+    states  those drawn over time; default all, at most four
+    labels  axis labels by state
+    """
+    names = orbit.system.states
+    shown = list(states or names[:4])
+    pair = list(axes or names[:2])
+    for name in (*shown, *pair):
+        if name not in names:
+            raise UsageError(unknown("state", name, names))
+    check_known("state", labels or {}, names, UsageError)
+    if axes is not None and len(pair) != 2:
+        raise UsageError(f"axes names {len(pair)} states, expected two.")
+    text = {name: name for name in names} | dict(labels or {})
+    with style():
+        drawn = figure if figure is not None else new_figure(8.2, 0.9 + 1.25 * max(2, len(shown)))
+        grid = drawn.add_gridspec(len(shown), 2 if len(pair) == 2 else 1, wspace=0.08)
+        below = None
+        panels = []
+        for row in range(len(shown)):
+            below = drawn.add_subplot(grid[row, -1], sharex=below)
+            panels.append(below)
+        left = drawn.add_subplot(grid[:, 0]) if len(pair) == 2 else None
+        for piece in orbit.pieces:
+            for segment in piece.segments:
+                _stretch(piece, segment, names, pair, shown, left, panels)
+        for event in (event for piece in orbit.pieces for event in piece.events):
+            mark, colour = MARKS.get(event.kind, ("|", GREY))
+            at = dict(zip(names, event.x, strict=True))
+            if left is not None:
+                left.plot(at[pair[0]], at[pair[1]], mark, color=colour, markersize=4, zorder=4)
+            for name, ax in zip(shown, panels, strict=True):
+                ax.plot(event.t, at[name], mark, color=colour, markersize=3.5, zorder=4)
+        if left is not None:
+            left.set(xlabel=text[pair[0]], ylabel=text[pair[1]])
+            left.axhline(0, color=GREY, linewidth=0.5, linestyle=":", zorder=0)
+        for name, ax in zip(shown, panels, strict=True):
+            ax.set_ylabel(text[name])
+            if ax is not panels[-1]:
+                ax.tick_params(labelbottom=False)
+        panels[-1].set_xlabel("t")
+        drawn.align_ylabels(panels)
+        drawn.suptitle(title or _caption(orbit), x=0.01, ha="left", fontsize=10, color=INK)
+    return drawn
+
+
+def _stretch(
+    motion: Any, segment: Any, names: Sequence[str], pair: Sequence[str], shown: Sequence[str], left: Any,
+    panels: Sequence[Any],
+) -> None:  # fmt: skip
+    """Draw one stretch of one mode."""
+    t = np.linspace(segment.t0, segment.t1, 200)
+    inside = np.clip(t, segment.t0 + 1e-12 * segment.dwell, segment.t1 - 1e-12 * segment.dwell)
+    x = dict(zip(names, motion.sol(inside), strict=True))
+    colour = ORANGE if "0" in mode_text(segment.mode) else BLUE
+    if left is not None:
+        left.plot(x[pair[0]], x[pair[1]], color=colour)
+    for name, ax in zip(shown, panels, strict=True):
+        ax.plot(t, x[name], color=colour)
+
+
+def _caption(orbit: Any) -> str:
+    kind = "stable" if orbit.stable else "unstable"
+    largest = float(np.max(np.abs(orbit.multipliers), initial=0.0))
+    return f"{kind}, period {orbit.period:.8g}, largest |multiplier| {largest:.4g}\n{orbit.word}"
+
+

@@ -1,0 +1,99 @@
+"""Figures of what holds where: cells over two parameters, basins over two states."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, RED, SKY, new_figure, style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CALM = ("#e4f2e9", "#bcdff5", "#7fb8de", "#4a90c2")
+ROUGH = ("#fbe3d6", "#f3b79b", "#e08a66", "#c85f3d")
+BASINS = (SKY, ORANGE, GREEN, PURPLE, BLUE, RED)
+LINES = (INK, RED, PURPLE, GREEN)
+
+
+def plot_regions(result: Any, *, title: str = "", figure: Figure | None = None) -> Figure:
+    """Number of cycles in every cell by colour, and whether the set of equilibria attracts; borders as lines.
+
+    result  what `filippov.analysis.diagrams.regions.regions` returned
+    """
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    with style():
+        drawn = figure if figure is not None else new_figure(6.4, 4.2)
+        ax = drawn.subplots()
+        kinds, names, colors = _kinds(result)
+        ax.pcolormesh(
+            result.x, result.y, kinds, cmap=ListedColormap(colors), vmin=-0.5, vmax=len(colors) - 0.5,
+            shading="nearest", rasterized=True,
+        )  # fmt: skip
+        handles: list[Any] = [Patch(color=c, label=n) for c, n in zip(colors, names, strict=True)]
+        for k, (name, points) in enumerate(result.borders):
+            (line,) = ax.plot(points[:, 0], points[:, 1], color=LINES[k % len(LINES)], label=name)
+            handles.append(line)
+        ax.set(xlabel=result.names[0], ylabel=result.names[1], title=title)
+        ax.set(xlim=(result.x.min(), result.x.max()), ylim=(result.y.min(), result.y.max()))
+        drawn.legend(handles=handles, loc="outside right upper")
+    return drawn
+
+
+def _kinds(result: Any) -> tuple[Any, list[str], list[str]]:
+    kinds = np.zeros(result.cycles.shape, dtype=int)
+    names: list[str] = []
+    colors: list[str] = []
+    cells = zip(result.cycles.ravel(), result.stable.ravel(), result.set_stable.ravel(), strict=True)
+    keys = sorted({(int(a), int(b), bool(c)) for a, b, c in cells})
+    for number, (cycles, stable, calm) in enumerate(keys):
+        same = (result.cycles == cycles) & (result.stable == stable) & (result.set_stable == calm)
+        kinds[same] = number
+        if cycles < 0:
+            names.append("not computed")
+            colors.append(PALE)
+            continue
+        word = "cycle" if cycles == 1 else "cycles"
+        what = "no cycle" if cycles == 0 else f"{cycles} {word}, {stable} stable"
+        names.append(f"{what}; rest {'attracts' if calm else 'repels'}")
+        palette = CALM if calm else ROUGH
+        colors.append(palette[min(cycles, len(palette) - 1)])
+    return kinds, names, colors
+
+
+def plot_basin(result: Any, *, title: str = "", figure: Figure | None = None) -> Figure:
+    """Colour of the attractor for every initial state of a plane.
+
+    result  what `filippov.analysis.diagrams.basin.basin` returned
+    """
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    special = {-1: ("to none found", PALE), -2: ("beyond the interval", "#efefef"), -3: ("no event", GREY)}
+    with style():
+        drawn = figure if figure is not None else new_figure(6.4, 4.4)
+        ax = drawn.subplots()
+        kinds = np.zeros(result.label.shape, dtype=int)
+        names, colors = [], []
+        for number, label in enumerate(np.unique(result.label).tolist()):
+            kinds[result.label == label] = number
+            if label < 0:
+                name, color = special[label]
+            else:
+                d = result.attractors[label]
+                name = "rest" if d == 0.0 else f"cycle, d = {d:.4g}"
+                color = BASINS[label % len(BASINS)]
+            names.append(name)
+            colors.append(color)
+        ax.pcolormesh(
+            result.x, result.y, kinds, cmap=ListedColormap(colors), vmin=-0.5, vmax=len(colors) - 0.5,
+            shading="nearest", rasterized=True,
+        )  # fmt: skip
+        held = ", ".join(f"{name} = {value:g}" for name, value in result.at.items())
+        ax.set(xlabel=result.names[0], ylabel=result.names[1], title=title or held)
+        handles = [Patch(color=c, label=n) for c, n in zip(colors, names, strict=True)]
+        drawn.legend(handles=handles, loc="outside right upper", title="goes to")
+    return drawn

@@ -1,0 +1,241 @@
+"""Figures of a solution and of a mode graph; matplotlib is imported when the first is drawn.
+
+Sliding phases are shaded or drawn thick, events are marked by kind. The functions return the figure;
+`figure=` draws into one of your own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.escape import figure_text
+from filippov.base.names import check_known
+from filippov.plot.graph import plot_graph
+from filippov.plot.style import BLUE, GREY, INK, MARKS, RED, SERIES, SLIDING, column, new_figure, style
+from filippov.solving.solution import Segment, Solution
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["plot_graph", "plot_phase", "plot_solution"]
+
+Array = npt.NDArray[np.float64]
+MOST_MARKS = 400
+
+
+def plot_solution(
+    solution: Solution,
+    states: Sequence[str] | str | None = None,
+    *,
+    multiplier: str | None = None,
+    labels: Mapping[str, str] | None = None,
+    events: bool = True,
+    points: int = 2000,
+    title: str = "",
+    figure: Figure | None = None,
+) -> Figure:
+    """States over time, one panel a state, sliding phases shaded and events marked.
+
+    states      names of the states to show; default all
+    multiplier  name of a surface: a further panel with the value of its sign and the set it may take while
+                sliding
+    labels      labels with units, by name: {"t": "time [s]", "x": "position [m]", "multiplier": "friction"}
+    points      samples over the span, at least 8 in every segment
+
+    Raises UsageError for unknown names, ImportError without matplotlib.
+    """
+    names = _names(states, solution)
+    if multiplier is not None:
+        try:
+            solution.system.surface_place(multiplier)
+        except ModelError as error:
+            raise UsageError(str(error)) from None
+    text = _labels(labels, ("t", *solution.system.states, "multiplier"))
+    pieces = list(_pieces(solution, points))
+    rows = len(names) + (multiplier is not None)
+    with style():
+        drawn = figure if figure is not None else new_figure(7.0, 1.0 + 1.55 * rows)
+        axes = column(drawn, rows)
+        for k, (name, ax) in enumerate(zip(names, axes, strict=False)):
+            i = solution.system.states.index(name)
+            _shade(ax, solution, k == 0)
+            t = np.concatenate([t for _, t, _ in pieces])
+            ax.plot(t, np.concatenate([x[i] for _, _, x in pieces]), color=SERIES[0])
+            if events:
+                _mark(ax, solution, [e.t for e in solution.events], [e.x[i] for e in solution.events], k == 0)
+            ax.set_ylabel(text.get(name, name))
+        if multiplier is not None:
+            _shade(axes[-1], solution, False)
+            _multiplier(axes[-1], solution, multiplier, pieces)
+            axes[-1].set_ylabel(text.get("multiplier", figure_text(f"sign of {multiplier}")))
+        axes[-1].set_xlabel(text.get("t", "t"))
+        low, high = sorted((solution.problem.t_span[0], solution.t_end))
+        if low < high:
+            axes[-1].set_xlim(low, high)
+        _legend(axes[0], title, 5)
+    return drawn
+
+
+def plot_phase(
+    solution: Solution,
+    x: str | None = None,
+    y: str | None = None,
+    *,
+    equilibrium: Any = None,
+    labels: Mapping[str, str] | None = None,
+    events: bool = True,
+    points: int = 4000,
+    title: str = "",
+    figure: Figure | None = None,
+) -> Figure:
+    """Phase portrait of two states, sliding parts drawn thick.
+
+    x, y         names of the states; default the first two
+    equilibrium  states of the ends of an equilibrium set, one row a state vector of n numbers (or of the two
+                 shown): drawn as a thick grey line, one row as a point
+    """
+    states = solution.system.states
+    if len(states) < 2 and (x is None or y is None):
+        raise UsageError("a phase portrait needs two states; this system has one. Use plot_solution.")
+    pair = [x if x is not None else states[0], y if y is not None else states[1]]
+    check_known("state", pair, states, UsageError)
+    i, j = (states.index(name) for name in pair)
+    text = _labels(labels, states)
+    ends = None if equilibrium is None else _ends(equilibrium, len(states), i, j)
+    with style():
+        drawn = figure if figure is not None else new_figure(5.2, 4.2)
+        ax = drawn.subplots()
+        if ends is not None:
+            ax.plot(
+                ends[:, 0], ends[:, 1], color=GREY, linewidth=6, alpha=0.45, solid_capstyle="round", zorder=1,
+                marker="o" if len(ends) == 1 else "", markersize=8, markeredgewidth=0, label="equilibria",
+            )  # fmt: skip
+        for sliding, group in groupby(_pieces(solution, points), key=lambda piece: 0 in piece[0].mode):
+            line = np.concatenate([values[[i, j]] for _, _, values in group], axis=1)
+            ax.plot(
+                *line, color=SLIDING[0] if sliding else BLUE, linewidth=3.2 if sliding else 1.1,
+                solid_capstyle="round", zorder=3 if sliding else 2,
+                label=_once(ax, "sliding" if sliding else ""),
+            )  # fmt: skip
+        ax.plot(*solution.problem.x0[[i, j]], "s", color=INK, markersize=4.5, zorder=5, label="start")
+        if events:
+            at = [e.x for e in solution.events]
+            _mark(ax, solution, [v[i] for v in at], [v[j] for v in at], True)
+        ax.set_xlabel(text.get(pair[0], pair[0]))
+        ax.set_ylabel(text.get(pair[1], pair[1]))
+        ax.margins(0.06)
+        ax.locator_params(nbins=6)
+        _legend(ax, title, 3)
+    return drawn
+
+
+# -- pieces ----------------------------------------------------------------------------------------------
+
+
+def _pieces(solution: Solution, points: int) -> Iterator[tuple[Segment, Array, Array]]:
+    """(segment, times, states) along the run, each segment from its first to its last point."""
+    if points < 2:
+        raise UsageError(f"points is {points!r}, expected at least 2.")
+    span = abs(solution.t_end - solution.problem.t_span[0]) or 1.0
+    for segment in solution.segments:
+        if solution.sol is None:
+            low, high = sorted((segment.t0, segment.t1))
+            inside = (solution.t >= low) & (solution.t <= high)
+            yield segment, solution.t[inside], solution.y[:, inside]
+            continue
+        t = np.linspace(segment.t0, segment.t1, max(8, int(points * segment.dwell / span)))
+        yield segment, t, np.column_stack([solution.sol(t[:1], side="+"), solution.sol(t[1:])])
+
+
+def _shade(ax: Any, solution: Solution, named: bool) -> None:
+    """Bands behind the sliding segments, one colour for each set of sliding surfaces."""
+    surfaces = [surface.name for surface in solution.system.surfaces]
+    spans: dict[str, list[tuple[float, float]]] = {}
+    for segment in solution.segments:
+        on = [name for name, m in zip(surfaces, segment.mode, strict=True) if m == 0]
+        if on:
+            spans.setdefault(", ".join(on), []).append((min(segment.t0, segment.t1), segment.dwell))
+    for k, (name, bars) in enumerate(spans.items()):
+        ax.broken_barh(
+            bars, (0, 1), transform=ax.get_xaxis_transform(), facecolor=SLIDING[k % len(SLIDING)], alpha=0.22,
+            linewidth=0, zorder=0, label=figure_text(f"sliding on {name}") if named else None,
+        )  # fmt: skip
+
+
+def _mark(ax: Any, solution: Solution, a: Sequence[float], b: Sequence[float], named: bool) -> None:
+    """A mark for each event, in front of the line; none at all where they would cover it."""
+    if len(a) > MOST_MARKS:
+        return
+    for kind, (marker, colour) in MARKS.items():
+        chosen = [k for k, event in enumerate(solution.events) if event.kind is kind]
+        if chosen:
+            ax.plot(
+                [a[k] for k in chosen], [b[k] for k in chosen], marker, color=colour, markersize=5, zorder=4,
+                markeredgewidth=1.0 if marker == "x" else 0, label=str(kind) if named else None,
+            )  # fmt: skip
+
+
+def _multiplier(
+    ax: Any, solution: Solution, surface: str, pieces: Sequence[tuple[Segment, Array, Array]]
+) -> None:
+    times: list[Array] = []
+    values: list[Array] = []
+    gap = np.array([np.nan])
+    for segment, t, _ in pieces:
+        inner = segment.t0 + (t - segment.t0) * (1 - 1e-9) + 0.5e-9 * (segment.t1 - segment.t0)
+        if 0 not in segment.mode:
+            inner = inner[[0, -1]]
+        times += [inner, gap]
+        values += [solution.multiplier(surface, inner), gap]
+    ax.axhline(1, color=GREY, linewidth=0.6, linestyle=":")
+    ax.axhline(-1, color=GREY, linewidth=0.6, linestyle=":")
+    ax.plot(np.concatenate(times), np.concatenate(values), color=RED)
+    ax.margins(y=0.12)
+
+
+def _legend(ax: Any, title: str, columns: int) -> None:
+    handles, labels = ax.get_legend_handles_labels()
+    if title:
+        ax.set_title(title, loc="left", pad=10 + 15 * -(-len(labels) // columns), fontsize=10.5)
+    if handles:
+        ax.legend(
+            handles, labels, loc="lower left", bbox_to_anchor=(0, 1.0), ncols=min(len(labels), columns),
+            borderpad=0.1, borderaxespad=0.3, handletextpad=0.4, columnspacing=1.2,
+        )  # fmt: skip
+
+
+def _once(ax: Any, label: str) -> str | None:
+    return label if label and label not in ax.get_legend_handles_labels()[1] else None
+
+
+def _names(given: Sequence[str] | str | None, solution: Solution) -> list[str]:
+    states = solution.system.states
+    names = list(states) if given is None else [given] if isinstance(given, str) else list(given)
+    check_known("state", names, states, UsageError)
+    if not names:
+        raise UsageError("no state was named, expected at least one.")
+    return names
+
+
+def _labels(given: Mapping[str, str] | None, known: Sequence[str]) -> dict[str, str]:
+    labels = dict(given or {})
+    check_known("label", labels, known, UsageError)
+    return labels
+
+
+def _ends(equilibrium: Any, n: int, i: int, j: int) -> Array:
+    try:
+        rows = np.atleast_2d(np.asarray(equilibrium, dtype=float))
+    except (TypeError, ValueError):
+        raise UsageError(f"equilibrium is {equilibrium!r}, expected state vectors, one a row.") from None
+    if rows.ndim != 2 or rows.shape[1] not in (2, n):
+        raise UsageError(
+            f"equilibrium has shape {rows.shape}, expected rows of {n} states, or of the two shown."
+        )
+    return rows[:, [i, j]] if rows.shape[1] == n else rows

@@ -1,0 +1,62 @@
+"""One look for all figures: colours that colour-blind readers tell apart (Okabe & Ito 2008), thin frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any
+
+from filippov.base.status import EventKind
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+INK, GREY, PALE = "#222222", "#6b6b6b", "#d9d9d9"
+BLUE, ORANGE, GREEN, RED = "#0072b2", "#e69f00", "#009e73", "#d55e00"
+PURPLE, SKY = "#cc79a7", "#56b4e9"
+SERIES = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
+SLIDING = (ORANGE, SKY, GREEN, PURPLE)
+MARKS = {
+    EventKind.CROSSING: ("o", INK), EventKind.ENTRY: ("v", RED), EventKind.EXIT: ("^", GREEN),
+    EventKind.GRAZING: ("x", PURPLE), EventKind.RESET: ("D", INK),
+}  # fmt: skip
+_RC: dict[str, Any] = {
+    "axes.axisbelow": True, "axes.edgecolor": GREY, "axes.grid": False, "axes.labelcolor": INK,
+    "axes.linewidth": 0.7, "axes.spines.right": False, "axes.spines.top": False, "figure.dpi": 110,
+    "font.size": 9.5, "legend.fontsize": 8.5, "legend.frameon": False, "lines.linewidth": 1.3,
+    "savefig.bbox": "tight", "savefig.dpi": 160, "svg.fonttype": "none", "svg.hashsalt": "filippov",
+    "xtick.color": GREY, "xtick.labelcolor": INK, "ytick.color": GREY, "ytick.labelcolor": INK,
+}  # fmt: skip
+
+
+def style() -> AbstractContextManager[None]:
+    """A context in which figures get this look."""
+    mpl = _matplotlib()
+    # Resolved first: a context left after the backend was chosen inside it would undo that choice.
+    mpl.get_backend()
+    return mpl.rc_context(_RC)  # type: ignore[no-any-return]
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure (inches) that plt.show() shows."""
+    _matplotlib()
+    from matplotlib import pyplot as plt
+
+    return plt.figure(figsize=(width, height), layout="constrained")
+
+
+def column(figure: Figure, rows: int) -> Sequence[Any]:
+    """Axes above each other with one time axis."""
+    axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
+    figure.align_ylabels(list(axes))
+    return list(axes)
+
+
+def _matplotlib() -> Any:
+    try:
+        import matplotlib as mpl
+    except ImportError:
+        raise ImportError(
+            "plots need matplotlib, which is not installed: pip install filippov[plots]"
+        ) from None
+    return mpl

@@ -1,0 +1,59 @@
+"""Figure of gains with and without hunting: rho over two gains, with the best gains and their margin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from filippov.plot.style import INK, ORANGE, new_figure, style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+HUNTING = "#f3d9c4"
+LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
+
+
+def plot_gain_maps(
+    maps: Sequence[Any],
+    *,
+    tuning: Any = None,
+    title: str = "",
+    figure: Figure | None = None,
+) -> Figure:
+    """Largest ratio of successive excursions over pairs of gains: below 1 there is no hunting.
+
+    maps    what `gain_map` returned, one panel each
+    tuning  what `tune` returned: its best gains as a star, its margin as a box
+    """
+    from matplotlib import colormaps
+
+    with style():
+        drawn = figure if figure is not None else new_figure(4.6 * len(maps) + 0.6, 3.9)
+        axes = np.ravel(drawn.subplots(1, len(maps), squeeze=False))
+        filled = None
+        colors = colormaps["Blues_r"].with_extremes(over=HUNTING)
+        for ax, item in zip(axes, maps, strict=True):
+            ratio = np.where(np.isfinite(item.ratio), item.ratio, 1e3)
+            filled = ax.contourf(item.x, item.y, ratio, levels=LEVELS, cmap=colors, extend="max")
+            if np.min(ratio) < 1 < np.max(ratio):
+                ax.contour(item.x, item.y, ratio, levels=[1.0], colors=[ORANGE], linewidths=1.6)
+            if tuning is not None and tuning.best is not None:
+                _mark(ax, item, tuning)
+            ax.set(xlabel=item.names[0], ylabel=item.names[1], xlim=item.x[[0, -1]], ylim=item.y[[0, -1]])
+        if filled is not None:
+            bar = drawn.colorbar(filled, ax=list(axes), ticks=LEVELS)
+            bar.set_label("largest |next stick / stick|;\nabove 1 (line): hunting")
+        if title:
+            drawn.suptitle(title, color=INK, fontsize=10)
+    return drawn
+
+
+def _mark(ax: Any, item: Any, tuning: Any) -> None:
+    a, b = (tuning.best[name] for name in item.names)
+    s = tuning.margin
+    ax.plot([a], [b], "*", color=INK, markersize=10, clip_on=False)
+    box = [(a / s, b / s), (a * s, b / s), (a * s, b * s), (a / s, b * s), (a / s, b / s)]
+    ax.plot(*zip(*box, strict=True), color=INK, linewidth=0.9, linestyle="--")

@@ -1,0 +1,1 @@
+"""From a problem to its solution: the event loop's Python side, solutions, trees, ensembles."""

@@ -1,0 +1,426 @@
+"""Many trajectories of one system in compiled code: where each ends, nothing kept of the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.failure import failure
+from filippov.base.names import check_known, unknown
+from filippov.base.status import Status
+from filippov.kernel.codegen.build import widest
+from filippov.kernel.tables import codes
+from filippov.kernel.tables.layout import LANES, MOST_LANES
+from filippov.model.system import System
+from filippov.solving.scale import default_atol, of_little_ends, small
+from filippov.solving.state.batch import UNFINISHED, Batch, lane_unit, system_threads
+from filippov.solving.state.events import Event, Stop, columns_of, turned
+from filippov.solving.state.machine import Array, Machine
+from filippov.solving.state.options import Options, check_span, check_stops, falls
+from filippov.solving.state.problem import Problem
+
+_STATUS = {
+    UNFINISHED: Status.INTERRUPTED,
+    codes.REACHED: Status.SUCCESS,
+    codes.STOPPED: Status.STOPPED,
+    codes.CHUNK_DONE: Status.MAX_STEPS,
+    codes.EVENTS_FULL: Status.MAX_EVENTS,
+    codes.NOT_FINITE: Status.NOT_FINITE,
+    codes.MIN_STEP: Status.MIN_STEP,
+    codes.NO_SLIDING: Status.NO_SLIDING,
+    codes.USER_ERROR: Status.ERROR,
+}
+# The same as a table over all codes, from UNFINISHED on; None where `solve` has to decide.
+_OF_CODE = np.array([_STATUS.get(code) for code in range(UNFINISHED, codes.NO_SLIDING + 1)], dtype=object)
+_OPTIONS = (
+    "method",
+    "rtol",
+    "atol",
+    "first_step",
+    "max_step",
+    "max_steps",
+    "max_events",
+    "nonunique",
+    "sliding",
+    "zeno",
+    "compile",
+    "simultaneous",
+)
+# Methods whose stages are written out one after the other, as lanes need them.
+_IN_LANES = ("DOP853", "DP5")
+# Fewer rows than this do not repay the compilation of lanes.
+_ENOUGH = 64
+# A thread of its own for every so many rows, one by one and in lanes.
+_ROWS_EACH = (16, 128)
+# Rows in memory at a time with all that a running trajectory needs.
+_BLOCK = 1 << 16
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """Ends of many trajectories.
+
+    t, x       time and state reached: (k,), (k, n); at a terminal event, its time and state
+    mode       mode there: (k, m)
+    status     one Status a trajectory; message: what the general path had to say, "" elsewhere. ERROR: a
+               function of the user's raised, the message has it; t and x are of the last step before
+    nfev       field calls of each
+    counts     events of each by surface and kind, (k, m, kinds): see `events`
+    last       number of the surface and kind of the last event of each, (k, 2), -1 where there was none
+    measured   what `measure` made of them, None without it
+    complete   False where the work was interrupted; trajectories that had not ended have status INTERRUPTED
+               and the state of their last step
+    lanes      trajectories side by side in the compiled code: 16, 8 or 1; threads: how many worked
+    """
+
+    t: Array
+    x: Array
+    mode: npt.NDArray[np.int64]
+    status: tuple[Status, ...]
+    message: tuple[str, ...]
+    nfev: npt.NDArray[np.int64]
+    counts: npt.NDArray[np.int32]
+    last: npt.NDArray[np.int64]
+    measured: Any = None
+    complete: bool = True
+    lanes: int = 1
+    threads: int = 1
+    surfaces: tuple[str, ...] = field(default=(), repr=False)
+    place_of: Callable[[str], tuple[int, int]] | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def success(self) -> npt.NDArray[np.bool_]:
+        """Which trajectories did what they were asked to do."""
+        return np.array([status.ok for status in self.status])
+
+    def events(self, surface: str | None = None, kind: str | None = None) -> npt.NDArray[np.int64]:
+        """Number of events of each trajectory, (k,): on one surface, of one kind (as in `Stop`), or all.
+
+        Raises UsageError.
+        """
+        rows = self.counts
+        if surface is not None:
+            place, sense = self._place(surface)
+            rows = rows[:, place : place + 1]
+            kind = kind if kind is None or sense > 0 else turned(kind)
+        if kind is not None:
+            rows = rows[:, :, list(columns_of(kind))]
+        return np.asarray(rows.sum(axis=(1, 2), dtype=np.int64))
+
+    def _place(self, surface: str) -> tuple[int, int]:
+        if surface in self.surfaces or self.place_of is None:
+            if surface not in self.surfaces:
+                raise UsageError(unknown("surface", surface, self.surfaces))
+            return self.surfaces.index(surface), 1
+        try:
+            return self.place_of(surface)
+        except ModelError as error:
+            raise UsageError(str(error)) from None
+
+
+def solve_many(
+    system: System,
+    x0: Any,
+    t_span: Any,
+    *,
+    parameters: Mapping[str, Any] | None = None,
+    stop: Stop | tuple[Stop, ...] = (),
+    threads: int | None = None,
+    lanes: int | None = None,
+    measure: Callable[[Ensemble], Any] | None = None,
+    progress: Callable[[int, int], object] | None = None,
+    backward: bool = False,
+    **options: Any,
+) -> Ensemble:
+    """Solve from many initial states, and for many parameter values, in compiled code.
+
+    x0          (k, n), or (n,) for one state with many parameter sets
+    parameters  values by name, each a number or k numbers
+    stop        terminal events, as in `solve`
+    threads     default: all cores (1 for systems of plain Python functions)
+    lanes       trajectories side by side in vector instructions: 16, 8 or 1; default: where the system is
+                symbolic with switching functions linear in (t, x), and there are 64 trajectories or more, 16
+                on processors with AVX-512 and 8 on others
+    measure     function of the Ensemble of a block of trajectories (up to 65,536, in order) that returns an
+                array with a row for each; the blocks' results, joined, are `measured`
+    progress    called with (trajectories done, k) now and then
+    backward    True for t_span = (t0, t1) with t1 < t0, as in `solve`
+
+    Other options as in `solve`. What lanes cannot follow (an event, a corner) the plain compiled loop takes
+    over for that trajectory alone; what that loop does not decide (an accumulation of events, a non-unique
+    point) is solved again by `solve`. Results agree with those of the plain loop to within the tolerance. At
+    Ctrl-C the trajectories done so far are returned, with `complete` False. An exception in a function of the
+    user's ends its own trajectory, with Status.ERROR and the exception in its message.
+    Raises UsageError, ModelError, and what `measure` and `progress` raise.
+    """
+    span = check_span(t_span, backward, x0)
+    prepared = Prepared(system, span, stop=stop, threads=threads, lanes=lanes, backward=backward, **options)
+    states, values = _points(system, x0, parameters or {})
+    return prepared.run(states, values, measure=measure, progress=progress)
+
+
+class Prepared:
+    """What calls of `solve_many` with one system, span and options have in common, checked and compiled once.
+
+    Arguments as there.
+    """
+
+    def __init__(
+        self, system: System, t_span: Any, *, stop: Stop | tuple[Stop, ...] = (), threads: int | None = None,
+        lanes: int | None = None, backward: bool = False, **options: Any,
+    ) -> None:  # fmt: skip
+        check_known("option", options, _OPTIONS, UsageError)
+        self.system, self.options = system, options
+        self.span, self.stops = check_span(t_span, backward), check_stops(stop, system)
+        self.checked = Options(dense_output=False, **options)
+        self.checked.check_system(system)
+        self.threads, self.lanes = threads, lanes
+        self.machine: Machine | None = None
+        if system.field is None:
+            self.machine = _machine(system, self.checked.method, self.checked.sliding)
+            # An equal system may have been here before: what was made of it is this one's as well.
+            system.units.update(self.machine.system.units)
+
+    def run(
+        self, states: Array, values: Array, *, measure: Callable[[Ensemble], Any] | None = None,
+        progress: Callable[[int, int], object] | None = None,
+    ) -> Ensemble:  # fmt: skip
+        """The ends of trajectories from states (k, n) with rows of parameters (k, P)."""
+        count, system, checked, span = len(states), self.system, self.checked, self.span
+        machine = self.machine or Machine(
+            system, checked.method, values[0], sliding=checked.sliding, compiled=checked.compile
+        )
+        width = 1 if machine.compiled.plain else _lanes(self.lanes, machine, checked.method, count)
+        unit = _lane_unit(machine, checked.method, width) if width > 1 else None
+        workers = system_threads(system, self.threads, count, _ROWS_EACH[width > 1])
+        parts: list[Ensemble] = []
+        for first in range(0, max(count, 1), _BLOCK):
+            rows = slice(first, min(first + _BLOCK, count))
+
+            def look(done: int, first: int = first) -> None:
+                if progress is not None:
+                    progress(first + done, count)
+
+            def carried(x: Array, p: Array, used: Options) -> Ensemble:
+                batch, complete = Batch(machine, x, p, span, self.stops, used), True
+                try:
+                    if system.clocked or machine.compiled.plain:
+                        # The driver of `solve` stops at the instants, and runs kernels in Python.
+                        batch.code[:] = codes.GENERAL
+                    else:
+                        batch.run(workers, unit, look)
+                except KeyboardInterrupt:
+                    complete = False
+                options = {**self.options, "atol": used.atol}
+                return _collect(batch, x, span, self.stops, options, complete, width, workers)
+
+            part = self._by_scale(states[rows], values[rows], carried)
+            if measure is not None:
+                part = replace(part, measured=_measured(measure, part))
+            parts.append(part)
+            if not part.complete:
+                break
+        return _joined(parts, states, span)
+
+    def _by_scale(
+        self, states: Array, values: Array, carried: Callable[[Array, Array, Options], Ensemble]
+    ) -> Ensemble:
+        """The ends of a block: rows that are small throughout have an absolute tolerance of their own."""
+        checked = self.checked
+        little = small(states, checked.rtol)
+        if "atol" in self.options or not np.any(little):
+            return carried(states, values, checked)
+        atol = np.full(len(states), checked.atol)
+        for q in np.flatnonzero(little).tolist():
+            atol[q] = default_atol(self.system, states[q], self.span, values[q], checked)
+        levels = np.unique(atol).tolist()
+        if len(levels) == 1:
+            return carried(states, values, replace(checked, atol=levels[0]))
+        order: list[npt.NDArray[np.int64]] = []
+        parts: list[Ensemble] = []
+        for level in reversed(levels):
+            at = np.flatnonzero(atol == level)
+            if parts and not parts[-1].complete:
+                break
+            order.append(at)
+            parts.append(carried(states[at], values[at], replace(checked, atol=level)))
+        left = np.setdiff1d(np.arange(len(states)), np.concatenate(order))
+        whole = np.concatenate([*order, left])
+        return _permuted(_joined(parts, states[whole], self.span), np.argsort(whole))
+
+
+@lru_cache(maxsize=64)
+def _machine(system: System, method: str, sliding: str) -> Machine:
+    """The machine of a symbolic system; its scratch is nobody's, batches bring their own."""
+    return Machine(system, method, system.parameters.resolve(None), sliding=sliding)
+
+
+_lane_unit = lru_cache(maxsize=64)(lane_unit)
+
+
+def _lanes(lanes: int | None, machine: Machine, method: str, count: int) -> int:
+    system = machine.system
+    if lanes is None:
+        # A guard that bends is searched in every step, which the plain loop does: lanes would not pay.
+        linear = bool(machine.unit.constants["ALL_LINEAR"])
+        possible = system.field is None and method in _IN_LANES and linear
+        possible = possible and machine.sliding != "utkin"
+        return widest() if possible and count >= _ENOUGH else 1
+    if isinstance(lanes, bool) or lanes not in (1, LANES, MOST_LANES):
+        raise UsageError(f"lanes is {lanes!r}, expected 1, {LANES} or {MOST_LANES}.")
+    if lanes > 1 and system.field is not None:
+        raise UsageError(
+            f"lanes is {lanes}, but the system is made of plain Python functions, which are called one state "
+            "at a time. Give the equations in symbols, or leave lanes at 1."
+        )
+    if lanes > 1 and machine.sliding == "utkin":
+        raise UsageError(f"lanes is {lanes}, but sliding='utkin' runs one by one. Leave lanes at 1.")
+    if lanes > 1 and method not in _IN_LANES:
+        raise UsageError(
+            f"lanes is {lanes}, but {method} runs one by one; lanes know {', '.join(_IN_LANES)}."
+        )
+    return lanes
+
+
+def _points(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Array, Array]:
+    states = np.array(x0, dtype=float, ndmin=2)
+    if states.ndim != 2 or states.shape[1] != system.dimension:
+        raise UsageError(
+            f"x0 has shape {np.shape(x0)}, expected (k, {system.dimension}) "
+            f"(states: {', '.join(system.states)})."
+        )
+    if not np.all(np.isfinite(states)):
+        row, column = np.argwhere(~np.isfinite(states))[0]
+        raise UsageError(
+            f"x0[{row}]: state {system.states[column]!r} is {states[row, column]}, expected a number."
+        )
+    single, columns = dict(parameters), {}
+    for name, value in parameters.items():
+        if not isinstance(value, float) and np.ndim(value) != 0:
+            columns[name] = np.asarray(single.pop(name), dtype=float)
+    lengths = {len(column) for column in columns.values()} | {len(states)}
+    count = max(lengths)
+    if not lengths <= {1, count}:
+        raise UsageError(f"x0 and parameters have lengths {sorted(lengths)}, expected one length or 1.")
+    base = system.parameters.resolve({**single, **{k: float(column[0]) for k, column in columns.items()}})
+    values = np.empty((count, len(base)))
+    values[:] = base
+    for name, column in columns.items():
+        declared = system.parameters[name]
+        for extreme in (float(np.min(column)), float(np.max(column))):
+            declared.check(extreme, f"parameter {name!r}")
+        values[:, system.parameters.index(name)] = column
+    return states if len(states) == count else np.repeat(states, count, axis=0), values
+
+
+def _collect(
+    batch: Batch, start: Array, span: tuple[float, float], stops: tuple[Stop, ...],
+    options: Mapping[str, Any], complete: bool, lanes: int, threads: int,
+) -> Ensemble:  # fmt: skip
+    """The ends of a batch, with the rows that need the general path solved by it."""
+    system = batch.machine.system
+    statuses = _statuses(batch.code)
+    messages = [""] * batch.size
+    for q, text in of_little_ends(system.states, start, batch.x, batch.atol):
+        messages[q] = text
+    for q, error in batch.raised.items():
+        messages[q] = failure(error)
+    t, nfev = batch.clock[:, codes.T].copy(), batch.count[:, codes.FIELD_CALLS].copy()
+    counts = batch.kinds[:, :-2].reshape(batch.size, batch.machine.m, codes.KINDS).astype(np.int32)
+    last = batch.kinds[:, -2:].copy()
+    general = [q for q, status in enumerate(statuses) if status is None] if None in statuses else []
+    for q in general:
+        if not complete:
+            statuses[q] = Status.INTERRUPTED
+            continue
+        values = dict(zip(system.parameters.names, batch.values[q].tolist(), strict=True))
+        from filippov.solving.solver import solve
+
+        try:
+            solution = solve(
+                Problem(system, start[q], span, values, falls(span)), stop=stops, dense_output=False,
+                **options,
+            )  # fmt: skip
+        except BaseException as error:  # noqa: BLE001  # the row's own, whatever it is; `failure` knows others
+            statuses[q], messages[q] = Status.ERROR, failure(error)
+            continue
+        statuses[q], messages[q] = solution.status, solution.message
+        t[q], batch.x[q], batch.mode[q] = solution.t_end, solution.x_end, solution.end_mode
+        nfev[q] += solution.nfev
+        counts[q], last[q] = 0, -1
+        for event in solution.events.of_surfaces(batch.machine.m):
+            last[q] = event.index, _column(event)
+            counts[q, event.index, _column(event)] += 1
+        complete = solution.status is not Status.INTERRUPTED
+    names = system.surface_names
+    return Ensemble(
+        t, batch.x, batch.mode.astype(np.int64), cast(tuple[Status, ...], tuple(statuses)), tuple(messages),
+        nfev, counts, last,
+        complete=complete, lanes=lanes, threads=threads, surfaces=names, place_of=system.surface_place,
+    )  # fmt: skip
+
+
+def _statuses(code: npt.NDArray[np.int64]) -> list[Status | None]:
+    first = int(code[0]) if code.size else UNFINISHED
+    if np.all(code == first):
+        return [_STATUS.get(first)] * code.size
+    known: list[Status | None] = _OF_CODE[code - UNFINISHED].tolist()
+    return known
+
+
+def _column(event: Event) -> int:
+    """The kernel's number for the kind of an event."""
+    direction = {1: " up", -1: " down"}.get(event.direction, "")
+    return columns_of(f"{event.kind}{direction}")[0]
+
+
+def _measured(measure: Callable[[Ensemble], Any], part: Ensemble) -> npt.NDArray[Any]:
+    values = np.asarray(measure(part))
+    if values.ndim == 0 or len(values) != len(part.t):
+        raise UsageError(
+            f"measure returned shape {values.shape} for {len(part.t)} trajectories, expected a row for each."
+        )
+    return values
+
+
+def _permuted(whole: Ensemble, order: npt.NDArray[np.int64]) -> Ensemble:
+    """The same with the rows in another order."""
+    arrays = {name: getattr(whole, name)[order] for name in ("t", "x", "mode", "nfev", "counts", "last")}
+    return replace(
+        whole, **arrays, status=tuple(whole.status[q] for q in order.tolist()),
+        message=tuple(whole.message[q] for q in order.tolist()),
+    )  # fmt: skip
+
+
+def _joined(parts: list[Ensemble], states: Array, span: tuple[float, float]) -> Ensemble:
+    """One ensemble of all blocks; what was never begun stands at its start."""
+    done = sum(len(part.t) for part in parts)
+    if len(parts) == 1 and done == len(states):
+        return parts[0]
+    left, last = len(states) - done, parts[-1]
+    rest = replace(
+        last, t=np.full(left, span[0]), x=states[done:].copy(),
+        mode=np.ones((left, last.mode.shape[1]), np.int64),
+        status=(Status.INTERRUPTED,) * left, message=("",) * left, nfev=np.zeros(left, np.int64),
+        counts=np.zeros((left, *last.counts.shape[1:]), np.int32), last=np.full((left, 2), -1),
+    )  # fmt: skip
+    pieces = [*parts, rest] if left else parts
+
+    def join(name: str) -> Any:
+        return np.concatenate([getattr(piece, name) for piece in pieces])
+
+    arrays = {name: join(name) for name in ("t", "x", "mode", "nfev", "counts", "last")}
+    measured = None
+    if last.measured is not None:
+        measured = np.concatenate([part.measured for part in parts])
+    return replace(
+        last, **arrays, measured=measured, complete=all(part.complete for part in parts),
+        status=tuple(s for piece in pieces for s in piece.status),
+        message=tuple(s for piece in pieces for s in piece.message),
+    )  # fmt: skip

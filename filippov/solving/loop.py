@@ -1,0 +1,469 @@
+"""Drive the compiled loop from event to event, and decide what it leaves open."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.base.status import JUMPED_OVER, EventKind, Status, mode_text
+from filippov.kernel.tables import codes
+from filippov.model.user_event import UserEvent
+from filippov.solving.diagnosis import close_call, suspect
+from filippov.solving.patience import Patience
+from filippov.solving.resets.jumps import pending, settle, source_name, starting, state_text, touching
+from filippov.solving.resets.passed import passed, slipped
+from filippov.solving.resets.reset_cycle import rests_in_cycle
+from filippov.solving.resets.slow_spiral import slow_spiral
+from filippov.solving.resets.zeno import Accumulation, accumulates, power_law, rest, rests
+from filippov.solving.selection.ambiguity import BEFORE_A_RESET, SPIRAL, Ambiguity, listing, noted, picked
+from filippov.solving.selection.attraction import LOST, Attraction
+from filippov.solving.selection.fold_point import depart, followers, funnelled
+from filippov.solving.selection.higher_order import Begun, HigherOrder
+from filippov.solving.selection.modes import Successor
+from filippov.solving.settling import Ended, Settling
+from filippov.solving.solution import Solution
+from filippov.solving.state.change import Jump, change_of
+from filippov.solving.state.clocks import Clocks
+from filippov.solving.state.events import Mode
+from filippov.solving.state.machine import Array, Machine
+from filippov.solving.state.options import Options
+from filippov.solving.state.problem import Problem
+from filippov.solving.state.run import Run
+from filippov.solving.state.watched import Watch
+
+# Steps between two looks at the clock: so many at first, then what takes about _LOOK seconds.
+_CHUNK, _SLOW_CHUNK, _LONGEST_CHUNK = 2_000, 10, 1_000_000
+_LOOK = 0.05
+
+
+class Turn(NamedTuple):
+    """Where a piece of solution begins with a choice: the point, and the mode taken there."""
+
+    ambiguity: Ambiguity
+    chosen: Successor
+
+
+class Followed(NamedTuple):
+    """A piece of solution, and how many events are left until each terminal one."""
+
+    solution: Solution
+    stop: npt.NDArray[np.int64]
+
+
+def follow(
+    problem: Problem,
+    options: Options,
+    progress: Callable[[float, float], None] | None = None,
+    times: Array | None = None,
+    turn: Turn | None = None,
+    origin: float | None = None,
+    stop: npt.NDArray[np.int64] | None = None,
+    users: tuple[UserEvent, ...] = (),
+) -> Followed:
+    """Run to the end of the span, or to where the options say to stop.
+
+    turn    start in this mode instead of the one that the initial state decides
+    origin  time at which the whole motion began, where this is a later piece of it; `stop`: its countdown
+    users   events of the user
+    """
+    system = problem.system
+    watch = Watch(users, len(system.surfaces), len(system.time_events))
+    events = tuple(users[k].surface for k in watch.order)
+    machine = Machine(system, options.method, problem.p, events, options.sliding, options.compile)
+    record = None if machine.callbacks is None else machine.callbacks.p
+    clocks = Clocks(system, record, problem.parameters, problem.t_span)
+    run = Run(machine, problem.x0, problem.t_span, options)
+    run.watch(options.stop)
+    if stop is not None:
+        run.stop[:] = stop
+    if origin is not None:
+        run.clock[codes.T_START] = origin
+    loop = _Loop(run, clocks, watch, progress, turn)
+    status, message = loop.go()
+    solution = Solution(problem, run, loop.start_mode, status, message, times, watch)
+    solution.ambiguity, solution.accumulations = loop.ambiguity, tuple(loop.accumulations)
+    return Followed(solution, run.stop.copy())
+
+
+class _Loop(Settling):
+    """Drive the compiled loop and decide what it leaves open."""
+
+    def __init__(
+        self, run: Run, clocks: Clocks, watch: Watch, progress: Callable[[float, float], None] | None,
+        turn: Turn | None = None,
+    ) -> None:  # fmt: skip
+        self.run, self.clocks, self.watch, self.progress, self.turn = run, clocks, watch, progress, turn
+        self.t_end = float(run.clock[codes.T_END])
+        self.due: list[int] = []
+        self.ambiguity: Ambiguity | None = None
+        self.accumulations: list[Accumulation] = []
+        self.higher = HigherOrder(run)
+        self.options = run.options
+        self.started = time.monotonic()
+        self.start_mode: Mode = ()
+        self.stalled, self.general_t = 0, np.inf
+        self.resetting = any(run.machine.resets_from)
+        self.patience, self.attraction = Patience(run), Attraction()
+        self.chunk = _CHUNK if run.machine.callbacks is None else _SLOW_CHUNK
+
+    def go(self) -> tuple[Status, str]:
+        """Run to the end; returns how it ended and a sentence."""
+        run = self.run
+        try:
+            ended = self._start()
+            while ended is None:
+                ended = self._step()
+        except KeyboardInterrupt:
+            run.collect()
+            return Status.INTERRUPTED, self._sentence(Status.INTERRUPTED)
+        return ended
+
+    def _sentence(self, status: Status, detail: str = "") -> str:
+        where = f"stopped at t = {self.run.t:.12g} in mode {mode_text(self.run.signs[: self.watch.surfaces])}"
+        return f"{where}: {detail + ' ' if detail else ''}{status.advice}"
+
+    def _end(self, status: Status, detail: str = "") -> tuple[Status, str]:
+        text = f"{detail} {status.advice}".lstrip() if status.ok else self._sentence(status, detail)
+        text += self.patience.hint(status)
+        return status, text if self.spiral is None else text + self.spiral.followed
+
+    def _start(self) -> tuple[Status, str] | None:
+        """Mode at the initial state: by the sign of h off a surface, by classification on one (E4)."""
+        run = self.run
+        if self.options.on_graze == "error":
+            run.stop[: self.watch.surfaces, codes.GRAZING] = 1
+        self.watch.arm(run)
+        self._aim()
+        if self.turn is None:
+            code = run.begin()
+        else:
+            at, chosen = self.turn
+            code, run.mode[:] = codes.REACHED, at.before
+            self.start_mode = chosen.mode if at.start else at.before
+            ended = self._take(chosen, at.before, at.hit, str(at), at.start)
+            if ended is not None:
+                return ended
+        if self.turn is None or self.turn.ambiguity.start:
+            self.start_mode = run.signs
+        for i, value in enumerate(run.machine.guards(run.t, run.x, run.mode)):
+            if not np.isfinite(value):
+                name = run.machine.surfaces[i].name
+                return self._end(Status.NOT_FINITE, f"surface {name!r} has h = {value} at the initial state.")
+        if run.t == self.t_end:
+            return self._end(Status.SUCCESS)
+        if code == codes.GENERAL:
+            near = self._near()
+            onto = starting(run, near)
+            ended = self._reset(onto, onto) if onto else self._classify(near, (), start=True)
+            if ended is not None:
+                return ended
+            self.start_mode = run.signs
+        return None
+
+    def _step(self) -> tuple[Status, str] | None:
+        run, options = self.run, self.options
+        begun = time.monotonic()
+        code = self.attraction.advance(run, max(1, min(self.chunk, options.max_steps - run.attempts)))
+        ratio = _LOOK / max(time.monotonic() - begun, 1e-9)
+        self.chunk = int(min(max(self.chunk * min(max(ratio, 0.1), 4.0), 1), _LONGEST_CHUNK))
+        if code != codes.USER_ERROR and self.resetting and (why := passed(run)):
+            return self._end(Status.NO_CONTINUATION, why)
+        if code == codes.REACHED:
+            return self._reached()
+        if run.events.total >= options.max_events and code not in (codes.STOPPED, codes.ZENO):
+            return self._too_many()
+        if code == codes.STOPPED:
+            if options.on_graze == "error" and run.events[-1].kind is EventKind.GRAZING:
+                return self._end(Status.GRAZING, f"{run.events[-1]}.")
+            return self._stopped()
+        if code in (codes.RECORDS_FULL, codes.EVENTS_FULL, codes.CHUNK_DONE):
+            return self._budgets()
+        if code == LOST:
+            return self._classify(group := self.attraction.group, group, start=False)
+        if code == codes.GENERAL:
+            return self._general()
+        if code == codes.ZENO:
+            return self._zeno()
+        if code == codes.MIN_STEP:
+            if accumulates(run):
+                return self._zeno()
+            if self._arrived():
+                return self._budgets()
+        if code == codes.MIN_STEP and (drawn := funnelled(run) or funnelled(run, behind=True)):
+            return self._classify(drawn, drawn, start=False) or self._budgets()
+        failures = {codes.NOT_FINITE: Status.NOT_FINITE, codes.MIN_STEP: Status.MIN_STEP}
+        status = failures.get(code, Status.NO_SLIDING)
+        return self._end(status, f"state {state_text(run)}. {suspect(run)}".rstrip())
+
+    def _too_many(self) -> tuple[Status, str]:
+        """The budget of events is used up: by an accumulation that no other law recognises, or as it is."""
+        limit = power_law(self.run)
+        if limit is None:
+            spiral = slow_spiral(self.run)
+            ways = "Go on in the corner with zeno='continue', or nearer to it with a larger max_events."
+            return self._end(Status.MAX_EVENTS, "" if spiral is None else f"{spiral}. {ways}")
+        self.accumulations.append(limit)
+        return self._end(
+            Status.ZENO,
+            f"events accumulate at t = {limit.t:.9g} (error about {limit.error:.1g}), as n**-k for the n-th: "
+            "there is no limit state to go on with.",
+        )
+
+    def _stopped(self) -> tuple[Status, str] | None:
+        event = self.run.events[-1]
+        if not self.watch.ends(self.run, event):
+            return self._budgets()
+        return self._end(Status.STOPPED, f"Stopped at t = {self.run.t:.12g}: {self.watch.shown(event)}.")
+
+    def _budgets(self) -> tuple[Status, str] | None:
+        run, options = self.run, self.options
+        held_up = self.patience.look(self.t_end, self.accumulations)
+        if self.patience.slow and (drawn := funnelled(run)):
+            return self._classify(drawn, drawn, start=False)
+        if held_up is not None:
+            if held_up[0] is Status.MIN_STEP and (drawn := funnelled(run, behind=True)):
+                return self._classify(drawn, drawn, start=False)
+            return self._end(*held_up)
+        if run.attempts >= options.max_steps:
+            return self._end(Status.MAX_STEPS)
+        if time.monotonic() - self.started > options.max_time:
+            return self._end(Status.TIMEOUT)
+        if self.progress is not None:
+            self.progress(run.t, self.t_end)
+        return self._spirals()
+
+    def _aim(self) -> None:
+        """Let the compiled loop run to the next instant of a time event, or to the end."""
+        if not self.clocks:
+            return
+        run, clocks = self.run, self.clocks
+        at = clocks.same(run.t) * 2
+        if run.direction > 0:
+            instant, self.due = clocks.following(run.t)
+            run.machine.between(clocks.before(run.t + at)[0], instant)
+        else:
+            instant, self.due = clocks.before(run.t)
+            run.machine.between(instant, clocks.following(run.t - at)[0])
+        if (instant - self.t_end) * run.direction > clocks.same(self.t_end):
+            self.due = []
+        beyond = (instant - self.t_end) * run.direction > 0
+        run.clock[codes.T_END] = self.t_end if beyond else instant
+        run.clock[codes.SAME_INSTANT] = clocks.same(instant) if self.due else 0.0
+
+    def _reached(self) -> tuple[Status, str] | None:
+        """At the end, or at an instant of time events: reset, look where the motion goes, and go on."""
+        run, machine = self.run, self.run.machine
+        if not self.due:
+            return self._end(Status.SUCCESS)
+        run.clock[codes.T] = run.clock[codes.T_END]
+        together = bool(run.events) and abs(run.events[-1].t - run.t) <= run.clock[codes.SAME_INSTANT]
+        jump = Jump(run.signs, run.x.copy(), (), tuple(self.due), together)
+        resets = [machine.m + i for i in self.due if machine.system.time_events[i].reset is not None]
+        self._aim()
+        if resets and run.direction < 0:
+            return self._back_over(resets)
+        if resets or machine.callbacks is not None:
+            # What is reached at the very instant of a clock is one set with it (E5).
+            ended = self._reset([*pending(run, touching(run)), *resets], (), jump)
+        else:
+            ended = self._record(run.signs, run.lam, (), "", jump)
+        if ended is None and run.t == self.t_end:
+            return self._end(Status.SUCCESS)
+        if ended is None and run.events.total >= self.options.max_events:
+            return self._end(Status.MAX_EVENTS)
+        return ended or self._budgets()
+
+    def _general(self) -> tuple[Status, str] | None:
+        """Events the compiled loop does not decide: corners, tangencies, several surfaces at once."""
+        run = self.run
+        hit = [i for i in range(run.machine.m) if run.hit[i] != 0]
+        near = self._near()
+        sliding = [i for i in range(run.machine.m) if run.mode[i] == 0]
+        met = sorted({*hit, *near, *sliding})
+        # The same place again and again means that the classification and the motion disagree.
+        moved = abs(run.t - self.general_t) > 64 * np.finfo(float).eps * abs(run.t)
+        self.stalled = 0 if moved else self.stalled + 1
+        self.general_t = run.t
+        roots = [i for i in hit if run.hit[i] == codes.ROOT]
+        ended = self._back_over(roots)
+        active = pending(run, roots)
+        if active and self.due and abs(run.t - run.clock[codes.T_END]) <= run.clock[codes.SAME_INSTANT]:
+            return self._reached()
+        if ended is None:
+            ended = self._decided(active, met, hit)
+        if ended is None and accumulates(run):
+            return self._zeno()
+        if ended is None and self.stalled > 4 * (run.machine.m + 1):
+            return self._end(Status.NO_CONTINUATION, f"events do not leave the state {state_text(run)}.")
+        return ended if ended is not None else self._budgets()
+
+    def _back_over(self, hit: Sequence[int]) -> tuple[Status, str] | None:
+        """Backwards in time a reset is not undone: the end of the run where one may have happened."""
+        run = self.run
+        resets = [i for i in hit if i >= run.machine.m or run.machine.resets_from[i]]
+        names = [source_name(run, i) for i in resets]
+        if run.direction > 0 or not names:
+            return None
+        hit = tuple(i for i in resets if i < run.machine.m)
+        self.ambiguity = Ambiguity(run.t, BEFORE_A_RESET, (), run.signs, hit, start=False)
+        return self._end(
+            Status.NON_UNIQUE,
+            f"backwards in time, {', '.join(map(repr, names))} is reached, where a reset may have "
+            f"led to the state {state_text(run)}; what was before it is not determined.",
+        )
+
+    def _reset(
+        self, active: list[int], hit: Sequence[int], jump: Jump | None = None
+    ) -> tuple[Status, str] | None:
+        """Apply the resets of surfaces reached or time events, and find where the motion goes from there."""
+        run, m = self.run, self.run.machine.m
+        jump = jump or Jump(run.signs, run.x.copy())
+        self._back()
+        settled = settle(run, active, self.options.simultaneous, hit)
+        if settled.status is Status.ZENO and self.options.zeno == "continue":
+            led, run.x[:] = run.x.copy(), jump.x
+            if any(rests_in_cycle(run, i) for i in active if i < m):
+                return self._reached()
+            run.x[:] = led
+        if settled.status is not None:
+            return self._end(settled.status, f"at state {state_text(run)} {settled.detail}")
+        jump = replace(jump, by=tuple(i for i in settled.surfaces if i < m))
+        ended = self._classify(settled.met, hit, start=False, jump=jump)
+        run.order[list(settled.left)] = 1
+        if ended is None and (why := slipped(run, jump.before)):
+            return self._end(Status.NO_CONTINUATION, f"at state {state_text(run)} {why}")
+        return ended
+
+    def _near(self) -> list[int]:
+        """Surfaces that the present point lies on, to rounding."""
+        sizes, scale = self.run.scales()
+        near = sizes <= 8 * np.finfo(float).eps * scale
+        # A relay with hysteresis switches at the edges of its band, not where h is 0.
+        return [i for i in range(self.run.machine.m) if near[i] and self.run.machine.widths[i] == 0.0]
+
+    def _classify(
+        self, met: Sequence[int], hit: Sequence[int], start: bool, jump: Jump | None = None,
+        rested: Sequence[int] = (),
+    ) -> tuple[Status, str] | None:  # fmt: skip
+        """Find the modes that can follow on the surfaces met, choose one, take it up, record the events.
+
+        rested: contacts whose rate has come to 0, however little it was before.
+        """
+        run = self.run
+        before = run.signs
+        base = tuple(0 if i in rested else sign for i, sign in enumerate(before))
+        if jump is not None and not met:
+            run.put(before, (0,) * run.machine.m, tuple(run.lam))
+            return self._record(before, np.zeros(run.machine.m), hit, "", jump)
+        happens = None if start or jump is not None else hit
+        name, candidates, point = followers(run, base, met, happens)
+        begun = self.higher.idle(candidates) if jump is None else ""
+        if isinstance(begun, Begun):
+            return None if start else self._changed(before, begun.mode, begun.multipliers, hit, begun.note)
+        if len(candidates) == 1 and name != SPIRAL:
+            note = noted(point, name, candidates[0]) or close_call(run, candidates[0])
+            return self._take(candidates[0], before, hit, note, start, jump)
+        names = ", ".join(repr(run.machine.surfaces[i].name) for i in met)
+        where = f"at state {state_text(run)} on {names}"
+        if not candidates:
+            begun = self.higher.begin(met, 1e2 * (run.atol + run.options.rtol * np.abs(run.x)))
+            if isinstance(begun, Begun):
+                jump = jump or Jump(before, run.x.copy())
+                return None if start else self._record(begun.mode, begun.multipliers, hit, begun.note, jump)
+            # A corner that a motion enters tangentially may be none of its modes, and yet a place to rest in.
+            if jump is None and rests(run, met):
+                rest(run, met)
+                return self._reached()
+            return self._end(Status.NO_CONTINUATION, f"{where}. {suspect(run)}".rstrip())
+        taken = self._choose(candidates, before, hit if jump is None else ())
+        ambiguity = Ambiguity(run.t, name, candidates, before, tuple(hit) if jump is None else (), start)
+        if taken is None:
+            self.ambiguity = ambiguity
+            if jump is not None:
+                self._record(before, np.zeros(run.machine.m), hit, str(ambiguity), jump)
+            name += ", backwards in time" if run.direction < 0 else ""
+            return self._end(Status.NON_UNIQUE, f"{name}, {where} can follow: {listing(candidates)}.")
+        return self._take(taken, before, hit, str(ambiguity), start, jump)
+
+    def _choose(
+        self, candidates: Sequence[Successor], before: Mode, hit: Sequence[int]
+    ) -> Successor | None:
+        # A surface only touched: the motion goes on where it was, if the other side does not lead away.
+        off = [i for i in hit if before[i] != 0]
+        parted = any(c.mode[i] == -before[i] and c.order[i] == 1 for c in candidates for i in off)
+        if off and len(off) == len(hit) and not parted:
+            same = [c for c in candidates if c.mode == before]
+            if same:
+                return same[0]
+        return picked(self.options.nonunique, candidates)
+
+    def _take(
+        self, chosen: Successor, before: Mode, hit: Sequence[int], note: str, start: bool,
+        jump: Jump | None = None,
+    ) -> tuple[Status, str] | None:  # fmt: skip
+        run = self.run
+        run.put(chosen.mode, chosen.order, chosen.multipliers)
+        if any(a == 0 != b for a, b in zip(before, chosen.mode, strict=True)):
+            # The step of a slide says nothing about the motion that leaves it.
+            run.clock[codes.STEP] = 0.0
+        jump = jump or Jump(before, run.x.copy())
+        multipliers = np.array(chosen.multipliers)
+        ended = None if start else self._record(chosen.mode, multipliers, hit, note, jump)
+        depart(run, chosen)
+        return ended
+
+    def _record(
+        self, after: Mode, multipliers: Array, hit: Sequence[int], note: str, jump: Jump
+    ) -> tuple[Status, str] | None:
+        """Record the change from the mode before to the one after, an event a surface; tell if it ends."""
+        run, before = self.run, jump.before
+        ended: tuple[Status, str] | None = None
+        together = jump.together
+        residual, _ = run.scales()
+        for i in range(run.machine.m):
+            kind = EventKind.RESET if i in jump.by else change_of(before[i], after[i], i in hit)
+            if kind is None:
+                continue
+            multiplier = float(multipliers[i]) if after[i] == 0 else float("nan")
+            over = kind is EventKind.CROSSING and i not in hit and bool(jump.by or jump.clocks)
+            root = kind in (EventKind.CROSSING, EventKind.ENTRY) and i in hit and run.hit[i] == codes.ROOT
+            # Of a contact that is rested on the residual is that of its rate.
+            root = root and not (after[i] == 0 and run.machine.contacts[i])
+            if root and run.machine.callbacks is not None and not (jump.by or jump.clocks):
+                run.check_root(run.t, i, jump.x.copy(), float(residual[i]))
+            run.add_event(
+                run.t,
+                i,
+                kind,
+                before,
+                after,
+                jump.x.copy(),
+                multiplier,
+                float(residual[i]),
+                JUMPED_OVER if over else note,
+                together,
+                run.x.copy() if jump.by else None,
+            )
+            together = True
+            if run.count_down(i, kind, run.events[-1].direction):
+                ended = self._stopped() or ended
+            if kind is EventKind.GRAZING and self.options.on_graze == "error":
+                ended = self._end(Status.GRAZING, f"{run.events[-1]}.")
+        for i in jump.clocks:
+            moved = run.machine.system.time_events[i].reset is not None
+            run.add_event(
+                run.t, run.machine.m + i, EventKind.TIME, before, after, jump.x.copy(), float("nan"), 0.0,
+                note, together, run.x.copy() if moved else None,
+            )  # fmt: skip
+            together = True
+        return ended
+
+    def _changed(
+        self, before: Mode, after: Mode, multipliers: Array, hit: Sequence[int], note: str
+    ) -> Ended:
+        return self._record(after, multipliers, hit, note, Jump(before, self.run.x.copy()))

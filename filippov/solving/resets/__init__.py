@@ -1,0 +1,1 @@
+"""Resets and impacts, and the accumulation of their events."""

@@ -1,0 +1,138 @@
+"""Rest on surfaces whose resets lead onto each other, as a rimless wheel comes to stand on two spokes.
+
+Where the impacts on surfaces without a contact accumulate, the limit may be several states at once: each at
+rest on its surface (h = dh/dt = 0), run onto by the motion, and led by its reset to the next, the last to the
+first.
+The motion stays there if it has no velocity: if 0 is a convex combination of the fields at these states, each
+led to the first state by the derivatives of the resets.
+
+Sources: McGeer 1990, section 2 (the rimless wheel); Or & Ames 2011 (what follows a limit of impacts).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from filippov.base.status import EventKind
+from filippov.kernel.tables import codes
+from filippov.solving.resets.jumps import runs_onto
+from filippov.solving.resets.zeno import NEAR_REST, SAMPLES, WITHIN, Accumulation, bridge, holds_still, rest
+from filippov.solving.state.machine import Array
+from filippov.solving.state.rates import off_contact, rates_at
+from filippov.solving.state.run import Run
+
+LONGEST = 8
+# Of the states: where a reset has led back to the first one.
+SAME = 1e-9
+# Step of differences.
+STEP = 1e-6
+
+
+@dataclass(frozen=True)
+class Place:
+    """A state of the cycle, the surface on which it is at rest, and the mode there."""
+
+    surface: int
+    x: Array
+    mode: Array
+
+
+def rests_in_cycle(run: Run, i: int, limit: Accumulation | None = None) -> bool:
+    """Move the run to its end if it rests in a cycle of resets, on surface i or at a limit there; True then.
+
+    The event "sliding entry" on surface i says so.
+    """
+    kept_t, kept_x = run.t, run.x.copy()
+    if limit is not None:
+        run.clock[codes.T] = limit.t
+    given = kept_x if limit is None else limit.x
+    x = _at_rest(run, given, i)
+    near = run.atol + run.options.rtol * np.abs(run.x) if limit is None else WITHIN * limit.x_error
+    cycle = reset_cycle(run, x, i) if np.all(np.abs(x - given) <= near) else ()
+    stays = bool(cycle) and _stays(run, cycle)
+    run.clock[codes.T] = kept_t
+    if not stays:
+        return False
+    # All of them are the limit: the one next to the last state, so that the dense output has no jump.
+    x = min((place.x for place in cycle), key=lambda y: float(np.max(np.abs(y - kept_x))))
+    if limit is not None:
+        bridge(run, replace(limit, x=x))
+    run.x[:] = x
+    run.add_event(
+        run.t, i, EventKind.ENTRY, run.signs, run.signs, x.copy(), float("nan"), 0.0,
+        "rest where resets lead onto each other", False,
+    )  # fmt: skip
+    rest(run, ())
+    return True
+
+
+def reset_cycle(run: Run, x: Array, first: int) -> tuple[Place, ...]:
+    """The places that the resets lead round from a state at rest on a surface; () where they do not."""
+    machine, i = run.machine, first
+    mode = off_contact(run, run.mode)
+    found: list[Place] = []
+    while len(found) < LONGEST:
+        mode = mode.copy()
+        if mode[i] not in machine.resets_from[i]:
+            mode[i] = machine.resets_from[i][0]
+        rates = rates_at(run, x, mode)
+        if machine.contacts[i] or not (rates.on(i) and rates.still(i) and runs_onto(run, x, mode, rates, i)):
+            return ()
+        found.append(Place(i, x, mode))
+        x = machine.reset(i, run.t, x, mode)
+        if not np.all(np.isfinite(x)):
+            return ()
+        rates = rates_at(run, x, mode)
+        on = [rates.on(j) for j in range(machine.m)]
+        sides = np.where(rates.h >= 0.0, 1.0, -1.0)
+        mode = np.where(on, mode, np.where(np.array(machine.widths) > 0.0, mode, sides))
+        start = found[0].x
+        if np.all(np.abs(x - start) <= SAME * (np.abs(x) + np.abs(start)) + run.atol):
+            return tuple(found) if len(found) > 1 else ()
+        # The surface that was left may be run onto again: then nothing has been reached.
+        ahead = [j for j in range(machine.m) if machine.resets_from[j] and on[j]]
+        ahead = [j for j in ahead if runs_onto(run, x, mode, rates, j)]
+        if len(ahead) != 1:
+            return ()
+        i = ahead[0]
+    return ()
+
+
+def _at_rest(run: Run, x: Array, i: int) -> Array:
+    """The state moved to h = dh/dt = 0 of surface i (Gauss-Newton)."""
+    mode = off_contact(run, run.mode)
+    for _ in range(4):
+        rates = rates_at(run, x, mode)
+        slopes = []
+        for j in range(len(x)):
+            moved = x.copy()
+            moved[j] += STEP * (1.0 + abs(x[j]))
+            slopes.append((rates_at(run, moved, mode).rate[i] - rates.rate[i]) / (moved[j] - x[j]))
+        rows = np.vstack([run.machine.gradients(run.t, x, mode)[0][i], slopes])
+        step, *_ = np.linalg.lstsq(rows, np.array([rates.h[i], rates.rate[i]]), rcond=None)
+        x = np.ascontiguousarray(x - step)
+    return x
+
+
+def _stays(run: Run, cycle: tuple[Place, ...]) -> bool:
+    """Whether the cycle's states do not move, now and until the run's end or the next time event."""
+    machine = run.machine
+    for t in np.linspace(run.t, float(run.clock[codes.T_END]), SAMPLES):
+        led = []
+        for k, place in enumerate(cycle):
+            mode = place.mode
+            h = abs(float(machine.guards(float(t), place.x, mode)[place.surface]))
+            if h > NEAR_REST * (1.0 + float(np.max(np.abs(place.x)))):
+                return False
+            velocity = machine.rhs(float(t), place.x, np.where(mode == 0.0, 1.0, mode), mode)
+            step = STEP * (1.0 + float(np.max(np.abs(place.x)))) / (1e-300 + float(np.max(np.abs(velocity))))
+            here, moved = place.x, np.ascontiguousarray(place.x + step * velocity)
+            for other in cycle[k:] if k else ():
+                here = machine.reset(other.surface, float(t), here, other.mode)
+                moved = machine.reset(other.surface, float(t), moved, other.mode)
+            led.append((moved - here) / step)
+        if not holds_still(np.array(led)):
+            return False
+    return True

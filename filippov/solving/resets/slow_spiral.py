@@ -1,0 +1,92 @@
+"""Laps around a corner that shrink as a power of their number: infinitely many events, no limit in time.
+
+Where the field of every mode is finite at the corner and the laps are marginal to first order, the distance d
+of the n-th lap obeys d' = d - a d**2, so d falls as 1/n; a lap lasts a time in proportion to d, so d falls as
+exp(-rate t) while the number of events grows as exp(rate t). A genetic loop with thresholds does this.
+In the plane the rate is half of that at which the fields shrink areas (tests: two genes, (a + b)/2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from filippov.base.status import EventKind
+from filippov.solving.resets.zeno import onto
+from filippov.solving.state.machine import Array
+from filippov.solving.state.run import Run
+
+# Events that a law is read off, and how well its two halves are to agree.
+LEAST_LAPS, STEADY = 64, 0.1
+# Powers of n that are slow, and parts of the time in which the number of events doubles, one after the other.
+SLOW, FAST = 0.6, 1.6
+LEVEL = 0.5
+RECENT = 64
+
+
+@dataclass(frozen=True)
+class SlowSpiral:
+    """A spiral into a corner: surfaces, time, point, how far off the motion is, the time that halves it."""
+
+    surfaces: tuple[int, ...]
+    t: float
+    x: Array
+    distance: float
+    half_life: float
+    power: float
+
+    def __str__(self) -> str:
+        return (
+            f"laps around a corner shrink as n**-{self.power:.2g}: infinitely many events, while the "
+            f"distance from the corner halves every {self.half_life:.3g} and is {self.distance:.2g} now"
+        )
+
+    @property
+    def followed(self) -> str:
+        """What a run says that went on in the corner."""
+        return (
+            f" From t = {self.t:.9g} on this is the motion in a corner, from which the true one is "
+            f"{self.distance:.2g} away there, and half as far every {self.half_life:.3g} later: laps shrink "
+            f"as n**-{self.power:.2g}. A larger max_events goes on longer lap by lap."
+        )
+
+
+def slow_spiral(run: Run) -> SlowSpiral | None:
+    """The spiral that the events so far are laps of, None where they follow no such law."""
+    machine, events = run.machine, run.events
+    if len(events) < 4 * LEAST_LAPS or len(events) < events.total:
+        return None
+    recent = events[-RECENT:]
+    part = tuple(sorted({event.index for event in recent}))
+    plain = all(machine.roles[i] == "switching" and machine.widths[i] == 0.0 for i in part)
+    if len(part) < 2 or not plain or any(event.kind is not EventKind.CROSSING for event in recent):
+        return None
+    last = events[-1]
+    same = [e for e in events if e.index == last.index and e.after == last.after]
+    count = len(same)
+    if count < LEAST_LAPS:
+        return None
+    picked = [same[count // 4], same[count // 2], same[-1]]
+    sizes = [_distance(run, event.t, event.x, part) for event in picked]
+    times = [event.t for event in picked]
+    if not all(sizes) or times[0] == times[1]:
+        return None
+    powers = [float(np.log2(a / b)) for a, b in pairwise(sizes)]
+    lasted = abs(times[2] - times[1]) / abs(times[1] - times[0])
+    if not SLOW < min(powers) <= max(powers) < FAST or abs(powers[1] - powers[0]) > STEADY:
+        return None
+    if not LEVEL < lasted < 1.0 / LEVEL:
+        return None
+    x = onto(run, run.t, run.x, part)
+    half_life = abs(times[2] - times[1]) / powers[1]
+    return SlowSpiral(part, run.t, x, float(np.max(np.abs(x - run.x))), half_life, powers[1])
+
+
+def _distance(run: Run, t: float, x: Array, surfaces: tuple[int, ...]) -> float:
+    """The largest distance from one of the surfaces, to first order."""
+    x = np.ascontiguousarray(x)
+    h = run.machine.guards(t, x, run.mode)
+    g, _ = run.machine.gradients(t, x, run.mode)
+    return max(abs(float(h[i])) / float(np.linalg.norm(g[i])) for i in surfaces)

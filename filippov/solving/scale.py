@@ -1,0 +1,117 @@
+"""The scale of a motion: the absolute tolerance where none is given, and a word where it decides too much."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.model.system import System
+from filippov.solving.state.machine import Machine
+from filippov.solving.state.options import LARGEST_ATOL, Options
+
+if TYPE_CHECKING:
+    from filippov.solving.solution import Solution
+
+Array = npt.NDArray[np.float64]
+# Of rtol times the scale; rtol is taken as this at least, below which rounding decides.
+SHARE, FINEST = 1e-3, 1e-10
+# Parts of the span at whose ends the field is looked at.
+PARTS = 4
+# A component below so many atol is one whose accuracy atol decides; below so many roundings, one that is 0.
+LITTLE, ROUNDINGS = 1e3, 1e2 * float(np.finfo(float).eps)
+
+
+def small(states: Array, rtol: float) -> npt.NDArray[np.bool_]:
+    """Which initial states (k, n) are so small that atol = 1e-12 is more than rtol of every component."""
+    largest = np.max(np.abs(states), axis=-1, initial=0.0)
+    return np.asarray(rtol * largest < LARGEST_ATOL)
+
+
+def default_atol(system: System, x0: Array, span: tuple[float, float], p: Array, options: Options) -> float:
+    """Absolute tolerance of a run for which none is given: min(1e-12, rtol scale/1000), a power of ten.
+
+    scale       the largest of |x0_i| and |f_i| |t1 - t0|, with f at x0 on the sides of the surfaces that it
+                is on: a force of ordinary size makes a start at 0 an ordinary one. 0: nothing is known
+
+    A start that is not small keeps 1e-12.
+    """
+    if not small(x0[None, :], options.rtol)[0]:
+        return LARGEST_ATOL
+    scale = float(np.max(np.abs(x0), initial=0.0))
+    for f in _fields(system, x0, span, p, options):
+        scale = max(scale, float(np.max(np.abs(f[np.isfinite(f)]), initial=0.0)) * abs(span[1] - span[0]))
+    if scale == 0.0:
+        return LARGEST_ATOL
+    wanted = SHARE * max(options.rtol, FINEST) * scale
+    return LARGEST_ATOL if wanted >= LARGEST_ATOL else float(10.0 ** np.floor(np.log10(wanted)))
+
+
+def _fields(
+    system: System, x0: Array, span: tuple[float, float], p: Array, options: Options
+) -> list[Array]:
+    """The field at x0 on the sides that it is on: along the span; of plain functions where the run begins."""
+    if system.field is not None:
+        record = system.parameters.record(p)
+        try:
+            h = np.array([float(surface.h(span[0], x0.copy(), record)) for surface in system.surfaces])
+            found = [np.asarray(system.field(span[0], x0.copy(), record, signs)) for signs in _sides(h)]
+            return [f.astype(float) for f in found if f.dtype.kind in "fiu"]
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # noqa: BLE001  # what a function of the user's raises, the run says
+            return []
+    machine = Machine(system, options.method, p, sliding=options.sliding)
+    mode = np.ones(machine.m)
+    return [
+        machine.rhs(t, x0, signs, signs)
+        for t in np.linspace(span[0], span[1], PARTS + 1).tolist()
+        for signs in _sides(machine.guards(t, x0, mode))
+    ]
+
+
+def _sides(h: Array) -> list[Array]:
+    """Signs at a point: those of h, and on surfaces both."""
+    on = h == 0
+    return [np.where(on, side, np.sign(h)) for side in ((1.0, -1.0) if np.any(on) else (1.0,))]
+
+
+def of_little_scale(solution: Solution, atol: Array) -> str:
+    """A sentence where a component stayed so near to 0 that atol decided its accuracy; else ""."""
+    largest = np.maximum(np.abs(solution.problem.x0), np.abs(solution.x_end))
+    if np.all(largest >= LITTLE * atol):
+        return ""
+    largest = np.maximum(largest, np.max(np.abs(solution.y), axis=1, initial=0.0))
+    floor = ROUNDINGS * float(np.max(largest, initial=0.0))
+    little = (largest > floor) & (largest < LITTLE * atol)
+    return _sentence(solution.system.states, largest, atol, little)
+
+
+def of_little_ends(
+    states: tuple[str, ...], x0: Array, x: Array, atol: Array
+) -> Iterator[tuple[int, str]]:
+    """The same for the rows of an ensemble that begin and end (k, n) near to 0 in every component."""
+    bounds = LITTLE * atol
+    # Hardly a row is small in every component: one component tells most of them.
+    if not np.any(np.abs(x[:, 0]) < bounds[0]):
+        return
+    largest = np.maximum(np.abs(x0), np.abs(x))
+    rows = np.all(largest < bounds, axis=1) & np.any(largest > 0, axis=1)
+    for q in np.flatnonzero(rows).tolist():
+        yield q, _sentence(states, largest[q], atol, largest[q] > 0).lstrip()
+
+
+def _sentence(states: tuple[str, ...], largest: Array, atol: Array, little: Any) -> str:
+    if not np.any(little):
+        return ""
+    which = ", ".join(
+        f"{name} (at most {m:.2g}, atol {a:.2g})"
+        for name, m, a, is_little in zip(states, largest, atol, little, strict=True)
+        if is_little
+    )
+    return (
+        f" Near to 0 throughout: {which}. There atol decides the accuracy, not rtol: give a smaller atol, or "
+        "scale the states."
+    )

@@ -1,0 +1,1 @@
+"""Which mode goes on from a point: corners, folds, sliding of higher order, ambiguity."""

@@ -1,0 +1,236 @@
+"""Points at which the inclusion does not say which mode follows: their names, and what can follow (U2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from filippov.base.errors import UsageError
+from filippov.base.status import mode_text
+from filippov.kernel.tables import codes
+from filippov.solving.selection.modes import Successor, successors
+from filippov.solving.state.events import Mode
+from filippov.solving.state.leading import Terms, leading_term
+from filippov.solving.state.machine import Array, Machine
+from filippov.solving.state.options import Options
+from filippov.solving.state.point import Point
+from filippov.solving.state.problem import Problem
+from filippov.solving.state.run import Run
+
+CORNER, REPELLING = "ambiguous corner", "repelling sliding"
+SPIRAL = "spiral out of a corner"
+BEFORE_A_RESET = "before a reset"
+VISIBLE, INVISIBLE, MIXED = "visible two-fold", "invisible two-fold", "visible-invisible two-fold"
+NEUTRAL = 1e-9
+TANGENCY, STICTION = "visible tangency", "sliding or slip"
+
+
+@dataclass(frozen=True)
+class Ambiguity:
+    """A point from which several modes are consistent.
+
+    t           time
+    name        "repelling sliding", "visible two-fold", "invisible two-fold", "visible-invisible two-fold",
+                "visible tangency", "sliding or slip", "ambiguous corner" or "spiral out of a corner": what
+                goes round the corner through the modes off it gets away from it, in infinitely many
+                crossings, and is none of the candidates; backwards in time "before a reset", without
+                candidates: the state from which the reset led here is not determined
+    candidates  every consistent next mode
+    before      the mode in which the point was reached
+    hit         numbers of the surfaces that were reached there
+    start       whether it is the initial state
+    """
+
+    t: float
+    name: str
+    candidates: tuple[Successor, ...]
+    before: Mode
+    hit: tuple[int, ...]
+    start: bool
+
+    def __str__(self) -> str:
+        if not self.candidates:
+            return self.name
+        return f"{self.name}, one of {len(self.candidates)}: {listing(self.candidates)}"
+
+
+def listing(candidates: Sequence[Successor]) -> str:
+    """Candidates as text."""
+    return "; ".join(str(candidate) for candidate in candidates)
+
+
+def noted(point: Point, name: str, chosen: Successor) -> str:
+    """The note of an event that goes on in one way: the point's name, and multipliers that are not unique."""
+    names = ", ".join(repr(point.machine.surfaces[i].name) for i in chosen.undetermined)
+    shared = f"the multipliers of {names} are not unique, the motion is" if names else ""
+    return "; ".join(text for text in (name, shared) if text)
+
+
+def name_point(
+    point: Point, met: Sequence[int], candidates: Sequence[Successor]
+) -> tuple[str, tuple[Successor, ...]]:
+    """What the point is called where several modes follow, or where two folds meet; else "".
+
+    The candidates come back with what the name tells about their orders: sliding that starts at a two-fold
+    repels where both folds are visible and attracts where both are invisible; the rates, which are zero
+    there, do not show it. Names after Kuznetsov, Rinaldi & Gragnani 2003, in the direction of integration.
+    """
+    name, surface = _name(point, met, candidates)
+    order = {VISIBLE: -3, INVISIBLE: 3}.get(name, 0)
+    if order == 0:
+        return name, tuple(candidates)
+    return name, tuple(
+        replace(c, order=tuple(order if i == surface else v for i, v in enumerate(c.order)))
+        if c.mode[surface] == 0 and sum(v == 0 for v in c.mode) == 1
+        else c
+        for c in candidates
+    )
+
+
+def _name(point: Point, met: Sequence[int], candidates: Sequence[Successor]) -> tuple[str, int]:
+    """The name of a point and the surface it is about, -1 for a corner."""
+    if not candidates:
+        return "", -1
+    machine = point.machine
+    if len(candidates) == 1 and any(
+        spirals_out(point, candidates[0].mode, pair) for pair in _pairs(point, candidates[0].mode)
+    ):
+        return SPIRAL, -1
+    differ = sorted({i for c in candidates for i in met if c.mode[i] != candidates[0].mode[i]})
+    if len(candidates) > 1 and len(differ) != 1:
+        return CORNER, -1
+    able = [i for i in met if machine.roles[i] == "switching" and machine.widths[i] == 0.0]
+    able = [i for i in able if not machine.contacts[i]]
+    if not differ and len(able) != 1:
+        return "", -1
+    surface = differ[0] if differ else able[0]
+    if surface not in able:
+        return CORNER if differ else "", -1
+    sides = [_side(point, candidates[0], surface, sign) for sign in (1.0, -1.0)]
+    if any(side is None for side in sides):
+        return CORNER if differ else "", -1
+    (plus, leaves_up), (minus, leaves_down) = (side for side in sides if side is not None)
+    if plus > 1 and minus > 1:
+        return {2: VISIBLE, 1: MIXED, 0: INVISIBLE}[leaves_up + leaves_down], surface
+    if not differ:
+        return "", -1
+    if leaves_up and leaves_down:
+        return REPELLING if plus == minus == 1 else TANGENCY, surface
+    return STICTION, surface
+
+
+def _pairs(point: Point, mode: Mode) -> list[list[int]]:
+    """Corners of two surfaces that a mode slides on."""
+    groups: dict[int, list[int]] = {}
+    for i, value in enumerate(mode):
+        if value == 0 and point.machine.roles[i] == "switching" and not point.machine.contacts[i]:
+            groups.setdefault(point.machine.component[i], []).append(i)
+    return [group for group in groups.values() if len(group) == 2]
+
+
+def spirals_out(point: Point, mode: Mode, pair: Sequence[int]) -> bool:
+    """Whether the four fields at a corner turn round it and lead away from it.
+
+    With h' constant in each quadrant a lap takes a distance d from the corner to rho d; rho is the product of
+    the four ratios of the rates. Beyond 1 the corner is left backwards along an infinite number of laps.
+    """
+    if len(pair) != 2:
+        return False
+    at = np.array(mode, dtype=float)
+    g, gt = point.gradients(at)
+    signs = np.where(at == 0.0, 1.0, at)
+    outward = []
+    for vertex in ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)):
+        signs[list(pair)] = vertex
+        velocity = point.rhs(signs, at)
+        rates = [point.direction * (point.machine.rate(i, g, velocity) + float(gt[i])) for i in pair]
+        outward.append([sign * rate for sign, rate in zip(vertex, rates, strict=True)])
+    # Each quadrant is left across one surface while the other gets further away: in turn, either way round.
+    for first in (0, 1):
+        rho = 1.0
+        for q, rates in enumerate(outward):
+            leaving, growing = rates[(q + first) % 2], rates[(q + first + 1) % 2]
+            rho = rho * growing / -leaving if leaving < 0.0 < growing else 0.0
+        if rho > 1.0 + NEUTRAL:
+            return True
+    return False
+
+
+def _side(point: Point, beside: Successor, surface: int, sign: float) -> tuple[int, bool] | None:
+    """Order with which the field of one side leaves the surface, and whether it does so to its own side."""
+    mode: Array = np.array(beside.mode, dtype=float)
+    mode[surface] = sign
+    lam = np.array(beside.multipliers)
+    g, gt = point.gradients(mode)
+    size = float(np.sum(np.abs(g[surface] * point.x)) + abs(gt[surface] * point.t))
+    terms = Terms(size, point.terms(surface, mode), grain=point.grain)
+    term = leading_term(point, mode, lam, partial(_guard, surface), terms)
+    return None if term is None or term[0] == 0 else (term[0], term[1] > 0)
+
+
+def _guard(surface: int, rows: Array) -> Array:
+    return np.asarray(rows[:, 0, surface])
+
+
+def picked(
+    policy: str | tuple[str, ...] | Callable[..., Any], candidates: Sequence[Successor]
+) -> Successor | None:
+    """The candidate that the option `nonunique` chooses, None where it chooses none or several."""
+    if callable(policy):
+        found = policy(list(candidates))
+        if found is None or isinstance(found, Successor):
+            return found
+        raise UsageError(
+            f"nonunique returned {found!r}, expected one of the candidates it was given, or None."
+        )
+    if policy in ("raise", "branch"):
+        return None
+    if isinstance(policy, tuple):
+        by_rank = [[c for c in candidates if mode_text(c.mode) == mode] for mode in policy]
+        fitting = next((some for some in by_rank if some), [])
+    else:
+        counts = [sum(v == 0 for v in c.mode) for c in candidates]
+        wanted = max(counts) if policy == "stick" else min(counts)
+        fitting = [c for c, n in zip(candidates, counts, strict=True) if n == wanted]
+    return fitting[0] if len(fitting) == 1 else None
+
+
+# Shortest trial step, of the time that has passed.
+LEAST_TRIAL = 1e-9
+
+
+def point_of(run: Run) -> Point:
+    """The present point, with a trial step on the scale of the motion."""
+    t_end = float(run.clock[codes.T_END])
+    _, field, _, _ = run.machine.probe(run.t, 0.0, run.x, run.mode, run.lam)
+    size = float(np.max(np.abs(run.x), initial=0.0)) + 1e-3
+    speed = float(np.max(np.abs(field), initial=0.0)) + 1e-300
+    # Steps that shrank towards a rough point say nothing of the motion that follows.
+    least = LEAST_TRIAL * abs(run.t - float(run.clock[codes.T_START]))
+    hint = max(float(run.clock[codes.STEP]), least) or np.inf
+    step = min(hint, 1e-2 * size / speed, abs(t_end - run.t) or np.inf, run.options.max_step)
+    if not np.isfinite(step):
+        step = 1e-3
+    longest = min(abs(t_end - run.t), run.options.max_step)
+    return Point(
+        run.machine.local, run.t, run.x.copy(), run.direction, run.direction * step, run.lam.copy(),
+        longest=longest,
+    )  # fmt: skip
+
+
+def ambiguity_at(
+    problem: Problem, options: Options, t: float, x: Array, mode: Mode, multipliers: Array
+) -> Ambiguity | None:
+    """What can follow at a point of sliding, where that is more than to go on sliding."""
+    machine = Machine(problem.system, options.method, problem.p, sliding=options.sliding)
+    run = Run(machine, x, (t, problem.t_span[1]), options)
+    run.put(mode, (0,) * len(mode), tuple(multipliers.tolist()))
+    point, met = point_of(run), [i for i, sign in enumerate(mode) if sign == 0]
+    found = successors(point, mode, met)
+    if len(found) < 2:
+        return None
+    return Ambiguity(t, *name_point(point, met, found), mode, (), False)

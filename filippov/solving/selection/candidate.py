@@ -1,0 +1,202 @@
+"""Whether a mode is consistent at a point: it leaves what it leaves, and holds what it slides on (U1).
+
+A rate decides where it is clear of zero on its own scale; elsewhere a trial step of the mode is followed, and
+the first power of time that does not vanish in the guard or in the distance of the multiplier decides.
+
+Sources: Filippov 1988, section 10; Dieci & Lopez 2012, section 3.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from filippov.kernel.loop.land import NO_RATE
+from filippov.solving.state.events import Mode
+from filippov.solving.state.leading import Terms, leading_term
+from filippov.solving.state.machine import Array
+from filippov.solving.state.point import Point
+
+CLEAR = 1e-6
+BALANCED = 1e-10
+# Of what the signs make of a rate: what is left of one that vanishes where the end of sliding was located.
+LOCATED = 1e-7
+# The same where it is rounding, of the terms of the rate and of what the signs make of it.
+ROUNDING, AT_END = 16 * float(np.finfo(float).eps), 3e-13
+OPEN = 1e299
+# A rate above this part of what the signs and the field make of it is no rounding, whatever the terms are.
+PLAIN = 1e-3
+
+
+def multiplier_guesses(point: Point, sliding: Sequence[int]) -> list[Array]:
+    """Starting points of Newton's method that find every root of the multi-affine equations in the box."""
+    m = point.machine.m
+    guesses = [np.array(point.guess)]
+    if len(sliding) <= 1 or point.machine.affine:
+        return guesses
+    levels = (0.0, -0.9, 0.9) if len(sliding) <= 3 else (0.0, 0.9)
+    for values in itertools.product(levels, repeat=len(sliding)):
+        guess = np.zeros(m)
+        guess[list(sliding)] = values
+        guesses.append(guess)
+    return guesses
+
+
+def sliding_solutions(point: Point, mode: Array, sliding: Sequence[int]) -> list[tuple[Array, Array]]:
+    """All (multipliers, field) of a mode with sliding surfaces."""
+    found: list[tuple[Array, Array]] = []
+    for guess in multiplier_guesses(point, sliding):
+        code, velocity, lam, _ = point.probe(0.0, mode, guess)
+        if code != 0 or not np.all(np.isfinite(lam)) or not np.all(np.isfinite(velocity)):
+            continue
+        if all(np.max(np.abs(lam - known)[list(sliding)]) > 1e-8 for known, _ in found):
+            found.append((lam, velocity))
+    return found
+
+
+def nearness(base: Mode, i: int, low: float, high: float) -> float:
+    """How close a multiplier at an end of its set stands to it: as an exit is located, or a rounding.
+
+    Not less than a rate beyond that end that counts as 0 (LOCATED, AT_END), 2/(hi - lo) of it in the rate.
+    """
+    width = high - low if high - low < OPEN else 1.0  # a contact has one end
+    return (1e-7 if base[i] == 0 else 2e-13) * (1.0 + width)
+
+
+def inside(base: Mode, lam: Array, radii: Array, sliding: Sequence[int]) -> bool | None:
+    """Whether every multiplier is in its set; None where one stands at an end and its motion must decide."""
+    undecided = False
+    for i in sliding:
+        low, high = radii[i]
+        near = nearness(base, i, low, high)
+        if not low - near <= lam[i] <= high + near:
+            return False
+        if lam[i] < low + near or lam[i] > high - near:
+            undecided = True
+    return None if undecided else True
+
+
+def moving_outwards(
+    point: Point, base: Mode, mode: Array, lam: Array, radii: Array, sliding: Sequence[int]
+) -> list[int]:
+    """The sliding surfaces whose multiplier stands at an end of its set and leaves it along a trial step."""
+    leaving = []
+    for i in sliding:
+        low, high = radii[i]
+        near = nearness(base, i, low, high)
+        for side, at_end in ((0, lam[i] > high - near), (1, lam[i] < low + near)):
+            if at_end:
+                code, _, _, rows = point.probe(point.step, mode, lam)
+                # Rows are written for sliding that attracts; one that repels has both of them negative.
+                scale = float(np.max(np.abs(rows[:, :, i])))
+                terms = Terms(scale, 0.0, grain=point.grain)
+                term = leading_term(point, mode, lam, partial(_row, side, i), terms)
+                if code != 0 or term is None or term[1] * _attraction(point, rows, i) < 0:
+                    leaving.append(i)
+                    break
+    return leaving
+
+
+def _row(side: int, i: int, rows: Array) -> Array:
+    return np.asarray(rows[:, side, i])
+
+
+def _attraction(point: Point, rows: Array, i: int) -> float:
+    # A contact only pushes: there is no other end, and what stands for it is no rate.
+    return 1.0 if point.machine.contacts[i] or rows[-1, 0, i] + rows[-1, 1, i] >= 0 else -1.0
+
+
+def repelling(point: Point, mode: Array, alone: Sequence[int]) -> list[int]:
+    """Of sliding surfaces to which no other sliding one is coupled: those left at the slightest push."""
+    if not alone:
+        return []
+    g, gt = point.gradients(mode)
+    rates = []
+    for sign in (1.0, -1.0):
+        velocity = point.rhs(np.where(mode == 0, sign, mode), mode)
+        rates.append([gt[i] + point.machine.rate(i, g, velocity) for i in alone])
+    return [i for i, up, down in zip(alone, *rates, strict=True) if point.direction * (up - down) > 0]
+
+
+def clear_rates(
+    point: Point, mode: Array, velocity: Array, free: Sequence[int], tangent: Sequence[int]
+) -> tuple[float, list[int]] | None:
+    """(least rate on its scale, surfaces whose rate is not clear of zero); None where one goes the wrong way.
+
+    The rate off a surface of `tangent` is rounding, whatever its size looks like.
+    """
+    g, gt = point.gradients(mode)
+    margin, unclear = np.inf, []
+    for i in free:
+        terms = np.append(g[i] * np.where(g[i] == 0.0, 0.0, velocity), gt[i])
+        scale = float(np.sum(np.abs(terms)))
+        rate = float(np.sum(terms)) * mode[i] * point.direction
+        # A guard with a root in it has no rate where the root vanishes.
+        rough = not np.isfinite(rate)
+        if rough or i in tangent or abs(rate) <= CLEAR * scale or _balanced(point, i, mode, rate, scale):
+            unclear.append(i)
+        elif rate < 0:
+            return None
+        else:
+            margin = min(margin, rate / scale)
+    return margin, unclear
+
+
+def _balanced(point: Point, i: int, mode: Array, rate: float, scale: float) -> bool:
+    """Whether a rate may be what is left of larger terms that cancel."""
+    part = abs(rate) / (scale + point.reach(i, mode))
+    return part <= BALANCED or (part <= PLAIN and abs(rate) <= BALANCED * point.terms(i, mode))
+
+
+def leaves(
+    point: Point, mode: Array, lam: Array, velocity: Array, free: Sequence[int], tangent: Sequence[int]
+) -> tuple[dict[int, int], float] | None:
+    """Orders with which a mode leaves the surfaces it runs off, None where one is not left to its side."""
+    clear = clear_rates(point, mode, velocity, free, tangent)
+    if clear is None:
+        return None
+    margin, unclear = clear
+    orders = dict.fromkeys(free, 1)
+    g, gt = point.gradients(mode)
+    for i in unclear:
+        with np.errstate(invalid="ignore"):
+            sizes = np.abs(np.append(g[i] * point.x, gt[i] * point.t))
+        size = float(np.sum(sizes[np.isfinite(sizes)]))
+        raw = point.machine.rate(i, g, velocity) + float(gt[i])
+        rate = raw if np.isfinite(raw) else None
+        speed, moved = point.terms(i, mode), point.reach(i, mode)
+        # A multiplier that stands at its end, as `nearness` says, and the rate of the mode beyond it are one.
+        located = LOCATED if i in tangent and i not in point.resting else AT_END
+        level = rate is not None and abs(rate) <= max(located * moved, ROUNDING * speed)
+        # Where the motion of this very mode came back to its surface, rounding has decided; backwards the run
+        # is put on the place where the rate vanishes.
+        same = i in point.back and np.array_equal(point.base, mode)
+        level = level and not (same and point.direction > 0)
+        force, own = 0.0, None if rate is None else rate * mode[i]
+        if i in point.resting:
+            # What is left of the rate of a contact that rests is rounding of speeds long gone.
+            level, force = True, point.terms(i, np.where(np.arange(len(mode)) == i, 0.0, mode))
+        terms = Terms(size, speed, own, level, point.grain, point.fine, force)
+        term = leading_term(point, mode, lam, partial(_row, 0, i), terms)
+        if term is None or term[1] < 0:
+            return None
+        orders[i] = term[0]
+        margin = 0.0
+    return orders, float(margin)
+
+
+def at_rest(point: Point, base: Mode, i: int) -> bool:
+    """Whether the rate of a surface with a contact is 0 to rounding, so that the state may rest on it."""
+    mode = np.array(base, dtype=float)
+    mode[i] = 0.0
+    rate = abs(float(point.machine.guards(point.t, point.x, mode)[i]))
+    g, gt = point.gradients(mode)
+    scale = float(np.sum(np.abs(g[i] * point.x)) + abs(gt[i] * point.t))
+    mode[i] = point.machine.contacts[i]
+    g, gt = point.gradients(mode)
+    field = point.rhs(np.where(mode == 0, 1.0, mode), mode)
+    scale += abs(point.machine.rate(i, np.abs(g), np.abs(field))) + abs(float(gt[i])) - rate
+    return rate <= NO_RATE * scale

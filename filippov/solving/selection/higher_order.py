@@ -1,0 +1,381 @@
+"""Sliding of higher order as a mode of a run: when it begins, which system follows it, how it is left.
+
+A motion gets onto h = h' = 0 where its laps pile up, where it arrives without any (overdamped
+super-twisting), or where it starts there. From then on the run goes on with the machine of a `reduction`; its
+own one comes back where a multiplier leaves its set, or a jump of the state throws the motion off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from filippov.base.status import EventKind
+from filippov.kernel.tables import codes
+from filippov.solving.selection.modes import Successor
+from filippov.solving.state.events import Mode
+from filippov.solving.state.machine import Array, Machine
+from filippov.solving.state.options import Options
+from filippov.solving.state.run import Run
+
+if TYPE_CHECKING:
+    from sympy import Symbol
+
+    from filippov.model.reduction import Reduction
+
+# A guard that is 0 at the projected state, in roundings of its terms.
+ON = 1e4
+# Beyond its set by less, a multiplier is in it.
+INSIDE = 1e-9
+# Of the terms of a rate: more than its rounding.
+CLEAR = 1e-12
+# Of the terms of a rate: what rates at both signs may differ by where the sign does not act.
+NO_EFFECT = 1e-15
+# Depth of a lap that the run does not know, in tolerances of h, or in roundings where it is followed down to
+# these; and its length in spacings of t, and in the accuracy of the ends of a lap.
+FAINT, ROUNDED, INSTANT, UNSURE = 40.0, 1e2, 1e5, 4e2
+# Of a lap, what is left of it where h cannot be told from 0 any more.
+TOUCHED = 1e-3
+# By how much the speed has come down in one approach where the motion has arrived.
+CAME_DOWN = 1e-3
+# Faint laps in a row that are looked at, and how far from alike they are where they are noise.
+NOISY_LAPS, ALIKE = 6, 1e-2
+NOTE = "sliding of order"
+
+
+@dataclass(frozen=True)
+class Begun:
+    """Sliding of higher order that begins: mode, multipliers and note for its events."""
+
+    mode: Mode
+    multipliers: Array
+    note: str
+
+
+@dataclass(frozen=True)
+class Left:
+    """Sliding of higher order that is left: the mode after, how often its guards vanish, what slides on."""
+
+    mode: Mode
+    order: tuple[int, ...]
+    remaining: tuple[int, ...]
+
+
+class HigherOrder:
+    """What a run knows of its sliding of higher order; `active` is None while there is none."""
+
+    def __init__(self, run: Run) -> None:
+        self.run, self.plain = run, run.machine
+        self.start = run.t, run.x.copy()
+        self.active: Reduction | None = None
+        # A root of |h| in the rate of h: only what is small beside |h| itself leaves the motion as it is.
+        rough = _rough(run.machine)
+        if rough is not None:
+            run.clock[codes.RELATIVE] = -float(rough + 1)
+            run.clock[codes.ROUGH_FROM] = run.t
+            run.clock[codes.ROUGH_SPAN] = abs(run.clock[codes.T_END] - run.t)
+
+    # -- beginning -------------------------------------------------------------------------------------
+
+    def begin(self, surfaces: Sequence[int], slack: Array | None, mode: Array | None = None) -> Begun | str:
+        """Slide on these surfaces and on what is coupled to them, or say why that cannot be.
+
+        slack: how far each component of the state may be moved to get there; None for as far as a lap that
+        is faint.
+        """
+        run, plain = self.run, self.plain
+        if run.direction < 0:
+            return "backwards in time it is not determined"
+        base = (run.mode if mode is None else mode).copy()
+        if plain.system.symbolic is None:
+            return "the field is a plain function, whose derivatives are not known: write it as expressions"
+        wanted, x = {i for i in surfaces if _slides(plain, i)}, run.x
+        if not wanted:
+            return "no switching surface takes part"
+        for _ in range(plain.m + 1):
+            groups = {plain.component[i] for i in wanted}
+            zero = {*wanted, *(i for i in range(plain.m) if base[i] == 0 and plain.component[i] in groups)}
+            kinks = {i for i in surfaces if plain.roles[i] == "kink"}
+            found, x = self._reduced(base, zero, kinks)
+            if isinstance(found, str):
+                return found
+            near = self._near(base, found, x)
+            more = {i for i in near if _slides(plain, i)} - zero
+            folds = {i for i in near if plain.roles[i] == "kink"} - kinks
+            if not more and not folds:
+                return self._taken(found, base, x, slack)
+            wanted |= more
+            surfaces = [*surfaces, *folds]
+        return "the surfaces that take part do not come to an end"
+
+    def _reduced(self, base: Array, zero: set[int], kinks: set[int]) -> tuple[Reduction | str, Array]:
+        from filippov.model.reduction import reduction
+
+        run = self.run
+        at = self._values(base, run.x)
+        found = reduction(self.plain.system, sorted(zero), sorted(kinks), at)
+        if isinstance(found, str):
+            return found, run.x
+        if found.order < 2:
+            return "their signs act on the rates themselves", run.x
+        return found, found.projected(run.t, run.x, self._parameters())
+
+    def _taken(self, found: Reduction, base: Array, x: Array, slack: Array | None) -> Begun | str:
+        """Take up the mode of a reduction, if its multipliers are in their sets."""
+        run, plain = self.run, self.plain
+        machine = Machine(found.system, plain.method, plain.values, plain.events, plain.sliding)
+        if plain.callbacks is not None:
+            machine.callbacks, machine.context = plain.callbacks, plain.context
+        mode = base.copy()
+        mode[list(found.zero)], mode[list(found.kinks)] = 0.0, 1.0
+        code, velocity, lam, _ = machine.probe(run.t, 0.0, x, mode, np.zeros(plain.m))
+        if code != 0 or not np.all(np.isfinite(velocity)) or not np.all(np.isfinite(lam)):
+            return "no multipliers hold the motion there"
+        radii = machine.radii(run.t, x)
+        for i in found.pivots:
+            low, high = radii[i]
+            if not low - INSIDE <= lam[i] <= high + INSIDE:
+                return f"the sign of {plain.surfaces[i].name!r} would have to be {lam[i]:.6g}"
+        pull = self._pull(machine, found, mode, x)
+        if pull <= 0.0 or (slack is None and not self._is_faint(machine, found, mode, x, pull)):
+            return "the motion does not settle there" if pull > 0.0 else "the signs push off the surfaces"
+        if slack is not None and np.any(np.abs(x - run.x) > slack):
+            return "the state is not close enough to it"
+        self.active = found
+        run.attach(machine)
+        run.x[:] = x
+        mode_after = tuple(int(v) for v in mode)
+        run.put(mode_after, (0,) * plain.m, tuple(lam.tolist()))
+        run.clock[codes.STEP] = 0.0
+        run.zeno[:] = 0.0
+        return Begun(mode_after, found.multipliers(lam), f"{NOTE} {found.order}")
+
+    def _pull(self, machine: Machine, found: Reduction, mode: Array, x: Array) -> float:
+        """How strongly the weakest sign pulls back onto its surface; negative where one pushes off."""
+        run, weakest = self.run, np.inf
+        g, gt = machine.gradients(run.t, x, mode)
+        signs = np.where(mode == 0.0, 0.0, mode)
+        for i in found.pivots:
+            if len(found.pivots) > 1 and found.orders[found.zero.index(i)] == 1:
+                continue
+            rates = []
+            for side in (1.0, -1.0):
+                signs[i] = side
+                velocity = machine.rhs(run.t, x, np.where(signs == 0.0, 1.0, signs), mode)
+                for j, _, _ in found.ties:
+                    # The push that keeps the constraint of a tied surface is none of the motion's.
+                    velocity = velocity + self._push(machine, j, x, mode)
+                rates.append(float(gt[i]) + machine.rate(i, g, velocity))
+            signs[i] = 0.0
+            weakest = min(weakest, max(-rates[0], 0.0), max(rates[1], 0.0)) if rates[0] < rates[1] else -1.0
+        return float(weakest)
+
+    def _push(self, machine: Machine, j: int, x: Array, mode: Array) -> Array:
+        g, _ = machine.gradients(self.run.t, x, mode)
+        return np.asarray(g[j])
+
+    def _is_faint(self, machine: Machine, found: Reduction, mode: Array, x: Array, pull: float) -> bool:
+        """Whether what is left of the derivatives is gone within a lap no deeper than the tolerance of h."""
+        run = self.run
+        away = np.abs(machine.guards(run.t, run.x, mode))
+        g, gt = self.plain.gradients(run.t, run.x, mode)
+        terms = np.abs(g) @ np.abs(x) + np.abs(gt * run.t)
+        known = run.options.rtol * terms + np.abs(g) @ run.atol
+        instant = INSTANT * np.finfo(float).eps * abs(run.t)
+        if run.clock[codes.RELATIVE] < 0.0:
+            lap = max(abs(run.t - run.clock[codes.ROUGH_FROM]), run.clock[codes.ROUGH_SPAN])
+            instant = max(instant, UNSURE * run.options.rtol * lap)
+            if np.any(run.hit[list(found.zero)] == codes.TOUCH):
+                instant = max(instant, TOUCHED * lap)
+            known = ROUNDED * np.finfo(float).eps * terms
+        for i, order in zip(found.zero, found.orders, strict=True):
+            if order < 2 or i not in found.pivots:
+                continue
+            wait = away[i] / pull
+            if pull * wait**order > FAINT * known[i] and wait > instant:
+                return False
+        return True
+
+    def idle(self, candidates: Sequence[Successor]) -> Begun | str:
+        """Begin where the only mode that follows slides on surfaces whose rates no sign acts on."""
+        run = self.run
+        if len(candidates) != 1 or self.active is not None:
+            return "other modes follow"
+        mode = np.array(candidates[0].mode, dtype=float)
+        zero = [i for i in range(self.plain.m) if mode[i] == 0 and not self.plain.contacts[i]]
+        effects = _effects(self.plain, run.t, run.x, mode, zero)
+        resting = [i for i, row in zip(zero, effects, strict=True) if not np.any(row)]
+        if not resting:
+            return "the signs act on the rates"
+        return self.begin(resting, 1e2 * (run.atol + run.options.rtol * np.abs(run.x)), mode)
+
+    # -- arrival ---------------------------------------------------------------------------------------
+
+    def arrives(self, i: int) -> Begun | str:
+        """Begin on a surface that was crossed with less speed than the run knows, if the motion has settled.
+
+        It has where its speed across the surface came down by CAME_DOWN, or where the speeds of such laps
+        follow no law.
+        """
+        if self.active is not None or not _slides(self.plain, i):
+            return "it slides already"
+        now = abs(self._rate(i, self.run.t, self.run.x, self.run.mode))
+        before = [e for e in self.run.events[-64:] if e.index == i and e.kind is EventKind.CROSSING]
+        speeds = [abs(self._rate(i, e.t, e.x, np.array(e.before, dtype=float))) for e in before[-NOISY_LAPS:]]
+        elsewhere = [(e.t, e.x, np.array(e.before, dtype=float)) for e in self.run.events[-64:]]
+        points = [(*self.start, self.run.mode), *elsewhere]
+        came_down = now <= CAME_DOWN * max(abs(self._rate(i, *p)) for p in points)
+        if not came_down and not _noise([*speeds, now]):
+            return "the motion has not settled"
+        return self.begin([i], None)
+
+    def across(self, i: int) -> Left | None:
+        """The other side of a surface that was crossed with a rate on which its sign does not act.
+
+        The same side where it leads away from the surface again; None where the sign acts, by the multipliers
+        of other surfaces too, or where the rate is no more than rounding.
+        """
+        run, on = self.run, self.run.mode.copy()
+        if np.any(on == 0.0):
+            return None
+        # On its own surface |h| is 0, whatever rounding left of h.
+        on[i] = 0.0
+        g, gt = self.plain.gradients(run.t, run.x, on)
+        signs = run.mode.copy()
+        sides = []
+        for side in (1.0, -1.0):
+            signs[i] = side
+            velocity = self.plain.rhs(run.t, run.x, signs, on)
+            sides.append(np.append(g[i] * np.where(g[i] == 0.0, 0.0, velocity), gt[i]))
+        size = max(float(np.sum(np.abs(terms))) for terms in sides)
+        rates = [float(np.sum(terms)) for terms in sides]
+        if not abs(rates[0] - rates[1]) <= NO_EFFECT * size:
+            return None
+        outwards = run.mode[i] * run.direction * rates[0]
+        if abs(outwards) <= CLEAR * size:
+            return None
+        mode, order = run.mode.copy(), np.zeros(self.plain.m, dtype=int)
+        mode[i], order[i] = np.sign(outwards) * mode[i], 1
+        return Left(tuple(int(v) for v in mode), tuple(order.tolist()), ())
+
+    def _rate(self, i: int, time: float, x: Array, mode: Array) -> float:
+        mode = np.resize(mode, self.plain.m)
+        x = np.ascontiguousarray(x)
+        g, gt = self.plain.gradients(time, x, mode)
+        velocity = self.plain.rhs(time, x, np.where(mode == 0.0, 1.0, mode), mode)
+        return float(gt[i]) + self.plain.rate(i, g, velocity)
+
+    # -- end -------------------------------------------------------------------------------------------
+
+    def suspend(self) -> tuple[int, ...]:
+        """Give the run its own machine back, at a state on the surfaces; returns those slid on."""
+        found = self.active
+        assert found is not None
+        self.run.x[:] = found.projected(self.run.t, self.run.x.copy(), self._parameters())
+        self.run.attach(self.plain)
+        self.run.lam[:] = found.multipliers(self.run.lam)
+        self.active = None
+        return found.zero
+
+    def left(self, hit: Sequence[int]) -> Left | None:
+        """What follows where multipliers reached the ends of their sets; None where none of them did."""
+        found, run = self.active, self.run
+        assert found is not None
+        sides = {i: 1.0 if run.hit[i] == codes.UPPER else -1.0 for i in hit if i in found.pivots}
+        if not sides:
+            return None
+        sides |= {i: sides[pivot] * factor for i, pivot, factor in found.ties if pivot in sides}
+        mode, order = run.mode.copy(), np.zeros(run.machine.m, dtype=int)
+        for i, side in sides.items():
+            mode[i] = side
+            order[i] = found.orders[found.zero.index(i)] + 1
+        remaining = tuple(i for i in found.zero if i not in sides)
+        return Left(tuple(int(v) for v in mode), tuple(order.tolist()), remaining)
+
+    # -- numbers ---------------------------------------------------------------------------------------
+
+    def _near(self, base: Array, found: Reduction, x: Array) -> list[int]:
+        """Further surfaces that the projected state lies on."""
+        run, plain = self.run, self.plain
+        mode = base.copy()
+        mode[[*found.zero, *found.kinks]] = 0.0
+        h = np.abs(plain.guards(run.t, x, mode))
+        g, gt = plain.gradients(run.t, x, mode)
+        scale = np.sum(np.abs(g * x), axis=1) + np.abs(gt * run.t)
+        known = {*found.zero, *found.kinks}
+        return [i for i in range(plain.m) if i not in known and h[i] <= ON * np.finfo(float).eps * scale[i]]
+
+    def _parameters(self) -> dict[Symbol, float]:
+        form = self.plain.system.symbolic
+        return {} if form is None else dict(zip(form.p, self.plain.values.tolist(), strict=True))
+
+    def _values(self, base: Array, x: Array) -> dict[Symbol, float]:
+        form = self.plain.system.symbolic
+        if form is None:
+            return {}
+        from filippov.model.symbols import t
+
+        h = self.plain.guards(self.run.t, x, base)
+        signs = np.where(base == 0.0, self.run.lam, base)
+        return {
+            t: self.run.t,
+            **dict(zip(form.x, x.tolist(), strict=True)),
+            **self._parameters(),
+            **dict(zip(form.a, np.abs(h).tolist(), strict=False)),
+            **dict(zip(form.s, signs.tolist(), strict=False)),
+        }
+
+
+def multipliers(machine: Machine, time: float, x: Array, mode: Array) -> Array | None:
+    """The signs that hold a motion to an order above the first; None where it slides to first order."""
+    zero = [i for i in range(machine.m) if mode[i] == 0]
+    effects = _effects(machine, time, x, mode, zero)
+    idle = [i for i, row in zip(zero, effects, strict=True) if not np.any(row)]
+    if not idle or machine.system.symbolic is None:
+        return None
+    run = Run(machine, x, (time, time + 1.0), Options())
+    run.mode[:] = mode
+    begun = HigherOrder(run).begin(idle, np.full(machine.n, np.inf))
+    return begun.multipliers if isinstance(begun, Begun) else None
+
+
+def _effects(machine: Machine, time: float, x: Array, mode: Array, zero: Sequence[int]) -> Array:
+    """What each sliding sign does to the rate of each sliding surface, 0 where it is rounding."""
+    g, _ = machine.gradients(time, x, mode)
+    signs = np.where(mode == 0.0, 1.0, mode)
+    base = machine.rhs(time, x, signs, mode)
+    out = np.zeros((len(zero), len(zero)))
+    for c, j in enumerate(zero):
+        signs[j] = -1.0
+        change = machine.rhs(time, x, signs, mode) - base
+        signs[j] = 1.0
+        for r, i in enumerate(zero):
+            terms = np.abs(g[i]) @ np.where(g[i] == 0.0, 0.0, np.abs(base))
+            effect = machine.rate(i, g, change)
+            out[r, c] = effect if abs(effect) > 1e-15 * terms else 0.0
+    return out
+
+
+def _rough(machine: Machine) -> int | None:
+    if not machine.constants["ROUGH"] or machine.system.symbolic is None:
+        return None
+    from filippov.model.reduction import rough_surface
+
+    return rough_surface(machine.system)
+
+
+def _slides(machine: Machine, i: int) -> bool:
+    return machine.roles[i] == "switching" and machine.widths[i] == 0.0
+
+
+def _noise(speeds: Sequence[float]) -> bool:
+    """Whether speeds neither grow nor shrink by a law, compared with those 1, 2 and 3 laps before."""
+    if len(speeds) <= NOISY_LAPS:
+        return False
+    values = np.array(speeds) + 1e-300
+    ratios = [values[lag:] / values[:-lag] for lag in (1, 2, 3)]
+    lawless = all(np.min(r) < 1.0 - ALIKE and np.max(r) > 1.0 + ALIKE for r in ratios)
+    return bool(lawless and values[-1] <= np.max(values[:-1]))

@@ -1,0 +1,287 @@
+"""Which modes can follow at a point on any number of surfaces: the inclusion's own answer (U1, U2).
+
+A candidate gives each surface met a sign, or 0 for sliding. It is consistent if the motion of that mode does
+what the mode says: leaves each surface to the side of its sign (first non-vanishing derivative of h), and
+holds each sliding surface with a multiplier inside its set (at an end of the set: one that moves inwards).
+All consistent candidates are returned; one means that the solution goes on uniquely. Candidates are put
+together from the corners of the point, each decided by its own rates (`filippov.solving.selection.corner`).
+
+Sources: Filippov 1988, section 10; Dieci & Lopez 2012, section 3; di Bernardo et al. 2008, chapter 5.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from filippov.base.status import mode_text
+from filippov.solving.selection.candidate import (
+    ROUNDING,
+    at_rest,
+    inside,
+    leaves,
+    moving_outwards,
+    repelling,
+    sliding_solutions,
+)
+from filippov.solving.selection.corner import choices, corners, coupling, with_signs
+from filippov.solving.state.events import Mode
+from filippov.solving.state.machine import Array
+from filippov.solving.state.point import Point
+
+# Combinations of the corners' choices that are all examined; beyond, corner by corner.
+COMBINED = 729
+SWEEPS = 6
+RANK, SAME = 1e-10, 1e-9
+
+
+@dataclass(frozen=True)
+class Successor:
+    """A consistent next mode.
+
+    order         how often each guard met vanishes along the motion; for sliding 2 where the multiplier
+                  starts at an end of its set, 3 at a two-fold, and negative (-1, -2, -3) where it repels
+    multipliers   value of the sign of every sliding surface (0 elsewhere)
+    field         the field of the mode at the point
+    margin        least rate, on its own scale, by which the mode is consistent; 0 for a tangential one
+    undetermined  surfaces whose multiplier is one of many that give this motion
+    """
+
+    mode: Mode
+    order: tuple[int, ...]
+    multipliers: tuple[float, ...]
+    field: tuple[float, ...]
+    margin: float
+    undetermined: tuple[int, ...] = ()
+
+    def __str__(self) -> str:
+        sliding = [f"{v:.6g}" for v, m in zip(self.multipliers, self.mode, strict=True) if m == 0]
+        return mode_text(self.mode) + (f" (multipliers {', '.join(sliding)})" if sliding else "")
+
+
+def successors(
+    point: Point, base: Mode, met: Sequence[int], hit: Sequence[int] | None = None
+) -> list[Successor]:
+    """All consistent next modes at a point on the surfaces `met`; the others keep their sign in `base`.
+
+    hit: those of the surfaces met at which something happens, an end of a multiplier's set included; None
+    where sliding is to be thought over on all of them.
+
+    A mode whose motion leaves a surface and is back within rounding counts where there is no other and
+    nothing slides: so events follow each other where a rate vanishes at the corner that they run into.
+    """
+    found = _consistent(point, base, met, hit)
+    if found or not hit or any(sign == 0 for sign in base):
+        return found
+    return _consistent(replace(point, fine=True), base, met, hit)
+
+
+def _consistent(point: Point, base: Mode, met: Sequence[int], hit: Sequence[int] | None) -> list[Successor]:
+    """All consistent next modes, excursions counted as the point says."""
+    resting = [i for i in met if point.machine.contacts[i] and (base[i] == 0 or at_rest(point, base, i))]
+    back = frozenset(i for i in hit or () if base[i] != 0)
+    point = replace(point, resting=frozenset(resting), met=frozenset(met), base=base, back=back)
+    point = replace(point, along=_along(point, met))
+    if back:
+        # What the loop does not see on the scale of its steps must not send it there again.
+        point = replace(point, longest=0.0)
+    radii = point.machine.radii(point.t, point.x)
+    groups = corners(point, base, met, hit, radii)
+    options = [list(choices(point, base, group, radii)) for group in groups]
+    if not all(options):
+        return []
+    if math.prod(map(len, options)) > COMBINED:
+        options = _swept(point, base, groups, options, radii)
+    found: list[Successor] = []
+    surfaces = [i for group in groups for i in group]
+    for combination in itertools.islice(itertools.product(*options), COMBINED):
+        signs = [sign for part in combination for sign in part]
+        found += _examined(point, base, with_signs(base, surfaces, signs), surfaces, radii)
+    if len(found) < 2:
+        return found
+    sizes = point.field_terms(base)
+    found = _without_doubles(found, sizes)
+    return _one_a_motion(_without_released_sticking(found, radii), sizes)
+
+
+def _along(point: Point, met: Sequence[int]) -> frozenset[int]:
+    """The surfaces met on which the motion stayed without sliding: contacts that others hold as well."""
+    mode = np.array(point.base, dtype=float)
+    own = [i for i in met if mode[i] != 0.0 and i not in point.back]
+    if not own or np.all(mode != 0.0):
+        return frozenset()
+    code, velocity, _, _ = point.probe(0.0, mode, point.guess)
+    g, gt = point.gradients(mode)
+    rates = {i: point.machine.rate(i, g, velocity) + float(gt[i]) for i in own}
+    return frozenset(i for i in own if code == 0 and abs(rates[i]) <= ROUNDING * point.terms(i, mode))
+
+
+def _swept(
+    point: Point, base: Mode, groups: list[list[int]], options: list[list[tuple[int, ...]]], radii: Array
+) -> list[list[tuple[int, ...]]]:
+    """What is left of every corner's choices beside the first choices of all others, swept until it stays."""
+    kept = [list(option) for option in options]
+    for _ in range(SWEEPS):
+        before = [option[0] for option in kept]
+        for q, group in enumerate(groups):
+            if len(options[q]) == 1:
+                continue
+            mode = np.array(base, dtype=float)
+            for other, option in zip(groups, kept, strict=True):
+                mode[list(other)] = option[0]
+            consistent = []
+            for signs in options[q]:
+                mode[list(group)] = signs
+                if _examined(point, base, mode.copy(), group, radii):
+                    consistent.append(signs)
+            if consistent:
+                kept[q] = consistent
+        if [option[0] for option in kept] == before:
+            break
+    return kept
+
+
+def _examined(
+    point: Point, base: Mode, mode: Array, surfaces: Sequence[int], radii: Array
+) -> list[Successor]:
+    """The successors with this mode, as judged on some surfaces."""
+    m = point.machine.m
+    # Sliding is left tangentially: the rate off the surface is rounding there, whatever its size looks like.
+    tangent = [i for i in surfaces if base[i] == 0 or i in point.resting or i in point.along]
+    sliding = [i for i in range(m) if mode[i] == 0]
+    own = [i for i in surfaces if mode[i] == 0]
+    free = [i for i in surfaces if mode[i] != 0]
+    found: list[Successor] = []
+    for lam, velocity in sliding_solutions(point, mode, sliding):
+        held = inside(base, lam, radii, own)
+        if held is False:
+            continue
+        left = leaves(point, mode, lam, velocity, free, tangent)
+        if left is None or (held is None and moving_outwards(point, base, mode, lam, radii, own)):
+            continue
+        orders, margin = left
+        # Nothing depends on the sign of a surface on which nothing jumps and along which the motion runs.
+        roles = point.machine.roles
+        if any(roles[i] != "switching" and orders[i] == 0 and mode[i] != base[i] for i in free):
+            continue
+        order = [orders.get(i, 0) for i in range(m)]
+        for i in own if held is None else ():
+            order[i] = 2
+        component = point.machine.component
+        count = np.bincount([component[i] for i in sliding], minlength=m)
+        for i in repelling(point, mode, [i for i in sliding if count[component[i]] == 1]):
+            order[i] = -max(order[i], 1)
+        found.append(
+            Successor(
+                tuple(int(v) for v in mode),
+                tuple(order),
+                tuple(float(v) if mode[i] == 0 else 0.0 for i, v in enumerate(lam)),
+                tuple(float(v) for v in velocity),
+                margin if held else 0.0,
+            )
+        )
+    return [kind for candidate in found for kind in _families(point, candidate, own, radii)]
+
+
+def _families(point: Point, found: Successor, own: Sequence[int], radii: Array) -> list[Successor]:
+    """The candidate itself, marked where other multipliers give the same motion; two where they do not."""
+    groups: dict[int, list[int]] = {}
+    for i in own:
+        groups.setdefault(point.machine.component[i], []).append(i)
+    marked: list[int] = []
+    for group in groups.values():
+        if len(group) == 1 or not point.machine.affine:
+            continue
+        mode = np.array(found.mode, dtype=float)
+        _, C, effects = coupling(point, mode, group)
+        size = np.max(np.abs(C), axis=1, keepdims=True)
+        _, values, rows = np.linalg.svd(C / np.where(size > 0.0, size, 1.0))
+        idle = rows[values <= RANK * max(float(values[0]), 1e-300)]
+        marked += [i for q, i in enumerate(group) if np.any(np.abs(idle[:, q]) > 1e-6)]
+        acting = idle @ effects
+        scale = float(np.max(np.abs(effects)))
+        for direction, change in zip(idle, acting, strict=True):
+            if np.max(np.abs(change)) > 1e-8 * scale:
+                return _ends(found, group, direction, effects, radii)
+    return [replace(found, undetermined=tuple(sorted(marked)))]
+
+
+def _ends(
+    found: Successor, group: Sequence[int], direction: Array, effects: Array, radii: Array
+) -> list[Successor]:
+    """Two motions of a family: multipliers moved both ways along a direction that no rate resists."""
+    chosen = list(group)
+    ends = []
+    for sign in (1.0, -1.0):
+        lam = np.array(found.multipliers)
+        low, high = radii[chosen].T
+        towards = np.where(sign * direction > 0, high - lam[chosen], low - lam[chosen])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reach = np.where(np.abs(direction) > 1e-12, towards / (sign * direction), np.inf)
+        change = sign * max(float(np.min(reach)), 0.0) * direction
+        lam[chosen] += change
+        velocity = np.array(found.field) + change @ effects
+        ends.append(
+            replace(
+                found, multipliers=tuple(lam), field=tuple(velocity), undetermined=tuple(sorted(chosen))
+            )
+        )
+    return ends
+
+
+def _same_field(a: Successor, b: Successor, sizes: Array) -> bool:
+    """Whether two fields are one on the scale of their terms: where these balance, the sum is rounding."""
+    return bool(np.all(np.abs(np.subtract(a.field, b.field)) <= SAME * sizes))
+
+
+def _without_doubles(found: list[Successor], sizes: Array) -> list[Successor]:
+    """Sliding goes before a motion along the surface that is the same: a multiplier at the end of its set."""
+    return [a for a in found if not any(_slides_instead(a, b, sizes) for b in found)]
+
+
+def _slides_instead(a: Successor, b: Successor, sizes: Array) -> bool:
+    """Whether b slides where a runs along, with the same field."""
+    where = zip(a.mode, b.mode, a.order, strict=True)
+    same = b.mode != a.mode and all(v == u or (v == 0 and k == 0) for u, v, k in where)
+    return same and _same_field(a, b, sizes)
+
+
+def _without_released_sticking(found: list[Successor], radii: Array) -> list[Successor]:
+    """U4: where the set at h = 0 is wider than [-1, 1], sticking goes before a slip as consistent."""
+    kept = []
+    for candidate in found:
+        beaten = any(
+            other.mode != candidate.mode
+            and all(
+                b == a or (b == 0 and max(-radii[i, 0], radii[i, 1]) > 1 + 1e-12)
+                for i, (a, b) in enumerate(zip(candidate.mode, other.mode, strict=True))
+            )
+            for other in found
+        )
+        if not beaten:
+            kept.append(candidate)
+    return kept
+
+
+def _one_a_motion(found: list[Successor], sizes: Array) -> list[Successor]:
+    """One candidate for every motion: of those that stay on the same surfaces with the same field the first.
+
+    Such candidates share the load among contacts in different ways; the multipliers are not unique, the
+    motion is.
+    """
+    kept: list[Successor] = []
+    for a in sorted(found, key=lambda c: (-sum(v == 0 for v in c.mode), [-abs(v) for v in c.mode])):
+        for q, b in enumerate(kept):
+            differ = [i for i, (u, v) in enumerate(zip(a.mode, b.mode, strict=True)) if u != v]
+            stays = all(c.mode[i] == 0 or c.order[i] == 0 for c in (a, b) for i in differ)
+            if differ and stays and _same_field(a, b, sizes):
+                kept[q] = replace(b, undetermined=tuple(sorted({*b.undetermined, *differ})))
+                break
+        else:
+            kept.append(a)
+    place = {(a.mode, a.multipliers): q for q, a in enumerate(found)}
+    return sorted(kept, key=lambda c: place[c.mode, c.multipliers])

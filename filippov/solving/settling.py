@@ -1,0 +1,197 @@
+"""Where a motion settles: events that pile up, arrivals, and sliding of higher order from there on."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+
+from filippov.base.status import Status
+from filippov.kernel.tables import codes
+from filippov.solving.patience import Patience
+from filippov.solving.resets.jumps import bouncing, endless
+from filippov.solving.resets.reset_cycle import rests_in_cycle
+from filippov.solving.resets.slow_spiral import SlowSpiral, slow_spiral
+from filippov.solving.resets.zeno import (
+    WITHIN,
+    Accumulation,
+    accumulates,
+    accumulation,
+    bridge,
+    rest,
+    rests,
+    second_order,
+)
+from filippov.solving.selection.higher_order import Begun, HigherOrder
+from filippov.solving.state.change import Jump
+from filippov.solving.state.events import Mode
+from filippov.solving.state.machine import Array
+from filippov.solving.state.options import Options
+from filippov.solving.state.rates import off_contact
+from filippov.solving.state.run import Run
+
+# How a run ends, and a sentence; None while it goes on.
+Ended = tuple[Status, str] | None
+
+
+class Settling(ABC):
+    """The part of the loop that leads a motion into limits and along sliding of higher order."""
+
+    run: Run
+    options: Options
+    higher: HigherOrder
+    patience: Patience
+    looked_for_spiral: bool = False
+    spiral: SlowSpiral | None = None
+    accumulations: list[Accumulation]
+
+    @abstractmethod
+    def _end(self, status: Status, detail: str = "") -> tuple[Status, str]: ...
+
+    @abstractmethod
+    def _budgets(self) -> Ended: ...
+
+    @abstractmethod
+    def _reached(self) -> Ended: ...
+
+    @abstractmethod
+    def _near(self) -> list[int]: ...
+
+    @abstractmethod
+    def _reset(self, active: list[int], hit: Sequence[int], jump: Jump | None = None) -> Ended: ...
+
+    @abstractmethod
+    def _classify(
+        self, met: Sequence[int], hit: Sequence[int], start: bool, jump: Jump | None = None,
+        rested: Sequence[int] = (),
+    ) -> Ended: ...  # fmt: skip
+
+    @abstractmethod
+    def _changed(
+        self, before: Mode, after: Mode, multipliers: Array, hit: Sequence[int], note: str
+    ) -> Ended:
+        """Record a change of mode that has been taken up."""
+
+    def _zeno(self) -> Ended:
+        """Events accumulate: name the limit, and stop there or go on in the limit mode."""
+        run = self.run
+        limit = accumulation(run)
+        if limit is None:
+            run.zeno[:] = 0.0
+            return self._budgets()
+        self.accumulations.append(limit)
+        detail = (
+            f"events accumulate at t = {limit.t:.12g} (error about {limit.error:.1g}), state "
+            f"{np.array2string(limit.x, precision=9)} (error about {limit.x_error:.1g})."
+        )
+        if self.options.zeno == "stop":
+            return self._end(Status.ZENO, detail)
+        machine = run.machine
+        open_ends = [i for i in limit.surfaces if machine.resets_from[i] and not machine.contacts[i]]
+        if open_ends and run.events[-1].index in open_ends and rests_in_cycle(
+            run, run.events[-1].index, limit
+        ):
+            return self._reached()
+        if open_ends:
+            names = ", ".join(repr(machine.surfaces[i].name) for i in open_ends)
+            detail += f" There is no resting contact on {names} to go on with (see the docstring of Surface)."
+            if machine.system.field is not None:
+                detail += " contact=True gives one to a surface of functions whose reset is an impact."
+            return self._end(Status.ZENO, detail)
+        rested = [i for i in limit.surfaces if machine.contacts[i]]
+        if unending := endless(run, limit.x, off_contact(run, run.mode), rested):
+            return self._end(Status.ZENO, f"{detail} {unending}")
+        before = run.signs
+        here = self.higher.arrives(limit.surfaces[0]) if len(limit.surfaces) == 1 else ""
+        if isinstance(here, Begun):
+            # What is left of the laps is rounding already, and so is a limit by their law.
+            return self._changed(before, here.mode, here.multipliers, limit.surfaces, here.note)
+        bridge(run, limit)
+        zero = self._back()
+        run.x[:] = limit.x
+        begun = self.higher.begin([*limit.surfaces, *zero], np.full(machine.n, WITHIN * limit.x_error))
+        self.patience.limited(begun if isinstance(begun, str) else "")
+        if isinstance(begun, Begun):
+            met = limit.surfaces
+            ended = self._changed(before, begun.mode, begun.multipliers, met, begun.note)
+            return ended or self._budgets()
+        higher = second_order(run, limit)
+        if higher is not None:
+            run.x[:] = higher
+            if rests(run, limit.surfaces):
+                rest(run, limit.surfaces)
+                return self._reached()
+        run.x[:] = limit.x
+        return self._classify(limit.surfaces, limit.surfaces, start=False, rested=rested) or self._budgets()
+
+    def _spirals(self) -> Ended:
+        """Half of the events went into ever slower laps around a corner: go on in it, if that is wanted."""
+        run, options = self.run, self.options
+        if options.zeno != "continue" or self.looked_for_spiral or run.events.total < options.max_events // 2:
+            return None
+        self.looked_for_spiral = True
+        spiral = slow_spiral(run)
+        if spiral is None:
+            return None
+        run.x[:] = spiral.x
+        self.spiral = spiral
+        return self._classify(spiral.surfaces, spiral.surfaces, start=False)
+
+    def _decided(
+        self, active: list[int], met: Sequence[int], hit: Sequence[int]
+    ) -> Ended:
+        """Decide events by resets, by sliding of higher order, or by the modes that can follow."""
+        if active or bouncing(self.run, [i for i in hit if self.run.hit[i] == codes.ROOT]):
+            return self._reset(active, hit)
+        if self.higher.active is not None:
+            return self._besides(hit)
+        if len(hit) == 1 and self.run.hit[hit[0]] in (codes.ROOT, codes.TOUCH):
+            if accumulates(self.run):
+                return self._zeno()
+            before = self.run.signs
+            # Laps that shrink by a law go on until their limit is near.
+            root = self.run.hit[hit[0]] == codes.ROOT
+            lawful = root and len(self.run.events) > 0 and accumulation(self.run) is not None
+            begun = "" if lawful else self.higher.arrives(hit[0])
+            if isinstance(begun, Begun):
+                return self._changed(before, begun.mode, begun.multipliers, hit, begun.note)
+            over = self.higher.across(hit[0]) if root and hit[0] in self._near() else None
+            if over is not None:
+                self.run.put(over.mode, over.order, tuple(self.run.lam.tolist()))
+                return self._changed(before, over.mode, self.run.lam, hit, "")
+        return self._classify(met, hit, start=False)
+
+    def _arrived(self) -> bool:
+        """Whether a motion that no step leads on has arrived where sliding of higher order begins."""
+        run, before = self.run, self.run.signs
+        for i in range(run.machine.m):
+            begun = self.higher.arrives(i)
+            if isinstance(begun, Begun):
+                self._changed(before, begun.mode, begun.multipliers, (i,), begun.note)
+                return True
+        return False
+
+    def _back(self) -> tuple[int, ...]:
+        """Interrupt sliding of higher order; returns the surfaces that it was on."""
+        return () if self.higher.active is None else self.higher.suspend()
+
+    def _besides(self, hit: Sequence[int]) -> Ended:
+        """An event during sliding of higher order: its end, or something on other surfaces."""
+        run, higher = self.run, self.higher
+        found, left = higher.active, higher.left(hit)
+        assert found is not None
+        if left is None:
+            others = [i for i in {*hit, *self._near()} if i not in (*found.zero, *found.kinks)]
+            return self._classify(sorted(others), hit, start=False)
+        before = run.signs
+        higher.suspend()
+        run.put(left.mode, left.order, tuple(run.lam.tolist()))
+        run.clock[codes.STEP] = 0.0
+        ended = self._changed(before, left.mode, run.lam, hit, "")
+        if ended is None and left.remaining:
+            slack = 1e2 * (run.atol + run.options.rtol * np.abs(run.x))
+            again = higher.begin(left.remaining, slack)
+            if isinstance(again, str):
+                ended = self._classify(left.remaining, (), start=False)
+        return ended

@@ -1,0 +1,1 @@
+"""A problem, its options, and the state of a run of the compiled loop."""

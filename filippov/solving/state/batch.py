@@ -1,0 +1,256 @@
+"""A batch of trajectories as flat arrays, run in compiled code by several threads, in lanes or one by one."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.kernel.codegen.build import Compiled, build
+from filippov.kernel.codegen.entries import CALLED_BY_LANES
+from filippov.kernel.tables import codes
+from filippov.model.system import System
+from filippov.solving.state.events import Stop
+from filippov.solving.state.gradients import check_gradients
+from filippov.solving.state.machine import Array, Machine
+from filippov.solving.state.options import Options
+
+Whole = npt.NDArray[np.int64]
+_EVENT_ROOM = 64
+# Steps of one call into compiled code, in which nobody looks up: some tens of milliseconds.
+_CHUNK = 50_000
+_WAITING = 0.05
+# Rows that a thread takes at a time, and parts of its share of all rows: at the end no thread waits long.
+# Rows at whose ends the gradients of functions are looked at.
+_LOOKED_AT = 32
+_MOST_TAKEN, _PARTS = 64, 32
+UNFINISHED = -1
+_TALLIES = 4
+# Lanes of trajectories that do not slide, and of those that do.
+_GROUPS = 2
+
+
+def cores() -> int:
+    """Cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def lane_unit(machine: Machine, method: str, lanes: int) -> Compiled:
+    """The machine's system and method compiled for several trajectories side by side."""
+    return build(machine.unit.source, machine.constants, method, lanes)
+
+
+class Batch:
+    """Rows of trajectories; `run` carries them to their ends, in place.
+
+    code[q] says how row q ended (see `kernel.tables.codes`), UNFINISHED where it did not. kinds[q] counts its
+    events by surface and kind; behind them stand surface and kind of the last one, -1 without one.
+    """
+
+    def __init__(
+        self, machine: Machine, states: Array, values: Array, span: tuple[float, float],
+        stops: tuple[Stop, ...], options: Options,
+    ) -> None:  # fmt: skip
+        k, m = len(states), machine.m
+        self.machine, self.size = machine, k
+        self.values, self.x = values, states.copy()
+        self.mode, self.lam = np.ones((k, m)), np.zeros((k, m))
+        self.order, self.hit = np.zeros((k, m), dtype=np.int64), np.zeros((k, m), dtype=np.int64)
+        clock, count = np.zeros(codes.CLOCK_SIZE), np.zeros(codes.COUNT_SIZE, dtype=np.int64)
+        clock[codes.T] = clock[codes.T_START] = span[0]
+        clock[codes.T_END] = span[1]
+        clock[codes.RTOL], clock[codes.MAX_STEP] = options.rtol, options.max_step
+        clock[codes.STEP] = options.first_step or 0.0
+        count[codes.STEP_BUDGET], count[codes.EVENT_BUDGET] = options.max_steps, options.max_events
+        stop = np.zeros((m, codes.STOPS), dtype=np.int64)
+        for item in stops:
+            place = machine.system.surface_index(item.surface), item.column
+            stop[place] = min(stop[place], item.count) if stop[place] > 0 else item.count
+        self.clock, self.count, self.stop = _rows(k, clock), _rows(k, count), _rows(k, stop)
+        self.zeno = np.zeros((k, m, codes.ZENO_ROOM))
+        self.kinds = np.zeros((k, m * codes.KINDS + 2), dtype=np.int64)
+        self.kinds[:, -2:] = -1
+        self.code = np.full(k, UNFINISHED, dtype=np.int64)
+        # What functions of the user's raised, by row.
+        self.raised: dict[int, BaseException] = {}
+        self.atol = options.tolerances(machine.system)
+        self.p = machine.derived(values)
+        # What has been taken, the number of rows that are done, and how many are taken at a time: the
+        # threads share them.
+        self.queue = np.array([0, 0, 1])
+
+    def run(
+        self, threads: int, unit: Compiled | None, look: Callable[[int], None] | None = None
+    ) -> None:
+        """Carry every row to its end; `unit` runs them in lanes. `look` is told how many rows are done.
+
+        What `look` raises, and KeyboardInterrupt, ends the work within the time of a chunk; rows that are
+        done keep their ends.
+        """
+        if threads == 1:
+            for _ in self._chunks(unit):
+                if look is not None:
+                    look(int(self.queue[1]))
+            return
+        if self.machine.callbacks is None:
+            self.queue[2] = max(1, min(_MOST_TAKEN, self.size // (_PARTS * threads)))
+        halt = threading.Event()
+        with ThreadPoolExecutor(threads) as pool:
+            work = [pool.submit(self._work, unit, halt) for _ in range(threads)]
+            try:
+                while wait(work, timeout=_WAITING).not_done:
+                    if look is not None:
+                        look(int(self.queue[1]))
+            finally:
+                halt.set()
+            for done in work:
+                done.result()
+
+    def _work(self, unit: Compiled | None, halt: threading.Event) -> None:
+        for _ in self._chunks(unit):
+            if halt.is_set():
+                return
+
+    def _chunks(self, unit: Compiled | None) -> _Chunks:
+        return _Chunks(self, unit)
+
+
+class _Room:
+    """One thread's scratch: lanes, events and what a step needs, kept for the machine's next batch."""
+
+    def __init__(self, machine: Machine, unit: Compiled | None) -> None:
+        n, m, place = machine.n, machine.m, machine.compiled.layout
+        width = int(machine.unit.constants["P"])  # type: ignore[arg-type]
+        lanes = 1 if unit is None else unit.lanes
+        sizes = (codes.CLOCK_SIZE, _TALLIES, n, m, m, width, n, place.doubles) if unit else ()
+        stride, starts = 0, []
+        for size in sizes:
+            starts.append(stride)
+            stride += size * lanes
+        total = _GROUPS * stride
+        events = (_EVENT_ROOM + m) * machine.event_size
+        room = np.zeros(total + events + place.doubles + 8)
+        # Vectors must not lie across two cache lines.
+        first = (-room.ctypes.data // 8) % 8
+        self.doubles = room[first:]
+        base = self.doubles.ctypes.data
+        self.wide = [
+            [self.doubles[g * stride + start :][: size * lanes].reshape(size, lanes) for g in range(_GROUPS)]
+            for start, size in zip(starts, sizes, strict=True)
+        ]
+        marks = (_EVENT_ROOM + m) * (2 + 2 * m)
+        # The rows under way, what is left of those that the thread has taken, and in lanes those that wait.
+        mine = 3 if unit is None else 4 + _GROUPS * lanes * (1 + 3 * (1 + m))
+        self.integers = np.zeros(mine + 2 * place.integers + marks, dtype=np.int64)
+        whole = self.integers.ctypes.data
+        self.rows = self.integers[:1] if unit is None else self.integers[4 : 4 + _GROUPS * lanes]
+        addresses = [machine.compiled.addresses[name] for name in CALLED_BY_LANES]
+        self.entries = np.array([*addresses, stride], dtype=np.int64)
+        inside = place.integers
+        # By the names of the entry point's arguments, where they begin.
+        self.places: dict[str, Any] = {
+            "events": base + 8 * total, "marks": whole + 8 * (mine + inside),
+            "w": base + 8 * (total + events), "iw": whole + 8 * (mine + inside + marks),
+            "ctx": machine.context, "mine" if unit is None else "rows": whole,
+        }  # fmt: skip
+        if unit is not None:
+            of_lanes = ("clock_l", "tally_l", "x_l", "m_l", "order_l", "p_l", "atol_l", "w_l")
+            self.places |= {name: base + 8 * start for name, start in zip(of_lanes, starts, strict=True)}
+            self.places |= {"entries": self.entries, "iw_l": whole + 8 * mine}
+
+    def clear(self, atol: Array) -> None:
+        """As new: what a batch leaves behind must not reach the next."""
+        self.doubles[:] = 0.0
+        self.integers[:] = 0
+        self.rows[:] = -1
+        if self.wide:
+            for group in range(_GROUPS):
+                self.wide[0][group][[codes.RTOL, codes.TREND]] = 1.0
+                self.wide[3][group][:] = 1.0
+                self.wide[6][group][:] = atol[:, None]
+
+
+class _Chunks:
+    """One thread's part of a batch: an iterator that works for a chunk of steps at a time."""
+
+    def __init__(self, batch: Batch, unit: Compiled | None) -> None:
+        machine = batch.machine
+        self.batch, self.last, self.steps = batch, batch.size, _CHUNK
+        name, compiled = ("ensemble", machine.compiled) if unit is None else ("lane_run", unit)
+        self.function = compiled.functions[name]
+        if unit is not None:
+            self.steps = _CHUNK // unit.lanes
+        self.rooms = machine.rooms.setdefault(unit.lanes if unit is not None else 1, [])
+        try:
+            self.room = self.rooms.pop()
+        except IndexError:
+            self.room = _Room(machine, unit)
+        self.room.clear(batch.atol)
+        values = {
+            "last": 0, "steps": 0, "queue": batch.queue, "clocks": batch.clock, "counts": batch.count,
+            "xs": batch.x, "ms": batch.mode, "orders": batch.order, "hits": batch.hit, "lams": batch.lam,
+            "ps": batch.p, "atol": batch.atol, "stops": batch.stop, "zenos": batch.zeno, "kinds": batch.kinds,
+            "codes": batch.code, **self.room.places,
+        }  # fmt: skip
+        _, _, *self.arguments = compiled.arguments(name, values)
+        self.row = 0
+        self.more = True
+
+    def __iter__(self) -> _Chunks:
+        return self
+
+    def __next__(self) -> None:
+        if not self.more:
+            self.rooms.append(self.room)
+            raise StopIteration
+        machine = self.batch.machine
+        if machine.callbacks is not None:
+            # One row a call: the parameters of plain functions are handed over before it.
+            if self.room.rows[0] < 0:
+                machine.callbacks.parameters(self.batch.values[self.row])
+                names, start = machine.system.parameters.names, float(self.batch.clock[self.row, codes.T])
+                machine.callbacks.speed_up(names, start, self.batch.x[self.row])
+                self._look(self.row)
+                self.batch.queue[0] = self.row
+                self.row += 1
+            left = self.function(self.row, self.steps, *self.arguments)
+            error, machine.callbacks.error = machine.callbacks.error, None
+            if isinstance(error, KeyboardInterrupt):
+                raise error
+            if error is not None:  # it is this row's; the others go on
+                self.batch.raised[self.row - 1] = error
+                self.batch.code[self.row - 1] = codes.USER_ERROR
+                self.room.rows[0], left = -1, 0
+            elif left == 0:
+                self._look(self.row - 1)
+            self.more = left != 0 or self.row < self.last
+            return
+        self.more = self.function(self.last, self.steps, *self.arguments) != 0
+
+    def _look(self, row: int) -> None:
+        """Compare the gradients of functions with differences where a row begins or ends."""
+        x = self.batch.x[row]
+        if row < _LOOKED_AT and np.all(np.isfinite(x)):
+            check_gradients(self.batch.machine, float(self.batch.clock[row, codes.T]), x.copy())
+
+
+def _rows(k: int, row: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """The same for each of k trajectories."""
+    rows = np.empty((k, *row.shape), dtype=row.dtype)
+    rows[:] = row
+    return rows
+
+
+def system_threads(system: System, threads: int | None, rows: int, least: int) -> int:
+    """How many threads: as asked, at most one for every `least` rows, one for plain Python functions."""
+    if system.field is not None:
+        return 1
+    most = rows // least or 1
+    return max(1, min(threads or cores(), most)) if most > 1 else 1

@@ -1,0 +1,32 @@
+"""What changes at one instant: the mode and state before, and the kind of event on each surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from filippov.base.status import EventKind
+from filippov.solving.state.events import Mode
+from filippov.solving.state.machine import Array
+
+
+@dataclass(frozen=True)
+class Jump:
+    """Mode and state before the events of one instant, the surfaces that reset, the time events.
+
+    together: they belong to the set of the event before.
+    """
+
+    before: Mode
+    x: Array
+    by: tuple[int, ...] = ()
+    clocks: tuple[int, ...] = ()
+    together: bool = False
+
+
+def change_of(before: int, after: int, hit: bool) -> EventKind | None:
+    """The kind of event on a surface whose sign was `before` and is `after`; None where nothing happens."""
+    if before == after:
+        return EventKind.GRAZING if hit and before != 0 else None
+    if after == 0:
+        return EventKind.ENTRY
+    return EventKind.EXIT if before == 0 else EventKind.CROSSING

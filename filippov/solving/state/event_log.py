@@ -1,0 +1,139 @@
+"""Events as they come out of the compiled loop: kept as arrays, made into Event objects on demand."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.base.status import EventKind
+from filippov.kernel.tables import codes
+from filippov.solving.state.events import Event, Events, Mode
+
+Array = npt.NDArray[np.float64]
+# Roots closer than this part of the time, among the last events, are told apart by rounding.
+CROWDED, LOOK_BACK = 1e-9, 8
+MANY_ROOTS = "not resolved: a multiple root, or several next to each other"
+_KINDS = {
+    codes.CROSSING_UP: EventKind.CROSSING,
+    codes.CROSSING_DOWN: EventKind.CROSSING,
+    codes.ENTRY: EventKind.ENTRY,
+    codes.EXIT_UP: EventKind.EXIT,
+    codes.EXIT_DOWN: EventKind.EXIT,
+    codes.GRAZING: EventKind.GRAZING,
+    codes.RESET: EventKind.RESET,
+}
+
+
+class EventLog(Events):
+    """The events of a run in the order of integration, growing while it runs."""
+
+    def __init__(
+        self, names: tuple[str, ...], sense: int, n: int, keep: int | None = None, always: range = range(0)
+    ) -> None:
+        self.names, self.sense, self.n, self.keep, self.always = names, sense, n, keep, always
+        self._room = 2 * keep if keep is not None else 0
+        self.counts: Counter[tuple[int, EventKind]] = Counter()
+        self._made: list[Event] = []
+        self._raw: list[tuple[Array, npt.NDArray[np.int64]]] = []
+        self._waiting = 0
+
+    @property
+    def _items(self) -> list[Event]:
+        for floats, marks in self._raw:
+            m = (marks.shape[1] - 2) // 2
+            floats.flags.writeable = False
+            states, jumped = floats[:, 3 : 3 + self.n], floats[:, 3 + self.n :]
+            for k, (row, mark) in enumerate(zip(floats[:, :3].tolist(), marks.tolist(), strict=True)):
+                before, after = tuple(mark[2 : 2 + m]), tuple(mark[2 + m :])
+                x_after = jumped[k] if mark[1] == codes.RESET else None
+                kind = _KINDS[mark[1]]
+                self._append(row[0], mark[0], kind, before, after, states[k], row[1], row[2], x_after=x_after)
+        self._raw, self._waiting = [], 0
+        return self._made
+
+    @_items.setter
+    def _items(self, value: list[Event]) -> None:
+        self._made = list(value)
+
+    def _append(
+        self, t: float, index: int, kind: EventKind, before: Mode, after: Mode, x: Array, multiplier: float,
+        residual: float, note: str = "", together: bool = False, x_after: Array | None = None,
+    ) -> None:  # fmt: skip
+        if index in self.always and not note:
+            note = self._crowded(t, index)
+        group = self._made[-1].group + (0 if together else 1) if self._made else 0
+        self._made.append(
+            Event(
+                t,
+                self.names[index],
+                index,
+                kind,
+                before,
+                after,
+                x,
+                multiplier,
+                residual,
+                group,
+                note,
+                x_after,
+                self.sense,
+            )
+        )
+
+    def _crowded(self, t: float, index: int) -> str:
+        """What is said of a root next to another one of the same guard (E2)."""
+        near = any(e.index == index and abs(e.t - t) <= CROWDED * abs(t) for e in self._made[-LOOK_BACK:])
+        return MANY_ROOTS if near else ""
+
+    def add_rows(self, floats: Array, marks: npt.NDArray[np.int64]) -> None:
+        """Append rows as the loop writes them (copied)."""
+        if len(floats):
+            self._raw.append((floats.copy(), marks.copy()))
+            self._waiting += len(floats)
+            pairs, numbers = np.unique(marks[:, :2], axis=0, return_counts=True)
+            for (index, kind), number in zip(pairs.tolist(), numbers.tolist(), strict=True):
+                self.counts[index, _KINDS[kind]] += number
+            self._forget()
+
+    @property
+    def total(self) -> int:
+        """The number of events so far, whether they are kept or not."""
+        return self.counts.total()
+
+    def _forget(self) -> None:
+        """With `keep`, drop all but the last events and those of `always`, which were asked for."""
+        if self.keep is not None and len(self) > self._room:
+            older = self._items[: -self.keep]
+            self._items[: -self.keep] = [event for event in older if event.index in self.always]
+            self._room = 2 * max(self.keep, len(self))
+
+    def add(self, *values: Any, **named: Any) -> Event:
+        """Append one event found by the general path; returns it."""
+        items = self._items
+        self._append(*values, **named)
+        self.counts[items[-1].index, items[-1].kind] += 1
+        self._forget()
+        return items[-1]
+
+    def table(self) -> tuple[Array, Array]:
+        """Times and states of all events, without making objects of those that are still rows."""
+        times = [np.array([event.t for event in self._made])] + [floats[:, 0] for floats, _ in self._raw]
+        states = [event.x[None, :] for event in self._made] + [
+            floats[:, 3 : 3 + self.n] for floats, _ in self._raw
+        ]
+        return np.concatenate(times), np.concatenate(states) if states else np.zeros((0, 0))
+
+    def __len__(self) -> int:
+        return len(self._made) + self._waiting
+
+    def __bool__(self) -> bool:
+        return len(self) > 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        rest = {"_made": self._items, "_raw": [], "_waiting": 0, "keep": self.keep, "counts": self.counts}
+        rest |= {"always": self.always, "_room": self._room}
+        rest["place_of"] = self.place_of
+        return {"names": self.names, "sense": self.sense, "n": self.n, **rest}

@@ -1,0 +1,237 @@
+"""A system with one method as machine code, with the parameter values and user functions of one run."""
+
+from __future__ import annotations
+
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.base.errors import ModelError
+from filippov.kernel.codegen.build import Compiled, build, generation
+from filippov.kernel.codegen.callback import Callbacks, EventCallbacks, callback_unit, new_context
+from filippov.kernel.codegen.generated import Generated
+from filippov.kernel.tables.layout import RULES
+from filippov.kernel.tables.root_tables import NODES
+from filippov.kernel.tables.tableaus import TABLEAUS, Collocation
+from filippov.model.surface import Surface
+from filippov.model.system import System
+
+Array = npt.NDArray[np.float64]
+_SIDES: dict[str, tuple[int, ...]] = {"+": (1,), "-": (-1,), "both": (1, -1)}
+
+
+def _unit(system: System, blended: bool) -> Generated:
+    """The unit of a system of expressions, made once and kept with it: another process need not make it.
+
+    Nor does it use one that another version has made.
+    """
+    key = generation(), blended
+    if key not in system.units:
+        system.units[key] = _generated(system, blended)
+    unit: Generated = system.units[key]
+    return unit
+
+
+@lru_cache(maxsize=256)
+def _generated(system: System, blended: bool) -> Generated:
+    from filippov.kernel.codegen.generate import generate
+
+    assert system.symbolic is not None
+    return generate(system.symbolic, system.surfaces, blended)
+
+
+@lru_cache(maxsize=256)
+def _generated_with(
+    system: System, expressions: tuple[Any, ...], functions: int, blended: bool
+) -> Generated:
+    """The unit with user events; one for any functions."""
+    from filippov.kernel.codegen.generate_events import generate_with_events
+
+    assert system.symbolic is not None
+    events = [Surface("event", e, kind="observer") for e in (*expressions, *[_placeholder] * functions)]
+    return generate_with_events(system.symbolic, system.surfaces, tuple(events), blended)
+
+
+def _placeholder(t: float, x: Any, p: Any) -> float:
+    raise NotImplementedError
+
+
+class Machine:
+    """The compiled functions of a system. Each run makes its own: scratch and callbacks are not shared."""
+
+    def __init__(
+        self, system: System, method: str, p: Array, events: tuple[Surface, ...] = (),
+        sliding: str = "filippov", compiled: bool | None = None,
+    ) -> None:  # fmt: skip
+        self.system, self.events = system, events
+        self.n, self.m = system.dimension, len(system.surface_names) + len(events)
+        self.callbacks: Callbacks | None = None
+        if system.field is None:
+            expressions = tuple(e.h for e in events if e.symbolic)
+            functions = events[len(expressions) :]
+            blended = sliding == "utkin"
+            unit = (
+                _generated_with(system, expressions, len(functions), blended)
+                if events
+                else _unit(system, blended)
+            )
+            self.context = new_context()
+            if functions:
+                self.callbacks = EventCallbacks(functions, self.n, system.parameters.record)
+                self.callbacks.parameters(p)
+                self.context = self.callbacks.context
+        else:
+            unit = callback_unit(self.n, len(system.parameters), self.surfaces)
+            self.callbacks = Callbacks(
+                system.field, self.surfaces, self.n, system.parameters.record, system.time_events,
+                compiled=system.compile if compiled is None else compiled,
+            )  # fmt: skip
+            self.callbacks.parameters(p)
+            self.context = self.callbacks.context
+        self.unit = unit
+        self.constants = unit.constants | {"RULE": RULES.index(sliding)}
+        if sliding == "utkin" and system.field is not None:
+            # One surface: two vertices say all for Filippov, nothing of what lies between them.
+            self.constants["AFFINE"] = False
+        self.compiled: Compiled = build(unit.source, self.constants, method)
+        self.p = self.derived(p)
+        self.w = np.zeros(self.compiled.layout.doubles)
+        self.iw = np.zeros(self.compiled.layout.integers, dtype=np.int64)
+        self.event_size = int(unit.constants["EVENT_SIZE"])  # type: ignore[arg-type]
+        self.affine = bool(self.constants["AFFINE"])
+        # Surfaces whose signs do not act on each other's rates have different numbers.
+        component: Any = unit.constants["COMPONENT"]
+        self.component: tuple[int, ...] = tuple(component[: self.m])
+        self.calls = 0
+        self.values, self.method, self.sliding = p, method, sliding
+        # Scratch of batches by their lanes that waits for the next one (see `batch`).
+        self.rooms: dict[int, list[Any]] = {}
+
+    @cached_property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """The surfaces of the system and the events."""
+        return (*self.system.surfaces, *self.events)
+
+    @cached_property
+    def roles(self) -> tuple[str, ...]:
+        """The kind of each surface."""
+        return tuple(surface.kind for surface in self.surfaces)
+
+    @cached_property
+    def widths(self) -> tuple[float, ...]:
+        """The width of the hysteresis of each surface."""
+        return tuple(surface.width for surface in self.surfaces)
+
+    @cached_property
+    def resets_from(self) -> tuple[tuple[int, ...], ...]:
+        """The signs from which each surface resets the state."""
+        return tuple(() if q.reset is None else _SIDES[q.side] for q in self.surfaces)
+
+    @cached_property
+    def contacts(self) -> tuple[int, ...]:
+        """The side from which each surface may be rested on, 0 for none."""
+        return tuple(_SIDES[q.side][0] if q.contact else 0 for q in self.surfaces)
+
+    @cached_property
+    def local(self) -> Machine:
+        """The machine for trial steps as short as one likes: an explicit one in place of an implicit."""
+        if not isinstance(TABLEAUS[self.method], Collocation):
+            return self
+        other = Machine(self.system, "DOP853", self.values, self.events, self.sliding)
+        # The same functions, parameters and times: only the method differs.
+        other.callbacks, other.context, other.p = self.callbacks, self.context, self.p
+        return other
+
+    def derived(self, values: Array) -> Array:
+        """Parameters, one row a set, with room for what the field derives from them; one set is derived.
+
+        Raises ModelError where a width is not positive for them.
+        """
+        if self.system.variable_widths:
+            from filippov.model.hysteresis import check_widths
+
+            assert self.system.symbolic is not None
+            check_widths(self.system.symbolic, self.system.surfaces, values)
+        width = int(self.unit.constants["P"])  # type: ignore[arg-type]
+        rows = np.zeros((*values.shape[:-1], width))
+        rows[..., : values.shape[-1]] = values
+        if rows.ndim == 1:
+            self.compiled.functions["derive"](*self.compiled.arguments("derive", {"p": rows}))
+        return rows
+
+    def call(self, name: str, **values: Any) -> int:
+        """Call a compiled function with values by name. Raises what user code raised."""
+        if self.callbacks is not None:
+            self.callbacks.look()
+        code = int(self.compiled.functions[name](*self.compiled.arguments(name, values)))
+        self.raise_error()
+        return code
+
+    def raise_error(self) -> None:
+        """Raise what a user function raised, unchanged."""
+        if self.callbacks is not None and self.callbacks.error is not None:
+            error, self.callbacks.error = self.callbacks.error, None
+            raise error
+
+    def rhs(self, t: float, x: Array, signs: Array, mode: Array) -> Array:
+        """The vertex field at the given signs, with the sizes |h| of a mode."""
+        out = np.empty(self.n)
+        self.calls += 1
+        self.call("rhs", t=float(t), x=x, p=self.p, s=signs, m=mode, out=out, ctx=self.context)
+        return out
+
+    def rate(self, i: int, g: Array, velocity: Array) -> float:
+        """grad h_i . velocity; components of the velocity on which h_i does not depend may be undefined."""
+        with np.errstate(invalid="ignore"):
+            return float(np.sum(g[i] * np.where(g[i] == 0.0, 0.0, velocity)))
+
+    def guards(self, t: float, x: Array, mode: Array) -> Array:
+        """All switching functions."""
+        out = np.empty(self.m)
+        self.call("guards", t=float(t), x=x, p=self.p, m=mode, out=out, ctx=self.context)
+        return out
+
+    def gradients(self, t: float, x: Array, mode: Array) -> tuple[Array, Array]:
+        """dh/dx, shape (m, n), and dh/dt, shape (m,)."""
+        # Functions of the user write both into the first array, one behind the other.
+        g, gt = np.zeros(self.m * self.n + self.m), np.zeros(self.m)
+        self.call("gradients", t=float(t), x=x, p=self.p, m=mode, g=g, gt=gt, ctx=self.context)
+        return g[: self.m * self.n].reshape(self.m, self.n), gt
+
+    def radii(self, t: float, x: Array) -> Array:
+        """The set of each sign at h = 0, shape (m, 2)."""
+        out = np.empty((self.m, 2))
+        self.call("radii", t=float(t), x=x, p=self.p, out=out, ctx=self.context)
+        if not np.all(out[:, 0] <= -1 + 1e-12) or not np.all(out[:, 1] >= 1 - 1e-12):
+            i = int(np.argmax((out[:, 0] > -1 + 1e-12) | (out[:, 1] < 1 - 1e-12)))
+            raise ModelError(
+                f"surface {self.surfaces[i].name!r}: its set at h = 0 is "
+                f"[{out[i, 0]:g}, {out[i, 1]:g}] at t = {t:g}, expected one that holds "
+                "[-1, 1]. Check the radius with these parameters."
+            )
+        return out
+
+    def reset(self, i: int, t: float, x: Array, mode: Array) -> Array:
+        """The state after the reset at surface i, reached in a mode; time events follow the surfaces."""
+        out = np.empty(self.n)
+        self.call("resets", i=int(i), t=float(t), x=x, p=self.p, m=mode, out=out, ctx=self.context)
+        return out
+
+    def between(self, low: float, high: float) -> None:
+        """Call functions of the user with times strictly inside (low, high) only."""
+        inside = np.array([np.nextafter(low, np.inf), np.nextafter(high, -np.inf)])
+        self.context[5:7] = inside.view(np.int64)
+
+    def probe(
+        self, t: float, step: float, x: Array, mode: Array, guess: Array
+    ) -> tuple[int, Array, Array, Array]:
+        """(code, field, multipliers, guards along a trial step) of a mode; guards: shape (NODES, 2, m)."""
+        out = np.zeros(self.n + NODES * 2 * self.m)
+        lam = np.array(guess, dtype=np.float64)
+        code = self.call(
+            "probe", t=float(t), step=float(step), x=x, m=mode, p=self.p, lam=lam, out=out, w=self.w,
+            iw=self.iw, ctx=self.context,
+        )  # fmt: skip
+        return code, out[: self.n], lam, out[self.n :].reshape(NODES, 2, self.m)

@@ -1,0 +1,291 @@
+"""Options of a run, checked: each is refused by name with what was given, what is expected and what to do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.names import unknown
+from filippov.kernel.codegen.interpreted import BACKENDS
+from filippov.kernel.tables.layout import RULES
+from filippov.kernel.tables.tableaus import TABLEAUS
+from filippov.model.system import System
+from filippov.solving.state.events import Stop
+
+METHODS = tuple(TABLEAUS)
+POLICIES = ("raise", "stick", "slip", "branch")
+# Where none is given; see `filippov.solving.scale` for motions that are small.
+LARGEST_ATOL = 1e-12
+SMALLEST_RTOL = 100 * np.finfo(float).eps
+
+
+@dataclass(frozen=True)
+class Options:
+    """Method, tolerances, budgets and policies of a run, after checking."""
+
+    method: str = "DOP853"
+    rtol: float = 1e-9
+    atol: npt.NDArray[np.float64] | float = LARGEST_ATOL
+    first_step: float | None = None
+    max_step: float = math.inf
+    max_steps: int = 10_000_000
+    max_events: int = 100_000
+    max_time: float = math.inf
+    nonunique: str | tuple[str, ...] | Callable[..., Any] = "raise"
+    on_graze: str = "continue"
+    zeno: str = "stop"
+    simultaneous: str = "raise"
+    sliding: str = "filippov"
+    stop: tuple[Stop, ...] = ()
+    dense_output: bool = True
+    save_events: str = "all"
+    compile: bool | None = None
+    backend: str = "compiled"
+
+    def __post_init__(self) -> None:
+        if self.method not in TABLEAUS:
+            raise UsageError(unknown("method", self.method, METHODS))
+        positive("rtol", self.rtol)
+        if self.rtol < SMALLEST_RTOL:
+            raise UsageError(f"rtol is {self.rtol:g}, expected at least {SMALLEST_RTOL:.2g} (100 roundings).")
+        if isinstance(self.atol, float):
+            good = 0.0 <= self.atol < math.inf
+        else:
+            atol = np.asarray(number_array("atol", self.atol))
+            good = bool(np.all(np.isfinite(atol)) and not np.any(atol < 0))
+        if not good:
+            raise UsageError(f"atol is {self.atol}, expected numbers >= 0.")
+        if self.first_step is not None:
+            positive("first_step", self.first_step)
+        positive("max_step", self.max_step, infinite=True)
+        positive("max_time", self.max_time, infinite=True)
+        for name in ("max_steps", "max_events"):
+            check_count(name, getattr(self, name))
+        if not isinstance(self.nonunique, tuple):
+            choice("nonunique", self.nonunique, POLICIES, or_function=True)
+        choice("on_graze", self.on_graze, ("continue", "error"))
+        choice("zeno", self.zeno, ("stop", "continue"))
+        choice("simultaneous", self.simultaneous, ("raise", "sequential", "generalised Newton"))
+        choice("sliding", self.sliding, RULES)
+        choice("backend", self.backend, BACKENDS)
+        choice("save_events", self.save_events, ("all", "count"))
+        if self.compile not in (None, True, False):
+            raise UsageError(f"compile is {self.compile!r}, expected True, False or None.")
+        if self.save_events == "count":
+            object.__setattr__(self, "dense_output", False)
+        for item in self.stop:
+            if not isinstance(item, Stop):
+                raise UsageError(f"stop holds {item!r}, expected Stop(surface, kind, count).")
+
+    def check_span(self, t_span: tuple[float, float]) -> None:
+        """Refuse steps longer than the span: nothing could come of them."""
+        span = abs(t_span[1] - t_span[0])
+        for name in ("first_step", "max_step"):
+            value = getattr(self, name)
+            if value is not None and math.isfinite(value) and 0.0 < span * (1.0 + 1e-12) < value:
+                raise UsageError(
+                    f"{name} is {value:g}, longer than t_span, {span:g}: expected at most that. Leave it out."
+                )
+
+    def check_system(self, system: System) -> None:
+        """Refuse compile=False for a system that runs in no other way."""
+        if self.compile is False and system.field is None:
+            raise UsageError(
+                "compile is False, but the system is given by expressions, which run compiled only. Leave "
+                "compile out, or give the field as a plain function: System(field=f, ...)."
+            )
+
+    def tolerances(self, system: System) -> npt.NDArray[np.float64]:
+        """One absolute tolerance a state."""
+        if isinstance(self.atol, float):
+            return np.full(system.dimension, self.atol)
+        atol = np.asarray(self.atol, dtype=float)
+        if atol.ndim and atol.shape != (system.dimension,):
+            raise UsageError(
+                f"atol has shape {atol.shape}, expected one number or {system.dimension} "
+                f"(states: {', '.join(system.states)})."
+            )
+        return np.ascontiguousarray(np.broadcast_to(atol, (system.dimension,)), dtype=float)
+
+
+def positive(name: str, value: object, infinite: bool = False) -> float:
+    """A number > 0, or a UsageError naming the option."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
+        raise UsageError(f"{name} is {value!r}, expected a number > 0.")
+    if not value > 0 or (math.isinf(value) and not infinite):
+        raise UsageError(f"{name} is {value!r}, expected a {'' if infinite else 'finite '}number > 0.")
+    return float(value)
+
+
+def choice(name: str, value: object, known: tuple[str, ...], or_function: bool = False) -> None:
+    """One of the known words (or a function), or a UsageError."""
+    if or_function and callable(value):
+        return
+    if not isinstance(value, str) or value not in known:
+        raise UsageError(unknown(f"value of {name}:", value, known))
+
+
+def number_array(name: str, value: object) -> npt.NDArray[np.float64]:
+    """Real numbers as float64, or a UsageError."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise UsageError(f"{name} is {value!r}, expected numbers.") from None
+    if array.dtype.kind not in "fiu":
+        raise UsageError(f"{name} is {value!r} (type {array.dtype}), expected real numbers.")
+    return array.astype(np.float64)
+
+
+def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
+    """The initial state as a float64 vector: a sequence in the order of the states, or a mapping by name."""
+    if isinstance(x0, dict):
+        names = [str(getattr(key, "name", key)) for key in x0]
+        for name in names:
+            if name not in system.states:
+                raise UsageError(unknown("state", name, system.states))
+        missing = [name for name in system.states if name not in names]
+        if missing:
+            raise UsageError(
+                f"x0 has no value for {', '.join(missing)}; expected one for each of {system.states}."
+            )
+        values = dict(zip(names, x0.values(), strict=True))
+        x0 = [values[name] for name in system.states]
+    array = number_array("x0", x0)
+    if array.shape != (system.dimension,):
+        raise UsageError(
+            f"x0 has shape {array.shape}, expected {system.dimension} numbers "
+            f"(states: {', '.join(system.states)})."
+        )
+    for name, value in zip(system.states, array, strict=True):
+        if not math.isfinite(value):
+            raise UsageError(f"x0: state {name!r} is {value}, expected a finite number.")
+    return np.array(array)
+
+
+def check_span(t_span: Any, backward: bool = False, x0: Any = None) -> tuple[float, float]:
+    """Two finite times, the second before the first only where `backward` says so.
+
+    x0      the initial state given with it: a span that falls may be one, in scipy's order
+    """
+    try:
+        start, end = t_span
+    except (TypeError, ValueError):
+        raise UsageError(f"t_span is {t_span!r}, expected (t0, t1).") from None
+    values = []
+    for name, value in (("t0", start), ("t1", end)):
+        if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
+            raise UsageError(f"t_span: {name} is {value!r}, expected a number.")
+        if not math.isfinite(value):
+            raise UsageError(f"t_span: {name} is {value}, expected a finite number.")
+        values.append(float(value))
+    if backward not in (True, False):
+        raise UsageError(f"backward is {backward!r}, expected True or False.")
+    if values[1] < values[0] and not backward:
+        other, pair = "", as_pair(x0)
+        if pair is not None and pair[0] < pair[1]:
+            other = (
+                f" If {pair} is the span and {tuple(values)} the state, they are in the order of "
+                f"scipy's solve_ivp: here x0 goes first, x0={tuple(values)}, t_span={pair}."
+            )
+        raise UsageError(
+            f"t_span is {tuple(values)}, which runs backwards in time. If that is meant, say "
+            f"backward=True.{other}"
+        )
+    if values[1] > values[0] and backward:
+        raise UsageError(
+            f"backward is True, but t_span is {tuple(values)}, which runs forwards. Give (t0, t1) with "
+            "t1 < t0, or drop backward."
+        )
+    return values[0], values[1]
+
+
+def as_pair(value: Any) -> tuple[float, float] | None:
+    """Two plain numbers, None for anything else."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        return None
+    if array.shape != (2,) or array.dtype.kind not in "fiu":
+        return None
+    first, second = array.tolist()
+    return first, second
+
+
+def falls(t_span: Any) -> bool:
+    """Whether a span, checked or not, has its end before its start."""
+    try:
+        start, end = t_span
+        return bool(end < start)
+    except (TypeError, ValueError):
+        return False
+
+
+def check_times(t_eval: Any, span: tuple[float, float]) -> npt.NDArray[np.float64]:
+    """Output times inside the span, in the direction of integration, each once."""
+    times = number_array("t_eval", t_eval)
+    if times.ndim != 1:
+        raise UsageError(f"t_eval has shape {times.shape}, expected one dimension.")
+    low, high = min(span), max(span)
+    outside = ~((times >= low) & (times <= high))
+    if np.any(outside):
+        i = int(np.argmax(outside))
+        raise UsageError(f"t_eval[{i}] = {times[i]} lies outside t_span = {span}.")
+    steps = np.diff(times) * (1.0 if span[1] >= span[0] else -1.0)
+    if np.any(steps <= 0):
+        i = int(np.argmax(steps <= 0))
+        raise UsageError(
+            f"t_eval[{i}] = {times[i]} and t_eval[{i + 1}] = {times[i + 1]} are not in the order of "
+            "integration; sort them and drop repeated ones."
+        )
+    return times
+
+
+def check_priority(nonunique: Any, system: System) -> Any:
+    """A list of modes as text, made a tuple and compared with the surfaces; other policies as they are."""
+    if isinstance(nonunique, str) or callable(nonunique):
+        return nonunique
+    try:
+        modes = tuple(nonunique)
+    except TypeError:
+        modes = ()
+    if not modes or not all(isinstance(mode, str) for mode in modes):
+        raise UsageError(
+            f"nonunique is {nonunique!r}, expected one of {', '.join(POLICIES)}, a list of modes such as "
+            "['+', '0'], or a function from the list of candidates to the one to take."
+        )
+    names = system.surface_names
+    for mode in modes:
+        if len(mode) != len(names) or set(mode) - set("+0-"):
+            raise UsageError(
+                f"nonunique holds the mode {mode!r}, expected one of +, 0, - for each of the "
+                f"{len(names)} surfaces ({', '.join(names)})."
+            )
+    return modes
+
+
+def check_count(name: str, value: object) -> int:
+    """A whole number of at least 1, or a UsageError naming the option."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise UsageError(f"{name} is {value!r}, expected a whole number of at least 1.")
+    return value
+
+
+def check_stops(stops: Sequence[Stop] | Stop, system: System) -> tuple[Stop, ...]:
+    """Stops at surfaces that the system has, under the names that they have there."""
+    items = (stops,) if isinstance(stops, Stop) else tuple(stops)
+    given: Sequence[Any] = items  # what is no Stop is refused with the other options
+    return tuple(_stop_at(item, system) if isinstance(item, Stop) else item for item in given)
+
+
+def _stop_at(stop: Stop, system: System) -> Stop:
+    try:
+        place, sense = system.surface_place(stop.surface)
+    except ModelError as error:
+        raise UsageError(str(error)) from None
+    return stop.on(system.surface_names[place], sense)

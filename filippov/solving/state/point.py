@@ -1,0 +1,135 @@
+"""A point at which modes are asked for, with what the compiled system says there, asked once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from filippov.solving.state.events import Mode
+from filippov.solving.state.machine import Array, Machine
+
+# A nudge of a state by this part of it shows the terms that it has in the field.
+NUDGE = 1e-6
+DIFFERENCES = 32.0
+
+Probe = tuple[int, Array, Array, Array]
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where modes are asked for: machine, time and state, direction of time, a trial step.
+
+    guess    the last multipliers
+    resting  surfaces with a contact on which the state may rest
+    met      surfaces that the point lies on
+    back     surfaces that the motion of the mode `base` ran onto
+    along    surfaces on which that motion stayed without sliding on them
+    longest  step to which the trial step may be lengthened where nothing shows in it
+    fine     whether excursions off a surface that are rounding of its terms count
+    """
+
+    machine: Machine
+    t: float
+    x: Array
+    direction: float
+    step: float
+    guess: Array
+    resting: frozenset[int] = frozenset()
+    met: frozenset[int] = frozenset()
+    base: Mode = ()
+    back: frozenset[int] = frozenset()
+    along: frozenset[int] = frozenset()
+    longest: float = 0.0
+    fine: bool = False
+    reached: dict[int, float] = field(default_factory=dict, compare=False, repr=False)
+    summed: dict[bytes, Array] = field(default_factory=dict, compare=False, repr=False)
+    probed: dict[tuple[float, bytes, bytes], Probe] = field(default_factory=dict, compare=False, repr=False)
+
+    @property
+    def grain(self) -> float:
+        """By how much differences as gradients add to the rounding of formulas."""
+        return 1.0 if self.machine.system.field is None else DIFFERENCES
+
+    def gradients(self, mode: Array) -> tuple[Array, Array]:
+        """dh/dx and dh/dt with the sizes of a mode."""
+        return self.machine.gradients(self.t, self.x, mode)
+
+    def rhs(self, signs: Array, mode: Array) -> Array:
+        """The vertex field at signs +-1."""
+        return self.machine.rhs(self.t, self.x, signs, mode)
+
+    def reach(self, i: int, mode: Array) -> float:
+        """By how much the signs of the surfaces met move the rate of surface i: where they balance, by 0.
+
+        What is left of forces in balance is rounding of these, however small the sum itself is.
+        """
+        if i not in self.reached:
+            component = self.machine.component
+            group = [j for j in self.met if component[j] == component[i]]
+            g, _ = self.gradients(mode)
+            signs = np.where(mode == 0.0, 1.0, mode)
+            effects = []
+            for j in group:
+                signs[j] = -signs[j]
+                effects.append(self.rhs(signs, mode))
+                signs[j] = -signs[j]
+            base = self.rhs(signs, mode)
+            for k in {i, *group}:
+                change = [abs(self.machine.rate(k, g, effect - base)) for effect in effects]
+                self.reached[k] = float(np.nansum(change))
+        return self.reached[i]
+
+    def terms(self, i: int, mode: Array) -> float:
+        """Size of the terms that the rate of surface i is a sum of: what rounding in it is measured by.
+
+        Those of grad h . f, what the signs make of it, and what the states and the time do inside f and h:
+        sum_k |x_k d(h')/dx_k|. The rate itself and the states in h may be 0 while these are not.
+        """
+        key = mode.tobytes()
+        if key not in self.summed:
+            signs = np.where(mode == 0.0, 1.0, mode)
+            base = self.rhs(signs, mode)
+            g, gt = self.gradients(mode)
+            g = np.where(np.isfinite(g), g, 0.0)
+            with np.errstate(invalid="ignore", over="ignore"):
+                total = np.abs(gt) + np.abs(g) @ np.nan_to_num(np.abs(base), posinf=0.0)
+                rates = _rates(g, base, gt)
+                for k in range(len(self.x) + 1):
+                    x, t = self.x.copy(), self.t
+                    if k < len(x):
+                        x[k] *= 1.0 + NUDGE
+                    else:
+                        t *= 1.0 + NUDGE
+                    if t != self.t or (k < len(x) and x[k] != self.x[k]):
+                        slopes, drift = self.machine.gradients(t, x, mode)
+                        moved = _rates(slopes, self.machine.rhs(t, x, signs, mode), drift)
+                        change = np.abs(moved - rates) / NUDGE
+                        total += np.where(np.isfinite(change), change, 0.0)
+            self.summed[key] = total
+        return float(self.summed[key][i]) + self.reach(i, mode)
+
+    def field_terms(self, base: Mode) -> Array:
+        """Size of the terms of each component of the field: with what the signs of the surfaces met do."""
+        mode = np.array(base, dtype=float)
+        signs = np.where(mode == 0.0, 1.0, mode)
+        start = self.rhs(signs, mode)
+        total = np.abs(start)
+        for j in self.met:
+            signs[j] = -signs[j]
+            total = total + np.abs(self.rhs(signs, mode) - start)
+            signs[j] = -signs[j]
+        return np.nan_to_num(total, posinf=0.0)
+
+    def probe(self, step: float, mode: Array, lam: Array) -> Probe:
+        """`Machine.probe` at this point; many surfaces ask for the same one."""
+        key = (step, mode.tobytes(), lam.tobytes())
+        if key not in self.probed:
+            code, velocity, multipliers, rows = self.machine.probe(self.t, step, self.x, mode, lam)
+            self.probed[key] = code, velocity.copy(), multipliers, rows
+        return self.probed[key]
+
+
+def _rates(g: Array, velocity: Array, gt: Array) -> Array:
+    """All grad h . f + dh/dt, not a number where one has no value."""
+    return np.asarray(np.sum(g * np.where(g == 0.0, 0.0, velocity), axis=1) + gt)

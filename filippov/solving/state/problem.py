@@ -1,0 +1,97 @@
+"""A problem: a system with initial state, time span and parameter values; re-made, never edited."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sized
+from typing import Any, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.base.errors import UsageError
+from filippov.base.names import check_known
+from filippov.model.system import System
+from filippov.solving.state.options import as_pair, check_span, check_state, falls
+
+
+class Problem:
+    """x' in F(t, x; p), x(t0) = x0, t in [t0, t1]; immutable.
+
+    x0          one number a state, in order or by name
+    t_span      (t0, t1), finite
+    parameters  values by name; the others keep their defaults
+    backward    True for a span with t1 < t0, which is refused without it
+
+    Raises UsageError, ModelError.
+    """
+
+    __slots__ = ("p", "parameters", "system", "t_span", "x0")
+
+    system: System
+    x0: npt.NDArray[np.float64]
+    t_span: tuple[float, float]
+    parameters: Mapping[str, float]
+    p: npt.NDArray[np.float64]
+
+    def __init__(
+        self, system: System, x0: Any, t_span: Any, parameters: Mapping[str, float] | None = None,
+        backward: bool = False,
+    ) -> None:  # fmt: skip
+        if not isinstance(system, System):
+            raise UsageError(f"Problem was given {type(system).__name__}, expected a System.")
+        _check_order(x0, t_span, system)
+        state = check_state(x0, system)
+        state.flags.writeable = False
+        p = system.parameters.resolve(parameters)
+        p.flags.writeable = False
+        values = {
+            "system": system,
+            "x0": state,
+            "t_span": check_span(t_span, backward, x0),
+            "parameters": dict(zip(system.parameters.names, p.tolist(), strict=True)),
+            "p": p,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def __setattr__(self, name: str, value: object) -> NoReturn:
+        raise AttributeError(f"a Problem is immutable; use remake({name}=...).")
+
+    def __repr__(self) -> str:
+        return f"Problem({self.system!r}, x0={self.x0.tolist()}, t_span={self.t_span})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Problem, (self.system, self.x0, self.t_span, dict(self.parameters), self.backward)
+
+    @property
+    def backward(self) -> bool:
+        """Whether it runs backwards in time."""
+        return self.t_span[1] < self.t_span[0]
+
+    def remake(self, **changes: Any) -> Problem:
+        """The same problem with some of system, x0, t_span, parameters replaced; parameters by name.
+
+        A t_span that falls needs backward=True, unless the problem runs backwards already.
+        """
+        parts = ("system", "x0", "t_span", "parameters", "backward")
+        check_known("part of a problem", changes, parts, UsageError)
+        system = changes.get("system", self.system)
+        parameters = {k: v for k, v in self.parameters.items() if k in system.parameters}
+        parameters |= changes.get("parameters", {})
+        x0, span = changes.get("x0", self.x0), changes.get("t_span", self.t_span)
+        backward = changes.get("backward", self.backward and falls(span))
+        return Problem(system, x0, span, parameters, backward)
+
+
+def _check_order(x0: Any, t_span: Any, system: System) -> None:
+    """Refuse a span in the place of the state, where their lengths tell."""
+    n, pair = system.dimension, as_pair(x0)
+    if n == 2 or pair is None:
+        return
+    size = 1 if isinstance(t_span, int | float) else len(t_span) if isinstance(t_span, Sized) else 0
+    if size == n:
+        raise UsageError(
+            f"x0 is {pair} and t_span is {t_span}: they look exchanged, as the system has "
+            f"{n} state{'s' if n > 1 else ''} ({', '.join(system.states)}). x0 goes first: "
+            f"x0={t_span}, t_span={pair}."
+        )

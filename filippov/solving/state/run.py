@@ -1,0 +1,237 @@
+"""One run of the compiled loop: its arrays, and the steps and events it hands over."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.base.errors import ModelError
+from filippov.base.status import EventKind
+from filippov.kernel.tables import codes
+from filippov.solving.state.event_log import EventLog
+from filippov.solving.state.events import Mode, Stop
+from filippov.solving.state.gradients import check_gradients
+from filippov.solving.state.machine import Array, Machine
+from filippov.solving.state.options import Options
+
+_EVENT_ROOM, _RECORD_ROOM = 256, 512
+# Events that are kept where they are only counted: what recognising an accumulation looks back on.
+_KEPT = 64
+# Events at which the gradients of functions are looked at.
+_LOOKED_AT = 32
+
+
+class Run:
+    """State and buffers of one trajectory; `advance` moves it on and collects what came out."""
+
+    def __init__(self, machine: Machine, x0: Array, span: tuple[float, float], options: Options) -> None:
+        n, m = machine.n, machine.m
+        self.options = options
+        self.x = np.array(x0)
+        self.mode = np.ones(m)
+        self.order = np.zeros(m, dtype=np.int64)
+        self.hit = np.zeros(m, dtype=np.int64)
+        self.lam = np.zeros(m)
+        self.clock = np.zeros(codes.CLOCK_SIZE)
+        self.clock[codes.T] = self.clock[codes.T_START] = span[0]
+        self.clock[codes.T_END] = span[1]
+        self.clock[codes.RTOL], self.clock[codes.MAX_STEP] = options.rtol, options.max_step
+        self.clock[codes.STEP] = options.first_step or 0.0
+        self.count = np.zeros(codes.COUNT_SIZE, dtype=np.int64)
+        self.count[codes.STORE] = int(options.dense_output)
+        self.count[codes.EVENT_ROOM], self.count[codes.RECORD_ROOM] = _EVENT_ROOM + m, _RECORD_ROOM
+        self.atol = options.tolerances(machine.system)
+        self.stop = np.zeros((m, codes.STOPS), dtype=np.int64)
+        self.zeno = np.zeros((m, codes.ZENO_ROOM))
+        powers = machine.compiled.layout.powers
+        self.record = np.zeros((_RECORD_ROOM, 2))
+        self.coef = np.zeros((_RECORD_ROOM, powers, n))
+        self.found = np.zeros((_EVENT_ROOM + m, machine.event_size))
+        self.marks = np.zeros((_EVENT_ROOM + m, 2 + 2 * m), dtype=np.int64)
+        names = tuple(q.name for q in machine.surfaces) + tuple(q.name for q in machine.system.time_events)
+        keep = None if options.save_events == "all" else _KEPT
+        users = range(len(machine.system.surfaces), m)
+        self.events = EventLog(names, 1 if span[1] >= span[0] else -1, n, keep, users)
+        self.steps: list[tuple[Array, Array]] = []
+        # Where the present mode was taken up.
+        self.taken = span[0], self.x.copy()
+        self.direction = 1.0 if span[1] >= span[0] else -1.0
+        self.attach(machine)
+
+    def attach(self, machine: Machine) -> None:
+        """Go on with another machine of the same states, surfaces and method; what was counted goes along."""
+        last = getattr(self, "machine", machine)
+        if last is not machine:
+            machine.calls += last.calls
+            for name in ("I_JACOBIANS", "I_FACTORS"):
+                at, there = (m.compiled.layout.constants[name] for m in (machine, last))
+                machine.iw[at] += last.iw[there]
+                last.iw[there] = 0
+            last.calls = 0
+        self.machine = machine
+        values = {
+            "clock": self.clock, "count": self.count, "x": self.x, "m": self.mode, "order": self.order,
+            "hit": self.hit, "lam": self.lam, "p": machine.p, "atol": self.atol, "stop": self.stop,
+            "zeno": self.zeno, "rec": self.record, "rec_coef": self.coef, "events": self.found,
+            "marks": self.marks, "w": machine.w, "iw": machine.iw, "ctx": machine.context,
+        }  # fmt: skip
+        self._arguments = machine.compiled.arguments("advance", values)
+
+    @property
+    def t(self) -> float:
+        """Time reached."""
+        return float(self.clock[codes.T])
+
+    @property
+    def signs(self) -> Mode:
+        """The mode as integers."""
+        return tuple(int(v) for v in self.mode)
+
+    def begin(self) -> int:
+        """Find the initial mode in compiled code; GENERAL where it is not simple."""
+        machine = self.machine
+        check_gradients(machine, self.t, self.x)
+        return machine.call(
+            "begin", t=self.t, direction=self.direction, x=self.x, p=machine.p, m=self.mode, order=self.order,
+            lam=self.lam, w=machine.w, iw=machine.iw, ctx=machine.context,
+        )  # fmt: skip
+
+    def watch(self, stops: tuple[Stop, ...]) -> None:
+        """Set the events at which to stop."""
+        names = [surface.name for surface in self.machine.system.surfaces]
+        for item in stops:
+            row = self.stop[names.index(item.surface)]
+            row[item.column] = min(item.count, row[item.column] or item.count)
+
+    def stop_at(self, index: int, direction: float) -> None:
+        """Stop at the next crossing of a surface: upwards, downwards, or (0) either."""
+        column = codes.CROSSING_UP if direction > 0 else codes.CROSSING_DOWN
+        self.stop[index, codes.CROSSING_EITHER if direction == 0 else column] = 1
+
+    def advance(self, steps: int) -> int:
+        """Run the compiled loop for at most so many steps; returns its code. User errors are raised."""
+        self.count[codes.STEP_BUDGET] = steps
+        left = max(self.options.max_events - self.events.total, 1)
+        self.count[codes.EVENT_ROOM] = min(_EVENT_ROOM, left) + self.machine.m
+        if self.machine.callbacks is not None:
+            self.machine.callbacks.speed_up(self.machine.system.parameters.names, self.t, self.x)
+        code = int(self.machine.compiled.functions["advance"](*self._arguments))
+        self.collect()
+        self.machine.raise_error()
+        if code == codes.GENERAL:
+            check_gradients(self.machine, self.t, self.x)
+        return code
+
+    def collect(self) -> None:
+        """Move what the buffers hold to the lists."""
+        records, events = int(self.count[codes.RECORDS]), int(self.count[codes.EVENTS])
+        if records:
+            self.steps.append((self.record[:records].copy(), self.coef[:records].copy()))
+            self.count[codes.RECORDS] = 0
+        if self.machine.callbacks is not None:
+            self._check_continuous(events)
+        self.events.add_rows(self.found[:events], self.marks[:events])
+        self.count[codes.EVENTS] = 0
+
+    def cut(self, t: float) -> None:
+        """Let the dense output end at an earlier time."""
+        while self.steps:
+            rows, coef = self.steps[-1]
+            t0, step = rows[-1]
+            if (t0 - t) * self.direction >= 0.0:
+                rows, coef = rows[:-1], coef[:-1]
+                self.steps.pop()
+                if len(rows):
+                    self.steps.append((rows, coef))
+                continue
+            part = (t - t0) / step
+            if part < 1.0:
+                rows[-1, 1] = t - t0
+                coef[-1] *= part ** np.arange(len(coef[-1]))[:, None]
+            return
+
+    def _check_continuous(self, events: int) -> None:
+        """Refuse a function h that changed its sign without a zero: a jump cannot be located."""
+        machine = self.machine
+        for number, (row, mark) in enumerate(
+            zip(self.found[:events], self.marks[:events].tolist(), strict=True)
+        ):
+            # The first events say it; of many more every so manieth does.
+            if self.events.total < _LOOKED_AT or number % _LOOKED_AT == 0:
+                check_gradients(machine, float(row[0]), row[3 : 3 + machine.n].copy(), (mark[0],))
+            if mark[1] not in (codes.CROSSING_UP, codes.CROSSING_DOWN, codes.ENTRY) or row[2] == 0.0:
+                continue
+            self.check_root(float(row[0]), mark[0], row[3 : 3 + machine.n].copy(), float(row[2]))
+
+    def check_root(self, t: float, i: int, x: Array, residual: float) -> None:
+        """Raise ModelError where |h_i| = residual is no zero of a continuous function."""
+        machine = self.machine
+        g, gt = machine.gradients(t, x, self.mode)
+        reach = np.abs(x) + self.atol + 1e-9 * np.max(np.abs(x), initial=0.0)
+        # A function may be a difference of terms of this size, of which nothing but rounding is left.
+        rounding = 64 * np.finfo(float).eps * (1.0 + np.max(np.abs(x), initial=0.0) + abs(t))
+        if residual > 1e-6 * float(np.abs(g[i]) @ reach + abs(gt[i] * t)) + machine.widths[i] + rounding:
+            raise ModelError(
+                f"surface {machine.surfaces[i].name!r}: h changes its sign at t = {t:.9g} without being 0 "
+                f"there (|h| = {residual:.3g}). h must be continuous: give the function whose zero is the "
+                "surface, or declare a time event. Where roots lie in one place, give the factors apart."
+            )
+
+    def add_event(
+        self, t: float, index: int, kind: EventKind, before: Mode, after: Mode, x: Array, multiplier: float,
+        residual: float, note: str = "", together: bool = False, x_after: Array | None = None,
+    ) -> None:  # fmt: skip
+        """Append an event; `together` puts it into the set of the one before."""
+        x.flags.writeable = False
+        self.events.add(t, index, kind, before, after, x, multiplier, residual, note, together, x_after)
+
+    def count_down(self, index: int, kind: EventKind, direction: int) -> bool:
+        """Count an event found by the general path against the stops; True where the run is to end."""
+        columns = {
+            EventKind.CROSSING: (
+                codes.CROSSING_EITHER, codes.CROSSING_UP if direction > 0 else codes.CROSSING_DOWN
+            ),
+            EventKind.ENTRY: (codes.ENTRY,),
+            EventKind.EXIT: (codes.EXIT_EITHER, codes.EXIT_UP if direction > 0 else codes.EXIT_DOWN),
+            EventKind.GRAZING: (codes.GRAZING,),
+            EventKind.RESET: (codes.RESET,),
+            EventKind.TIME: (),
+            EventKind.USER: (),
+        }[kind]  # fmt: skip
+        ended = False
+        for column in columns:
+            if self.stop[index, column] > 0:
+                self.stop[index, column] -= 1
+                ended = ended or bool(self.stop[index, column] == 0)
+        return ended
+
+    def put(self, mode: Mode, order: tuple[int, ...], multipliers: tuple[float, ...]) -> None:
+        """Take up a mode."""
+        if self.signs != mode:
+            self.taken = self.t, self.x.copy()
+        self.mode[:] = mode
+        self.order[:] = order
+        self.lam[:] = multipliers
+        self.clock[[codes.TREND, codes.GROW]] = 0.0
+        self.clock[codes.RELATIVE] = min(self.clock[codes.RELATIVE], 0.0)
+
+    @property
+    def attempts(self) -> int:
+        """Steps so far, the rejected ones included."""
+        return int(self.count[codes.STEPS] + self.count[codes.REJECTED])
+
+    def calls(self) -> int:
+        """Field calls so far."""
+        return int(self.count[codes.FIELD_CALLS]) + self.machine.calls
+
+    def factorisations(self) -> tuple[int, int]:
+        """Jacobians taken and LU factorisations made by an implicit method, as scipy counts them."""
+        place = self.machine.compiled.layout.constants
+        return int(self.machine.iw[place["I_JACOBIANS"]]), int(self.machine.iw[place["I_FACTORS"]])
+
+    def scales(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """|h| and the size of its terms, for every surface at the present point."""
+        machine = self.machine
+        h = np.abs(machine.guards(self.t, self.x, self.mode))
+        g, gt = machine.gradients(self.t, self.x, self.mode)
+        return h, np.sum(np.abs(g * self.x), axis=1) + np.abs(gt * self.t)
