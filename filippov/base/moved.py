@@ -40,9 +40,8 @@ _MOVED: dict[tuple[str, str], str] = {
         "time_event user_event"
     ),
     ("filippov", "filippov.plot"): (
-        "plot_attractors>attractors plot_branch>branch plot_comparison>comparison "
-        "plot_describing>describing plot_graph>graph plot_identification>identification "
-        "plot_lyapunov>lyapunov plot_manifold>manifold plot_maps>maps plot_orbits>orbits "
+        "plot_branch>branch plot_comparison>comparison plot_describing>describing plot_graph>graph "
+        "plot_identification>identification plot_lyapunov>lyapunov plot_maps>maps plot_orbits>orbits "
         "plot_regions>regions plot_tree>tree plot_tuning>tuning plotting>solution style"
     ),
     ("filippov", "filippov.solving"): (
@@ -60,14 +59,14 @@ _MOVED: dict[tuple[str, str], str] = {
         "rates run watched"
     ),
     ("filippov._kernels", "filippov.kernel.codegen"): (
-        "build cache callback difference entries generate generate_events generate_resets generated hoist "
-        "interpreted jit method plain_contact purity replacement structure"
+        "build cache callback difference generate generate_events generate_resets generated hoist jit "
+        "method plain_contact purity replacement structure"
     ),
     ("filippov._kernels", "filippov.kernel.lanes"): (
         "lane_field lane_functions lane_run lane_seat lane_step"
     ),
     ("filippov._kernels", "filippov.kernel.language"): (
-        "compiler language>primitives operand strict translate unit"
+        "compiler language>primitives operand translate unit"
     ),
     ("filippov._kernels", "filippov.kernel.loop"): (
         "advance bernstein control dense dense_lu elementary ensemble field land lap locate model "
@@ -81,9 +80,8 @@ _MOVED: dict[tuple[str, str], str] = {
         "routh_result routh_text time_bounds"
     ),
     ("filippov.analysis", "filippov.analysis.bifurcations"): (
-        "border_normal_form boundary_normal_form branch branch_point branch_problem codim2 continuation "
-        "corrector crossing curve curve_switch discontinuity_map equilibrium_branch held_surface jets "
-        "normal_form return_jets sliding_border smooth_normal_form special_points switch touching"
+        "branch branch_point branch_problem continuation corrector crossing curve equilibrium_branch "
+        "sliding_border special_points switch"
     ),
     ("filippov.analysis", "filippov.analysis.comparisons"): (
         "band_model comparison comparison_result comparison_run"
@@ -100,21 +98,16 @@ _MOVED: dict[tuple[str, str], str] = {
     ("filippov.analysis", "filippov.analysis.harmonic"): (
         "control_link describing_function quasi_linear static_cycle"
     ),
-    ("filippov.analysis", "filippov.analysis.invariant_sets"): (
-        "attractor attractor_search attractors identify_attractor manifold manifold_of_map recurrence "
-        "rest_set return_map saddle state_map"
-    ),
     ("filippov.analysis", "filippov.analysis.local_stability"): (
-        "certificates contact_stability kink_stability periodic_sliding periodic_stability planar_cone "
-        "set_parts set_stability sliding_stability smooth_stability stability stability_context "
-        "stability_result stability_text stick_parts"
+        "certificates contact_stability kink_stability periodic_stability planar_cone set_parts "
+        "set_stability sliding_stability smooth_stability stability stability_context stability_result "
+        "stability_text stick_parts"
     ),
     ("filippov.analysis", "filippov.analysis.maps"): (
         "event_map fixed_points linear_turn map_rows section set_slope turn"
     ),
     ("filippov.analysis", "filippov.analysis.orbits"): (
-        "arcs collocation collocation_search floquet gauss_step homoclinic homoclinic_saddle margin oddness "
-        "orbit orbit_collocation orbit_file orbit_search search_start shooting"
+        "floquet margin oddness orbit orbit_file orbit_search shooting"
     ),
     ("filippov.analysis", "filippov.analysis.sensitivity"): (
         "lyapunov plain_variation reset_slopes saltation variation"

@@ -8,12 +8,14 @@ from filippov.base.exports import exported, keep_names
 
 # Short name -> module of this package.
 EXPORTS: dict[str, str] = {
+    "plot_attractors": "attractors",
     "plot_branches": "branch",
     "plot_comparison": "comparison",
     "plot_describing_function": "describing",
     "plot_graph": "graph",
     "plot_identification": "identification",
     **dict.fromkeys(("plot_brute_force", "plot_lyapunov"), "lyapunov"),
+    "plot_manifold": "manifold",
     **dict.fromkeys(("plot_diagram", "plot_event_map", "plot_iterates"), "maps"),
     "plot_orbit": "orbits",
     **dict.fromkeys(("plot_basin", "plot_regions"), "regions"),
