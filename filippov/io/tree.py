@@ -17,6 +17,7 @@ import sympy
 from sympy import Symbol
 from sympy.functions.elementary.piecewise import ExprCondPair
 
+from filippov.base.elementary import ELEMENTARY
 from filippov.base.errors import ModelError
 from filippov.model.symbolic import Select
 from filippov.model.symbols import t
@@ -27,10 +28,9 @@ LONGEST_NUMBER = 2000
 HEADS: dict[str, Any] = {
     name: getattr(sympy, name)
     for name in (
-        "Add", "Mul", "Pow", "exp", "log", "sin", "cos", "tan", "cot", "sec", "csc", "asin", "acos", "atan",
-        "acot", "atan2", "sinh", "cosh", "tanh", "coth", "asinh", "acosh", "atanh", "Abs", "sign",
-        "Heaviside", "Min", "Max", "floor", "ceiling", "frac", "Mod", "erf", "erfc", "gamma", "loggamma",
-        "LambertW", "besselj", "bessely", "besseli", "besselk",
+        *(f.symbolic for f in ELEMENTARY), "Add", "Mul", "Pow", "cot", "sec", "csc", "acot", "coth", "Abs",
+        "sign", "Heaviside", "Min", "Max", "frac", "Mod", "erfc", "gamma", "loggamma", "LambertW", "besselj",
+        "bessely", "besseli", "besselk",
     )
 } | {"Select": Select}  # fmt: skip
 _LOGIC: dict[str, Any] = {"Piecewise": sympy.Piecewise, "ExprCondPair": ExprCondPair} | {

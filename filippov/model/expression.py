@@ -10,6 +10,7 @@ from typing import Any
 import sympy
 from sympy import Expr, Symbol
 
+from filippov.base.elementary import ELEMENTARY
 from filippov.base.errors import ModelError
 from filippov.base.names import unknown
 from filippov.model.size import MOST_NODES, Scale
@@ -22,10 +23,10 @@ LARGEST_ARGUMENT = 700
 LARGEST_NUMBER = 4096  # bits of numerator and denominator together
 MOST_CHOICES = 32  # arguments of Min and Max, which are compared pair by pair
 FUNCTIONS: dict[str, Any] = {
-    name: getattr(sympy, name)
-    for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "sinh", "cosh", "asin", "acos", "atan",
-                 "atan2", "Abs", "sign", "Heaviside", "Min", "Max")
-} | {"abs": sympy.Abs, "ln": sympy.log, "min": sympy.Min, "max": sympy.Max}  # fmt: skip
+    **{f.name: getattr(sympy, f.symbolic) for f in ELEMENTARY if f.formula},
+    **{name: getattr(sympy, name) for name in ("sqrt", "Abs", "sign", "Heaviside", "Min", "Max")},
+    "abs": sympy.Abs, "ln": sympy.log, "min": sympy.Min, "max": sympy.Max,
+}
 _CONSTANTS = {"pi": sympy.pi, "t": t}
 _NUMBER = re.compile(r"[0-9.]+([eE][+-]?[0-9]+)?")
 

@@ -9,6 +9,7 @@ import sympy
 from sympy import Expr, Symbol
 from sympy.printing.str import StrPrinter
 
+from filippov.base.elementary import ELEMENTARY
 from filippov.base.errors import ModelError
 from filippov.kernel.codegen.generate_resets import (
     contact_field,
@@ -28,13 +29,8 @@ from filippov.model.symbols import t
 INLINED = 2500
 # Operands in a row, and levels of brackets in one statement: the translation goes down as deep as both.
 LONGEST_ROW, DEEPEST = 50, 25
-_FUNCTIONS = {
-    sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan", sympy.exp: "exp", sympy.log: "log",
-    sympy.tanh: "tanh", sympy.sinh: "sinh", sympy.cosh: "cosh", sympy.asin: "asin", sympy.acos: "acos",
-    sympy.atan: "atan", sympy.asinh: "asinh", sympy.acosh: "acosh", sympy.atanh: "atanh",
-    sympy.atan2: "atan2", sympy.Abs: "fabs", sympy.floor: "floor", sympy.ceiling: "ceil", sympy.erf: "erf",
-    sympy.sign: "sign_of",
-}  # fmt: skip
+_FUNCTIONS = {getattr(sympy, f.symbolic): f.library for f in ELEMENTARY}
+_FUNCTIONS |= {sympy.Abs: "fabs", sympy.sign: "sign_of"}
 
 
 class _Printer(StrPrinter):

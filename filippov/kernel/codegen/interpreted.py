@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov.base.elementary import LIBRARY
 from filippov.kernel.language import primitives as language
 from filippov.kernel.language.unit import Constant
 
@@ -32,10 +33,6 @@ BACKENDS = ("compiled", "python")
 _WHOLE_PROCESS = os.environ.get("FILIPPOV_PYTHON", "0") not in ("", "0")
 _chosen: ContextVar[str] = ContextVar("backend", default="compiled")
 _numbers = itertools.count()
-_LIBRARY = (
-    "sin", "cos", "tan", "exp", "log", "tanh", "sinh", "cosh", "asin", "acos", "atan", "asinh", "acosh",
-    "atanh", "floor", "ceil", "erf", "expm1", "log1p", "atan2",
-)  # fmt: skip
 # Functions of the language that give a double.
 _DOUBLES = ("sqrt", "rint", "two_to", "from_bits", "fma", "power")
 
@@ -92,7 +89,7 @@ def _double(function: Callable[..., float]) -> Callable[..., Any]:
 def _language() -> dict[str, Any]:
     names: dict[str, Any] = {k: v for k, v in vars(language).items() if callable(v) and not k.startswith("_")}
     names |= {name: _double(getattr(language, name)) for name in _DOUBLES}
-    names |= {name: _double(partial(language.each, name)) for name in _LIBRARY}
+    names |= {name: _double(partial(language.each, name)) for name in LIBRARY}
     names |= {"float": np.float64, "fabs": abs, "call_field": _call, "call_guard": _call}
     return names | {"NAN": np.float64(math.nan), "INF": np.float64(math.inf)}
 

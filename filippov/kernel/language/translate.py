@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 
 from llvmlite import ir
 
+from filippov.base.elementary import LIBRARY
 from filippov.kernel.language.operand import Operands
 from filippov.kernel.language.strict import step_of
 from filippov.kernel.language.unit import (
@@ -18,9 +19,6 @@ from filippov.kernel.language.unit import (
     Unit,
 )
 
-_LIBM = dict.fromkeys(("sin", "cos", "tan", "exp", "log", "tanh", "sinh", "cosh", "asin", "acos", "atan"), 1)
-_LIBM |= dict.fromkeys(("asinh", "acosh", "atanh", "floor", "ceil", "erf", "expm1", "log1p"), 1)
-_LIBM["atan2"] = 2
 _COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 _CALLBACKS = {"call_field": 6, "call_guard": 5}
 
@@ -283,10 +281,10 @@ class _Body(Operands):
             kinds = [DOUBLE] + [VECTOR] * (_CALLBACKS[name] - 1)
             pointer = self.b.inttoptr(values[0], ir.FunctionType(LONG, kinds).as_pointer())
             return self.b.call(pointer, values[1:])
-        if name in _LIBM and self.kernel.wide:
+        if name in LIBRARY and self.kernel.wide:
             return self.each(name, values)
-        if name in _LIBM:
-            return self.b.call(self.unit.external(name, _LIBM[name]), [self.double(v) for v in values])
+        if name in LIBRARY:
+            return self.b.call(self.unit.external(name, LIBRARY[name]), [self.double(v) for v in values])
         if name in self.unit.lane_texts:
             return self.call_kernel(self.unit.widened(name), values, node)
         raise self.fail(node, f"unknown function {name}")

@@ -1,0 +1,52 @@
+"""Every elementary function wherever functions are known: formulas, files, kernels, lanes and backends."""
+
+import math
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+import sympy
+
+from filippov import System, solve, solve_many, states
+from filippov.base.elementary import ELEMENTARY, Elementary
+from filippov.io.tree import HEADS
+from filippov.model.expression import FUNCTIONS, parse_expression
+
+X, Y = states("x y")
+EVERY = pytest.mark.parametrize("f", ELEMENTARY, ids=[f.name for f in ELEMENTARY])
+
+
+def value(f: Elementary, *at: float) -> float:
+    name = {"ceiling": "ceil"}.get(f.name, f.name)
+    return float(getattr(mpmath, name)(*at))
+
+
+@EVERY
+def test_13_4_known_everywhere(f: Elementary, tmp_path: Path) -> None:
+    at = (1.3,) if f.library == "acosh" else (0.4,)
+    at += (0.7,) * (f.arguments - 1)
+    assert HEADS[f.symbolic] is getattr(sympy, f.symbolic)
+    if not f.formula:
+        assert f.name not in FUNCTIONS
+        return
+    text = f"{f.name}({', '.join(map(str, at))})"
+    assert float(parse_expression(text, {})) == pytest.approx(value(f, *at), rel=1e-15)
+    # x' = f(y, ...) with y' = 0: the field of compiled code, of Python and of lanes, each after a time of 1.
+    symbolic = getattr(sympy, f.symbolic)(Y, *at[1:])
+    system = System({X: symbolic, Y: 0 * X})
+    start = (0.0, at[0])
+    for backend in ("compiled", "python"):
+        run = solve(system, start, (0, 1), backend=backend)
+        assert run.x_end[0] == pytest.approx(value(f, *at), rel=1e-14), backend
+    many = solve_many(system, np.tile(start, (70, 1)), (0, 1), lanes=8)
+    np.testing.assert_allclose(many.x[:, 0], value(f, *at), rtol=1e-13)
+    loaded = type(run).load(solve(system, start, (0, 1)).save(tmp_path / "run.npz"))
+    assert loaded.system == system
+
+
+def test_13_4_a_formula_that_jumps_is_refused_with_what_to_write() -> None:
+    for text in ("floor(x)", "ceiling(x)"):
+        with pytest.raises(Exception, match=text[:5]):
+            parse_expression(text, {"x": X})
+    assert math.isclose(float(parse_expression("erf(1/2)", {})), math.erf(0.5))
