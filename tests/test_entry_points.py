@@ -10,7 +10,7 @@ import filippov.kernel as kernels
 from filippov.kernel.codegen.entries import ARGUMENTS, ordered
 from filippov.kernel.language.primitives import KernelError
 
-FILES = sorted(Path(kernels.__path__[0]).glob("*.py"))
+FILES = sorted(Path(kernels.__path__[0]).rglob("*.py"))
 
 
 @pytest.mark.parametrize("name", ARGUMENTS)
