@@ -489,7 +489,7 @@ def test_12_11_unknown_functions_have_no_bounds() -> None:
 
 
 def test_12_11_a_certificate_names_theorem_source_and_hypotheses() -> None:
-    # A linear plant 1/(s (s + 1)) with a relay is Popov's; a spring and a damper that are cubes are the energy's.
+    # A plant 1/(s (s + 1)) with a relay is Popov's; a spring and a damper that are cubes are the energy's.
     for force, theorem, source in ((-sign(x) - v, "Popov", "Khalil"), (-(x**3) - v**3, "energy", "Shevitz")):
         (item,) = stability_report(System({x: v, v: force})).items
         first, *rest = item.statements
