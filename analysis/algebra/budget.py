@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable
 from functools import wraps
+from inspect import CO_GENERATOR
 from types import FrameType
 from typing import Any, ParamSpec, TypeVar
 
@@ -64,7 +65,10 @@ def counted(function: Callable[P, T]) -> Callable[P, T]:
 def _hook(before: Any) -> Callable[[FrameType, str, Any], Any]:
     def hook(frame: FrameType, event: str, arg: Any) -> Any:
         _count.calls += 1
-        if _count.calls > _count.limit and frame.f_code.co_name not in _CALLBACKS:
+        code = frame.f_code
+        # A generator may be entered to be closed, where an exception would be lost; what it calls is stopped.
+        held = code.co_flags & CO_GENERATOR or code.co_name in _CALLBACKS
+        if _count.calls > _count.limit and not held:
             raise _StoppedError
         return None if before is None else before(frame, event, arg)
 

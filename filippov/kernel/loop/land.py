@@ -146,6 +146,8 @@ def land(
             code = guard_rows(te, xe, p, m, row, w, iw, ctx)
             value = row[i] if cause == UPPER else row[M + i]
             change = slope / step
+        if code == 0 and (not (abs(value) < 1e300) or change != change):
+            code = NOT_CONVERGED  # the state got to where the field has no value
         if code != 0 or change == 0.0 or value == 0.0:
             break
         delta = -value / change
@@ -181,4 +183,7 @@ def land(
             value = h[i]
         if iw[I_SLIDING] > 0 and project(t + length, xe, p, m, h, w, iw, ctx) != 0:
             code = 1
+    for j in range(N):
+        if code == 0 and not (abs(xe[j]) < 1e300):
+            code = NOT_CONVERGED
     return code, length, dense_length, abs(value)
