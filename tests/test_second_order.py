@@ -81,7 +81,7 @@ def test_terminal_sliding_ends_in_the_origin_and_rests(a: int, power: sympy.Rati
     ("a", "power"), [(1, sympy.Rational(1, 2)), (2, sympy.Rational(2, 3)), (1, sympy.Rational(3, 4))]
 )
 def test_terminal_sliding_has_no_state_without_a_value(a: int, power: sympy.Rational) -> None:
-    """A step that lands beyond x = 0, where the sliding field has no value, is no landing: 3 % of tolerances."""
+    """A step that lands beyond x = 0, where the sliding field has no value, is no landing (3 % of runs)."""
     system = System({X: Y, Y: -3 * sign(Y + a * abs(X) ** power * sign(X))})
     for k in range(60):
         got = solve(system, (1, 1), (0, 10), rtol=1e-10 * (1 + 4e-3 * k), atol=1e-12)

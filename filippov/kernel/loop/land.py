@@ -4,7 +4,7 @@ The dense output only says where to go; the state at the event comes from the me
 at rounding level and not at the interpolant's.
 """
 
-from filippov.kernel.language.primitives import Indices, Vector, kernel, shift
+from filippov.kernel.language.primitives import INF, Indices, Vector, kernel, shift
 from filippov.kernel.loop.field import add_gradient, field, gradient_product, project, rate
 from filippov.kernel.loop.locate import guard_rows
 from filippov.kernel.loop.model import (
@@ -146,7 +146,7 @@ def land(
             code = guard_rows(te, xe, p, m, row, w, iw, ctx)
             value = row[i] if cause == UPPER else row[M + i]
             change = slope / step
-        if code == 0 and (not (abs(value) < 1e300) or change != change):
+        if code == 0 and not (abs(value) < 1e300 and abs(change) <= INF):
             code = NOT_CONVERGED  # the state got to where the field has no value
         if code != 0 or change == 0.0 or value == 0.0:
             break
