@@ -130,8 +130,6 @@ def solve(
     checked = Options(**options)
     checked.check_span(problem.t_span)
     checked.check_system(problem.system)
-    if checked.backend == "compiled":
-        return _solved(problem, checked, "atol" in options, t_eval, events, of_tree, throw, progress)
     with using(checked.backend):
         return _solved(problem, checked, "atol" in options, t_eval, events, of_tree, throw, progress)
 

@@ -240,7 +240,7 @@ _ALL = (
     ),
     Command(
         "homoclinic", "the homoclinic orbit of a saddle, and the parameter value at which there is one: "
-        "homoclinic.json, .csv, .png", "homoclinic",
+        "homoclinic.json, .csv, .png", "orbit",
         (MODEL, PARAMETERS, START[0],
          Option("free", "the parameter that is solved for, from its value in -p", text, metavar="NAME"),
          Option("mode", "mode of the saddle, such as +0 (0: it slides); default: that of --x0", text,
@@ -250,7 +250,7 @@ _ALL = (
          Option("t_max", "longest time until the motion is back", number, metavar="T"), *TOLERANCES[:1],
          Option("atol", "absolute tolerance", number, metavar="A")),
         "filippov homoclinic model.py:system --x0 0.01,0 --free mu",
-        needs="filippov.analysis.orbits.homoclinic",
+        function="run_homoclinic", needs="filippov.analysis.orbits.homoclinic",
     ),
     Command(
         "continue", "follow a cycle or an equilibrium over a parameter: branch.json, .csv, .png",

@@ -1,4 +1,4 @@
-"""filippov orbit: a periodic orbit with its multipliers."""
+"""filippov orbit, homoclinic: periodic orbits with their multipliers, orbits from a saddle to itself."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ import numpy as np
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import load_model
+from filippov.base.errors import UsageError
 
 KEEP = ("period", "symmetry", "nodes", "transient", "t_max", "rtol", "atol", "method")
+OF_HOMOCLINIC = ("free", "mode", "side", "t_max", "rtol", "atol")
 
 
 def run(settings: dict[str, Any], console: Console) -> int:
@@ -29,7 +31,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
     data = {"model": loaded.name} | orbit.to_dict()
     console.result(data)
     tell(orbit, console)
-    rows = [row for piece in orbit.pieces for row in _rows(piece, orbit.period)]
+    rows = [row for piece in orbit.pieces for row in _rows(piece, _count(piece, orbit.period))]
     folder.csv("orbit.csv", ("t", *problem.system.states), rows)
     folder.file("orbit.json", orbit.save)
     folder.picture("orbit.png", lambda: orbit.plot(title=""))
@@ -37,12 +39,41 @@ def run(settings: dict[str, Any], console: Console) -> int:
     return 0
 
 
-def _rows(piece: Any, period: float) -> list[list[float]]:
-    """Time and states along one of the motions of the orbit, 401 over a period."""
-    begin, end = piece.problem.t_span[0], piece.t_end
-    t = np.linspace(begin, end, max(2, round(401 * (end - begin) / period)))
+def run_homoclinic(settings: dict[str, Any], console: Console) -> int:
+    """Find it near --x0, say where it is, write homoclinic.json, homoclinic.csv and homoclinic.png."""
+    if settings.get("free") is None:
+        raise UsageError("homoclinic needs the parameter that is solved for: --free NAME.")
+    loaded = load_model(settings["model"])
+    problem = loaded.problem({**settings, "t_span": (0.0, 1.0)})
+    folder = Folder(settings["output"], console)
+    from filippov.analysis.orbits.homoclinic import find_homoclinic as find
+
+    options = {name: settings[name] for name in OF_HOMOCLINIC if settings.get(name) is not None}
+    found = find(problem.system, problem.x0, parameters=problem.parameters, **options)
+    data = {"model": loaded.name} | found.to_dict()
+    console.result(data)
+    place = ", ".join(f"{n} = {v:.9g}" for n, v in zip(problem.system.states, found.saddle.x, strict=True))
+    console.say(f"homoclinic orbit at {found.free} = {found.value:.12g}: {found.word}")
+    console.say(f"saddle: {place}; eigenvalues: {', '.join(f'{v:.9g}' for v in found.saddle.eigenvalues)}")
+    rows = [row for piece in found.pieces for row in _rows(piece, 9)]
+    folder.csv("homoclinic.csv", ("t", *problem.system.states), rows)
+    folder.json("homoclinic.json", data)
+    folder.picture("homoclinic.png", found.plot)
+    folder.report()
+    return 0
+
+
+def _rows(piece: Any, count: int) -> list[list[float]]:
+    """Time and states along one of the motions, at so many times."""
+    t = np.linspace(piece.problem.t_span[0], piece.t_end, count)
     rows: list[list[float]] = np.vstack([t, piece.sol(t)]).T.tolist()
     return rows
+
+
+def _count(piece: Any, period: float) -> int:
+    """Its share of 401 times over a period."""
+    length = float(piece.t_end - piece.problem.t_span[0])
+    return max(2, round(401 * length / period))
 
 
 def tell(orbit: Any, console: Console) -> None:

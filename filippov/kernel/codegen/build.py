@@ -38,9 +38,8 @@ _FILES = (
 _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_seat", "lane_run")
 _BYTE = ctypes.c_char.from_buffer
 _lock = threading.Lock()
-_loaded: dict[str, "Compiled"] = {}
-# The same by what is asked for: a digest of it takes longer than a short run.
-_asked: dict[tuple[Any, ...], "Compiled"] = {}
+# Units by what was asked for: a digest of it, as files are named, takes longer than a short run.
+_units: dict[tuple[Any, ...], "Compiled"] = {}
 
 
 def address(array: Any) -> int:
@@ -71,7 +70,7 @@ class Compiled:
 
     def arguments(self, name: str, values: Mapping[str, Any]) -> list[Any]:
         """What an entry point is called with, from values by name."""
-        return ordered(name, values, None if self.engine is None else address)
+        return ordered(name, values, None if self.plain else address)
 
 
 @cache
@@ -157,11 +156,13 @@ def build(source: str, constants: Mapping[str, Constant], method: str, lanes: in
     """
     plain = interpreted.current() == "python" and lanes == 1
     asked = source, method, lanes, plain, tuple((k, _fixed(v)) for k, v in constants.items())
-    found = _asked.get(asked)
-    if found is None:
-        made = _plain(source, constants, method) if plain else _built(source, constants, method, lanes)
-        found = _asked[asked] = made
-    return found
+    if asked not in _units:
+        with _lock:
+            if asked not in _units:
+                _units[asked] = (
+                    _plain(source, constants, method) if plain else _built(source, constants, method, lanes)
+                )
+    return _units[asked]
 
 
 def _plain(source: str, constants: Mapping[str, Constant], method: str) -> Compiled:
@@ -192,17 +193,13 @@ def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: i
     place = _place(constants, method)
     text = repr((source, sorted(constants.items()), method, lanes)).encode()
     name = hashlib.sha256(_toolchain() + text).hexdigest()[:32]
-    with _lock:
-        if name in _loaded:
-            return _loaded[name]
-        code = kept.read(name)
-        if code is None:
-            code = _compile(source, constants, method, place, exported, lanes)
-            kept.write(name, code)
-        engine = load_object(code)
-        functions, addresses = {}, {}
-        for function in exported:
-            addresses[function] = engine.get_function_address(function)
-            functions[function] = prototype(function)(addresses[function])
-        _loaded[name] = Compiled(functions, addresses, place, engine, lanes)
-        return _loaded[name]
+    code = kept.read(name)
+    if code is None:
+        code = _compile(source, constants, method, place, exported, lanes)
+        kept.write(name, code)
+    engine = load_object(code)
+    functions, addresses = {}, {}
+    for function in exported:
+        addresses[function] = engine.get_function_address(function)
+        functions[function] = prototype(function)(addresses[function])
+    return Compiled(functions, addresses, place, engine, lanes)

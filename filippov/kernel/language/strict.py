@@ -154,5 +154,6 @@ def step_of(node: ast.expr) -> int:
     sign = 1
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         sign, node = -1, node.operand
-    whole = isinstance(node, ast.Constant) and type(node.value) is int
-    return sign * int(node.value) if whole else 0  # type: ignore[attr-defined]
+    if isinstance(node, ast.Constant) and type(node.value) is int:
+        return sign * node.value
+    return 0
