@@ -48,6 +48,15 @@ CONSTRUCTS = {
     "branches": "if a < 0:\n    r = 1\nelif a == 0:\n    r = 2\nelse:\n    r = 3\nreturn r",
     "early_return": "if u > 0.0:\n    return 1\nelse:\n    return 2",
     "constant_branch": "r = 0\nif SURE:\n    r += 1\nif NEVER:\n    r += 10\nelse:\n    r += 100\nreturn r",
+    "settled_conditions": (
+        "r = 0\nif TWICE_ONE == 1 or a > b:\n    r += 1\nif SURE and not NEVER or a > 0:\n    r += 10\n"
+        "if NEVER and a > 0:\n    r += 100\nif a > 0 and ONE_HALF >= 0.5:\n    r += 1000\n"
+        "if TWICE_ONE > 1 and (u < v or SURE):\n    r += 10000\nreturn r"
+    ),
+    "settled_before_and_after_a_call": (
+        "r = 0\nif twice(a) > 3 and NEVER:\n    r += 1\nflag = u < v or SURE\nif flag:\n    r += 10\n"
+        "other = SURE and u < v and not NEVER\nreturn r + (100 if other else 0)"
+    ),
     "range_one": "r = 0\nfor i in range(min(abs(a), 9)):\n    r = 2 * r + i\nreturn r",
     "range_two": "r = 0\nfor i in range(a, min(b, a + 9)):\n    r = 2 * r + i\nreturn r",
     "range_down": "r = 0\nfor i in range(a, max(b, a - 9), -1):\n    r = 2 * r + i\nreturn r",

@@ -97,6 +97,9 @@ def test_11_16_a_start_on_the_way_into_a_saddle() -> None:
         # A deviation that grows faster than the slide is short hides the two-fold from the loosest tolerance.
         if not entry or rates[1 - entry[0]] > -rates[entry[0]]:
             continue
+        # Every fourth is one whose rates are far apart: close to it the way there is long for the rates.
+        if done % 4 == 3 and abs(rates[entry[0]]) < 20 * abs(rates[1 - entry[0]]):
+            continue
         v = vectors[:, entry[0]] * np.sign(vectors[1, entry[0]])
         xi = folds.start(v * rng.uniform(0.3, 1))
         if xi is None:

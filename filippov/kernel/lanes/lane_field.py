@@ -5,6 +5,7 @@ slide blend two equal fields. A lane without a multiplier gets NaN and is left t
 """
 
 from filippov.kernel.language.primitives import NAN, Indices, Vector, contract, lanes, shift
+from filippov.kernel.loop.field import CANCELLED
 from filippov.kernel.loop.model import (
     I_SLIDING,
     W_G,
@@ -90,7 +91,9 @@ def slide(
     weight = 0.5 * (1.0 + value) if slides > 0.0 else 0.0
     total = drift
     for j in range(N):
-        out[j] = low[j] + weight * (high[j] - low[j])
+        blend = low[j] + weight * (high[j] - low[j])
+        cancelled = abs(blend) <= CANCELLED * (abs(low[j]) + abs(high[j]))
+        out[j] = 0.0 if cancelled and plus == minus else blend
         total += g[j] * out[j]
     total = total / size if size > 0.0 else 0.0
     for j in range(N):

@@ -7,6 +7,7 @@ from llvmlite import ir
 
 from filippov.base.elementary import LIBRARY
 from filippov.kernel.language.operand import Operands
+from filippov.kernel.language.settled import settled
 from filippov.kernel.language.strict import step_of
 from filippov.kernel.language.unit import (
     BIT,
@@ -165,15 +166,25 @@ class _Body(Operands):
 
     def joined(self, node: ast.BoolOp, of: Callable[[ast.expr], ir.Value]) -> ir.Value:
         """`and` or `or` of conditions; the later ones are asked only where they count, but in lanes."""
+        absorbs = isinstance(node.op, ast.Or)
+        asked = []
+        for item in node.values:
+            known = settled(item, self.unit.constants, self.locals)
+            if known is None or known == absorbs:
+                asked.append(item)
+            if known == absorbs:
+                break
+        if len(asked) < 2:
+            return of(asked[0]) if asked else ir.Constant(BIT, int(not absorbs))
         if self.kernel.wide:
             join = self.b.and_ if isinstance(node.op, ast.And) else self.b.or_
-            result = of(node.values[0])
-            for item in node.values[1:]:
+            result = of(asked[0])
+            for item in asked[1:]:
                 result = join(*self.alike(result, of(item)))
             return result
         slot = self.entry.alloca(BIT)
         done = self.b.append_basic_block("bool")
-        for item in node.values[:-1]:
+        for item in asked[:-1]:
             value = of(item)
             self.b.store(value, slot)
             following = self.b.append_basic_block("next")
@@ -182,7 +193,7 @@ class _Body(Operands):
             else:
                 self.b.cbranch(value, done, following)
             self.b.position_at_end(following)
-        self.b.store(of(node.values[-1]), slot)
+        self.b.store(of(asked[-1]), slot)
         self.b.branch(done)
         self.b.position_at_end(done)
         return self.b.load(slot)
@@ -359,8 +370,9 @@ class _Body(Operands):
             self.b.ret(self.cast(self.value(node.value), kind, node))
 
     def do_If(self, node: ast.If) -> None:
-        if isinstance(node.test, ast.Name) and isinstance(self.unit.constants.get(node.test.id), bool):
-            self.block(node.body if self.unit.constants[node.test.id] else node.orelse)
+        known = settled(node.test, self.unit.constants, self.locals)
+        if known is not None:
+            self.block(node.body if known else node.orelse)
             return
         yes, no, done = (self.b.append_basic_block(name) for name in ("then", "else", "endif"))
         self.b.cbranch(self.test(node.test), yes, no)

@@ -131,7 +131,7 @@ def take_out(vector: Vector, h: Vector, out: Vector, w: Vector, iw: Indices) -> 
     first = 0
     while first < iw[I_SLIDING]:
         last = iw[I_GROUP + first]
-        if last == first + 1:
+        if M == 1 or last == first + 1:
             take_out_one(iw[I_LIST + first], h[iw[I_LIST + first]], out, w)
         else:
             for again in range(2):
@@ -157,7 +157,7 @@ def only_sliding(iw: Indices) -> int:
 @kernel
 def remove_residual(out: Vector, w: Vector, iw: Indices) -> None:
     """Take out of the field what rounding left across the surfaces, so that h stays where it is."""
-    if iw[I_SLIDING] == 1:
+    if M == 1 or iw[I_SLIDING] == 1:
         i = only_sliding(iw)
         take_out_one(i, rate(i, out, w), out, w)
         return
@@ -165,6 +165,10 @@ def remove_residual(out: Vector, w: Vector, iw: Indices) -> None:
         i = iw[I_LIST + c]
         w[W_RESIDUAL + i] = rate(i, out, w)
     take_out(shift(w, W_VEC), shift(w, W_RESIDUAL), out, w, iw)
+
+
+# What is left of two velocities that cancel, in parts of them.
+CANCELLED = 1e-15
 
 
 @kernel
@@ -184,12 +188,15 @@ def slide_one(
     # A contact always holds it: its rates differ by 1, however large both are.
     if CONTACT[i] == 0 and abs(plus - minus) < 1e-9 * (abs(plus) + abs(minus)):
         return 2
-    value = w[W_MULT + i * COLUMNS + MULTIPLIER]
+    value, rest = w[W_MULT + i * COLUMNS + MULTIPLIER], True
     if plus != minus:
-        value = -(plus + minus) / (plus - minus)
+        value, rest = -(plus + minus) / (plus - minus), False
     weight = 0.5 * (1.0 + value)
     for j in range(N):
         out[j] = low[j] + weight * (high[j] - low[j])
+        # A two-fold that is rested at would be left by a rounding.
+        if rest and abs(out[j]) <= CANCELLED * (abs(low[j]) + abs(high[j])):
+            out[j] = 0.0
     track(w, i, value, plus, minus)
     return 0
 
@@ -383,7 +390,7 @@ def field(
         return 1
     if RULE == UTKIN and not AFFINE:
         code = slide_utkin(t, x, p, m, out, w, iw, ctx)
-    elif k == 1:
+    elif M == 1 or k == 1:
         code = slide_one(t, x, p, m, out, w, iw, ctx)
     elif AFFINE:
         code = slide_affine(t, x, p, m, out, w, iw, ctx)
