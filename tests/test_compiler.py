@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from filippov.kernel.language.compiler import compile_unit, load_object
+from filippov.kernel.language.compiler import compile_unit, load_objects
 from filippov.kernel.language.primitives import KernelError
 from filippov.kernel.language.unit import Unit, add_kernels
 from filippov.kernel.loop import bernstein, dense
@@ -52,7 +52,7 @@ def compiled(
     add_kernels(unit, Path(bernstein.__file__).read_text(encoding="utf-8"))
     add_kernels(unit, Path(dense.__file__).read_text(encoding="utf-8"))
     add_kernels(unit, text)
-    engine = load_object(compile_unit(unit, constants or {}, names))
+    engine = load_objects(compile_unit(unit, constants or {}, names))
     kind = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)
     return engine, {name: kind(engine.get_function_address(name)) for name in names}
 

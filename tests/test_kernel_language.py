@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from filippov.kernel.codegen import build
 from filippov.kernel.codegen.interpreted import interpret
-from filippov.kernel.language.compiler import compile_unit, load_object
+from filippov.kernel.language.compiler import compile_unit, load_objects
 from filippov.kernel.language.primitives import KernelError
 from filippov.kernel.language.unit import Unit, add_kernels
 from filippov.kernel.loop import elementary
@@ -128,7 +128,7 @@ def machine_code(text: str, names: tuple[str, ...]) -> tuple[object, dict[str, A
     unit = Unit(constants=CONSTANTS | build._shared()[0])
     add_kernels(unit, text, "case.py")
     add_kernels(unit, ELEMENTARY.read_text(encoding="utf-8"), "elementary.py")
-    engine = load_object(compile_unit(unit, {}, names))
+    engine = load_objects(compile_unit(unit, {}, names))
     kind = ctypes.CFUNCTYPE(
         ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_double, ctypes.c_double, ctypes.c_void_p
     )

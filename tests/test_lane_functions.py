@@ -10,7 +10,7 @@ import pytest
 
 from filippov.kernel.codegen import build
 from filippov.kernel.files import kernel_file
-from filippov.kernel.language.compiler import compile_unit, load_object
+from filippov.kernel.language.compiler import compile_unit, load_objects
 from filippov.kernel.language.primitives import KernelError
 from filippov.kernel.language.unit import LANES, Unit, add_kernels
 
@@ -44,7 +44,7 @@ def compiled() -> tuple[object, dict[str, Callable[..., int]]]:
     texts |= {"least": "min(a[0], b[0])", "size": "abs(a[0])", "sign": "sign_of(a[0])"}
     for name, text in texts.items():
         add_kernels(unit, WRAPPER.format(name, text))
-    engine = load_object(compile_unit(unit, {}, tuple(f"run_{name}" for name in texts)))
+    engine = load_objects(compile_unit(unit, {}, tuple(f"run_{name}" for name in texts)))
     kind = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 3, ctypes.c_int64)
     return engine, {name: kind(engine.get_function_address(f"run_{name}")) for name in texts}
 

@@ -1,8 +1,11 @@
-"""Compile a system's unit and keep its object code in a per-user cache folder.
+"""Compile a system's units and keep their object code in a per-user cache folder.
 
-A unit is one LLVM module: the source of one system, the method's stages, and the kernel files. Its file is
-named by a digest of all of these sources, of the versions of llvmlite and Python and of the processor, so
-that no stale code can be found; `cache` says which files are trusted.
+A unit is one LLVM module. The kernels of the event loop depend on a system by few numbers (how many states
+and surfaces there are, whether any resets, ...), so that their unit serves all systems of a shape; the unit
+of a system holds its field, guards and resets, the method's stages and its tables, and both are linked. A
+unit of lanes holds all of it. A file is named by a digest of the sources and constants, of the versions
+of llvmlite and Python and of the processor, so that no stale code can be found; `cache` says which files are
+trusted.
 """
 
 import ast
@@ -10,7 +13,7 @@ import ctypes
 import hashlib
 import platform
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
@@ -21,14 +24,14 @@ from filippov.kernel.codegen import interpreted
 from filippov.kernel.codegen.entries import CALLED_BY_LANES, IN_LANES, PLAIN, ordered, prototype
 from filippov.kernel.codegen.method import method_constants, method_source
 from filippov.kernel.files import all_files, kernel_file
-from filippov.kernel.language.compiler import compile_unit, load_object
+from filippov.kernel.language.compiler import compile_unit, load_objects
 from filippov.kernel.language.primitives import KernelError
 from filippov.kernel.language.unit import Constant, Unit, add_kernels
 from filippov.kernel.loop.rules import MOMENTS
 from filippov.kernel.tables import codes, layout, radau_tables
 from filippov.kernel.tables import root_tables as tables
 from filippov.kernel.tables.layout import LANES, MOST_LANES, Layout
-from filippov.kernel.tables.tableaus import TABLEAUS
+from filippov.kernel.tables.tableaus import TABLEAUS, Collocation
 
 _FILES = (
     "elementary", "bernstein", "dense", "multiplier", "rules", "field", "land", "points", "locate", "control",
@@ -36,6 +39,14 @@ _FILES = (
 )  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
 _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_seat", "lane_run")
+# What the loop calls of a system's unit: what is written for the system, and what is done with it again and
+# again (stages: of explicit methods only). Then what it calls in lanes (see `points`).
+_OF_SYSTEM = (
+    "rhs", "pair", "guards", "gradients", "radii", "resets", "derive",
+    "field", "project", "guard_state", "land",
+)  # fmt: skip
+_STAGES = ("stages", "extra_stages")
+_OF_SYSTEM_IN_LANES = ("pair", "guards", "gradients", "radii")
 _BYTE = ctypes.c_char.from_buffer
 _lock = threading.Lock()
 # Units by what was asked for: a digest of it, as files are named, takes longer than a short run.
@@ -135,18 +146,40 @@ def _number(node: ast.expr) -> int | float | bool | None:
     return None
 
 
-def _compile(
-    source: str, constants: Mapping[str, Constant], method: str, place: Layout, exported: tuple[str, ...],
-    lanes: int,
-) -> bytes:  # fmt: skip
+def _unit(source: str, constants: Mapping[str, Constant], method: str, place: Layout, lanes: int = 1) -> Unit:
+    """All kernels that a system may have, none compiled."""
     tableau = TABLEAUS[method]
     shared, texts = _shared()
     files = ("system", "method", *(f"{name}.py" for name in _LANE_FILES))
     unit = Unit(width=max(lanes, LANES))
-    unit.constants.update({**shared, "LANES": unit.width, **place.constants, **method_constants(tableau)})
+    numbers = {**shared, "LANES": unit.width, **place.constants, **method_constants(tableau), **constants}
+    unit.constants.update(numbers)
     for file, text in zip(files, (source, method_source(tableau), *texts), strict=True):
         add_kernels(unit, text, file)
-    return compile_unit(unit, constants, exported)
+    return unit
+
+
+def _tables(constants: Mapping[str, Constant]) -> dict[str, list[float]]:
+    """What of a system's constants is handed to its loop as tables; for the others the loop is made."""
+    found: dict[str, list[float]] = {name: list(v) for name, v in constants.items() if isinstance(v, list)}
+    return found | {"P": [int(constants["P"])]}  # type: ignore[arg-type]
+
+
+def _interface(method: str) -> tuple[str, ...]:
+    return (*_OF_SYSTEM, *(() if isinstance(TABLEAUS[method], Collocation) else _STAGES))
+
+
+def _compile_loop(source: str, constants: Mapping[str, Constant], method: str, place: Layout) -> bytes:
+    unit, own = _unit(source, constants, method, place), _interface(method)
+    unit.foreign, unit.foreign_lanes = frozenset(own), frozenset(_OF_SYSTEM_IN_LANES)
+    unit.outside = frozenset(_tables(constants))
+    return compile_unit(unit, {}, tuple(name for name in PLAIN if name not in own))
+
+
+def _compile_system(source: str, constants: Mapping[str, Constant], method: str, place: Layout) -> bytes:
+    unit, own = _unit(source, constants, method, place), _interface(method)
+    in_lanes = _OF_SYSTEM_IN_LANES if constants["WIDE"] else ()
+    return compile_unit(unit, {}, own, in_lanes, _tables(constants))
 
 
 def build(source: str, constants: Mapping[str, Constant], method: str, lanes: int = 1) -> Compiled:
@@ -191,15 +224,34 @@ def _place(constants: Mapping[str, Constant], method: str) -> Layout:
 def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: int) -> Compiled:
     exported = IN_LANES if lanes > 1 else PLAIN
     place = _place(constants, method)
-    text = repr((source, sorted(constants.items()), method, lanes)).encode()
-    name = hashlib.sha256(_toolchain() + text).hexdigest()[:32]
-    code = kept.read(name)
-    if code is None:
-        code = _compile(source, constants, method, place, exported, lanes)
-        kept.write(name, code)
-    engine = load_object(code)
+    everything = source, sorted(constants.items()), method, lanes
+    if lanes > 1:
+        codes = [
+            _kept(
+                everything, lambda: compile_unit(_unit(source, constants, method, place, lanes), {}, exported)
+            )
+        ]
+    else:
+        tables = _tables(constants)
+        kinds = [(name, any(isinstance(v, float) for v in values)) for name, values in sorted(tables.items())]
+        shape = sorted((name, value) for name, value in constants.items() if name not in tables)
+        codes = [
+            _kept((shape, kinds, method), lambda: _compile_loop(source, constants, method, place)),
+            _kept(everything, lambda: _compile_system(source, constants, method, place)),
+        ]
+    engine = load_objects(*codes)
     functions, addresses = {}, {}
     for function in exported:
         addresses[function] = engine.get_function_address(function)
         functions[function] = prototype(function)(addresses[function])
     return Compiled(functions, addresses, place, engine, lanes)
+
+
+def _kept(what: tuple[Any, ...], make: Callable[[], bytes]) -> bytes:
+    """Object code from the cache, made where it is not there."""
+    name = hashlib.sha256(_toolchain() + repr(what).encode()).hexdigest()[:32]
+    code = kept.read(name)
+    if code is None:
+        code = make()
+        kept.write(name, code)
+    return code

@@ -1,7 +1,7 @@
-"""Compile kernels to machine code: Python's syntax tree -> LLVM IR -> object code, in one module.
+"""Compile kernels to machine code: Python's syntax tree -> LLVM IR -> object code, one module a unit.
 
-One module for model and loop lets LLVM inline the model into the stages; it takes about a second where a
-general just-in-time compiler takes twenty, because types are annotated and arrays are bare pointers.
+One module for a model and its stages lets LLVM inline the model into them. A general just-in-time compiler
+takes twenty times as long, because types are annotated here and arrays are bare pointers.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,23 +11,35 @@ from llvmlite import binding
 from filippov.kernel.language.translate import translate
 from filippov.kernel.language.unit import Constant, Unit
 
-# Kernels with more operations than this are not copied into their callers, but for those of a stage (`contract`): the
-# optimiser's time grows faster than the size of a function, and the loop has nothing of it (ratios of time 0.96 to 1.04).
-WHOLE = 60
+# Kernels with more operations than this are not copied into their callers in a unit that is linked with
+# another: the optimiser's time grows faster than the size of a function, and what every stage does is there.
+WHOLE = 150
 
 
-def compile_unit(unit: Unit, constants: Mapping[str, Constant], exported: Sequence[str]) -> bytes:
-    """Object code of a unit: the exported kernels, which keep their names, and what they call (or all)."""
+def compile_unit(
+    unit: Unit,
+    constants: Mapping[str, Constant],
+    exported: Sequence[str],
+    in_lanes: Sequence[str] = (),
+    given: Mapping[str, Sequence[float]] | None = None,
+) -> bytes:
+    """Object code of a unit: the exported kernels, which keep their names, and what they call (or all).
+
+    in_lanes: kernels that are exported widened, as `name.lanes`; given: tables of constants for other units
+    """
     unit.constants.update(constants)
     for name in exported or unit.texts:
         unit.plain(name)
-    for name in () if exported else unit.lane_texts:
+    for name in in_lanes if exported else unit.lane_texts:
         unit.widened(name)
     while unit.waiting:
         translate(unit, unit.waiting.pop(0))
-    for name in exported:
-        unit.kernels[name].function.linkage = "external"
-    for kernel in (*unit.kernels.values(), *unit.lanes.values()):
+    for kernel in (*map(unit.plain, exported), *map(unit.widened, in_lanes)):
+        kernel.function.linkage = "external"
+    for name, values in (given or {}).items():
+        unit.table(name, values)
+        unit.tables[name].linkage = ""
+    for kernel in unit.kernels.values() if unit.foreign else ():
         written = sum(len(block.instructions) for block in kernel.function.blocks)
         if written > WHOLE and not kernel.flags and "alwaysinline" not in kernel.function.attributes:
             kernel.function.attributes.add("noinline")
@@ -58,11 +70,12 @@ def target_machine() -> binding.TargetMachine:
     )
 
 
-def load_object(code: bytes) -> binding.ExecutionEngine:
-    """An engine holding the functions of an object file; it owns their memory and must be kept."""
+def load_objects(*codes: bytes) -> binding.ExecutionEngine:
+    """An engine holding the functions of object files that call each other; it owns their memory: keep it."""
     machine = target_machine()
     empty = binding.parse_assembly(f'target triple = "{machine.triple}"')
     engine = binding.create_mcjit_compiler(empty, machine)
-    engine.add_object_file(binding.ObjectFileRef.from_data(code))
+    for code in codes:
+        engine.add_object_file(binding.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return engine

@@ -91,20 +91,15 @@ class Operands:
 
     def constant(self, value: Constant, name: str) -> ir.Value:
         """A constant of the unit as a value; a list as the address of its numbers."""
+        if name in self.unit.outside and isinstance(value, int):
+            return self.b.load(self.unit.table(name, [value]))
         if isinstance(value, bool):
             return ir.Constant(BIT, int(value))
         if isinstance(value, int):
             return ir.Constant(LONG, value)
         if isinstance(value, float):
             return ir.Constant(DOUBLE, value)
-        if name not in self.unit.tables:
-            kind = DOUBLE if any(isinstance(v, float) for v in value) else LONG
-            table = ir.GlobalVariable(self.unit.module, ir.ArrayType(kind, len(value)), f"table_{name}")
-            table.initializer = ir.Constant(table.value_type, list(value))
-            table.global_constant, table.linkage = True, "internal"
-            self.unit.tables[name] = table
-        zero = ir.Constant(LONG, 0)
-        return self.b.gep(self.unit.tables[name], [zero, zero], inbounds=True)
+        return self.unit.table(name, value)
 
     def intrinsic(self, name: str, values: Sequence[ir.Value]) -> ir.Value:
         """A function of LLVM's own, such as llvm.sqrt, on doubles."""

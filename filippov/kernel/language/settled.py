@@ -6,7 +6,7 @@ from collections.abc import Callable, Container, Mapping
 
 from filippov.kernel.language.unit import Constant
 
-_COMPARE: dict[type[ast.cmpop], Callable[[object, object], bool]] = {
+_COMPARE: dict[type[ast.cmpop], Callable[[float, float], bool]] = {
     ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge,
     ast.Eq: operator.eq, ast.NotEq: operator.ne,
 }  # fmt: skip
@@ -31,8 +31,8 @@ def _value(node: ast.expr, constants: Mapping[str, Constant], changing: Containe
         inner = _value(node.operand, constants, changing)
         return None if inner is None else not inner
     if isinstance(node, ast.Compare) and len(node.ops) == 1:
-        sides = [_value(side, constants, changing) for side in (node.left, node.comparators[0])]
-        return None if None in sides else _COMPARE[type(node.ops[0])](*sides)
+        left, right = (_value(side, constants, changing) for side in (node.left, node.comparators[0]))
+        return None if left is None or right is None else _COMPARE[type(node.ops[0])](left, right)
     if isinstance(node, ast.BoolOp):
         absorbs = isinstance(node.op, ast.Or)
         # From the left, as far as it is known: what comes before may be a call that does something.

@@ -57,6 +57,10 @@ class _Body(Operands):
             return self.joined(node, self.truth)
         return self.bit(self.value(node))
 
+    def settled(self, node: ast.expr) -> bool | None:
+        """Whether a condition holds for every system with this unit; None where that is not known."""
+        return settled(node, self.unit.constants, self.locals.keys() | self.unit.outside)
+
     def condition(self, node: ast.expr) -> ir.Value:
         """An operand of `and` and `or` whose result is used as a value: in Python it is one of them."""
         value = self.value(node)
@@ -169,7 +173,7 @@ class _Body(Operands):
         absorbs = isinstance(node.op, ast.Or)
         asked = []
         for item in node.values:
-            known = settled(item, self.unit.constants, self.locals)
+            known = self.settled(item)
             if known is None or known == absorbs:
                 asked.append(item)
             if known == absorbs:
@@ -370,7 +374,7 @@ class _Body(Operands):
             self.b.ret(self.cast(self.value(node.value), kind, node))
 
     def do_If(self, node: ast.If) -> None:
-        known = settled(node.test, self.unit.constants, self.locals)
+        known = self.settled(node.test)
         if known is not None:
             self.block(node.body if known else node.orelse)
             return

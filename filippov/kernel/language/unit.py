@@ -1,7 +1,7 @@
 """An LLVM module in the making: its kernels as syntax trees and functions, and the constants they share."""
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -32,8 +32,10 @@ class Kernel:
 class Unit:
     """One LLVM module: its source texts by the names of their kernels, and the constants they share.
 
-    A kernel is declared when it is first asked for, and then waits for its translation. `width` is the number
-    of lanes; `wide`, `wide_vector` ... are what stands in a lane kernel for a number and an array of numbers.
+    A kernel is declared when it is first asked for, and then waits for its translation. `width` is the
+    number of lanes; `wide`, `wide_vector` ... are what stands in a lane kernel for a number and an array of
+    numbers. foreign, foreign_lanes: kernels, plain and in lanes, that another unit holds, with which this one
+    is linked; outside: constants that the other one holds.
     """
 
     constants: dict[str, Constant] = field(default_factory=dict)
@@ -46,6 +48,9 @@ class Unit:
     tables: dict[str, ir.GlobalVariable] = field(default_factory=dict)
     module: ir.Module = field(default_factory=lambda: ir.Module("filippov"))
     width: int = LANES
+    foreign: frozenset[str] = frozenset()
+    foreign_lanes: frozenset[str] = frozenset()
+    outside: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         self.constants["LANES"] = self.width
@@ -69,6 +74,21 @@ class Unit:
         full = f"{name}.{suffix}"
         known = self.module.globals.get(full)
         return known if isinstance(known, ir.Function) else ir.Function(self.module, kind, full)
+
+    def table(self, name: str, values: Sequence[float]) -> ir.Constant:
+        """The address of the numbers of a constant, which stand in the unit that holds them."""
+        if name not in self.tables:
+            kind = DOUBLE if any(isinstance(value, float) for value in values) else LONG
+            here = name not in self.outside
+            table = ir.GlobalVariable(
+                self.module, ir.ArrayType(kind, len(values) if here else 0), f"table_{name}"
+            )
+            table.global_constant = True
+            if here:
+                table.initializer, table.linkage = ir.Constant(table.value_type, list(values)), "internal"
+            self.tables[name] = table
+        zero = ir.Constant(LONG, 0)
+        return self.tables[name].gep([zero, zero])
 
     def plain(self, name: str) -> Kernel:
         """The plain kernel of this name."""
@@ -97,7 +117,8 @@ def _result(node: ast.expr | None, where: str, kinds: Mapping[str, ir.Type]) -> 
     return _annotation(node, where, kinds)
 
 
-def _marks(node: ast.FunctionDef) -> set[str]:
+def marks(node: ast.FunctionDef) -> set[str]:
+    """The decorators of a kernel."""
     return {mark.id for mark in node.decorator_list if isinstance(mark, ast.Name)}
 
 
@@ -107,21 +128,23 @@ def _signature(node: ast.FunctionDef, kinds: Mapping[str, ir.Type]) -> ir.Functi
 
 
 def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
-    marks, kind = _marks(node), _signature(node, unit.in_lanes if wide else _ANNOTATED)
+    said, kind = marks(node), _signature(node, unit.in_lanes if wide else _ANNOTATED)
     function = ir.Function(unit.module, kind, f"{node.name}.lanes" if wide else node.name)
-    function.linkage = "internal"
     function.attributes.add("nounwind")
+    if node.name in (unit.foreign_lanes if wide else unit.foreign):
+        return Kernel(node, function, (), wide)
+    function.linkage = "internal"
     if unit.lane_texts:
         # Vectors put aside on the stack must not lie across two cache lines.
         function.attributes.alignstack = 64
-    if "inline" in marks:
+    if "inline" in said:
         function.attributes.add("alwaysinline")
     for argument, value in zip(node.args.args, function.args, strict=True):
         # No other name writes to them: what depends on them alone is computed once.
         pointer = value.type in (VECTOR, unit.wide_vector)
-        if pointer and "contract" in marks and argument.arg in ("x", "p", "m"):
+        if pointer and "contract" in said and argument.arg in ("x", "p", "m"):
             value.add_attribute("noalias")
-    kernel = Kernel(node, function, ("contract",) if "contract" in marks else (), wide)
+    kernel = Kernel(node, function, ("contract",) if "contract" in said else (), wide)
     unit.waiting.append(kernel)
     return kernel
 
@@ -132,7 +155,7 @@ def add_kernels(unit: Unit, text: str, file: str = "kernels") -> None:
     Raises KernelError, with the file and the line, for what is outside the language or there already.
     """
     for node in _kernels_of(text, file):
-        texts = unit.lane_texts if "lanes" in _marks(node) else unit.texts
+        texts = unit.lane_texts if "lanes" in marks(node) else unit.texts
         if texts.get(node.name, node) is not node:
             raise KernelError(f"{file}:{node.lineno}: kernel {node.name}: there is another of this name")
         texts[node.name] = node
@@ -142,7 +165,7 @@ def add_kernels(unit: Unit, text: str, file: str = "kernels") -> None:
 @lru_cache(maxsize=256)
 def _kernels_of(text: str, file: str) -> tuple[ast.FunctionDef, ...]:
     nodes = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
-    kernels = tuple(node for node in nodes if _marks(node) & {"lanes", "kernel", "contract"})
+    kernels = tuple(node for node in nodes if marks(node) & {"lanes", "kernel", "contract"})
     for node in kernels:
         _signature(node, _ANNOTATED)
         check_kernel(node, file)

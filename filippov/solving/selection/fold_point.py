@@ -40,8 +40,8 @@ from filippov.solving.state.run import Run
 RESOLUTION = 1e-4
 # Difference of the rates over the largest of the slide: closer than this the linear flow is asked.
 NEAR = 0.1
-# A two-fold lies ahead where it would be reached in as much less time than the slide has lasted, or at once: after
-# this part of that time.
+# A two-fold lies ahead where it would be reached in as much less time than the slide has lasted, or at
+# once: after this part of that time.
 AHEAD, AT_ONCE = 30.0, 1e-3
 # A touching is at most so far from where the rate vanishes, of the time of the run.
 TURN = 1e-2
