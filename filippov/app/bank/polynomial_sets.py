@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import random
 from collections.abc import Mapping
 from typing import Any
@@ -16,7 +15,6 @@ from filippov.app.bank.reason import MissingError
 from filippov.base.errors import ModelError, UsageError
 
 SAMPLES = 96
-_DIGITS = 30
 
 
 def stable_at(polynomial: Polynomial, point: Mapping[Symbol, Expr]) -> Any:
@@ -64,52 +62,14 @@ def _beside(relation: Any, point: dict[Symbol, Expr], x: Symbol) -> list[dict[Sy
     return out
 
 
-def critical_values(polynomial: Polynomial, k: Symbol) -> list[Expr]:
-    """Real values of a parameter at which a root is on the imaginary axis or at infinity, in order.
-
-    With P(j w) = A(w) + j w B(w), roots j w, w != 0, belong to zeros of the resultant of A and B by w.
-    """
-    w = Symbol("w", real=True)
-    degree = len(polynomial.coefficients) - 1
-    real, imaginary = sympy.Integer(0), sympy.Integer(0)
-    for place, c in enumerate(polynomial.coefficients):
-        power = degree - place
-        turned = sympy.nsimplify(c, rational=True) * (-1) ** (power // 2)
-        if power % 2:
-            imaginary += turned * w ** (power - 1)
-        else:
-            real += turned * w**power
-    ends = polynomial.coefficients[0], polynomial.coefficients[-1]
-    found: list[Expr] = []
-    for condition in (sympy.resultant(real, imaginary, w), *ends):
-        numerator = sympy.numer(sympy.together(sympy.nsimplify(condition, rational=True)))
-        if numerator.has(k):
-            for factor, _ in sympy.factor_list(numerator, k)[1]:
-                roots = sympy.Poly(factor, k).nroots(n=_DIGITS, maxsteps=500)
-                found += [root for root in roots if root.is_real]
-    return sorted(set(found))
-
-
 def stable_intervals(polynomial: Polynomial) -> tuple[Symbol, list[tuple[Any, Any]]]:
-    """The one parameter, and the open intervals of its values for which all roots are left of the axis."""
+    """The one parameter, and the intervals of its values for which all roots are left of the axis."""
     symbols = sorted(set().union(*(c.free_symbols for c in polynomial.coefficients)), key=str)
     if len(symbols) != 1:
         raise ModelError(f"the polynomial has {len(symbols)} parameters, not one.")
-    k = symbols[0]
-    edges = [-sympy.oo, *critical_values(polynomial, k), sympy.oo]
-    out: list[tuple[Any, Any]] = []
-    for low, high in itertools.pairwise(edges):
-        if stable_at(polynomial, {k: _between(low, high)}) is sympy.true:
-            joined = bool(out) and out[-1][1] == low and stable_at(polynomial, {k: low}) is sympy.true
-            out[-1:] = [(out[-1][0], high)] if joined else [*out[-1:], (low, high)]
+    found = polynomial.routh.solve_for(symbols[0], as_set=True)
+    pieces = found.args if isinstance(found, sympy.Union) else [found]
+    out = [(piece.start, piece.end) for piece in pieces if isinstance(piece, sympy.Interval)]
     if not out:
-        raise MissingError(f"the polynomial is stable for no {k}")
-    return k, out
-
-
-def _between(low: Any, high: Any) -> Expr:
-    if low == -sympy.oo:
-        middle = (high if high != sympy.oo else sympy.Integer(1)) - 1
-    else:
-        middle = low + 1 if high == sympy.oo else (low + high) / 2
-    return sympy.Rational(str(middle)) if middle.is_Float else middle
+        raise MissingError(f"the polynomial is stable for no {symbols[0]}")
+    return symbols[0], out

@@ -15,7 +15,6 @@ from sympy import Symbol
 
 from filippov.app.bank.measures.measure import Measure, Over, expression, stretches
 from filippov.app.bank.motion import Motion, slides
-from filippov.app.bank.notation import formula
 from filippov.app.bank.reason import MissingError
 from filippov.model.symbols import t as time_symbol
 from filippov.solving.solution import Solution
@@ -48,21 +47,20 @@ class Along(Measure, quantity="along"):
     def of(self, subject: Motion) -> Any:
         """The number."""
         parts = stretches(subject, self.over)
+        run, f = parts[0][0], self._function(subject, parts[0][0])
         if self.take in ("mean", "rms"):
             power = 1 if self.take == "mean" else 2
-            total = sum(_integral(run, self._function(subject, run), a, b, power) for run, a, b in parts)
-            mean = total / sum(b - a for _, a, b in parts)
+            mean = sum(_integral(run, f, a, b, power) for _, a, b in parts) / sum(b - a for _, a, b in parts)
             return mean if power == 1 else np.sqrt(mean)
-        ends = np.array([self._extent(subject, *part) for part in parts])
+        ends = np.array([self._extent(f, a, b) for _, a, b in parts])
         low, high = float(np.min(ends[:, 0])), float(np.max(ends[:, 1]))
         return {
             "max": high, "min": low, "max_abs": max(abs(low), abs(high)), "range": high - low,
             "spread": float(np.max(ends[:, 1] - ends[:, 0])),
         }[self.take]  # fmt: skip
 
-    def _extent(self, motion: Motion, run: Solution, low: float, high: float) -> tuple[float, float]:
+    def _extent(self, f: Callable[[Array], Array], low: float, high: float) -> tuple[float, float]:
         """Least and largest value between two times of one mode, refined beside the largest samples."""
-        f = self._function(motion, run)
         # The multipliers at the ends belong to the mode of either side.
         probed = bool(self.signs or self.rates)
         times = np.linspace(low, high, SAMPLES)[1:-1:5] if probed else np.linspace(low, high, SAMPLES)
@@ -87,22 +85,19 @@ class Along(Measure, quantity="along"):
         """The formula as a function of times."""
         assert run.sol is not None
         sol = run.sol
-        if not self.signs and not self.rates:
-            plain = expression(motion, self.formula, self.where)
-            return lambda times: motion.values(run, plain, times)
         probed = [Symbol(name, real=True) for name in (*self.signs, *self.rates)]
-        named = {**motion.names, **{symbol.name: symbol for symbol in probed}, "t": time_symbol}
-        for name, measure in self.where.items():
-            named[name] = float(np.asarray(measure.of(motion)).reshape(()))
-        given = [time_symbol, *motion.built.states, *probed]
-        compiled = sympy.lambdify(given, formula(self.formula, named), "numpy")
+        whole = expression(motion, self.formula, self.where, {symbol.name: symbol for symbol in probed})
+        compiled = sympy.lambdify([time_symbol, *motion.built.states, *probed], whole, "numpy")
+        if not probed:
+            return lambda times: np.broadcast_to(np.asarray(compiled(times, *sol(times)), float), times.shape)
 
         def at(time: float) -> float:
             rates, multipliers = motion.velocity(run, time)
             on = [m for m, sign in zip(multipliers, run.mode_at(time, "+"), strict=True) if sign == 0]
-            if len(on) < len(self.signs):
-                raise MissingError(f"the motion does not slide on {len(self.signs)} surfaces at t = {time:.9g}")
-            return float(compiled(time, *sol(time), *on[: len(self.signs)], *rates[: len(self.rates)]))
+            count = len(self.signs)
+            if len(on) < count:
+                raise MissingError(f"the motion does not slide on {count} surfaces at t = {time:.9g}")
+            return float(compiled(time, *sol(time), *on[:count], *rates[: len(self.rates)]))
 
         return lambda times: np.array([at(float(time)) for time in times])
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+import sympy
 from sympy import Expr, Symbol
 
 from filippov.app.bank.motion import Motion, slides
@@ -71,13 +72,11 @@ def measured(subject: Any, where: dict[str, Measure]) -> dict[str, Any]:
 
 def evaluated(subject: Any, text: str, given: dict[str, Any]) -> Any:
     """A formula in the case's parameters and in given arrays. Raises ModelError."""
-    import sympy
-
     symbols = {name: Symbol(name, real=True) for name in given}
     expression = formula(text, {**subject.names, **symbols})
     left = expression.free_symbols - set(symbols.values())
     if left:
-        raise ModelError(f"the formula {text[:60]!r} has {sorted(map(str, left))[0]!r}, which has no value here.")
+        raise ModelError(f"the formula {text[:60]!r} has {min(map(str, left))!r}, which has no value here.")
     return sympy.lambdify(list(symbols.values()), expression, "numpy")(*given.values())
 
 
@@ -101,15 +100,18 @@ def stretches(motion: Motion, over: Over) -> list[tuple[Solution, float, float]]
         run = motion.main
         low, high = sorted((run.problem.t_span[0], run.t_end))
     parts = [(s, max(min(s.t0, s.t1), low), min(max(s.t0, s.t1), high)) for s in run.segments]
-    found = [(run, a, b) for s, a, b in parts if b > a and (slides(s.mode) or over not in ("first_sliding", "sliding"))]
+    sliding = over in ("first_sliding", "sliding")
+    found = [(run, a, b) for s, a, b in parts if b > a and (slides(s.mode) or not sliding)]
     if not found:
-        raise MissingError("the run does not slide" if "sliding" in over else "the run is over at once")
+        raise MissingError("the run does not slide" if sliding else "the run is over at once")
     return found[:1] if over == "first_sliding" else found
 
 
-def expression(motion: Motion, text: str, where: dict[str, Measure]) -> Expr:
-    """A formula in t, the states, the parameters and other quantities that are numbers. Raises ModelError."""
-    names = {**motion.names, "t": time_symbol}
+def expression(
+    motion: Motion, text: str, where: dict[str, Measure], given: dict[str, Symbol] | None = None
+) -> Expr:
+    """A formula in t, the states, the parameters, quantities that are numbers, and given symbols."""
+    names = {**motion.names, **(given or {}), "t": time_symbol}
     for name, measure in where.items():
         names[name] = float(np.asarray(measure.of(motion)).reshape(()))
     return formula(text, names)
