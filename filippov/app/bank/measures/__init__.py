@@ -1,9 +1,8 @@
 """The closed vocabulary of what an expectation can measure: one module for each group of quantities."""
 
-from filippov.app.bank.measures import accumulations, along, events, orbits, phases, polynomials, sets, sliding, states, turns
+from filippov.app.bank.measures import accumulations, along, events, orbits, phases
+from filippov.app.bank.measures import polynomials, sets, sliding, states, turns
 from filippov.app.bank.measures.measure import Measure
 
-__all__ = [
-    "Measure", "accumulations", "along", "events", "orbits", "phases", "polynomials", "sets", "sliding", "states",
-    "turns",
-]  # fmt: skip
+QUANTITIES: dict[str, type] = Measure.FAMILY[1]
+GROUPS = (events, states, turns, along, phases, sliding, orbits, accumulations, sets, polynomials)

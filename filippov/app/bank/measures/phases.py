@@ -1,4 +1,4 @@
-"""Phases of sliding (sticking) and slip, and the parts of a run in one mode."""
+"""Phases of sliding (sticking) and slip."""
 
 from __future__ import annotations
 
@@ -57,14 +57,3 @@ def phases(segments: tuple[Segment, ...]) -> list[tuple[bool, float, float]]:
             low = out.pop()[1]
         out.append((kind, low, segment.t1))
     return [phase for phase in out if phase[1] != phase[2]]
-
-
-@dataclass(frozen=True)
-class Dwells(Measure, quantity="dwell_times"):
-    """Lengths of the first parts of the run in one mode."""
-
-    first: int | None = None
-
-    def of(self, subject: Motion) -> Any:
-        """The lengths."""
-        return [segment.dwell for segment in subject.main.segments][: self.first]

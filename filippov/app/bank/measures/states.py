@@ -65,12 +65,17 @@ class ModeAt(Measure, quantity="mode"):
 
 
 @dataclass(frozen=True)
-class Modes(Measure, quantity="modes"):
-    """The modes of the run in order, a list of texts."""
+class Segments(Measure, quantity="segments"):
+    """The parts of the run in one mode, in order, or the first of them: their modes or lengths, a list."""
+
+    take: Literal["mode", "length"] = "mode"
+    first: int | None = None
 
     def of(self, subject: Motion) -> Any:
-        """The texts."""
-        return [mode[: len(subject.built.declared)] for mode in subject.main.modes]
+        """The list."""
+        count, run = len(subject.built.declared), subject.main
+        modes, lengths = [mode[:count] for mode in run.modes], [segment.dwell for segment in run.segments]
+        return (modes if self.take == "mode" else lengths)[: self.first]
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Names of formulas that are claimed to hold along the motion, and of quantities that are claimed to be kept."""
+"""Names of formulas that are claimed to hold along the motion, and of quantities that are constant."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Any
 from filippov.app.bank.measures.along import Along
 from filippov.app.bank.measures.events import OneEvent
 from filippov.app.bank.measures.measure import Formula, Measure
-from filippov.app.bank.migrate.rule import Old, Reading, rule
+from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
+from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import formula
 from filippov.app.bank.reason import NotUnderstoodError
 from filippov.base.errors import ModelError
@@ -18,10 +19,11 @@ _ASIDE = re.compile(r"\s+\([^()]*(?:\([^()]*\)[^()]*)*\)")
 _PHRASE = re.compile(r"\b(?:while|during|in|along) (?:the )?(?:sliding|sliding motion|stick|sticking)\b")
 _CONTROL = ("equivalent control", "u_eq", "ueq", "sign value", "multiplier")
 _WORD = re.compile(r"[^\W\d]\w*")
-_TIMES = {
-    "slide": ("t_enter", "t_entry", "t_e", "te"), "exit": ("t_exit", "t_x", "tx"), "cross": ("t_cross", "t_c", "tc"),
-}  # fmt: skip
-_MARKS = {"slide": ("_e", "e", "_enter", "_entry"), "exit": ("_exit",), "cross": ("_cross",)}
+# Kind of event, names of its time, what follows the name of a state there.
+_MARKS: tuple[tuple[Any, str, str], ...] = (
+    ("slide", "t_enter t_entry t_e te", "_e e _enter _entry"), ("exit", "t_exit t_x tx", "_exit"),
+    ("cross", "t_cross t_c tc", "_cross"),
+)  # fmt: skip
 _SIGN = "sgn_value"
 
 
@@ -34,12 +36,10 @@ def _over(old: Old) -> Any:
 def _known(old: Old) -> dict[str, Measure]:
     """Names of times and states at the first entry, exit and crossing, and of the start."""
     known: dict[str, Measure] = {}
-    for kind, times in _TIMES.items():
-        for name in times:
-            known.setdefault(name, OneEvent(kind))  # type: ignore[arg-type]
-        for state in old.states:
-            for mark in _MARKS[kind]:
-                known.setdefault(state + mark, OneEvent(kind, take=state))  # type: ignore[arg-type]
+    for kind, times, marks in _MARKS:
+        known |= {name: OneEvent(kind) for name in times.split()}
+        rows = [(state, state + mark) for state in old.states for mark in marks.split()]
+        known |= {name: OneEvent(kind, take=state) for state, name in rows if name not in known}
     for state, value in zip(old.states, old.motion.built.x0, strict=True):
         for mark in ("_0", "0"):
             known.setdefault(state + mark, Formula(repr(value)))
@@ -100,42 +100,27 @@ def _holds(old: Old, left: str, right: str, over: Any) -> Any:
     return old.e(Along(f"({got})-({wanted})", over=over, where=where | more), value=0, atol=atol)
 
 
-@rule(r"(?P<state>{state})\(t\)|(?P<state2>{state})_of_t")
-def _of_time(old: Old, match: re.Match[str]) -> list[Reading]:
-    right = old.text.rpartition("=")[2]
-    return [Reading((_holds(old, match["state"] or match["state2"], right, "span"),))]
+def _of_time(old: Old, g: Groups) -> list[Reading]:
+    return [Reading((_holds(old, g["state"], old.text.rpartition("=")[2], "span"),))]
 
 
-@rule(
-    r"\w*(?:_law|_invariant|_relation|_identity|_formula)|invariant|after_entry|while_sliding|sliding_solution|closed_form|\w+_is_conserved"
-)
-def _law(old: Old, _: re.Match[str]) -> list[Reading]:
-    if not isinstance(old.value, str):
-        return _of_value(old)
-    if "=" not in old.value:
-        return _constant(old)
+def _law(old: Old, _: Groups) -> list[Reading]:
+    if not isinstance(old.value, str) or "=" not in old.value:
+        return _kept(old, _)
     return [Reading(tuple(_holds(old, left, right, _over(old)) for left, right in _claims(old.value)))]
 
 
-@rule(r"first_integral(?!_value)\w*|conserved\w*|constant_of_motion\w*")
-def _kept(old: Old, _: re.Match[str]) -> list[Reading]:
-    return _constant(old) if isinstance(old.value, str) else _of_value(old)
-
-
-def _constant(old: Old) -> list[Reading]:
+def _kept(old: Old, _: Groups) -> list[Reading]:
     """An expression that is constant along the motion, or along its first sliding."""
+    if not isinstance(old.value, str):
+        return _of_value(old, _)
     text, where = _side(old, old.text.rpartition("=")[2])
     if not set(_WORD.findall(text)) & set(old.states):
         raise NotUnderstoodError("it has no states")
     return old.one(Along(text, "spread", _over(old), where), value=0, atol=old.tol or 1e-9)
 
 
-@rule(r"(?:first_integral|invariant|conserved)_value")
-def _invariant_value(old: Old, _: re.Match[str]) -> list[Reading]:
-    return _of_value(old)
-
-
-def _of_value(old: Old) -> list[Reading]:
+def _of_value(old: Old, _: Groups) -> list[Reading]:
     """The value of the expression that another expectation names as a first integral."""
     wanted = float(old.wanted())
     for entry in old.case.expected:
@@ -145,3 +130,16 @@ def _of_value(old: Old) -> list[Reading]:
             text, where = _side(about, about.value)
             return old.one(Along(f"({text})-({wanted!r})", over=_over(about), where=where), value=0)
     raise NotUnderstoodError("no other expectation gives its expression")
+
+
+enter(
+    Motion,
+    (r"(?P<state>{state})\(t\)|(?P<state2>{state})_of_t", _of_time),
+    (
+        r"\w*(?:_law|_invariant|_relation|_identity|_formula)|invariant|after_entry|while_sliding"
+        r"|sliding_solution|closed_form|\w+_is_conserved",
+        _law,
+    ),
+    (r"first_integral(?!_value)\w*|conserved\w*|constant_of_motion\w*", _kept),
+    (r"(?:first_integral|invariant|conserved)_value", _of_value),
+)

@@ -17,7 +17,7 @@ from filippov.app.bank.measures.polynomials import (
     StabilityVerdict,
     StableRange,
 )
-from filippov.app.bank.migrate.rule import Old, Reading, rule
+from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
 from filippov.app.bank.notation import formula
 from filippov.app.bank.polynomial import Polynomial
 from filippov.app.bank.reason import NotUnderstoodError
@@ -29,25 +29,10 @@ _NEAR_ZERO = 1e-12
 _FEW = 6
 
 
-@rule(r"rhp_axis_lhp|roots_rhp_axis_lhp", Polynomial)
-def _counts(old: Old, _: re.Match[str]) -> list[Reading]:
-    return old.one(RootCounts())
-
-
-@rule(
-    r"(?:n_?|number_of_)?(?P<what>rhp|axis|lhp)(?:_roots|_poles|_zeros|_count)?|sign_changes"
-    r"|(?:n_|number_of_)?(?P<un>un)?(?P<stable>stable)_(?:roots|poles)",
-    Polynomial,
-)
-def _one_count(old: Old, match: re.Match[str]) -> list[Reading]:
-    what = "lhp" if match["stable"] and not match["un"] else match["what"] or "rhp"
+def _one_count(old: Old, g: Groups) -> list[Reading]:
+    what = "lhp" if g["stable"] and not g["un"] else g["what"] or "rhp"
     take: Any = {"lhp": "left", "rhp": "right", "axis": "axis"}[what]
     return old.one(RootCounts(take))
-
-
-@rule(r"roots|poles|zeros", Polynomial)
-def _roots(old: Old, _: re.Match[str]) -> list[Reading]:
-    return old.one(Roots(), value=_pairs(old, old.value), order="any")
 
 
 def _pairs(old: Old, value: Any) -> list[list[Any]]:
@@ -58,11 +43,6 @@ def _pairs(old: Old, value: Any) -> list[list[Any]]:
         raise NotUnderstoodError("a root is [real, imaginary]")
     old.numbers(pairs)
     return pairs
-
-
-@rule(r"stable|is_stable|verdict|stability", Polynomial)
-def _verdict(old: Old, _: re.Match[str]) -> list[Reading]:
-    return verdicts(old, old.text, {})
 
 
 def verdicts(old: Old, text: str, at: dict[str, Any]) -> list[Reading]:
@@ -79,21 +59,16 @@ def verdicts(old: Old, text: str, at: dict[str, Any]) -> list[Reading]:
     return [Reading((old.e(StabilityVerdict(at), text=said),)) for said in chosen]
 
 
-@rule(r"(?:is_)?(?P<what>unstable|marginally_stable|marginal)", Polynomial)
-def _verdict_is(old: Old, match: re.Match[str]) -> list[Reading]:
+def _verdict_is(old: Old, g: Groups) -> list[Reading]:
     word = old.text.strip().casefold()
     if word not in ("true", "yes", "false", "no"):
         raise NotUnderstoodError("it is neither true nor false")
-    named = _UNSTABLE if match["what"] == "unstable" else _MARGINAL
+    named = _UNSTABLE if g["what"] == "unstable" else _MARGINAL
     others = [said for said in (_STABLE, _MARGINAL, _UNSTABLE) if (said == named) == (word in ("true", "yes"))]
     return [Reading((old.e(StabilityVerdict(), text=said),)) for said in others]
 
 
-# -- parameters ----------------------------------------------------------------------------------------
-
-
-@rule(r"stable_iff|stability_condition|hurwitz_iff|stable_when|stability_range", Polynomial)
-def _iff(old: Old, _: re.Match[str]) -> list[Reading]:
+def _iff(old: Old, _: Groups) -> list[Reading]:
     text = old.text.replace("&", " and ").replace("^", "**")
     try:
         parse_condition(text, old.polynomial.names)
@@ -102,9 +77,8 @@ def _iff(old: Old, _: re.Match[str]) -> list[Reading]:
     return old.one(StabilityCondition(text), value=0, atol=0)
 
 
-@rule(r"at_(?P<values>\w+=.+)", Polynomial)
-def _at(old: Old, match: re.Match[str]) -> list[Reading]:
-    at = _assigned(old, match["values"])
+def _at(old: Old, g: Groups) -> list[Reading]:
+    at = _assigned(old, g["values"])
     if isinstance(old.value, str):
         return verdicts(old, old.value, at)
     value = old.value
@@ -125,8 +99,7 @@ def _assigned(old: Old, text: str) -> dict[str, Any]:
     return out
 
 
-@rule(r"samples|examples", Polynomial)
-def _samples(old: Old, _: re.Match[str]) -> list[Reading]:
+def _samples(old: Old, _: Groups) -> list[Reading]:
     pairs = re.findall(r"\(((?:\w+\s*=[^(),]+,?\s*)+)\)\s*:\s*((?:[^,{}()]|\([^()]*\))+)", old.text)
     if not pairs:
         raise NotUnderstoodError("no pairs (values):verdict were found")
@@ -146,8 +119,7 @@ def _samples(old: Old, _: re.Match[str]) -> list[Reading]:
     return [Reading(tuple(found))]
 
 
-@rule(r"boundary|critical", Polynomial)
-def _boundary(old: Old, _: re.Match[str]) -> list[Reading]:
+def _boundary(old: Old, _: Groups) -> list[Reading]:
     match = re.fullmatch(r"\s*([^=]+=[^=]+?)\s+gives\s+\+-\s*j\s*(.+?)\s*", old.text)
     if match is None:
         raise NotUnderstoodError("the text is no equation that gives a pair")
@@ -159,9 +131,6 @@ def _boundary(old: Old, _: re.Match[str]) -> list[Reading]:
     return old.one(AxisPair(match[1], match[2]), value=0, atol=max(old.tol, _NEAR_ZERO))
 
 
-# -- ranges --------------------------------------------------------------------------------------------
-
-
 def _parameter(old: Old, name: str) -> str:
     """The one parameter, which may be called gain or parameter."""
     symbols = sorted(set().union(*(c.free_symbols for c in old.polynomial.coefficients)), key=str)
@@ -170,27 +139,47 @@ def _parameter(old: Old, name: str) -> str:
     return str(symbols[0].name)
 
 
-@rule(
-    r"(?P<name>\w+?)_(?P<what>max|min|range)(?:_stable)?|(?P<what2>max|min)_(?P<name2>\w+)|stable_(?P<name3>\w+)_range",
-    Polynomial,
-)
-def _extreme(old: Old, match: re.Match[str]) -> list[Reading]:
-    take: Any = {"max": "largest", "min": "least"}.get(match["what"] or match["what2"] or "", "interval")
-    return old.one(StableRange(_parameter(old, match["name"] or match["name2"] or match["name3"]), take))
+def _extreme(old: Old, g: Groups) -> list[Reading]:
+    take: Any = {"max": "largest", "min": "least"}.get(g["what"] or "", "interval")
+    return old.one(StableRange(_parameter(old, g["name"]), take))
 
 
-@rule(r"(?:(?:oscillation|axis|crossover|jw)_frequency|axis_omega)", Polynomial)
-def _frequency(old: Old, _: re.Match[str]) -> list[Reading]:
+def _critical(old: Old, g: Groups) -> list[Reading]:
+    name = g["name"]
+    if name in ("frequency", "omega", "w"):
+        return _frequencies(old)
+    parameter = _parameter(old, name)
+    return old.either(*(StableRange(parameter, "boundaries", k + 1) for k in range(_FEW)))
+
+
+def _frequencies(old: Old) -> list[Reading]:
     return old.either(*(AxisFrequencies(k + 1) for k in range(_FEW)))
 
 
-@rule(
-    r"(?P<name>\w+?)_(?:critical|crit|marginal|limit)|(?:critical|marginal|ultimate|limiting)_(?P<name2>\w+)",
+enter(
     Polynomial,
+    (r"rhp_axis_lhp|roots_rhp_axis_lhp", lambda o, _: o.one(RootCounts())),
+    (
+        r"(?:n_?|number_of_)?(?P<what>rhp|axis|lhp)(?:_roots|_poles|_zeros|_count)?|sign_changes"
+        r"|(?:n_|number_of_)?(?P<un>un)?(?P<stable>stable)_(?:roots|poles)",
+        _one_count,
+    ),
+    (r"roots|poles|zeros", lambda o, _: o.one(Roots(), value=_pairs(o, o.value), order="any")),
+    (r"stable|is_stable|verdict|stability", lambda o, _: verdicts(o, o.text, {})),
+    (r"(?:is_)?(?P<what>unstable|marginally_stable|marginal)", _verdict_is),
+    (r"stable_iff|stability_condition|hurwitz_iff|stable_when|stability_range", _iff),
+    (r"at_(?P<values>\w+=.+)", _at),
+    (r"samples|examples", _samples),
+    (r"boundary|critical", _boundary),
+    (
+        r"(?P<name>\w+?)_(?P<what>max|min|range)(?:_stable)?|(?P<what2>max|min)_(?P<name2>\w+)"
+        r"|stable_(?P<name3>\w+)_range",
+        _extreme,
+    ),
+    (
+        r"(?P<name>\w+?)_(?:critical|crit|marginal|limit)"
+        r"|(?:critical|marginal|ultimate|limiting)_(?P<name2>\w+)",
+        _critical,
+    ),
+    (r"(?:oscillation|axis|crossover|jw)_frequency|axis_omega", lambda o, _: _frequencies(o)),
 )
-def _critical(old: Old, match: re.Match[str]) -> list[Reading]:
-    name = match["name"] or match["name2"]
-    if name in ("frequency", "omega", "w"):
-        return _frequency(old, match)
-    parameter = _parameter(old, name)
-    return old.either(*(StableRange(parameter, "boundaries", k + 1) for k in range(_FEW)))

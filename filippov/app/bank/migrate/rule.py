@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ LONGEST_TOLERANCE = 100
 
 @dataclass(frozen=True)
 class Reading:
-    """Expectations that together are what a name may mean, and what it means where they cannot be measured."""
+    """What a name may mean: expectations, and what it means instead where they cannot be measured."""
 
     expectations: tuple[Expectation, ...]
     instead: Reading | None = None
@@ -140,29 +140,26 @@ def tolerance(given: Mapping[str, Any]) -> float:
         return 0.0
 
 
-Rule = Callable[[Old, re.Match[str]], Iterable[Reading]]
+# The groups of a name's pattern by name: state, state2 and state3 are one; None where it did not take part.
+Groups = Mapping[str, Any]
+Rule = Callable[[Old, Groups], Iterable[Reading]]
 RULES: list[tuple[str, type, Rule]] = []
 
 
-def rule(pattern: str, about: type = Motion) -> Callable[[Rule], Rule]:
-    """Enter a rule for names that match the pattern whole; {state} stands for the names of the case's states.
+def enter(about: type, *rows: tuple[str, Rule]) -> None:
+    """Enter rules for names that match a pattern whole; {state} stands for the names of the case's states.
 
-    Rules are tried in the order in which they are entered, until one has readings.
+    They are tried in the order in which they are entered, until one has readings.
     """
-
-    def enter(function: Rule) -> Rule:
-        RULES.append((pattern, about, function))
-        return function
-
-    return enter
+    RULES.extend((pattern, about, function) for pattern, function in rows)
 
 
 def readings(old: Old) -> list[Reading]:
     """What a name may mean. Raises NotUnderstoodError."""
     reason = "no rule knows the name"
-    for function, match in _matching(old):
+    for function, groups in _matching(old):
         try:
-            found = list(function(old, match))
+            found = list(function(old, groups))
         except NotUnderstoodError as error:
             reason = str(error)
             continue
@@ -171,12 +168,16 @@ def readings(old: Old) -> list[Reading]:
     raise NotUnderstoodError(reason)
 
 
-def _matching(old: Old) -> Iterator[tuple[Rule, re.Match[str]]]:
+def _matching(old: Old) -> Iterator[tuple[Rule, Groups]]:
     one = "|".join(re.escape(s) for s in sorted(old.states, key=len, reverse=True)) or "(?!)"
     for pattern, about, function in RULES:
         match = re.fullmatch(pattern.replace("{state}", f"(?:{one})"), old.name)
         if match is not None and isinstance(old.subject, about):
-            yield function, match
+            groups: dict[str, Any] = {}
+            for name, text in match.groupdict().items():
+                key = name.rstrip("23")
+                groups[key] = groups.get(key) or text
+            yield function, groups
 
 
 def nearest(old: Old, found: Sequence[Reading]) -> tuple[Outcome, Reading]:
@@ -197,8 +198,3 @@ def nearest(old: Old, found: Sequence[Reading]) -> tuple[Outcome, Reading]:
     if not outcomes:
         raise missing
     return min(outcomes, key=lambda pair: pair[0].ratio)
-
-
-def renamed(old: Old, name: str) -> Old:
-    """The same expectation under another name."""
-    return replace(old, name=name)

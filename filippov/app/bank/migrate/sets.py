@@ -9,14 +9,15 @@ import numpy as np
 from sympy import Symbol
 
 from filippov.app.bank.measures.events import EventCount, OneEvent, SomeEvents
-from filippov.app.bank.measures.measure import Formula, Measure
+from filippov.app.bank.measures.measure import Formula
 from filippov.app.bank.measures.sets import Reachable, Rest, Threshold
 from filippov.app.bank.measures.sliding import Continuations, Signs
 from filippov.app.bank.measures.states import End, ModeAt, State, Steady
 from filippov.app.bank.measures.turns import Turns
-from filippov.app.bank.migrate.events import kind_word
-from filippov.app.bank.migrate.rule import Old, Reading, rule
+from filippov.app.bank.migrate.events import counting, kind_word
+from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
 from filippov.app.bank.migrate.states import moment, velocity
+from filippov.app.bank.motion import Motion
 from filippov.app.bank.reason import NotUnderstoodError
 from filippov.base.status import Status
 
@@ -34,8 +35,7 @@ NEAR = 1e-8  # how near a time or a point named in a text has to be met, where i
 _KINDS = "impact|crossing|slide|stick|stop|switch|reset|exit|entry|entrie|grazing|bounce"
 
 
-@rule(r"must_report|must_name|report|reports|must_warn")
-def _must_report(old: Old, _: re.Match[str]) -> list[Reading]:
+def _must_report(old: Old, _: Groups) -> list[Reading]:
     text = old.text.casefold()
     status = next((status for words, status in _REPORTS if re.search(words, text)), None)
     if status is None:
@@ -64,9 +64,8 @@ def _at_least(text: str) -> int:
     return count + (1 if re.search(r"\band an? (?:direct )?exit|also (?:a |direct )?exit", text) else 0)
 
 
-@rule(r"reachable_(?:set_|interval_)?(?:(?P<state>{state})_)?at_(?P<time>[\d./]+)")
-def _reachable(old: Old, match: re.Match[str]) -> list[Reading]:
-    time = moment(old, match["time"])
+def _reachable(old: Old, g: Groups) -> list[Reading]:
+    time = moment(old, g["time"])
     if isinstance(old.value, str):
         found = [piece.split(",") for piece in re.findall(r"\(([^()]*,[^()]*)\)", old.value)]
         points = [[old.number(v) for v in piece] for piece in found if len(piece) == len(old.states)]
@@ -75,96 +74,41 @@ def _reachable(old: Old, match: re.Match[str]) -> list[Reading]:
         return old.one(Reachable(time), value=points, order="set", atol=max(old.tol, NEAR))
     if np.shape(old.wanted()) != (2,):
         raise NotUnderstoodError("it is no interval")
-    return old.one(Reachable(time, match["state"] or old.states[0], RELEASES))
+    return old.one(Reachable(time, g["state"] or old.states[0], RELEASES))
 
 
-# -- single events -------------------------------------------------------------------------------------
-
-
-def _kind(old: Old, word: str) -> Any:
-    return None if word == "switch" else kind_word(old, word)
-
-
-@rule(rf"(?:n|number_of|num|count)_(?P<kind>{_KINDS})(?:s|es)?")
-def _count(old: Old, match: re.Match[str]) -> list[Reading]:
-    return old.one(EventCount(_kind(old, match["kind"])))
-
-
-@rule(rf"t_(?P<kind>{_KINDS})s|(?P<kind2>{_KINDS})_instants")
-def _times(old: Old, match: re.Match[str]) -> list[Reading]:
-    return old.one(SomeEvents(_kind(old, match["kind"] or match["kind2"]), first=old.size))
-
-
-@rule(r"t_(?:hit|reach|capture|contact|first_hit)(?:_(?P<k>\d+))?|(?:hit|hitting|contact)_time")
-def _hit(old: Old, match: re.Match[str]) -> list[Reading]:
-    return old.one(OneEvent(number=_number(match["k"])))
-
-
-def _number(text: str | None) -> int:
-    if text is not None and not int(text):
-        raise NotUnderstoodError("events count from 1")
-    return int(text or 1)
-
-
-@rule(rf"(?P<state>{{state}}|state)_at_(?P<kind>{_KINDS})(?:_(?P<k>\d+))?")
-def _at_event(old: Old, match: re.Match[str]) -> list[Reading]:
-    takes = ("state", "state_after") if match["state"] == "state" else (match["state"], f"{match['state']}@after")
-    kind, k = _kind(old, match["kind"]), _number(match["k"])
+def _at_event(old: Old, g: Groups) -> list[Reading]:
+    name, kind, k = g["state"], kind_word(old, g["kind"]), counting(g["k"])
+    takes = ("state", "state_after") if name == "state" else (name, f"{name}@after")
     return old.either(*(OneEvent(kind, number=k, take=take) for take in takes))
 
 
-@rule(r"codim_?2_(?P<what>entry|exit)_(?:point|state)|point_codim_?2_(?P<what2>entry|exit)")
-def _corner(old: Old, match: re.Match[str]) -> list[Reading]:
-    if (match["what"] or match["what2"]) == "exit":
+def _corner(old: Old, g: Groups) -> list[Reading]:
+    if g["what"] == "exit":
         return old.one(OneEvent("exit", codimension=2, take="state"))
-    start = State(old.motion.built.t_span[0])
-    return [old.other(OneEvent("slide", codimension=2, take="state"), start)]
+    return [old.other(OneEvent("slide", codimension=2, take="state"), State(old.motion.built.t_span[0]))]
 
 
-@rule(r"(?:rebound|bounce|apex|peak)_heights")
-def _heights(old: Old, _: re.Match[str]) -> list[Reading]:
-    return old.one(Turns(old.states[0], "max", first=old.size))
-
-
-@rule(r"(?P<kind>crossing|exit|entry|stick|reset|rebound)_(?:velocity|speed)")
-def _velocity(old: Old, match: re.Match[str]) -> list[Reading]:
-    take = velocity(old) + ("@after" if match["kind"] == "rebound" else "")
-    v = OneEvent(_kind(old, match["kind"]), take=take)
+def _velocity(old: Old, g: Groups) -> list[Reading]:
+    take = velocity(old) + ("@after" if g["kind"] == "rebound" else "")
+    v = OneEvent(kind_word(old, g["kind"]), take=take)
     return old.either(v, Formula("Abs(v)", {"v": v}))
 
 
-# -- modes, and where the motion ends ------------------------------------------------------------------
-
-
-@rule(r"(?:final|end|last)_mode|mode_at_(?P<time>.+)")
-def _mode(old: Old, match: re.Match[str]) -> list[Reading]:
+def _mode(old: Old, g: Groups) -> list[Reading]:
     wanted = old.text.strip()
     if not re.fullmatch(r"[-+0]+", wanted):
         raise NotUnderstoodError("the value is no mode such as +0-")
-    return old.one(ModeAt(None if match["time"] is None else moment(old, match["time"])), text=wanted)
+    return old.one(ModeAt(None if g["time"] is None else moment(old, g["time"])), text=wanted)
 
 
-@rule(r"(?:equivalent_control|u_eq|ueq|lambda|multiplier|sign)_at_(?P<time>.+)")
-def _multiplier_at(old: Old, match: re.Match[str]) -> list[Reading]:
-    return old.one(Signs(moment(old, match["time"])))
-
-
-@rule(
-    r"steady_state|(?:steady_state|steady)_(?P<state>{state})|(?P<state2>{state})_(?:steady|inf|infinity|ss|steady_state)"
-)
-def _steady(old: Old, match: re.Match[str]) -> list[Reading]:
-    return old.one(Steady(match["state"] or match["state2"], still=max(1e-9, 1e-2 * old.tol)))
-
-
-@rule(r"(?:blow_?up|escape|finite_escape)_time|t_(?:blow_?up|escape)")
-def _blow_up(old: Old, _: re.Match[str]) -> list[Reading]:
+def _blow_up(old: Old, _: Groups) -> list[Reading]:
     large, when = old.e(End("size"), least=1e3), old.e(End("t"))
     statuses = (Status.NOT_FINITE.value, Status.MIN_STEP.value)
     return [Reading((old.e(End(), text=status), large, when)) for status in statuses]
 
 
-@rule(r"(?:rest|equilibrium|stiction|sticking)_(?:interval|band|zone|set)|stick_(?:band|zone|set)")
-def _rest_set(old: Old, _: re.Match[str]) -> list[Reading]:
+def _rest_set(old: Old, _: Groups) -> list[Reading]:
     ends = np.atleast_1d(old.wanted())
     if ends.shape != (2,):
         raise NotUnderstoodError("it is no interval")
@@ -175,12 +119,8 @@ def _rest_set(old: Old, _: re.Match[str]) -> list[Reading]:
     return [Reading(tuple(found))]
 
 
-# -- parameters ----------------------------------------------------------------------------------------
-
-
-@rule(r"(?P<name>\w+)_(?:grazing|graze|critical_grazing)|grazing_(?P<name2>\w+)")
-def _grazing(old: Old, match: re.Match[str]) -> list[Reading]:
-    name, value = match["name"] or match["name2"], float(old.wanted())
+def _grazing(old: Old, g: Groups) -> list[Reading]:
+    name, value = g["name"], float(old.wanted())
     if name not in (old.motion.built.raw.get("params") or {}):
         raise NotUnderstoodError(f"the case has no parameter {name!r}")
     if old.tol == 0:
@@ -188,10 +128,49 @@ def _grazing(old: Old, match: re.Match[str]) -> list[Reading]:
     return old.one(Threshold(name, (value - old.tol, value + old.tol)))
 
 
-@rule(r"\w+")
-def _parameter(old: Old, _: re.Match[str]) -> list[Reading]:
+def _parameter(old: Old, _: Groups) -> list[Reading]:
     names = old.motion.names
-    name = next((n for n in (old.name, old.name + "_") if n in names and not isinstance(names[n], Symbol)), None)
-    if name is None:
-        raise NotUnderstoodError("no rule knows the name")
-    return old.one(Formula(name))
+    for name in (old.name, old.name + "_"):
+        if name in names and not isinstance(names[name], Symbol):
+            return old.one(Formula(name))
+    raise NotUnderstoodError("no rule knows the name")
+
+
+enter(
+    Motion,
+    (r"must_report|must_name|report|reports|must_warn", _must_report),
+    (r"reachable_(?:set_|interval_)?(?:(?P<state>{state})_)?at_(?P<time>[\d./]+)", _reachable),
+    (
+        rf"(?:n|number_of|num|count)_(?P<kind>{_KINDS})(?:s|es)?",
+        lambda o, g: o.one(EventCount(kind_word(o, g["kind"]))),
+    ),
+    (
+        rf"t_(?P<kind>{_KINDS})s|(?P<kind2>{_KINDS})_instants",
+        lambda o, g: o.one(SomeEvents(kind_word(o, g["kind"]), first=o.size)),
+    ),
+    (
+        r"t_(?:hit|reach|capture|contact|first_hit)(?:_(?P<k>\d+))?|(?:hit|hitting|contact)_time",
+        lambda o, g: o.one(OneEvent(number=counting(g["k"]))),
+    ),
+    (rf"(?P<state>{{state}}|state)_at_(?P<kind>{_KINDS})(?:_(?P<k>\d+))?", _at_event),
+    (r"codim_?2_(?P<what>entry|exit)_(?:point|state)|point_codim_?2_(?P<what2>entry|exit)", _corner),
+    (
+        r"(?:rebound|bounce|apex|peak)_heights",
+        lambda o, _: o.one(Turns(o.states[0], "max", first=o.size)),
+    ),
+    (r"(?P<kind>crossing|exit|entry|stick|reset|rebound)_(?:velocity|speed)", _velocity),
+    (r"(?:final|end|last)_mode|mode_at_(?P<time>.+)", _mode),
+    (
+        r"(?:equivalent_control|u_eq|ueq|lambda|multiplier|sign)_at_(?P<time>.+)",
+        lambda o, g: o.one(Signs(moment(o, g["time"]))),
+    ),
+    (
+        r"steady_state|(?:steady_state|steady)_(?P<state>{state})"
+        r"|(?P<state2>{state})_(?:steady|inf|infinity|ss|steady_state)",
+        lambda o, g: o.one(Steady(g["state"], still=max(1e-9, 1e-2 * o.tol))),
+    ),
+    (r"(?:blow_?up|escape|finite_escape)_time|t_(?:blow_?up|escape)", _blow_up),
+    (r"(?:rest|equilibrium|stiction|sticking)_(?:interval|band|zone|set)|stick_(?:band|zone|set)", _rest_set),
+    (r"(?P<name>\w+)_(?:grazing|graze|critical_grazing)|grazing_(?P<name2>\w+)", _grazing),
+    (r"\w+", _parameter),
+)

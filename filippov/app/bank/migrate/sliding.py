@@ -14,13 +14,17 @@ from filippov.app.bank.measures.phases import Phases
 from filippov.app.bank.measures.sets import Rest
 from filippov.app.bank.measures.sliding import Continuations, Rate, RateBounds, Signs, VertexWeights
 from filippov.app.bank.measures.states import State
-from filippov.app.bank.migrate.rule import Old, Reading, rule
+from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
+from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import formula
 from filippov.app.bank.reason import NotUnderstoodError
 from filippov.base.errors import ModelError
 from filippov.model.symbols import t as time_symbol
 
 _RULE = "moments|utkin"
+_END = "final_state|x_final|final"
+_FIELD = "(?:vector_)?field"
+_SIGNS = "equivalent_control|u_eq"
 # Candidates of which one may be meant.
 _FEW = 4
 
@@ -29,44 +33,28 @@ def _first(take: Any) -> Phases:
     return Phases(slides=True, number=1, take=take)
 
 
-@rule(r"(?:slide|sliding|stick)_interval")
-def _interval(old: Old, _: re.Match[str]) -> list[Reading]:
-    return old.one(_first("interval"))
-
-
-@rule(r"slide_until|sliding_until|slides_to")
-def _until(old: Old, _: re.Match[str]) -> list[Reading]:
-    return old.one(State(_first("end")))
-
-
-@rule(r"sliding_(?:speed|velocity)")
-def _speed(old: Old, _: re.Match[str]) -> list[Reading]:
+def _speed(old: Old, _: Groups) -> list[Reading]:
     wanted, names = float(old.wanted()), tuple(f"rate{k}" for k in range(len(old.states)))
     norm = "sqrt(" + "+".join(f"{name}**2" for name in names) + ")"
     texts = [f"{speed}-({wanted!r})" for speed in (names[0], f"Abs({names[0]})", norm)]
     return old.either(*(Along(text, over="sliding", rates=names) for text in texts), value=0)
 
 
-@rule(r"sliding_(?:vector_field|field|vector)|(?P<repels>(?:repelling|escaping)_(?:sliding_)?(?:vector_)?field)")
-def _field(old: Old, match: re.Match[str]) -> list[Reading]:
+def _field(old: Old, g: Groups) -> list[Reading]:
     chosen = [Continuations(slides=True, number=k + 1, take="fields") for k in range(_FEW)]
-    if match["repels"]:
-        return old.either(*chosen)
-    return [old.other(one, Rate(_first("middle"))) for one in chosen]
+    return old.either(*chosen) if g["repels"] else [old.other(c, Rate(_first("middle"))) for c in chosen]
 
 
-@rule(r"equivalent_control|u_eq|ueq|sliding_multiplier|equivalent_signs?")
-def _multiplier(old: Old, _: re.Match[str]) -> list[Reading]:
+def _multiplier(old: Old, _: Groups) -> list[Reading]:
     values = old.value if isinstance(old.value, list) else [old.value]
-    names = tuple(f"sign{k}" for k in range(len(values)))
-    found = []
+    names, found = tuple(f"sign{k}" for k in range(len(values))), []
     for name, value in zip(names, values, strict=True):
-        text = check_formula(old, value) if isinstance(value, str) else repr(old.number(value))
+        text = _of_time(old, value) if isinstance(value, str) else repr(old.number(value))
         found.append(old.e(Along(f"{name}-({text})", over="first_sliding", signs=names), value=0))
     return [Reading(tuple(found))]
 
 
-def check_formula(old: Old, text: str) -> str:
+def _of_time(old: Old, text: str) -> str:
     """A formula in t. Raises NotUnderstoodError."""
     try:
         found = formula(text, old.motion.names)
@@ -77,17 +65,16 @@ def check_formula(old: Old, text: str) -> str:
     return text
 
 
-@rule(r"(?:bilinear_|sliding_|convex_)?weights")
-def _weights(old: Old, _: re.Match[str]) -> list[Reading]:
+def _weights(old: Old, _: Groups) -> list[Reading]:
     found = old.one(Formula("(1+s)/2", {"s": Signs()}))
     if old.size == 2:
-        pair = [old.e(Formula(f"(1{sign}s)/2", {"s": Signs()}), value=v) for sign, v in zip("+-", old.value, strict=True)]
+        sides = zip("+-", old.value, strict=True)
+        pair = [old.e(Formula(f"(1{sign}s)/2", {"s": Signs()}), value=value) for sign, value in sides]
         found.append(Reading(tuple(pair)))
     return found
 
 
-@rule(r"sliding_multipliers")
-def _multipliers(old: Old, _: re.Match[str]) -> list[Reading]:
+def _multipliers(old: Old, _: Groups) -> list[Reading]:
     rows = _assignments(old) if isinstance(old.value, str) else np.atleast_2d(old.wanted()).tolist()
     both = Continuations(slides=True, deepest=True, take="signs")
     one = Reading((old.e(Signs(), value=rows[0] if len(rows) == 1 else rows),))
@@ -109,37 +96,14 @@ def _assignments(old: Old) -> list[list[float]]:
     return rows
 
 
-# -- rates of a state ----------------------------------------------------------------------------------
-
-
-@rule(r"(?P<state>{state})dot(?:_bilinear)?|d(?P<state2>{state})(?:/)?dt")
-def _rate(old: Old, match: re.Match[str]) -> list[Reading]:
-    return old.one(Rate(component=match["state"] or match["state2"]))
-
-
-@rule(r"(?P<state>{state})dot_values")
-def _rates(old: Old, match: re.Match[str]) -> list[Reading]:
-    return old.either(*(Continuations(slides=s, take=match["state"]) for s in (True, False)), order="any")
-
-
-@rule(r"filippov_interval_(?P<state>{state})dot")
-def _hull(old: Old, match: re.Match[str]) -> list[Reading]:
-    return old.one(RateBounds(match["state"]))
-
-
-# -- equilibria ----------------------------------------------------------------------------------------
-
-
-@rule(r"(?:pseudo_?|pseudo-)?equilibrium(?:_point)?|rest_point")
-def _equilibrium(old: Old, _: re.Match[str]) -> list[Reading]:
+def _equilibrium(old: Old, _: Groups) -> list[Reading]:
     point = tuple(np.atleast_1d(old.wanted()).tolist())
     if len(point) != len(old.states):
         raise NotUnderstoodError(f"the case has {len(old.states)} states")
     return old.one(Rest(point), value=0)
 
 
-@rule(r"capture_times?")
-def _capture(old: Old, _: re.Match[str]) -> list[Reading]:
+def _capture(old: Old, _: Groups) -> list[Reading]:
     pairs = re.findall(r"\(([^()]*)\)\s*:\s*([-+\d.eE]+)", old.text)
     if not pairs:
         raise NotUnderstoodError("no pairs (state):time were found")
@@ -151,36 +115,47 @@ def _capture(old: Old, _: re.Match[str]) -> list[Reading]:
     return [Reading(tuple(found))]
 
 
-# -- other rules of sliding ----------------------------------------------------------------------------
-
-
-def rule_of(match: re.Match[str]) -> Any:
-    """The rule of sliding that a name ends or begins with."""
-    return match["rule"] or match["rule2"]
-
-
-@rule(rf"(?P<state>{{state}})dot_(?P<rule>{_RULE})|(?P<rule2>{_RULE})_(?P<state2>{{state}})dot")
-def _rate_under(old: Old, match: re.Match[str]) -> list[Reading]:
-    return old.one(Rate(component=match["state"] or match["state2"], sliding=rule_of(match)))
-
-
-@rule(rf"(?:final_state|x_final|final)_(?P<rule>{_RULE})|(?P<rule2>{_RULE})_(?:final_state|x_final|final)")
-def _final_under(old: Old, match: re.Match[str]) -> list[Reading]:
-    return old.one(State(sliding=rule_of(match)))
-
-
-@rule(rf"(?P<rule>{_RULE})_(?:sliding_)?(?:vector_)?field|sliding_(?:vector_)?field_(?P<rule2>{_RULE})")
-def _field_under(old: Old, match: re.Match[str]) -> list[Reading]:
-    return old.one(Rate(_first("middle"), sliding=rule_of(match)))
-
-
-@rule(
-    rf"(?P<rule>{_RULE})_(?:multipliers?|equivalent_control|u_eq)|(?:equivalent_control|u_eq)_(?P<rule2>{_RULE})"
+enter(
+    Motion,
+    (r"(?:slide|sliding|stick)_interval", lambda o, _: o.one(_first("interval"))),
+    (r"slide_until|sliding_until|slides_to", lambda o, _: o.one(State(_first("end")))),
+    (r"sliding_(?:speed|velocity)", _speed),
+    (
+        rf"sliding_(?:vector_field|field|vector)|(?P<repels>(?:repelling|escaping)_(?:sliding_)?{_FIELD})",
+        _field,
+    ),
+    (r"equivalent_control|u_eq|ueq|sliding_multiplier|equivalent_signs?", _multiplier),
+    (r"(?:bilinear_|sliding_|convex_)?weights", _weights),
+    (r"sliding_multipliers", _multipliers),
+    (
+        r"(?P<state>{state})dot(?:_bilinear)?|d(?P<state2>{state})(?:/)?dt",
+        lambda o, g: o.one(Rate(component=g["state"])),
+    ),
+    (
+        r"(?P<state>{state})dot_values",
+        lambda o, g: o.either(*(Continuations(s, take=g["state"]) for s in (True, False)), order="any"),
+    ),
+    (r"filippov_interval_(?P<state>{state})dot", lambda o, g: o.one(RateBounds(g["state"]))),
+    (r"(?:pseudo_?|pseudo-)?equilibrium(?:_point)?|rest_point", _equilibrium),
+    (r"capture_times?", _capture),
+    (
+        rf"(?P<state>{{state}})dot_(?P<rule>{_RULE})|(?P<rule2>{_RULE})_(?P<state2>{{state}})dot",
+        lambda o, g: o.one(Rate(component=g["state"], sliding=g["rule"])),
+    ),
+    (
+        rf"(?:{_END})_(?P<rule>{_RULE})|(?P<rule2>{_RULE})_(?:{_END})",
+        lambda o, g: o.one(State(sliding=g["rule"])),
+    ),
+    (
+        rf"(?P<rule>{_RULE})_(?:sliding_)?{_FIELD}|sliding_{_FIELD}_(?P<rule2>{_RULE})",
+        lambda o, g: o.one(Rate(_first("middle"), sliding=g["rule"])),
+    ),
+    (
+        rf"(?P<rule>{_RULE})_(?:multipliers?|{_SIGNS})|(?:{_SIGNS})_(?P<rule2>{_RULE})",
+        lambda o, g: o.one(Signs(sliding=g["rule"])),
+    ),
+    (
+        r"moments_weights",
+        lambda o, _: o.either(VertexWeights(), Formula("(1+s)/2", {"s": Signs(sliding="moments")})),
+    ),
 )
-def _multipliers_under(old: Old, match: re.Match[str]) -> list[Reading]:
-    return old.one(Signs(sliding=rule_of(match)))
-
-
-@rule(r"moments_weights")
-def _vertex_weights(old: Old, _: re.Match[str]) -> list[Reading]:
-    return old.either(VertexWeights(), Formula("(1+s)/2", {"s": Signs(sliding="moments")}))
