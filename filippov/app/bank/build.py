@@ -130,10 +130,10 @@ def _options(raw: Mapping[str, Any], names: Mapping[str, Any]) -> dict[str, Any]
     if not isinstance(given, Mapping):
         raise ModelError(f"options are {given!r:.60}, expected an object.")
     check_known("option", given, OPTIONS)
-    found = {key: number(v, names) if key in NUMBERS else v for key, v in given.items()}
-    counts = {key: int(found[key]) for key in ("max_steps", "max_events") if key in found}
-    Options(**found | counts)
-    return found | counts
+    found: dict[str, Any] = {key: number(v, names) if key in NUMBERS else v for key, v in given.items()}
+    found |= {key: int(found[key]) for key in ("max_steps", "max_events") if key in found}
+    Options(**found)
+    return found
 
 
 def expression(value: Any, names: Mapping[str, Any]) -> Expr:

@@ -13,6 +13,7 @@ from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import formula, number
 from filippov.app.bank.outcome import Outcome, compared, compared_texts
 from filippov.app.bank.polynomial import Polynomial
+from filippov.app.bank.reason import MissingError
 from filippov.base.errors import ModelError
 
 # Numbers that one formula in n may stand for.
@@ -28,8 +29,8 @@ class Expectation:
     measure     the quantity
     value       a number, a formula in the case's parameters, or nested lists of these
     atol, rtol  accepted: |measured - value| <= atol + rtol |value|, both 0 if left out
-    n           [first, last]: value is a formula in n that stands for the list of these n; without last, for as
-                many as are measured
+    n           [first, last]: value is a formula in n that stands for the list of these n; last null:
+                for as many as are measured
     order       any: the entries of a list in any order; set: points, each near to one of the other list
     each        the value is that of every measured entry
     text        the measured text, or the list of them
@@ -59,8 +60,8 @@ class Expectation:
         ]  # fmt: skip
         if sum(given) != 1:
             raise ModelError(
-                f"{self.name} gives {sum(given)} things to compare with, expected one: value, text, sign, or least "
-                "and most."
+                f"{self.name} gives {sum(given)} things to compare with, expected one of value, text, sign, "
+                "or least and most."
             )
 
     def outcome(self, subject: Subject) -> Outcome:
@@ -74,9 +75,8 @@ class Expectation:
         atol, rtol = number(self.atol, subject.names), number(self.rtol, subject.names)
         if self.value is None:
             return self._bounded(float(np.asarray(got, dtype=float).reshape(())), atol, subject)
-        wanted = numbers(self.value, subject) if self.n is None else self._sequence(subject, len(np.atleast_1d(got)))
-        if self.n is not None and self.n[1] is None:
-            got = np.atleast_1d(got)[: len(wanted)]
+        count = len(np.atleast_1d(got))
+        wanted = numbers(self.value, subject) if self.n is None else self._sequence(subject, count)
         if self.each and np.size(got):
             wanted = np.broadcast_to(wanted, np.shape(got))
         return compared(got, wanted, atol, rtol, self.order)
@@ -84,7 +84,8 @@ class Expectation:
     def _bounded(self, got: float, atol: float, subject: Subject) -> Outcome:
         if self.sign is not None:
             found = "0" if abs(got) <= atol else "+" if got > 0 else "-"
-            return Outcome(float(found != self.sign), 0.0, "" if found == self.sign else f"{got:.9g} is {found}")
+            wrong = found != self.sign
+            return Outcome(float(wrong), 0.0, f"{got:.9g}, expected sign {self.sign}" if wrong else "")
         gap = 0.0 if np.isfinite(got) else np.inf
         if self.least is not None:
             gap = max(gap, number(self.least, subject.names) - got)
@@ -96,6 +97,8 @@ class Expectation:
         """The numbers that the formula in n stands for."""
         assert self.n is not None
         first, last = self.n
+        if last is None and not count:
+            raise MissingError("the run has no such value")
         last = first + count - 1 if last is None else last
         if not first <= last < first + LONGEST_LIST:
             raise ModelError(f"n is {self.n}, expected one to {LONGEST_LIST} values.")

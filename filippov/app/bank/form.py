@@ -17,8 +17,8 @@ __all__ = ["BankForm", "CaseForm", "measures", "read_case", "schema"]
 class SurfaceForm:
     """A switching function h and what happens on its surface.
 
-    radius   the set of the sign at h = 0: r for [-r, r], or [lo, hi]; static friction Fs above the limit Fc of the
-             slip curve is Fs/Fc
+    radius   the set of the sign at h = 0: r for [-r, r], or [lo, hi]; static friction Fs above the limit Fc
+             of the slip curve is Fs/Fc
     width    half-width of a hysteresis
     reset    {state: formula}: the state after the surface is reached; those left out keep their values
     side     for a reset, the side from which it is reached
@@ -61,7 +61,7 @@ class SystemForm:
 
     params           numbers or formulas by name, put in exactly
     h                switching functions
-    fields           sign vector to formulas, one for each state: "+-" means h_0 > 0, h_1 < 0; * is either sign
+    fields           sign vector to formulas, one for each state: "+-" is h_0 > 0, h_1 < 0; * is either sign
     smooth_field     the formulas, where there is no h; signs and absolute values in them are found
     event_functions  formulas whose zeros are events and change nothing
     automaton        two modes, in place of h and fields

@@ -22,11 +22,11 @@ from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.app.bank.build import Built
-from filippov.app.bank.recurrence import Cycle, recurrence
 from filippov.app.bank.reason import MissingError, OutOfTimeError
+from filippov.app.bank.recurrence import Cycle, recurrence
 from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.base.names import check_known
-from filippov.base.status import EventKind, Status
+from filippov.base.status import Status
 from filippov.model.symbols import t as time_symbol
 from filippov.solving.selection.modes import Successor
 from filippov.solving.solution import Solution
@@ -289,7 +289,7 @@ class Motion:
         left = self.deadline - time.monotonic()
         if left <= 0:
             raise OutOfTimeError
-        tree = solve(
+        tree: SolutionTree = solve(
             self.built.system, self.built.x0, (self.built.t_span[0], t_end), nonunique="branch",
             **self._some("rtol", "atol", "method"), max_time=left, max_branches=256,
             release_times=release_times or None, backward=t_end < self.built.t_span[0],

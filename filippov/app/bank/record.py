@@ -49,7 +49,8 @@ def read(kind: Any, data: Any, where: str) -> Any:
         kinds = [inner[0]] * len(data) if inner[-1] is Ellipsis else inner
         if len(kinds) != len(data):
             raise ModelError(f"{where} has {len(data)} entries, expected {len(kinds)}.")
-        return tuple(read(one, v, f"{where}[{k}]") for k, (one, v) in enumerate(zip(kinds, data, strict=True)))
+        pairs = enumerate(zip(kinds, data, strict=True))
+        return tuple(read(one, item, f"{where}[{k}]") for k, (one, item) in pairs)
     if origin is dict:
         return {key: read(inner[1], value, f"{where}.{key}") for key, value in data.items()}
     if hasattr(kind, "FAMILY"):
@@ -65,10 +66,13 @@ def read_fields(kind: Any, data: Mapping[str, Any], where: str) -> Any:
     known = hints(kind)
     check_known(f"key of {where}:", data, known)
     for field in dataclasses.fields(kind):
-        needed = field.default is field.default_factory is dataclasses.MISSING
-        if needed and field.name not in data:
+        if _needed(field) and field.name not in data:
             raise ModelError(f"{where} has no {field.name!r}, expected {told(known[field.name])}.")
     return kind(**{name: read(known[name], value, f"{where}.{name}") for name, value in data.items()})
+
+
+def _needed(field: dataclasses.Field[Any]) -> bool:
+    return field.default is field.default_factory is dataclasses.MISSING
 
 
 def _fits(kind: Any, data: Any) -> bool:
@@ -105,8 +109,8 @@ def told(kind: Any) -> str:
 def written(value: Any) -> Any:
     """The JSON data of a value; fields that have their defaults are left out."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = [f for f in dataclasses.fields(value) if getattr(value, f.name) != f.default]
-        tag = {type(value).FAMILY[0]: value.tag} if hasattr(value, "FAMILY") else {}
+        fields = [f for f in dataclasses.fields(value) if getattr(value, f.name) not in (f.default, {})]
+        tag = {value.FAMILY[0]: getattr(value, "tag", "")} if hasattr(value, "FAMILY") else {}
         return tag | {f.name: written(getattr(value, f.name)) for f in fields}
     if isinstance(value, Mapping):
         return {key: written(item) for key, item in value.items()}
@@ -149,7 +153,7 @@ def _family(kind: Any, found: dict[str, Any]) -> dict[str, Any]:
 
 def _object(kind: Any, found: dict[str, Any]) -> dict[str, Any]:
     parts = {name: _schema(one, found) for name, one in hints(kind).items()}
-    needed = [f.name for f in dataclasses.fields(kind) if f.default is f.default_factory is dataclasses.MISSING]
+    needed = [f.name for f in dataclasses.fields(kind) if _needed(f)]
     if hasattr(kind, "FAMILY"):
         key = kind.FAMILY[0]
         parts, needed = {key: {"const": kind.tag}, **parts}, [key, *needed]

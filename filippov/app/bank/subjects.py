@@ -57,7 +57,8 @@ class Subjects:
         if not label:
             return raw
         check_known("part", [label], raw.get("parts") or {})
-        return {key: raw[key] for key in ("params", "options") if key in raw} | raw["parts"][label]
+        part: Mapping[str, Any] = raw["parts"][label]
+        return {key: raw[key] for key in ("params", "options") if key in raw} | dict(part)
 
     def _earlier(self, raw: Mapping[str, Any], label: str) -> Mapping[str, Any]:
         if label:

@@ -59,7 +59,8 @@ def whole_and_parts(case: Case) -> list[Case]:
     expected, found = subjects.expectations(), []
     for label in dict.fromkeys(expectation.part for expectation in expected):
         own = [replace(expectation, part="") for expectation in expected if expectation.part == label]
-        system = {k: v for k, v in subjects.system(label).items() if k in record.hints(SystemForm) and v is not None}
+        known, given = record.hints(SystemForm), subjects.system(label)
+        system = {k: v for k, v in given.items() if k in known and v is not None}
         name = f"{case.id} {label}".strip()
         found += read_bank([{**system, "id": name, "expected": record.written(own)}])
     return found

@@ -1,7 +1,17 @@
 """The closed vocabulary of what an expectation can measure: one module for each group of quantities."""
 
-from filippov.app.bank.measures import accumulations, along, events, orbits, phases
-from filippov.app.bank.measures import polynomials, sets, sliding, states, turns
+from filippov.app.bank.measures import (
+    accumulations,
+    along,
+    events,
+    orbits,
+    phases,
+    polynomials,
+    sets,
+    sliding,
+    states,
+    turns,
+)
 from filippov.app.bank.measures.measure import Measure
 
 QUANTITIES: dict[str, type] = Measure.FAMILY[1]

@@ -25,7 +25,7 @@ WORDS = {
 class Filter(Measure):
     """Which events of a run, in order.
 
-    kind         cross, slide (sliding begins), exit (it ends), graze, reset, time, any; default: all but graze
+    kind         cross, slide (sliding begins), exit (it ends), graze, reset, time, any; else all but graze
     direction    "+" or "-": the side on which h is afterwards
     surface      number of the surface in the order of h, event_functions, time_events, or its name; or a list
     codimension  number of surfaces that the motion slides on after the event, or, for an exit, before it
@@ -82,7 +82,8 @@ def acts(motion: Motion, event: Event) -> bool:
         return event.kind is not EventKind.GRAZING
     fields = motion.built.fields
     count = len(next(iter(fields), ""))
-    sides = ["".join("+" if sign >= 0 else "-" for sign in mode[:count]) for mode in (event.before, event.after)]
+    modes = (event.before, event.after)
+    sides = ["".join("+" if sign >= 0 else "-" for sign in mode[:count]) for mode in modes]
     return fields.get(sides[0]) != fields.get(sides[1])
 
 
@@ -188,7 +189,8 @@ class EventList(Measure, quantity="event_list"):
                 if given is not None:
                     row = given if isinstance(given, tuple) else (given,)
                     wanted = np.array([number(value, subject.names) for value in row])
-                    worst = max(worst, float(np.max(np.abs(got - wanted))) if len(row) == len(got) else np.inf)
+                    same = len(row) == len(got)
+                    worst = max(worst, float(np.max(np.abs(got - wanted))) if same else np.inf)
         return worst
 
     def _match(self, motion: Motion, left: list[Event], record: Record) -> Event | None:
@@ -196,7 +198,7 @@ class EventList(Measure, quantity="event_list"):
         for event in left:
             if event.t > left[0].t + within:
                 return None
-            same = record.kind in (None, WORDS[event.kind], word(event))
-            if same and (record.surface is None or motion.place(record.surface) == motion.place(event.surface)):
+            there = record.surface is None or motion.place(record.surface) == motion.place(event.surface)
+            if there and record.kind in (None, WORDS[event.kind], word(event)):
                 return event
         return None

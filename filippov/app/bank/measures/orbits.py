@@ -7,18 +7,16 @@ from typing import Any, Literal
 
 import numpy as np
 
-from filippov.analysis.bifurcations.continuation import continuation
 from filippov.analysis.harmonic.describing_function import describing_function
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
 from filippov.analysis.steady.forcing import depends_on_time
 from filippov.app.bank.measures.measure import Measure, Number, one_of
-from filippov.app.bank.measures.phases import phases
 from filippov.app.bank.motion import Motion, slides
 from filippov.app.bank.notation import number
 from filippov.app.bank.reason import MissingError
 from filippov.app.bank.recurrence import Cycle
-from filippov.base.errors import ModelError, SolveError, UsageError
+from filippov.base.errors import ModelError, UsageError
 
 SYMMETRIC = 1e-6
 

@@ -89,8 +89,8 @@ class StabilityVerdict(PolynomialMeasure, quantity="verdict"):
 class StabilityCondition(PolynomialMeasure, quantity="stability_condition"):
     """The number of sample points of the parameters at which a condition differs from stability.
 
-    The points are random rationals of several sizes, and points just beside the boundaries of the condition; at
-    each the roots are counted exactly. Inequalities are joined by and, or, not.
+    The points are random rationals of several sizes, and points just beside the boundaries of the condition;
+    at each the roots are counted exactly. Inequalities are joined by and, or, not.
     """
 
     condition: str
@@ -100,11 +100,11 @@ class StabilityCondition(PolynomialMeasure, quantity="stability_condition"):
         condition, found = parse_condition(self.condition, subject.names), subject.routh
         if found.status != "complete":
             raise MissingError(found.message)
-        wrong = tried = 0
+        wrong, tried, when = 0, 0, found.stable_when
         for point in points(subject, condition):
             try:
                 expected = condition.subs(point)
-                got = found.stable_when if isinstance(found.stable_when, bool) else found.stable_when.subs(point)
+                got = when if isinstance(when, bool) else when.subs(point)
             except (TypeError, ZeroDivisionError):
                 continue
             if expected in (sympy.true, sympy.false) and got in (sympy.true, sympy.false):
@@ -143,7 +143,7 @@ class StableRange(PolynomialMeasure, quantity="stable_range"):
 
 @dataclass(frozen=True)
 class AxisFrequencies(PolynomialMeasure, quantity="axis_frequencies"):
-    """Frequencies of the roots on the axis, in order: at the ends of the stable range of a parameter, if any."""
+    """Frequencies of the roots on the axis, in order: at the ends of a parameter's stable range if any."""
 
     number: int | None = None
 
@@ -163,7 +163,7 @@ class AxisFrequencies(PolynomialMeasure, quantity="axis_frequencies"):
 
 @dataclass(frozen=True)
 class AxisPair(PolynomialMeasure, quantity="axis_pair"):
-    """Where an equation holds, how far the roots are from +-j frequency; the least count of roots on the axis is 2.
+    """How far the roots are from +-j frequency where an equation holds, two of them being on the axis.
 
     equation   left = right, linear in a parameter, which is solved for; the others take some values
     frequency  a formula in the parameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -106,7 +106,7 @@ class VertexWeights(Measure, quantity="moments_weights"):
 
 
 def _vertices(run: Solution, on: list[int]) -> tuple[Array, Array, Array, Array]:
-    """Signs and fields of the vertices at the end of a run, gradients and time derivatives of the surfaces."""
+    """Signs and fields of the vertices at the end of a run, gradients and time derivatives of surfaces."""
     machine = Machine(run.problem.system, run.options.method, run.problem.p)
     mode = np.array(run.end_mode, dtype=float)
     signs = np.array(list(itertools.product((-1.0, 1.0), repeat=len(on))))
@@ -147,14 +147,14 @@ class Continuations(Measure, quantity="continuations"):
     slides  only those that slide
     deepest  only those that slide on as many surfaces as any
     number  only that one, from 1, in the order in which they are found
-    take    count, fields (a list for each), signs (those slid on, a list for each), or the name of a state: its
-            rates
+    take    count, fields (a list for each), signs (those slid on, a list for each), or the name of a state:
+            its rates
     """
 
     slides: bool = False
     deepest: bool = False
     number: int | None = None
-    take: Literal["count", "fields", "signs"] | str = "count"
+    take: str = "count"
 
     def of(self, subject: Motion) -> Any:
         """A list, one entry of it, or the count."""
@@ -170,5 +170,6 @@ class Continuations(Measure, quantity="continuations"):
         if self.take == "signs":
             rows = [[v for v, m in zip(c.multipliers, c.mode, strict=True) if m == 0] for c in found]
         else:
-            rows = [c.field if self.take == "fields" else c.field[subject.component(self.take)] for c in found]
+            part: Any = slice(None) if self.take == "fields" else subject.component(self.take)
+            rows = [c.field[part] for c in found]
         return rows if self.number is None else one_of(rows, self.number, "continuations")

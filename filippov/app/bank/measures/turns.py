@@ -17,8 +17,8 @@ from filippov.solving.solution import Solution
 class LevelTimes(Measure, quantity="level_times"):
     """Times at which a formula in t and the states vanishes along the run.
 
-    directions  "+" rising, "-" falling: the first time of the first of these, then the next time of the second,
-                and so on
+    directions  "+" rising, "-" falling: the first time of the first of these, then the next time of the
+                second, and so on
     number      only that one, from 1 or from the end with -1; first: only so many
     """
 

@@ -26,8 +26,8 @@ Subjects = Callable[[str], Subject]
 def system(raw: Mapping[str, Any]) -> dict[str, Any]:
     """The system of a case, its hybrid text written out, with the tolerances that this form implies.
 
-    rtol is 1e-11; atol 1e-13, or a hundredth of the least tolerance; a step at most a hundredth of the span, so
-    that a short pulse in a field that is constant elsewhere is not stepped over.
+    rtol is 1e-11; atol 1e-13, or a hundredth of the least tolerance; a step at most a hundredth of the span,
+    so that a short pulse in a field that is constant elsewhere is not stepped over.
     """
     out = hybrid.written_out(raw)
     span, entries = out.get("t_span"), raw.get("expected") or ()
@@ -78,7 +78,8 @@ def first_reading(case: Case, entry: Entry, subjects: Subjects) -> tuple[Expecta
 def migrated(case: Case, subjects: Subjects) -> tuple[dict[str, Any], list[str]]:
     """The case in today's form, with the readings that are nearest in a run, and what to look at.
 
-    What could not be carried over is told, and kept under about. Raises ModelError for a case that is no problem.
+    What could not be carried over is told, and kept under about. Raises ModelError for a case without a
+    problem.
     """
     said: list[str] = []
     expected: list[Expectation] = []

@@ -171,8 +171,8 @@ enter(
         lambda o, g: o.either(*(OneEvent(acting=a, number=counting(g["k"])) for a in (False, True))),
     ),
     (
-        rf"t_(?:(?P<place>first|second|third|fourth|fifth|last)_)?(?P<kind>{_KIND})(?:_(?P<k>\d+))?"
-        rf"(?:_codim_?(?P<deep>\d))?|(?P<place2>first|second|third|last)_(?P<kind2>{_KIND})_(?:time|t)",
+        (rf"t_(?:(?P<place>first|second|third|fourth|fifth|last)_)?(?P<kind>{_KIND})(?:_(?P<k>\d+))?"
+        rf"(?:_codim_?(?P<deep>\d))?|(?P<place2>first|second|third|last)_(?P<kind2>{_KIND})_(?:time|t)"),
         _time,
     ),
     (

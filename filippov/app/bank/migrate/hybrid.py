@@ -3,7 +3,8 @@
     flow x'=v, v'=-9.8; guard x=0, v<0; reset v->-0.9 v
     on: T'=-(T-18)/10+2 until 23.5; off: T'=-(T-18)/10 until 22
 
-The first becomes a smooth field with a surface that resets; the second an automaton. Anything else stays as it is, and the case has to give h and fields.
+The first becomes a smooth field with a surface that resets; the second an automaton. Anything else stays as
+it is, and the case has to give h and fields.
 """
 
 from __future__ import annotations
@@ -15,15 +16,16 @@ from typing import Any
 from filippov.app.bank.notation import strict
 from filippov.base.errors import ModelError
 
+_OTHERS = ("fields", "smooth_field", "automaton")
 _DERIVATIVE = re.compile(r"^\s*(?:d?(\w+)'|d(\w+)/dt)\s*=\s*(.+?)\s*$")
 _AUTOMATON = re.compile(r"^\s*(?P<name>\w+)\s*:\s*(?P<flow>.+?)\s+until\s+(?P<until>.+?)\s*$")
 _SIDE = re.compile(r"^\s*(?P<state>\w+)\s*(?P<relation>[<>]=?|=)\s*(?P<value>.+?)\s*$")
 
 
 def written_out(raw: Mapping[str, Any]) -> dict[str, Any]:
-    """The case with h and fields, or its automaton, from its hybrid text, where it has none and the text can be read."""
+    """The case with h and fields, or its automaton, from its hybrid text, where that can be read."""
     text = raw.get("hybrid")
-    if not isinstance(text, str) or any(raw.get(key) is not None for key in ("fields", "smooth_field", "automaton")):
+    if not isinstance(text, str) or any(raw.get(key) is not None for key in _OTHERS):
         return dict(raw)
     states = [str(name) for name in raw.get("states") or ()]
     clauses = [clause.strip() for clause in text.split(";") if clause.strip()]

@@ -148,13 +148,13 @@ enter(
     (r"cycle_(?:crossings?|events?|switches)_(?P<state>{state})", _crossings),
     (r"(?P<what>slides|sticks|crossings|events|stops|impacts)_per_(?P<half>half_)?period", _per_period),
     (
-        rf"(?:limit_cycle_|cycle_|hunting_|steady_)?amplitude(?:_(?P<state>{{state}}))?|(?:max_|peak_)amplitude"
-        rf"|(?:{_CYCLE}|steady)_(?P<state2>{{state}})_amplitude",
+        (rf"(?:limit_cycle_|cycle_|hunting_|steady_)?amplitude(?:_(?P<state>{{state}}))?|(?:max_|peak_)amplitude"
+        rf"|(?:{_CYCLE}|steady)_(?P<state2>{{state}})_amplitude"),
         _amplitude,
     ),
     (
-        r"(?P<sign>signed_)?(?P<half>half_map_|half_period_|half_)?(?:floquet_)?multiplier(?P<many>s)?"
-        r"(?:_moduli)?",
+        (r"(?P<sign>signed_)?(?P<half>half_map_|half_period_|half_)?(?:floquet_)?multiplier(?P<many>s)?"
+        r"(?:_moduli)?"),
         _multipliers,
     ),
     (rf"(?:{_CYCLE}|periodic_motion)_(?:is_)?(?:stable|stability)", _stability),
@@ -168,14 +168,14 @@ enter(
         lambda o, _: [o.other(Accumulation(), OneEvent("slide", number=-1))],
     ),
     (
-        r"(?P<gaps>ratio_of_intervals|interval_ratio|contraction_of_intervals)"
-        r"|(?P<speeds>(?:velocity|speed)_ratio\w*)|contraction(?:_per_\w+|_ratio)?|contraction_factor",
+        (r"(?P<gaps>ratio_of_intervals|interval_ratio|contraction_of_intervals)"
+        r"|(?P<speeds>(?:velocity|speed)_ratio\w*)|contraction(?:_per_\w+|_ratio)?|contraction_factor"),
         _ratios,
     ),
     (r"after(?:_\w+)?|afterwards", _after),
     (
-        r"(?P<what>mean|average|time_average|avg|rms)_(?P<state>{state})"
-        r"|(?P<state2>{state})_(?P<what2>mean|average|avg|rms)",
+        (r"(?P<what>mean|average|time_average|avg|rms)_(?P<state>{state})"
+        r"|(?P<state2>{state})_(?P<what2>mean|average|avg|rms)"),
         lambda o, g: o.either(
             *(Along(g["state"], "rms" if g["what"] == "rms" else "mean", over) for over in _SPANS)
         ),
@@ -189,13 +189,13 @@ enter(
         lambda o, g: o.one(Along(g["state"], g["what"], "period")),
     ),
     (
-        r"(?:limit_cycle_|cycle_|orbit_|switching_|hunting_|self_oscillation_)?(?P<angular>angular_)?frequency"
-        r"|(?:limit_cycle_|cycle_|orbit_)(?P<angular2>omega)|(?P<angular3>omega)_(?:limit_)?cycle",
+        (r"(?:limit_cycle_|cycle_|orbit_|switching_|hunting_|self_oscillation_)?(?P<angular>angular_)?frequency"
+        r"|(?:limit_cycle_|cycle_|orbit_)(?P<angular2>omega)|(?P<angular3>omega)_(?:limit_)?cycle"),
         _frequency,
     ),
     (
-        r"(?P<what>stick|slip|slide|sliding)_(?:fraction|ratio|share)"
-        r"|fraction_of_time_(?P<what2>stick|slid|slipp)ing",
+        (r"(?P<what>stick|slip|slide|sliding)_(?:fraction|ratio|share)"
+        r"|fraction_of_time_(?P<what2>stick|slid|slipp)ing"),
         lambda o, g: [o.other(*(Share(slides=g["what"][:4] != "slip", over=over) for over in _SPANS))],
     ),
     (
@@ -203,8 +203,8 @@ enter(
         lambda o, _: [o.other(*(Share(mode, over=over) for over in _SPANS)) for mode in "+-"],
     ),
     (
-        r"(?:time_in_|total_)(?P<what>stick|sliding|slip)(?:ping|ing)?(?:_time)?"
-        r"|(?P<what2>stick|sliding|slip)_time_total",
+        (r"(?:time_in_|total_)(?P<what>stick|sliding|slip)(?:ping|ing)?(?:_time)?"
+        r"|(?P<what2>stick|sliding|slip)_time_total"),
         lambda o, g: o.one(Share(slides=g["what"] != "slip", take="time")),
     ),
     (r"(?P<what>stick|slide|sliding|slip)_(?:durations|lengths|intervals)", _durations),

@@ -64,7 +64,8 @@ def _verdict_is(old: Old, g: Groups) -> list[Reading]:
     if word not in ("true", "yes", "false", "no"):
         raise NotUnderstoodError("it is neither true nor false")
     named = _UNSTABLE if g["what"] == "unstable" else _MARGINAL
-    others = [said for said in (_STABLE, _MARGINAL, _UNSTABLE) if (said == named) == (word in ("true", "yes"))]
+    true = word in ("true", "yes")
+    others = [said for said in (_STABLE, _MARGINAL, _UNSTABLE) if (said == named) == true]
     return [Reading((old.e(StabilityVerdict(), text=said),)) for said in others]
 
 
@@ -105,7 +106,8 @@ def _samples(old: Old, _: Groups) -> list[Reading]:
         raise NotUnderstoodError("no pairs (values):verdict were found")
     found: list[Any] = []
     for values, said in pairs:
-        at, axis = _assigned(old, values.rstrip(", ")), re.fullmatch(r"axis pair \+-\s*j\s*(.+)", said.strip())
+        at = _assigned(old, values.rstrip(", "))
+        axis = re.fullmatch(r"axis pair \+-\s*j\s*(.+)", said.strip())
         if axis is None:
             chosen = verdicts(old, said, at)
             if len(chosen) > 1:
@@ -160,8 +162,8 @@ enter(
     Polynomial,
     (r"rhp_axis_lhp|roots_rhp_axis_lhp", lambda o, _: o.one(RootCounts())),
     (
-        r"(?:n_?|number_of_)?(?P<what>rhp|axis|lhp)(?:_roots|_poles|_zeros|_count)?|sign_changes"
-        r"|(?:n_|number_of_)?(?P<un>un)?(?P<stable>stable)_(?:roots|poles)",
+        (r"(?:n_?|number_of_)?(?P<what>rhp|axis|lhp)(?:_roots|_poles|_zeros|_count)?|sign_changes"
+        r"|(?:n_|number_of_)?(?P<un>un)?(?P<stable>stable)_(?:roots|poles)"),
         _one_count,
     ),
     (r"roots|poles|zeros", lambda o, _: o.one(Roots(), value=_pairs(o, o.value), order="any")),
@@ -172,13 +174,13 @@ enter(
     (r"samples|examples", _samples),
     (r"boundary|critical", _boundary),
     (
-        r"(?P<name>\w+?)_(?P<what>max|min|range)(?:_stable)?|(?P<what2>max|min)_(?P<name2>\w+)"
-        r"|stable_(?P<name3>\w+)_range",
+        (r"(?P<name>\w+?)_(?P<what>max|min|range)(?:_stable)?|(?P<what2>max|min)_(?P<name2>\w+)"
+        r"|stable_(?P<name3>\w+)_range"),
         _extreme,
     ),
     (
-        r"(?P<name>\w+?)_(?:critical|crit|marginal|limit)"
-        r"|(?:critical|marginal|ultimate|limiting)_(?P<name2>\w+)",
+        (r"(?P<name>\w+?)_(?:critical|crit|marginal|limit)"
+        r"|(?:critical|marginal|ultimate|limiting)_(?P<name2>\w+)"),
         _critical,
     ),
     (r"(?:oscillation|axis|crossover|jw)_frequency|axis_omega", lambda o, _: _frequencies(o)),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import numpy as np
 from sympy import Symbol
@@ -165,8 +164,8 @@ enter(
         lambda o, g: o.one(Signs(moment(o, g["time"]))),
     ),
     (
-        r"steady_state|(?:steady_state|steady)_(?P<state>{state})"
-        r"|(?P<state2>{state})_(?:steady|inf|infinity|ss|steady_state)",
+        (r"steady_state|(?:steady_state|steady)_(?P<state>{state})"
+        r"|(?P<state2>{state})_(?:steady|inf|infinity|ss|steady_state)"),
         lambda o, g: o.one(Steady(g["state"], still=max(1e-9, 1e-2 * o.tol))),
     ),
     (r"(?:blow_?up|escape|finite_escape)_time|t_(?:blow_?up|escape)", _blow_up),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from typing import Any
 
-import numpy as np
 from sympy import Symbol
 
 from filippov.app.bank.measures.along import Along
@@ -29,7 +28,7 @@ def _final(old: Old, _: Groups) -> list[Reading]:
     given = old.entry.given
     t = moment(old, given["t"]) if "t" in given else None
     alone = old.states[0] if old.size == 1 < len(old.states) else None
-    value = np.atleast_1d(old.wanted()).tolist()
+    value = old.value if isinstance(old.value, list) else [old.value]
     found = [old.e(State(t, alone, side="+"), value=value[0] if alone else value)]
     sliding, names = given.get("sliding_on"), old.motion.built.declared
     if isinstance(sliding, list):
@@ -80,13 +79,13 @@ def _for(old: Old, g: Groups) -> list[Reading]:
 
 
 def _extreme(old: Old, g: Groups) -> list[Reading]:
-    take = "max_abs" if g["what"] in ("max_abs", "sup") or "|" in old.name else g["what"]
+    take: Any = "max_abs" if g["what"] in ("max_abs", "sup") or "|" in old.name else g["what"]
     return old.one(Along(g["state"], take))
 
 
 def at_events(old: Old, g: Groups, take: str) -> list[Reading]:
-    """The first event of a kind; or that and the last ones of either direction, in the period if there is one."""
-    kind = {"restick": "slide", "slip_start": "exit"}.get(g["kind"], g["kind"])
+    """The first event of a kind; or that and the last ones of either direction, of the period if any."""
+    kind: str = {"restick": "slide", "slip_start": "exit"}.get(g["kind"], g["kind"])
     word, acting = kind_word(old, kind), kind == "switch"
     found = old.one(OneEvent(word, acting=acting, take=take))
     if not g["first"]:
@@ -143,8 +142,8 @@ enter(
     ),
     (r"(?P<state>{state}|state|[A-Za-z]\w*?)_at_\[(?P<times>[^\]]*)\]", _at_times),
     (
-        r"(?P<state>{state}|state|x|y)(?:_at_(?:t\s*=?\s*)?|\((?:t\s*=\s*)?)"
-        r"(?P<time>[^()=<>\[\]]*(?:\([^()]*\)[^()]*)*)\)?",
+        (r"(?P<state>{state}|state|x|y)(?:_at_(?:t\s*=?\s*)?|\((?:t\s*=\s*)?)"
+        r"(?P<time>[^()=<>\[\]]*(?:\([^()]*\)[^()]*)*)\)?"),
         _at_time,
     ),
     (r"(?P<state>{state})_for_(?P<low>.+?)<=?t<=?(?P<high>.+)", _for),
@@ -157,8 +156,8 @@ enter(
         lambda o, g: at_events(o, g, "state"),
     ),
     (
-        rf"(?P<state>{{state}})_(?P<first>first_)?(?P<kind>{_KINDS})"
-        rf"|(?P<first2>first_)?(?:sliding_|stick_|slip_)?(?P<kind2>{_KINDS}|restick|slip_start)_(?P<state2>{{state}})",
+        (rf"(?P<state>{{state}})_(?P<first>first_)?(?P<kind>{_KINDS})"
+        rf"|(?P<first2>first_)?(?:sliding_|stick_|slip_)?(?P<kind2>{_KINDS}|restick|slip_start)_(?P<state2>{{state}})"),
         lambda o, g: at_events(o, g, g["state"]),
     ),
     (
