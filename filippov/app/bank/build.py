@@ -16,6 +16,7 @@ from filippov.app.bank.notation import formula, number
 from filippov.base.errors import ModelError
 from filippov.base.names import check_known, check_name
 from filippov.model.extract import NONSMOOTH
+from filippov.model.parameter_symbol import parameters
 from filippov.model.size import Scale
 from filippov.model.surface import Surface
 from filippov.model.system import System
@@ -57,6 +58,10 @@ class Built:
         """The symbols of the states, in order."""
         return [self.names[name] for name in self.system.states]
 
+    def start(self, name: str, value: float) -> tuple[tuple[float, ...], tuple[float, float]]:
+        """x0 and t_span with another value of a parameter."""
+        return _start(self.raw, _names(self.raw, self.states, {name: value}), len(self.states))
+
 
 def build(raw: Mapping[str, Any], free: str = "") -> Built:
     """The problem that a case states; `free` names a parameter that is to stay one of the system.
@@ -67,13 +72,12 @@ def build(raw: Mapping[str, Any], free: str = "") -> Built:
         raise ModelError(str(raw["wrong"]))
     raw = _without_keywords(_automaton(raw))
     states = _states(raw)
-    names: dict[str, Any] = {symbol.name: symbol for symbol in states}
-    for key, value in (raw.get("params") or {}).items():
-        names[check_name(key, "parameter")] = expression(value, names)
-    values = dict(names)
+    names = values = _names(raw, states)
+    options: dict[str, Any] = {}
     if free:
         check_known("parameter", [free], raw.get("params") or {})
-        names[free] = Symbol(free, real=True)
+        options["parameters"] = space = parameters(**{free: float(values[free])})
+        names = _names(raw, states, {free: getattr(space, free)})
     surfaces = [_surface(entry, f"h{i}", names) for i, entry in enumerate(_list(raw, "h"))]
     count = len(surfaces)
     observers = [
@@ -83,7 +87,7 @@ def build(raw: Mapping[str, Any], free: str = "") -> Built:
     fields = _fields(raw, names, count, len(states))
     _check_size(fields)
     every = [*surfaces, *observers]
-    options = _time_events(raw, names)
+    options |= _time_events(raw, names)
     if every:
         wide = {signs + "*" * len(observers): row for signs, row in fields.items()}
         system = System.from_modes(every, wide, states, **options)
@@ -96,6 +100,17 @@ def build(raw: Mapping[str, Any], free: str = "") -> Built:
     x0, span = _start(raw, values, len(states))
     declared = (*(s.name for s in every), *(event.name for event in system.time_events))
     return Built(system, x0, span, values, declared, fields, _options(raw, values), raw)
+
+
+def _names(
+    raw: Mapping[str, Any], states: Sequence[Symbol], put: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """What states and parameters stand for; `put` replaces what the case gives."""
+    names: dict[str, Any] = {symbol.name: symbol for symbol in states}
+    for key, value in (raw.get("params") or {}).items():
+        name = check_name(key, "parameter")
+        names[name] = put[name] if put and name in put else expression(value, names)
+    return names
 
 
 def _automaton(raw: Mapping[str, Any]) -> dict[str, Any]:

@@ -117,7 +117,7 @@ class Motion:
         begin, end = self.built.t_span
         span = (begin if t0 is None else t0, end if t_end is None else t_end)
         plain = not any(callable(value) for value in options.values())
-        key = (start, span, tuple(sorted(options.items(), key=lambda item: item[0])) if plain else None)
+        key = (start, span, str(sorted(options.items())) if plain else None)
         if plain and key in self._runs:
             return self._runs[key]
         left = self.deadline - time.monotonic()

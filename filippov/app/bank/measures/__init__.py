@@ -5,14 +5,15 @@ from filippov.app.bank.measures import (
     along,
     events,
     orbits,
+    parameters,
     phases,
     polynomials,
-    sets,
     sliding,
     states,
     turns,
 )
+from filippov.app.bank.measures import sets as many
 from filippov.app.bank.measures.measure import Measure
 
 QUANTITIES: dict[str, type] = Measure.FAMILY[1]
-GROUPS = (events, states, turns, along, phases, sliding, orbits, accumulations, sets, polynomials)
+GROUPS = (events, states, turns, along, phases, sliding, orbits, accumulations, many, parameters, polynomials)

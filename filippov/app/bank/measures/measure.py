@@ -119,6 +119,8 @@ def expression(
 
 def one_of(items: Sequence[Any], number: int, what: str) -> Any:
     """The entry of that number, from 1, or from the end with -1. Raises MissingError."""
+    if not number:
+        raise ModelError("number is 0, expected 1, 2, ... from the first, or -1, -2, ... from the last.")
     place = number - 1 if number > 0 else number
     if not -len(items) <= place < len(items):
         raise MissingError(f"there are {len(items)} {what}, number {number} is asked for")

@@ -1,21 +1,17 @@
-"""Where the solution is a set, where the motion rests, for which parameters it meets a surface."""
+"""Where the solution is a set, and where the motion rests."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
-from filippov.app.bank.build import build
 from filippov.app.bank.measures.measure import Measure, Number, When, moment
 from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import number
 from filippov.app.bank.reason import MissingError
-from filippov.base.names import check_known
 from filippov.base.status import EventKind
-
-SETTLED = 0.75  # what of a doubled span counts as settled
 
 
 @dataclass(frozen=True)
@@ -93,41 +89,3 @@ class Stop(Measure, quantity="stop"):
         if self.take == "t":
             return entries[-1].t
         return run.x_end if self.take == "state" else run.x_end[subject.component(self.take)]
-
-
-@dataclass(frozen=True)
-class Threshold(Measure, quantity="threshold"):
-    """The value of a parameter between settled motions that meet a surface and those that do not.
-
-    It is halved from `between`, where one end has such events and the other has none, down to `width`; the
-    middle of what is left is returned. Settled is the last quarter of a run over twice the span.
-    """
-
-    parameter: str
-    between: tuple[Number, Number]
-    width: Number | None = None
-
-    def of(self, subject: Motion) -> Any:
-        """The value. Raises MissingError where both ends are alike."""
-        check_known("parameter", [self.parameter], subject.built.raw.get("params") or {})
-        low, high = (number(value, subject.names) for value in self.between)
-        width = high - low if self.width is None else number(self.width, subject.names)
-        first = self._contact(subject, low)
-        if first == self._contact(subject, high):
-            said = "contact" if first else "no contact"
-            raise MissingError(f"{said} on both sides, {self.parameter} = {low:.9g} and {high:.9g}")
-        while high - low > width * (1 + 1e-9):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if self._contact(subject, middle) == first else (low, middle)
-        return 0.5 * (low + high)
-
-    def _contact(self, subject: Motion, value: float) -> bool:
-        raw = subject.built.raw
-        built = replace(build({**raw, "params": {**raw["params"], self.parameter: value}}), raw=raw)
-        motion = Motion(built, subject.settings, subject.deadline)
-        start, end = motion.built.t_span
-        last = start + 2 * (end - start)
-        run = motion.solve(t_end=last)
-        subject.field_calls += motion.field_calls
-        after = start + SETTLED * (last - start)
-        return any(e.t > after and e.kind is not EventKind.GRAZING for e in motion.events(run))

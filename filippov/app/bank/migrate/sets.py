@@ -9,7 +9,8 @@ from sympy import Symbol
 
 from filippov.app.bank.measures.events import EventCount, OneEvent, SomeEvents
 from filippov.app.bank.measures.measure import Formula
-from filippov.app.bank.measures.sets import Reachable, Rest, Threshold
+from filippov.app.bank.measures.parameters import Threshold
+from filippov.app.bank.measures.sets import Reachable, Rest
 from filippov.app.bank.measures.sliding import Continuations, Signs
 from filippov.app.bank.measures.states import End, ModeAt, State, Steady
 from filippov.app.bank.measures.turns import Turns
@@ -124,7 +125,7 @@ def _grazing(old: Old, g: Groups) -> list[Reading]:
         raise NotUnderstoodError(f"the case has no parameter {name!r}")
     if old.tol == 0:
         raise NotUnderstoodError("it has no tolerance")
-    return old.one(Threshold(name, (value - old.tol, value + old.tol)))
+    return old.one(Threshold(name, (value - old.tol, value + old.tol), width=old.tol))
 
 
 def _parameter(old: Old, _: Groups) -> list[Reading]:
