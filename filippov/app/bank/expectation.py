@@ -67,8 +67,8 @@ class Expectation:
     def outcome(self, subject: Subject) -> Outcome:
         """The error against the tolerance. Raises MissingError, ModelError."""
         if not isinstance(subject, self.measure.ABOUT):
-            wanted = "a polynomial" if self.measure.ABOUT is Polynomial else "a system"
-            raise ModelError(f"{self.measure.tag} is a quantity of {wanted}, which the case is not.")
+            about = "a polynomial" if self.measure.ABOUT is Polynomial else "a system"
+            raise ModelError(f"{self.measure.tag} is a quantity of {about}, which the case is not.")
         got = self.measure.of(subject)
         if self.text is not None:
             return compared_texts(got, self.text)
@@ -76,7 +76,7 @@ class Expectation:
         if self.value is None:
             return self._bounded(float(np.asarray(got, dtype=float).reshape(())), atol, subject)
         count = len(np.atleast_1d(got))
-        wanted = numbers(self.value, subject) if self.n is None else self._sequence(subject, count)
+        wanted: Any = numbers(self.value, subject) if self.n is None else self._sequence(subject, count)
         if self.each and np.size(got):
             wanted = np.broadcast_to(wanted, np.shape(got))
         return compared(got, wanted, atol, rtol, self.order)

@@ -161,22 +161,14 @@ enter(
     (r"n_events|number_of_events|event_count", lambda o, _: o.one(EventCount())),
     (r"event_types|event_kinds|event_sequence", _event_types),
     (r"modes|mode_sequence|mode_word", _modes),
-    (
-        r"(?:(?P<what>event|switch|switching|impact|crossing|entry|exit|slide|reset)_times)|t_events|t_switches",
-        _times,
-    ),
+    (r"(?:(?P<what>event|switch|switching|impact|crossing|entry|exit|slide|reset)_times)|t_events|t_switches",
+     _times),
     (r"events?_(?P<numbers>\d+(?:_\d+)*)(?:_times?)?", _numbered),
-    (
-        r"(?:switch|event|t|t_event|t_switch|impact)_(?P<k>\d+)",
-        lambda o, g: o.either(*(OneEvent(acting=a, number=counting(g["k"])) for a in (False, True))),
-    ),
-    (
-        (rf"t_(?:(?P<place>first|second|third|fourth|fifth|last)_)?(?P<kind>{_KIND})(?:_(?P<k>\d+))?"
-        rf"(?:_codim_?(?P<deep>\d))?|(?P<place2>first|second|third|last)_(?P<kind2>{_KIND})_(?:time|t)"),
-        _time,
-    ),
-    (
-        r"t_first(?:_[\d._-]+)?|t_event|t_switch|first_event_t(?:ime)?|first_switch(?:_t)?",
-        lambda o, _: o.one(OneEvent()),
-    ),
-)
+    (r"(?:switch|event|t|t_event|t_switch|impact)_(?P<k>\d+)",
+     lambda o, g: o.either(*(OneEvent(acting=a, number=counting(g["k"])) for a in (False, True)))),
+    ((rf"t_(?:(?P<place>first|second|third|fourth|fifth|last)_)?(?P<kind>{_KIND})(?:_(?P<k>\d+))?"
+     rf"(?:_codim_?(?P<deep>\d))?|(?P<place2>first|second|third|last)_(?P<kind2>{_KIND})_(?:time|t)"),
+     _time),
+    (r"t_first(?:_[\d._-]+)?|t_event|t_switch|first_event_t(?:ime)?|first_switch(?:_t)?",
+     lambda o, _: o.one(OneEvent())),
+)  # fmt: skip

@@ -135,11 +135,9 @@ def _of_value(old: Old, _: Groups) -> list[Reading]:
 enter(
     Motion,
     (r"(?P<state>{state})\(t\)|(?P<state2>{state})_of_t", _of_time),
-    (
-        (r"\w*(?:_law|_invariant|_relation|_identity|_formula)|invariant|after_entry|while_sliding"
-        r"|sliding_solution|closed_form|\w+_is_conserved"),
-        _law,
-    ),
+    ((r"\w*(?:_law|_invariant|_relation|_identity|_formula)|invariant|after_entry|while_sliding"
+     r"|sliding_solution|closed_form|\w+_is_conserved"),
+     _law),
     (r"first_integral(?!_value)\w*|conserved\w*|constant_of_motion\w*", _kept),
     (r"(?:first_integral|invariant|conserved)_value", _of_value),
-)
+)  # fmt: skip

@@ -139,39 +139,27 @@ def _section(old: Old, _: Groups) -> list[Reading]:
 
 enter(
     Motion,
-    (
-        r"(?:limit_cycle_|orbit_|cycle_|hunting_|steady_)?(?P<half>half_)?period|T_cycle",
-        lambda o, g: _of_period(o, "T/2" if g["half"] else "T"),
-    ),
+    (r"(?:limit_cycle_|orbit_|cycle_|hunting_|steady_)?(?P<half>half_)?period|T_cycle",
+     lambda o, g: _of_period(o, "T/2" if g["half"] else "T")),
     (r"(?P<first>first_)?(?P<what>stick|slip|sliding|slide)_(?:duration|time|interval_length)", _duration),
     (r"stick_positions?|stick_(?P<state>{state})|rest_positions?", _stick_position),
     (r"cycle_(?:crossings?|events?|switches)_(?P<state>{state})", _crossings),
     (r"(?P<what>slides|sticks|crossings|events|stops|impacts)_per_(?P<half>half_)?period", _per_period),
-    (
-        (rf"(?:limit_cycle_|cycle_|hunting_|steady_)?amplitude(?:_(?P<state>{{state}}))?|(?:max_|peak_)amplitude"
-        rf"|(?:{_CYCLE}|steady)_(?P<state2>{{state}})_amplitude"),
-        _amplitude,
-    ),
-    (
-        (r"(?P<sign>signed_)?(?P<half>half_map_|half_period_|half_)?(?:floquet_)?multiplier(?P<many>s)?"
-        r"(?:_moduli)?"),
-        _multipliers,
-    ),
+    ((rf"(?:limit_cycle_|cycle_|hunting_|steady_)?amplitude(?:_(?P<state>{{state}}))?|(?:max_|peak_)amplitude"
+     rf"|(?:{_CYCLE}|steady)_(?P<state2>{{state}})_amplitude"),
+     _amplitude),
+    ((r"(?P<sign>signed_)?(?P<half>half_map_|half_period_|half_)?(?:floquet_)?multiplier(?P<many>s)?"
+     r"(?:_moduli)?"),
+     _multipliers),
     (rf"(?:{_CYCLE}|periodic_motion)_(?:is_)?(?:stable|stability)", _stability),
     (r"floquet_exponent|largest_exponent", lambda o, _: o.one(_orbit(o, "exponent"))),
-    (
-        r"(?:describing_function|harmonic_balance)_(?P<what>period|frequency|amplitude)",
-        lambda o, g: o.either(*(HarmonicBalance(g["what"], k) for k in (1, 2, 3))),
-    ),
-    (
-        r"t_converge|t_converged|convergence_time|zeno_time|t_zeno|t_limit|t_accumulation|reaching_time",
-        lambda o, _: [o.other(Accumulation(), OneEvent("slide", number=-1))],
-    ),
-    (
-        (r"(?P<gaps>ratio_of_intervals|interval_ratio|contraction_of_intervals)"
-        r"|(?P<speeds>(?:velocity|speed)_ratio\w*)|contraction(?:_per_\w+|_ratio)?|contraction_factor"),
-        _ratios,
-    ),
+    (r"(?:describing_function|harmonic_balance)_(?P<what>period|frequency|amplitude)",
+     lambda o, g: o.either(*(HarmonicBalance(g["what"], k) for k in (1, 2, 3)))),
+    (r"t_converge|t_converged|convergence_time|zeno_time|t_zeno|t_limit|t_accumulation|reaching_time",
+     lambda o, _: [o.other(Accumulation(), OneEvent("slide", number=-1))]),
+    ((r"(?P<gaps>ratio_of_intervals|interval_ratio|contraction_of_intervals)"
+     r"|(?P<speeds>(?:velocity|speed)_ratio\w*)|contraction(?:_per_\w+|_ratio)?|contraction_factor"),
+     _ratios),
     (r"after(?:_\w+)?|afterwards", _after),
     (
         (r"(?P<what>mean|average|time_average|avg|rms)_(?P<state>{state})"
@@ -180,35 +168,23 @@ enter(
             *(Along(g["state"], "rms" if g["what"] == "rms" else "mean", over) for over in _SPANS)
         ),
     ),
-    (
-        rf"(?:{_WIDTH})_(?P<state>{{state}})|(?P<state2>{{state}})_(?:{_WIDTH})",
-        lambda o, g: o.either(*(Along(g["state"], "range", over) for over in _SPANS)),
-    ),
-    (
-        rf"(?:{_CYCLE}|steady)_(?:(?P<state>{{state}})_(?P<what>max|min)|(?P<what2>max|min)_(?P<state2>{{state}}))",
-        lambda o, g: o.one(Along(g["state"], g["what"], "period")),
-    ),
-    (
-        (r"(?:limit_cycle_|cycle_|orbit_|switching_|hunting_|self_oscillation_)?(?P<angular>angular_)?frequency"
-        r"|(?:limit_cycle_|cycle_|orbit_)(?P<angular2>omega)|(?P<angular3>omega)_(?:limit_)?cycle"),
-        _frequency,
-    ),
-    (
-        (r"(?P<what>stick|slip|slide|sliding)_(?:fraction|ratio|share)"
-        r"|fraction_of_time_(?P<what2>stick|slid|slipp)ing"),
-        lambda o, g: [o.other(*(Share(slides=g["what"][:4] != "slip", over=over) for over in _SPANS))],
-    ),
-    (
-        r"duty_?(?:cycle|ratio)?|on_(?:fraction|ratio)",
-        lambda o, _: [o.other(*(Share(mode, over=over) for over in _SPANS)) for mode in "+-"],
-    ),
-    (
-        (r"(?:time_in_|total_)(?P<what>stick|sliding|slip)(?:ping|ing)?(?:_time)?"
-        r"|(?P<what2>stick|sliding|slip)_time_total"),
-        lambda o, g: o.one(Share(slides=g["what"] != "slip", take="time")),
-    ),
+    (rf"(?:{_WIDTH})_(?P<state>{{state}})|(?P<state2>{{state}})_(?:{_WIDTH})",
+     lambda o, g: o.either(*(Along(g["state"], "range", over) for over in _SPANS))),
+    (rf"(?:{_CYCLE}|steady)_(?:(?P<state>{{state}})_(?P<what>max|min)|(?P<what2>max|min)_(?P<state2>{{state}}))",
+     lambda o, g: o.one(Along(g["state"], g["what"], "period"))),
+    ((r"(?:limit_cycle_|cycle_|orbit_|switching_|hunting_|self_oscillation_)?(?P<angular>angular_)?frequency"
+     r"|(?:limit_cycle_|cycle_|orbit_)(?P<angular2>omega)|(?P<angular3>omega)_(?:limit_)?cycle"),
+     _frequency),
+    ((r"(?P<what>stick|slip|slide|sliding)_(?:fraction|ratio|share)"
+     r"|fraction_of_time_(?P<what2>stick|slid|slipp)ing"),
+     lambda o, g: [o.other(*(Share(slides=g["what"][:4] != "slip", over=over) for over in _SPANS))]),
+    (r"duty_?(?:cycle|ratio)?|on_(?:fraction|ratio)",
+     lambda o, _: [o.other(*(Share(mode, over=over) for over in _SPANS)) for mode in "+-"]),
+    ((r"(?:time_in_|total_)(?P<what>stick|sliding|slip)(?:ping|ing)?(?:_time)?"
+     r"|(?P<what2>stick|sliding|slip)_time_total"),
+     lambda o, g: o.one(Share(slides=g["what"] != "slip", take="time"))),
     (r"(?P<what>stick|slide|sliding|slip)_(?:durations|lengths|intervals)", _durations),
     (r"dwell_times?", lambda o, _: o.one(Segments("length", first=o.size))),
     (r"(?P<what>on|off|heating|cooling|up|down|rise|fall)_(?:time|duration)", _phase_time),
     (r"poincare_point|fixed_point|section_point|return_point", _section),
-)
+)  # fmt: skip

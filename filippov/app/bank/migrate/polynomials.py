@@ -161,11 +161,9 @@ def _frequencies(old: Old) -> list[Reading]:
 enter(
     Polynomial,
     (r"rhp_axis_lhp|roots_rhp_axis_lhp", lambda o, _: o.one(RootCounts())),
-    (
-        (r"(?:n_?|number_of_)?(?P<what>rhp|axis|lhp)(?:_roots|_poles|_zeros|_count)?|sign_changes"
-        r"|(?:n_|number_of_)?(?P<un>un)?(?P<stable>stable)_(?:roots|poles)"),
-        _one_count,
-    ),
+    ((r"(?:n_?|number_of_)?(?P<what>rhp|axis|lhp)(?:_roots|_poles|_zeros|_count)?|sign_changes"
+     r"|(?:n_|number_of_)?(?P<un>un)?(?P<stable>stable)_(?:roots|poles)"),
+     _one_count),
     (r"roots|poles|zeros", lambda o, _: o.one(Roots(), value=_pairs(o, o.value), order="any")),
     (r"stable|is_stable|verdict|stability", lambda o, _: verdicts(o, o.text, {})),
     (r"(?:is_)?(?P<what>unstable|marginally_stable|marginal)", _verdict_is),
@@ -173,15 +171,11 @@ enter(
     (r"at_(?P<values>\w+=.+)", _at),
     (r"samples|examples", _samples),
     (r"boundary|critical", _boundary),
-    (
-        (r"(?P<name>\w+?)_(?P<what>max|min|range)(?:_stable)?|(?P<what2>max|min)_(?P<name2>\w+)"
-        r"|stable_(?P<name3>\w+)_range"),
-        _extreme,
-    ),
-    (
-        (r"(?P<name>\w+?)_(?:critical|crit|marginal|limit)"
-        r"|(?:critical|marginal|ultimate|limiting)_(?P<name2>\w+)"),
-        _critical,
-    ),
+    ((r"(?P<name>\w+?)_(?P<what>max|min|range)(?:_stable)?|(?P<what2>max|min)_(?P<name2>\w+)"
+     r"|stable_(?P<name3>\w+)_range"),
+     _extreme),
+    ((r"(?P<name>\w+?)_(?:critical|crit|marginal|limit)"
+     r"|(?:critical|marginal|ultimate|limiting)_(?P<name2>\w+)"),
+     _critical),
     (r"(?:oscillation|axis|crossover|jw)_frequency|axis_omega", lambda o, _: _frequencies(o)),
-)
+)  # fmt: skip

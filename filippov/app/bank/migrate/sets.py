@@ -140,37 +140,24 @@ enter(
     Motion,
     (r"must_report|must_name|report|reports|must_warn", _must_report),
     (r"reachable_(?:set_|interval_)?(?:(?P<state>{state})_)?at_(?P<time>[\d./]+)", _reachable),
-    (
-        rf"(?:n|number_of|num|count)_(?P<kind>{_KINDS})(?:s|es)?",
-        lambda o, g: o.one(EventCount(kind_word(o, g["kind"]))),
-    ),
-    (
-        rf"t_(?P<kind>{_KINDS})s|(?P<kind2>{_KINDS})_instants",
-        lambda o, g: o.one(SomeEvents(kind_word(o, g["kind"]), first=o.size)),
-    ),
-    (
-        r"t_(?:hit|reach|capture|contact|first_hit)(?:_(?P<k>\d+))?|(?:hit|hitting|contact)_time",
-        lambda o, g: o.one(OneEvent(number=counting(g["k"]))),
-    ),
+    (rf"(?:n|number_of|num|count)_(?P<kind>{_KINDS})(?:s|es)?",
+     lambda o, g: o.one(EventCount(kind_word(o, g["kind"])))),
+    (rf"t_(?P<kind>{_KINDS})s|(?P<kind2>{_KINDS})_instants",
+     lambda o, g: o.one(SomeEvents(kind_word(o, g["kind"]), first=o.size))),
+    (r"t_(?:hit|reach|capture|contact|first_hit)(?:_(?P<k>\d+))?|(?:hit|hitting|contact)_time",
+     lambda o, g: o.one(OneEvent(number=counting(g["k"])))),
     (rf"(?P<state>{{state}}|state)_at_(?P<kind>{_KINDS})(?:_(?P<k>\d+))?", _at_event),
     (r"codim_?2_(?P<what>entry|exit)_(?:point|state)|point_codim_?2_(?P<what2>entry|exit)", _corner),
-    (
-        r"(?:rebound|bounce|apex|peak)_heights",
-        lambda o, _: o.one(Turns(o.states[0], "max", first=o.size)),
-    ),
+    (r"(?:rebound|bounce|apex|peak)_heights", lambda o, _: o.one(Turns(o.states[0], "max", first=o.size))),
     (r"(?P<kind>crossing|exit|entry|stick|reset|rebound)_(?:velocity|speed)", _velocity),
     (r"(?:final|end|last)_mode|mode_at_(?P<time>.+)", _mode),
-    (
-        r"(?:equivalent_control|u_eq|ueq|lambda|multiplier|sign)_at_(?P<time>.+)",
-        lambda o, g: o.one(Signs(moment(o, g["time"]))),
-    ),
-    (
-        (r"steady_state|(?:steady_state|steady)_(?P<state>{state})"
-        r"|(?P<state2>{state})_(?:steady|inf|infinity|ss|steady_state)"),
-        lambda o, g: o.one(Steady(g["state"], still=max(1e-9, 1e-2 * o.tol))),
-    ),
+    (r"(?:equivalent_control|u_eq|ueq|lambda|multiplier|sign)_at_(?P<time>.+)",
+     lambda o, g: o.one(Signs(moment(o, g["time"])))),
+    ((r"steady_state|(?:steady_state|steady)_(?P<state>{state})"
+     r"|(?P<state2>{state})_(?:steady|inf|infinity|ss|steady_state)"),
+     lambda o, g: o.one(Steady(g["state"], still=max(1e-9, 1e-2 * o.tol)))),
     (r"(?:blow_?up|escape|finite_escape)_time|t_(?:blow_?up|escape)", _blow_up),
     (r"(?:rest|equilibrium|stiction|sticking)_(?:interval|band|zone|set)|stick_(?:band|zone|set)", _rest_set),
     (r"(?P<name>\w+)_(?:grazing|graze|critical_grazing)|grazing_(?P<name2>\w+)", _grazing),
     (r"\w+", _parameter),
-)
+)  # fmt: skip

@@ -85,7 +85,7 @@ def _extreme(old: Old, g: Groups) -> list[Reading]:
 
 def at_events(old: Old, g: Groups, take: str) -> list[Reading]:
     """The first event of a kind; or that and the last ones of either direction, of the period if any."""
-    kind: str = {"restick": "slide", "slip_start": "exit"}.get(g["kind"], g["kind"])
+    kind = str({"restick": "slide", "slip_start": "exit"}.get(g["kind"], g["kind"]))
     word, acting = kind_word(old, kind), kind == "switch"
     found = old.one(OneEvent(word, acting=acting, take=take))
     if not g["first"]:
@@ -136,47 +136,29 @@ def _impact_velocities(old: Old, g: Groups) -> list[Reading]:
 enter(
     Motion,
     (r"final_state|final|final_value|x_final|x_end|state_final|end_state", _final),
-    (
-        r"final_(?P<state>{state})|(?P<state2>{state})_(?:final|end)",
-        lambda o, g: o.one(State(None, g["state"], side="+")),
-    ),
+    (r"final_(?P<state>{state})|(?P<state2>{state})_(?:final|end)",
+     lambda o, g: o.one(State(None, g["state"], side="+"))),
     (r"(?P<state>{state}|state|[A-Za-z]\w*?)_at_\[(?P<times>[^\]]*)\]", _at_times),
-    (
-        (r"(?P<state>{state}|state|x|y)(?:_at_(?:t\s*=?\s*)?|\((?:t\s*=\s*)?)"
-        r"(?P<time>[^()=<>\[\]]*(?:\([^()]*\)[^()]*)*)\)?"),
-        _at_time,
-    ),
+    ((r"(?P<state>{state}|state|x|y)(?:_at_(?:t\s*=?\s*)?|\((?:t\s*=\s*)?)"
+     r"(?P<time>[^()=<>\[\]]*(?:\([^()]*\)[^()]*)*)\)?"),
+     _at_time),
     (r"(?P<state>{state})_for_(?P<low>.+?)<=?t<=?(?P<high>.+)", _for),
-    (
-        r"(?P<what>max|min|max_abs|sup)_\|?(?P<state>{state})\|?|\|?(?P<state2>{state})\|?_(?P<what2>max|min)",
-        _extreme,
-    ),
-    (
-        rf"point_(?P<first>first_)?(?P<kind>{_KINDS})|(?P<first2>first_)?(?P<kind2>{_KINDS})_(?:point|state)",
-        lambda o, g: at_events(o, g, "state"),
-    ),
-    (
-        (rf"(?P<state>{{state}})_(?P<first>first_)?(?P<kind>{_KINDS})"
-        rf"|(?P<first2>first_)?(?:sliding_|stick_|slip_)?(?P<kind2>{_KINDS}|restick|slip_start)_(?P<state2>{{state}})"),
-        lambda o, g: at_events(o, g, g["state"]),
-    ),
-    (
-        r"(?P<what>{state})_(?:stop|rest)|(?:stop|rest)_(?P<what2>position|{state})|x_(?:stop|rest)",
-        lambda o, g: o.one(Stop(g["what"] if g["what"] in o.states else o.states[0])),
-    ),
+    (r"(?P<what>max|min|max_abs|sup)_\|?(?P<state>{state})\|?|\|?(?P<state2>{state})\|?_(?P<what2>max|min)",
+     _extreme),
+    (rf"point_(?P<first>first_)?(?P<kind>{_KINDS})|(?P<first2>first_)?(?P<kind2>{_KINDS})_(?:point|state)",
+     lambda o, g: at_events(o, g, "state")),
+    ((rf"(?P<state>{{state}})_(?P<first>first_)?(?P<kind>{_KINDS})"
+     rf"|(?P<first2>first_)?(?:sliding_|stick_|slip_)?(?P<kind2>{_KINDS}|restick|slip_start)_(?P<state2>{{state}})"),
+     lambda o, g: at_events(o, g, g["state"])),
+    (r"(?P<what>{state})_(?:stop|rest)|(?:stop|rest)_(?P<what2>position|{state})|x_(?:stop|rest)",
+     lambda o, g: o.one(Stop(g["what"] if g["what"] in o.states else o.states[0]))),
     (r"t_(?:stop|rest)|(?:stop|rest)_time", lambda o, _: o.one(Stop())),
     (r"turn(?:ing)?_(?P<what>points?|times?)(?:_(?P<state>{state}))?", _turns),
-    (
-        r"first_turn_(?:(?P<state>{state})|t|time)",
-        lambda o, g: o.one(Turns(o.states[0], number=1, take=g["state"] or "t")),
-    ),
-    (
-        r"first_(?P<what>max|min)_(?P<state>{state})",
-        lambda o, g: o.one(Turns(g["state"], g["what"], number=1)),
-    ),
+    (r"first_turn_(?:(?P<state>{state})|t|time)",
+     lambda o, g: o.one(Turns(o.states[0], number=1, take=g["state"] or "t"))),
+    (r"first_(?P<what>max|min)_(?P<state>{state})",
+     lambda o, g: o.one(Turns(g["state"], g["what"], number=1))),
     (r"(?:first_)?(?:times?|t)_(?P<left>[^=]+?)=(?P<right>[^=]+?)(?P<way>(?:_up|_down)*)", _level),
-    (
-        r"impact_velocit(?:y|ies)|impact_speeds?|(?P<first>first)_impact_(?:velocity|speed|v)",
-        _impact_velocities,
-    ),
-)
+    (r"impact_velocit(?:y|ies)|impact_speeds?|(?P<first>first)_impact_(?:velocity|speed|v)",
+     _impact_velocities),
+)  # fmt: skip
