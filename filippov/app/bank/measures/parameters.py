@@ -38,7 +38,7 @@ class Threshold(Measure, quantity="threshold"):
     def of(self, subject: Motion) -> Any:
         """The value. Raises MissingError where both ends are alike."""
         check_known("parameter", [self.parameter], subject.built.raw.get("params") or {})
-        low, high = (number(value, subject.names) for value in self.between)
+        low, high = sorted(number(value, subject.names) for value in self.between)
         built = build(subject.built.raw, free=self.parameter)
         motion = Motion(built, subject.settings, subject.deadline)
         width = high - low if self.width is None else number(self.width, subject.names)
@@ -46,8 +46,7 @@ class Threshold(Measure, quantity="threshold"):
         if first == self._contact(motion, high):
             said = "contact" if first else "no contact"
             raise MissingError(f"{said} on both sides, {self.parameter} = {low:.9g} and {high:.9g}")
-        while high - low > width * (1 + 1e-9):
-            middle = 0.5 * (low + high)
+        while high - low > width * (1 + 1e-9) and low < (middle := 0.5 * (low + high)) < high:
             low, high = (middle, high) if self._contact(motion, middle) == first else (low, middle)
         subject.field_calls += motion.field_calls
         return 0.5 * (low + high)
