@@ -7,7 +7,7 @@ from typing import Any
 
 from filippov import Solution, solve
 from filippov.app.bank.build import Built, build
-from filippov.app.bank.case import number
+from filippov.app.bank.notation import number
 
 __all__ = ["CASES", "FILE", "case", "event_word", "expected", "number", "solved"]
 

@@ -12,7 +12,8 @@ from filippov import System, solve, states
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.sensitivity.saltation import flow_derivative
-from filippov.app.bank.build import build
+from filippov.app.bank.build import Built, build
+from filippov.app.bank.migrate.case import system
 from filippov.model.symbols import Abs, exp
 
 MORE = json.loads(FILE.with_name("more_cases.json").read_text(encoding="utf-8"))["cases"]
@@ -30,6 +31,10 @@ PERIODIC = sorted(
     if any(ORBIT.fullmatch(entry["name"]) and entry["name"] not in OTHER for entry in case["expected"])
 )  # fmt: skip
 STIFF = "P03_lugre_stick_slip"
+
+
+def problem(name: str) -> Built:
+    return build(system(ALL[name]))
 
 
 def differences(orbit: Orbit, steps: Any = 1e-4, **options: Any) -> Any:
@@ -54,7 +59,7 @@ def differences(orbit: Orbit, steps: Any = 1e-4, **options: Any) -> Any:
 
 def test_period_is_the_least_one() -> None:
     """The thermostat with a reset is seen to return after 16 turns."""
-    item = build(ALL["A04b_thermostat_automaton"])
+    item = problem("A04b_thermostat_automaton")
     period = 10 * np.log(11 / 8) + 10 * np.log(32 / 29)
     assert abs(find_orbit(item.system, item.x0).period - period) < 1e-10
 
@@ -66,7 +71,7 @@ def test_the_orbits_are_those_of_the_banks() -> None:
 
 @pytest.mark.parametrize("name", [name for name in PERIODIC if name != STIFF])
 def test_multipliers_agree_with_central_differences(name: str) -> None:
-    item = build(ALL[name])
+    item = problem(name)
     orbit = find_orbit(item.system, item.x0, **OPTIONS.get(name, {}))
     numeric = differences(orbit)
     exact = flow_derivative(orbit.solution())

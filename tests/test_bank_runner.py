@@ -396,13 +396,6 @@ def test_a_solver_that_hangs_or_dies_is_an_outcome(monkeypatch: pytest.MonkeyPat
     assert "exit code 7" in outcomes[1].message
 
 
-def test_every_pattern_is_described() -> None:
-    from filippov.app.bank.expect.readers import patterns
-
-    assert len({entry.pattern for entry in patterns()}) == len(patterns())
-    assert all(entry.text for entry in patterns())
-
-
 def test_nothing_known_is_lost() -> None:
     """Each expectation of the bank is either evaluated or listed."""
     for case, row in zip(read_bank(FILE)[:3], run_bank(FILE, only=["S01", "S02", "S03"]), strict=True):

@@ -26,6 +26,7 @@ from filippov import (
 from filippov.app.bank import read_bank
 from filippov.app.bank.build import build
 from filippov.app.bank.case import Case
+from filippov.app.bank.migrate.case import system
 from filippov.models import get, names
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -62,7 +63,7 @@ def test_13_2_every_model_runs_in_python_as_compiled(name: str) -> None:
 def test_13_2_the_short_cases_of_the_bank(case: Case) -> None:
     """A case that is no problem, or takes more than 150 steps, has nothing to compare."""
     try:
-        built = build(case.raw)
+        built = build(system(case.raw))
     except ModelError:
         return
     options = {"zeno": "continue", "max_steps": 150}

@@ -116,11 +116,6 @@ _MOVED: dict[tuple[str, str], str] = {
         "branches clocks drift_map equilibria equilibria_numeric equilibrium existence forcing "
         "linearisation rest_map"
     ),
-    ("filippov.bank", "filippov.app.bank.expect"): (
-        "expect_averages>averages expect_cycle>cycle expect_events>events expect_formula>formula "
-        "expect_gains>gains expect_model>model expect_places>places expect_roots>roots expect_rules>rules "
-        "expect_sets>sets expect_slide>slide expect_state>state expect_zeno>zeno readers"
-    ),
     ("filippov.bank", "filippov.app.bank.peers"): (
         "peer peer_diffrax peer_heyoka peer_process peer_row peer_scipy"
     ),

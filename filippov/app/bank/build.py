@@ -12,19 +12,21 @@ from typing import Any
 
 from sympy import Expr, Symbol
 
-from filippov.app.bank import hybrid
-from filippov.app.bank.case import number
-from filippov.app.bank.notation import formula
+from filippov.app.bank.notation import formula, number
 from filippov.base.errors import ModelError
 from filippov.base.names import check_known, check_name
 from filippov.model.extract import NONSMOOTH
+from filippov.model.parameter_symbol import parameters
 from filippov.model.size import Scale
 from filippov.model.surface import Surface
 from filippov.model.system import System
 from filippov.model.time_event import TimeEvent
+from filippov.solving.state.options import Options
 
 SURFACE_KEYS = ("name", "h", "radius", "width", "kind", "reset", "side", "contact")
 TIME_EVENT_KEYS = ("name", "period", "start", "times", "reset")
+NUMBERS = ("rtol", "atol", "first_step", "max_step", "max_steps", "max_events")
+OPTIONS = (*NUMBERS, "method", "nonunique", "zeno", "simultaneous", "sliding")
 MOST_SURFACES = 12
 # Surfaces with those of the formulas themselves (Abs, sign, Max ...), and nodes of all fields together.
 MOST_KINKS, MOST_NODES = 64, 40_000
@@ -38,6 +40,8 @@ class Built:
     declared   names of the surfaces in the order of `h` and `event_functions`, then of the time events; kinks
                have others
     fields     vertex fields by sign vector, as expressions
+    options    options of the solver that the case gives
+    raw        the case
     """
 
     system: System
@@ -46,22 +50,34 @@ class Built:
     names: Mapping[str, Any]
     declared: tuple[str, ...]
     fields: Mapping[str, Sequence[Expr]]
+    options: Mapping[str, Any]
+    raw: Mapping[str, Any]
 
     @property
     def states(self) -> list[Symbol]:
         """The symbols of the states, in order."""
         return [self.names[name] for name in self.system.states]
 
+    def start(self, name: str, value: float) -> tuple[tuple[float, ...], tuple[float, float]]:
+        """x0 and t_span with another value of a parameter."""
+        return _start(self.raw, _names(self.raw, self.states, {name: value}), len(self.states))
 
-def build(raw: Mapping[str, Any]) -> Built:
-    """The problem that a case states. Raises ModelError with what is missing or wrong."""
+
+def build(raw: Mapping[str, Any], free: str = "") -> Built:
+    """The problem that a case states; `free` names a parameter that is to stay one of the system.
+
+    Raises ModelError with what is missing or wrong.
+    """
     if raw.get("wrong"):
         raise ModelError(str(raw["wrong"]))
-    raw = _without_keywords(hybrid.written_out(raw))
+    raw = _without_keywords(_automaton(raw))
     states = _states(raw)
-    names: dict[str, Any] = {symbol.name: symbol for symbol in states}
-    for key, value in (raw.get("params") or {}).items():
-        names[check_name(key, "parameter")] = expression(value, names)
+    names = values = _names(raw, states)
+    options: dict[str, Any] = {}
+    if free:
+        check_known("parameter", [free], raw.get("params") or {})
+        options["parameters"] = space = parameters(**{free: float(values[free])})
+        names = _names(raw, states, {free: getattr(space, free)})
     surfaces = [_surface(entry, f"h{i}", names) for i, entry in enumerate(_list(raw, "h"))]
     count = len(surfaces)
     observers = [
@@ -71,7 +87,7 @@ def build(raw: Mapping[str, Any]) -> Built:
     fields = _fields(raw, names, count, len(states))
     _check_size(fields)
     every = [*surfaces, *observers]
-    options = _time_events(raw, names)
+    options |= _time_events(raw, names)
     if every:
         wide = {signs + "*" * len(observers): row for signs, row in fields.items()}
         system = System.from_modes(every, wide, states, **options)
@@ -81,9 +97,58 @@ def build(raw: Mapping[str, Any]) -> Built:
         raise ModelError(
             f"the formulas jump or bend on {len(system.surfaces)} surfaces, expected at most {MOST_KINKS}."
         )
-    x0, span = _start(raw, names, len(states))
+    x0, span = _start(raw, values, len(states))
     declared = (*(s.name for s in every), *(event.name for event in system.time_events))
-    return Built(system, x0, span, names, declared, fields)
+    return Built(system, x0, span, values, declared, fields, _options(raw, values), raw)
+
+
+def _names(
+    raw: Mapping[str, Any], states: Sequence[Symbol], put: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """What states and parameters stand for; `put` replaces what the case gives."""
+    names: dict[str, Any] = {symbol.name: symbol for symbol in states}
+    for key, value in (raw.get("params") or {}).items():
+        name = check_name(key, "parameter")
+        names[name] = put[name] if put and name in put else expression(value, names)
+    return names
+
+
+def _automaton(raw: Mapping[str, Any]) -> dict[str, Any]:
+    """A two-mode automaton as a relay with hysteresis between its two thresholds."""
+    modes = raw.get("automaton")
+    if modes is None:
+        return dict(raw)
+    if raw.get("h") or raw.get("fields"):
+        raise ModelError("a case has an automaton or h and fields, not both.")
+    said = "expected two modes {name, field, until: {state: threshold}}, one state for both."
+    if not isinstance(modes, Sequence) or len(modes) != 2 or not all(isinstance(m, Mapping) for m in modes):
+        raise ModelError(f"automaton is {modes!r:.60}, {said}")
+    for mode in modes:
+        check_known("key of a mode:", mode, ("name", "field", "until"))
+    until = [mode.get("until") for mode in modes]
+    if not all(isinstance(u, Mapping) and len(u) == 1 for u in until) or set(until[0]) != set(until[1]):
+        raise ModelError(f"until is {until!r:.60}, {said}")
+    (where,) = until[0]
+    first, second = (f"({u[where]})" for u in until)
+    # The mode that lasts to the upper threshold is the one below it.
+    params = {key: number(value, {}) for key, value in (raw.get("params") or {}).items()}
+    upper = number(first, params) > number(second, params)
+    low, high = (mode.get("field") for mode in (modes if upper else modes[::-1]))
+    half = f"({first}-{second})/2" if upper else f"({second}-{first})/2"
+    surface = {"h": f"{where}-({first}+{second})/2", "width": half}
+    return {**raw, "h": [surface], "fields": {"-": low, "+": high}}
+
+
+def _options(raw: Mapping[str, Any], names: Mapping[str, Any]) -> dict[str, Any]:
+    """The case's options of the solver, checked. Raises ModelError, UsageError."""
+    given = raw.get("options") or {}
+    if not isinstance(given, Mapping):
+        raise ModelError(f"options are {given!r:.60}, expected an object.")
+    check_known("option", given, OPTIONS)
+    found: dict[str, Any] = {key: number(v, names) if key in NUMBERS else v for key, v in given.items()}
+    found |= {key: int(found[key]) for key in ("max_steps", "max_events") if key in found}
+    Options(**found)
+    return found
 
 
 def expression(value: Any, names: Mapping[str, Any]) -> Expr:
@@ -240,14 +305,7 @@ def _without_keywords(raw: Mapping[str, Any]) -> dict[str, Any]:
         return [rename(item) for item in value] if isinstance(value, list | tuple) else value
 
     parts = (
-        "states",
-        "params",
-        "h",
-        "fields",
-        "smooth_field",
-        "event_functions",
-        "x0",
-        "t_span",
-        "time_events",
-    )
+        "states", "params", "h", "fields", "smooth_field", "event_functions", "x0", "t_span", "time_events",
+        "options",
+    )  # fmt: skip
     return {key: rename(value) if key in parts else value for key, value in raw.items()}

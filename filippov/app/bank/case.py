@@ -3,46 +3,42 @@
 from __future__ import annotations
 
 import json
-import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from filippov.base.errors import ModelError, UsageError
+from filippov.base.errors import UsageError
 from filippov.base.names import unknown
-from filippov.model.expression import parse_expression
 
 LARGEST_FILE = 1 << 26
-LONGEST_TOLERANCE = 100
 
 
 @dataclass(frozen=True)
-class Expectation:
-    """What is expected of one named quantity.
-
-    value   as in the file: numbers as text or numbers, lists of them, or text
-    tol     acceptance tolerance, absolute
-    fields  the other keys of the entry, such as t and sliding_on
-    """
+class Entry:
+    """One expectation as in the file, under a name that no other of its case has."""
 
     name: str
-    value: Any
-    tol: float
-    fields: Mapping[str, Any]
+    given: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class Case:
-    """One case of a bank: its id, its expectations, and the rest as in the file."""
+    """One case of a bank: its id, itself as in the file, and its expectations.
+
+    typed  whether its expectations name what they measure: else it is of the earlier form and is
+           migrated on the way (see `filippov.app.bank.migrate`)
+    """
 
     id: str
     raw: Mapping[str, Any]
-    expected: tuple[Expectation, ...]
+    expected: tuple[Entry, ...]
 
-    def expectation(self, name: str) -> Expectation | None:
-        """The expectation of this name."""
-        return next((entry for entry in self.expected if entry.name == name), None)
+    @property
+    def typed(self) -> bool:
+        """Whether it is of today's form."""
+        return any("measure" in entry.given for entry in self.expected)
 
 
 def read_bank(path: str | Path | Sequence[Any] | Mapping[str, Any]) -> list[Case]:
@@ -66,24 +62,6 @@ def chosen(cases: Sequence[Case], only: Sequence[str] | None) -> list[Case]:
         if not any(_named(case, name) for case in cases):
             raise UsageError(unknown("case", name, [case.id for case in cases]))
     return [case for case in cases if any(_named(case, name) for name in only)]
-
-
-def number(value: Any, names: Mapping[str, Any] | None = None) -> float:
-    """A finite number: itself, or text with a formula. Raises ModelError."""
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ModelError(f"{value!r} is not a number or a formula.")
-    try:
-        result = float(value)
-    except ValueError:
-        result = math.nan
-    if math.isnan(result):
-        try:
-            result = float(parse_expression(str(value), names))
-        except (TypeError, OverflowError):
-            raise ModelError(f"{str(value)[:80]!r} is not a real number.") from None
-    if not math.isfinite(result):
-        raise ModelError(f"{str(value)[:80]!r} is not a finite number.")
-    return result
 
 
 def _named(case: Case, name: str) -> bool:
@@ -112,20 +90,25 @@ def _case(item: Any, place: int) -> Case:
     if not isinstance(entries, Sequence) or isinstance(entries, str):
         wrong = f"expected is {entries!r:.60}, a list of objects is needed."
         return Case(case_id, {**item, "wrong": wrong}, ())
-    return Case(case_id, item, tuple(_expectation(entry, k) for k, entry in enumerate(entries)))
+    return Case(case_id, item, _entries(item, entries))
 
 
-def _expectation(entry: Any, place: int) -> Expectation:
-    if not isinstance(entry, Mapping):
-        return Expectation(f"expectation {place + 1}", None, 0.0, {})
-    tol = entry.get("tol", 0)
-    try:
-        if isinstance(tol, str) and len(tol) > LONGEST_TOLERANCE:
-            raise ModelError(f"tol has {len(tol)} characters, expected at most {LONGEST_TOLERANCE}.")
-        tolerance = abs(number(tol))
-    except ModelError:
-        tolerance = 0.0
-    fields = {key: value for key, value in entry.items() if key not in ("name", "value", "tol")}
-    return Expectation(
-        str(entry.get("name", f"expectation {place + 1}")), entry.get("value"), tolerance, fields
-    )
+def _entries(item: Mapping[str, Any], entries: Sequence[Any]) -> tuple[Entry, ...]:
+    """The expectations under names that differ, with the number of events that the case itself gives."""
+    found: list[tuple[str, Mapping[str, Any]]] = []
+    for place, entry in enumerate(entries):
+        given = entry if isinstance(entry, Mapping) else {}
+        found.append((str(given.get("name", f"expectation {place + 1}")), given))
+    if item.get("n_events") is not None and all(name != "n_events" for name, _ in found):
+        found.append(("n_events", {"name": "n_events", "value": item["n_events"], "tol": 0}))
+    out: dict[str, Entry] = {}
+    times: Counter[str] = Counter()
+    for plain, given in found:
+        name = plain
+        while name in out:
+            times[plain] += 1
+            name = f"{plain} #{times[plain] + 1}"
+        out[name] = Entry(name, given)
+    return tuple(out.values())
+
+

@@ -1,4 +1,4 @@
-"""A bank run through other solvers: who gets which case right, and who says so when not."""
+"""A bank run through reference solvers: who gets which case right, and who says so when not."""
 
 from __future__ import annotations
 
@@ -113,9 +113,9 @@ def _solvers(names: Sequence[str] | None) -> list[Peer]:
     out: list[Peer] = []
     for name in names:
         if name not in FAMILIES:
-            raise UsageError(unknown("peer", name, FAMILIES))
+            raise UsageError(unknown("reference solver", name, FAMILIES))
         if not FAMILIES[name][0].installed:
-            raise UsageError(f"the peer {name!r} is not installed.")
+            raise UsageError(f"the reference solver {name!r} is not installed.")
         out += FAMILIES[name]
     return out
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -22,8 +23,10 @@ from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.app.bank.build import Built
 from filippov.app.bank.reason import MissingError, OutOfTimeError
+from filippov.app.bank.recurrence import Cycle, recurrence
 from filippov.base.errors import ModelError, SolveError, UsageError
-from filippov.base.status import EventKind, Status
+from filippov.base.names import check_known
+from filippov.base.status import Status
 from filippov.model.symbols import t as time_symbol
 from filippov.solving.selection.modes import Successor
 from filippov.solving.solution import Solution
@@ -31,33 +34,76 @@ from filippov.solving.solution_tree import SolutionTree
 from filippov.solving.solver import solve
 from filippov.solving.state.events import Event, Mode
 from filippov.solving.state.machine import Machine
-from filippov.solving.state.options import falls
+from filippov.solving.state.options import Options, falls
 
 Array = npt.NDArray[np.float64]
-LEAST_STEPS = 100
 SAMPLES = 64  # of each stretch of one mode, where zeros and extremes are looked for
 LONGEST = 16.0  # how many times its span a motion is followed until it recurs
 
 
 @dataclass
 class Settings:
-    """How the cases are solved: tolerances, method, and seconds for each."""
+    """What is asked of every case, whatever its own options say (None: nothing), and the seconds for each."""
 
-    rtol: float = 1e-11
-    atol: float = 1e-13
-    method: str = "DOP853"
+    rtol: float | None = None
+    atol: float | None = None
+    method: str | None = None
     max_time: float = 120.0
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Those of the solver that are given."""
+        found = {"rtol": self.rtol, "atol": self.atol, "method": self.method}
+        return {key: value for key, value in found.items() if value is not None}
 
 
 @dataclass
 class Motion:
-    """Runs of one case."""
+    """Runs of one case: `options` of the solver are its defaults, the case's own, and what was asked for."""
 
     built: Built
     settings: Settings
     deadline: float
     field_calls: int = 0
     _runs: dict[Any, Solution] = field(default_factory=dict)
+
+    @cached_property
+    def options(self) -> dict[str, Any]:
+        """Options of the solver."""
+        return {**self.built.options, **self.settings.options}
+
+    @property
+    def method(self) -> str:
+        """The method of the solver."""
+        return str(self.options.get("method", Options().method))
+
+    @property
+    def names(self) -> Mapping[str, Any]:
+        """What names stand for in the case's formulas."""
+        return self.built.names
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states."""
+        return self.built.system.states
+
+    def component(self, name: str) -> int:
+        """The place of a state. Raises ModelError."""
+        check_known("state", [name], self.states)
+        return self.states.index(name)
+
+    def place(self, surface: int | str) -> int:
+        """The number of a declared surface, given by number or name. Raises ModelError."""
+        declared = self.built.declared
+        if isinstance(surface, int) and 0 <= surface < len(declared):
+            return surface
+        check_known("surface", [surface], declared)
+        return declared.index(str(surface))
+
+    @property
+    def t_end(self) -> float:
+        """The end of the span."""
+        return self.built.t_span[1]
 
     def solve(
         self,
@@ -71,19 +117,15 @@ class Motion:
         begin, end = self.built.t_span
         span = (begin if t0 is None else t0, end if t_end is None else t_end)
         plain = not any(callable(value) for value in options.values())
-        key = (start, span, tuple(sorted(options.items(), key=lambda item: item[0])) if plain else None)
+        key = (start, span, str(sorted(options.items())) if plain else None)
         if plain and key in self._runs:
             return self._runs[key]
         left = self.deadline - time.monotonic()
         if left <= 0:
             raise OutOfTimeError
-        chosen = {
-            "rtol": self.settings.rtol, "atol": self.settings.atol, "method": self.settings.method,
-            "max_time": left, **options,
-        }  # fmt: skip
-        if span[0] != span[1]:
-            # A short pulse in a field that is constant elsewhere is not to be stepped over.
-            chosen.setdefault("max_step", abs(span[1] - span[0]) / LEAST_STEPS)
+        chosen = {**self.options, "max_time": left, **options}
+        if "max_step" in chosen:  # the case's longest step may be longer than a part of its span
+            chosen["max_step"] = min(chosen["max_step"], abs(span[1] - span[0]) or math.inf)
         run: Solution = solve(self.built.system, start, span, backward=falls(span), **chosen)
         self.field_calls += run.nfev
         if run.status is Status.TIMEOUT:
@@ -137,7 +179,7 @@ class Motion:
     def velocity(self, run: Solution, t: float | None = None, side: str = "+") -> tuple[Array, Array]:
         """Field and multipliers of the mode at a time, or at the end of a run."""
         system = run.problem.system
-        machine = Machine(system, self.settings.method, run.problem.p, sliding=run.options.sliding)
+        machine = Machine(system, self.method, run.problem.p, sliding=run.options.sliding)
         if t is None or t == run.t_end:
             at, x, mode = run.t_end, run.x_end, run.end_mode
             guess = run.end_multipliers
@@ -231,8 +273,7 @@ class Motion:
         try:
             return within(
                 left, lambda: find_orbit(
-                    built.system, built.x0, t0=start, period=period, rtol=self.settings.rtol,
-                    atol=self.settings.atol, method=self.settings.method,
+                    built.system, built.x0, t0=start, period=period, **self._some("rtol", "atol", "method"),
                 )
             )  # fmt: skip
         except OutOfBudgetError:
@@ -240,70 +281,23 @@ class Motion:
         except (SolveError, NotDifferentiableError, ModelError, UsageError) as error:
             raise MissingError(f"no periodic orbit was found: {error}") from None
 
+    def _some(self, *names: str) -> dict[str, Any]:
+        return {name: self.options[name] for name in names if name in self.options}
+
     def tree(self, t_end: float, release_times: int = 0) -> SolutionTree:
         """All solutions up to a time, with departures from sliding that can be left sampled."""
         left = self.deadline - time.monotonic()
         if left <= 0:
             raise OutOfTimeError
-        tree = solve(
+        tree: SolutionTree = solve(
             self.built.system, self.built.x0, (self.built.t_span[0], t_end), nonunique="branch",
-            rtol=self.settings.rtol, atol=self.settings.atol, method=self.settings.method, max_time=left,
-            max_branches=256, release_times=release_times or None, backward=t_end < self.built.t_span[0],
+            **self._some("rtol", "atol", "method"), max_time=left, max_branches=256,
+            release_times=release_times or None, backward=t_end < self.built.t_span[0],
         )  # fmt: skip
         self.field_calls += sum(branch.solution.nfev for branch in tree.branches)
         if tree.status is Status.TIMEOUT:
             raise OutOfTimeError
         return tree
-
-
-@dataclass(frozen=True)
-class Cycle:
-    """The last period of a run: from the event before the last turn to the last event.
-
-    residual  largest difference between the states of its events and those a period earlier, relative
-    """
-
-    run: Solution
-    period: float
-    events: tuple[Event, ...]
-    residual: float
-
-    @property
-    def span(self) -> tuple[float, float]:
-        """First and last time of it."""
-        return self.events[-1].t - self.period, self.events[-1].t
-
-
-def recurrence(run: Solution, events: Sequence[Event]) -> Cycle | None:
-    """The shortest repetition at the end of a run: k events that equal the k before them."""
-    best: Cycle | None = None
-    scale = 1.0 + max((float(np.max(np.abs(e.x), initial=0.0)) for e in events), default=0.0)
-    for k in range(1, len(events) // 2 + 1):
-        last, before = events[-k:], events[-2 * k : -k]
-        if any(_word(a) != _word(b) for a, b in zip(last, before, strict=True)):
-            continue
-        gap = max(float(np.max(np.abs(a.x - b.x))) for a, b in zip(last, before, strict=True)) / scale
-        shifts = np.array([a.t - b.t for a, b in zip(last, before, strict=True)])
-        gap = max(gap, float(np.ptp(shifts)) / (1.0 + abs(float(shifts[-1]))))
-        if gap < 1e-7 and shifts[-1] > 0:
-            found = Cycle(run, float(shifts[-1]), tuple(last), gap)
-            if best is None or found.residual < 1e-2 * best.residual:
-                best = found
-            if found.residual < 3e-11:
-                return found
-    return best
-
-
-def _word(event: Event) -> tuple[int, EventKind, int]:
-    return event.index, event.kind, event.direction
-
-
-def first_where(events: Sequence[Event], wanted: Callable[[Event], bool]) -> Event:
-    """The first event of that sort. Raises MissingError."""
-    for event in events:
-        if wanted(event):
-            return event
-    raise MissingError("the run has no such event")
 
 
 def slides(mode: Mode) -> bool:

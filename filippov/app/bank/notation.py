@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -26,6 +27,24 @@ def formula(text: str, names: Mapping[str, Any]) -> Expr:
             return parse_expression(strict(text, names), names)
         except ModelError:
             raise error from None
+
+
+def number(value: Any, names: Mapping[str, Any] | None = None) -> float:
+    """A finite number: itself, or text with a formula. Raises ModelError."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ModelError(f"{value!r} is not a number or a formula.")
+    try:
+        result = float(value)
+    except ValueError:
+        result = math.nan
+    if math.isnan(result):
+        try:
+            result = float(parse_expression(str(value), names))
+        except (TypeError, OverflowError):
+            raise ModelError(f"{str(value)[:80]!r} is not a real number.") from None
+    if not math.isfinite(result):
+        raise ModelError(f"{str(value)[:80]!r} is not a finite number.")
+    return result
 
 
 def strict(text: str, names: Collection[str]) -> str:

@@ -1,30 +1,13 @@
-"""Expectations by name: a registry of patterns, each with the function that works out what the case gives.
-
-A reader is entered with `@reads(pattern, text)`. Patterns are matched against the whole name, in the order
-of entry; {state} in a pattern stands for the names of the case's states. A reader returns
-
-    a number, a list of numbers, or several such readings in `Either` (the nearest one counts), compared
-    with the value within its tolerance, or
-    an Outcome of its own.
-
-It raises NotUnderstoodError for what it cannot evaluate and MissingError for what the case should have and
-has not.
-"""
+"""The error of an expectation against its tolerance, and how numbers are compared."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
-from filippov.app.bank.case import Case, Expectation, number
-from filippov.app.bank.motion import Motion
-from filippov.app.bank.polynomial import Polynomial
-from filippov.app.bank.reason import MissingError, NotUnderstoodError
-from filippov.base.errors import ModelError
+from scipy.optimize import linear_sum_assignment
 
 ROUNDING = 8 * np.finfo(float).eps
 
@@ -50,111 +33,46 @@ class Outcome:
         return self.error / self.tolerance if self.tolerance else np.inf
 
 
-class Either(list[Any]):
-    """Several readings of one name; the nearest to the expected value counts."""
+def compared(got: Any, wanted: Any, atol: float, rtol: float, order: str = "given") -> Outcome:
+    """The entry that is worst against atol + rtol |wanted|; a list of another length is wrong by so many.
 
-
-@dataclass(frozen=True)
-class Ask:
-    """One expectation of one case, put to a reader.
-
-    subject  the runs of the case, or its polynomial
+    order  "given"; "any": the lists are matched entry to entry; "set": every entry has one near to it in the
+           other list
     """
-
-    case: Case
-    entry: Expectation
-    subject: Motion | Polynomial
-
-    @property
-    def motion(self) -> Motion:
-        """The runs of the case."""
-        assert isinstance(self.subject, Motion)
-        return self.subject
-
-    @property
-    def polynomial(self) -> Polynomial:
-        """The polynomial of the case."""
-        assert isinstance(self.subject, Polynomial)
-        return self.subject
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the states."""
-        return self.motion.built.system.states if isinstance(self.subject, Motion) else ()
-
-    @property
-    def names(self) -> Mapping[str, Any]:
-        """What names stand for in the case's formulas."""
-        return self.subject.built.names if isinstance(self.subject, Motion) else self.subject.names
-
-    def number(self, text: Any) -> float:
-        """A number in the case's parameters. Raises NotUnderstoodError."""
-        try:
-            return number(text, self.names)
-        except ModelError as error:
-            raise NotUnderstoodError(str(error)) from None
-
-    def wanted(self) -> Any:
-        """The expected value as a number or an array. Raises NotUnderstoodError where it is prose."""
-        return self.numbers(self.entry.value)
-
-    def numbers(self, value: Any) -> Any:
-        """A number, or nested lists of numbers as an array."""
-        if isinstance(value, Sequence) and not isinstance(value, str):
-            return np.array([self.numbers(item) for item in value], dtype=float)
-        return self.number(value)
-
-    def compare(self, got: Any, wanted: Any) -> Outcome:
-        """Largest difference; what is a count or a list of another length is wrong by so many."""
-        if isinstance(got, Either):
-            if not got:
-                raise MissingError("the run has no such value")
-            outcomes = [self.compare(reading, wanted) for reading in got]
-            return min(outcomes, key=lambda outcome: outcome.ratio)
-        a, b = np.asarray(got, dtype=float), np.asarray(wanted, dtype=float)
-        if a.shape != b.shape and a.size == b.size == 1:
-            a, b = a.reshape(()), b.reshape(())
-        if a.shape != b.shape:
-            return Outcome(max(abs(a.size - b.size), 1.0), 0.0, f"{a.size} values, expected {b.size}")
-        tolerance = max(self.entry.tol, ROUNDING * float(np.max(np.abs(b), initial=0.0)))
-        gap = np.abs(a - b)
-        error = float(np.max(gap, initial=0.0)) if np.all(np.isfinite(gap)) else np.inf
-        note = "" if error <= tolerance else f"{_short(a)}, expected {_short(b)}"
-        return Outcome(error, tolerance, note)
+    a, b = np.asarray(got, dtype=float), np.asarray(wanted, dtype=float)
+    if a.shape != b.shape and a.size == b.size == 1:
+        a, b = a.reshape(()), b.reshape(())
+    if order == "set" and a.ndim == b.ndim == 2 and a.shape[1] == b.shape[1] and a.size and b.size:
+        gaps = np.max(np.abs(a[:, None, :] - b[None, :, :]), axis=2)
+        error = float(max(np.max(np.min(gaps, axis=0)), np.max(np.min(gaps, axis=1))))
+        return Outcome(error, atol, "" if error <= atol else "the sets differ")
+    if a.shape != b.shape:
+        return Outcome(max(abs(a.size - b.size), 1.0), 0.0, f"{a.size} values, expected {b.size}")
+    if order == "any" and a.size and np.all(np.isfinite(a)):
+        rows, wide = a.reshape(len(a), -1), b.reshape(len(b), -1)
+        a = a[linear_sum_assignment(np.linalg.norm(rows[None, :, :] - wide[:, None, :], axis=2))[1]]
+    gap = np.abs(a - b).ravel()
+    floor = ROUNDING * float(np.max(np.abs(b), initial=0.0))
+    accepted = np.maximum(atol + rtol * np.abs(b).ravel(), floor)
+    if not np.all(np.isfinite(gap)):
+        return Outcome(np.inf, atol, f"{short(a)}, expected {short(b)}")
+    if gap.size == 0:
+        return Outcome(0.0, atol)
+    # Against a tolerance of 0 the largest gap is the worst.
+    worst = int(np.argmax(gap / accepted)) if np.all(accepted > 0) else int(np.argmax(gap - accepted))
+    error, tolerance = float(gap[worst]), float(accepted[worst])
+    return Outcome(error, tolerance, "" if error <= tolerance else f"{short(a)}, expected {short(b)}")
 
 
-Reader = Callable[[Ask, re.Match[str]], Any]
-
-
-@dataclass(frozen=True)
-class Pattern:
-    """One entry of the registry; `about` says whether it asks a "motion" or a "polynomial"."""
-
-    pattern: str
-    text: str
-    reader: Reader
-    about: str
-
-    def match(self, name: str, states: Sequence[str]) -> re.Match[str] | None:
-        """The match of the whole name."""
-        one = "|".join(re.escape(s) for s in sorted(states, key=len, reverse=True)) or "(?!)"
-        return re.fullmatch(self.pattern.replace("{state}", f"(?:{one})"), name)
-
-
-ENTERED: list[Pattern] = []
-
-
-def reads(pattern: str, text: str, about: str = "motion") -> Callable[[Reader], Reader]:
-    """Enter a reader for names that match the pattern."""
-
-    def enter(reader: Reader) -> Reader:
-        ENTERED.append(Pattern(pattern, text, reader, about))
-        return reader
-
-    return enter
-
-
-def _short(value: Any) -> str:
+def short(value: Any) -> str:
+    """The first numbers of an array."""
     flat = np.atleast_1d(value).ravel()
-    text = ", ".join(f"{v:.9g}" for v in flat[:4])
-    return text + (", ..." if flat.size > 4 else "")
+    return ", ".join(f"{v:.9g}" for v in flat[:4]) + (", ..." if flat.size > 4 else "")
+
+
+def compared_texts(got: Any, wanted: str | Sequence[str]) -> Outcome:
+    """The number of texts that differ."""
+    a = [str(got)] if isinstance(wanted, str) else [str(item) for item in got]
+    b = [wanted] if isinstance(wanted, str) else list(wanted)
+    wrong = sum(x != y for x, y in zip(a, b, strict=False)) + abs(len(a) - len(b))
+    return Outcome(float(wrong), 0.0, f"{', '.join(a[:8])}, expected {', '.join(b[:8])}" if wrong else "")

@@ -1,25 +1,45 @@
-"""filippov bank: run a file of cases with reference values, or run it through other solvers."""
+"""filippov bank: run a file of cases with reference values, or put it to reference solvers."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-from filippov.app.bank import Row, read_bank, rows_json, run_bank
+from filippov.app.bank import Row, migrate_bank, read_bank, rows_json, run_bank, schema
 from filippov.app.bank.case import chosen
 from filippov.app.bank.table import head, line, summary, widest
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.base.errors import UsageError
+from filippov.base.json_text import json_text
 
 NOT_PASSED, INTERRUPTED = 3, 130
 
 
 def run(settings: dict[str, Any], console: Console) -> int:
-    """Run the cases, or compare with peers; 3 where a case did not pass."""
+    """Run the cases, compare with reference solvers, migrate, or print the schema; 3 where a case failed."""
+    if settings["action"] == "schema":
+        return _document(settings, console, "schema.json", schema())
     if settings["action"] is None or settings["file"] is None:
         raise UsageError("bank needs what to do and a file: filippov bank run FILE")
-    return _run(settings, console) if settings["action"] == "run" else _compare(settings, console)
+    return {"run": _run, "compare": _compare, "migrate": _migrate}[settings["action"]](settings, console)
+
+
+def _document(settings: dict[str, Any], console: Console, name: str, data: Any) -> int:
+    """JSON into the files that were asked for, else to stdout."""
+    places = _places(settings, console, name)
+    if not places and not console.json:
+        console.raw(json_text(data))
+    _write(places, console, json_text(data))
+    return 0
+
+
+def _migrate(settings: dict[str, Any], console: Console) -> int:
+    given = {} if settings["max_time"] is None else {"max_time": settings["max_time"]}
+    data, said = migrate_bank(settings["file"], only=settings["only"], **given)
+    for text in said:
+        console.say(text)
+    return _document(settings, console, "bank.json", data)
 
 
 def _run(settings: dict[str, Any], console: Console) -> int:
@@ -29,7 +49,10 @@ def _run(settings: dict[str, Any], console: Console) -> int:
         key: settings[key] for key in ("rtol", "atol", "method", "max_time") if settings[key] is not None
     }
     cases = chosen(read_bank(settings["file"]), settings["only"])
-    width, places = widest(case.id for case in cases), _places(settings, console)
+    width, places = widest(case.id for case in cases), _places(settings, console, "rows.json")
+    earlier = sum(bool(case.expected) and not case.typed for case in cases)
+    if earlier:
+        console.say(f"{earlier} of {len(cases)} cases are of the earlier form and migrated on the way")
     console.say(head(width))
     rows: list[Row] = []
 
@@ -55,10 +78,10 @@ def _run(settings: dict[str, Any], console: Console) -> int:
     return 0 if all(row.passed for row in rows) else NOT_PASSED
 
 
-def _places(settings: dict[str, Any], console: Console) -> list[tuple[Folder, str]]:
+def _places(settings: dict[str, Any], console: Console, name: str) -> list[tuple[Folder, str]]:
     """Folders, made and tried, with the names of the files that the JSON goes to."""
     where = settings["json"]
-    places = [(Folder(settings["output"], console), "rows.json")]
+    places = [(Folder(settings["output"], console), name)] if settings["output"] else []
     if isinstance(where, str):
         path = Path(where)
         places.append((Folder(str(path.parent), console), path.name))
@@ -81,7 +104,7 @@ def _compare(settings: dict[str, Any], console: Console) -> int:
         if settings[name] is not None:
             raise UsageError(f"--{name} goes with: filippov bank run FILE")
     given = {key: settings[key] for key in ("rtol", "max_time") if settings[key] is not None}
-    code, places = 0, _places(settings, console)
+    code, places = 0, _places(settings, console, "rows.json")
     with console.progress("bank compare") as progress:
         try:
             table = compare_bank(

@@ -1,1 +1,1 @@
-"""Other solvers, run on the same cases."""
+"""Reference solvers, run on the same cases."""

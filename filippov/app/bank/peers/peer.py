@@ -1,4 +1,4 @@
-"""Other solvers put to the same cases naively: the sign of h as the language has it, no events.
+"""Reference solvers put to the same cases naively: the sign of h as the language has it, no events.
 
 What is compared are states at given times (`final_state`, `x_at_3`, ...), which any solver can give.
 """
@@ -18,7 +18,7 @@ from sympy import Expr, Symbol
 
 from filippov.app.bank.build import Built
 from filippov.app.bank.case import Case
-from filippov.app.bank.target import Array, Target, targets
+from filippov.app.bank.target import Array, Target, ambiguous, stated, targets
 from filippov.model.symbols import t as time_symbol
 
 
@@ -97,8 +97,9 @@ class Peer:
         return importlib.metadata.version(self.module)
 
 
-def given(case: Case, built: Built) -> Given:
+def given(case: Case) -> Given:
     """The case for naive solvers. Raises CannotError where it is more than a field with signs in it."""
+    built, expected = stated(case)
     for surface in built.system.surfaces:
         if surface.reset is not None:
             raise CannotError("a reset: it takes events and restarts")
@@ -108,9 +109,9 @@ def given(case: Case, built: Built) -> Given:
             raise CannotError("static friction above the slip curve: a sign has no such values")
     if built.system.time_events:
         raise CannotError("a clock: it takes restarts")
-    ambiguous = case.expectation("must_report") is not None
-    asked = targets(case, built)
-    if ambiguous:
+    several = ambiguous(expected)
+    asked = targets(built, expected)
+    if several:
         asked = (Target(built.t_span[1], (), ()),)
     if not asked:
         raise CannotError("no state at a known time is expected")
@@ -118,7 +119,7 @@ def given(case: Case, built: Built) -> Given:
     named = {s.name: s for s in built.system.surfaces}
     h = tuple(named[name].h for name in built.declared[:count])
     rows = {tuple(1 if c == "+" else -1 for c in signs): row for signs, row in built.fields.items()}
-    return Given(built, asked, h, rows, ambiguous)
+    return Given(built, asked, h, rows, several)
 
 
 def worst(case: Given, states: Array, tolerance: float) -> tuple[float, float]:

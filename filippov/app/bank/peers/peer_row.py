@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from filippov.app.bank.build import build
 from filippov.app.bank.case import Case
 from filippov.app.bank.motion import Settings
 from filippov.app.bank.peers import peer_diffrax, peer_heyoka, peer_scipy
@@ -45,7 +44,7 @@ def peer_row(solver: Peer, case: Case, limits: Limits, tolerance: float) -> Peer
     """The outcome; whatever the solver raises is one."""
     limits.started = time.monotonic()
     try:
-        problem = given(case, build(case.raw))
+        problem = given(case)
         states, reported = solver.solve(problem, limits)
     except HangError:
         return PeerRow(case.id, solver.name, "hang", False, None)

@@ -3,8 +3,8 @@
     flow x'=v, v'=-9.8; guard x=0, v<0; reset v->-0.9 v
     on: T'=-(T-18)/10+2 until 23.5; off: T'=-(T-18)/10 until 22
 
-The first becomes a smooth field with a surface that resets; the second a relay with hysteresis between its
-two thresholds. Anything else stays as it is, and the case has to give h and fields.
+The first becomes a smooth field with a surface that resets; the second an automaton. Anything else stays as
+it is, and the case has to give h and fields.
 """
 
 from __future__ import annotations
@@ -16,15 +16,16 @@ from typing import Any
 from filippov.app.bank.notation import strict
 from filippov.base.errors import ModelError
 
+_OTHERS = ("fields", "smooth_field", "automaton")
 _DERIVATIVE = re.compile(r"^\s*(?:d?(\w+)'|d(\w+)/dt)\s*=\s*(.+?)\s*$")
 _AUTOMATON = re.compile(r"^\s*(?P<name>\w+)\s*:\s*(?P<flow>.+?)\s+until\s+(?P<until>.+?)\s*$")
 _SIDE = re.compile(r"^\s*(?P<state>\w+)\s*(?P<relation>[<>]=?|=)\s*(?P<value>.+?)\s*$")
 
 
 def written_out(raw: Mapping[str, Any]) -> dict[str, Any]:
-    """The case with h and fields from its hybrid text, where it has none and the text can be read."""
+    """The case with h and fields, or its automaton, from its hybrid text, where that can be read."""
     text = raw.get("hybrid")
-    if not isinstance(text, str) or raw.get("fields") is not None or raw.get("smooth_field") is not None:
+    if not isinstance(text, str) or any(raw.get(key) is not None for key in _OTHERS):
         return dict(raw)
     states = [str(name) for name in raw.get("states") or ()]
     clauses = [clause.strip() for clause in text.split(";") if clause.strip()]
@@ -34,7 +35,7 @@ def written_out(raw: Mapping[str, Any]) -> dict[str, Any]:
         except ModelError:
             continue
         if found is not None:
-            return {**raw, **found}
+            return {**{key: value for key, value in raw.items() if key != "hybrid"}, **found}
     return dict(raw)
 
 
@@ -52,12 +53,9 @@ def _automaton(clauses: list[str], states: list[str]) -> dict[str, Any] | None:
         levels.append(strict(bound["value"] if bound is not None else part["until"], states))
     if where not in states:
         return None
-    middle, half = f"(({levels[0]})+({levels[1]}))/2", f"(({levels[0]})-({levels[1]}))/2"
-    # The first state is named first: it holds below its threshold where that is the upper one.
-    upper = _number(half) > 0
-    low, high = flows if upper else flows[::-1]
-    surface = {"h": f"{where}-({middle})", "width": half if upper else f"-({half})"}
-    return {"h": [surface], "fields": {"-": low, "+": high}}
+    names = [part["name"] for part in parts if part is not None]
+    modes = zip(names, flows, levels, strict=True)
+    return {"automaton": [{"name": n, "field": flow, "until": {where: level}} for n, flow, level in modes]}
 
 
 def _flow(clauses: list[str], states: list[str]) -> dict[str, Any] | None:
@@ -99,9 +97,3 @@ def _field(text: str, states: list[str]) -> list[str]:
     if set(found) != set(states):
         raise ModelError(f"equations are given for {', '.join(found)}, the states are {', '.join(states)}.")
     return [found[name] for name in states]
-
-
-def _number(text: str) -> float:
-    from filippov.app.bank.case import number
-
-    return number(text)

@@ -1,1 +1,0 @@
-"""What a case expects, read and measured: one module for each kind of quantity."""

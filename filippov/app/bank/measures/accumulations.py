@@ -1,0 +1,99 @@
+"""Where events accumulate (Zeno): when, how fast they contract, what comes after."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from filippov.app.bank.measures.measure import Measure
+from filippov.app.bank.motion import Motion
+from filippov.app.bank.reason import MissingError
+from filippov.base.status import Status
+from filippov.solving.solution import Solution
+from filippov.solving.state.events import Event
+from filippov.solving.state.machine import Machine
+
+LONGER = (1.0, 2.0, 8.0, 32.0)
+# Distances are compared down to here, and of so many events.
+NEAREST, MOST = 1e-9, 24
+
+
+def accumulation(motion: Motion) -> Solution:
+    """The run up to the limit of its events, from ever longer spans. Raises MissingError."""
+    start, end = motion.built.t_span
+    for factor in LONGER:
+        run = motion.solve(t_end=start + factor * (end - start), zeno="stop")
+        if run.status is Status.ZENO:
+            return run
+        if not run.status.ok:
+            raise MissingError(run.message)
+    raise MissingError(f"no events accumulate within {LONGER[-1]:g} times the span")
+
+
+@dataclass(frozen=True)
+class Accumulation(Measure, quantity="accumulation"):
+    """The limit of accumulating events.
+
+    take  t; or state_after: the state half as long again after it
+    """
+
+    take: Literal["t", "state_after"] = "t"
+
+    def of(self, subject: Motion) -> Any:
+        """Time or state."""
+        run = accumulation(subject)
+        if self.take == "t":
+            return run.t_end if run.zeno is None else run.zeno.t
+        end = run.t_end + 0.5 * abs(run.t_end - subject.built.t_span[0])
+        after = subject.solve(t_end=end, zeno="continue")
+        if not after.status.ok:
+            raise MissingError(after.message)
+        return after.x_end
+
+
+@dataclass(frozen=True)
+class Ratios(Measure, quantity="ratios"):
+    """Ratios of successive quantities at the events of an accumulation, a list.
+
+    between  intervals (of time), distances (|h_1| + |h_2| + ...), or the name of a state: its magnitude
+    surface  only the events of one surface, by number or name
+    """
+
+    between: str
+    surface: int | str | None = None
+
+    def of(self, subject: Motion) -> Any:
+        """The ratios."""
+        events = _tail(subject)
+        if self.surface is not None:
+            place = subject.place(self.surface)
+            events = [e for e in events if subject.place(e.surface) == place]
+        sizes = self._sizes(subject, events)
+        if len(sizes) < 3 or not np.all(sizes[:-1] > 0):
+            raise MissingError("the run has too few such events for ratios")
+        return sizes[1:] / sizes[:-1]
+
+    def _sizes(self, motion: Motion, events: list[Event]) -> Any:
+        if self.between == "intervals":
+            return np.diff([e.t for e in events])
+        if self.between == "distances":
+            machine = Machine(motion.main.problem.system, motion.method, motion.main.problem.p)
+            rows = [(e.t, np.ascontiguousarray(e.x), np.array(e.before, dtype=float)) for e in events]
+            sizes = np.array([np.sum(np.abs(machine.guards(*row))) for row in rows])
+            if not np.all(sizes[:-1] > NEAREST):
+                raise MissingError("the events are too near to their limit for ratios")
+            return sizes
+        k = motion.component(self.between)
+        return np.abs([e.x[k] for e in events])
+
+
+def _tail(motion: Motion) -> list[Event]:
+    """Events of the accumulating motion that are far enough from its limit to have digits."""
+    events = motion.events()
+    if len(events) < 6:
+        events = motion.events(accumulation(motion))
+    if len(events) < 4:
+        raise MissingError("the run has too few events")
+    return events[:MOST]

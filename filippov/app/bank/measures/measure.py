@@ -1,0 +1,127 @@
+"""What every measure is: a dataclass that works out a number, numbers or a text from a case's runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.app.bank.motion import Motion, slides
+from filippov.app.bank.notation import formula, number
+from filippov.app.bank.polynomial import Polynomial
+from filippov.app.bank.reason import MissingError
+from filippov.base.errors import ModelError
+from filippov.model.symbols import t as time_symbol
+from filippov.solving.solution import Solution
+
+# A number, or a formula in the case's parameters.
+Number = float | str
+
+
+class Measure:
+    """A quantity by name; `of` gives its value in a case. Raises MissingError where the case has none."""
+
+    FAMILY: ClassVar[tuple[str, dict[str, type]]] = ("quantity", {})
+    ABOUT: ClassVar[type] = Motion
+    tag: ClassVar[str]
+
+    def __init_subclass__(cls, quantity: str = "", **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if quantity:
+            cls.tag = quantity
+            Measure.FAMILY[1][quantity] = cls
+
+    def of(self, subject: Any) -> Any:
+        """The value in a case."""
+        raise NotImplementedError
+
+
+class PolynomialMeasure(Measure):
+    """A quantity of a polynomial."""
+
+    ABOUT = Polynomial
+
+
+# A time: a number, a formula, or another quantity that is one; where it is left out, the end of the span.
+When = Number | Measure | None
+# What a quantity is about: the span of the case, the last period of the motion that the run settles on, its
+# first sliding, all of its sliding, or an interval of times.
+Over = Literal["span", "period", "first_sliding", "sliding"] | tuple[When, When]
+
+
+@dataclass(frozen=True)
+class Formula(Measure, quantity="formula"):
+    """A formula in parameters and in other quantities by name; lists are taken entry by entry."""
+
+    formula: str
+    where: dict[str, Measure] = field(default_factory=dict)
+
+    def of(self, subject: Any) -> Any:
+        """The value of the formula."""
+        return evaluated(subject, self.formula, measured(subject, self.where))
+
+
+def measured(subject: Any, where: dict[str, Measure]) -> dict[str, Any]:
+    """The values of quantities by name, as arrays."""
+    return {name: np.asarray(measure.of(subject), dtype=float) for name, measure in where.items()}
+
+
+def evaluated(subject: Any, text: str, given: dict[str, Any]) -> Any:
+    """A formula in the case's parameters and in given arrays. Raises ModelError."""
+    symbols = {name: Symbol(name, real=True) for name in given}
+    expression = formula(text, {**subject.names, **symbols})
+    left = expression.free_symbols - set(symbols.values())
+    if left:
+        raise ModelError(f"the formula {text[:60]!r} has {min(map(str, left))!r}, which has no value here.")
+    return sympy.lambdify(list(symbols.values()), expression, "numpy")(*given.values())
+
+
+def moment(motion: Motion, when: When) -> float:
+    """The time that is meant; the end of the span where none is."""
+    if when is None:
+        return motion.t_end
+    if isinstance(when, Measure):
+        return float(np.asarray(when.of(motion)).reshape(()))
+    return number(when, motion.names)
+
+
+def stretches(motion: Motion, over: Over) -> list[tuple[Solution, float, float]]:
+    """The parts in one mode of what a quantity is about: run, begin and end of each. Raises MissingError."""
+    if over == "period":
+        run, (low, high) = motion.cycle.run, motion.cycle.span
+    elif isinstance(over, tuple):
+        low, high = sorted(moment(motion, when) for when in over)
+        run = motion.covering(high if motion.t_end >= motion.built.t_span[0] else low)
+    else:
+        run = motion.main
+        low, high = sorted((run.problem.t_span[0], run.t_end))
+    parts = [(s, max(min(s.t0, s.t1), low), min(max(s.t0, s.t1), high)) for s in run.segments]
+    sliding = over in ("first_sliding", "sliding")
+    found = [(run, a, b) for s, a, b in parts if b > a and (slides(s.mode) or not sliding)]
+    if not found:
+        raise MissingError("the run does not slide" if sliding else "the run is over at once")
+    return found[:1] if over == "first_sliding" else found
+
+
+def expression(
+    motion: Motion, text: str, where: dict[str, Measure], given: dict[str, Symbol] | None = None
+) -> Expr:
+    """A formula in t, the states, the parameters, quantities that are numbers, and given symbols."""
+    names = {**motion.names, **(given or {}), "t": time_symbol}
+    for name, measure in where.items():
+        names[name] = float(np.asarray(measure.of(motion)).reshape(()))
+    return formula(text, names)
+
+
+def one_of(items: Sequence[Any], number: int, what: str) -> Any:
+    """The entry of that number, from 1, or from the end with -1. Raises MissingError."""
+    if not number:
+        raise ModelError("number is 0, expected 1, 2, ... from the first, or -1, -2, ... from the last.")
+    place = number - 1 if number > 0 else number
+    if not -len(items) <= place < len(items):
+        raise MissingError(f"there are {len(items)} {what}, number {number} is asked for")
+    return items[place]

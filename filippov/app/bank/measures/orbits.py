@@ -1,0 +1,133 @@
+"""Periodic motions: period, multipliers, stability; what harmonic balance predicts; folds of orbits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from filippov.analysis.harmonic.describing_function import describing_function
+from filippov.analysis.orbits.orbit import Orbit
+from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
+from filippov.analysis.steady.forcing import depends_on_time
+from filippov.app.bank.measures.measure import Measure, Number, one_of
+from filippov.app.bank.motion import Motion, slides
+from filippov.app.bank.notation import number
+from filippov.app.bank.reason import MissingError
+from filippov.app.bank.recurrence import Cycle
+from filippov.base.errors import ModelError, UsageError
+
+SYMMETRIC = 1e-6
+
+
+@dataclass(frozen=True)
+class PeriodicOrbit(Measure, quantity="orbit"):
+    """The periodic motion that the run settles on, or the periodic orbit near the start, stable or not.
+
+    take    period; multipliers (real, by growing modulus); moduli (of all of them); multiplier (that of the
+            largest modulus, real); modulus (the same without sign); exponent (its logarithm over the period);
+            stability ("stable" or "unstable")
+    find    "settled", or "near_start", found by Newton's method; default: the first where the run settles,
+            else the second
+    period  a guess of the period, for near_start
+    half    multipliers of the half map x(0) -> -x(T/2), for motions that are symmetric under x -> -x
+    trivial whether lists hold the multiplier 1 of an autonomous system, which single values leave out
+    """
+
+    take: Literal["period", "multipliers", "moduli", "multiplier", "modulus", "exponent", "stability"]
+    find: Literal["settled", "near_start"] | None = None
+    period: Number | None = None
+    half: bool = False
+    trivial: bool = False
+
+    def of(self, subject: Motion) -> Any:
+        """What is taken of it. Raises MissingError."""
+        if self.take == "period":
+            cycle = self._cycle(subject)
+            return self._orbit(subject).period if cycle is None else cycle.period
+        values = self._multipliers(subject)
+        if self.take in ("multipliers", "moduli"):
+            moduli = sorted(abs(v) for v in values)
+            return moduli if self.take == "moduli" else [_real(v) for v in sorted(values, key=abs)]
+        if self.take == "stability":
+            return "stable" if max(map(abs, values), default=0.0) < 1 else "unstable"
+        if not values:
+            raise MissingError("the motion has no multiplier besides 1")
+        largest = max(values, key=abs)
+        if self.take == "exponent":
+            period = PeriodicOrbit("period", self.find, self.period).of(subject)
+            with np.errstate(divide="ignore"):
+                return float(np.log(abs(largest))) / period
+        return abs(largest) if self.take == "modulus" else _real(largest)
+
+    def _cycle(self, motion: Motion) -> Cycle | None:
+        try:
+            return motion.cycle if self.find != "near_start" else None
+        except MissingError:
+            if self.find == "settled":
+                raise
+            return None
+
+    def _orbit(self, motion: Motion) -> Orbit:
+        return motion.orbit(None if self.period is None else number(self.period, motion.names))
+
+    def _multipliers(self, motion: Motion) -> list[complex]:
+        cycle = self._cycle(motion)
+        wanted = self.trivial and self.take in ("multipliers", "moduli")
+        if cycle is not None:
+            values = _eigenvalues(motion, cycle, self.half)
+            if not wanted and not depends_on_time(motion.built.system):
+                values.remove(min(values, key=lambda v: abs(v - 1)))
+            return values
+        orbit = self._orbit(motion)
+        found = orbit.half_multipliers if self.half else orbit.multipliers
+        if found is None:
+            raise MissingError("the periodic motion is not symmetric under x -> -x")
+        return [*map(complex, found), *([1.0 + 0j] if wanted and orbit.trivial is not None else [])]
+
+
+def _real(value: complex) -> float:
+    if abs(value.imag) > 1e-9 * (1 + abs(value)):
+        raise MissingError(f"the multiplier {value:.6g} is complex: take moduli, or the modulus")
+    return value.real
+
+
+def _eigenvalues(motion: Motion, cycle: Cycle, half: bool) -> list[complex]:
+    """Of the derivative of the flow over the period, from the middle of its longest part in one mode."""
+    (low, high), tiny = cycle.span, 1e-9 * cycle.period
+    parts = [s for s in cycle.run.segments if s.t0 >= low - tiny and s.t1 <= high + tiny]
+    parts = [s for s in parts if not slides(s.mode)] or parts
+    if not parts:
+        raise MissingError("the cycle has no part to start from")
+    longest = max(parts, key=lambda s: s.dwell)
+    t0 = 0.5 * (longest.t0 + longest.t1)
+    assert cycle.run.sol is not None
+    x0 = np.asarray(cycle.run.sol(t0))
+    length = cycle.period / (2 if half else 1)
+    run = motion.solve(x0=tuple(float(v) for v in x0), t0=t0, t_end=t0 + length)
+    if not run.status.ok:
+        raise MissingError(run.message)
+    if half and np.max(np.abs(run.x_end + x0)) > SYMMETRIC * (1 + np.max(np.abs(x0))):
+        raise MissingError("the periodic motion is not symmetric under x -> -x")
+    try:
+        matrix = flow_derivative(run)
+    except NotDifferentiableError as error:
+        raise MissingError(str(error)) from None
+    return [complex(v) for v in np.linalg.eigvals(-matrix if half else matrix)]
+
+
+@dataclass(frozen=True)
+class HarmonicBalance(Measure, quantity="harmonic_balance"):
+    """What harmonic balance predicts for a limit cycle: the `number`-th by growing amplitude."""
+
+    take: Literal["period", "frequency", "amplitude"]
+    number: int = 1
+
+    def of(self, subject: Motion) -> Any:
+        """The prediction."""
+        try:
+            cycles = describing_function(subject.built.system).cycles
+        except (ModelError, UsageError) as error:
+            raise MissingError(str(error)) from None
+        return getattr(one_of(cycles, self.number, "predicted cycles"), self.take)

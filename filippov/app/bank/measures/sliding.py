@@ -1,0 +1,175 @@
+"""Sliding: the values of the signs, the field, and the modes that can follow where several can."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import linprog
+
+from filippov.app.bank.measures.measure import Measure, When, moment, one_of
+from filippov.app.bank.measures.states import Rule
+from filippov.app.bank.motion import Motion, slides
+from filippov.app.bank.reason import MissingError
+from filippov.solving.solution import Solution
+from filippov.solving.state.machine import Machine
+
+Array = npt.NDArray[np.float64]
+
+
+def under(motion: Motion, rule: Rule | None, when: When) -> tuple[Solution, float]:
+    """The run under a rule of sliding, and the time that is meant. Raises MissingError."""
+    if when is None and not motion.main.status.ok and rule is None:
+        return motion.main, motion.main.t_end
+    t = moment(motion, when)
+    if rule is None:
+        return motion.covering(t), t
+    run = motion.solve(sliding=rule)
+    if not run.status.ok:
+        raise MissingError(f"with sliding={rule!r} the run ends with {run.status.value} ({run.message})")
+    return run, t
+
+
+def _sliding(run: Solution, t: float) -> list[int]:
+    mode = run.end_mode if t == run.t_end else run.mode_at(t, "+")
+    on = [i for i, sign in enumerate(mode) if sign == 0]
+    if not on:
+        raise MissingError(f"the motion does not slide at t = {t:.9g}")
+    return on
+
+
+@dataclass(frozen=True)
+class Signs(Measure, quantity="signs"):
+    """The values of the signs that the motion slides on at a time (the equivalent control), in order.
+
+    surface  only that of one surface; sliding: the rule of sliding
+    """
+
+    t: When = None
+    surface: int | str | None = None
+    sliding: Rule | None = None
+
+    def of(self, subject: Motion) -> Any:
+        """A list, or one number."""
+        run, t = under(subject, self.sliding, self.t)
+        on, (_, multipliers) = _sliding(run, t), subject.velocity(run, t)
+        if self.surface is None:
+            return [multipliers[i] for i in on]
+        place = subject.place(self.surface)
+        if place not in on:
+            raise MissingError(f"the motion does not slide on {self.surface} at t = {t:.9g}")
+        return multipliers[place]
+
+
+@dataclass(frozen=True)
+class Rate(Measure, quantity="rate"):
+    """x' in the mode at a time.
+
+    component  of one state by name; sliding: the rule of sliding
+    """
+
+    t: When = None
+    component: str | None = None
+    sliding: Rule | None = None
+
+    def of(self, subject: Motion) -> Any:
+        """The derivative."""
+        run, t = under(subject, self.sliding, self.t)
+        if self.sliding is not None:
+            _sliding(run, t)
+        velocity, _ = subject.velocity(run, t)
+        return velocity if self.component is None else velocity[subject.component(self.component)]
+
+
+@dataclass(frozen=True)
+class VertexWeights(Measure, quantity="moments_weights"):
+    """Weights of the vertex fields --, -+, +-, ++, ... in the moments solution at the end of the span."""
+
+    def of(self, subject: Motion) -> Any:
+        """Weights with the multipliers as their marginals that satisfy the equations of the moments rule."""
+        run, t = under(subject, "moments", None)
+        on, (_, multipliers) = _sliding(run, t), subject.velocity(run)
+        signs, fields, g, gt = _vertices(run, on)
+        w = (fields @ g[on].T + gt[on]) / np.linalg.norm(g[on], axis=1)
+        rows, right = [np.ones(len(signs))], [1.0]
+        for k, i in enumerate(on):
+            rows.append(signs[:, k])
+            right.append(float(multipliers[i]))
+        for size in range(2, len(on) + 1):
+            for some in map(list, itertools.combinations(range(len(on)), size)):
+                rows.append(np.prod(signs[:, some], axis=1) * np.linalg.norm(w[:, some], axis=1))
+                right.append(0.0)
+        return [float(v) for v in np.linalg.solve(np.array(rows), np.array(right))]
+
+
+def _vertices(run: Solution, on: list[int]) -> tuple[Array, Array, Array, Array]:
+    """Signs and fields of the vertices at the end of a run, gradients and time derivatives of surfaces."""
+    machine = Machine(run.problem.system, run.options.method, run.problem.p)
+    mode = np.array(run.end_mode, dtype=float)
+    signs = np.array(list(itertools.product((-1.0, 1.0), repeat=len(on))))
+    fields = []
+    for corner in signs:
+        s = np.where(mode == 0, 1.0, mode)
+        s[on] = corner
+        fields.append(machine.rhs(run.t_end, run.x_end, s, mode))
+    g, gt = machine.gradients(run.t_end, run.x_end, mode)
+    return signs, np.array(fields), g, gt
+
+
+@dataclass(frozen=True)
+class RateBounds(Measure, quantity="rate_bounds"):
+    """[least, largest] rate of a state over all convex combinations of the vertex fields that stay on the
+    surfaces, at the end of the span."""
+
+    component: str
+
+    def of(self, subject: Motion) -> Any:
+        """The two bounds."""
+        run = subject.main
+        on = _sliding(run, run.t_end)
+        _, fields, g, gt = _vertices(run, on)
+        stay = np.vstack([(fields @ g[on].T + gt[on]).T, np.ones(len(fields))])
+        target = np.append(np.zeros(len(on)), 1.0)
+        rate = fields[:, subject.component(self.component)]
+        ends = [linprog(sign * rate, A_eq=stay, b_eq=target, bounds=(0, 1)) for sign in (1, -1)]
+        if not all(end.success for end in ends):
+            raise MissingError("no convex combination stays on the surfaces")
+        return [float(ends[0].fun), -float(ends[1].fun)]
+
+
+@dataclass(frozen=True)
+class Continuations(Measure, quantity="continuations"):
+    """The modes that can follow where the solution is not unique.
+
+    slides  only those that slide
+    deepest  only those that slide on as many surfaces as any
+    number  only that one, from 1, in the order in which they are found
+    take    count, fields (a list for each), signs (those slid on, a list for each), or the name of a state:
+            its rates
+    """
+
+    slides: bool = False
+    deepest: bool = False
+    number: int | None = None
+    take: str = "count"
+
+    def of(self, subject: Motion) -> Any:
+        """A list, one entry of it, or the count."""
+        _, every = subject.candidates()
+        found = [c for c in every if slides(c.mode) or not self.slides]
+        if self.deepest:
+            depth = max((c.mode.count(0) for c in found), default=0)
+            found = [c for c in found if c.mode.count(0) == depth]
+        if not found:
+            raise MissingError("the motion is unique")
+        if self.take == "count":
+            return float(len(found))
+        if self.take == "signs":
+            rows = [[v for v, m in zip(c.multipliers, c.mode, strict=True) if m == 0] for c in found]
+        else:
+            part: Any = slice(None) if self.take == "fields" else subject.component(self.take)
+            rows = [c.field[part] for c in found]
+        return rows if self.number is None else one_of(rows, self.number, "continuations")

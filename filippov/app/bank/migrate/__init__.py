@@ -1,0 +1,4 @@
+"""The earlier form of a bank, whose expectations are understood by name, made into that of today.
+
+All guessing stands here: regular expressions, and several readings of one name, of which the nearest counts.
+"""

@@ -1,0 +1,174 @@
+"""Names of events: their list, number, kinds, times."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from sympy import Symbol
+
+from filippov.app.bank import record
+from filippov.app.bank.expectation import LONGEST_LIST
+from filippov.app.bank.measures.events import EventCount, EventList, OneEvent, Record, SomeEvents
+from filippov.app.bank.measures.measure import Measure
+from filippov.app.bank.measures.states import Segments
+from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
+from filippov.app.bank.motion import Motion
+from filippov.app.bank.notation import formula
+from filippov.app.bank.reason import NotUnderstoodError
+from filippov.base.errors import ModelError
+
+_SAME = {
+    word: kind for kind, words in (
+        ("slide", "enter entry entrie sliding stick stop saturate capture"), ("exit", "leave release slip"),
+        ("cross", "crossing"), ("reset", "impact jump bounce rebound"), ("graze", "grazing touch tangency"),
+    ) for word in words.split()
+}  # fmt: skip
+_KIND = (
+    "enter|entry|slide|sliding|stick|saturate|capture|exit|leave|release|slip|cross|crossing|impact|reset|jump|"
+    "graze|grazing|touch"
+)
+_PLACE = {"first": 1, "second": 2, "third": 3, "fourth": 4, "fifth": 5, "last": -1}
+# How many values of a formula in n without a range are compared.
+MOST = 24
+
+
+def kind_word(old: Old, text: str) -> Any:
+    """The kind of event that a word means: impacts of a system without resets are crossings."""
+    word = _SAME.get(text, text)
+    if word in ("switch", "switching", "event"):
+        return None
+    return "cross" if word == "reset" and not resets(old.motion) else word
+
+
+def resets(motion: Motion) -> bool:
+    """Whether a surface resets the state."""
+    return any(surface.reset is not None for surface in motion.built.system.surfaces)
+
+
+def counting(text: str | None) -> int:
+    """The number of an event, 1 where none is given. Raises NotUnderstoodError."""
+    if text is not None and not int(text):
+        raise NotUnderstoodError("events count from 1")
+    return int(text or 1)
+
+
+def horizon(old: Old) -> float | None:
+    """The latest time expected, where it is beyond the span."""
+    try:
+        latest = float(np.max(np.atleast_1d(old.wanted()), initial=-np.inf)) + 2 * old.tol
+    except NotUnderstoodError:
+        return None
+    return latest * (1 + 1e-6) if latest > max(old.motion.built.t_span) else None
+
+
+def _events(old: Old, _: Groups) -> list[Reading]:
+    if not isinstance(old.value, list) or not all(isinstance(item, dict) for item in old.value):
+        raise NotUnderstoodError("events are no list of objects")
+    grazing = any(_base(item) == "graze" for item in old.value)
+    jumps, together = resets(old.motion) or bool(old.motion.built.system.time_events), max(old.tol, 1e-9)
+    rows = [[_record(old, item, key) for item in old.value] for key in ("state", "state_after")[: 1 + jumps]]
+    return old.either(*(EventList(tuple(row), together, grazing) for row in rows), value=0)
+
+
+def _base(item: dict[str, Any]) -> str:
+    word = str(item.get("type", "")).rstrip("+-").strip()
+    return _SAME.get(word, word)
+
+
+def _record(old: Old, item: dict[str, Any], key: str) -> Record:
+    base, sign = _base(item), str(item.get("type", ""))[-1:]
+    signed = sign in ("+", "-") and base in ("cross", "exit")
+    data: dict[str, Any] = {"kind": base + (sign if signed else "")} if item.get("type") is not None else {}
+    data |= {"t": old.number(item["t"])} if "t" in item else {}
+    data |= {"surface": item["surface"]} if item.get("surface") is not None else {}
+    state = item.get("state", item.get("x"))
+    if state is not None:
+        where = key if base in ("reset", "time") else "state"
+        data[where] = [float(v) for v in np.atleast_1d(old.numbers(state))]
+    try:
+        found: Record = record.read(Record, data, "event")
+    except ModelError as error:
+        raise NotUnderstoodError(str(error)) from None
+    return found
+
+
+def _event_types(old: Old, _: Groups) -> list[Reading]:
+    kinds = re.findall(r"[A-Za-z]+[+-]?", old.value) if isinstance(old.value, str) else list(old.value or ())
+    words = [str(kind) for kind in kinds]
+    bases = [_SAME.get(word.rstrip("+-"), word.rstrip("+-")) for word in words]
+    among: Any = "any" if "graze" in bases else None
+    found: list[Any] = [old.e(EventCount(kind=among), value=len(words), atol=0)]
+    for place, (word, base) in enumerate(zip(words, bases, strict=True)):
+        signed = word[-1:] in ("+", "-") and base in ("cross", "exit")
+        take, text = ("signed_kind", base + word[-1]) if signed else ("kind", base)
+        found.append(old.e(OneEvent(kind=among, number=place + 1, take=take), text=text))
+    return [Reading(tuple(found))]
+
+
+def _modes(old: Old, _: Groups) -> list[Reading]:
+    value = old.value
+    modes = re.findall(r"[-+0]+", value) if isinstance(value, str) else [str(item) for item in value or ()]
+    return old.one(Segments(), text=tuple(modes))
+
+
+def _times(old: Old, g: Groups) -> list[Reading]:
+    kind, until = kind_word(old, g["what"] or "event"), horizon(old)
+    if g["what"] == "impact" and not resets(old.motion):
+        kind = None
+    kinds = [(kind, False), (kind, True), *([] if kind else [("any", False)])]
+    return sequence(old, lambda n: [SomeEvents(k, acting=a, until=until, first=n) for k, a in kinds])
+
+
+def sequence(old: Old, measures: Callable[[int], Sequence[Measure]]) -> list[Reading]:
+    """The first values of measures: a list, or a formula in n, from 0 or from 1, or n=a..b."""
+    if not isinstance(old.value, str):
+        return old.either(*measures(old.size))
+    body, _, where = old.value.partition(",")
+    body = body.partition("=")[2] if "=" in body else body
+    match = re.fullmatch(r"\s*(?:n\s*=\s*)(-?\d+)\s*(?:\.\.+|to)\s*(-?\d+)\s*", where)
+    if (where.strip() and match is None) or not re.search(r"\bn\b", body):
+        raise NotUnderstoodError(f"{old.value!r} is not a formula in n")
+    if match and int(match[2]) - int(match[1]) >= LONGEST_LIST:
+        raise NotUnderstoodError(f"{old.value!r:.80} stands for more than {LONGEST_LIST} numbers")
+    try:
+        formula(body, {**old.subject.names, "n": Symbol("n", integer=True)})
+    except ModelError as error:
+        raise NotUnderstoodError(str(error)) from None
+    ranges = [(int(match[1]), int(match[2]))] if match else [(0, None), (1, None)]
+    counts = [(n, MOST if n[1] is None else n[1] - n[0] + 1) for n in ranges]
+    return [r for n, count in counts for r in old.either(*measures(count), value=body.strip(), n=n)]
+
+
+def _numbered(old: Old, g: Groups) -> list[Reading]:
+    chosen = [int(text) - 1 for text in g["numbers"].split("_")]
+    if any(not 0 <= k < len(old.motion.built.declared) for k in chosen):
+        raise NotUnderstoodError(f"the case has {len(old.motion.built.declared)} surfaces")
+    return old.one(SomeEvents("any", surface=tuple(chosen)))
+
+
+def _time(old: Old, g: Groups) -> list[Reading]:
+    place = counting(g["k"]) if g["k"] else _PLACE[g["place"] or "first"]
+    deep = int(g["deep"]) if g["deep"] else None
+    return old.one(OneEvent(kind_word(old, g["kind"]), codimension=deep, until=horizon(old), number=place))
+
+
+enter(
+    Motion,
+    (r"events", _events),
+    (r"n_events|number_of_events|event_count", lambda o, _: o.one(EventCount())),
+    (r"event_types|event_kinds|event_sequence", _event_types),
+    (r"modes|mode_sequence|mode_word", _modes),
+    (r"(?:(?P<what>event|switch|switching|impact|crossing|entry|exit|slide|reset)_times)|t_events|t_switches",
+     _times),
+    (r"events?_(?P<numbers>\d+(?:_\d+)*)(?:_times?)?", _numbered),
+    (r"(?:switch|event|t|t_event|t_switch|impact)_(?P<k>\d+)",
+     lambda o, g: o.either(*(OneEvent(acting=a, number=counting(g["k"])) for a in (False, True)))),
+    ((rf"t_(?:(?P<place>first|second|third|fourth|fifth|last)_)?(?P<kind>{_KIND})(?:_(?P<k>\d+))?"
+     rf"(?:_codim_?(?P<deep>\d))?|(?P<place2>first|second|third|last)_(?P<kind2>{_KIND})_(?:time|t)"),
+     _time),
+    (r"t_first(?:_[\d._-]+)?|t_event|t_switch|first_event_t(?:ime)?|first_switch(?:_t)?",
+     lambda o, _: o.one(OneEvent())),
+)  # fmt: skip

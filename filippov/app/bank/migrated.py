@@ -1,0 +1,40 @@
+"""A whole bank of the earlier form in today's, with what to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from filippov.app.bank.case import chosen, read_bank
+from filippov.app.bank.migrate.case import migrated
+from filippov.app.bank.motion import Settings
+from filippov.app.bank.subjects import Subjects
+from filippov.base.errors import ModelError, UsageError
+
+
+def migrate_bank(
+    bank: str | Path | Sequence[Any] | Mapping[str, Any],
+    *,
+    only: Sequence[str] | None = None,
+    max_time: float = 120.0,
+) -> tuple[dict[str, Any], list[str]]:
+    """The bank in today's form, and a line for each expectation that is left out or had to be guessed.
+
+    Names that have several readings are settled by a run: the nearest to the value is taken. A case that is
+    no problem is left out, and told. Cases of today's form stay. max_time: seconds for each case.
+    """
+    cases: list[Mapping[str, Any]] = []
+    said: list[str] = []
+    for case in chosen(read_bank(bank), only):
+        if case.typed:
+            cases.append(case.raw)
+            continue
+        try:
+            data, lines = migrated(case, Subjects(case, Settings(max_time=max_time)))
+        except (ModelError, UsageError) as error:
+            said.append(f"{case.id}: not carried over: {error}")
+        else:
+            cases.append(data)
+            said += lines
+    return {"cases": cases}, said

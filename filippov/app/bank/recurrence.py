@@ -1,0 +1,54 @@
+"""The periodic motion that a run settles on: the shortest repetition of its events."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from filippov.base.status import EventKind
+from filippov.solving.solution import Solution
+from filippov.solving.state.events import Event
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """The last period of a run: from the event before the last turn to the last event.
+
+    residual  largest difference between the states of its events and those a period earlier, relative
+    """
+
+    run: Solution
+    period: float
+    events: tuple[Event, ...]
+    residual: float
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time of it."""
+        return self.events[-1].t - self.period, self.events[-1].t
+
+
+def recurrence(run: Solution, events: Sequence[Event]) -> Cycle | None:
+    """The shortest repetition at the end of a run: k events that equal the k before them."""
+    best: Cycle | None = None
+    scale = 1.0 + max((float(np.max(np.abs(e.x), initial=0.0)) for e in events), default=0.0)
+    for k in range(1, len(events) // 2 + 1):
+        last, before = events[-k:], events[-2 * k : -k]
+        if any(_word(a) != _word(b) for a, b in zip(last, before, strict=True)):
+            continue
+        gap = max(float(np.max(np.abs(a.x - b.x))) for a, b in zip(last, before, strict=True)) / scale
+        shifts = np.array([a.t - b.t for a, b in zip(last, before, strict=True)])
+        gap = max(gap, float(np.ptp(shifts)) / (1.0 + abs(float(shifts[-1]))))
+        if gap < 1e-7 and shifts[-1] > 0:
+            found = Cycle(run, float(shifts[-1]), tuple(last), gap)
+            if best is None or found.residual < 1e-2 * best.residual:
+                best = found
+            if found.residual < 3e-11:
+                return found
+    return best
+
+
+def _word(event: Event) -> tuple[int, EventKind, int]:
+    return event.index, event.kind, event.direction
