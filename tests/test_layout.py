@@ -136,7 +136,7 @@ def test_13_1_old_paths_name_modules_that_are_there() -> None:
 def test_13_1_an_old_path_gives_the_same_module() -> None:
     code = (
         "import importlib, sys\nfrom filippov.base.moved import MOVED\n"
-        "inside = ['filippov.bank.case', 'filippov.report.html', 'filippov.commands.simulate']\n"
+        "inside = ['filippov.bank.case', 'filippov.report.study', 'filippov.commands.simulate']\n"
         "names = sorted(MOVED) + inside\n"
         "for name in names:\n"
         "    old = importlib.import_module(name)\n"

@@ -96,7 +96,7 @@ _MOVED: dict[tuple[str, str], str] = {
         "contraction gain_map tuning"
     ),
     ("filippov.analysis", "filippov.analysis.harmonic"): (
-        "control_link describing_function quasi_linear static_cycle"
+        "control_link describing_function quasi_linear"
     ),
     ("filippov.analysis", "filippov.analysis.local_stability"): (
         "certificates contact_stability kink_stability periodic_stability planar_cone set_parts "
@@ -115,6 +115,12 @@ _MOVED: dict[tuple[str, str], str] = {
     ("filippov.analysis", "filippov.analysis.steady"): (
         "branches clocks drift_map equilibria equilibria_numeric equilibrium existence forcing "
         "linearisation rest_map"
+    ),
+    ("filippov.analysis", "filippov.models"): (
+        "static_cycle"
+    ),
+    ("filippov.analysis.harmonic", "filippov.models"): (
+        "static_cycle"
     ),
     ("filippov.bank", "filippov.app.bank.expect"): (
         "expect_averages>averages expect_cycle>cycle expect_events>events expect_formula>formula "
