@@ -363,7 +363,7 @@ def test_13_6_the_belt_sticks_where_its_slip_comes_back(belt):
     summary, out = belt
     (point,) = summary["fixed_points"]["1"]
     values = np.array([[v, d[0]] for v, d in summary["cycles"]["1"].items()], dtype=float)
-    assert len(values) == 2
+    assert len(values) == 3
     for vb, d in [(0.2, point["d"]), *values.tolist()]:
 
         def slip(_, x, vb=vb):

@@ -12,11 +12,11 @@ from filippov import UsageError, solve
 from filippov.analysis.gains.contraction import contraction
 from filippov.analysis.gains.gain_map import gain_map
 from filippov.analysis.gains.tuning import Tuning, tune
-from filippov.analysis.harmonic.static_cycle import coulomb_ratio, static_cycles
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.section import Section
 from filippov.app.cli.main import main
 from filippov.models import get
+from filippov.models.static_cycle import coulomb_ratio, static_cycles
 
 MODEL = get("hunting")
 SYSTEM, SECTION = MODEL.build(), Section.from_model(MODEL)
