@@ -342,6 +342,7 @@ def test_13_6_every_text_of_a_study_stands_in_its_report(page):
             missing = [words for words in (title, *ends) if words.strip() not in shown]
             # A quick study follows the smoother model in one case only.
             assert not missing or (section == "relative" and "relative_fold_1" in text)
+            assert shown.count(ends[0]) <= 1 or not ends[0]
 
 
 # -- another study ---------------------------------------------------------------------------------------

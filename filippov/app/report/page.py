@@ -77,7 +77,7 @@ def document(
     page, style = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("page.html", "page.css"))
     shown = []
     for section in sections:
-        words = [Words("p", text) for _, text in told(texts.get(section.anchor, ()), facts)]
+        words = [Words("p", text) for title, text in told(texts.get(section.anchor, ()), facts) if not title]
         parts = [_prepared(part, texts, facts, drawings) for part in (*words, *section.parts)]
         shown += [{"anchor": section.anchor, "title": section.title, "parts": parts}] if section.parts else []
     template = environment().from_string(page)
