@@ -27,7 +27,6 @@ from filippov.models.studies import (
     StatedPoint,
     Study,
     StudyCase,
-    Tuned,
     Variant,
     read_texts,
     register_study,
@@ -139,8 +138,8 @@ STUDY = register_study(Study(
     ending=("beta", (1.0, 2.0)), plane=("I", (4.0, 31.0), (4.0, 20.0)),
     ranges={"P": (8.0, 40.0), "I": (4.0, 20.0)},
     tuned=(
-        *(Tuned(f"β = {beta:g}", "hunting", {"beta": beta}) for beta in (2.0, 1.0, 0.5)),
-        Tuned("static + Coulomb", "hunting_static"),
+        *(Law(f"β = {beta:g}", "hunting", {"beta": beta}) for beta in (2.0, 1.0, 0.5)),
+        Law("static + Coulomb", "hunting_static"),
     ),
     laws=(
         Law("Stribeck, β = 2", "hunting"),

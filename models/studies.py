@@ -86,24 +86,17 @@ class Variant:
 
 
 @dataclass(frozen=True)
-class Tuned:
-    """A law for which settings without cycles are sought: a registered model, parameter values."""
-
-    label: str
-    model: str
-    parameters: Values = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
 class Law:
-    """A law that is put to harmonic balance and to the algebra of its slip, a registered model.
+    """A law for which settings without cycles are sought, or that is put to harmonic balance and to algebra.
 
-    ratio, cycles   functions of the model's parameter values, None for none: the ratio of successive stick
-                    positions (None where there is none), the coordinates of all cycles
+    model           a registered model, with values of its parameters
+    ratio, cycles   functions of the parameter values, None for none: the ratio of successive stick positions
+                    by algebra (None where there is none), the coordinates of all cycles
     """
 
     label: str
     model: str
+    parameters: Values = field(default_factory=dict)
     ratio: Callable[[Values], float | None] | None = None
     cycles: Callable[[Values], Sequence[float]] | None = None
 
@@ -203,7 +196,7 @@ class Study:
     ending: tuple[str, Range] | None = None
     plane: tuple[str, Range, Range] | None = None
     ranges: Mapping[str, Range] = field(default_factory=dict)
-    tuned: tuple[Tuned, ...] = ()
+    tuned: tuple[Law, ...] = ()
     laws: tuple[Law, ...] = ()
     experiment: Experiment | None = None
     relative: Relative | None = None

@@ -45,7 +45,7 @@ def plot_gain_maps(
             ax.set(xlabel=item.names[0], ylabel=item.names[1], xlim=item.x[[0, -1]], ylim=item.y[[0, -1]])
         if filled is not None:
             bar = drawn.colorbar(filled, ax=list(axes), ticks=LEVELS)
-            bar.set_label("largest |next stick / stick|;\nabove 1 (line): a limit cycle")
+            bar.set_label("largest |next stick / stick|;\nabove 1 (line): excursions grow")
         if title:
             drawn.suptitle(title, color=INK, fontsize=10)
     return drawn

@@ -25,11 +25,8 @@ from filippov.solving.solver import solve
 from filippov.solving.state.machine import Machine
 
 Array = npt.NDArray[np.float64]
-# Where each stage begins, in parts of a case.
-BEGINS = {
-    "time response": 0.0, "event map": 0.05, "fixed points": 0.1, "basins": 0.15, "jumps": 0.2,
-    "bifurcation": 0.25, "bifurcation beyond": 0.55, "stability": 0.6, "independent checks": 0.7,
-}  # fmt: skip
+# Where the stages end, in parts of a case.
+ENDS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.55, 0.6, 0.7, 1.0)
 
 
 @dataclass(frozen=True)
@@ -66,7 +63,7 @@ class Case:
 
     def __init__(self, run: Run, case: StudyCase, low: float, high: float) -> None:
         self.run, self.case, self.label, self.slug = run, case, case.label, case.slug
-        self._low, self._share = low, high - low
+        self._ends = iter([low + (high - low) * end for end in ENDS])
         study, effort, system, given = run.study, run.effort, run.system, case.parameters
         a, b = run.interval
         self.event_map = once = EventMap(system, run.section, parameters=given)
@@ -105,9 +102,7 @@ class Case:
 
     @contextmanager
     def _stage(self, name: str) -> Iterator[None]:
-        ends = [*BEGINS.values(), 1.0][list(BEGINS).index(name) + 1]
-        words = f"{self.label}: {name}"
-        with self.run.stage(f"{name}, {self.label}", self._low + self._share * ends, words):
+        with self.run.stage(f"{name}, {self.label}", next(self._ends), f"{self.label}: {name}"):
             yield
 
     @property

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from filippov.analysis.gains.gain_map import gain_map as ratio_map
 from filippov.analysis.gains.tuning import tune
 from filippov.analysis.harmonic.describing_function import DescribingFunction, describing_function
 from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.section import Section as EventSection
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.app.report.part import NONE, Picture, Section, Table, number, yes
@@ -80,34 +80,23 @@ def settings(run: Run) -> Section:
     )], summary={"settings": {asked.label: t.to_dict() for asked, t in found}})  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Prediction:
-    """Harmonic balance and algebra for one law, and the exact cycles beside them.
+class Prediction(NamedTuple):
+    """Harmonic balance and algebra for one law at its model's own values, and the exact cycles beside them.
 
-    exact     (coordinate, period, stable) of the cycles of the event map; inputs: (amplitude of the input,
-              frequency) of these
+    exact     fixed points of the event map that are cycles; inputs: (amplitude of the input, frequency)
     ratio     of successive stick positions by the algebra, and by the event map; None where not asked
     algebraic coordinates of the cycles by the algebra
     """
 
     law: Law
     harmonic: DescribingFunction
-    exact: tuple[tuple[float, float, bool], ...]
-    inputs: tuple[tuple[float, float], ...]
+    exact: list[FixedPoint]
+    inputs: list[tuple[float, float]]
     ratio: tuple[float, float] | None
-    algebraic: tuple[float, ...]
-
-    @property
-    def algebra(self) -> str:
-        """What the algebra says, in words."""
-        if self.ratio is not None:
-            return f"none: ratio of successive |d| {self.ratio[0]:.12f} (event map: {self.ratio[1]:.12f})"
-        none = NONE if self.law.cycles is None else "none"
-        return "; ".join(f"d = {d:.12f}" for d in self.algebraic) or none
+    algebraic: list[float]
 
 
 def _predicted(run: Run, law: Law) -> Prediction:
-    """The law at its model's own values."""
     model = registry.get(law.model)
     system = model.build()
     once = EventMap(system, EventSection.from_model(model))
@@ -123,9 +112,8 @@ def _predicted(run: Run, law: Law) -> Prediction:
             inputs.append((orbit.amplitude[name], 2 * np.pi / orbit.period))
     own, middle = law.ratio(once.parameters) if law.ratio else None, 0.5 * (low + high)
     ratio = None if own is None else (own, abs(float(once(middle))) / middle)
-    algebraic = tuple(law.cycles(once.parameters)) if law.cycles else ()
-    exact = tuple((float(q.d), float(q.period), bool(q.stable)) for q in cycles)
-    return Prediction(law, describing_function(system), exact, tuple(inputs), ratio, algebraic)
+    algebraic = list(law.cycles(once.parameters)) if law.cycles else []
+    return Prediction(law, describing_function(system), cycles, inputs, ratio, algebraic)
 
 
 def prediction(run: Run) -> Section:
@@ -138,10 +126,13 @@ def prediction(run: Run) -> Section:
     rows = []
     facts: dict[str, float] = {}
     for k, p in enumerate(found):
-        exact = "; ".join(f"d = {d:.12f} ({'stable' if s else 'unstable'})" for d, _, s in p.exact) or "none"
+        exact = "; ".join(f"d = {q.d:.12f} ({'stable' if q.stable else 'unstable'})" for q in p.exact)
         said = "; ".join(f"amplitude {c.amplitude:.6g}, period {c.period:.6g} s" for c in p.harmonic.cycles)
         right = bool(p.harmonic.cycles) == bool(p.exact)
-        rows.append((p.law.label, said or "no cycle", p.algebra, exact, yes(right)))
+        algebra = "; ".join(f"d = {d:.12f}" for d in p.algebraic) or ("none" if p.law.cycles else NONE)
+        if p.ratio is not None:
+            algebra = f"none: ratio of successive |d| {p.ratio[0]:.12f} (event map: {p.ratio[1]:.12f})"
+        rows.append((p.law.label, said or "no cycle", algebra, exact or "none", yes(right)))
         facts |= {f"ratio_{k}": p.ratio[0]} if p.ratio else {}
         facts |= {f"algebra_{k}": d for d in p.algebraic}
     made = [f for law in laws for f in (law.ratio, law.cycles) if f is not None]
@@ -160,8 +151,8 @@ def prediction(run: Run) -> Section:
         ),
     ], facts, {"predictions": {
         p.law.label: {
-            "harmonic_balance": p.harmonic.to_dict()["cycles"], "exact": [d for d, _, _ in p.exact],
-            "ratio": p.ratio, "algebra": list(p.algebraic),
+            "harmonic_balance": p.harmonic.to_dict()["cycles"], "exact": [q.d for q in p.exact],
+            "ratio": p.ratio, "algebra": p.algebraic,
         }
         for p in found
     }})  # fmt: skip

@@ -141,7 +141,7 @@ def checks(run: Run) -> Section:
 
 def _iterate(run: Run, case: Case, iterate: str) -> Figure:
     """The iterate with its fixed points, whole and with the origin magnified."""
-    shown = [(case.wide, "whole"), *([(case.small, "origin magnified")] if case.small else [])]
+    shown = [(case.wide, "whole"), (case.small, "origin magnified")] if case.small else [(case.wide, "")]
     with style():
         figure, top, parts = beside(4.0 * len(shown), 4.2, len(shown))
         for part, (samples, title) in zip(parts, shown, strict=True):
