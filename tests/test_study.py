@@ -17,7 +17,7 @@ from filippov.app.report.effort import Effort
 from filippov.app.report.page import Facts, inline_svg, wrapped
 from filippov.app.report.study import ORDER, run_study
 from filippov.base.errors import UsageError
-from filippov.models.studies import BUILT_IN, get_study, study_names
+from filippov.models.studies import BUILT_IN, Study, StudyCase, get_study, study_names
 
 SET, CYCLE = "equilibrium set", "limit cycle"
 # 40-digit Taylor integration; beta = 0.5: the four digits that are printed.
@@ -396,6 +396,17 @@ def test_13_6_the_belt_has_the_sections_that_it_asks_for(belt):
     assert "paper" not in page
     assert list(summary)[-1] == "timing"
     assert "experiment" not in summary
+
+
+@pytest.mark.parametrize(("model", "why"), [("two_blocks", "several surfaces"), ("pendulum", "no section")])
+def test_13_6_a_model_that_no_study_fits_is_refused(model, why, tmp_path):
+    study = Study(
+        name="other", title="t", source="s", model=model, cases=(StudyCase("1", {}, "1"),), parameter="vb",
+        values=(0.1, 0.2),
+    )  # fmt: skip
+    with pytest.raises(UsageError, match=why):
+        run_study(study, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 # -- the parts -------------------------------------------------------------------------------------------

@@ -153,25 +153,24 @@ class Case:
 
     def _rests(self) -> Array:
         """The section's coordinate at each of its events along the response."""
-        section, index = self.run.section, self.event_map.bound.index
-        return np.array([e.x[index] for e in self.solution.events.of(section.surface, section.kind)])
+        section = self.run.section
+        return np.array([e.x[self.run.index] for e in self.solution.events.of(section.surface, section.kind)])
 
     def _exactness(self) -> tuple[float, dict[str, float]]:
         """`height` and `spreads`, from twenty points of each segment."""
         solution, system, invariants = self.solution, self.run.system, self.run.model.invariants
         p, sol = solution.problem.p, solution.sol
         assert sol is not None
-        place = system.surface_index(self.run.section.surface)
         machine = Machine(system, solution.options.method, p, sliding=solution.options.sliding)
         mode, record = np.zeros(len(system.surfaces)), system.parameters.record(p)
         height, spreads = 0.0, dict.fromkeys((i.name for i in invariants), 0.0)
         for segment in solution.segments:
-            if segment.mode[place] != 0:
+            if segment.mode[self.run.surface] != 0:
                 continue
             t = np.linspace(segment.t0, segment.t1, 20)
             rows = np.ascontiguousarray(np.column_stack([sol(t[:1], side="+"), sol(t[1:])]).T)
             pairs = list(zip(t.tolist(), rows, strict=True))
-            height = max(height, *(abs(float(machine.guards(a, row, mode)[place])) for a, row in pairs))
+            height = max(height, *(abs(float(machine.guards(a, row, mode)[self.run.surface])) for a, row in pairs))
             for invariant in invariants:
                 values = [invariant.function(a, row, record) for a, row in pairs]
                 spreads[invariant.name] = max(spreads[invariant.name], max(values) - min(values))

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.section import Section
 from filippov.app.report.effort import Effort
 from filippov.base.errors import UsageError
@@ -21,10 +22,12 @@ Progress = Callable[..., object]
 
 
 class Run:
-    """What a study is about, and what is known so far; UsageError for a model without a section.
+    """What a study is about, and what is known so far.
 
     cases    computed ones, the main one first; cycles: of each case; timing: seconds by stage
     until    fraction of the whole that is done when the section at hand is
+
+    Raises UsageError for a model without a section, or with one of several surfaces or of a formula.
     """
 
     def __init__(self, study: Study, effort: Effort, progress: Progress | None = None) -> None:
@@ -34,6 +37,8 @@ class Run:
         self.study, self.effort, self.model, self.proposed = study, effort, model, model.section
         self.section, self.interval = Section.from_model(model), model.section.interval
         self.system = model.build()
+        bound = EventMap(self.system, self.section).bound
+        self.surface, self.index = bound.surface, bound.index
         self.x0, self.t_span = study.x0 or model.x0, study.t_span or model.t_span
         self.cases: list[Case] = []
         self.cycles: list[CaseCycles] = []
