@@ -170,7 +170,8 @@ class Case:
             t = np.linspace(segment.t0, segment.t1, 20)
             rows = np.ascontiguousarray(np.column_stack([sol(t[:1], side="+"), sol(t[1:])]).T)
             pairs = list(zip(t.tolist(), rows, strict=True))
-            height = max(height, *(abs(float(machine.guards(a, row, mode)[self.run.surface])) for a, row in pairs))
+            on = [machine.guards(a, row, mode)[self.run.surface] for a, row in pairs]
+            height = max(height, float(np.max(np.abs(on))))
             for invariant in invariants:
                 values = [invariant.function(a, row, record) for a, row in pairs]
                 spreads[invariant.name] = max(spreads[invariant.name], max(values) - min(values))
