@@ -16,7 +16,7 @@ from filippov.analysis.diagrams.bifurcation import Diagram, bifurcation
 from filippov.analysis.local_stability.stability import stability_report
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
-from filippov.app.report.run import Run
+from filippov.app.report.context import Context
 from filippov.base.errors import SolveError, UsageError
 from filippov.graphs.graph import observed_graph
 from filippov.graphs.word import mode_word
@@ -61,7 +61,7 @@ class Case:
     apart   largest distance of the response's rest positions from the orbit; NaN without any
     """
 
-    def __init__(self, run: Run, case: StudyCase, low: float, high: float) -> None:
+    def __init__(self, run: Context, case: StudyCase, low: float, high: float) -> None:
         self.run, self.case, self.label, self.slug = run, case, case.label, case.slug
         self._ends = iter([low + (high - low) * end for end in ENDS])
         study, effort, system, given = run.study, run.effort, run.system, case.parameters

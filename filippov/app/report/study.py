@@ -10,13 +10,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from filippov.app.report import band, cycles, design, diagram, response, smoother
+from filippov.app.report import band, checks, cycles, design, diagram, response, smoother
 from filippov.app.report.case import Case
+from filippov.app.report.context import Progress
 from filippov.app.report.effort import Effort
 from filippov.app.report.files import save_figure, write, write_csv
 from filippov.app.report.page import Facts, document, environment, machine, told
 from filippov.app.report.part import Picture, Section, Table, Words
-from filippov.app.report.run import Progress, Run
+from filippov.app.report.run import Run
 from filippov.base.json_text import json_text
 from filippov.models.studies import Study, get_study
 from filippov.plot.style import style
@@ -27,11 +28,11 @@ CASES, COMPUTED = 0.25, 0.85
 # of the study that asks for it ("" for always), and how long it takes, in parts of the whole.
 SECTIONS: tuple[tuple[Callable[[Run], Section], str, float], ...] = (
     (response.model, "", 0), (response.response, "", 0), (response.event_map, "", 0),
-    (diagram.fixed_points, "", 0), (diagram.bifurcation, "", 0), (diagram.classification, "", 0),
-    (diagram.stability, "", 0), (response.modes, "", 0.01), (band.comparison, "variants", 0.2),
+    (diagram.fixed_points, "", 0), (diagram.bifurcation, "", 0), (checks.classification, "", 0),
+    (checks.stability, "", 0), (response.modes, "", 0.01), (band.comparison, "variants", 0.2),
     (cycles.orbits, "", 0.05), (cycles.branches, "", 0), (cycles.fold_curve, "ending", 0.1),
     (cycles.region_map, "plane", 0.08), (design.settings, "tuned", 0.15), (design.prediction, "laws", 0.05),
-    (design.experiment, "experiment", 0.05), (smoother.relative, "relative", 0.3), (diagram.checks, "", 0),
+    (design.experiment, "experiment", 0.05), (smoother.relative, "relative", 0.3), (checks.checks, "", 0),
 )  # fmt: skip
 # The order of the sections in the report.
 ORDER = (
