@@ -394,6 +394,10 @@ def test_13_6_the_belt_has_the_sections_that_it_asks_for(belt):
     ]  # fmt: skip
     assert "They do not apply here" in page
     assert "paper" not in page
+    # It has one equilibrium, where the field is smooth.
+    assert "no linear part" not in page
+    assert "No Routh-Hurwitz bound in vb was found" in page
+    assert "says of the equilibria: β = 1: unstable" in page
     assert list(summary)[-1] == "timing"
     assert "experiment" not in summary
 

@@ -130,8 +130,23 @@ class Case:
         """Values at which the linearised return map says that the set changes stability."""
         return next((tuple(s.threshold) for s in self._solved()), ())
 
+    @property
+    def without(self) -> str:
+        """Why there is no bound: the field beside a set has no linear part, or none was found."""
+        rough = any(c.polynomial is None for c in self._applying())
+        return "no linear part" if rough else "none found"
+
+    @property
+    def sets(self) -> list[Any]:
+        """The ends of each equilibrium set."""
+        found = [getattr(item.equilibrium, "ends", ()) for item in self.stability.items]
+        return [ends for ends in found if ends]
+
+    def _applying(self) -> list[Any]:
+        return [c for item in self.stability.items for c in item.cases if c.applies]
+
     def _solved(self) -> list[Any]:
-        cases = [c for item in self.stability.items for c in item.cases if c.applies]
+        cases = self._applying()
         return [c.solved for c in cases if c.solved is not None and c.polynomial is not None]
 
     def _sample(self, low: float, high: float) -> Samples:

@@ -27,12 +27,13 @@ def classification(run: Run) -> Section:
             paper = said.get(regime, {}).get(what, NONE)
             rows.append((regime, what, word, paper, yes(word == paper)))
     values = [v for diagram in run.main.diagrams for v in diagram.values]
+    subject = "set" if run.main.sets else "equilibria"
     proofs = [f"{c.case.regime or c.label}: {c.stability.items[0].answer}"
               for c in run.cases if c.stability.items]  # fmt: skip
     table = Table(
         "Table 4. Classification", ("regime", "what", "computed", "paper", "same"), tuple(rows),
         f"Computed from the diagrams at {run.study.parameter} = {', '.join(f'{v:g}' for v in values)}, one "
-        "case a regime. The stability report, at the parameters of table 1, says of the set: "
+        f"case a regime. The stability report, at the parameters of table 1, says of the {subject}: "
         f"{'; '.join(proofs)}.",
         f"bifurcation_*.csv, read by {__name__}.classification.",
     )  # fmt: skip

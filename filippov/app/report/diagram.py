@@ -128,6 +128,8 @@ def _in_words(case: Case) -> str:
 
 def _bound_in_words(name: str, case: Case) -> str:
     """Where the analytic bound is."""
+    if case.bound is None and case.without == "none found":
+        return f"No Routh-Hurwitz bound in {name} was found."
     if case.bound is None:
         return "There is no Routh-Hurwitz bound: the field beside the set has no linear part at the surface."
     inside = case.diagram.values[0] <= case.bound <= case.diagram.values[-1]
@@ -180,7 +182,7 @@ def _places(run: Run) -> Table:
     name, stated, rows = run.study.parameter, run.study.stated, []
     for c in run.cases:
         fold, change = stated.places.get(c.case.key, (NONE, NONE)) if stated else (NONE, NONE)
-        bound = f"{name} > {c.bound:g}" if c.bound is not None else "no linear part"
+        bound = f"{name} > {c.bound:g}" if c.bound is not None else c.without
         folds = "; ".join(f"{name} = {v:.10f}, d = {d:.10f}" for v, d in c.diagram.folds)
         changes = "; ".join(f"{name} = {v:.10f}" for v in c.diagram.stability_changes)
         rest = "; ".join(f"{name} = {v:.10f}" for v in c.thresholds)
@@ -188,7 +190,7 @@ def _places(run: Run) -> Table:
         rows += [
             (c.label, "fold of the two cycles", folds or "none", fold),
             (c.label, "the set changes stability (event map)", changes or _never(c), change),
-            (c.label, "the same by the linearised return map", rest or "no linear part", NONE),
+            (c.label, "the same by the linearised return map", rest or c.without, NONE),
             (c.label, "Routh-Hurwitz (sufficient)", bound, said),
         ]
     worst = max((s.residual for c in run.cases for s in c.diagram.special), default=0.0)

@@ -158,8 +158,7 @@ def _phase(run: Run, case: Case) -> Figure:
     """The first state against the second, and the last against the first, with the equilibrium set."""
     states, labels = run.system.states, run.study.labels
     named = {name: labels[name] for name in states if name in labels}
-    found = [e for item in case.stability.items if (e := getattr(item.equilibrium, "ends", ()))]
-    ends = np.array([end.value for end in found[0]], dtype=float) if found else None
+    ends = np.array([end.value for end in case.sets[0]], dtype=float) if case.sets else None
     planes = [(states[0], states[1])] + ([(states[2], states[0])] if len(states) > 2 else [])
     with style():
         figure, top, parts = beside(4.0 * len(planes), 4.2, len(planes))
