@@ -51,13 +51,13 @@ clean:
 
 $(VENV)/.use-$(FILES): $(VENV)/.made pyproject.toml
 	rm -rf $(VENV)/.use-* build/__editable__.*
-	$(INSTALL) '.[plots,progress,tests]'
+	$(INSTALL) '.[report,progress,tests]'
 	touch $@
 
 $(VENV)/.develop-$(FILES): $(VENV)/.use-$(FILES)
 	rm -f $(VENV)/.develop-*
 	rm -rf build/__editable__.*
-	$(INSTALL) '.[plots,progress,tests,lint,docs]'
+	$(INSTALL) '.[report,progress,tests,lint,docs]'
 	touch $@
 
 $(VENV)/.made:

@@ -27,7 +27,6 @@ EXPORTS: dict[str, str] = {
     "tune": "gains.tuning",
     "relay_loop": "harmonic.control_link",
     "describing_function": "harmonic.describing_function",
-    **dict.fromkeys(("coulomb_ratio", "static_cycles"), "harmonic.static_cycle"),
     **dict.fromkeys(("certify", "stability_report"), "local_stability.stability"),
     "attractors": "invariant_sets.attractors",
     "manifold": "invariant_sets.manifold",

@@ -12,6 +12,8 @@ _EXPORTS: dict[str, str] = {
     **dict.fromkeys(("Coulomb", "Hyperbolic", "StaticCoulomb", "Stribeck", "Viscous"), "laws"),
     **dict.fromkeys(("PD", "PID", "Controller", "P"), "controllers"),
     **dict.fromkeys(("ControlledMass", "controlled_mass", "degeneracies", "hunting"), "mass"),
+    **dict.fromkeys(("coulomb_ratio", "static_cycles"), "static_cycle"),
+    **dict.fromkeys(("Study", "StudyCase", "get_study", "register_study", "study_names"), "studies"),
     "Switch": "switch",
     "Karnopp": "karnopp",
     "LuGre": "lugre",

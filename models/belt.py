@@ -11,7 +11,7 @@ from filippov.model.symbols import states
 from filippov.model.system import System
 from filippov.models.friction import SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Hyperbolic, StaticCoulomb, Stribeck
-from filippov.models.registry import Invariant, Model, register
+from filippov.models.registry import Invariant, Model, SectionData, register
 
 LAW = Hyperbolic(Fs=1, gamma=3)
 
@@ -79,5 +79,6 @@ STRIBECK = register(
         "Block on a moving belt, Stribeck friction: stick-slip.",
         "Armstrong-Helouvry, Dupont, Canudas de Wit 1994; numbers chosen here",
         (RIDE,),
+        SectionData("belt", "sliding entry", "x", {"x": "d", "v": "vb"}, (-0.9, 0.9)),
     )
 )

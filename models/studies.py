@@ -1,19 +1,28 @@
-"""Studies by name: what is computed for a model and shown, as plain data (see `filippov.app.report`)."""
+"""Studies by name: what is computed for a model and shown, as plain data (see `filippov.app.report`).
+
+A study has cases and asks questions; each question that it asks is a section of the report.
+"""
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from importlib import resources
+from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import closest
-from filippov.model.system import System
-from filippov.models.questions import Questions
+
+if TYPE_CHECKING:
+    from filippov.model.system import System
 
 # Name -> module that registers it when it is imported.
-BUILT_IN: dict[str, str] = {"hunting": "hunting_study"}
+BUILT_IN: dict[str, str] = {"hunting": "hunting_study", "belt": "belt_study"}
+
+Values = Mapping[str, float]
+Range = tuple[float, float]
+Texts = Mapping[str, tuple[tuple[str, str], ...]]
 
 
 @dataclass(frozen=True)
@@ -21,10 +30,10 @@ class StudyCase:
     """One set of parameter values; `key` names it in the summary, and `small` ends the magnified interval."""
 
     key: str
-    parameters: Mapping[str, float]
+    parameters: Values
     label: str
-    regime: str
-    small: float
+    regime: str = ""
+    small: float | None = None
 
     @property
     def slug(self) -> str:
@@ -40,6 +49,18 @@ class StatedPoint:
     kind: str
     stable: bool
     reference: str = ""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What the source states: values by parameter; fixed points, (fold, change of stability of the set) and
+    analytic bound by case; the words of the classification by regime."""
+
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    points: Mapping[str, tuple[StatedPoint, ...]] = field(default_factory=dict)
+    places: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    bounds: Mapping[str, str] = field(default_factory=dict)
+    classification: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -65,28 +86,89 @@ class Variant:
 
 
 @dataclass(frozen=True)
-class Study:
-    """What is computed and shown.
+class Law:
+    """A law for which settings without cycles are sought, or that is put to harmonic balance and to algebra.
 
-    model              registered name of the model, which has a section
+    model           a registered model, with values of its parameters
+    ratio, cycles   functions of the parameter values, None for none: the ratio of successive stick positions
+                    by algebra (None where there is none), the coordinates of all cycles
+    """
+
+    label: str
+    model: str
+    parameters: Values = field(default_factory=dict)
+    ratio: Callable[[Values], float | None] | None = None
+    cycles: Callable[[Values], Sequence[float]] | None = None
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A record made by the exact model with noise, and what is estimated from it.
+
+    t_end, samples   evenly from 0; noise: standard deviation of the first state; seed: of the noise
+    force            states (n, k) and parameter values -> the force applied to the plant
+    plant            builds the driven plant; guess: starts of the free parameters; fixed: others; windows
+    curve            (x, values) -> the constitutive curve, for the figure
+    """
+
+    t_end: float
+    samples: int
+    noise: float
+    seed: int
+    force: Callable[[Any, Values], Any]
+    plant: Callable[[], System]
+    guess: Values
+    fixed: Values
+    windows: int
+    curve: Callable[[Any, Values], Any]
+
+
+@dataclass(frozen=True)
+class Relative:
+    """A smoother model of the same system, whose cycles are followed beside the exact ones.
+
+    build      the system; x0: a start that goes to its cycle; transient: time until it is near; method
+    beyond     (value, x0) from which a case without a fold in the study's range is followed on
+    small      starts (first state) near rest that are followed for `settle` time: does rest attract?
+    threshold  largest |second state| of what counts as at rest
+    """
+
+    name: str
+    build: Callable[[], System]
+    x0: Sequence[float]
+    transient: float
+    method: str
+    beyond: tuple[float, Sequence[float]]
+    small: tuple[float, ...]
+    settle: float
+    threshold: float
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is computed and shown; what is None or empty is not asked.
+
+    model              registered name of the model, which has a section; `unit`: of the section's coordinate
     cases              sets of parameter values; the first is shown in most detail
-    x0, t_span         of the time response
-    order              the iterate of the model's event map whose fixed points are studied
     parameter, values  of the bifurcation diagrams; `beyond`: further values, for the classification only
-    curve              parameter values -> the constitutive curve; curve_title: file name and title
-                       of its figure
-    goal               the question whether some value has a stable set and no stable cycle, in words
-    variants           models to compare with, over `widths`
-    labels             axis labels with units, by name of state, "t", "d", "P" (the map), the parameter,
-                       "curve x", "curve y", "multiplier"; for the questions "plane", "ending" (the second
-                       parameters), "fold", "amplitude", "input"
+    texts              (title, paragraph) by section, before its figures and tables: "summary", "differences"
+                       and the anchors of the report; "figure NAME": a caption. {fold_2:.8f} and the like
+                       stand for computed values (see `filippov.app.report.page.facts`)
+    x0, t_span         of the time response, those of the model by default
+    order              the iterate of the model's event map whose fixed points are studied
+    symmetry           of the cycles, as in `find_orbit`
+    labels             axis labels with units, by name of state, "t", "d", "P(d)", "P(P(d))" (the iterate),
+                       "fixed points", "parameter", "curve x", "curve y", "multiplier", "plane", "ending"
+                       (the second parameters), "fold", "amplitude", "input", "width"
     mode_names         words for modes
-    stated_*           what the source states: parameters, fixed points by case, places and bounds by case,
-                       classification
-    summary            paragraphs at the head of the report
-    differences        (title, text): what differs from the source, and why. In all texts {fold_2:.8f} and
-                       the like stand for computed values (see filippov.app.report.facts)
-    questions          what is asked beyond the cases
+    curve              parameter values -> the constitutive curve; curve_title: file name, title of the figure
+    goal               the question whether some value has a stable set and no stable cycle, in words
+    stated             what the source states, in columns of their own
+    variants           models to compare with, over `widths`
+    ending             (parameter, bounds): the curve of the first fold over a second parameter
+    plane              (parameter, range of the study's parameter, its own range): cells with exact borders
+    ranges, tuned      settings by name, and the laws for which those without cycles are sought
+    laws, experiment, relative   as their classes say
     """
 
     name: str
@@ -94,32 +176,46 @@ class Study:
     source: str
     model: str
     cases: tuple[StudyCase, ...]
-    x0: tuple[float, ...]
-    t_span: tuple[float, float]
-    order: int
     parameter: str
     values: tuple[float, ...]
-    beyond: tuple[float, ...]
-    curve: Callable[[Mapping[str, float]], Curve]
-    curve_title: tuple[str, str]
-    goal: str
-    variants: tuple[Variant, ...]
-    widths: tuple[float, ...]
-    labels: Mapping[str, str]
-    mode_names: Mapping[str, str]
-    stated_parameters: Mapping[str, str]
-    stated_points: Mapping[str, tuple[StatedPoint, ...]]
-    stated_places: Mapping[str, Mapping[str, str]]
-    stated_bounds: Mapping[str, str]
-    stated_classification: Mapping[str, Mapping[str, str]]
-    summary: tuple[str, ...] = ()
-    differences: tuple[tuple[str, str], ...] = ()
-    captions: Mapping[str, str] = field(default_factory=dict)
-    questions: Questions = field(default_factory=Questions)
+    texts: Texts = field(default_factory=dict)
+    x0: tuple[float, ...] = ()
+    t_span: tuple[float, ...] = ()
+    order: int = 1
+    symmetry: Any = None
+    beyond: tuple[float, ...] = ()
+    unit: str = "m"
+    labels: Mapping[str, str] = field(default_factory=dict)
+    mode_names: Mapping[str, str] = field(default_factory=dict)
+    curve: Callable[[Values], Curve] | None = None
+    curve_title: tuple[str, str] = ("curve", "Constitutive curves")
+    goal: str = ""
+    stated: Stated | None = None
+    variants: tuple[Variant, ...] = ()
+    widths: tuple[float, ...] = ()
+    ending: tuple[str, Range] | None = None
+    plane: tuple[str, Range, Range] | None = None
+    ranges: Mapping[str, Range] = field(default_factory=dict)
+    tuned: tuple[Law, ...] = ()
+    laws: tuple[Law, ...] = ()
+    experiment: Experiment | None = None
+    relative: Relative | None = None
 
-    def case(self, key: str) -> StudyCase:
-        """The case of a key."""
-        return next(case for case in self.cases if case.key == key)
+
+def read_texts(file: str) -> Texts:
+    """The texts of a study from a Markdown file of this package: `# section`, `## title`, paragraphs."""
+    out: dict[str, tuple[tuple[str, str], ...]] = {}
+    section = title = ""
+    source = resources.files("filippov.models").joinpath(file).read_text(encoding="utf-8")
+    for block in source.split("\n\n"):
+        text = " ".join(block.split())
+        if text.startswith("# "):
+            section, title = text[2:], ""
+        elif text.startswith("## "):
+            title = text[3:]
+        elif text:
+            out[section] = (*out.get(section, ()), (title, text))
+    return out
 
 
 _studies: dict[str, Study] = {}

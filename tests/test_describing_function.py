@@ -11,13 +11,13 @@ from filippov import ModelError, Surface, System, UsageError, solve, states
 from filippov.analysis.harmonic.control_link import linear_plant, relay_loop
 from filippov.analysis.harmonic.describing_function import describing_function
 from filippov.analysis.harmonic.quasi_linear import lure
-from filippov.analysis.harmonic.static_cycle import coulomb_ratio, static_cycles
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.section import Section
 from filippov.model.comparator import Hysteresis
 from filippov.model.symbols import Max, Min, sign
 from filippov.model.symbols import t as time
 from filippov.models import get
+from filippov.models.static_cycle import coulomb_ratio, static_cycles
 
 RELAY = "R05_relay_oscillator_no_sliding"
 

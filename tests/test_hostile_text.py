@@ -27,8 +27,8 @@ from filippov.app.bank.table import rows_text
 from filippov.app.cli.main import main
 from filippov.app.cli.outputs import Outputs
 from filippov.app.cli.sweep import FILES
-from filippov.app.report import html as pages
-from filippov.app.report.tables import Table
+from filippov.app.report.page import document
+from filippov.app.report.part import Picture, Section, Table, Words
 from filippov.base import progress
 from filippov.base.csv_text import csv_text
 from filippov.base.escape import LINES, cell, figure_text, latex, markdown, printable
@@ -238,13 +238,13 @@ class Tags(html.parser.HTMLParser):
 
 def page_of(text: str) -> str:
     """A page with the text at every place that takes one."""
-    table = Table(text, (text, "b"), ((text, text),), note=text, source=text.replace("`", "_"))
+    source = text.replace("`", "_")
     parts = [
-        pages.table(table), pages.paragraph(text), pages.source(text.replace("`", "_")),
-        pages.preformatted(text), pages.definitions([(text, text)]),
-        pages.figure("name", "<svg><g></g></svg>", text, text, text.replace("`", "_")),
+        Table(text, (text, "b"), ((text, text),), note=text, source=source), Words("p", text),
+        Words("source", source), Words("pre", text), Words("dl", [(text, text)]),
+        Picture("name", text, source, object, text),  # type: ignore[arg-type]
     ]  # fmt: skip
-    return pages.page(text, text, [("anchor", text, pages.section("anchor", text, parts))])
+    return document(text, text, [Section("anchor", text, parts)], {}, {"name": "<svg><g></g></svg>"})
 
 
 @given(TEXTS.filter(bool))

@@ -3,6 +3,7 @@
 import ast
 import importlib
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -11,6 +12,8 @@ from pathlib import Path
 import pytest
 
 import filippov
+import filippov.models.registry
+from filippov import models
 from filippov.base.delegates import delegate
 from filippov.base.moved import MOVED
 
@@ -136,7 +139,7 @@ def test_13_1_old_paths_name_modules_that_are_there() -> None:
 def test_13_1_an_old_path_gives_the_same_module() -> None:
     code = (
         "import importlib, sys\nfrom filippov.base.moved import MOVED\n"
-        "inside = ['filippov.bank.case', 'filippov.report.html', 'filippov.commands.simulate']\n"
+        "inside = ['filippov.bank.case', 'filippov.report.study', 'filippov.commands.simulate']\n"
         "names = sorted(MOVED) + inside\n"
         "for name in names:\n"
         "    old = importlib.import_module(name)\n"
@@ -177,6 +180,21 @@ def test_models_and_analysis_know_only_filippov(module: str) -> None:
     other = {"filippov.models": "filippov.analysis", "filippov.analysis": "filippov.models"}
     for name, line, _ in imported(module) if own else []:
         assert not name.startswith(other[own or ""]), f"{module}:{line} imports {name}"
+
+
+def test_13_1_no_model_is_named_outside_models() -> None:
+    """Names that are words of their own (a belt, a chain) stand for a model only as a whole text."""
+    names = set(models.registry.BUILT_IN) - {"relay"}  # also a kind of comparator
+    telling = {name for name in names if "_" in name and name != "sliding_mode"} | {"hunting"}
+    for module, tree in TREES.items():
+        if module.startswith(("filippov.models", "filippov.app.bank")):
+            continue
+        for node in ast.walk(tree):
+            told = node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
+            words = set(re.findall(r"\w+", told.lower()))
+            where = f"{module}:{getattr(node, 'lineno', 0)}"
+            assert told not in names, f"{where} names {told}: have the model declare it"
+            assert not words & telling, f"{where} names {words & telling}: have the model declare it"
 
 
 def test_no_import_circle() -> None:

@@ -12,11 +12,11 @@ from filippov import UsageError, solve
 from filippov.analysis.diagrams.basin import basin
 from filippov.analysis.diagrams.bifurcation import bifurcation
 from filippov.analysis.diagrams.regions import regions
-from filippov.analysis.harmonic.static_cycle import static_cycles
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.section import Section
 from filippov.analysis.steady.rest_map import growth, rest_map
 from filippov.models import get
+from filippov.models.static_cycle import static_cycles
 
 MODEL = get("hunting")
 SYSTEM, SECTION = MODEL.build(), Section.from_model(MODEL)

@@ -1,8 +1,8 @@
 """The hunting study end to end, and the parts of its report."""
 
 import csv
+import html
 import json
-import math
 import re
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
@@ -10,14 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+from filippov.analysis.comparisons.independent import Rule
 from filippov.app.report.effort import Effort
-from filippov.app.report.facts import Facts
-from filippov.app.report.html import escape, inline_svg, preformatted
-from filippov.app.report.independent import Rule
-from filippov.app.report.study import run_study
+from filippov.app.report.page import Facts, inline_svg, wrapped
+from filippov.app.report.study import ORDER, run_study
 from filippov.base.errors import UsageError
-from filippov.models.studies import BUILT_IN, get_study, study_names
+from filippov.models.studies import BUILT_IN, Study, StudyCase, get_study, study_names
 
 SET, CYCLE = "equilibrium set", "limit cycle"
 # 40-digit Taylor integration; beta = 0.5: the four digits that are printed.
@@ -127,7 +127,7 @@ def _return_at_the_end(P):
 
 
 def test_table_4_comes_out(summary):
-    stated = get_study("hunting").stated_classification
+    stated = get_study("hunting").stated.classification
     assert summary["classification"] == {regime: dict(words) for regime, words in stated.items()}
 
 
@@ -332,6 +332,87 @@ def test_resolution_has_bounds(resolution):
         Effort().finer(resolution)
 
 
+def test_13_6_every_text_of_a_study_stands_in_its_report(page):
+    shown = re.sub(r"\s+", " ", html.unescape(re.sub(r"<[^>]*>", " ", page)))
+    for section, texts in get_study("hunting").texts.items():
+        assert section in ORDER or section.startswith("figure ")
+        for title, text in texts:
+            # The words before the first computed value and after the last one.
+            ends = text.split("{")[0], text.split("}")[-1]
+            missing = [words for words in (title, *ends) if words.strip() not in shown]
+            # A quick study follows the smoother model in one case only.
+            assert not missing or (section == "relative" and "relative_fold_1" in text)
+            assert shown.count(ends[0]) <= 1 or not ends[0]
+
+
+# -- another study ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def belt(tmp_path_factory):
+    out = tmp_path_factory.mktemp("belt")
+    return run_study("belt", out, quick=True), out
+
+
+def test_13_6_the_belt_needs_a_declaration_of_a_few_lines_only():
+    root = Path(__file__).resolve().parent.parent
+    assert len((root / "models" / "belt_study.py").read_text(encoding="utf-8").splitlines()) < 25
+
+
+def test_13_6_the_belt_sticks_where_its_slip_comes_back(belt):
+    """Stick ends at k x = Fs; the slip from there to the belt's speed by scipy."""
+    summary, out = belt
+    (point,) = summary["fixed_points"]["1"]
+    values = np.array([[v, d[0]] for v, d in summary["cycles"]["1"].items()], dtype=float)
+    assert len(values) == 3
+    for vb, d in [(0.2, point["d"]), *values.tolist()]:
+
+        def slip(_, x, vb=vb):
+            # Fs = 1, Fc = 0.5, vs = 0.1, beta = 1, b = 0.05, m = k = 1, d = 0; v < vb
+            w = vb - x[1]
+            return [x[1], -x[0] + 0.5 + 0.5 * np.exp(-w / 0.1) + 0.05 * w]
+
+        def back(_, x, vb=vb):
+            return x[1] - vb
+
+        back.terminal, back.direction = True, 1
+        start = [1.0, vb]
+        one = solve_ivp(slip, (0, 40), start, "DOP853", rtol=1e-12, atol=1e-14, events=back, first_step=1e-4)
+        assert d == pytest.approx(one.y_events[0][0][0], abs=1e-8)
+    assert point["stable"]
+    assert summary["orbits"]["1"][0]["amplitude"]["v"] > 0.2
+    assert f"{point['d']:.6f}" in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_13_6_the_belt_has_the_sections_that_it_asks_for(belt):
+    summary, out = belt
+    page = (out / "report.html").read_text(encoding="utf-8")
+    found = re.findall(r'<section id="([\w-]+)">', page)
+    assert found == [
+        "summary", "model", "response", "map", "fixed-points", "bifurcation", "cycles", "branches",
+        "classification", "stability", "graph", "checks", "versions",
+    ]  # fmt: skip
+    assert "They do not apply here" in page
+    assert "paper" not in page
+    # It has one equilibrium, where the field is smooth.
+    assert "no linear part" not in page
+    assert "No Routh-Hurwitz bound in vb was found" in page
+    assert "says of the equilibria: β = 1: unstable" in page
+    assert list(summary)[-1] == "timing"
+    assert "experiment" not in summary
+
+
+@pytest.mark.parametrize(("model", "why"), [("two_blocks", "several surfaces"), ("pendulum", "no section")])
+def test_13_6_a_model_that_no_study_fits_is_refused(model, why, tmp_path):
+    study = Study(
+        name="other", title="t", source="s", model=model, cases=(StudyCase("1", {}, "1"),), parameter="vb",
+        values=(0.1, 0.2),
+    )  # fmt: skip
+    with pytest.raises(UsageError, match=why):
+        run_study(study, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 # -- the parts -------------------------------------------------------------------------------------------
 
 
@@ -361,17 +442,15 @@ def test_inline_svg_has_names_of_its_own():
     )
 
 
-def test_text_is_escaped_and_wrapped():
-    assert escape("a < b & c") == "a &lt; b &amp; c"
-    wrapped = preformatted("  - " + "word " * 40, width=50)
-    assert all(line.startswith("    word") for line in wrapped.splitlines()[1:])
-    assert max(map(len, wrapped.splitlines())) <= 60
-    assert math.isfinite(len(wrapped))
+def test_text_is_wrapped():
+    text = wrapped("  - " + "word " * 40, width=50)
+    assert all(line.startswith("    word") for line in text.splitlines()[1:])
+    assert max(map(len, text.splitlines())) <= 50
 
 
 def test_report_knows_no_model():
     root = Path(__file__).resolve().parent.parent / "filippov" / "app" / "report"
-    for path in root.glob("*.py"):
+    for path in (*root.glob("*.py"), root / "page.html"):
         # Analyses may be imported whatever they are called.
         lines = path.read_text(encoding="utf-8").splitlines()
         told = "\n".join(line for line in lines if not line.startswith("from filippov."))

@@ -123,8 +123,7 @@ def bifurcation(
                 values are computed by worker processes and kept in the folder; None: in this process
     progress    called with (done, all)
 
-    Raises UsageError, ModelError. Source: Hensen & van de Molengraft 2002, section 5, for the diagrams of
-    hunting.
+    Raises UsageError, ModelError. Source: Hensen & van de Molengraft 2002, section 5, for such diagrams.
     """
     if parameter not in system.parameters:
         raise UsageError(unknown("parameter", parameter, system.parameters.names))

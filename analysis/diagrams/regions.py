@@ -92,7 +92,7 @@ def regions(
 
     x, y       (name, values) of the parameters
     interval   (0, hi) of the section's coordinate
-    order      turns of the map after which a cycle closes (2 for symmetric hunting)
+    order      turns of the map after which a cycle closes (2 for symmetric cycles)
     points     coordinates in a cell
     borders    "exact": the fold of cycles and the change of stability of the set are computed as curves
                (see `filippov.analysis.diagrams.borders`) and kept with the map; or curves (name, points (k,

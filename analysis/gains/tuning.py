@@ -1,8 +1,8 @@
-"""Controller gains without hunting: where they are, how far from the border, and which are farthest from it.
+"""Controller gains without cycles: where they are, how far from the border, and which are farthest from it.
 
-Gains are free of hunting where the event map contracts at every excursion, rho < 1 (see `contraction`), for
+Gains are free of cycles where the event map contracts at every excursion, rho < 1 (see `contraction`), for
 every friction law of the band. Distances are taken in the logarithm of the gains: a margin s means that every
-gain may be multiplied or divided by any factor up to s, in any combination, without hunting.
+gain may be multiplied or divided by any factor up to s, in any combination, without a cycle.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ class Tuning:
     """What `tune` found.
 
     names      the gains; gains: samples (k, g); ratio: rho of each, the largest over the band
-    best       gains with the largest margin found, None where no sample is free of hunting
+    best       gains with the largest margin found, None where no sample is free of cycles
     margin     factor s <= 5 by which every gain may change, in any combination; 1 without best
     best_ratio rho at the best gains
     limits     borders of every gain alone within a factor of 5, the others at the best
-    share      share of the samples that is free of hunting
+    share      share of the samples that is free of cycles
     reason     why there is none, "" where there is one
-    lost       share of the samples with a motion that did not come back within t_max; they count as hunting
+    lost       share of the samples with a motion that did not come back within t_max; they count as cycles
     complete   False where the search was interrupted
     """
 
@@ -74,10 +74,10 @@ class Tuning:
 
     def __str__(self) -> str:
         if self.best is None:
-            return f"no gains without hunting among {len(self.ratio)} samples: {self.reason}"
+            return f"no gains without cycles among {len(self.ratio)} samples: {self.reason}"
         gains = ", ".join(f"{name} = {value:.6g}" for name, value in self.best.items())
         rows = [
-            f"{100 * self.share:.3g} % of {len(self.ratio)} samples are free of hunting",
+            f"{100 * self.share:.3g} % of {len(self.ratio)} samples are free of cycles",
             f"best margin at {gains}: a factor {self.margin:.4g} on every gain, in any combination",
             f"there the excursions shrink at least by the factor {self.best_ratio:.4g} from stick to stick",
         ]
@@ -105,7 +105,7 @@ def tune(
 
     ranges     lowest and highest value by name of gain, > 0
     interval   of the section's coordinate, as in `contraction`
-    parameters values of the others; band: sets of values by name that all have to be free of hunting
+    parameters values of the others; band: sets of values by name that all have to be free of cycles
     samples    Sobol samples of the ranges (rounded up to a power of 2); points: excursions a sample
     progress   called with (stages done, stages)
 
@@ -228,7 +228,7 @@ class _Search:
         return best, margin
 
     def margin(self, center: Array, least: float, random: np.random.Generator) -> float:
-        """Largest box half-width whose surface is free of hunting at all probes; 0 if not even `least`."""
+        """Largest box half-width whose surface is free of cycles at all probes; 0 if not even `least`."""
         shell = self._shell(random)
 
         def free(reach: float) -> bool:
@@ -260,11 +260,11 @@ class _Search:
             steps = np.linspace(0.0, FARTHEST, 41)
             line = np.repeat(center[None, :], steps.size, axis=0)
             line[:, k] += side * steps
-            hunting = np.nonzero(self.ratios(line) >= 1)[0]
-            if not hunting.size or hunting[0] == 0:
+            growing = np.nonzero(self.ratios(line) >= 1)[0]
+            if not growing.size or growing[0] == 0:
                 ends.append(None)
                 continue
-            low, high = steps[hunting[0] - 1], steps[hunting[0]]
+            low, high = steps[growing[0] - 1], steps[growing[0]]
             while high - low > 1e-6:
                 probes = np.linspace(low, high, 9)
                 line = np.repeat(center[None, :], probes.size, axis=0)
@@ -275,7 +275,7 @@ class _Search:
         return GainLimit(self.names[k], ends[0], ends[1])
 
     def reason(self) -> str:
-        """Why no gains are free of hunting, from what the small excursions do."""
+        """Why no gains are free of cycles, from what the small excursions do."""
         if not self._nearest:
             return "the search was interrupted before the first sample was done."
         nearest, ratio = np.concatenate(self._nearest), np.concatenate(self._ratio)
@@ -283,9 +283,9 @@ class _Search:
             return (
                 "however small an excursion, it grows (by a factor of at least "
                 f"{np.min(nearest):.3g} from 1e-6 of the interval), so the set of equilibria is unstable for "
-                "every controller here. The friction falls too steeply as motion starts (a static level "
-                "above the slip curve, or an exponent beta below 1): integral action hunts whatever its "
-                "gains."
+                "every controller here. The field jumps or has an infinite slope where motion starts "
+                "(friction with a static level above its slip curve is an example): integral action hunts "
+                "whatever its gains."
             )
         if np.min(nearest) > 1:
             return (
@@ -293,6 +293,6 @@ class _Search:
                 f"of at least {np.min(nearest):.4g}. Widen the ranges."
             )
         return (
-            f"larger excursions grow for all of them, by a factor of at least {np.min(ratio):.4g}: a hunting "
+            f"larger excursions grow for all of them, by a factor of at least {np.min(ratio):.4g}: a limit "
             "cycle surrounds the set of equilibria. Widen the ranges."
         )

@@ -1,6 +1,6 @@
 """The event map d -> P(d) of a section: to call, iterate, differentiate and find fixed points of.
 
-Source: Hensen & van de Molengraft 2002 (event map of the hunting loop); Galvanetto & Knudsen 1997.
+Source: Hensen & van de Molengraft 2002 (event maps of a controlled mass); Galvanetto & Knudsen 1997.
 """
 
 from __future__ import annotations

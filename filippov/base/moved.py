@@ -15,25 +15,15 @@ from types import ModuleType
 from typing import Any
 
 _MOVED: dict[tuple[str, str], str] = {
-    ("filippov", "filippov"): (
-        "_kernels>kernel"
-    ),
-    ("filippov", "filippov.app"): (
-        "bank commands>cli report"
-    ),
-    ("filippov", "filippov.app.cli"): (
-        "cli>main configuration"
-    ),
+    ("filippov", "filippov"): ("_kernels>kernel"),
+    ("filippov", "filippov.app"): ("bank commands>cli report"),
+    ("filippov", "filippov.app.cli"): ("cli>main configuration"),
     ("filippov", "filippov.base"): (
         "csv_text errors escape failure json_text names progress status symbolic_value user_file version "
         "whole_file"
     ),
-    ("filippov", "filippov.graphs"): (
-        "graph graph_io guards reset_guards word"
-    ),
-    ("filippov", "filippov.io"): (
-        "archive export storage stored_system tree tree_storage"
-    ),
+    ("filippov", "filippov.graphs"): ("graph graph_io guards reset_guards word"),
+    ("filippov", "filippov.io"): ("archive export storage stored_system tree tree_storage"),
     ("filippov", "filippov.model"): (
         "assemble check comparator contact equations expression extract hysteresis kinds parameter "
         "parameter_symbol reduction regularize size spelling surface symbolic symbols system table "
@@ -47,9 +37,7 @@ _MOVED: dict[tuple[str, str], str] = {
     ("filippov", "filippov.solving"): (
         "branching diagnosis ensemble loop patience scale settling solution solution_tree solver stiffness"
     ),
-    ("filippov", "filippov.solving.resets"): (
-        "impact_law jumps passed reset_cycle slow_spiral zeno"
-    ),
+    ("filippov", "filippov.solving.resets"): ("impact_law jumps passed reset_cycle slow_spiral zeno"),
     ("filippov", "filippov.solving.selection"): (
         "ambiguity attraction candidate complementarity corner fold_point higher_order modes slide_again "
         "two_fold"
@@ -92,12 +80,8 @@ _MOVED: dict[tuple[str, str], str] = {
     ("filippov.analysis", "filippov.analysis.estimation"): (
         "driven_run force_input friction_curve identification identify_fit misfit record residual_noise"
     ),
-    ("filippov.analysis", "filippov.analysis.gains"): (
-        "contraction gain_map tuning"
-    ),
-    ("filippov.analysis", "filippov.analysis.harmonic"): (
-        "control_link describing_function quasi_linear static_cycle"
-    ),
+    ("filippov.analysis", "filippov.analysis.gains"): ("contraction gain_map tuning"),
+    ("filippov.analysis", "filippov.analysis.harmonic"): ("control_link describing_function quasi_linear"),
     ("filippov.analysis", "filippov.analysis.local_stability"): (
         "certificates contact_stability kink_stability periodic_stability planar_cone set_parts "
         "set_stability sliding_stability smooth_stability stability stability_context stability_result "
@@ -116,6 +100,8 @@ _MOVED: dict[tuple[str, str], str] = {
         "branches clocks drift_map equilibria equilibria_numeric equilibrium existence forcing "
         "linearisation rest_map"
     ),
+    ("filippov.analysis", "filippov.models"): ("static_cycle"),
+    ("filippov.analysis.harmonic", "filippov.models"): ("static_cycle"),
     ("filippov.bank", "filippov.app.bank.peers"): (
         "peer peer_diffrax peer_heyoka peer_process peer_row peer_scipy"
     ),

@@ -1,4 +1,4 @@
-"""Figure of gains with and without hunting: rho over two gains, with the best gains and their margin."""
+"""Figure of gains with and without limit cycles: rho over two gains, with the best gains and their margin."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from filippov.plot.style import INK, ORANGE, new_figure, style
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-HUNTING = "#f3d9c4"
+GROWING = "#f3d9c4"
 LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
@@ -23,7 +23,7 @@ def plot_gain_maps(
     title: str = "",
     figure: Figure | None = None,
 ) -> Figure:
-    """Largest ratio of successive excursions over pairs of gains: below 1 there is no hunting.
+    """Largest ratio of successive excursions over pairs of gains: below 1 there is no cycle.
 
     maps    what `gain_map` returned, one panel each
     tuning  what `tune` returned: its best gains as a star, its margin as a box
@@ -34,7 +34,7 @@ def plot_gain_maps(
         drawn = figure if figure is not None else new_figure(4.6 * len(maps) + 0.6, 3.9)
         axes = np.ravel(drawn.subplots(1, len(maps), squeeze=False))
         filled = None
-        colors = colormaps["Blues_r"].with_extremes(over=HUNTING)
+        colors = colormaps["Blues_r"].with_extremes(over=GROWING)
         for ax, item in zip(axes, maps, strict=True):
             ratio = np.where(np.isfinite(item.ratio), item.ratio, 1e3)
             filled = ax.contourf(item.x, item.y, ratio, levels=LEVELS, cmap=colors, extend="max")
@@ -45,7 +45,7 @@ def plot_gain_maps(
             ax.set(xlabel=item.names[0], ylabel=item.names[1], xlim=item.x[[0, -1]], ylim=item.y[[0, -1]])
         if filled is not None:
             bar = drawn.colorbar(filled, ax=list(axes), ticks=LEVELS)
-            bar.set_label("largest |next stick / stick|;\nabove 1 (line): hunting")
+            bar.set_label("largest |next stick / stick|;\nabove 1 (line): excursions grow")
         if title:
             drawn.suptitle(title, color=INK, fontsize=10)
     return drawn

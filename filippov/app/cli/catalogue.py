@@ -31,6 +31,8 @@ from filippov.app.cli.values import (
     whole_or_zero,
     words,
 )
+from filippov.models.offered import EXAMPLES, LAW, LAWS
+from filippov.models.studies import study_names
 
 # As in `filippov.solving.state.options`, which is not imported for a help text.
 METHODS = ("DOP853", "DP5", "Radau")
@@ -176,7 +178,7 @@ _ALL = (
          _choice("save_events", "keep every event, or count them: memory does not grow, the tables have the "
                  "last few only", "all", "count"),
          *TREE),
-        "filippov simulate hunting -p P=20 --x0 x=0.1 --t-span 0 50 -o results/run",
+        EXAMPLES["simulate"],
     ),
     Command(
         "sweep", "measures over many points: results.csv, results.nc, summary.json; can be resumed", "sweep",
@@ -189,15 +191,14 @@ _ALL = (
          Option("reduce", "summary of every column: mean, min, max, median, std, count", words,
                 metavar="NAME,NAME,..."),
          *ENGINE, *START, *TOLERANCES),
-        "filippov sweep hunting --vary P=10:30:21 --measure 'amplitude(x)' -j 2 -o results/sweep",
+        EXAMPLES["sweep"],
     ),
     Command(
         "ensemble", "where many trajectories end, in one process: ends.csv, ends.npz, summary.json", "sweep",
         (MODEL, PARAMETERS, *VARY,
          Option("jobs", "threads; default: all cores", whole, metavar="N", flags=("-j", "--jobs")),
          *(option for option in START if option.name != "max_time"), *TOLERANCES),
-        "filippov ensemble hunting --vary x0.x=-0.3:0.3 --vary P=10:30 --samples sobol -n 1000 "
-        "-o results/ensemble",
+        EXAMPLES["ensemble"],
         function="run_ensemble",
     ),
     Command(
@@ -208,7 +209,7 @@ _ALL = (
          Option("order", "iterate of the map that is taken", whole, metavar="K", default=1),
          Option("start", "coordinate where an orbit starts", number, metavar="D"),
          Option("iterates", "length of that orbit", whole, metavar="N", default=30)),
-        "filippov event-map hunting --order 2 --start 0.1 -o results/map",
+        EXAMPLES["event-map"],
         function="run_event_map", needs="filippov.analysis.maps.event_map",
     ),
     Command(
@@ -220,7 +221,7 @@ _ALL = (
          Option("points", "points of the search at each value", whole, metavar="N", default=400),
          Option("order", "iterate of the map that is taken", whole, metavar="K", default=2),
          INTERVAL, *SECTION, *TOLERANCES[:2], *ENGINE),
-        "filippov bifurcation hunting --parameter P --values 10 31 -o results/bifurcation",
+        EXAMPLES["bifurcation"],
         function="run_bifurcation", needs="filippov.analysis.diagrams.bifurcation",
     ),
     Command(
@@ -236,7 +237,7 @@ _ALL = (
          Option("atol", "absolute tolerance", number, metavar="A"),
          _choice("method", "integration method (order 8 is the default), or collocation on an adapted mesh "
                  "for orbits that repel strongly", *METHODS, "collocation")),
-        "filippov orbit belt -o results/orbit", needs="filippov.analysis.orbits.orbit_search",
+        EXAMPLES["orbit"], needs="filippov.analysis.orbits.orbit_search",
     ),
     Command(
         "homoclinic", "the homoclinic orbit of a saddle, and the parameter value at which there is one: "
@@ -273,7 +274,7 @@ _ALL = (
          Option("curve", "second parameter, over which every special point is followed: curve-1.json, "
                 "..., curves.png", named_ranges, metavar="NAME=LOW:HIGH", default={}),
          Option("resume", "branch.json of a run that was interrupted", text, metavar="FILE")),
-        "filippov continue hunting --parameter P --from 10 --to 31 --start 0.25 -o results/branch",
+        EXAMPLES["continue"],
         needs="filippov.analysis.bifurcations.continuation",
     ),
     Command(
@@ -283,7 +284,7 @@ _ALL = (
          Option("certify", "certificates also where the linear part decides: certificates.json", switch,
                 default=False),
          Option("budget", "work, in millions of calls (a second each)", number, metavar="N", default=30.0)),
-        "filippov stability hunting -p beta=1 --solve-for P",
+        EXAMPLES["stability"],
         needs="filippov.analysis.local_stability.stability",
     ),
     Command(
@@ -292,7 +293,7 @@ _ALL = (
         (MODEL, PARAMETERS,
          Option("surface", "surface whose h is the input of the nonlinear terms", text, metavar="NAME"),
          Option("amplitudes", "range of the input's amplitude", pair, metavar=("LOW", "HIGH"), count=2)),
-        "filippov describing-function relay -o results/prediction",
+        EXAMPLES["describing-function"],
         needs="filippov.analysis.harmonic.describing_function",
     ),
     Command(
@@ -304,7 +305,7 @@ _ALL = (
          _choice("borders", "the fold of cycles and the change of stability of the set as exact curves",
                  "exact"),
          *ENGINE),
-        "filippov regions hunting --x P=10:31 --y I=2:20 --borders exact -o results/regions",
+        EXAMPLES["regions"],
         function="run_regions", needs="filippov.analysis.diagrams.regions",
     ),
     Command(
@@ -317,7 +318,7 @@ _ALL = (
                 default=2),
          Option("rtol", "relative tolerance of a step", number, metavar="R", default=1e-8),
          *ENGINE),
-        "filippov basin hunting --x x=-0.4:0.4 --y v=-2:2 -o results/basin",
+        EXAMPLES["basin"],
         function="run_basin", needs="filippov.analysis.diagrams.basin",
     ),
     Command(
@@ -346,7 +347,7 @@ _ALL = (
                 metavar="R", default=100.0),
          *SECTION,
          Option("rtol", "relative tolerance of a step", number, metavar="R", default=1e-8)),
-        "filippov attractors impact_oscillator --box x=-2:0 --box v=-2:2 --plane x,v -o results/attractors",
+        EXAMPLES["attractors"],
         function="run_attractors", needs="filippov.analysis.invariant_sets.attractors",
     ),
     Command(
@@ -376,7 +377,7 @@ _ALL = (
          Option("number", "how many, the largest ones; default: all", whole, metavar="K"),
          Option("rtol", "relative tolerance of a step", number, metavar="R"),
          Option("atol", "absolute tolerance", number, metavar="A")),
-        "filippov lyapunov buck_pwm -p Vin=33 --duration 0.1 --stretch 4e-4 --transient 0.04",
+        EXAMPLES["lyapunov"],
         function="run_lyapunov", needs="filippov.analysis.sensitivity.lyapunov",
     ),
     Command(
@@ -393,31 +394,30 @@ _ALL = (
          Option("follow", "start each value where the one before it ended", switch, default=False),
          INTERVAL, *SECTION,
          Option("rtol", "relative tolerance of a step", number, metavar="R", default=1e-8)),
-        "filippov diagram hunting --parameter P --values 10 31 -o results/diagram",
+        EXAMPLES["diagram"],
         function="run_diagram", needs="filippov.analysis.diagrams.brute_force",
     ),
     Command(
-        "tune", "controller gains without hunting: tuning.json, samples.csv, tuning.png", "tune",
+        "tune", "controller gains without limit cycles: tuning.json, samples.csv, tuning.png", "tune",
         (MODEL, PARAMETERS,
          Option("ranges", "lowest and highest value of a gain; can be repeated", named_ranges,
                 metavar="NAME=LOW:HIGH", repeat=True, default={}),
-         Option("band", "range of a friction parameter that has to be free of hunting at both ends; can be "
-                "repeated", named_ranges, metavar="NAME=LOW:HIGH", repeat=True, default={}),
+         Option("band", "range of a parameter that has to be free of cycles at both ends; can be repeated",
+                named_ranges, metavar="NAME=LOW:HIGH", repeat=True, default={}),
          Option("identified", "identified.json of `filippov identify`: values and confidence region",
                 text, metavar="FILE"),
          Option("samples", "samples of the ranges", whole, metavar="N", default=256),
          Option("seed", "seed of the samples", whole, metavar="N", default=1),
          Option("grid", "values of each gain in the picture", whole, metavar="N", default=24),
          INTERVAL, *SECTION),
-        "filippov tune hunting --ranges P=5:60 --ranges I=1:20 -o results/tuning",
+        EXAMPLES["tune"],
         needs="filippov.analysis.gains.tuning",
     ),
     Command(
         "identify", "friction parameters from measurements: identified.json, fit.csv, fit.png", "identify",
         (Option("data", "CSV file with t, x and u (control effort) or force; or with v and friction", text,
                 metavar="DATA.csv", flags=("data",)),
-         _choice("law", "the friction law", "coulomb", "static", "stribeck", "hyperbolic",
-                 default="stribeck"),
+         _choice("law", "the friction law", *LAWS, default=LAW),
          Option("free", "parameters that are estimated, with commas; default: those of the law", names,
                 metavar="NAME,NAME,..."),
          Option("fixed", "value of a parameter that is known, such as m=1; can be repeated", named_numbers,
@@ -429,7 +429,7 @@ _ALL = (
          _choice("hold", "the force between samples: smooth with kinks, linear, held, or by the residuals",
                  "auto", "cubic", "first", "zero", default="auto"),
          Option("level", "confidence level of the intervals", number, metavar="L", default=0.95)),
-        "filippov identify measured.csv --law stribeck --fixed m=1 --fixed beta=2 -o results/friction",
+        EXAMPLES["identify"],
         needs="filippov.analysis.estimation.identification",
     ),
     Command(
@@ -438,7 +438,7 @@ _ALL = (
          Option("widths", "band widths, with commas", numbers, metavar="ETA,ETA,..."),
          Option("alphas", "stiffnesses of the band, with commas", numbers, metavar="ALPHA,ALPHA,..."),
          *SECTION),
-        "filippov compare hunting --widths 1e-2,1e-4,1e-6 -o results/comparison",
+        EXAMPLES["compare"],
         needs="filippov.analysis.comparisons.comparison",
     ),
     Command(
@@ -449,7 +449,7 @@ _ALL = (
          Option("recurrent", "only the part that is not left again", switch, default=False),
          Option("numbers", "put the parameters' values into the formulas", switch, default=False),
          *START, *TOLERANCES),
-        "filippov graph hunting --kind observed --t-span 0 100 -o results/graph",
+        EXAMPLES["graph"],
     ),
     Command(
         "bank", "run a file of cases with reference values, or put it to reference solvers", "bank",
@@ -472,15 +472,16 @@ _ALL = (
         (Option("action", "what to do", one_of("list", "describe"), metavar="{list,describe}",
                 flags=("action",), default="list"),
          Option("name", "the model to describe, as MODEL elsewhere", text, metavar="NAME", flags=("name",))),
-        "filippov models describe hunting",
+        EXAMPLES["models"],
     ),
     Command(
         "study", "a whole study with its report", "study",
-        (Option("name", "the study: hunting", one_of("hunting"), metavar="{hunting}", flags=("name",)),
+        (Option("name", "the study", one_of(*study_names()), flags=("name",),
+                metavar="{" + ",".join(study_names()) + "}"),
          Option("quick", "coarser, to see whether it works", switch, default=False),
          Option("resolution", "factor of the number of points in maps and searches, 0.1 to 20", number,
                 metavar="F", default=1.0)),
-        "filippov study hunting -o results/hunting", needs="filippov.app.report",
+        EXAMPLES["study"], needs="filippov.app.report",
     ),
     Command(
         "doctor", "versions, the cache folder, broken plug-ins with their tracebacks", "doctor", (),

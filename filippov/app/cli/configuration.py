@@ -3,7 +3,7 @@
 A file holds the settings of a command at the top, or in a table with the name of the command, which goes
 before the top. Names are those of the flags with _ for -:
 
-    model = "hunting"
+    model = "path/to/model.py:system"
     rtol = 1e-10
     [parameters]
     P = 20

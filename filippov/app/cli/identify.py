@@ -12,21 +12,20 @@ from filippov.base.escape import figure_text
 from filippov.base.names import unknown
 from filippov.plot.identification import plot_identification
 
-LAWS = {"coulomb": "Coulomb", "static": "StaticCoulomb", "stribeck": "Stribeck", "hyperbolic": "Hyperbolic"}
-
 
 def run(settings: dict[str, Any], console: Console) -> int:
     """Write the estimates with their intervals, the fit as rows, and its picture."""
     if settings["data"] is None:
         raise UsageError("which file? give DATA.csv with t, x and u (or force), or v and friction.")
+    from filippov import models
     from filippov.analysis.estimation import friction_curve as curves
     from filippov.analysis.estimation import identification as module
     from filippov.analysis.estimation import record as record_module
-    from filippov.models import laws
     from filippov.models.driven import driven_mass
+    from filippov.models.offered import LAWS
 
     record = record_module.read_record(settings["data"])
-    law = getattr(laws, LAWS[settings["law"]])
+    law = getattr(models, LAWS[settings["law"]])
     system = driven_mass(law())
     fixed = {} if settings["fixed"] is None else settings["fixed"]
     own = [item.name for item in dataclasses.fields(law)]

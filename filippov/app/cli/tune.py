@@ -1,4 +1,4 @@
-"""filippov tune: controller gains without hunting, the farthest from the border of all that were found."""
+"""filippov tune: controller gains without cycles, the farthest from the border of all that were found."""
 
 from __future__ import annotations
 

@@ -2,147 +2,225 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import sympy
 
-from filippov.analysis.bifurcations.branch import Branch, BranchPoint
-from filippov.analysis.bifurcations.continuation import Continuation, continuation
+from filippov.analysis.bifurcations.branch import Branch
 from filippov.analysis.bifurcations.curve import curve
-from filippov.analysis.diagrams.regions import Regions, regions
-from filippov.analysis.orbits.orbit_search import find_orbit
+from filippov.analysis.diagrams.regions import regions
+from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.steady.rest_map import growth, rest_map, threshold
-from filippov.app.report.compute import Subject
-from filippov.app.report.effort import Effort
-from filippov.app.report.findings import CaseCycles
-from filippov.app.report.results import CaseResult
+from filippov.app.report.case import Case
+from filippov.app.report.case_cycles import CaseCycles
+from filippov.app.report.part import NONE, Picture, Section, Table, first, number, yes
+from filippov.app.report.run import Run
+from filippov.plot.branch import plot_branches
+from filippov.plot.regions import plot_regions
+from filippov.plot.style import SERIES, new_figure, style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = npt.NDArray[np.float64]
-Tell = Callable[[float, str], None]
-TIGHT = 1e-13
-# Longest step along a branch, in units of its size: short enough to be drawn.
-LONGEST = 0.04
 # Points of the border at which the set changes stability, and of the scan for each.
 BORDER, SCAN = 25, 40
 
 
-def case_cycles(subject: Subject, result: CaseResult) -> tuple[CaseCycles, tuple[Continuation, ...]]:
-    """The cycles of one case, and the continuations behind its branches."""
-    study = subject.study
-    once = result.event_map
-    orbits = tuple(
-        find_orbit(
-            subject.system, once.bound.start(np.array([q.d]), once.p)[0],
-            symmetry=study.questions.symmetry, parameters=result.parameters,
-        )
-        for q in result.cycles
+def orbits(run: Run) -> Section:
+    """Period, amplitude, multipliers, word and margins of each cycle."""
+    with run.stage("cycles and branches", run.until):
+        for k, case in enumerate(run.cases):
+            run.tell(k / len(run.cases), f"cycles and branches, {case.label}")
+            run.cycles.append(CaseCycles(run, case))
+    states, every = run.system.states, [(c.case, o) for c in run.cycles for o in c.orbits]
+    rows = []
+    for case, orbit in every:
+        values = ", ".join(f"{v.real:.8g}" if v.imag == 0 else f"{v:.6g}" for v in orbit.multipliers)
+        rows.append((
+            case.label, yes(orbit.stable), f"{orbit.period:.9f}",
+            *(f"{orbit.amplitude[name]:.10g}" for name in states[:2]), values, orbit.word,
+            f"{number(orbit.margin.distance, 4)}, {number(orbit.margin.sliding, 4)}",
+            number(orbit.margin.transversality, 4),
+        ))  # fmt: skip
+    command = f"`filippov orbit {run.model.name} --x0 ...`"
+    table = Table(
+        "Limit cycles at the parameters of table 1",
+        ("case", "stable", "period [s]", *(f"amplitude {name}" for name in states[:2]), "multipliers",
+         "mode word", "margins", "speed"),
+        tuple(rows),
+        "Floquet multipliers without the trivial one; 0 belongs to stick, which forgets how it was entered. "
+        "Margins: least distance from the surface where the cycle turns back from it, ∞ where it nowhere "
+        "does: then nothing grazes; and the same for the multiplier of the sliding mode. "
+        "Speed: least speed at which the surface is met, relative to |grad h| |f|, 0 at grazing.",
+        f"{command}; cycles.csv.",
     )  # fmt: skip
-    runs = _runs(subject, result, 1e-12)
-    tight = _runs(subject, result, TIGHT)
-    at = tuple((value, tuple(p for run in runs for p in run.at(value))) for value in study.values)
-    pairs = [
-        (_place(p), _place(q))
-        for value, points in at
-        for p, q in zip(points, [p for run in tight for p in run.at(value)], strict=True)
-    ]
-    for one, other in zip(runs, tight, strict=True):
-        special = zip(one.branch.special, other.branch.special, strict=True)
-        pairs += [(a.value, b.value) for a, b in special]
-    spread = max((abs(a - b) / abs(b) for a, b in pairs), default=0.0)
-    branches = tuple(run.branch for run in runs)
-    return CaseCycles(result.case.key, orbits, branches, at, spread, len(pairs)), runs
+    columns = ("case", "stable", "period", *(f"amplitude {s}" for s in states), "largest multiplier", "word")
+    return Section(
+        "cycles", "Limit cycles",
+        [Picture("cycles", "The limit cycles", command, lambda: _portraits(run)), table] if every else [],
+        summary={"orbits": {c.case.case.key: [_orbit(o) for o in c.orbits] for c in run.cycles}},
+        files=[("cycles.csv", columns, [
+            (c.case.key, o.stable, o.period, *o.amplitude.values(), float(np.abs(o.multipliers[0])), o.word)
+            for c, o in every
+        ])],
+    )  # fmt: skip
 
 
-def _place(point: BranchPoint) -> float:
-    """The first coordinate."""
-    return float(next(iter(point.coordinates.values())))
+def branches(run: Run) -> Section:
+    """Special points of the branches, and all cycles at every value of the parameter."""
+    name, cycles, special = run.study.parameter, run.cycles, []
+    for c in cycles:
+        label = c.case.label
+        special += [(label, q.special, f"{q.value:.10f}", f"{first(q):.10f}") for q in c.special]
+        special += [(label, "how the branch ends", branch.message, NONE) for branch in c.branches]
+        digits = f"{-np.log10(max(c.spread, 1e-16)):.1f}" if c.pairs else NONE
+        special.append((label, "digits that two tolerances share", digits, NONE))
+    rows = []
+    for value in run.study.values:
+        told = [sorted((first(p), p.stable) for p in c.at[value]) for c in cycles]
+        words = ["; ".join(f"{d:.12f}{'' if ok else ' (unstable)'}" for d, ok in row) or NONE for row in told]
+        rows.append((f"{value:g}", *words))
+    command, unit = f"`filippov continue {run.model.name} --parameter {name} ...`", run.study.unit
+    shown = [(branch, c.case.label) for c in cycles for branch in c.branches]
+    labels = {"parameter": run.label("parameter"), "coordinate": run.label("fixed points")}
+
+    def draw() -> Figure:
+        return plot_branches([b for b, _ in shown], names=[label for _, label in shown], labels=labels)
+
+    return Section(
+        "branches", f"Branches of cycles over {name}",
+        [
+            Picture("branches", f"Cycles over {name}, followed through the fold", command, draw),
+            Table("Where the branches turn and end", ("case", "what", name, f"d [{unit}]"), tuple(special),
+                  "The digits are the fewest over all cycles and special points, rtol 1e-12 against 1e-13.",
+                  f"{command}; branches.csv."),
+            Table(f"All cycles: d* [{unit}] over {name}", (name, *(c.label for c in run.cases)), tuple(rows),
+                  "Solved for at each value on the branch.", f"{command}; branches.csv."),
+        ] if shown else [],
+        summary={"branches": {
+            c.case.case.key: {
+                "special": [{"what": q.special, name: q.value, "d": first(q)} for q in c.special],
+                "cycles": {f"{v:g}": sorted(first(p) for p in points) for v, points in c.at.items()},
+                "largest_difference": c.spread,
+            }
+            for c in cycles
+        }},
+        files=[("branches.csv", ("case", "branch", name, "d", "multiplier", "stable", "special"), [
+            (c.case.case.key, k, *row) for c in cycles for k, b in enumerate(c.branches) for row in rows_of(b)
+        ])],
+    )  # fmt: skip
 
 
-def _runs(subject: Subject, result: CaseResult, rtol: float) -> tuple[Continuation, ...]:
-    """Branches through all cycles of the case, from the largest down; one that was met is not begun again."""
-    study = subject.study
-    power = result.power.remake(rtol=rtol, atol=1e-2 * rtol)
-    own, bounds = power.parameters[study.parameter], (study.values[0], study.values[-1])
-    out: list[Continuation] = []
-    met: list[float] = []
-    for q in sorted(result.cycles, key=lambda q: -q.d):
-        if any(abs(q.d - d) < 1e-6 * q.d for d in met):
-            continue
-        way = 1 if own <= bounds[0] else -1 if own >= bounds[1] else 0
-        run = continuation(
-            subject.system, (power, q.d), parameter=study.parameter, bounds=bounds, direction=way,
-            max_step=LONGEST,
+def fold_curve(run: Run) -> Section:
+    """The curve of the main case's first fold over a second parameter."""
+    assert run.study.ending is not None
+    (second, bounds), name = run.study.ending, run.study.parameter
+    with run.stage("fold curve", run.until):
+        ending = _fold_curve(run, second, bounds)
+    title = f"The fold over {second}"
+    if ending is None or not ending.points:
+        return Section("fold-curve", title)
+    height, points, source = ending.coordinate(name), ending.points, "filippov.analysis.bifurcations.curve"
+    least, count = int(np.argmin(height)), len(points)
+    chosen = sorted({*range(0, count, max(1, count // 12)), least, count - 1})
+    (other, *_) = [key for key in points[0].coordinates if key != name]
+    table = Table(
+        "The fold curve", (second, name, f"{other} at the fold"),
+        tuple((f"{p.value:.8f}", f"{p.coordinates[name]:.8f}", f"{p.coordinates[other]:.8f}")
+              for p in (points[k] for k in chosen)),
+        f"{count} points; {ending.message}.", f"{source}; fold_curve.csv.",
+    )  # fmt: skip
+
+    def draw() -> Figure:
+        labels = {"parameter": run.label("ending", second), "coordinate": run.label("fold", name)}
+        figure = plot_branches([ending], coordinate=name, labels=labels)
+        ax = figure.axes[0]
+        for line in ax.lines:  # the cycle of a fold is neither stable nor unstable
+            line.set_linestyle("-")
+        for text, point in zip(ax.texts, ending.special, strict=True):
+            text.set_text(f"({point.value:.4g}, {point.coordinates[name]:.6g})")
+        ax.set_ylim(float(height.min()) - 0.08 * float(np.ptp(height)), None)
+        return figure
+
+    picture = Picture("fold_curve", f"The fold in {name} and {second}", source, draw)
+    return Section(
+        "fold-curve", title, [picture, table],
+        {"end_value": float(height[-1]), "end_parameter": float(ending.values[-1]),
+         "least_value": float(height[least]), "least_parameter": float(ending.values[least])},
+        {"fold_curve": {second: ending.values.tolist(), name: height.tolist(), "end": ending.message}},
+        [("fold_curve.csv", (second, name, "d"),
+          [(p.value, p.coordinates[name], p.coordinates[run.section.coordinate]) for p in points])],
+    )  # fmt: skip
+
+
+def region_map(run: Run) -> Section:
+    """Cells over two parameters with their exact borders: the fold, and where the set changes stability."""
+    assert run.study.plane is not None
+    (up, across_range, up_range), across = run.study.plane, run.study.parameter
+    with run.stage("regions", run.until):
+        halves = [(_fold_curve(run, up, up_range, way), way) for way in (-1, 1)]
+        rows = [np.column_stack([h.coordinate(across), h.values])[::way] for h, way in halves if h]
+        borders: list[tuple[str, Array]] = [("fold of the two cycles", np.vstack(rows))] if rows else []
+        change = _change(run.main, across, up, across_range, up_range)
+        if change is not None:
+            borders.append(("set changes stability", change))
+        columns, lines = run.effort.cells
+        found = regions(
+            run.system, run.section, (across, np.linspace(*across_range, columns).tolist()),
+            (up, np.linspace(*up_range, lines).tolist()), run.interval, parameters=run.main.case.parameters,
+            order=run.study.order, points=32, borders=borders,
+            progress=lambda done, total: run.tell(done / total, f"cells over {across}, {up}"),
         )  # fmt: skip
-        run.run()
-        met += [_place(p) for p in run.at(own)]
-        out.append(run)
-    return tuple(out)
+
+    def draw() -> Figure:
+        figure = plot_regions(found)
+        figure.axes[0].set(xlabel=run.label("parameter"), ylabel=run.label("plane", up))
+        for cells in figure.axes[0].collections:  # drawn as shapes: a page without pictures loads nothing
+            cells.set_rasterized(False)
+        return figure
+
+    command = f"`filippov regions {run.model.name} --x {across}=... --y {up}=...`"
+    picture = Picture("regions", f"Number of cycles over {across} and {up}", command, draw)
+    return Section(
+        "regions", f"Regions of {across} and {up}", [picture], summary={"regions": found.to_dict()}
+    )
 
 
-def end_curve(subject: Subject, runs: tuple[Continuation, ...]) -> Branch | None:
-    """The curve of the first fold over the second parameter; None where none is asked or there is no fold."""
-    asked = subject.study.questions.ending
-    return None if asked is None else _fold_curve(runs, asked.parameter, asked.bounds)
+def rows_of(branch: Branch, size: str = "") -> list[tuple[Any, ...]]:
+    """Rows of a branch: value, coordinate, largest multiplier, stable, special."""
+    heights = branch.coordinate(size) if size else branch.d
+    return [
+        (p.value, height, float(np.abs(p.multipliers[0])), p.stable, p.special)
+        for p, height in zip(branch.points, heights.tolist(), strict=True)
+    ]
 
 
 def _fold_curve(
-    runs: tuple[Continuation, ...], parameter: str, bounds: tuple[float, float], direction: int | None = None
+    run: Run, parameter: str, bounds: tuple[float, float], direction: int | None = None
 ) -> Branch | None:
-    run = next((run for run in runs if run.branch.folds), None)
-    if run is None:
+    found = next((r for r in run.cycles[0].runs if r.branch.folds), None)
+    if found is None:
         return None
-    own = run.branch.parameters[parameter]
-    way = direction or (-1 if own >= bounds[1] else 1)
-    return curve(run, run.branch.folds[0], parameter=parameter, bounds=bounds, direction=way).run()
-
-
-def region_map(
-    subject: Subject, result: CaseResult, runs: tuple[Continuation, ...], effort: Effort, tell: Tell
-) -> Regions | None:
-    """Cells over two parameters with their exact borders: the fold, and where the set changes stability."""
-    asked, study = subject.study.questions.plane, subject.study
-    if asked is None:
-        return None
-    halves = [_fold_curve(runs, asked.parameter, asked.up, way) for way in (-1, 1)]
-    rows = [
-        np.column_stack([half.coordinate(study.parameter), half.values])[::way]
-        for half, way in zip(halves, (-1, 1), strict=True) if half is not None
-    ]  # fmt: skip
-    borders: list[tuple[str, Array]] = []
-    if rows:
-        borders.append(("fold of the two cycles", np.vstack(rows)))
-    change = _change(result, study.parameter, asked.parameter, asked.across, asked.up)
-    if change is not None:
-        borders.append(("set changes stability", change))
-    across, up = effort.cells
-    return regions(
-        subject.system, subject.section,
-        (study.parameter, np.linspace(*asked.across, across).tolist()),
-        (asked.parameter, np.linspace(*asked.up, up).tolist()), subject.interval,
-        parameters=result.case.parameters, order=study.order, points=32, borders=borders,
-        progress=lambda done, total: tell(done / total, f"cells over {study.parameter}, {asked.parameter}"),
-    )  # fmt: skip
+    way = direction or (-1 if found.branch.parameters[parameter] >= bounds[1] else 1)
+    return curve(found, found.branch.folds[0], parameter=parameter, bounds=bounds, direction=way).run()
 
 
 def _change(
-    result: CaseResult, across: str, up: str, low_high: tuple[float, float], span: tuple[float, float]
+    case: Case, across: str, up: str, low_high: tuple[float, float], span: tuple[float, float]
 ) -> Array | None:
     """Points (across, up) where the linearised return map of the set has modulus 1; None without one."""
-    polynomials = [
-        case.polynomial
-        for item in result.stability.items
-        for case in item.cases
-        if case.applies and case.polynomial is not None
-    ]
+    cases = [c for item in case.stability.items for c in item.cases if c.applies]
+    polynomials = [c.polynomial for c in cases if c.polynomial is not None]
     if not polynomials:
         return None
     used = sorted({s for row in polynomials for c in row for s in c.free_symbols}, key=str)
     coefficients = sympy.lambdify(used, [list(row) for row in polynomials], "math")
 
     def measure(x: float, y: float) -> float:
-        values = {**result.parameters, across: x, up: y}
+        values = {**case.parameters, across: x, up: y}
         return growth([rest_map(row) for row in coefficients(*(values[s.name] for s in used))])
 
     border = [
@@ -151,3 +229,33 @@ def _change(
         for x in threshold(lambda x, y=y: measure(x, y), *low_high, points=SCAN)  # type: ignore[misc]
     ]
     return np.array(border) if border else None
+
+
+def _portraits(run: Run) -> Figure:
+    """Phase portraits of every cycle, unstable ones dashed."""
+    labels, (x_name, y_name) = run.study.labels, run.system.states[:2]
+    with style():
+        figure = new_figure(6.0, 4.2)
+        ax = figure.subplots()
+        for k, found in enumerate(run.cycles):
+            for orbit in found.orbits:
+                motion = orbit.solution()
+                assert motion.sol is not None
+                x = motion.sol(np.linspace(motion.problem.t_span[0], motion.t_end, 2000))
+                word = "stable" if orbit.stable else "unstable"
+                ax.plot(
+                    x[0], x[1], "-" if orbit.stable else "--", color=SERIES[k],
+                    label=f"{found.case.label}, {word}, period {orbit.period:.4g} s",
+                )  # fmt: skip
+        ax.set(xlabel=labels.get(x_name, x_name), ylabel=labels.get(y_name, y_name))
+        ax.margins(0.06)
+        ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=2)
+    return figure
+
+
+def _orbit(orbit: Orbit) -> dict[str, Any]:
+    margin = {name: getattr(orbit.margin, name) for name in ("distance", "sliding", "transversality")}
+    return {
+        "period": orbit.period, "amplitude": orbit.amplitude, "stable": orbit.stable, "word": orbit.word,
+        "multipliers": [[float(v.real), float(v.imag)] for v in orbit.multipliers], "margin": margin,
+    }  # fmt: skip

@@ -1,151 +1,135 @@
-"""Run a study: compute, write data and figures, the report and its summary."""
+"""Run a study: compute its sections one after the other, write data and figures, the report, its summary."""
 
 from __future__ import annotations
 
+import math
 import os
-import platform
 import time
-from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from filippov.analysis.comparisons.band_model import BandModel
-from filippov.analysis.comparisons.comparison import compare
-from filippov.analysis.comparisons.comparison_result import Comparison
-from filippov.app.report.compute import Subject, case_result
-from filippov.app.report.content import document
+from filippov.app.report import band, checks, cycles, design, diagram, response, smoother
+from filippov.app.report.case import Case
+from filippov.app.report.context import Progress
 from filippov.app.report.effort import Effort
-from filippov.app.report.facts import summary
-from filippov.app.report.figures import figures
-from filippov.app.report.files import data_files, save_figure, write, write_csv
-from filippov.app.report.questions import findings
-from filippov.app.report.results import Results
+from filippov.app.report.files import save_figure, write, write_csv
+from filippov.app.report.page import Facts, document, environment, machine, told
+from filippov.app.report.part import Picture, Section, Table, Words
+from filippov.app.report.run import Run
 from filippov.base.json_text import json_text
-from filippov.graphs.graph import possible_graph
-from filippov.models import registry
 from filippov.models.studies import Study, get_study
 from filippov.plot.style import style
 
-Progress = Callable[..., object]
-# Shares of the whole: cases, comparison, questions; the rest is writing.
-CASES, COMPARED, ASKED = 0.25, 0.4, 0.85
-PACKAGES = ("filippov", "numpy", "scipy", "sympy", "networkx", "llvmlite", "matplotlib")
+# Fractions of the whole at which the cases, and all sections, are computed; the rest is drawing.
+CASES, COMPUTED = 0.25, 0.85
+# Every section in the order in which it is computed and stands in summary.json: what computes it, the entry
+# of the study that asks for it ("" for always), and how long it takes, in parts of the whole.
+SECTIONS: tuple[tuple[Callable[[Run], Section], str, float], ...] = (
+    (response.model, "", 0), (response.response, "", 0), (response.event_map, "", 0),
+    (diagram.fixed_points, "", 0), (diagram.bifurcation, "", 0), (checks.classification, "", 0),
+    (checks.stability, "", 0), (response.modes, "", 0.01), (band.comparison, "variants", 0.2),
+    (cycles.orbits, "", 0.05), (cycles.branches, "", 0), (cycles.fold_curve, "ending", 0.1),
+    (cycles.region_map, "plane", 0.08), (design.settings, "tuned", 0.15), (design.prediction, "laws", 0.05),
+    (design.experiment, "experiment", 0.05), (smoother.relative, "relative", 0.3), (checks.checks, "", 0),
+)  # fmt: skip
+# The order of the sections in the report.
+ORDER = (
+    "summary", "model", "response", "map", "fixed-points", "bifurcation", "cycles", "branches", "fold-curve",
+    "regions", "classification", "stability", "graph", "comparison", "relative", "settings", "prediction",
+    "experiment", "checks", "differences", "versions",
+)  # fmt: skip
 
 
 def run_study(
-    name: str, output: str | Path, *, progress: Progress | None = None, quick: bool = False,
+    study: str | Study, output: str | Path, *, progress: Progress | None = None, quick: bool = False,
     resolution: float = 1.0,
 ) -> dict[str, Any]:  # fmt: skip
-    """Run a study into a folder and return its summary.
+    """Run a study, a name or a declaration, into a folder and return its summary.
 
     progress  called with (done, all, what)
     quick     coarser, to see whether it works
     resolution   factor of the number of points in maps, diagrams, searches, 0.1 to 20
 
     Writes report.html, summary.json, figures as SVG and PNG, data as CSV. Raises UsageError for an
-    unknown name, ImportError without matplotlib.
+    unknown name, ImportError without matplotlib or jinja2.
     """
     since, folder = time.perf_counter(), Path(output)
-    tell = _teller(progress)
     os.environ.setdefault("MPLBACKEND", "Agg")
-    with style():  # without matplotlib this is the time to say so, not the end
+    environment()  # without jinja2 or matplotlib this is the time to say so, not the end
+    with style():
         pass
-    study = get_study(name)
-    effort = (Effort.quick() if quick else Effort()).finer(resolution)
-    results = compute(study, effort, tell)
+    asked = get_study(study) if isinstance(study, str) else study
+    run = Run(asked, (Effort.quick() if quick else Effort()).finer(resolution), progress)
+    sections = compute(run)
     folder.mkdir(parents=True, exist_ok=True)
-    for file, columns, rows in data_files(results):
-        write_csv(folder / file, columns, rows)
-    drawings, begun = {}, time.perf_counter()
-    todo = figures(results)
-    for k, (file, draw) in enumerate(todo.items()):
-        tell(ASKED + (1 - ASKED) * k / len(todo), f"figure {file}")
-        drawings[file] = save_figure(folder, file, draw())
-    results.timing["figures"] = time.perf_counter() - begun
-    results.timing["total"] = time.perf_counter() - since
-    found = summary(results)
-    write(folder / "summary.json", json_text(found))
-    write(folder / "report.html", document(results, drawings))
-    tell(1.0, "done")
-    return found
+    for section in sections:
+        for file, columns, rows in section.files:
+            write_csv(folder / file, columns, rows)
+    drawings = {}
+    pictures = [part for section in sections for part in section.parts if isinstance(part, Picture)]
+    with run.stage("figures", 1.0):
+        for k, picture in enumerate(pictures):
+            run.tell(k / len(pictures), f"figure {picture.name}")
+            drawings[picture.name] = save_figure(folder, picture.name, picture.draw())
+    run.timing["total"] = time.perf_counter() - since
+    summary = {name: entry for section in sections for name, entry in section.summary.items()}
+    summary["timing"] = {name: round(seconds, 4) for name, seconds in run.timing.items()}
+    finite: dict[str, Any] = _finite(summary)
+    write(folder / "summary.json", json_text(finite))
+    shown = sorted([*sections, *_frame(run, sections)], key=lambda section: ORDER.index(section.anchor))
+    write(folder / "report.html", document(
+        asked.title, f"After {asked.source}", shown, asked.texts, drawings
+    ))  # fmt: skip
+    run.tell(1.0, "done")
+    return finite
 
 
-def compute(study: Study, effort: Effort, tell: Callable[[float, str], None]) -> Results:
-    """Everything that is computed; the cases one after the other, then the comparison."""
-    model = registry.get(study.model)
-    subject = Subject.of(study, model)
-    timing: dict[str, float] = {}
-    cases = []
-    for k, case in enumerate(study.cases):
-        low, share = CASES * k / len(study.cases), CASES / len(study.cases)
-
-        def within(fraction: float, what: str, low: float = low, share: float = share) -> None:
-            tell(low + share * fraction, what)
-
-        cases.append(case_result(subject, case, effort, within, timing, time.perf_counter))
-    begun = time.perf_counter()
-    graph = possible_graph(subject.system)
-    timing["possible transitions"] = time.perf_counter() - begun
-    begun = time.perf_counter()
-    compared = _compared(subject, effort, tell)
-    if compared is not None:
-        timing["comparison"] = time.perf_counter() - begun
-    def asking(fraction: float, what: str) -> None:
-        tell(COMPARED + (ASKED - COMPARED) * fraction, what)
-
-    found = findings(subject, cases, effort, asking, timing)
-    return Results(study, model, subject.system, tuple(cases), graph, compared, timing, _machine(), found)
+def compute(run: Run) -> list[Section]:
+    """Every section that the study asks for, in the order of computing."""
+    share = CASES / len(run.study.cases)
+    for k, case in enumerate(run.study.cases):
+        run.cases.append(Case(run, case, k * share, (k + 1) * share))
+    asked = [(make, part) for make, name, part in SECTIONS if not name or getattr(run.study, name)]
+    whole, done, out = sum(part for _, part in asked), 0.0, []
+    for make, part in asked:
+        done += part
+        run.until = CASES + (COMPUTED - CASES) * done / whole
+        out.append(make(run))
+    return out if run.study.stated else [_unstated(section) for section in out]
 
 
-def _compared(subject: Subject, effort: Effort, tell: Callable[[float, str], None]) -> Comparison | None:
-    study = subject.study
-    if not study.variants:
-        return None
-
-    def within(done: int, total: int, what: str = "") -> None:
-        tell(CASES + (COMPARED - CASES) * done / total, f"comparison: {what}")
-
-    few = slice(None) if effort.widths == 1 else slice(1)
-    bands = [
-        BandModel(v.name, v.build, v.stick, {k: values[few] for k, values in v.options.items()})
-        for v in study.variants
-    ]
-    return compare(
-        subject.system, subject.section, bands, widths=study.widths[:: effort.widths], comparators=(),
-        interval=subject.interval, order=study.order, x0=study.x0, parameters=study.cases[0].parameters,
-        repeats=1 if effort.widths > 1 else 3,
-        progress=within,
-    )  # fmt: skip
+def _unstated(section: Section) -> Section:
+    parts = [part.unstated() if isinstance(part, Table) else part for part in section.parts]
+    return replace(section, parts=parts)
 
 
-def _teller(progress: Progress | None) -> Callable[[float, str], None]:
-    def tell(fraction: float, what: str) -> None:
-        if progress is not None:
-            progress(fraction, 1.0, what)
+def _frame(run: Run, sections: list[Section]) -> list[Section]:
+    """The sections around the computed ones: what was found, what differs from the source, versions."""
+    facts = Facts({name: value for section in sections for name, value in section.facts.items()})
+    files = Words("source", (
+        f"Source of everything on this page: `filippov study {run.study.name}`. The figures are beside it as "
+        "SVG and PNG, the numbers as CSV and in summary.json."
+    ))  # fmt: skip
+    differences = told(run.study.texts.get("differences", ()), facts)
+    seconds = tuple((name, f"{value:.2f}") for name, value in run.timing.items())
+    return [
+        Section("summary", "Summary", [files]),
+        Section("differences", "What differs from the paper, and why",
+                [Words("dl", differences)] if differences else []),
+        Section("versions", "Versions, machine, time", [
+            Table("Versions and machine", ("what", "value"), tuple(machine().items())),
+            Table("Time", ("stage", "seconds"), seconds),
+        ]),
+    ]  # fmt: skip
 
-    return tell
 
-
-def _machine() -> dict[str, str]:
-    out = {
-        "Python": platform.python_version(), "system": platform.platform(), "processor": _processor(),
-        "cores": str(os.cpu_count()),
-    }  # fmt: skip
-    for name in PACKAGES:
-        try:
-            out[name] = version(name)
-        except PackageNotFoundError:
-            out[name] = "not installed"
-    return out
-
-
-def _processor() -> str:
-    """The processor's name where the system tells it."""
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
+def _finite(data: Any) -> Any:
+    """The same with null for what is not finite, at any depth."""
+    if isinstance(data, Mapping):
+        return {k: _finite(v) for k, v in data.items()}
+    if isinstance(data, list | tuple):
+        return [_finite(v) for v in data]
+    value = data.item() if hasattr(data, "item") else data
+    return value if not isinstance(value, float) or math.isfinite(value) else None

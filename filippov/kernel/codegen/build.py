@@ -13,7 +13,7 @@ import ctypes
 import hashlib
 import platform
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
@@ -159,9 +159,9 @@ def _unit(source: str, constants: Mapping[str, Constant], method: str, place: La
     return unit
 
 
-def _tables(constants: Mapping[str, Constant]) -> dict[str, list[float]]:
+def _tables(constants: Mapping[str, Constant]) -> dict[str, Sequence[float]]:
     """What of a system's constants is handed to its loop as tables; for the others the loop is made."""
-    found: dict[str, list[float]] = {name: list(v) for name, v in constants.items() if isinstance(v, list)}
+    found: dict[str, Sequence[float]] = {k: v for k, v in constants.items() if isinstance(v, list)}
     return found | {"P": [int(constants["P"])]}  # type: ignore[arg-type]
 
 

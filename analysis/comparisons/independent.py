@@ -45,7 +45,7 @@ class Side:
 class Orbits:
     """Fixed points of an event map of a symbolic, autonomous system with one surface.
 
-    Raises UsageError for another system.
+    Raises UsageError for another system, and from a lift where the motion stays on the surface.
     """
 
     def __init__(self, event_map: EventMap) -> None:
@@ -82,15 +82,15 @@ class Orbits:
         return Side(sign, lambda x: values("f", x), jacobian, slope)
 
     def side(self, x: Array) -> Side:
-        """The side to which the motion leaves the surface from x; SolveError where it stays."""
+        """The side to which the motion leaves the surface from x; UsageError where it stays."""
         for sign, side in self.sides.items():
             f = side.field(x[None, :])[0]
             rate = float(self.gradient @ f) * sign
             later = float(self.gradient @ side.slope(x[None, :])[0] @ f) * sign
             if rate > 1e-9 or (abs(rate) <= 1e-9 and later > 1e-12):
                 return side
-        raise SolveError(
-            f"the motion does not leave the surface at x = {x}; the lift is to start where it does."
+        raise UsageError(
+            f"the motion does not leave the surface at x = {x}; independent orbits need a lift where it does."
         )
 
     # -- shooting ----------------------------------------------------------------------------------------

@@ -1,0 +1,222 @@
+"""What is computed for each case of a study."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+
+from filippov.analysis.comparisons.independent import Orbits
+from filippov.analysis.diagrams.bifurcation import Diagram, bifurcation
+from filippov.analysis.local_stability.stability import stability_report
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.fixed_points import FixedPoint
+from filippov.app.report.context import Context
+from filippov.base.errors import SolveError, UsageError
+from filippov.graphs.graph import observed_graph
+from filippov.graphs.word import mode_word
+from filippov.models.studies import StudyCase
+from filippov.solving.solver import solve
+from filippov.solving.state.machine import Machine
+
+Array = npt.NDArray[np.float64]
+# Where the stages end, in parts of a case.
+ENDS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.55, 0.6, 0.7, 1.0)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The map and its iterate at coordinates d."""
+
+    d: Array
+    once: Array
+    power: Array
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """One cycle by several methods: values by name of the method; why independent ones do not apply."""
+
+    values: Mapping[str, float]
+    reference: str
+    why: str
+
+    def digits(self, *names: str) -> float:
+        """Decimal digits on which the named methods agree, relative to the value."""
+        chosen = [self.values[n] for n in names if n in self.values]
+        spread = max(chosen) - min(chosen)
+        return float(-np.log10(max(spread / abs(chosen[0]), 2.0**-53)))
+
+
+class Case:
+    """Everything computed for one case; `low` and `high`: the part of the whole that it is.
+
+    orbit   iterates of the map from the first rest of the response, as many as it has
+    height  largest |h| while sliding on the section's surface; spreads: of the model's invariants there
+    apart   largest distance of the response's rest positions from the orbit; NaN without any
+    """
+
+    def __init__(self, run: Context, case: StudyCase, low: float, high: float) -> None:
+        self.run, self.case, self.label, self.slug = run, case, case.label, case.slug
+        self._ends = iter([low + (high - low) * end for end in ENDS])
+        study, effort, system, given = run.study, run.effort, run.system, case.parameters
+        a, b = run.interval
+        self.event_map = once = EventMap(system, run.section, parameters=given)
+        self.power, self.parameters = once.power(study.order), once.parameters
+        with self._stage("time response"):
+            self.solution = solve(system, run.x0, run.t_span, parameters=given, rtol=1e-10, atol=1e-12)
+        if not self.solution.success:
+            raise SolveError(
+                f"the time response of {self.label} ended early: {self.solution.message}", self.solution
+            )
+        with self._stage("event map"):
+            self.wide = self._sample(a, b)
+            self.small = None if case.small is None else self._sample(a, case.small)
+        with self._stage("fixed points"):
+            self.fixed = self.power.fixed_points(a, b, effort.points)
+        with self._stage("basins"):
+            self.basins = self.power.basins(a, b, effort.points)
+        with self._stage("jumps"):
+            self.jumps = once.jumps(a, b, effort.points)
+        with self._stage("bifurcation"):
+            chosen = tuple(dict.fromkeys([*study.values[:: effort.stride], study.values[-1]]))
+            self.diagram = self._diagram(chosen)
+        with self._stage("bifurcation beyond"):
+            self.beyond = self._diagram(study.beyond) if study.beyond else None
+        with self._stage("stability"):
+            self.stability = stability_report(system, given, solve_for=study.parameter)
+        with self._stage("independent checks"):
+            self.agreements = self._agreements()
+        self.curve = None if study.curve is None else study.curve(given)
+        self.graph = observed_graph(self.solution)
+        self.word = mode_word(self.solution, study.mode_names)
+        rests = self._rests()
+        self.orbit = once.iterate(float(rests[0]), len(rests) - 1) if len(rests) else np.zeros(0)
+        self.apart = float(np.max(np.abs(rests - self.orbit))) if len(rests) else float("nan")
+        self.height, self.spreads = self._exactness()
+
+    @contextmanager
+    def _stage(self, name: str) -> Iterator[None]:
+        with self.run.stage(f"{name}, {self.label}", next(self._ends), f"{self.label}: {name}"):
+            yield
+
+    @property
+    def cycles(self) -> tuple[FixedPoint, ...]:
+        """The limit cycles among the fixed points."""
+        return tuple(q for q in self.fixed if q.kind == "limit cycle")
+
+    @property
+    def diagrams(self) -> list[Diagram]:
+        """The diagram, and the one of further values."""
+        return [self.diagram, *([self.beyond] if self.beyond else [])]
+
+    @property
+    def bound(self) -> float | None:
+        """The value of the parameter above which the Routh-Hurwitz conditions hold; None without one."""
+        for solved in self._solved():
+            try:
+                return float(solved.numeric.as_set().start)
+            except (AttributeError, NotImplementedError, TypeError, ValueError):
+                return None
+        return None
+
+    @property
+    def thresholds(self) -> tuple[float, ...]:
+        """Values at which the linearised return map says that the set changes stability."""
+        return next((tuple(s.threshold) for s in self._solved()), ())
+
+    @property
+    def without(self) -> str:
+        """Why there is no bound: the field beside a set has no linear part, or none was found."""
+        rough = any(c.polynomial is None for c in self._applying())
+        return "no linear part" if rough else "none found"
+
+    @property
+    def sets(self) -> list[Any]:
+        """The ends of each equilibrium set."""
+        found = [getattr(item.equilibrium, "ends", ()) for item in self.stability.items]
+        return [ends for ends in found if ends]
+
+    def _applying(self) -> list[Any]:
+        return [c for item in self.stability.items for c in item.cases if c.applies]
+
+    def _solved(self) -> list[Any]:
+        cases = self._applying()
+        return [c.solved for c in cases if c.solved is not None and c.polynomial is not None]
+
+    def _sample(self, low: float, high: float) -> Samples:
+        """Coordinates evenly, and crowding at 0, where a map may be steep."""
+        count, once = self.run.effort.samples, self.event_map
+        d = np.linspace(low, high, count)
+        if low == 0.0:
+            d = np.unique(np.concatenate([d, np.geomspace(1e-8 * high, high, count)]))
+        by_order = np.asarray(once.power(self.run.study.order)(d), dtype=float)
+        return Samples(d, np.asarray(once(d), dtype=float), by_order)
+
+    def _diagram(self, values: tuple[float, ...]) -> Diagram:
+        run = self.run
+        return bifurcation(
+            run.system, run.section, parameter=run.study.parameter, values=values, interval=run.interval,
+            parameters=self.case.parameters, order=run.study.order, points=run.effort.points,
+            progress=lambda done, total: run.tell(done / total, f"{self.label}: bifurcation"),
+        )  # fmt: skip
+
+    def _rests(self) -> Array:
+        """The section's coordinate at each of its events along the response."""
+        section = self.run.section
+        return np.array([e.x[self.run.index] for e in self.solution.events.of(section.surface, section.kind)])
+
+    def _exactness(self) -> tuple[float, dict[str, float]]:
+        """`height` and `spreads`, from twenty points of each segment."""
+        solution, system, invariants = self.solution, self.run.system, self.run.model.invariants
+        p, sol = solution.problem.p, solution.sol
+        assert sol is not None
+        machine = Machine(system, solution.options.method, p, sliding=solution.options.sliding)
+        mode, record = np.zeros(len(system.surfaces)), system.parameters.record(p)
+        height, spreads = 0.0, dict.fromkeys((i.name for i in invariants), 0.0)
+        for segment in solution.segments:
+            if segment.mode[self.run.surface] != 0:
+                continue
+            t = np.linspace(segment.t0, segment.t1, 20)
+            rows = np.ascontiguousarray(np.column_stack([sol(t[:1], side="+"), sol(t[1:])]).T)
+            pairs = list(zip(t.tolist(), rows, strict=True))
+            on = [machine.guards(a, row, mode)[self.run.surface] for a, row in pairs]
+            height = max(height, float(np.max(np.abs(on))))
+            for invariant in invariants:
+                values = [invariant.function(a, row, record) for a, row in pairs]
+                spreads[invariant.name] = max(spreads[invariant.name], max(values) - min(values))
+        return height, spreads
+
+    def _agreements(self) -> tuple[Agreement, ...]:
+        """Every cycle by two tolerances of the solver and by two independent methods, where they apply."""
+        study, effort, power = self.run.study, self.run.effort, self.power
+        said = study.stated.points.get(self.case.key, ()) if study.stated else ()
+        stated = [s for s in said if s.kind == "limit cycle"]
+        out: list[Agreement] = []
+        for k, cycle in enumerate(self.cycles):
+            values = {f"event map, rtol {r:g}": _polished(power, cycle.d, r) for r in effort.tolerances}
+            why = ""
+            try:
+                orbits = Orbits(self.event_map)
+                for stages in effort.stages:
+                    values[f"collocation, {stages} stages"] = orbits.collocation(cycle.d, study.order, stages)
+                name = f"solve_ivp + brentq, rtol {effort.shooting:g}"
+                values[name] = orbits.shooting(cycle.d, study.order, effort.shooting)
+            except UsageError as error:  # they are for other systems
+                why = str(error)
+            reference = stated[k].reference if len(stated) == len(self.cycles) else ""
+            out.append(Agreement(values, reference, why))
+        return tuple(out)
+
+
+def _polished(power: EventMap, near: float, rtol: float) -> float:
+    at = power.remake(rtol=rtol, atol=rtol * 1e-2)
+    reach = 1e-5 * abs(near)
+    return float(
+        brentq(lambda d: float(at(d)) - d, near - reach, near + reach, xtol=1e-15 * abs(near), rtol=8.9e-16)
+    )

@@ -1,0 +1,127 @@
+"""What the diagrams and the equations say, and how well it is known."""
+
+from __future__ import annotations
+
+import math
+
+from filippov.app.report.part import NONE, Section, Table, Words, yes
+from filippov.app.report.run import Run
+
+
+def classification(run: Run) -> Section:
+    """Table 4: what the diagrams say of each regime, over all values that were computed."""
+    said = run.study.stated.classification if run.study.stated else {}
+    found, rows = {}, []
+    for c in run.cases:
+        points = [row for diagram in c.diagrams for row in diagram.points]
+        sets = [[q.stable for q in row if q.kind == "equilibrium set"] for row in points]
+        cycles = [[q.stable for q in row if q.kind == "limit cycle"] for row in points]
+        quiet = [all(a) and bool(a) and not any(b) for a, b in zip(sets, cycles, strict=True)]
+        told = {"equilibrium set": _set_words({s for row in sets for s in row}),
+                "limit cycles": _cycle_words(cycles)}  # fmt: skip
+        if run.study.goal:
+            told[run.study.goal] = "yes" if any(quiet) else "never"
+        regime = c.case.regime or c.label
+        found[regime] = told
+        for what, word in told.items():
+            paper = said.get(regime, {}).get(what, NONE)
+            rows.append((regime, what, word, paper, yes(word == paper)))
+    values = [v for diagram in run.main.diagrams for v in diagram.values]
+    subject = "set" if run.main.sets else "equilibria"
+    proofs = [f"{c.case.regime or c.label}: {c.stability.items[0].answer}"
+              for c in run.cases if c.stability.items]  # fmt: skip
+    table = Table(
+        "Table 4. Classification", ("regime", "what", "computed", "paper", "same"), tuple(rows),
+        f"Computed from the diagrams at {run.study.parameter} = {', '.join(f'{v:g}' for v in values)}, one "
+        f"case a regime. The stability report, at the parameters of table 1, says of the {subject}: "
+        f"{'; '.join(proofs)}.",
+        f"bifurcation_*.csv, read by {__name__}.classification.",
+    )  # fmt: skip
+    return Section("classification", "Classification", [table], summary={"classification": found})
+
+
+def stability(run: Run) -> Section:
+    """The report of the main case whole."""
+    main = run.main
+    text = (
+        "Equilibria, one-sided linearisation, Routh arrays and conditions as the program derives them from "
+        f"the equations, at {main.label}; it tells apart the cases of its parameters. Verdicts: "
+        + "; ".join(f"{c.label}: {i.answer}" for c in run.cases for i in c.stability.items) + "."
+    )  # fmt: skip
+    source = f"Source: `filippov stability {run.given(main.case)} --solve-for {run.study.parameter}`"
+    parts = [Words("p", text), Words("pre", main.stability.to_text()), Words("source", source)]
+    return Section("stability", "Stability report", parts)
+
+
+def checks(run: Run) -> Section:
+    """Each cycle by several methods, and what should be exact along the responses."""
+    rows = [
+        (c.case.key, k, name, value)
+        for c in run.cases for k, a in enumerate(c.agreements) for name, value in a.values.items()
+    ]  # fmt: skip
+    files = [("checks.csv", ("case", "cycle", "method", "d"), rows)]
+    return Section("checks", "Independent checks", [_agreements(run), _exactness(run)], files=files)
+
+
+def _set_words(seen: set[bool]) -> str:
+    words = {frozenset(): "none", frozenset({True}): "stable", frozenset({False}): "unstable"}
+    return words.get(frozenset(seen), "stable or unstable")
+
+
+def _cycle_words(cycles: list[list[bool]]) -> str:
+    seen = {stable for row in cycles for stable in row}
+    if not seen:
+        return "never"
+    often = "always" if all(cycles) else "possible"
+    if len(seen) == 2:
+        return f"{often}, stable and unstable"
+    only = " only" if often == "possible" else ""
+    return f"{often}, {'stable' if True in seen else 'unstable'}{only}"
+
+
+def _agreements(run: Run) -> Table:
+    """Each cycle by several methods."""
+    rows, why = [], ""
+    for c in run.cases:
+        for agreement in c.agreements:
+            why = f" They do not apply here: {agreement.why}" if agreement.why else why
+            best = [n for n in agreement.values if n.startswith(("event map", "collocation"))][1]
+            for k, (name, value) in enumerate(agreement.values.items()):
+                digits = NONE if k == 1 else f"{agreement.digits(best, name):.1f}"
+                rows.append((c.label if k == 0 else "", name, f"{value:.14f}", digits))
+            if agreement.reference:
+                reference = float(agreement.reference)
+                off = max(abs(agreement.values[best] - reference) / reference, 1e-16)
+                name = "reference, 40-digit Taylor, 12 decimals"
+                rows.append(("", name, agreement.reference, f"{-math.log10(off):.1f}"))
+    return Table(
+        "The cycles by independent methods",
+        ("case", "method", f"d* [{run.study.unit}]", "digits shared"), tuple(rows),
+        "Digits shared with the event map at the tight tolerance. Collocation solves the whole orbit as one "
+        "boundary-value problem on the symbolic field, without a step or an event of the solver; solve_ivp "
+        "is scipy's, with an event on the surface. Where the slope of the field at the surface is infinite "
+        "an explicit method loses digits as it leaves the surface; that is why solve_ivp shares fewer there."
+        + why,
+        "filippov.analysis.comparisons.independent; checks.csv.",
+    )  # fmt: skip
+
+
+def _exactness(run: Run) -> Table:
+    """What should be exact along the responses."""
+    names = list(dict.fromkeys(n for c in run.cases for n in c.spreads))
+    rows = tuple(
+        (c.label, f"{c.height:.3g}", *(f"{c.spreads[n]:.3g}" for n in names), str(len(c.orbit)),
+         f"{c.apart:.2g}", c.word or NONE)
+        for c in run.cases
+    )  # fmt: skip
+    return Table(
+        "The responses as motions of an inclusion",
+        ("case", f"largest |{run.section.surface}| while sliding", *(f"spread of {n}" for n in names),
+         "rests", f"response - iterates [{run.study.unit}]", "mode word"),
+        rows,
+        "Twenty points of each sliding segment. Response - iterates: largest distance between the positions "
+        "at the events of the section in the response and the iterates of the event map from the first of "
+        "them; the map starts each turn anew at its lift, so this tests the lift as well. Mode word: the "
+        "modes that the end of the response repeats.",
+        f"`filippov simulate {run.model.name} -p ...`.",
+    )  # fmt: skip

@@ -1,0 +1,66 @@
+"""What a study is about: its system and section; progress and time of the work."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.section import Section
+from filippov.app.report.effort import Effort
+from filippov.base.errors import UsageError
+from filippov.models import registry
+from filippov.models.studies import Study, StudyCase
+
+Progress = Callable[..., object]
+
+
+class Context:
+    """What a study is about.
+
+    surface, index   of the section and its coordinate; timing: seconds by stage
+    until            fraction of the whole that is done when the section at hand is
+
+    Raises UsageError for a model without a section, or with one of several surfaces or of a formula.
+    """
+
+    def __init__(self, study: Study, effort: Effort, progress: Progress | None = None) -> None:
+        model = registry.get(study.model)
+        if model.section is None:
+            raise UsageError(f"study {study.name!r}: the model {model.name!r} has no section; register one.")
+        self.study, self.effort, self.model, self.proposed = study, effort, model, model.section
+        self.section, self.interval = Section.from_model(model), model.section.interval
+        self.system = model.build()
+        bound = EventMap(self.system, self.section).bound
+        self.surface, self.index = bound.surface, bound.index
+        self.x0, self.t_span = study.x0 or model.x0, study.t_span or model.t_span
+        self.until = 0.0
+        self.timing: dict[str, float] = {}
+        self._progress, self._low, self._high = progress, 0.0, 0.0
+
+    @contextmanager
+    def stage(self, name: str, until: float, what: str = "") -> Iterator[None]:
+        """A part of the work whose time is taken; `until`: the fraction of the whole that is done then."""
+        self._high = until
+        self.tell(0.0, what or name)
+        since = time.perf_counter()
+        yield
+        self.timing[name] = time.perf_counter() - since
+        self._low = until
+
+    def tell(self, fraction: float, what: str) -> None:
+        """How much of the stage is done."""
+        if self._progress is not None:
+            self._progress(self._low + (self._high - self._low) * fraction, 1.0, what)
+
+    def label(self, name: str, default: str = "") -> str:
+        """The axis label of something."""
+        unit, x = self.study.unit, self.section.coordinate
+        own = {"d": f"{x} [{unit}]", "P(d)": f"P(d) [{unit}]", "P(P(d))": f"P(d) [{unit}]",
+               "fixed points": f"fixed points {x} [{unit}]", "parameter": self.study.parameter}  # fmt: skip
+        return self.study.labels.get(name, default or own.get(name, name))
+
+    def given(self, case: StudyCase, *words: str) -> str:
+        """The command's words for the model and a case's parameters."""
+        return " ".join((self.model.name, *words, *(f"-p {k}={v:g}" for k, v in case.parameters.items())))

@@ -1,0 +1,23 @@
+"""A study under way: what it is about, and what is known so far."""
+
+from __future__ import annotations
+
+from filippov.app.report.case import Case
+from filippov.app.report.case_cycles import CaseCycles
+from filippov.app.report.context import Context, Progress
+from filippov.app.report.effort import Effort
+from filippov.models.studies import Study
+
+
+class Run(Context):
+    """What the sections are made from: computed cases, the main one first, and the cycles of each."""
+
+    def __init__(self, study: Study, effort: Effort, progress: Progress | None = None) -> None:
+        super().__init__(study, effort, progress)
+        self.cases: list[Case] = []
+        self.cycles: list[CaseCycles] = []
+
+    @property
+    def main(self) -> Case:
+        """The case that is shown in most detail."""
+        return self.cases[0]

@@ -1,0 +1,228 @@
+"""The cycles of a smoother model of the same system, followed over the study's parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from filippov.analysis.bifurcations.branch import Branch, BranchPoint
+from filippov.analysis.bifurcations.continuation import Continuation, continuation
+from filippov.analysis.orbits.orbit import Orbit
+from filippov.analysis.orbits.orbit_search import find_orbit
+from filippov.app.report.case import Case
+from filippov.app.report.cycles import rows_of
+from filippov.app.report.part import NONE, Picture, Section, Table, first, number
+from filippov.app.report.run import Run
+from filippov.base.errors import SolveError
+from filippov.models.studies import Relative
+from filippov.plot.style import GREY, INK, SERIES, new_figure, style
+from filippov.solving.solution import Solution
+from filippov.solving.solver import solve
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+RTOL, MOST = 1e-9, 400
+# Points that a branch has, about, for the progress.
+POINTS = 150
+
+
+@dataclass(frozen=True)
+class Followed:
+    """One case of the smoother model.
+
+    branch   over the study's parameter, with the coordinate `amplitude`; beyond: further on, where it was
+             followed
+    small    (start, comes to rest, ratio |P(d)/d| of the exact map there) of starts near rest
+    """
+
+    case: Case
+    branch: Branch
+    beyond: Branch | None
+    small: tuple[tuple[float, bool, float], ...]
+
+    @property
+    def fold(self) -> BranchPoint | None:
+        """The first fold, beyond the study's range where it is there."""
+        found = [*self.branch.folds, *(self.beyond.folds if self.beyond else [])]
+        return found[0] if found else None
+
+
+class Smoother:
+    """The smoother model of a study, and its motions, orbits and branches."""
+
+    def __init__(self, run: Run, asked: Relative) -> None:
+        self.run, self.asked, self.system, self.label = run, asked, asked.build(), ""
+        self.size, self.case = f"amplitude {self.system.states[0]}", 0
+
+    def follow(self, case: Case) -> Followed:
+        """Its branch in one case, and what starts near rest do."""
+        study, asked, effort = self.run.study, self.asked, self.run.effort
+        self.label, self.case = f"{asked.name}, {case.label}", self.run.cases.index(case)
+        own = {k: v for k, v in case.parameters.items() if k in self.system.parameters}
+        branch = self.branch(self.orbit(own, asked.x0), study.values[-1], effort.follow)
+        beyond = None
+        if not branch.folds and effort.relatives is None:
+            value, x0 = asked.beyond
+            far = self.orbit({**own, study.parameter: value}, x0)
+            beyond = self.branch(far, max(study.beyond), 1)
+        small = tuple((a, self.rests(own, a), abs(float(case.event_map(a))) / a) for a in asked.small)
+        return Followed(case, branch, beyond, small)
+
+    def motion(self, values: Mapping[str, float], x0: Sequence[float], time: float) -> Solution:
+        """A motion of so long."""
+        run = solve(
+            self.system, x0, (0.0, time), parameters=values, method=self.asked.method, rtol=1e-8, atol=1e-10
+        )
+        if not run.success:
+            raise SolveError(f"the motion of {self.asked.name} ended early: {run.message}", run)
+        return run
+
+    def orbit(self, values: Mapping[str, float], x0: Sequence[float]) -> Orbit:
+        """The orbit that a motion goes to."""
+        end = self.motion(values, x0, self.asked.transient).x_end
+        return find_orbit(
+            self.system, end, symmetry=self.run.study.symmetry, method=self.asked.method, rtol=RTOL,
+            atol=1e-2 * RTOL, parameters=values,
+        )  # fmt: skip
+
+    def rests(self, values: Mapping[str, float], start: float) -> bool:
+        """Whether a motion from near rest is at rest in the last tenth of the time it is given."""
+        end = self.asked.settle
+        run = self.motion(values, (start, *(0.0 for _ in self.system.states[1:])), end)
+        assert run.sol is not None
+        return bool(np.max(np.abs(run.sol(np.linspace(0.9 * end, end, 2001))[1])) < self.asked.threshold)
+
+    def branch(self, orbit: Orbit, last: float, follow: int) -> Branch:
+        """The branch to larger values, until so many points after its first fold.
+
+        In legs: steps are in units of the orbit at a leg's start, so one begins where the word has changed
+        and where the orbit has become half as large.
+        """
+        name, whole = self.run.study.parameter, None
+        bounds = (orbit.parameters[name], last)
+        while True:
+            run = continuation(
+                self.system, orbit, parameter=name, bounds=bounds, direction=1, step=0.15, max_step=1.0,
+                max_points=MOST,
+            )  # fmt: skip
+            whole = whole or Branch(name, run.branch.kind, run.branch.parameters)
+            point = self._leg(run, whole, follow)
+            whole.message = run.branch.message
+            if point is None:
+                return whole
+            orbit = self.orbit({**orbit.parameters, name: point.value}, point.u[: self.system.dimension])
+
+    def _leg(self, run: Continuation, whole: Branch, follow: int) -> BranchPoint | None:
+        """Append the points of one leg; the point at which the next one begins, None after the last."""
+        start, changed, begun = None, False, bool(whole.points)
+        for point in run:
+            if start is None:
+                start = point.coordinates[self.size]
+                if begun:
+                    continue
+            whole.points.append(point)
+            count = len(whole.points)
+            cases = len(self.run.cases[: self.run.effort.relatives])
+            self.run.tell((self.case + min(count / POINTS, 1.0)) / cases, f"{self.label}: {count} points")
+            if whole.folds:
+                if count - whole.points.index(whole.folds[0]) > follow:
+                    return None
+            elif point.special:
+                changed = True
+            elif changed or point.coordinates[self.size] < 0.5 * start:
+                return point
+        return None
+
+
+def relative(run: Run) -> Section:
+    """Where the smoother model is right, and where not."""
+    asked, name = run.study.relative, run.study.parameter
+    assert asked is not None
+    smoother = Smoother(run, asked)
+    with run.stage("smoother model", run.until):
+        found = [smoother.follow(case) for case in run.cases[: run.effort.relatives]]
+    size, unit = smoother.size, run.study.unit
+    rows, points = [], []
+    summary: dict[str, Any] = {}
+    facts: dict[str, float] = {}
+    for item, exact in zip(found, run.cycles, strict=False):
+        case, fold = item.case, item.fold
+        largest = max((first(p) for p in exact.at[run.study.values[0]]), default=None)
+        ends = [f"{q.special}, {name} = {q.value:.6f}" for q in exact.special]
+        own = item.branch.points[0].coordinates[size]
+        change = NONE if largest is None else f"{100 * (own / largest - 1):+.1f} %"
+        repels = any(not q.stable for q in case.fixed if q.d == 0)
+        rests = all(rests for _, rests, _ in item.small)
+        rows.append((
+            case.label, number(largest, 7), number(own, 7), change, "; ".join(ends) or "never",
+            f"fold, {name} = {fold.value:.6f}" if fold else "no end found",
+            "repels" if repels else "attracts", "attracts" if rests else "repels",
+        ))  # fmt: skip
+        summary[case.case.key] = {
+            "amplitude": own,
+            "fold": None if fold is None else {name: fold.value, "amplitude": fold.coordinates[size]},
+            "small": [{"start": s, "rests": rests, "exact_ratio": ratio} for s, rests, ratio in item.small],
+        }
+        facts |= {} if fold is None else {f"relative_fold_{case.slug}": fold.value}
+        branches = [b for b in (item.branch, item.beyond) if b is not None]
+        points += [(case.case.key, *row) for b in branches for row in rows_of(b, size)]
+    starts = ", ".join(f"{start:g}" for start in asked.small)
+    source = "filippov.analysis.bifurcations.continuation of an orbit of the model"
+    table = Table(
+        f"{asked.name} beside the inclusion",
+        ("case", f"amplitude, inclusion [{unit}]", f"{asked.name} [{unit}]", "change",
+         "cycles end, inclusion", f"cycles end, {asked.name}", "rest, inclusion", f"rest, {asked.name}"),
+        tuple(rows),
+        f"Amplitudes at {name} = {run.study.values[0]:g}. Rest of {asked.name}: motions from {starts} {unit} "
+        f"at this value, {asked.settle:g} s long.", f"{source}, relative.csv.",
+    )  # fmt: skip
+    picture = Picture(
+        "relative", f"Cycles of {asked.name} over those of the inclusion", source,
+        lambda: _branches(run, asked.name, size, found),
+    )  # fmt: skip
+    columns = ("case", name, "amplitude", "multiplier", "stable", "special")
+    return Section(
+        "relative", f"{asked.name} beside the inclusion", [picture, table], facts, {"relative": summary},
+        [("relative.csv", columns, points)],
+    )  # fmt: skip
+
+
+def _branches(run: Run, name: str, size: str, found: list[Followed]) -> Figure:
+    """The branches of the smoother model over the exact ones, on a linear and on a logarithmic scale."""
+    smooth = {item.case.slug: item.branch for item in found}
+    with style():
+        figure = new_figure(8.6, 4.2)
+        linear, log = figure.subplots(1, 2)
+        log.set_yscale("log")
+        for colour, exact in zip(SERIES, run.cycles, strict=False):
+            branch, label = smooth.get(exact.case.slug), exact.case.label
+            for ax in (linear, log):
+                for b in exact.branches:
+                    _line(ax, b, b.d, colour, f"inclusion, {label}", 3.2, 0.3)
+                if branch is not None:
+                    _line(ax, branch, branch.coordinate(size), colour, f"{name}, {label}", 1.4, 1.0)
+                    for q in branch.folds:
+                        ax.plot(q.value, q.coordinates[size], "D", color=INK, markersize=4, zorder=5)
+        linear.set(xlabel=run.label("parameter"), ylabel=run.label("amplitude"))
+        log.set(xlabel=run.label("parameter"))
+        log.set_title("logarithmic; folds marked", loc="left", fontsize=9.5, color=GREY)
+        linear.set_title("stable solid, unstable dashed", loc="left", fontsize=9.5, color=GREY)
+        linear.legend(loc="upper right")
+        log.set_ylim(bottom=0.3 * min(float(np.min(b.coordinate(size))) for b in smooth.values()))
+    return figure
+
+
+def _line(ax: Any, branch: Branch, height: Any, colour: str, name: str, width: float, alpha: float) -> None:
+    """A branch: stable solid, unstable dashed; a stretch is drawn as its first point is."""
+    stable = branch.stable
+    for kind, line in ((True, "-"), (False, "--")):
+        part = np.where((stable == kind) | np.append(False, stable[:-1] == kind), height, np.nan)
+        if np.any(np.isfinite(part)):
+            ax.plot(
+                branch.values, part, line, color=colour, linewidth=width, alpha=alpha,
+                label=name if kind == bool(stable[0]) else None,
+            )  # fmt: skip
