@@ -24,9 +24,9 @@ from filippov import (
     t,
 )
 from filippov.analysis.invariant_sets.manifold import Manifold, manifold
-from filippov.analysis.invariant_sets.saddle import saddle
 from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.orbit_search import find_orbit
+from filippov.analysis.orbits.saddle import saddle
 from filippov.app.cli.main import main
 from filippov.model.symbols import cos
 
@@ -234,3 +234,32 @@ def test_12_13_manifold_command(tmp_path: Path, capsys: pytest.CaptureFixture[st
     names = {f"manifold.{end}" for end in ("json", "csv", "png")}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     assert main(run[:4]) == 2
+
+
+@pytest.mark.parametrize("dimension", [2, 3, 4, 6])
+def test_13_4_one_saddle_serves_manifolds_and_homoclinic_orbits(dimension: int) -> None:
+    """Random matrices with one unstable direction: eigenvalues, direction and row against their equations."""
+    names = states(" ".join(f"y{k}" for k in range(dimension)))
+    for seed in range(5):
+        draw = np.random.default_rng(seed)
+        base = draw.normal(size=(dimension, dimension)) + 3 * np.eye(dimension)
+        values = np.append(draw.uniform(0.2, 2), -draw.uniform(0.2, 2, dimension - 1))
+        matrix = base @ np.diag(values) @ np.linalg.inv(base)
+        place = draw.normal(size=dimension)
+        rows = matrix @ (np.array(names, dtype=object) - place)
+        found = saddle(System(dict(zip(names, rows, strict=True))), place + 0.1)
+        assert found.x == pytest.approx(place, abs=1e-12)
+        assert found.eigenvalues == pytest.approx(np.sort(values)[::-1], rel=1e-9)
+        assert matrix @ found.unstable == pytest.approx(values[0] * found.unstable, abs=1e-9)
+        assert found.left @ matrix == pytest.approx(values[0] * found.left, abs=1e-9)
+        assert found.left @ found.unstable == pytest.approx(1)
+        assert (found.dimension("unstable"), found.dimension("stable"), found.stable) == (
+            1, dimension - 1, dimension - 1,
+        )  # fmt: skip
+
+
+def test_13_4_a_rest_state_without_directions_along_its_surface_is_no_saddle() -> None:
+    with pytest.raises(UsageError, match="no saddle"):
+        saddle(System({X: -sign(X)}), (0.0,))
+    with pytest.raises(SolveError, match="found no equilibrium"):
+        saddle(System({X: 1 + X**2, Y: -Y}), (0.3, 0.0))

@@ -18,10 +18,10 @@ import numpy.typing as npt
 
 from filippov.analysis.invariant_sets.manifold_of_map import Growth, grow
 from filippov.analysis.invariant_sets.return_map import ReturnMap
-from filippov.analysis.invariant_sets.saddle import Saddle, Side, saddle
 from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_file import write_json
+from filippov.analysis.orbits.saddle import Saddle, Side, saddle
 from filippov.base.errors import UsageError
 from filippov.base.status import Status, mode_text
 from filippov.model.system import System
@@ -156,7 +156,7 @@ def manifold(
         starts = [(point.x, _beside(point, s)) for s in (1, -1)]
     else:
         sign = 1 if side == "unstable" else -1
-        value = float(point.values.real[sign * point.values.real > 0][0])
+        value = float(point.eigenvalues.real[sign * point.eigenvalues.real > 0][0])
         starts = [(point.x + s * offset * length * direction, mode_text(point.mode)) for s in (1, -1)]
     out = tuple(_motion(point, side, x, m, length, gap, t_max, rtol) for x, m in starts)
     return Manifold(system, point.parameters, side, point.kind, point.x, value, out)
@@ -172,7 +172,7 @@ def _motion(
     """The motion from x0, which begins in this mode, as far as the length goes."""
     back, span = (
         side == "stable",
-        0.1 / max(float(np.max(np.abs(point.values.real), initial=0.0)), 1e-3 / t_max),
+        0.1 / max(float(np.max(np.abs(point.eigenvalues.real), initial=0.0)), 1e-3 / t_max),
     )
     parts: list[Array] = [point.x[None, :]]
     x, spent, total, ended, first = x0, 0.0, 0.0, "", True

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.invariant_sets.return_map import ReturnMap
-from filippov.analysis.invariant_sets.saddle import Side
+from filippov.analysis.orbits.saddle import Side
 from filippov.base.status import Status
 
 Array = npt.NDArray[np.float64]

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.invariant_sets.saddle import Side
 from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.orbit import Orbit
+from filippov.analysis.orbits.saddle import Side
 from filippov.analysis.orbits.shooting import onto_surfaces
 from filippov.analysis.sensitivity.saltation import flow_derivative, onto_section
 from filippov.base.errors import SolveError, UsageError

@@ -25,8 +25,8 @@ import scipy.linalg
 
 from filippov.analysis.orbits.arcs import Arc, arcs_of
 from filippov.analysis.orbits.collocation import Boundary, BoundaryProblem, Mesh, solved
-from filippov.analysis.orbits.homoclinic_saddle import HomoclinicSaddle, find_saddle
 from filippov.analysis.orbits.orbit_collocation import Collocated, check_admissible
+from filippov.analysis.orbits.saddle import Saddle, find_saddle, given_mode, one_way_out
 from filippov.analysis.orbits.shooting import (
     NoConvergenceError,
     ReturnError,
@@ -42,6 +42,7 @@ from filippov.graphs.word import word_of
 from filippov.model.system import System
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
+from filippov.solving.state.events import Mode
 from filippov.solving.state.options import check_state
 
 Array = npt.NDArray[np.float64]
@@ -58,7 +59,7 @@ class Homoclinic:
 
     system, parameters   with the value of `free` at which the orbit exists
     free, value          that parameter
-    saddle               see `filippov.analysis.orbits.homoclinic_saddle`
+    saddle               see `filippov.analysis.orbits.saddle`
     period               time between the cuts near the saddle: the orbit itself takes for ever, or comes from
                          for ever
     pieces               motions along it, one after the other
@@ -69,7 +70,7 @@ class Homoclinic:
     parameters: Mapping[str, float]
     free: str
     value: float
-    saddle: HomoclinicSaddle
+    saddle: Saddle
     period: float
     modes: tuple[str, ...]
     word: str
@@ -132,15 +133,8 @@ def find_homoclinic(
         raise UsageError("the system depends on time; homoclinic orbits are those of autonomous systems.")
     p, state = resolved(system, parameters), check_state(near, system)
     search = _Search(system, p, free, rtol, atol, jacobian)
-    if mode is None:
-        signs = search.motion(p, state, 1e-9).start_mode
-    else:
-        known, count = {"-": -1, "0": 0, "+": 1, "-1": -1, "1": 1}, len(system.surfaces)
-        given = [str(q) for q in mode if q != "."]
-        signs = tuple(known.get(q, 2) for q in given)
-        if len(signs) != count or 2 in signs:
-            raise UsageError(f"mode is {mode!r}, expected one of +, 0, - for each of {count} surfaces.")
-    search.saddle = find_saddle(system, signs, state, p, jacobian)
+    signs = search.motion(p, state, 1e-9).start_mode if mode is None else given_mode(system, mode)
+    search.saddle = search.saddle_of(signs, state, p)
     errors = []
     for motion in search.returns(side, t_max):
         try:
@@ -153,7 +147,7 @@ def find_homoclinic(
 class _Search:
     """One search, with what it shares."""
 
-    saddle: HomoclinicSaddle
+    saddle: Saddle
     leaving: Array
 
     def __init__(
@@ -162,6 +156,14 @@ class _Search:
         self.system, self.p, self.free, self.jacobian = system, p, free, jacobian
         self.place = system.parameters.index(free)
         self.rtol, self.atol, self.size, self.way = rtol, atol, 1.0, 1.0
+
+    def saddle_of(self, mode: Mode, near: Array, p: Array) -> Saddle:
+        """The saddle of a mode, with one unstable direction."""
+        return one_way_out(find_saddle(self.system, mode, near, p, self.jacobian))
+
+    def saddle_at(self, p: Array) -> Saddle:
+        """The saddle for other parameter values, next to the last one."""
+        return self.saddle_of(self.saddle.mode, self.saddle.x, p)
 
     def motion(self, p: Array, x: Array, length: float) -> Solution:
         """A motion of so much time."""
@@ -242,9 +244,7 @@ class _Search:
             mesh, steps = solved(problem, mesh)
             if saddle.stable == 0 or end <= 1.0001 * _CUT * self.size:
                 break
-            self.saddle = saddle = find_saddle(
-                self.system, saddle.mode, saddle.x, problem.p(mesh.free), self.jacobian
-            )
+            self.saddle = saddle = self.saddle_at(problem.p(mesh.free))
             factor = _NEARER[end < _SMALL * self.size]
             following = max(factor * end, _CUT * self.size)
             mesh, end = self._longer(mesh, following / end), following
@@ -261,7 +261,7 @@ class _Search:
         towards = towards / float(np.linalg.norm(towards) or 1.0)
 
         def conditions(x0: Array, x1: Array, p: Array) -> Array:
-            saddle = find_saddle(system, self.saddle.mode, self.saddle.x, p, self.jacobian)
+            saddle = self.saddle_at(p)
             # Between entries of one size the largest may change its place.
             out = self.way * saddle.unstable * np.sign(saddle.unstable @ leaving)
             off = x1 - saddle.x
@@ -271,7 +271,7 @@ class _Search:
             return np.append(x0 - saddle.x - start * out, rows)
 
         def boundary(x0: Array, x1: Array, t: float, p: Array) -> Boundary:
-            saddle = find_saddle(system, self.saddle.mode, self.saddle.x, p, self.jacobian)
+            saddle = self.saddle_at(p)
             second = saddle.normals if lands else towards[None, :] / end
             reach = 1e-6 * max(abs(float(p[self.place])), 1e-2)
             moved = []
@@ -330,7 +330,7 @@ class _Search:
             raise NoConvergenceError(
                 f"collocation found an orbit that the exact motions miss by {gap:.3g} of its size.", gap
             )
-        saddle = find_saddle(self.system, self.saddle.mode, self.saddle.x, p, self.jacobian)
+        saddle = self.saddle_at(p)
         modes = tuple(map(mode_text, found.problem.modes))
         if all(mode == found.problem.modes[0] for mode in found.problem.modes):
             modes = modes[:1]
