@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.maps.event_map import EventMap
-from filippov.analysis.maps.set_slope import equilibrium_slope, near_set
+from filippov.analysis.maps.set_slope import log_slope, near_set
 from filippov.analysis.orbits.orbit import Orbit, make_orbit
 from filippov.analysis.orbits.shooting import NoConvergenceError, Shooting, velocity_at
 from filippov.analysis.sensitivity.saltation import derivative_by_all
@@ -168,8 +168,7 @@ class MapProblem:
 
     def _excess(self, value: float) -> float:
         """The logarithm of the slope at the set."""
-        slope, _ = equilibrium_slope(self.event_map.remake(parameters={self.parameter: value}), 1e-3)
-        return float(np.log(abs(slope))) if slope else -np.inf
+        return log_slope(self.event_map, 1e-3, **{self.parameter: value})
 
     def _set_changes(self, value: float, bounds: tuple[float, float]) -> float | None:
         """The parameter next to `value`, within the bounds, where the slope at the set is 1, or None."""

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
 
 from filippov.analysis.comparisons.band_model import BandModel, Reader, Stay
 from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.gap_roots import fixed_point_near
 from filippov.analysis.maps.section import Section
 from filippov.base.errors import UsageError
 from filippov.base.status import Status
@@ -285,17 +285,11 @@ class BandRun:
         limit = 0.5 * min(abs(point.d - q) for q in others)
         horizon = LATEST * exact.return_time(point.d, exact.order)
 
-        def gap(d: float) -> float:
-            return self.turn(d, exact.order, horizon) - d
+        def image(d: float) -> float:
+            return self.turn(d, exact.order, horizon)
 
-        first = gap(point.d)
-        reach = 2.0 * abs(first / (point.slope - 1.0)) + 1e-14 * abs(point.d)
-        while np.isfinite(first) and reach <= limit:
-            low, high = gap(point.d - reach), gap(point.d + reach)
-            if low * high <= 0:
-                return float(brentq(gap, point.d - reach, point.d + reach, xtol=1e-16, rtol=8.9e-16))
-            reach *= 3.0
-        return None
+        reach = 2.0 * abs((image(point.d) - point.d) / (point.slope - 1.0)) + 1e-14 * abs(point.d)
+        return fixed_point_near(image, point.d, reach, limit) if reach <= limit else None
 
 
 def _events(stays: Sequence[Stay], count: int, scale: float) -> tuple[Array, tuple[str, ...]]:

@@ -1,9 +1,9 @@
 """Bifurcation diagram of an event map in one parameter: every branch, and the exact places where it changes.
 
 The fixed points of each parameter value are joined into branches. Where two of them disappear together
-between two values, the fold is the root of P(d) = d, dP/dd = 1 in (parameter, d); where the equilibrium set
-changes stability, the root of |slope| = 1 at the set. Both are found by root-finding with exact slopes, not
-read off the values.
+between two values, the fold is located on the curve of fixed points through one of them, and likewise where
+a slope passes -1 (`filippov.analysis.bifurcations.continuation`); where the equilibrium set changes
+stability, the root of |slope| = 1 at the set. None is read off the values.
 """
 
 from __future__ import annotations
@@ -15,19 +15,24 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq, root
+from scipy.optimize import brentq
 
+from filippov.analysis.bifurcations.branch import BranchPoint
+from filippov.analysis.bifurcations.continuation import continuation
+from filippov.analysis.bifurcations.corrector import FAILURES
 from filippov.analysis.diagrams.cell_work import DiagramWork, fixed_points_of
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.section import Section
-from filippov.analysis.maps.set_slope import equilibrium_slope
+from filippov.analysis.maps.set_slope import log_slope
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
 from filippov.model.system import System
 from filippov.sweep.run import run
 
 Array = npt.NDArray[np.float64]
+# Points of a curve of fixed points between two neighbouring values.
+MOST_POINTS = 100
 
 
 @dataclass(frozen=True)
@@ -148,7 +153,7 @@ def bifurcation(
             progress(number + 1, len(ordered))
     branches = _joined(ordered, found)
     special = [
-        *_folds(base, parameter, ordered, found, interval),
+        *_folds(base, parameter, ordered, found),
         *_set_changes(base, parameter, ordered, found, interval),
     ]
     special += _doublings(base, parameter, branches)
@@ -180,18 +185,31 @@ def _joined(values: Sequence[float], found: Sequence[tuple[FixedPoint, ...]]) ->
 
 
 def _folds(
-    base: EventMap, name: str, values: Sequence[float], found: Sequence[tuple[FixedPoint, ...]],
-    interval: tuple[float, float],
-) -> list[Special]:  # fmt: skip
+    base: EventMap, name: str, values: Sequence[float], found: Sequence[tuple[FixedPoint, ...]]
+) -> list[Special]:
     out: list[Special] = []
     for i in range(len(values) - 1):
         for one, other in ((i, i + 1), (i + 1, i)):
-            lost = _lost_pairs(found[one], found[other])
-            for pair in lost:
-                special = _fold(base, name, values[one], values[other], pair, interval)
-                if special is not None and all(abs(special.value - s.value) > 1e-9 for s in out):
-                    out.append(special)
+            for pair in _lost_pairs(found[one], found[other]):
+                fold = _first(base, name, values[one], values[other], pair[0].d, "fold")
+                if fold is not None and all(abs(fold.value - s.value) > 1e-9 for s in out):
+                    left = max(fold.residual, abs(fold.multipliers[0] - 1.0))
+                    d = fold.coordinates[base.section.coordinate]
+                    out.append(Special("fold", fold.value, d, left, "two limit cycles meet"))
     return out
+
+
+def _first(base: EventMap, name: str, here: float, there: float, d: float, kind: str) -> BranchPoint | None:
+    """The first point of a kind on the curve of fixed points from (here, d) on, before it is `there`."""
+    at, bounds = base.remake(parameters={name: here}, rtol=1e-13, atol=1e-15), sorted((here, there))
+    try:
+        run = continuation(
+            at.system, (at, d), parameter=name, bounds=(bounds[0], bounds[1]),
+            direction=1 if there > here else -1, max_points=MOST_POINTS,
+        )  # fmt: skip
+        return next((point for point in run if point.special == kind), None)
+    except FAILURES:
+        return None
 
 
 def _lost_pairs(
@@ -206,29 +224,6 @@ def _lost_pairs(
     return sorted(pairs, key=lambda pair: pair[1].d - pair[0].d)[: missing // 2]
 
 
-def _fold(
-    base: EventMap, name: str, here: float, there: float, pair: tuple[FixedPoint, FixedPoint],
-    interval: tuple[float, float],
-) -> Special | None:  # fmt: skip
-    """Newton on P(d) - d = 0, dP/dd - 1 = 0 from the extremum of the gap between the two that disappear."""
-    scale = abs(there - here)
-    size = pair[1].d - pair[0].d
-
-    def equations(unknowns: Array) -> Array:
-        value, d = here + scale * unknowns[0], unknowns[1]
-        at = base.remake(parameters={name: value}, rtol=1e-13, atol=1e-15)
-        return np.array([(float(at(d)) - d) / size, at.derivative(d) - 1.0])
-
-    start, guess = 0.5 * float(np.sign(there - here)), 0.5 * (pair[0].d + pair[1].d)
-    result = root(equations, np.array([start, guess]), method="hybr", options={"eps": 1e-10, "xtol": 1e-12})
-    residual = float(np.max(np.abs(equations(result.x))))
-    value, d = here + scale * float(result.x[0]), float(result.x[1])
-    inside = min(here, there) - scale <= value <= max(here, there) + scale and interval[0] <= d <= interval[1]
-    if not inside or residual > 1e-6:
-        return None
-    return Special("fold", value, d, residual, "two limit cycles meet")
-
-
 def _set_changes(
     base: EventMap, name: str, values: Sequence[float], found: Sequence[tuple[FixedPoint, ...]],
     interval: tuple[float, float],
@@ -236,8 +231,7 @@ def _set_changes(
     reach = 1e-3 * max(abs(interval[0]), abs(interval[1]))
 
     def excess(value: float) -> float:
-        slope, _ = equilibrium_slope(base.remake(parameters={name: value}), reach)
-        return float(np.log(abs(slope))) if slope and np.isfinite(slope) else float(np.nan)
+        return log_slope(base, reach, **{name: value})
 
     out = []
     sets = [next((q for q in points if q.kind == "equilibrium set"), None) for points in found]
@@ -258,20 +252,8 @@ def _doublings(base: EventMap, name: str, branches: Sequence[Branch]) -> list[Sp
             a, b = branch.points[i], branch.points[i + 1]
             if branch.kind != "limit cycle" or (a.slope + 1.0) * (b.slope + 1.0) >= 0:
                 continue
-            v0, v1 = branch.values[i], branch.values[i + 1]
-
-            def along(
-                value: float, a: FixedPoint = a, b: FixedPoint = b, v0: float = v0, v1: float = v1
-            ) -> float:
-                at = base.remake(parameters={name: value})
-                middle = a.d + (b.d - a.d) * (value - v0) / (v1 - v0)
-                reach = abs(b.d - a.d) + 1e-3 * abs(middle)
-                near = [
-                    q for q in at.fixed_points(middle - reach, middle + reach, 40) if q.kind == "limit cycle"
-                ]
-                return min(near, key=lambda q: abs(q.d - middle)).slope + 1.0 if near else float("nan")
-
-            value = float(brentq(along, v0, v1, xtol=1e-10))
-            d = a.d + (b.d - a.d) * (value - v0) / (v1 - v0)
-            out.append(Special("period doubling", value, d, abs(along(value)), "slope -1"))
+            point = _first(base, name, branch.values[i], branch.values[i + 1], a.d, "period doubling")
+            if point is not None:
+                d, left = point.coordinates[base.section.coordinate], abs(point.multipliers[0] + 1.0)
+                out.append(Special("period doubling", point.value, d, left, "slope -1"))
     return out

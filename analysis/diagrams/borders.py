@@ -19,7 +19,7 @@ from filippov.analysis.bifurcations.corrector import FAILURES
 from filippov.analysis.bifurcations.curve import curve
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.section import Section
-from filippov.analysis.maps.set_slope import equilibrium_slope
+from filippov.analysis.maps.set_slope import log_slope
 from filippov.base.errors import UsageError
 from filippov.model.system import System
 
@@ -95,9 +95,7 @@ def _changes(whole: EventMap, x: tuple[str, Array], y: tuple[str, Array]) -> lis
 
     @cache
     def excess(at: float, value: float) -> float:
-        there = whole.remake(parameters={x[0]: at, y[0]: value})
-        slope, _ = equilibrium_slope(there, _REACH)
-        return float(np.log(abs(slope))) if slope != 0 else -np.inf
+        return log_slope(whole, _REACH, **{x[0]: at, y[0]: value})
 
     roots: list[list[tuple[float, float]]] = []
     grid = np.linspace(float(x[1].min()), float(x[1].max()), _COLUMNS)

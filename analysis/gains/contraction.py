@@ -13,15 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import elementwise
 
-from filippov.analysis.maps.map_rows import MapRows, coordinates
+from filippov.analysis.maps.gap_roots import coordinates
+from filippov.analysis.maps.map_rows import MapRows
 from filippov.analysis.maps.section import Section
 from filippov.base.errors import UsageError
 from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
 CLOSEST = 1e-6
-NEAR, FINER, PASSES = 0.8, 7, 2
+NEAR, STEPS = 0.8, 12
 
 
 @dataclass(frozen=True)
@@ -65,9 +67,9 @@ def contraction(
     if not (lo <= 0.0 < hi and points >= 4):
         raise UsageError(f"interval is {interval}, points {points}; expected lo <= 0 < hi and at least 4.")
     least = CLOSEST * max(hi, -lo)
-    d = coordinates(hi, points, CLOSEST)
+    d = coordinates(0.0, hi, points, CLOSEST)
     if lo < 0.0:
-        d = np.append(d, -coordinates(-lo, points, CLOSEST))
+        d = np.concatenate((-coordinates(0.0, -lo, points, CLOSEST)[::-1], d))
     turns = MapRows(system, section, rtol=rtol, atol=1e-3 * rtol * least, threads=threads)
     rows = turns.rows(values, parameters)
     count = len(rows)
@@ -77,28 +79,19 @@ def contraction(
     best = np.argmax(known, axis=1)
     largest, at = known[np.arange(count), best], d[best]
     # Between the samples the largest ratio is a little larger: looked for where that may decide.
-    close = np.nonzero((largest > NEAR) & (largest < 1) & (best > 0) & (best < d.size - 1))[0]
+    side = np.clip(best, 1, d.size - 2)
+    inner = (side == best) & (d[side - 1] * d[side + 1] > 0)
+    close = np.nonzero((largest > NEAR) & (largest < 1) & inner)[0]
     if close.size:
-        low, high = d[best[close] - 1], d[best[close] + 1]
-        for _ in range(PASSES):
-            finer = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, FINER)
-            again = np.nan_to_num(np.abs(turns(rows[close], finer) / finer), nan=-1.0)
-            peak = np.argmax(again, axis=1)
-            row = np.arange(close.size)
-            at[close] = finer[row, peak]
-            low, high = finer[row, np.maximum(peak - 1, 0)], finer[row, np.minimum(peak + 1, FINER - 1)]
-        largest[close] = np.maximum(largest[close], _parabola_top(again, peak))
+
+        def smallness(at: Array, row: Array) -> Array:
+            return -np.nan_to_num(np.abs(turns(rows[row.astype(int)], at[:, None])[:, 0] / at), nan=-1.0)
+
+        k = best[close]
+        peak = elementwise.find_minimum(smallness, (d[k - 1], d[k], d[k + 1]), args=(close,), maxiter=STEPS)
+        found = -peak.f_x > largest[close]
+        at[close[found]], largest[close[found]] = peak.x[found], -peak.f_x[found]
     nearest = np.max(ratio[:, np.abs(d) < 2 * least], axis=1)
     return Contraction(
         np.where(largest < 0, np.inf, largest), at, nearest, np.mean(np.isnan(ratio), axis=1)
     )
-
-
-def _parabola_top(values: Array, peak: Array) -> Array:
-    """Largest value of the parabola through the three values around each row's peak."""
-    row = np.arange(len(values))
-    middle = np.clip(peak, 1, values.shape[1] - 2)
-    before, here, after = (values[row, middle + k] for k in (-1, 0, 1))
-    bend = before - 2 * here + after
-    top = here - np.where(bend < 0, (after - before) ** 2 / np.where(bend < 0, 8 * bend, 1.0), 0.0)
-    return np.asarray(np.where((peak > 0) & (peak < values.shape[1] - 1), top, values[row, peak]))

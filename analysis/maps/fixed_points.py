@@ -2,8 +2,7 @@
 
 Roots of P(d) - d are bracketed on a grid that is dense near 0 as well, and beside an equilibrium set at 0 on
 one that is even in log d down to rounding. Pairs that a grid would step over are found from the extrema of
-P(d) - d (where the exact slope is 1), and each is polished at a tight tolerance. A change of sign across a
-jump of the map is no fixed point, and is told apart by what is left of P(d) - d.
+P(d) - d, and each is solved for at a tight tolerance (`filippov.analysis.maps.gap_roots`).
 """
 
 from __future__ import annotations
@@ -14,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
 
+from filippov.analysis.maps.gap_roots import Gap, Whole, brackets, coordinates, roots
 from filippov.analysis.maps.set_slope import equilibrium_slope, near_set
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.base.errors import UsageError
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from filippov.analysis.maps.scalar_map import ReturnMap
 
 Array = npt.NDArray[np.float64]
-TIGHT = 1e-12
+TIGHT, CLOSEST = 1e-12, 1e-5
 # Halvings between the coarse grid and the smallest coordinate, a decade in about three.
 PER_DECADE = 6
 _SAME = 1e-6
@@ -81,18 +80,12 @@ class Basin:
 
 
 def grid(lo: float, hi: float, points: int) -> Array:
-    """Half of the points evenly over [lo, hi], half crowding at 0 where 0 lies in it or at its end."""
+    """Coordinates of a search over [lo, hi]. Raises UsageError."""
     if not hi > lo or points < 8:
         raise UsageError(
             f"the interval [{lo}, {hi}] with {points} points; expected lo < hi and at least 8 points."
         )
-    out = [np.linspace(lo, hi, points // 2)]
-    if hi > 0 >= lo:
-        out.append(np.geomspace(1e-5 * hi, hi, points // 2))
-    if lo < 0 <= hi:
-        out.append(-np.geomspace(-1e-5 * lo, -lo, points // 2))
-    merged = np.unique(np.concatenate(out))
-    return np.asarray(merged[merged != 0.0])
+    return coordinates(lo, hi, points, CLOSEST)
 
 
 def fixed_points(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tuple[FixedPoint, ...]:
@@ -110,13 +103,14 @@ def fixed_points(event_map: ReturnMap, lo: float, hi: float, points: int = 400) 
                 at_set = _told(at_set, rest, gap)
         found.append(at_set)
     noise = _NOISE * near_set(event_map, max(abs(lo), abs(hi)))[1]
-    for at, places, gap in searches:
-        for a, b in _brackets(at, places, gap):
-            point = _polish(at, a, b, noise)
-            if point is not None and all(
-                abs(point.d - other.d) > 1e-9 * max(abs(point.d), abs(other.d)) for other in found
-            ):
-                found.append(point)
+    for at, places, values in searches:
+        missed = _gap(at)
+        between = brackets(missed, places, values[None, :])
+        scale = np.maximum(np.abs(between.low), np.abs(between.high))
+        there = roots(missed, between, rtol=1e-15, jump=1e-3, floor=np.maximum(1e-7 * scale, noise))
+        for root, left in zip(there.d[there.fixed].tolist(), there.left[there.fixed].tolist(), strict=True):
+            if all(abs(root - other.d) > 1e-9 * max(abs(root), abs(other.d)) for other in found):
+                found.append(_cycle(at, root, left))
     return tuple(sorted(found, key=lambda point: point.d))
 
 
@@ -148,53 +142,18 @@ def _told(at_set: FixedPoint, d: Array, gap: Array) -> FixedPoint:
     return replace(at_set, note="; ".join(filter(None, (at_set.note, note))), hidden=hidden)
 
 
-def _brackets(event_map: ReturnMap, d: Array, gap: Array) -> list[tuple[float, float]]:
-    """Neighbours between which P(d) - d changes sign, with the pairs found at its extrema."""
-    out: list[tuple[float, float]] = []
-    out += [
-        (float(d[i]), float(d[i + 1]) if gap[i] else float(d[i]))
-        for i in range(len(d) - 1)
-        if gap[i] == 0.0 or gap[i] * gap[i + 1] < 0
-    ]
-    sizes = np.abs(gap)
-    for i in range(1, len(d) - 1):
-        same = gap[i - 1] * gap[i] > 0 and gap[i] * gap[i + 1] > 0
-        if same and sizes[i] <= sizes[i - 1] and sizes[i] <= sizes[i + 1]:
-            middle = extremum(event_map, float(d[i - 1]), float(d[i + 1]))
-            if middle is not None and (event_map(middle) - middle) * gap[i] < 0:
-                out += [(float(d[i - 1]), middle), (middle, float(d[i + 1]))]
-    return out
+def _gap(event_map: ReturnMap) -> Gap:
+    """P(d) - d of the one map."""
+
+    def gap(d: Array, _: Whole) -> Array:
+        return np.asarray(event_map(d) - d)
+
+    return gap
 
 
-def extremum(event_map: ReturnMap, a: float, b: float) -> float | None:
-    """Where the slope of the map is 1 between a and b, None if it is not."""
-    try:
-        left, right = event_map.derivative(a) - 1.0, event_map.derivative(b) - 1.0
-        if not left * right < 0:
-            return None
-        return float(brentq(lambda d: event_map.derivative(d) - 1.0, a, b, xtol=1e-13 * max(abs(a), abs(b))))
-    except (NotDifferentiableError, ValueError):
-        return None
-
-
-def _polish(event_map: ReturnMap, a: float, b: float, noise: float) -> FixedPoint | None:
-    def gap(d: float) -> float:
-        return float(event_map(d)) - d
-
-    scale = max(abs(a), abs(b))
-    before, after = gap(a), gap(b)
-    if not before * after <= 0:
-        return None
-    try:
-        d = a if before == 0.0 else float(brentq(gap, a, b, xtol=1e-15 * scale, rtol=8.9e-16))
-    except ValueError:
-        return None  # the map does not return somewhere inside: NaN
-    left = abs(gap(d))
-    # At a jump the gap stays as it is on both sides, however close they come.
-    if left > 1e-3 * max(abs(before), abs(after)) and left > max(1e-7 * scale, noise):
-        return None
-    orbit = event_map.orbit(d)
-    period = float(sum(turn.t_end for turn in orbit))
+def _cycle(event_map: ReturnMap, d: float, left: float) -> FixedPoint:
+    """The limit cycle of a fixed point."""
+    period = float(sum(turn.t_end for turn in event_map.orbit(d)))
     try:
         slope, note = event_map.derivative(d), ""
     except NotDifferentiableError as error:

@@ -58,10 +58,3 @@ class MapRows:
         back = np.array([status is Status.STOPPED for status in ended])
         done = np.array([status is Status.SUCCESS for status in ended])
         return np.asarray(np.where(back, self.bound.read(x), np.where(done & resting, 0.0, np.nan)))
-
-
-def coordinates(hi: float, points: int, closest: float) -> Array:
-    """Coordinates from closest * hi to hi: half evenly in the logarithm, half evenly."""
-    half = points // 2
-    close = np.geomspace(closest * hi, hi, points - half)
-    return np.unique(np.concatenate((close, np.linspace(0, hi, half + 1)[1:])))

@@ -55,6 +55,15 @@ def equilibrium_slope(event_map: ReturnMap, reach: float, side: float = 1.0) -> 
     return slope, next((note for note in notes if note), "")
 
 
+def log_slope(event_map: ReturnMap, reach: float, **parameters: float) -> float:
+    """log |slope| at the equilibrium set for these parameters: 0 where the set changes stability.
+
+    -inf where the slope is 0, inf where it has no bound, NaN where it is not known.
+    """
+    slope, _ = equilibrium_slope(event_map.remake(parameters=parameters), reach)
+    return float(np.log(abs(slope))) if slope else -np.inf
+
+
 def _one_turn_slope(event_map: ReturnMap, reach: float) -> tuple[float, str]:
     """Limit of P(d)/d in closed form; else from ratios at reach, reach/2, ..., extrapolated until rounding
     takes over."""

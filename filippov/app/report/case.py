@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
 
 from filippov.analysis.comparisons.independent import Orbits
 from filippov.analysis.diagrams.bifurcation import Diagram, bifurcation
 from filippov.analysis.local_stability.stability import stability_report
 from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.gap_roots import fixed_point_near
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.app.report.context import Context
 from filippov.base.errors import SolveError, UsageError
@@ -216,7 +216,7 @@ class Case:
 
 def _polished(power: EventMap, near: float, rtol: float) -> float:
     at = power.remake(rtol=rtol, atol=rtol * 1e-2)
-    reach = 1e-5 * abs(near)
-    return float(
-        brentq(lambda d: float(at(d)) - d, near - reach, near + reach, xtol=1e-15 * abs(near), rtol=8.9e-16)
-    )
+    found = fixed_point_near(lambda d: float(at(d)), near, 1e-5 * abs(near))
+    if found is None:
+        raise SolveError(f"the map has no fixed point at d = {near:.6g} at rtol = {rtol:g}.")
+    return found
