@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import math
@@ -54,6 +55,16 @@ def same(first: Any, second: Any) -> bool:
     if isinstance(first, float) and math.isnan(first):
         return isinstance(second, float) and math.isnan(second)
     return bool(first == second) and type(first) is type(second)
+
+
+def test_13_4_a_solution_is_a_record_with_one_constructor() -> None:
+    solution = solve(friction(), (1.0, 0.0), (0, 3))
+    assert all(hasattr(solution, item.name) for item in dataclasses.fields(Solution))
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        solution.message = "mine"  # type: ignore[misc]
+    made = Solution(**{item.name: getattr(solution, item.name) for item in dataclasses.fields(Solution)})
+    assert_equal(made, solution)
+    assert dataclasses.replace(solution, message="mine").message == "mine"
 
 
 def assert_equal(first: Solution, second: Solution) -> None:

@@ -305,27 +305,25 @@ def solution_of(header: dict[str, Any], data: dict[str, Array], system: System) 
     for name, shape in shapes.items():
         if data[name].shape != shape:
             raise ValueError(f"{name} has shape {data[name].shape}, expected {shape}")
-    solution = object.__new__(Solution)
     span = tuple(data["t_span"].tolist())
-    solution.problem = Problem(system, data["x0"], span, header["parameters"], falls(span))
-    solution.status, solution.message = Status(header["status"]), str(header["message"])
-    solution.start_mode, solution.end_mode = _mode(header["start_mode"]), _mode(header["end_mode"])
-    solution.user_events = tuple(str(name) for name in header["user_events"])
-    solution.events = _events(header, data, system)
-    solution.options = _options(header["options"])
-    solution.nfev, solution.steps, solution.rejected = (int(header[k]) for k in ("nfev", "steps", "rejected"))
-    solution.njev, solution.nlu = (int(header.get(k, 0)) for k in ("njev", "nlu"))
-    solution.t_end, solution.x_end = float(header["t_end"]), data["x_end"]
-    solution.end_multipliers = data["end_multipliers"]
-    solution.accumulations = tuple(
-        Accumulation(**{**row, "x": np.array(row["x"], dtype=float), "surfaces": tuple(row["surfaces"])})
-        for row in header.get("accumulations", ())
-    )
-    stored = header.get("ambiguity")
-    solution.ambiguity = None if stored is None else ambiguity_of(stored)
-    solution.sol = None
+    sol = None
     if dense:
         low, high = data["sol_span"].tolist()
-        solution.sol = Interpolant(data["sol_start"], data["sol_step"], data["sol_coef"], (low, high))
-    solution.t, solution.y = data["t"], data["y"]
-    return solution
+        sol = Interpolant(data["sol_start"], data["sol_step"], data["sol_coef"], (low, high))
+    stored = header.get("ambiguity")
+    counts = {name: int(header.get(name, 0)) for name in ("njev", "nlu")}
+    counts |= {name: int(header[name]) for name in ("nfev", "steps", "rejected")}
+    return Solution(
+        problem=Problem(system, data["x0"], span, header["parameters"], falls(span)),
+        options=_options(header["options"]), status=Status(header["status"]), message=str(header["message"]),
+        t=data["t"], y=data["y"], sol=sol, events=_events(header, data, system),
+        user_events=tuple(str(name) for name in header["user_events"]),
+        start_mode=_mode(header["start_mode"]), end_mode=_mode(header["end_mode"]),
+        t_end=float(header["t_end"]), x_end=data["x_end"], end_multipliers=data["end_multipliers"],
+        ambiguity=None if stored is None else ambiguity_of(stored),
+        accumulations=tuple(
+            Accumulation(**{**row, "x": np.array(row["x"], dtype=float), "surfaces": tuple(row["surfaces"])})
+            for row in header.get("accumulations", ())
+        ),
+        **counts,
+    )  # fmt: skip

@@ -14,6 +14,7 @@ from filippov.base.status import JUMPED_OVER, EventKind, Status, mode_text
 from filippov.kernel.tables import codes
 from filippov.model.user_event import UserEvent
 from filippov.solving.diagnosis import close_call, suspect
+from filippov.solving.finished import finished
 from filippov.solving.patience import Patience
 from filippov.solving.resets.jumps import pending, settle, source_name, starting, state_text, touching
 from filippov.solving.resets.passed import passed, slipped
@@ -85,8 +86,10 @@ def follow(
         run.clock[codes.T_START] = origin
     loop = _Loop(run, clocks, watch, progress, turn)
     status, message = loop.go()
-    solution = Solution(problem, run, loop.start_mode, status, message, times, watch)
-    solution.ambiguity, solution.accumulations = loop.ambiguity, tuple(loop.accumulations)
+    solution = finished(
+        problem, run, watch, loop.start_mode, status, message, times, loop.ambiguity,
+        tuple(loop.accumulations),
+    )  # fmt: skip
     return Followed(solution, run.stop.copy())
 
 

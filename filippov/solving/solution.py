@@ -15,7 +15,6 @@ import numpy.typing as npt
 from filippov.base.delegates import delegate
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.status import EventKind, Status, mode_text
-from filippov.kernel.tables import codes
 from filippov.solving.resets.zeno import Accumulation
 from filippov.solving.selection.ambiguity import Ambiguity
 from filippov.solving.selection.candidate import sliding_solutions
@@ -25,10 +24,9 @@ from filippov.solving.state.event_log import EventLog
 from filippov.solving.state.events import Event, Events, Mode
 from filippov.solving.state.interpolant import Interpolant
 from filippov.solving.state.machine import Machine
+from filippov.solving.state.options import Options
 from filippov.solving.state.point import Point
 from filippov.solving.state.problem import Problem
-from filippov.solving.state.run import Run
-from filippov.solving.state.watched import Watch
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -57,20 +55,19 @@ class Segment:
         return f"{mode_text(self.mode)} [{self.t0:.9g}, {self.t1:.9g}]"
 
 
-def _still(t: float, x: Array, run: Run) -> tuple[Array, Array]:
-    coef = np.zeros((1, *run.coef.shape[1:]))
-    coef[0, 0] = x
-    return np.array([[t, run.direction * np.finfo(float).tiny]]), coef
+def may_jump(system: System) -> bool:
+    """Whether a system has resets."""
+    return any(q.reset is not None for q in (*system.surfaces, *system.time_events))
 
 
-def _multipliers_at(run: Run) -> Array:
-    """The multipliers where the run stands: the loop leaves those of the last stage that it took."""
-    if np.all(run.mode != 0.0):
-        return run.lam.copy()
-    code, _, lam, _ = run.machine.probe(run.t, 0.0, run.x, run.mode, run.lam)
-    return lam if code == 0 else run.lam.copy()
+def jump_times(system: System, events: Events) -> Array:
+    """Times at which the state jumps, each once."""
+    if not may_jump(system):
+        return np.zeros(0)
+    return np.array(list(dict.fromkeys(e.t for e in events if e.x_after is not None)), dtype=float)
 
 
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Solution:
     """A solved problem.
 
@@ -89,25 +86,27 @@ class Solution:
     accumulations  limits of events that accumulate, in order; `zeno`: the last of them
     """
 
-    def __init__(
-        self, problem: Problem, run: Run, start_mode: Mode, status: Status, message: str,
-        t_eval: Array | None, watch: Watch,
-    ) -> None:  # fmt: skip
-        self.problem, self.status, self.message = problem, status, message
-        self.start_mode = start_mode[: watch.surfaces]
-        self.ambiguity: Ambiguity | None = None
-        self.accumulations: tuple[Accumulation, ...] = ()
-        self.events: Events = watch.events(run)
-        self.events.place_of = problem.system.surface_place
-        self.user_events = watch.names
-        self.options = run.options
-        self.nfev = run.calls()
-        self.njev, self.nlu = run.factorisations()
-        self.steps, self.rejected = int(run.count[codes.STEPS]), int(run.count[codes.REJECTED])
-        self.t_end, self.x_end, self.end_mode = run.t, run.x.copy(), run.signs[: watch.surfaces]
-        self.end_multipliers = _multipliers_at(run)[: watch.surfaces]
-        self.sol = self._interpolant(run)
-        self.t, self.y = self._samples(run, t_eval)
+    problem: Problem
+    options: Options
+    status: Status
+    message: str
+    t: Array
+    y: Array
+    sol: Interpolant | None
+    events: Events
+    user_events: tuple[str, ...]
+    start_mode: Mode
+    end_mode: Mode
+    t_end: float
+    x_end: Array
+    end_multipliers: Array
+    nfev: int
+    njev: int
+    nlu: int
+    steps: int
+    rejected: int
+    ambiguity: Ambiguity | None = None
+    accumulations: tuple[Accumulation, ...] = ()
 
     @property
     def success(self) -> bool:
@@ -125,82 +124,14 @@ class Solution:
         return self.ambiguity.candidates if self.ambiguity is not None else ()
 
     @property
-    def system(self) -> Any:
+    def system(self) -> System:
         """The system that was solved."""
         return self.problem.system
-
-    def _interpolant(self, run: Run) -> Interpolant | None:
-        if not run.options.dense_output:
-            return None
-        n = run.machine.n
-        span = (self.problem.t_span[0], run.t)
-        if not run.steps and not self.jumps.size:
-            coef = np.zeros((1, 2, n))
-            coef[0, 0] = run.x
-            return Interpolant(np.array([span[0]]), np.ones(1), coef, span)
-        pieces = list(run.steps)
-        # A jump at either end of the run lies between a state and no step: the state is kept as a step of 0.
-        if span[0] in self.jumps:
-            pieces.insert(0, _still(span[0], self.problem.x0, run))
-        if span[1] in self.jumps:
-            pieces.append(_still(span[1], run.x, run))
-        table = np.concatenate([table for table, _ in pieces])
-        coef = np.concatenate([coef for _, coef in pieces])
-        return Interpolant(table[:, 0].copy(), table[:, 1].copy(), coef, span)
-
-    def _samples(self, run: Run, t_eval: Array | None) -> tuple[Array, Array]:
-        if self.sol is None and self._may_jump:
-            return self._corners(run)
-        if self.sol is None:
-            t, x = run.events.table()
-            times = np.concatenate(([self.problem.t_span[0]], t, [self.t_end]))
-            x = x.reshape(len(t), len(self.problem.x0))
-            states = np.concatenate((self.problem.x0[None, :], x, self.x_end[None, :]))
-            keep = np.append(True, np.diff(times) != 0)
-            return times[keep], states[keep].T.copy()
-        if t_eval is not None:
-            direction = self.sol.direction
-            reached = t_eval[(t_eval - self.t_end) * direction <= 0]
-            if self.t_end != self.problem.t_span[1] and (not len(reached) or reached[-1] != self.t_end):
-                # A run that ends early ends at a point of its own.
-                reached = np.append(reached, self.t_end)
-            return reached, self.sol(reached).reshape(len(self.problem.x0), len(reached))
-        times = np.append(self.sol.start, self.t_end)
-        times = times[np.append(True, np.diff(times) != 0)]
-        states = self.sol(times, side="+").reshape(len(self.problem.x0), len(times))
-        states[:, -1] = self.x_end
-        if self.jumps.size:
-            at = np.searchsorted(times * self.sol.direction, self.jumps * self.sol.direction)
-            first = {e.t: e.x for e in reversed(self.events) if e.x_after is not None}
-            before = np.array([first[t] for t in self.jumps.tolist()]).T
-            times, states = np.insert(times, at, self.jumps), np.insert(states, at, before, axis=1)
-        return times, states
-
-    def _corners(self, run: Run) -> tuple[Array, Array]:
-        """Start, events and end, where no steps are kept; a jump has the state before and the one after."""
-        rows = [(self.problem.t_span[0], self.problem.x0)]
-        for event in run.events:
-            if event.t != rows[-1][0] or event.x_after is not None:
-                if event.t == rows[-1][0] and len(rows) > 1 and rows[-2][0] == event.t:
-                    rows.pop()  # a second event of the same jump
-                elif event.t != rows[-1][0]:
-                    rows.append((event.t, event.x))
-                if event.x_after is not None:
-                    rows.append((event.t, event.x_after))
-        if self.t_end != rows[-1][0]:
-            rows.append((self.t_end, self.x_end))
-        return np.array([t for t, _ in rows]), np.array([x for _, x in rows]).T.copy()
 
     @property
     def jumps(self) -> Array:
         """Times at which the state jumps, each once; there t has two entries, before and after."""
-        if not self._may_jump:
-            return np.zeros(0)
-        return np.array(list(dict.fromkeys(e.t for e in self.events if e.x_after is not None)), dtype=float)
-
-    @property
-    def _may_jump(self) -> bool:
-        return any(q.reset is not None for q in (*self.system.surfaces, *self.system.time_events))
+        return jump_times(self.system, self.events)
 
     @cached_property
     def segments(self) -> tuple[Segment, ...]:

@@ -163,7 +163,8 @@ def _solved(
     if times is not None and not checked.dense_output:
         raise UsageError("t_eval needs the dense output; drop dense_output=False.")
     solution = follow(problem, checked, progress, times, users=users).solution
-    solution.message += of_little_scale(solution, checked.tolerances(problem.system))
+    message = solution.message + of_little_scale(solution, checked.tolerances(problem.system))
+    solution = replace(solution, message=message)
     status = solution.status
     if throw and not status.ok:
         kind = NonUniqueError if status is Status.NON_UNIQUE else SolveError
