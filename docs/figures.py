@@ -17,6 +17,7 @@ from matplotlib import pyplot as plt  # noqa: E402
 from filippov import solve  # noqa: E402
 from filippov.analysis.maps.event_map import EventMap  # noqa: E402
 from filippov.analysis.maps.section import Section  # noqa: E402
+from filippov.base.whole_file import write_whole  # noqa: E402
 from filippov.models import get  # noqa: E402
 from filippov.plot.maps import plot_event_map  # noqa: E402
 from filippov.plot.solution import plot_solution  # noqa: E402
@@ -48,7 +49,7 @@ def friction_curve() -> None:
     v = np.concatenate((-np.geomspace(0.8, 1e-3, 90), np.geomspace(1e-3, 0.8, 90)))
     force = np.sign(v) * (2 + 2 * np.exp(-((np.abs(v) / 0.1) ** 2))) + v + 0.02 * rng.standard_normal(v.size)
     rows = ["velocity [m/s],friction [N]", *(f"{a:.6g},{b:.6g}" for a, b in zip(v, force, strict=True))]
-    (HERE / "_static" / "friction.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    write_whole(HERE / "_static" / "friction.csv", "\n".join(rows) + "\n")
 
 
 if __name__ == "__main__":

@@ -18,8 +18,8 @@ EXTRAS = ("plots", "report", "tables", "clusters", "control", "certificates", "p
 SUBSET = (
     "tests/test_complementarity.py", "tests/test_describing_function.py", "tests/test_graph.py",
     "tests/test_hostile_text.py",
-    "tests/test_identification.py", "tests/test_lane_functions.py", "tests/test_parameter.py",
-    "tests/test_quadratic.py",
+    "tests/test_identification.py", "tests/test_lane_functions.py", "tests/test_lock.py",
+    "tests/test_parameter.py", "tests/test_quadratic.py",
     "tests/test_plotting.py", "tests/test_routh_hurwitz.py", "tests/test_storage.py", "tests/test_sweep.py",
     "tests/test_sweep_dask.py", "tests/test_zeno.py",
 )  # fmt: skip

@@ -251,6 +251,24 @@ def evaluators(node: ast.AST) -> list[str]:
     return []
 
 
+WRITERS = {"mkstemp", "NamedTemporaryFile", "write_text", "write_bytes"}
+OWN_WRITING = {"filippov.base.whole_file", "filippov.kernel.codegen.cache"}
+
+
+@EVERY_MODULE
+def test_13_4_files_are_written_whole_by_one_function(module: str) -> None:
+    for node in ast.walk(TREES[module]) if module not in OWN_WRITING else ():
+        if not isinstance(node, ast.Call):
+            continue
+        called = ast.unparse(node.func).rpartition(".")[2]
+        texts = {value.value for value in (*node.args, *(k.value for k in node.keywords))
+                 if isinstance(value, ast.Constant) and isinstance(value.value, str)}  # fmt: skip
+        modes = called == "open" and bool(texts & {"w", "wb", "a", "ab", "x", "xb", "r+", "r+b", "w+b"})
+        where = f"{module}:{node.lineno}"
+        assert called not in WRITERS, f"{where} calls {called}; write by filippov.base.whole_file"
+        assert not modes or ast.unparse(node.func) == "archive.open", f"{where} opens a file to write"
+
+
 @EVERY_MODULE
 def test_nothing_evaluates_text_as_code(module: str) -> None:
     for node in ast.walk(TREES[module]):

@@ -1,9 +1,9 @@
 """One sweep a folder: a file that its process holds locked, and says in it who that is.
 
-The system gives a lock (flock) back when the process ends, however it ends, and knows it in every container
-that shares the folder, where the number of the process means nothing. Where the file system has no locks,
-or the lock may not be seen (another host), what the file says decides: host, start of the system, container,
-number and start of the process. Only who is certainly gone is taken over from.
+The system gives a lock (flock, on Windows LockFileEx) back when the process ends, however it ends, and knows
+it in every container that shares the folder, where the number of the process means nothing. Where the file
+system has no locks, or the lock may not be seen (another host), what the file says decides: host, start of
+the system, container, number and start of the process. Only who is certainly gone is taken over from.
 """
 
 from __future__ import annotations
@@ -11,8 +11,11 @@ from __future__ import annotations
 import json
 import os
 import socket
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
+
+from filelock import lock_descriptor
 
 from filippov.base.errors import UsageError
 
@@ -51,9 +54,10 @@ class Lock:
 
     def __exit__(self, *_: object) -> None:
         if self._handle is not None and _read(self._handle) == self.owner and self._is_there():
-            if not self.owner["locked"]:
+            if os.name != "posix":
                 self._close()  # Windows removes no file that is open
-            self.path.unlink(missing_ok=True)
+            with suppress(PermissionError):  # nor one that another run has opened since
+                self.path.unlink(missing_ok=True)
         self._close()
 
     def _open(self) -> int | None:
@@ -128,16 +132,9 @@ class Lock:
 def _hold(handle: int) -> bool | None:
     """Whether the file is locked by us from now on; False: by another; None: there are no locks here."""
     try:
-        import fcntl
-    except ImportError:  # not a POSIX system
-        return None
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
+        return lock_descriptor(handle, blocking=False)
     except OSError:
         return None
-    return True
 
 
 def _read(handle: int) -> Owner | None:
@@ -155,7 +152,10 @@ def _is_lock(found: Owner | None, handle: int) -> bool:
     if found is not None and "pid" in found:
         return "host" in found
     os.lseek(handle, 0, os.SEEK_SET)
-    text = os.read(handle, _LARGEST)
+    try:
+        text = os.read(handle, _LARGEST)
+    except PermissionError:  # Windows lets nobody read what another process has locked
+        return True
     written = text.rstrip(b"\0")  # what a system that broke down has not written reads as zeros
     return found is None and (_BEGIN.startswith(written) or written.startswith(_BEGIN))
 

@@ -16,8 +16,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import secrets
 import shutil
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -203,27 +203,19 @@ def try_folder(folder: Path) -> None:
     """Make a folder and write, rename and read a file in it. Raises UsageError with the cause."""
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{str(folder)!r} is a file, expected a folder for the sweep.")
-    content = os.urandom(16)
-    name = None
+    content, probe = os.urandom(16), folder / f".try.{secrets.token_hex(8)}.tmp"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=".try.", suffix=".tmp", dir=folder)
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).replace(f"{name}2")
-        name = f"{name}2"
-        if Path(name).read_bytes() != content:
-            raise OSError("a file written there reads back differently")
+        try:
+            if write_whole(probe, content).read_bytes() != content:
+                raise OSError("a file written there reads back differently")
+        finally:
+            probe.unlink(missing_ok=True)
     except OSError as error:
         raise UsageError(
             f"{str(folder)!r} cannot be written: {error.strerror or error}. Name a folder on a file system "
             "that this process may write to."
         ) from None
-    finally:
-        if name is not None:
-            Path(name).unlink(missing_ok=True)
 
 
 def read_points(path: Path) -> Points:

@@ -11,7 +11,7 @@ from typing import Any
 from filippov.app.cli.console import Console
 from filippov.models import registry
 
-REQUIRED = ("numpy", "scipy", "sympy", "networkx", "numba", "llvmlite")
+REQUIRED = ("numpy", "scipy", "sympy", "networkx", "numba", "llvmlite", "filelock")
 OPTIONAL = ("matplotlib", "rich", "xarray", "h5netcdf")
 
 
