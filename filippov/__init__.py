@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
-from typing import Any
 
 from filippov.base.delegates import register
+from filippov.base.exports import short_names
 from filippov.base.moved import install
 
 # In a checkout the packages filippov.models and filippov.analysis lie beside this folder, not in it.
@@ -15,45 +14,28 @@ _beside = all((_above / name / "__init__.py").is_file() for name in ("models", "
 if _beside and not (_above / "filippov" / "models").exists():
     __path__.append(str(_above))
 
-_SYMBOLS = [
-    "Abs",
-    "Heaviside",
-    "Max",
-    "Min",
-    "Piecewise",
-    "cos",
-    "exp",
-    "log",
-    "pi",
-    "sign",
-    "sin",
-    "sqrt",
-    "states",
-    "t",
-    "tan",
-    "tanh",
-]
+_SYMBOLS = "Abs Heaviside Max Min Piecewise cos exp log pi sign sin sqrt states t tan tanh"
 
-# Public name -> module; imported when first used, so that `import filippov` costs nothing.
-_EXPORTS: dict[str, str] = {
-    **dict.fromkeys(_SYMBOLS, "filippov.model.symbols"),
-    **dict.fromkeys(("ModelError", "NonUniqueError", "SolveError", "UsageError"), "filippov.base.errors"),
-    "Parameter": "filippov.model.parameter",
-    "parameters": "filippov.model.parameter_symbol",
-    **dict.fromkeys(("Band", "Exact", "Hysteresis", "Smooth"), "filippov.model.comparator"),
-    **dict.fromkeys(("Ensemble", "solve_many"), "filippov.solving.ensemble"),
-    "EventKind": "filippov.base.status",
-    "Problem": "filippov.solving.state.problem",
-    "Solution": "filippov.solving.solution",
-    "SolutionTree": "filippov.solving.solution_tree",
-    "Status": "filippov.base.status",
-    "Stop": "filippov.solving.state.events",
-    "Surface": "filippov.model.surface",
-    "Sweep": "filippov.sweep.plan",
-    "System": "filippov.model.system",
-    "TimeEvent": "filippov.model.time_event",
-    "UserEvent": "filippov.model.user_event",
-    "solve": "filippov.solving.solver",
+# Public name -> module of this package; imported when first used, so that `import filippov` costs nothing.
+EXPORTS: dict[str, str] = {
+    **dict.fromkeys(_SYMBOLS.split(), "model.symbols"),
+    **dict.fromkeys(("ModelError", "NonUniqueError", "SolveError", "UsageError"), "base.errors"),
+    "Parameter": "model.parameter",
+    "parameters": "model.parameter_symbol",
+    **dict.fromkeys(("Band", "Exact", "Hysteresis", "Smooth"), "model.comparator"),
+    **dict.fromkeys(("Ensemble", "solve_many"), "solving.ensemble"),
+    "EventKind": "base.status",
+    "Problem": "solving.state.problem",
+    "Solution": "solving.solution",
+    "SolutionTree": "solving.solution_tree",
+    "Status": "base.status",
+    "Stop": "solving.state.events",
+    "Surface": "model.surface",
+    "Sweep": "sweep.plan",
+    "System": "model.system",
+    "TimeEvent": "model.time_event",
+    "UserEvent": "model.user_event",
+    "solve": "solving.solver",
 }
 
 # Methods that modules of floors above their class carry out (see `filippov.base.delegates`).
@@ -71,16 +53,5 @@ METHODS: dict[str, str] = {
 register(METHODS)
 install()
 
-__all__ = sorted(_EXPORTS)  # noqa: PLE0605
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _EXPORTS:
-        raise AttributeError(f"module 'filippov' has no attribute {name!r}")
-    value = getattr(importlib.import_module(_EXPORTS[name]), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_EXPORTS})
+__all__ = sorted(EXPORTS)  # noqa: PLE0605
+__getattr__, __dir__ = short_names(__name__, EXPORTS)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import Any
+from filippov.base.exports import short_names
 
 # Public name -> module of this package; imported when first used, so that listing models stays fast.
-_EXPORTS: dict[str, str] = {
+EXPORTS: dict[str, str] = {
     **dict.fromkeys(("Invariant", "Model", "broken", "get", "names", "register"), "registry"),
     "FrictionLaw": "friction",
     **dict.fromkeys(("Coulomb", "Hyperbolic", "StaticCoulomb", "Stribeck", "Viscous"), "laws"),
@@ -19,16 +18,5 @@ _EXPORTS: dict[str, str] = {
     "LuGre": "lugre",
 }
 
-__all__ = sorted(_EXPORTS)  # noqa: PLE0605
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _EXPORTS:
-        raise AttributeError(f"module 'filippov.models' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"filippov.models.{_EXPORTS[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_EXPORTS})
+__all__ = sorted(EXPORTS)  # noqa: PLE0605
+__getattr__, __dir__ = short_names(__name__, EXPORTS)

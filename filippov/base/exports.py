@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import ModuleType
 from typing import Any
 
@@ -17,18 +17,21 @@ class _Package(ModuleType):
             super().__setattr__(name, value)
 
 
-def keep_names(package: str) -> None:
-    """Have `package.name` stay what `__all__` lists, also once the module package.name was imported."""
-    sys.modules[package].__class__ = _Package
+def short_names(
+    package: str, places: Mapping[str, str]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """`__getattr__` and `__dir__` of a package that exports names; places: name -> module below the package.
 
-
-def exported(package: str, places: Mapping[str, str], name: str) -> Any:
-    """What a package exports under a name; places: name -> room.module below the package.
-
-    Raises AttributeError for a name that it does not export.
+    `package.name` stays what `places` lists, also once a module package.name was imported.
     """
-    if name not in places:
-        raise AttributeError(f"module {package!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"{package}.{places[name]}"), name)
-    setattr(sys.modules[package], name, value)
-    return value
+    holder = sys.modules[package]
+    holder.__class__ = _Package
+
+    def exported(name: str) -> Any:
+        if name not in places:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        value = getattr(importlib.import_module(f"{package}.{places[name]}"), name)
+        setattr(holder, name, value)
+        return value
+
+    return exported, lambda: sorted({*vars(holder), *places})

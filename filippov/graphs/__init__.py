@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from filippov.base.exports import exported, keep_names
+from filippov.base.exports import short_names
 
 # Short name -> module of this package.
 EXPORTS: dict[str, str] = {
@@ -14,12 +12,4 @@ EXPORTS: dict[str, str] = {
 }
 
 __all__ = sorted(EXPORTS)  # noqa: PLE0605
-keep_names(__name__)
-
-
-def __getattr__(name: str) -> Any:
-    return exported(__name__, EXPORTS, name)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *EXPORTS})
+__getattr__, __dir__ = short_names(__name__, EXPORTS)

@@ -31,7 +31,9 @@ from filippov.solving.state.problem import Problem
 if TYPE_CHECKING:
     import networkx as nx
 
+    from filippov.model.surface import Surface
     from filippov.model.system import System
+    from filippov.model.time_event import TimeEvent
 
 Array = npt.NDArray[np.float64]
 # What a multiplier may be beyond its set by the error of the dense output.
@@ -57,7 +59,8 @@ class Segment:
 
 def may_jump(system: System) -> bool:
     """Whether a system has resets."""
-    return any(q.reset is not None for q in (*system.surfaces, *system.time_events))
+    holders: tuple[Surface | TimeEvent, ...] = (*system.surfaces, *system.time_events)
+    return any(holder.reset is not None for holder in holders)
 
 
 def jump_times(system: System, events: Events) -> Array:
