@@ -4,6 +4,7 @@ import io
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -18,7 +19,8 @@ from filippov.app.cli.catalogue import commands
 from filippov.app.cli.main import main
 from filippov.base import progress
 from filippov.kernel.tables.layout import RULES
-from filippov.solving.state.options import METHODS
+from filippov.solving.solver import solve
+from filippov.solving.state.options import METHODS, OPTIONS, Options, options_but
 
 HEAVY = ("numpy", "scipy", "sympy", "numba", "llvmlite", "networkx", "matplotlib", "rich")
 
@@ -64,6 +66,18 @@ def test_choices_are_those_of_python() -> None:
         for value in known:
             assert options[name].read(value, name) == value
         assert options[name].metavar == "{" + ",".join(known) + "}"
+
+
+def test_13_4_the_options_of_solve_stand_in_one_list() -> None:
+    flags = {option.name: option for option in commands()["simulate"].options}
+    assert set(OPTIONS) - set(flags) <= {"dense_output", "compile"}
+    for name in OPTIONS:
+        shown = flags[name].metavar if name in flags else ""
+        for word in shown.strip("{}").split(",") if isinstance(shown, str) and shown.startswith("{") else ():
+            Options(**{name: word})
+    assert all(re.search(rf"^    .*\b{name}\b", solve.__doc__ or "", re.MULTILINE) for name in OPTIONS)
+    with pytest.raises(AssertionError):
+        options_but("rtoll")
 
 
 def test_json_goes_to_stdout_and_text_to_stderr() -> None:

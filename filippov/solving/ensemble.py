@@ -22,7 +22,7 @@ from filippov.solving.scale import default_atol, of_little_ends, small
 from filippov.solving.state.batch import UNFINISHED, Batch, lane_unit, system_threads
 from filippov.solving.state.events import Event, Stop, columns_of, turned
 from filippov.solving.state.machine import Array, Machine
-from filippov.solving.state.options import Options, check_span, check_stops, falls
+from filippov.solving.state.options import Options, check_span, check_stops, falls, options_but
 from filippov.solving.state.problem import Problem
 
 _STATUS = {
@@ -38,20 +38,7 @@ _STATUS = {
 }
 # The same as a table over all codes, from UNFINISHED on; None where `solve` has to decide.
 _OF_CODE = np.array([_STATUS.get(code) for code in range(UNFINISHED, codes.NO_SLIDING + 1)], dtype=object)
-_OPTIONS = (
-    "method",
-    "rtol",
-    "atol",
-    "first_step",
-    "max_step",
-    "max_steps",
-    "max_events",
-    "nonunique",
-    "sliding",
-    "zeno",
-    "compile",
-    "simultaneous",
-)
+_OPTIONS = options_but("max_time", "on_graze", "stop", "dense_output", "save_events", "backend")
 # Methods whose stages are written out one after the other, as lanes need them.
 _IN_LANES = ("DOP853", "DP5")
 # Fewer rows than this do not repay the compilation of lanes.

@@ -17,19 +17,9 @@ from filippov.solving.loop import follow
 from filippov.solving.scale import default_atol, of_little_scale
 from filippov.solving.solution import Solution
 from filippov.solving.solution_tree import SolutionTree
-from filippov.solving.state.options import (
-    Options,
-    check_priority,
-    check_stops,
-    check_times,
-)
+from filippov.solving.state.options import OPTIONS, Options, check_priority, check_stops, check_times
 from filippov.solving.state.problem import Problem
 
-_OPTIONS = (
-    "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
-    "on_graze", "zeno", "simultaneous", "sliding", "stop", "dense_output", "save_events", "compile",
-    "backend",
-)  # fmt: skip
 _TREE_OPTIONS = ("max_branches", "max_depth", "release_times")
 
 
@@ -122,7 +112,7 @@ def solve(
     and Dieci & Lopez 2012; see the page on the event loop.
     """
     problem = _problem(system, x0, t_span, parameters, backward)
-    check_known("option", options, (*_OPTIONS, *_TREE_OPTIONS), UsageError)
+    check_known("option", options, (*OPTIONS, *_TREE_OPTIONS), UsageError)
     of_tree = {name: options.pop(name) for name in _TREE_OPTIONS if name in options}
     options["nonunique"] = check_priority(options.get("nonunique", "raise"), problem.system)
     if "stop" in options:

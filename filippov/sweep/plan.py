@@ -17,7 +17,7 @@ from filippov.base.names import check_known, unknown
 from filippov.base.version import package_version
 from filippov.model.system import System
 from filippov.solving.ensemble import solve_many
-from filippov.solving.state.options import Options, check_priority, check_stops, positive
+from filippov.solving.state.options import Options, check_priority, check_stops, options_but, positive
 from filippov.solving.state.problem import Problem
 from filippov.sweep.dependence import Dependence, dependence, plain_system
 from filippov.sweep.measure import Function, Measure, read_measures
@@ -29,11 +29,8 @@ from filippov.sweep.samples import sample
 from filippov.sweep.table import Table
 from filippov.sweep.toolchain import own_sources, toolchain
 
-OPTIONS = (
-    "method", "rtol", "atol", "first_step", "max_step", "max_steps", "max_events", "nonunique", "on_graze",
-    "sliding", "zeno", "simultaneous",
-)  # fmt: skip
-_TOGETHER = tuple(name for name in OPTIONS if name != "on_graze")
+TAKEN = options_but("max_time", "stop", "dense_output", "save_events", "compile", "backend")
+_TOGETHER = tuple(name for name in TAKEN if name != "on_graze")
 _ENOUGH = 64
 
 
@@ -72,7 +69,7 @@ class Sweep:
     ) -> None:
         if not isinstance(problem, Problem):
             raise UsageError(f"Sweep was given {type(problem).__name__}, expected a Problem.")
-        check_known("option", options, OPTIONS, UsageError)
+        check_known("option", options, TAKEN, UsageError)
         if not 0 < positive("tail", tail) <= 1:
             raise UsageError(f"tail is {tail!r}, expected a number in (0, 1].")
         if options.get("nonunique") == "branch":

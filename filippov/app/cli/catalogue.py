@@ -175,6 +175,7 @@ _ALL = (
                 "N-th; in t, states and parameters; can be repeated", texts, metavar="ROOT", repeat=True),
          _choice("backend", "what runs the event loop: machine code, or Python from the same sources (slow; "
                  "for a debugger)", "compiled", "python"),
+         _choice("on_graze", "at a touching of a surface: go on, or end", "continue", "error"),
          _choice("save_events", "keep every event, or count them: memory does not grow, the tables have the "
                  "last few only", "all", "count"),
          *TREE),

@@ -13,12 +13,11 @@ from filippov.model.user_event import UserEvent
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 from filippov.solving.state.events import Event, Stop
+from filippov.solving.state.options import options_but
 from filippov.solving.state.problem import Problem
 
-SOLVER = (
-    "rtol", "atol", "method", "first_step", "max_step", "max_steps", "max_events", "max_time", "nonunique",
-    "sliding", "zeno", "simultaneous", "save_events", "backend",
-)  # fmt: skip
+# The others are set by a command itself, or have a form of their own.
+SOLVER = options_but("stop", "dense_output", "compile")
 EVENT_COLUMNS = (
     "t", "surface", "kind", "before", "after", "direction", "multiplier", "residual", "group", "note",
 )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -112,6 +112,15 @@ class Options:
                 f"(states: {', '.join(system.states)})."
             )
         return np.ascontiguousarray(np.broadcast_to(atol, (system.dimension,)), dtype=float)
+
+
+OPTIONS = tuple(item.name for item in fields(Options))
+
+
+def options_but(*others: str) -> tuple[str, ...]:
+    """The options of `solve` without some, for what takes only the rest."""
+    assert set(others) <= set(OPTIONS)
+    return tuple(name for name in OPTIONS if name not in others)
 
 
 def positive(name: str, value: object, infinite: bool = False) -> float:
