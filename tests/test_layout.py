@@ -259,6 +259,18 @@ def evaluators(node: ast.AST) -> list[str]:
     return []
 
 
+MATRICES = ["solve", "inv", "pinv", "lstsq", "svd", "eig", "eigh", "eigvals", "eigvalsh", "cholesky"]
+MATRICES += ["null_space"]
+RAW = {"np.roots", *(f"{library}.linalg.{name}" for library in ("np", "scipy") for name in MATRICES)}
+
+
+@EVERY_MODULE
+def test_13_4_matrices_of_the_analysis_fail_by_name(module: str) -> None:
+    if module.startswith("filippov.analysis.") and module != "filippov.analysis.algebra.linalg":
+        used = {ast.unparse(node) for node in ast.walk(TREES[module]) if isinstance(node, ast.Attribute)}
+        assert not used & RAW, f"{module}: take {used & RAW} from filippov.analysis.algebra.linalg"
+
+
 WRITERS = {"mkstemp", "NamedTemporaryFile", "write_text", "write_bytes"}
 OWN_WRITING = {"filippov.base.whole_file", "filippov.kernel.codegen.cache"}
 

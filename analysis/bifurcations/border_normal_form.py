@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.branch_problem import OrbitProblem
 from filippov.analysis.bifurcations.corrector import FAILURES, Corrector
@@ -144,14 +145,14 @@ class _Free:
             part = mode_field(self.system, motion.start_mode)
             t, x = np.array([touch.t]), touch.x[None, :]
             f = part.part("f", t, x, part.multipliers(t, x, p), p)[0, :, 0]
-            values, left = np.linalg.eig(self.M.T)
+            values, left = linalg.eig(self.M.T)
             k = int(np.argmin(np.abs(values - 1.0)))
             row = left[:, k].real
             self.reduced = self.M - np.outer(f, row) / float(row @ f)
 
     def multipliers(self, matrix: Array) -> Complex:
         """Multipliers of a return, without the trivial one of an autonomous orbit."""
-        values = np.linalg.eigvals(matrix).astype(complex)
+        values = linalg.eigvals(matrix).astype(complex)
         return np.delete(values, int(np.argmin(np.abs(values - 1.0)))) if self.autonomous else values
 
     def rate(self, width: float) -> float:
@@ -213,7 +214,7 @@ def _square_root(
             break
     values = free.multipliers(free.M)
     largest = values[int(np.argmax(np.abs(values)))]
-    total = float(at.slope @ np.linalg.solve(np.eye(len(column)) - free.reduced, free.reduced @ at.vector))
+    total = float(at.slope @ linalg.solve(np.eye(len(column)) - free.reduced, free.reduced @ at.vector))
     out |= {"e1": rows[0], "sum e": total, "multiplier": float(np.abs(largest))}
     # sqrt(z) = -H_free/sum per unit of the parameter.
     out["root per value"] = abs(rate / total) if total else float("inf")

@@ -22,6 +22,7 @@ import numpy.typing as npt
 import scipy.linalg
 from scipy.optimize import brentq
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.bifurcations.smooth_normal_form import number
 from filippov.base.errors import UsageError
@@ -75,17 +76,17 @@ class BoundaryEquilibrium:
     def sliding(self) -> npt.NDArray[np.complex128]:
         """Eigenvalues of the sliding field at the pseudo-equilibrium."""
         n = len(self.B)
-        basis = scipy.linalg.null_space(self.C[None, :])
+        basis = linalg.null_space(self.C[None, :])
         matrix = (np.eye(n) - np.outer(self.B, self.C) / self.across) @ self.A
-        return np.asarray(np.linalg.eigvals(basis.T @ matrix @ basis), dtype=complex)
+        return np.asarray(linalg.eigvals(basis.T @ matrix @ basis), dtype=complex)
 
     def cycle(self) -> tuple[float, float] | None:
         """Of a planar focus at H = 1 with CB > 0: where the motion from the tangency comes back, and where
         the pseudo-equilibrium is, along the surface from the tangency; None where it does not come back."""
         sense = 1.0 if self.across > 0 else -1.0
         A, B, C = sense * self.A, sense * self.B, self.C
-        tangency = np.linalg.solve(np.vstack([C, C @ A]), [-1.0, 0.0])
-        turn = 2 * np.pi / float(np.max(np.abs(np.linalg.eigvals(A).imag)))
+        tangency = linalg.solve(np.vstack([C, C @ A]), [-1.0, 0.0])
+        turn = 2 * np.pi / float(np.max(np.abs(linalg.eigvals(A).imag)))
 
         def height(t: float) -> float:
             return 1.0 + float(C @ scipy.linalg.expm(A * t) @ tangency)
@@ -100,7 +101,7 @@ class BoundaryEquilibrium:
         back = float(along @ (scipy.linalg.expm(A * t) @ tangency - tangency))
         # A z + B l = 0 and C z = -1.
         block = np.block([[A, B[:, None]], [C[None, :], np.zeros((1, 1))]])
-        pseudo = float(along @ (np.linalg.solve(block, [0.0, 0.0, -1.0])[:2] - tangency))
+        pseudo = float(along @ (linalg.solve(block, [0.0, 0.0, -1.0])[:2] - tangency))
         return back / float(C @ C) ** 0.5, pseudo / float(C @ C) ** 0.5
 
     def form(self, value: float, name: str) -> Form:
@@ -109,15 +110,15 @@ class BoundaryEquilibrium:
         size = float(np.linalg.norm(self.A, 2))
         if abs(det) < _ZERO * size ** len(self.B):
             return {"C B": self.across}, "degenerate: an eigenvalue of the equilibrium is 0"
-        inverse = float(self.C @ np.linalg.solve(self.A, self.B))
-        shift = self.moves - float(self.C @ np.linalg.solve(self.A, self.M))
+        inverse = float(self.C @ linalg.solve(self.A, self.B))
+        shift = self.moves - float(self.C @ linalg.solve(self.A, self.M))
         out = {"C A^-1 B": inverse, "C B": self.across, "dH/dvalue": shift}
         scale = float(np.linalg.norm(self.C) * np.linalg.norm(self.B))
         if min(abs(self.across), abs(inverse) * size) < _ZERO * scale:
             return out, "degenerate: the other field is tangent to the surface or the branch turns there"
         if abs(shift) < _ZERO:
             return out, "degenerate: the parameter does not move the equilibrium across the surface"
-        regular = _kind(np.linalg.eigvals(self.A))
+        regular = _kind(linalg.eigvals(self.A))
         values = self.sliding()
         pseudo = self._pseudo(values)
         for k, v in enumerate(sorted(values.real)):
@@ -143,7 +144,7 @@ class BoundaryEquilibrium:
 
     def _cycle(self, out: dict[str, float], inverse: float) -> str:
         """The sliding cycle around a planar focus, in words; its length on the surface in units of H."""
-        values = np.linalg.eigvals(self.A)
+        values = linalg.eigvals(self.A)
         if len(self.B) != 2 or np.max(np.abs(values.imag)) < _ZERO or values[0].real * self.across <= 0:
             return ""
         found = self.cycle()

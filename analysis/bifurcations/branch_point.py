@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.orbits.shooting import NoConvergenceError
 
@@ -27,7 +28,7 @@ _REACH, _ITERATIONS, _TOLERANCE, _NOISE, _UNFOLDED = 1e-5, 20, 1e-11, 1e-7, 1e-6
 
 def start(matrix: Array) -> Array:
     """e to begin with: the left singular vector of the least singular value."""
-    left, _, _ = np.linalg.svd(matrix)
+    left, _, _ = linalg.svd(matrix)
     return np.asarray(left[:, -1], dtype=np.float64)
 
 
@@ -57,7 +58,7 @@ def locate(equations: Callable[[Array], tuple[Array, Array]], z: Array) -> Array
     w, last = np.concatenate((z, [0.0], start(matrix))), np.inf
     for _ in range(_ITERATIONS):
         residual, slopes = extended(equations, w)
-        change = np.linalg.solve(slopes, -residual)
+        change = linalg.solve(slopes, -residual)
         size = float(np.linalg.norm(change))
         if not size < 1.0:
             break

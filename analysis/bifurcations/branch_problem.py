@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.set_slope import log_slope, near_set
@@ -401,7 +402,7 @@ class FunctionProblem:
     def point(self, u: Array, value: float) -> BranchPoint:
         """See `BranchProblem`; stability is that of u' = F(u, value)."""
         left, matrix = self.evaluate(u, value)
-        values = np.linalg.eigvals(matrix[:, :-1])
+        values = linalg.eigvals(matrix[:, :-1])
         data = {f"u{j}": float(v) for j, v in enumerate(u)}
         return BranchPoint(
             value, tuple(u.tolist()), data, tuple(complex(v) for v in values), bool(np.all(values.real < 0)),

@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.boundary_normal_form import BoundaryEquilibrium
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.branch_problem import OrbitProblem
@@ -169,7 +170,7 @@ def _boundary(kind: str, inner: EquilibriumProblem, u: Array, value: float, poin
         at = BoundaryEquilibrium(inner, kind, u, value)
     except UsageError:
         return
-    values = np.linalg.eigvals(at.A).astype(complex)
+    values = linalg.eigvals(at.A).astype(complex)
     yield "boundary fold", product(values)
     yield "degenerate boundary equilibrium", at.bordered
     yield "boundary tangency", at.across

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.base.errors import ModelError, SolveError
@@ -91,7 +92,7 @@ class Corrector:
         for count in range(1, _ITERATIONS + 1):
             residual, matrix = self.equations(z)
             full = np.vstack([matrix, normal])
-            change = np.linalg.solve(full, -np.append(residual, normal @ (z - guess)))
+            change = linalg.solve(full, -np.append(residual, normal @ (z - guess)))
             size = float(np.linalg.norm(change))
             moved += size
             if not np.isfinite(size) or moved > _FARTHEST or (count > 3 and size > 4 * last and size > 1e-6):
@@ -157,19 +158,19 @@ class Corrector:
         z = self.scaled(u, value)
         for _ in range(_ITERATIONS):
             residual, matrix = self.equations(z)
-            change = np.append(np.linalg.lstsq(matrix[:, :-1], -residual, rcond=1e-12)[0], 0.0)
+            change = np.append(linalg.lstsq(matrix[:, :-1], -residual, rcond=1e-12)[0], 0.0)
             z = z + change
             if np.linalg.norm(change) < _TOLERANCE:
                 break
         residual, matrix = self.equations(z)
-        sizes = np.linalg.svd(matrix, compute_uv=False)
+        sizes = linalg.svd(matrix, compute_uv=False)
         if sizes[-1] <= 1e-10 * max(float(sizes[0]), self._usual(z, residual) if sizes[0] < 1e-6 else 0.0):
             raise NoConvergenceError(
                 "the start is singular: the equations do not fix a direction to go on. Common causes: a "
                 "residual that depends on nothing, a start on a branch point, or solutions that are not "
                 "isolated. Start elsewhere.", float(np.max(np.abs(residual))),
             )  # fmt: skip
-        change = np.linalg.lstsq(matrix[:, :-1], -residual, rcond=1e-12)[0]
+        change = linalg.lstsq(matrix[:, :-1], -residual, rcond=1e-12)[0]
         if not np.linalg.norm(change) < 1e-6 or not np.max(np.abs(residual)) < 1e-6:
             raise NoConvergenceError(
                 f"the start is no solution: Newton's method leaves {np.max(np.abs(residual)):.3g} of its "
@@ -185,5 +186,5 @@ class Corrector:
 
 def _null(matrix: Array) -> Array:
     """The unit vector that the matrix (m, m + 1) maps to 0."""
-    _, _, rows = np.linalg.svd(matrix)
+    _, _, rows = linalg.svd(matrix)
     return np.asarray(rows[-1], dtype=np.float64)

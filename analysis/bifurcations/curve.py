@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.border_normal_form import touched
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
 from filippov.analysis.bifurcations.branch_point import BranchPointCurve
@@ -119,7 +120,7 @@ class CurveProblem:
         self.scale = np.append(inner.scale, width)
         if test == "fold":
             matrix = self._inner(at).evaluate(u, value)[1][:, :-1] * inner.scale
-            left, _, right = np.linalg.svd(matrix)
+            left, _, right = linalg.svd(matrix)
             self.border = left[:, -1], right[-1]
         if test in CONTACTS:
             self.grazed, self.side = grazed
@@ -141,7 +142,7 @@ class CurveProblem:
         if self.test == "fold":
             b, c = self.border
             block = np.block([[matrix[:, :-1] * problem.scale, b[:, None]], [c[None, :], np.zeros((1, 1))]])
-            return float(np.linalg.solve(block, np.append(np.zeros(len(u)), 1.0))[-1])
+            return float(linalg.solve(block, np.append(np.zeros(len(u)), 1.0))[-1])
         if self.test in CONTACTS:
             gap = self._contact(problem, u, value).gap
             return gap if self.test == "grazing" else gap - _ASIDE
@@ -205,7 +206,7 @@ class CurveProblem:
             [matrix[:, :-1] * inner.scale, b[:, None]], [c[None, :], np.zeros((1, 1))]
         ])  # fmt: skip
         last = np.append(np.zeros(len(c)), 1.0)
-        p, q = np.linalg.solve(block.T, last)[:-1], np.linalg.solve(block, last)[:-1]
+        p, q = linalg.solve(block.T, last)[:-1], linalg.solve(block, last)[:-1]
         return p / np.linalg.norm(p), q / np.linalg.norm(q)
 
     def _bend(self, inner: OrbitProblem, value: float, contact: Any) -> float | None:

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.forcing import depends_on_time
@@ -118,15 +118,15 @@ class EquilibriumProblem:
         """Eigenvalues of the linearisation along the sliding surfaces, and whether these attract (> 0)."""
         n = self.system.dimension
         if not self.sliding:
-            return np.linalg.eigvals(self.field.part("fy", *at)[0, :, :n]).astype(complex), 1.0
+            return linalg.eigvals(self.field.part("fy", *at)[0, :, :n]).astype(complex), 1.0
         rs = self.field.part("rs", *at)[0, self.sliding]
         attracts = -float(rs[0, 0]) if len(self.sliding) == 1 else float(np.linalg.det(-rs))
         slope = self.field.part("hy", *at)[0, self.sliding, :n]
-        basis = scipy.linalg.null_space(slope)
+        basis = linalg.null_space(slope)
         if abs(np.linalg.det(rs)) < 1e-300 or basis.shape[1] == 0:
             return np.zeros(0, dtype=complex), attracts
         matrix = self.field.matrix(*at)[0, :n, :n]
-        return np.linalg.eigvals(basis.T @ matrix @ basis).astype(complex), attracts
+        return linalg.eigvals(basis.T @ matrix @ basis).astype(complex), attracts
 
     def moved(self, u: Array, value: float) -> EquilibriumProblem:
         """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""

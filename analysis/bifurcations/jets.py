@@ -21,8 +21,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
 from numpy.polynomial import chebyshev
+
+from filippov.analysis.algebra import linalg
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -66,7 +67,7 @@ class Jets:
 
     def pair(self, value: complex) -> tuple[Complex, Complex]:
         """q and p to the eigenvalue nearest to a value, |q| = 1, <p, q> = 1."""
-        values, left, right = scipy.linalg.eig(self.A, left=True, right=True)
+        values, left, right = linalg.eig_both(self.A)
         k = int(np.argmin(np.abs(values - value)))
         q = right[:, k] / np.linalg.norm(right[:, k])
         # Where q can be real it is, with its largest entry positive.
@@ -79,7 +80,7 @@ class Jets:
         """(c, q) at an eigenvalue -1."""
         q, p = (v.real for v in self.pair(-1.0))
         B, C = self.along(q)
-        inner = np.linalg.solve(self.A - np.eye(len(q)), B @ q)
+        inner = linalg.solve(self.A - np.eye(len(q)), B @ q)
         c = p @ (C @ q) / 6 - p @ (B @ inner) / 2
         return float(c), q
 
@@ -93,14 +94,14 @@ class Jets:
         """At a pair e^(+- i angle)."""
         q, p, B, qq, qc, third = self._forms(np.exp(1j * angle))
         one = np.eye(len(q))
-        total = third + 2 * np.vdot(p, B @ np.linalg.solve(one - self.A, qc))
-        total += np.vdot(p, B.conj() @ np.linalg.solve(np.exp(2j * angle) * one - self.A, qq))
+        total = third + 2 * np.vdot(p, B @ linalg.solve(one - self.A, qc))
+        total += np.vdot(p, B.conj() @ linalg.solve(np.exp(2j * angle) * one - self.A, qq))
         return float((np.exp(-1j * angle) * total).real / 2)
 
     def cubic_hopf(self, frequency: float) -> tuple[float, Complex]:
         """(cubic, q) at a pair +- i frequency."""
         q, p, B, qq, qc, third = self._forms(1j * frequency)
-        total = third - 2 * np.vdot(p, B @ np.linalg.solve(self.A, qc))
+        total = third - 2 * np.vdot(p, B @ linalg.solve(self.A, qc))
         turned = 2j * frequency * np.eye(len(q)) - self.A
-        total += np.vdot(p, B.conj() @ np.linalg.solve(turned, qq))
+        total += np.vdot(p, B.conj() @ linalg.solve(turned, qq))
         return float(total.real / 2), q

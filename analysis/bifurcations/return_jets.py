@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch_problem import MapProblem, OrbitProblem
 from filippov.analysis.bifurcations.jets import Jets, OutsideError
 from filippov.analysis.orbits.shooting import NoConvergenceError, velocity_at
@@ -56,17 +56,17 @@ class _Return:
     def __init__(self, problem: OrbitProblem, u: Array, value: float) -> None:
         shooting = problem.shooting
         self.shooting, self.p = shooting, problem.p(value)
-        self.u, self.x, self.gate = u, u[: shooting.n], np.linalg.inv(shooting.gate)
+        self.u, self.x, self.gate = u, u[: shooting.n], linalg.inv(shooting.gate)
         scale = problem.scale[: shooting.n]
         if shooting.period is None:
             motion = problem.motions(u, value)[0]
             f = velocity_at(shooting.system, motion.start_mode, motion.problem.t_span[0], self.x, self.p)
             # Orthonormal in scaled states: the plane is across the velocity there.
             self.normal = f / scale**2
-            self.directions = scale[:, None] * scipy.linalg.null_space((f / scale)[None, :])
+            self.directions = scale[:, None] * linalg.null_space((f / scale)[None, :])
         else:
             self.directions = np.diag(scale)
-        self.back = np.linalg.pinv(self.directions)
+        self.back = linalg.pinv(self.directions)
         self.word = [segment.mode for segment in problem.motions(u, value)[0].segments]
 
     def matrix(self, z: Array) -> Array:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.branch_problem import MapProblem, OrbitProblem
 from filippov.analysis.bifurcations.corrector import Corrector
@@ -40,7 +41,7 @@ def number(value: float) -> str:
 
 def null_vectors(matrix: Array) -> tuple[Array, Array]:
     """Left and right unit vectors of the least singular value."""
-    left, _, right = np.linalg.svd(matrix)
+    left, _, right = linalg.svd(matrix)
     lead = right[-1][int(np.argmax(np.abs(right[-1])))]
     return left[:, -1] * np.sign(lead), right[-1] * np.sign(lead)
 
@@ -97,7 +98,7 @@ def doubling(problem: Any, u: Array, value: float, width: float, name: str, symm
         return -float(np.sqrt(abs(near))) if symmetric else float(near)
 
     rate = _rate(problem, u, value, width, multiplier)
-    others = list(np.linalg.eigvals(jets.A))
+    others = list(linalg.eigvals(jets.A))
     del others[int(np.argmin(np.abs(np.array(others) + 1.0)))]
     attracts = all(abs(v) < 1 for v in others)
     out = {"cubic": cubic, "rate": rate}
@@ -108,7 +109,7 @@ def doubling(problem: Any, u: Array, value: float, width: float, name: str, symm
 def ring(problem: Any, u: Array, value: float, width: float, name: str) -> Form:
     """A Neimark-Sacker point."""
     jets, directions = return_jets(problem, u, value)
-    values = np.linalg.eigvals(jets.A)
+    values = linalg.eigvals(jets.A)
     upper = values[values.imag > 1e-6]
     if not upper.size:
         raise UsageError("no pair of multipliers is complex: a neutral saddle, without a closed curve.")
@@ -147,7 +148,7 @@ def _nearest(pair: npt.NDArray[np.complex128]) -> float:
 def hopf(problem: EquilibriumProblem, u: Array, value: float, width: float, name: str) -> Form:
     """A Hopf point of an equilibrium off the surfaces."""
     jets, scale = hopf_jets(problem, u, value)
-    values = np.linalg.eigvals(jets.A)
+    values = linalg.eigvals(jets.A)
     upper = values[values.imag > 1e-6 * (1.0 + np.max(np.abs(values)))]
     if not upper.size:
         raise UsageError("the two eigenvalues are real: a neutral saddle, without a cycle.")

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
 from filippov.analysis.bifurcations.branch_problem import MapProblem, OrbitProblem
 from filippov.analysis.bifurcations.continuation import Continuation
@@ -94,14 +95,14 @@ def _doubled(problem: Any, u: Array, value: float, tangent: Array) -> tuple[Any,
 def _other(corrector: Corrector, z: Array, tangent: Array) -> Array:
     """The tangent of the other branch at a branch point. Raises NoConvergenceError."""
     matrix = corrector.equations(z)[1]
-    left, sizes, rows = np.linalg.svd(matrix)
+    left, sizes, rows = linalg.svd(matrix)
     if sizes[-1] > _SINGULAR * max(1.0, float(sizes[0])) or (len(sizes) > 1 and sizes[-2] < 10 * sizes[-1]):
         raise NoConvergenceError("no second branch of its own meets the branch there.")
     e, plane = left[:, -1], rows[-2:]
     changes = [corrector.equations(z + side * _REACH * v)[1] for v in plane for side in (1.0, -1.0)]
     form = np.array([e @ (changes[2 * k] - changes[2 * k + 1]) @ plane.T for k in (0, 1)]) / (2 * _REACH)
     form = 0.5 * (form + form.T)
-    values, vectors = np.linalg.eigh(form)
+    values, vectors = linalg.eigh(form)
     if not values[0] < 0 < values[1] or -values[0] * values[1] < (_NOISE * np.max(np.abs(values))) ** 2:
         raise NoConvergenceError("the branches touch there, with one tangent: they cannot be told apart.")
     # t . form t = 0 for t = sqrt(l1) v0 +- sqrt(-l0) v1.

@@ -25,6 +25,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.estimation.driven_run import Pieces
 
 Array = npt.NDArray[np.float64]
@@ -86,8 +87,8 @@ class Stretch:
         tau = self.t[self.first : self.last]
         tau = 2 * (tau - tau[0]) / (tau[-1] - tau[0]) - 1
         x = np.linalg.qr(np.vander(tau, 4))[0]
-        z = b @ np.linalg.pinv(self.roughness)
-        u, sizes, _ = np.linalg.svd(z - x @ (x.T @ z), full_matrices=False)
+        z = b @ linalg.pinv(self.roughness)
+        u, sizes, _ = linalg.svd(z - x @ (x.T @ z), full_matrices=False)
         y = self.values - x @ (x.T @ self.values)
         along = u.T @ y
         return sizes, along, max(float(y @ y - along @ along), 0.0)
@@ -116,7 +117,7 @@ class Stretch:
     def fit(self, q: float) -> tuple[Array, Array]:
         """Coefficients, and the root of their precision for s = 1."""
         b, d = self.design, self.roughness
-        root = np.linalg.cholesky(b.T @ b + d.T @ d / q)
+        root = linalg.cholesky(b.T @ b + d.T @ d / q)
         right = solve_triangular(root, b.T @ self.values, lower=True)
         return np.asarray(solve_triangular(root.T, right, lower=False)), np.asarray(root)
 

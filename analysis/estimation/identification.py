@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import t as student
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.estimation.driven_run import INPUT
 from filippov.analysis.estimation.identify_fit import Fit, Fitting
 from filippov.analysis.estimation.misfit import DOUBTED, Test, misfit_tests, refusal, widened
@@ -209,7 +210,7 @@ def estimate(
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0] = 1.0
     information = (jacobian / scale).T @ (jacobian / scale)
-    inverse = np.linalg.pinv(information, rcond=1e-14, hermitian=True) / np.outer(scale, scale)
+    inverse = linalg.pinv(information, rcond=1e-14, hermitian=True) / np.outer(scale, scale)
     p = len(names)
     covariance = variance * inverse[:p, :p]
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import least_squares
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.estimation.driven_run import DrivenRun, Motion, Pieces, Slopes
 from filippov.analysis.estimation.force_input import SmoothForce, plain_pieces
 from filippov.analysis.estimation.record import Record
@@ -282,7 +283,7 @@ class Fitting:
             residual = self.record.x[part] - motions[w].x + load @ z[w]
             jacobian = self.jacobian(w, own)
             rest = residual - load @ z[w]
-            size = float(np.std(rest - jacobian @ np.linalg.lstsq(jacobian, rest, rcond=None)[0]))
+            size = float(np.std(rest - jacobian @ linalg.lstsq(jacobian, rest, rcond=None)[0]))
             load, axes = reduced(load, FINEST * size, 0.0 if pieces[w].known else COARSE)
             windows.append(Window(residual, jacobian, load))
             every.append(axes)

@@ -18,6 +18,7 @@ from scipy.linalg import solve_triangular
 from scipy.stats import chi2
 from scipy.stats import f as fisher
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.estimation.identify_fit import Fit
 from filippov.analysis.estimation.residual_noise import Noise, Window, degrees_of_freedom, generalised
 
@@ -141,7 +142,7 @@ def _white(windows: Sequence[Window], noise: Noise) -> tuple[list[Array], list[A
             noise.sigma**2 * (noise.rho**power if noise.rho else np.eye(len(k)))
             + noise.kappa * w.load @ w.load.T
         )
-        root = np.linalg.cholesky(v)
+        root = linalg.cholesky(v)
         residuals.append(solve_triangular(root, w.residual - w.jacobian @ step, lower=True))
         jacobians.append(solve_triangular(root, w.jacobian, lower=True))
     return residuals, jacobians

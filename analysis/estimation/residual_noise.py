@@ -18,6 +18,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
+from filippov.analysis.algebra import linalg
+
 Array = npt.NDArray[np.float64]
 # Largest correlation from sample to sample that is told from a drift.
 LARGEST = 0.998
@@ -67,7 +69,7 @@ class Solved:
         """Of the unknowns, (q, q)."""
         size = np.linalg.norm(self.root, axis=0)
         size[size == 0] = 1.0
-        inverse = np.linalg.pinv(self.root / size, rcond=1e-13)
+        inverse = linalg.pinv(self.root / size, rcond=1e-13)
         return np.asarray((inverse @ inverse.T) / np.outer(size, size))
 
 
@@ -96,11 +98,11 @@ def generalised(windows: Sequence[Window], sigma: float, rho: float, kappa: floa
     root, right = whole[:q, :q], whole[:q, q]
     size = np.linalg.norm(root, axis=0)
     size[size == 0] = 1.0
-    step = np.linalg.lstsq(root / size, right, rcond=1e-13)[0] / size
+    step = linalg.lstsq(root / size, right, rcond=1e-13)[0] / size
     z = []
     for end in ends:
         r = len(end)
-        z.append(np.linalg.solve(end[:, :r], end[:, -1] - end[:, r:-1] @ step) if r else np.zeros(0))
+        z.append(linalg.solve(end[:, :r], end[:, -1] - end[:, r:-1] @ step) if r else np.zeros(0))
     return Solved(step, root, tuple(z), float(np.sum(whole[q:, q] ** 2)), log)
 
 
@@ -117,7 +119,7 @@ def bounded(solved: Solved, low: Array, high: Array, damping: Array) -> Array:
         free = root[:, ~held]
         size = np.linalg.norm(free, axis=0)
         size[size == 0] = 1.0
-        step[~held] = np.linalg.lstsq(free / size, right - root[:, held] @ step[held], rcond=1e-13)[0] / size
+        step[~held] = linalg.lstsq(free / size, right - root[:, held] @ step[held], rcond=1e-13)[0] / size
         passed = ~held & ((step < low) | (step > high))
         if not np.any(passed):
             break
@@ -142,7 +144,7 @@ def reduced(load: Array, small: float, part: float = 0.0) -> tuple[Array, Array]
 
     What is left out moves nothing by `small`, or by more than `part` of what the whole does.
     """
-    u, s, axes = np.linalg.svd(load, full_matrices=False)
+    u, s, axes = linalg.svd(load, full_matrices=False)
     kept = s > max(small, part * float(s[0])) if s.size else s > small
     return np.asarray(u[:, kept] * s[kept]), np.asarray(axes[kept].T)
 
@@ -207,7 +209,7 @@ def degrees_of_freedom(windows: Sequence[Window], noise: Noise, places: Sequence
     at, h = noise.hidden, 0.02
     here = variances(at)
     g = np.array([(variances(at + h * e) - variances(at - h * e)) / (2 * h) for e in unit])
-    values, axes = np.linalg.eigh(_second(cost, at, 0.05))
+    values, axes = linalg.eigh(_second(cost, at, 0.05))
     # A direction in which the likelihood is flat is one in which the variances do not change.
     inverse = (axes / np.maximum(values, 0.05)) @ axes.T
     spread = np.einsum("qj,qr,rj->j", g, inverse, g)

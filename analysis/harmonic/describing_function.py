@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, root
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.harmonic.quasi_linear import Array, ComplexArray, Lure, lure
 from filippov.base.errors import UsageError
 from filippov.model.system import System
@@ -164,7 +165,7 @@ class _Balance:
 
     def spectrum(self, amplitude: float) -> ComplexArray:
         """The eigenvalues that oscillate: imaginary part > 0."""
-        values = np.linalg.eigvals(self.matrix(amplitude))
+        values = linalg.eigvals(self.matrix(amplitude))
         size = np.max(np.abs(values), initial=0.0)
         return np.asarray(values[values.imag > 1e-9 * size])
 
@@ -183,7 +184,7 @@ class _Balance:
         if not at_low * at_high <= 0:
             return None
         amplitude = low if at_low == 0.0 else float(brentq(rate, low, high, xtol=1e-13 * high, rtol=1e-14))
-        values, vectors = np.linalg.eig(self.matrix(amplitude))
+        values, vectors = linalg.eig(self.matrix(amplitude))
         k = int(np.argmin(np.abs(values - followed["last"])))
         omega = float(values[k].imag)
         vector = vectors[:, k] / (self.split.row @ vectors[:, k])
@@ -199,5 +200,5 @@ class _Balance:
     def _distortion(self, amplitude: float, omega: float) -> float:
         third = self.split.harmonic(self.mean(amplitude), amplitude, 3)
         size = len(self.split.states)
-        back = np.linalg.solve(3j * omega * np.eye(size) - self.split.matrix, third)
+        back = linalg.solve(3j * omega * np.eye(size) - self.split.matrix, third)
         return float(abs(self.split.row @ back) / amplitude)

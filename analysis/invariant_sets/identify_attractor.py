@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.invariant_sets.attractor import Attractor, AttractorKind, curve_of
 from filippov.analysis.invariant_sets.recurrence import Grid
 from filippov.analysis.invariant_sets.state_map import StateMap
@@ -77,7 +78,7 @@ class Identifier:
         matrix = self.flow.derivative(x, self.size)
         if not np.all(np.isfinite(matrix)):
             return Attractor("equilibrium", x[None, :], low=x.copy(), high=x.copy())
-        values = np.linalg.eigvals(matrix).astype(complex)
+        values = linalg.eigvals(matrix).astype(complex)
         values = values[np.argsort(-np.abs(values), kind="stable")]
         kind: AttractorKind = "equilibrium set" if np.any(np.abs(values - 1) <= 1e-6) else "equilibrium"
         return Attractor(kind, x[None, :], multipliers=values, low=x.copy(), high=x.copy())
@@ -94,7 +95,7 @@ class Identifier:
                 return None
             scaled = matrix * self.size / self.size[:, None]
             # A direction in which the map is the identity belongs to a set: the nearest state of it is taken.
-            change = self.size * (np.linalg.pinv(scaled, rcond=1e-9) @ ((x - image[0]) / self.size))
+            change = self.size * (linalg.pinv(scaled, rcond=1e-9) @ ((x - image[0]) / self.size))
             x = x + change
             if not np.all(np.isfinite(x)) or np.max(np.abs(x - y[-1]) / self.size) > 0.5:
                 return None

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.saddle import Side
@@ -148,7 +149,7 @@ class ReturnMap:
 
     def direction(self, side: Side) -> tuple[float, Array]:
         """The multiplier of a manifold that is a curve, and its unit eigenvector. Raises UsageError."""
-        values, vectors = np.linalg.eig(self.matrix)
+        values, vectors = linalg.eig(self.matrix)
         if self.section is not None:
             # On the section: along the motion P does not change, which is a multiplier 0 of this matrix.
             keep = np.argsort(np.abs(values))[1:]

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from sympy import Expr
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.local_stability.planar_cone import planar_cone
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import Answer, Statement
@@ -45,7 +46,7 @@ class Cone:
     def leaves(self) -> bool:
         """Whether an eigenvector to an eigenvalue > 0 lies inside the cone of its own side."""
         for signs, matrix in self.sides.items():
-            values, vectors = np.linalg.eig(matrix)
+            values, vectors = linalg.eig(matrix)
             size = max(1.0, float(np.max(np.abs(values))))
             for value, vector in zip(values, vectors.T, strict=True):
                 if abs(value.imag) > CLEAR * size or value.real <= CLEAR * size:

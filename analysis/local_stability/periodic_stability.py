@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.local_stability.periodic_sliding import PeriodicSliding, periodic_sliding
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import Answer, EquilibriumStability, Statement
@@ -102,7 +103,7 @@ def _floquet(
     monodromy = _monodromy(context, mode, matrix, x, Phases(period, clocks.instants), onto)
     if monodromy is None:
         return "undecided", "a reset has no derivative at the equilibrium, or changes with time"
-    multipliers = np.linalg.eigvals(monodromy)
+    multipliers = linalg.eigvals(monodromy)
     largest = float(np.max(np.abs(multipliers)))
     head = f"the multipliers over the period {period:.6g} have moduli up to {largest:.6g}"
     if sliding is not None:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import sympy
 from sympy import Expr, Symbol
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.budget import Clock
 from filippov.analysis.algebra.polynomial import Verdict, count_roots, exact
 from filippov.analysis.algebra.routh_hurwitz import RouthHurwitz, routh_hurwitz
@@ -125,7 +126,7 @@ class Context:
             numbers = [self.number(c) for c in coefficients]
         if not np.all(np.isfinite(numbers)):
             return None
-        largest = float(np.max(np.roots(numbers).real))
+        largest = float(np.max(linalg.roots(numbers).real))
         if abs(largest) < SMALL:
             return None
         return Verdict.ASYMPTOTICALLY_STABLE if largest < 0 else Verdict.UNSTABLE
@@ -152,11 +153,11 @@ class Context:
         if not np.all(np.isfinite(A)):
             return None
         near = 1e-6 * max(1.0, float(np.linalg.norm(A)))
-        roots = np.linalg.eigvals(A)
+        roots = linalg.eigvals(A)
         for root in roots[roots.real > -near]:
             if root.real > near:
                 return False
-            sizes = np.linalg.svd(A - 1j * root.imag * np.eye(len(A)), compute_uv=False)
+            sizes = linalg.svd(A - 1j * root.imag * np.eye(len(A)), compute_uv=False)
             if np.sum(sizes <= 10 * near) < np.sum(np.abs(roots - 1j * root.imag) <= 10 * near):
                 return False
         return True
@@ -169,5 +170,5 @@ class Context:
         if zeros == 0:
             return True
         on_surface = self.numbers(sliding.matrix * sliding.tangent, more)
-        sizes = np.linalg.svd(on_surface, compute_uv=False)
+        sizes = linalg.svd(on_surface, compute_uv=False)
         return bool(np.sum(sizes <= 1e-9 * max(1.0, float(sizes[0]))) >= zeros)

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.maps.linear_turn import linear_slope
 
 if TYPE_CHECKING:
@@ -133,7 +134,7 @@ def _fit(scale: Array, y: Array, degree: int) -> float | None:
 
     def left(gamma: float) -> tuple[float, float]:
         rows = np.vander(np.exp(gamma * scale), degree + 1, increasing=True)
-        c, *_ = np.linalg.lstsq(rows, y, rcond=None)
+        c, *_ = linalg.lstsq(rows, y, rcond=None)
         return float(np.sum((rows @ c - y) ** 2)), float(c[0])
 
     k = int(np.argmin([left(gamma)[0] for gamma in EXPONENTS]))

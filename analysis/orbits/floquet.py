@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.saltation import Factor, flow_factors
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.solving.solution import Solution
@@ -47,7 +47,7 @@ def return_factors(
             places.append((motion, factor))
         ends.append(len(factors))
     if gate is not None:
-        factors.append(np.asarray(np.linalg.inv(gate), dtype=np.float64))
+        factors.append(np.asarray(linalg.inv(gate), dtype=np.float64))
     counts = [sum(v == 0 for v in factor.mode) for _, factor in places]
     most = max(counts, default=0)
     if most == 0:
@@ -88,7 +88,7 @@ def product_multipliers(
     for i, factor in enumerate(factors):
         row, column = places[(i + 1) % k], places[i]
         cyclic[row : row + factor.shape[0], column : column + factor.shape[1]] = factor
-    roots = np.asarray(np.linalg.eigvals(cyclic), dtype=complex)
+    roots = np.asarray(linalg.eigvals(cyclic), dtype=complex)
     powers = roots[np.argsort(-np.abs(roots))][: k * r] ** k
     # Each multiplier has k roots: the nearest values belong together.
     values: list[complex] = []
@@ -113,12 +113,12 @@ def _tangent_basis(
     part = mode_field(system, mode, (), jacobian)
     rows = [i for i, sign in enumerate(mode) if sign == 0]
     slope = part.part("hy", time, x, part.multipliers(time, x, p), p)[0, rows, : system.dimension]
-    return np.asarray(scipy.linalg.null_space(slope), dtype=np.float64)
+    return np.asarray(linalg.null_space(slope), dtype=np.float64)
 
 
 def multipliers(matrix: Array, zeros: int, turns: int = 1) -> npt.NDArray[np.complex128]:
     """Eigenvalues of the matrix to the power `turns`, with the zeros split off, largest modulus first."""
-    values = np.linalg.eigvals(matrix) if matrix.size else np.zeros(0)
+    values = linalg.eigvals(matrix) if matrix.size else np.zeros(0)
     everything = np.concatenate((np.asarray(values, dtype=complex) ** turns, np.zeros(zeros, dtype=complex)))
     return everything[np.lexsort((-everything.imag, -np.abs(everything)))]
 

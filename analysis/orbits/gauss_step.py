@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.variation import ModeField, gauss
 from filippov.base.errors import SolveError
 
@@ -120,7 +121,7 @@ def gauss_steps(field: ModeField, states: Array, t0: float, t1: float, grid: Arr
         blocks = identity - np.einsum("jik,jkab->jiakb", scaled, a[..., :n]).reshape(
             count, STAGES * n, STAGES * n
         )
-        change = np.linalg.solve(blocks, -left.reshape(count, -1, 1)).reshape(y.shape)
+        change = linalg.solve(blocks, -left.reshape(count, -1, 1)).reshape(y.shape)
         y = y + change
         moved = float(np.max(np.abs(change) / size))
         if moved < 1e-15 or (moved < 1e-11 and moved > 0.1 * last):
@@ -146,7 +147,7 @@ def gauss_steps(field: ModeField, states: Array, t0: float, t1: float, grid: Arr
     own = identity - np.einsum("jik,jiab->jiakb", scaled, a[..., :n]).reshape(
         count, STAGES * n, STAGES * n
     )
-    slopes = np.linalg.solve(own, right.reshape(count, -1, columns)).reshape(count, STAGES, n, columns)
+    slopes = linalg.solve(own, right.reshape(count, -1, columns)).reshape(count, STAGES, n, columns)
     total = dt[:, None, None] * np.einsum("i,jinc->jnc", _B, slopes)
     drift = np.einsum("i,jin->jn", _B, f) * shares[:, None]
     by_state = np.eye(n) + total[..., :n]

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.arcs import Arc, Ending, WordError, arcs_of, joined
 from filippov.analysis.orbits.collocation import Boundary, BoundaryProblem, Mesh, solved
 from filippov.analysis.orbits.gauss_step import Steps
@@ -151,7 +152,7 @@ def collocate(base: Shooting, arcs: Sequence[Arc], p: Array) -> Collocated:
             s = field.multipliers(time, state, values)
             h = field.part("h", time, state, s, values)[0, always, 0]
             slope = field.part("hy", time, state, s, values)[0, always, :n]
-            back = np.linalg.pinv(slope)
+            back = linalg.pinv(slope)
             left, by_first = left + back @ h, by_first + back @ slope
         row = np.zeros((1, n)) if length is not None else speed[None, :]
         last = t - begin - length if length is not None else float(speed @ (x0 - reference))

@@ -19,8 +19,8 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.shooting import NoConvergenceError, resolved, velocity_at
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.forcing import is_forced
@@ -142,16 +142,16 @@ def find_saddle(
 
     for _ in range(NEWTON):
         left, matrix, normals = linearised(x)
-        change = np.linalg.lstsq(np.vstack([matrix, normals]), left, rcond=1e-12)[0]
+        change = linalg.lstsq(np.vstack([matrix, normals]), left, rcond=1e-12)[0]
         x = x - change
         if np.max(np.abs(change)) <= 1e-14 * (1.0 + np.max(np.abs(x))):
             break
     left, matrix, normals = linearised(x)
     if not np.max(np.abs(left)) <= 1e-9 * (1.0 + np.max(np.abs(matrix))):
         raise told
-    basis = scipy.linalg.null_space(normals) if on else np.eye(n)
+    basis = linalg.null_space(normals) if on else np.eye(n)
     empty = np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0))
-    found: Any = scipy.linalg.eig(basis.T @ matrix @ basis, left=True) if basis.size else empty
+    found: Any = linalg.eig_both(basis.T @ matrix @ basis) if basis.size else empty
     values, rows, vectors = found
     order = np.argsort(-values.real)
     vectors, rows = vectors[:, order].astype(complex), rows[:, order].conj().T.astype(complex)

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.saltation import derivative_by_all
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.forcing import Period
@@ -196,7 +197,7 @@ def onto_surfaces(system: System, x: Array, t: float, p: Array, surfaces: tuple[
     for _ in range(20):
         h = part.part("h", time, state[None, :], s, p)[0, rows, 0]
         slope = part.part("hy", time, state[None, :], s, p)[0, rows, : system.dimension]
-        change = np.linalg.lstsq(slope, h, rcond=None)[0]
+        change = linalg.lstsq(slope, h, rcond=None)[0]
         state = state - change
         if np.max(np.abs(change)) <= 4e-16 * (1.0 + np.max(np.abs(state))):
             break
@@ -212,7 +213,7 @@ def tangent(motion: Solution, surfaces: tuple[int, ...]) -> Array:
     part = mode_field(system, motion.start_mode)
     t, x = np.array([motion.problem.t_span[0]]), motion.problem.x0[None, :]
     slope = part.part("hy", t, x, part.multipliers(t, x, p), p)[0, list(surfaces), :n]
-    return np.asarray(np.eye(n) - np.linalg.pinv(slope) @ slope)
+    return np.asarray(np.eye(n) - linalg.pinv(slope) @ slope)
 
 
 def newton(
@@ -229,7 +230,7 @@ def newton(
     for _ in range(iterations):
         if size <= tolerance * 1e-2 * scale:
             break
-        step = np.linalg.lstsq(problem.matrix(u, motions, p), -left, rcond=1e-13)[0]
+        step = linalg.lstsq(problem.matrix(u, motions, p), -left, rcond=1e-13)[0]
         for halving in range(5):
             trial = u + step * 0.5**halving
             try:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
 from filippov.base.errors import UsageError
 from filippov.model.system import System
@@ -132,7 +133,7 @@ def _along(run: Solution, basis: Array) -> Array:
         run.problem.t_span[0], run.problem.x0, np.array(run.start_mode, dtype=float)
     )
     normal = gradients[sliding]
-    return np.asarray(basis - np.linalg.pinv(normal) @ (normal @ basis))
+    return np.asarray(basis - linalg.pinv(normal) @ (normal @ basis))
 
 
 def _scatter(table: Array, spans: Array) -> Array:

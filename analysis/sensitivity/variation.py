@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.plain_variation import PlainParts
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
@@ -123,7 +124,7 @@ class ModeField:
         """ds/dy of the sliding surfaces: (k, sliding, N)."""
         rs = self.part("rs", t, x, s, p)[:, self.sliding, :]
         ry = self.part("ry", t, x, s, p)[:, self.sliding, :]
-        return np.asarray(-np.linalg.solve(rs, ry), dtype=np.float64)
+        return np.asarray(-linalg.solve(rs, ry), dtype=np.float64)
 
     def matrix(self, t: Array, x: Array, s: Array, p: Array) -> Array:
         """A = dy'/dy along the mode: (k, N, N)."""
@@ -140,7 +141,7 @@ class ModeField:
         for _ in range(40 if self.sliding else 0):
             r = self.part("r", t, x, s, p)[:, self.sliding, 0]
             rs = self.part("rs", t, x, s, p)[:, self.sliding, :]
-            change = np.linalg.solve(rs, r[..., None])[..., 0]
+            change = linalg.solve(rs, r[..., None])[..., 0]
             s[:, self.sliding] -= change
             if np.max(np.abs(change), initial=0.0) < 1e-14 * (1.0 + np.max(np.abs(s))):
                 break
@@ -189,7 +190,7 @@ def _divided(
     check = np.isfinite(reach) & (reach > _FURTHEST)
     if not np.any(check):
         return start, step
-    rates = np.max(np.abs(np.linalg.eigvals(a[check])), axis=1)
+    rates = np.max(np.abs(linalg.eigvals(a[check])), axis=1)
     counts[check] = np.clip(np.ceil(rates * np.abs(step[check]) / _FURTHEST), 1, _MOST_PARTS)
     first = np.repeat(np.cumsum(counts) - counts, counts)
     part = np.repeat(step / counts, counts)
@@ -217,7 +218,7 @@ def transition(
     for i in range(stages):
         blocks[:, i, :, i, :] += identity
     size = stages * n
-    k = np.linalg.solve(blocks.reshape(-1, size, size), a.reshape(-1, size, n)).reshape(-1, stages, n, n)
+    k = linalg.solve(blocks.reshape(-1, size, size), a.reshape(-1, size, n)).reshape(-1, stages, n, n)
     steps = identity + step[:, None, None] * np.einsum("i,sijk->sjk", _WEIGHTS, k)
     # Pairwise products: as many roundings, far fewer calls.
     while len(steps) > 1:

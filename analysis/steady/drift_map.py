@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.steady.rest_map import RestMap
 
 Array = npt.NDArray[np.float64]
@@ -83,22 +84,21 @@ def drift_map(slip: Array, slide: Array, normal: Array) -> RestMap | None:
 
 
 def _drift(slide: Array, normal: Array, rate: Array) -> _Drift | None:
-    from scipy.linalg import null_space
 
-    basis = null_space(normal[None, :])
+    basis = linalg.null_space(normal[None, :])
     inner = basis.T @ slide @ basis
-    roots = np.linalg.eigvals(inner)
+    roots = linalg.eigvals(inner)
     roots = roots[np.argsort(np.abs(roots))]
     scale = float(np.max(np.abs(inner)))
     if len(roots) < 2 or not scale > 0 or abs(roots[1]) > math.sqrt(NULL) * scale:
         return None
     if len(roots) > 2 and not np.max(roots[2:].real) < -NULL * scale:
         return None
-    left, sizes, right = np.linalg.svd(inner)
+    left, sizes, right = linalg.svd(inner)
     if sizes[-1] > NULL * scale or (len(sizes) > 1 and sizes[-2] <= NULL * scale):
         return None
     along, psi = right[-1], left[:, -1]
-    beside = np.linalg.lstsq(inner, along, rcond=NULL)[0]
+    beside = linalg.lstsq(inner, along, rcond=NULL)[0]
     weight = float(psi @ beside)
     if abs(psi @ along) > math.sqrt(NULL) or weight == 0.0:
         return None
@@ -115,7 +115,7 @@ def first_zero(matrix: Array, row: Array, y: Array, drift: _Drift | None = None)
     from scipy.linalg import expm
     from scipy.optimize import brentq
 
-    roots = np.linalg.eigvals(matrix)
+    roots = linalg.eigvals(matrix)
     # Of a nilpotent matrix the roots are rounding.
     slowest = 0.01 * float(np.max(np.abs(matrix)))
     start = float(np.max(np.abs(y)))
@@ -145,5 +145,5 @@ def first_zero(matrix: Array, row: Array, y: Array, drift: _Drift | None = None)
 def _settled(state: Array, drift: _Drift) -> bool:
     """Whether nothing is left of a slide but its drift."""
     frame = np.column_stack([drift.along, drift.beside])
-    left = state - frame @ np.linalg.lstsq(frame, state, rcond=None)[0]
+    left = state - frame @ linalg.lstsq(frame, state, rcond=None)[0]
     return bool(np.max(np.abs(left)) < GONE * np.max(np.abs(state)))

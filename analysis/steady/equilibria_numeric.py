@@ -11,6 +11,7 @@ import numpy.typing as npt
 import sympy
 from sympy import Symbol
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.budget import Clock
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, PointKind
 from filippov.analysis.steady.existence import ModeProblem, multiplier_symbol
@@ -158,7 +159,7 @@ def numeric_equilibria(
         null = np.zeros((0, len(y)))
         # At the edge of where the field is defined there are no slopes, and no set is looked for.
         if np.all(np.isfinite(jacobian)):
-            _, sizes, vt = np.linalg.svd(jacobian)
+            _, sizes, vt = linalg.svd(jacobian)
             null = vt[int(np.sum(sizes > RANK * max(1.0, sizes[0]))) :]
         if len(null) == 1:
             line = _line(search, y, null[0])

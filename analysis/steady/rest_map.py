@@ -30,6 +30,8 @@ from typing import Literal
 
 import numpy as np
 
+from filippov.analysis.algebra import linalg
+
 LEAVES = 2.0
 
 
@@ -48,7 +50,7 @@ class RestMap:
 def rest_map(polynomial: Sequence[float]) -> RestMap:
     """Return the map of a slip polynomial of degree 2 or 3, highest coefficient first."""
     a = np.array(polynomial, dtype=float) / float(polynomial[0])
-    roots = np.roots(a)
+    roots = linalg.roots(a)
     turning = roots[np.abs(roots.imag) > 1e-12 * (1.0 + np.abs(roots))]
     real = [r.real for r in roots if not np.any(r == turning)]
     hurwitz = bool(np.all(roots.real < 0))

@@ -22,6 +22,7 @@ import numpy.typing as npt
 import sympy
 from sympy import Expr, Symbol
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.local_stability.certificates.certificate import Certificate
 from filippov.analysis.local_stability.certificates.local import Local
 
@@ -43,7 +44,7 @@ def centre(found: Local) -> Certificate | None:
     A = sympy.Matrix(field).jacobian(found.x).subs(here)
     if A.has(sympy.nan, sympy.zoo, sympy.oo):
         return None
-    roots = np.linalg.eigvals(np.array(A.tolist(), dtype=float))
+    roots = linalg.eigvals(np.array(A.tolist(), dtype=float))
     size = max(1.0, float(np.max(np.abs(roots))))
     axis = roots[np.abs(roots.real) < 1e-7 * size]
     if np.any(roots.real > 1e-7 * size) or np.any((roots.real < 0) & (roots.real > -1e-5 * size)
@@ -181,15 +182,15 @@ def lyapunov_coefficient(
     def B(u: Any, v: Any) -> Complex:
         return np.asarray(np.einsum("ijk,j,k->i", second, u, v))
 
-    values, vectors = np.linalg.eig(a)
+    values, vectors = linalg.eig(a)
     q = vectors[:, int(np.argmin(np.abs(values - 1j * w)))]
     q = q / np.linalg.norm(q)
-    values, vectors = np.linalg.eig(a.T)
+    values, vectors = linalg.eig(a.T)
     p = vectors[:, int(np.argmin(np.abs(values + 1j * w)))]
     p = p / np.conj(np.vdot(p, q))
     back = np.conj(q)
     eye = np.eye(len(a))
     total = np.einsum("ijkl,j,k,l->i", third, q, q, back)
-    total = total - 2 * B(q, np.linalg.solve(a, B(q, back)))
-    total = total + B(back, np.linalg.solve(2j * w * eye - a, B(q, q)))
+    total = total - 2 * B(q, linalg.solve(a, B(q, back)))
+    total = total + B(back, linalg.solve(2j * w * eye - a, B(q, q)))
     return float(np.real(np.vdot(p, total)) / (2 * w))

@@ -13,9 +13,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-import numpy as np
 import sympy
 from sympy import Expr, Poly, Rational
+
+from filippov.analysis.algebra import linalg
 
 INPUT = sympy.Symbol("y", real=True)
 # A bound that is reached is moved outwards by this share, so that the sector holds strictly.
@@ -113,7 +114,7 @@ class Characteristic:
                 out.append(p.diff().eval(0))
             if p.degree() > 1:
                 turning = p.diff() * Poly(INPUT, INPUT) - p
-                for root in map(float, np.roots([float(c) for c in turning.all_coeffs()]).real):
+                for root in map(float, linalg.roots([float(c) for c in turning.all_coeffs()]).real):
                     if piece.low < root < piece.high and root != 0:
                         y = Rational(root)
                         out.append(p.eval(y) / y)

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.local_stability.certificates.certificate import Certificate
 from filippov.analysis.local_stability.certificates.local import Local
 
@@ -70,7 +71,7 @@ def _common(matrices: Sequence[sympy.Matrix]) -> bool:
     if (first - last).rank() > 1:
         return False
     for A in (first, last):
-        if max(np.linalg.eigvals(np.array(A.tolist(), dtype=float)).real) > -1e-9:
+        if max(linalg.eigvals(np.array(A.tolist(), dtype=float)).real) > -1e-9:
             return False
     s = sympy.Dummy("s")
     try:

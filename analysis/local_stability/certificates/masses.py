@@ -21,6 +21,7 @@ import numpy as np
 import sympy
 from sympy import Expr
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.polynomial import exact
 from filippov.analysis.local_stability.certificates.certificate import Certificate
 from filippov.analysis.local_stability.stability_context import Context
@@ -110,8 +111,8 @@ def _free(parts: Masses, said: list[str]) -> Certificate | None:
 def _buckled(parts: Masses, said: list[str]) -> Certificate | None:
     M, K, C = (np.array(q.tolist(), dtype=float) for q in (parts.mass, parts.stiffness, parts.damping))
     m = len(M)
-    block = np.block([[np.zeros((m, m)), np.eye(m)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
-    values = np.linalg.eigvals(block)
+    block = np.block([[np.zeros((m, m)), np.eye(m)], [-linalg.solve(M, K), -linalg.solve(M, C)]])
+    values = linalg.eigvals(block)
     real = [q.real for q in values if abs(q.imag) < 1e-9 and q.real > 1e-6]
     if not real:
         return None

@@ -22,6 +22,7 @@ import numpy.typing as npt
 import sympy
 from sympy import Poly, Rational
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.polynomial import Verdict, count_roots
 
 Array = npt.NDArray[np.float64]
@@ -98,7 +99,7 @@ def popov(above: Poly, below: Poly, bound: Rational | None) -> Rational | None:
 
 
 def _frequencies(below: Poly) -> Array:
-    roots = np.abs(np.roots([float(c) for c in below.all_coeffs()]))
+    roots = np.abs(linalg.roots([float(c) for c in below.all_coeffs()]))
     sizes = roots[roots > 1e-9]
     low, high = (np.min(sizes), np.max(sizes)) if len(sizes) else (1.0, 1.0)
     fine = np.geomspace(low * 10.0**-DECADES, high * 10.0**DECADES, POINTS * 3)
@@ -153,7 +154,7 @@ def zames_falb(above: Poly, below: Poly, bound: Rational, odd: bool) -> Multipli
 
 
 def _rates(below: Poly) -> Iterator[list[Rational]]:
-    sizes = np.abs(np.roots([float(c) for c in below.all_coeffs()]))
+    sizes = np.abs(linalg.roots([float(c) for c in below.all_coeffs()]))
     for count, reach in ((5, 4.0), (RATES, 20.0), (RATES, 200.0)):
         values = np.geomspace(np.min(sizes) / reach, np.max(sizes) * reach, count)
         yield [Rational(f"{v:.2g}") for v in values]

@@ -18,6 +18,7 @@ import numpy as np
 import sympy
 from sympy import Expr, Symbol
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.local_stability.certificates.certificate import Certificate
 from filippov.analysis.local_stability.certificates.local import Local
 
@@ -87,5 +88,5 @@ def _along(h: Expr, field: sympy.Matrix, x: tuple[Symbol, ...]) -> Expr:
 
 def _without_two(matrix: np.ndarray) -> np.ndarray:
     """The roots but the two that belong to h and h', which are 0."""
-    roots = np.linalg.eigvals(matrix)
+    roots = linalg.eigvals(matrix)
     return np.asarray(roots[np.argsort(np.abs(roots))][2:])

@@ -17,6 +17,7 @@ import numpy as np
 import sympy
 from sympy import Expr
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.local_stability.certificates.certificate import Certificate
 from filippov.analysis.local_stability.certificates.local import Local
 
@@ -95,7 +96,7 @@ def _weights(M: sympy.Matrix) -> Sequence[Expr] | None:
     if k <= 3:
         options += [np.array(p, dtype=float) for p in itertools.product((1, 3, 10, 30), repeat=k)]
     for option in options:
-        largest = np.max(np.linalg.eigvalsh(option[:, None] * values + values.T * option[None, :]))
+        largest = np.max(linalg.eigvalsh(option[:, None] * values + values.T * option[None, :]))
         if largest < -1e-9:
             weights = [sympy.Rational(f"{q:.6g}") for q in option]
             D = sympy.diag(*weights)
@@ -132,5 +133,5 @@ def _sliding_roots(found: Local, c: sympy.Matrix, M: sympy.Matrix, s0: sympy.Mat
     sliding = A - G * (c * G).inv() * rates
     if sliding.free_symbols or sliding.has(sympy.nan, sympy.zoo):
         return None
-    roots = np.linalg.eigvals(np.array(sliding.tolist(), dtype=float))
+    roots = linalg.eigvals(np.array(sliding.tolist(), dtype=float))
     return np.asarray(roots[np.argsort(np.abs(roots))][k:])
