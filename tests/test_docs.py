@@ -5,6 +5,7 @@ Each page holds its expected numbers in `assert` lines and runs in a process of 
 
 from __future__ import annotations
 
+import importlib
 import os
 import re
 import subprocess
@@ -12,6 +13,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from test_layout import SOURCES
 
 import filippov
 
@@ -91,6 +93,33 @@ def test_every_public_name_is_in_the_reference() -> None:
     reference = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
     missing = [name for name in filippov.__all__ if f"`{name}`" not in reference]
     assert not missing
+
+
+def test_13_1_every_module_is_public_or_private_on_the_page() -> None:
+    reference = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    public = re.findall(r"automodule:: (\S+)", reference)
+    table = reference.partition("## Private modules")[2]
+    rows = re.findall(r"^\| `(filippov[\w.]*)` \| (`.*`) \|$", table, re.MULTILINE)
+    private = [f"{room}.{name}" for room, names in rows for name in re.findall(r"`(\w+)`", names)]
+    modules = {name for name, path in SOURCES.items() if path.name != "__init__.py"}
+    own = {name for name in modules if not name.startswith(("filippov.app.", "filippov.kernel."))}
+    known = {name for name in own if not name.rpartition(".")[2].startswith("_")}
+    assert len(public) == len(set(public))
+    assert not set(public) & set(private)
+    assert known <= {*public, *private}, "say in docs/api.md whether these are public"
+    assert {*public, *private} <= modules
+
+
+def test_13_1_short_names_and_pages_use_public_modules_only() -> None:
+    public = set(re.findall(r"automodule:: (\S+)", (ROOT / "docs" / "api.md").read_text(encoding="utf-8")))
+    for name in ("filippov", *(f"filippov.{room}" for room in ("analysis", "graphs", "plot"))):
+        places = importlib.import_module(name).EXPORTS.values()
+        assert {f"{name}.{place}" for place in places} <= public
+    inside = ("filippov.app", "filippov.kernel")  # pages on them show what they do
+    for page in TEXTS:
+        used = re.findall(r"^from (filippov[\w.]*) import", page.read_text(encoding="utf-8"), re.MULTILINE)
+        modules = {name for name in used if name in SOURCES and SOURCES[name].name != "__init__.py"}
+        assert {name for name in modules if not name.startswith(inside)} <= public, page.name
 
 
 def test_readme_figure_is_committed_with_its_script() -> None:
