@@ -139,8 +139,10 @@ def test_12_13_pseudo_saddles() -> None:
 
 @pytest.mark.parametrize("bend", [0.25, 1.0, 1.5])
 def test_12_13_a_branch_that_meets_sliding_backwards_stops_there(bend: float) -> None:
-    """The stable manifold x = 0 of x' = x, y' = -y touches the surface x = bend (y - 1)^2 at (0, 1), where motions
-    that slid on it leave: they come to the saddle as well, and which of them it was is not known."""
+    """The stable manifold x = 0 of x' = x, y' = -y touches the surface x = bend (y - 1)^2 at (0, 1).
+
+    Motions that slid on it leave there: they come to the saddle as well, and which it was is not known.
+    """
     system = System.from_modes([X - bend * (Y - 1) ** 2], {"-": [X, -Y], "+": [-1, -0.5]}, [X, Y])
     found = manifold(system, (0, 0), "stable", length=3.0)
     (stopped,) = (one for one in found.branches if one.ended)
@@ -173,7 +175,7 @@ def _meet(a: Array, b: Array) -> int:
 
 @pytest.mark.parametrize(("share", "meets"), [(0.85, False), (1.15, True)])
 def test_12_13_tangle_at_melnikovs_threshold(share: float, meets: bool) -> None:
-    """g/d = 4 cosh(pi w/2)/(3 sqrt 2 pi w) at w = 1 (Guckenheimer & Holmes 1983, equation 4.5.20)."""
+    """g/d = 4 cosh(pi w/2)/(3 sqrt 2 pi w) at w = 1 (Guckenheimer & Holmes 1983)."""
     d = 0.05
     g = share * d * 4 * np.cosh(np.pi / 2) / (3 * np.sqrt(2) * np.pi)
     # x'' = x - d x' + g cos t has the periodic solution Re c exp(i t).

@@ -5,7 +5,7 @@ long comes only to cells of a grid that it has met before is looked at: the equi
 there is solved for, chaos is told by the largest Lyapunov exponent. The others are then told by their
 distance to what was solved for, not by cells. An attractor whose share of the box is q is missed by N states
 with probability (1 - q)^N.
-Source: Datseris & Wagemakers 2022, Chaos 32, 023104; Nusse & Yorke 1997, chapter 7.
+Source: Datseris & Wagemakers 2022, Chaos 32, 023104; Nusse & Yorke 1997.
 """
 
 from __future__ import annotations
