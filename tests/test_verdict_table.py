@@ -48,8 +48,8 @@ def test_12_11_no_verdict_is_wrong(kind: str) -> None:
         assert OPEN[case.name] or said == case.truth, f"{case.name}: {said}, but {case.truth} ({case.reason})"
 
 
-# One of each kind, and those that were judged wrongly once; `tests/campaigns.py verdicts` draws them at will.
-@pytest.mark.parametrize("seed", (0, 1, 2, 3, 4))
+# One of each kind; `tests/campaigns.py verdicts` draws them at will.
+@pytest.mark.parametrize("seed", range(5))
 def test_12_random_systems_have_the_verdicts_of_their_motions(seed: int) -> None:
     faults, _ = examine(seed)
     assert not faults
