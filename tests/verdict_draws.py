@@ -303,7 +303,7 @@ def _motions(
             x0[:, 0] = np.abs(x0[:, 0])
         far = distance(e, report, a.follow(x0, length, dt)) / r
         middle, end = far[KEPT // 2 - LATE : KEPT // 2].max(axis=0), far[-LATE:].max(axis=0)
-        return float(far.max()), float(end.max()), float(end.mean() / middle.mean())
+        return float(far.max()), float(end.max()), float(end.mean() / max(middle.mean(), 1e-300))
 
     for r, length, dt in TRIES:
         peak, end, fell = tried(r, length, dt)
