@@ -1,7 +1,7 @@
 """A buck converter, its switch controlled in three ways: C y' = i - y/R, L i' = E u - y, u in {0, 1}.
 
 The switch is on below the line h = c (y - Vref) + y' = 0. Sliding on it, (y - Vref)' = -c (y - Vref).
-Source: Utkin, Guldner, Shi 1999, chapter 12; Tan, Lai, Tse 2012.
+Source: Utkin, Guldner, Shi 1999; Tan, Lai, Tse 2012.
 """
 
 from __future__ import annotations

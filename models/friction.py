@@ -8,7 +8,7 @@ A law owns its parameters and gives the same force as an expression with sign(v)
 pieces (for band models) and as numbers (for plots). Every level is one number, or a pair (v > 0, v < 0).
 Where the static level is above the limit of the slip curve, the set at v = 0 is wider than Filippov's hull.
 
-Sources: Armstrong-Helouvry, Dupont, Canudas de Wit 1994 (survey); Leine & Nijmeijer 2004, chapter 4.
+Sources: Armstrong-Helouvry, Dupont, Canudas de Wit 1994 (survey); Leine & Nijmeijer 2004.
 """
 
 from __future__ import annotations

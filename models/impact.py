@@ -58,7 +58,7 @@ BALL = register(
         (1.0, 0.0),
         (0.0, 2.5),
         "Ball on a floor; its impacts accumulate at 2.5586, shortly after the default end.",
-        "Brogliato 2016, Nonsmooth Mechanics, section 1.3; numbers chosen here",
+        "Brogliato 2016, Nonsmooth Mechanics; numbers chosen here",
     )
 )
 OSCILLATOR = register(

@@ -10,7 +10,7 @@ The state v is Karnopp's momentum over m. It is brought to 0 in stick; with alph
 keeps the value +-DV with which the band was entered, on the edge of the band, where the motion is tangent to
 the edge throughout. After break-away v moves until it leaves the band, while x stands still: that delay and
 the jump of w by DV are the errors of the model.
-Sources: Karnopp 1985; Leine 2000, section 5.2.
+Sources: Karnopp 1985; Leine 2000.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
     m v' = -u - sigma0 w - sigma1 w' - b v,   x' = v, z' = x
 
 g is the slip curve of the same friction law, so that sliding steadily the force is g sgn(v) + b v.
-Source: Canudas de Wit, Olsson, Astrom, Lischinsky 1995, equations 3 to 6.
+Source: Canudas de Wit, Olsson, Astrom, Lischinsky 1995.
 """
 
 from __future__ import annotations

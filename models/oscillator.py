@@ -65,7 +65,7 @@ FREE = register(
         (3.0, 0.0),
         (0.0, 20.0),
         "Free oscillator with Coulomb friction: the amplitude falls by 2 Fc/k a half cycle.",
-        "Calvo, Montijano, Randez 2016, section 2",
+        "Calvo, Montijano, Randez 2016",
         (
             STICK,
             Invariant("energy about -Fc/k", partial(_energy, side=1), "+"),

@@ -17,7 +17,7 @@ def sliding_mode(K: float = 2.0, c: float = 1.0, A: float = 0.5, omega: float = 
     """Return v' in -K Sgn(c x + v) + A sin(omega t); the surface "manifold" is c x + v = 0.
 
     On it x' = -c x whatever the disturbance, and it is held while |c v + A sin(omega t)| <= K.
-    Source: Utkin 1992, chapter 1.
+    Source: Utkin 1992.
     """
     p = parameters(
         K=Parameter(K, "m/s^2", 0, description="control level"),
@@ -64,7 +64,7 @@ MODEL = register(
         (1.0, 0.0),
         (0.0, 5.0),
         "Sliding-mode control of a disturbed double integrator.",
-        "Utkin 1992, chapter 1; numbers chosen here",
+        "Utkin 1992; numbers chosen here",
         (Invariant("x exp(c t) on the manifold", _decay, "0"),),
     )
 )

@@ -5,7 +5,7 @@
     transition  |v| <= eta, u outside             m v' = -u + Fs-  (u > Fs-),  -u - Fs+  (u < -Fs+)
 
 with x' = v, z' = x throughout. With equal levels the transition is (-u + Fs sgn u)/m.
-Sources: Karnopp 1985; Leine 2000, section 5.3.
+Sources: Karnopp 1985; Leine 2000.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ def thermostat(
     K         loss [1/h]; outside, setpoint, width [degC]; heat [degC/h]
     width     half-width of the hysteresis > 0, a property of the comparator, no parameter
 
-    Source: Calvo, Montijano, Randez 2016, example 6.
+    Source: Calvo, Montijano, Randez 2016.
     """
     p = parameters(
         K=Parameter(K, "1/h", 0, description="loss"),
@@ -43,6 +43,6 @@ MODEL = register(
         (15.0,),
         (0.0, 20.0),
         "Thermostat with hysteresis: a periodic motion of period 4.1689.",
-        "Calvo, Montijano, Randez 2016, example 6",
+        "Calvo, Montijano, Randez 2016",
     )
 )

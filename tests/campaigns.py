@@ -170,7 +170,15 @@ def trees(seed: int) -> str | None:
     return "; ".join(examine(seed)) or None
 
 
-KINDS = {f.__name__: f for f in (linear, resets, metamorphic, whole, networks, twisting, trees)}
+def verdicts(seed: int) -> str | None:
+    """Stability verdicts of random small systems against motions (tests/verdict_draws.py)."""
+    from verdict_draws import examine
+
+    faults, sure = examine(seed)
+    return "; ".join(faults) or (None if sure else "")
+
+
+KINDS = {f.__name__: f for f in (linear, resets, metamorphic, whole, networks, twisting, trees, verdicts)}
 
 
 def part(kind: str, seeds: range) -> list[tuple[int, str | None]]:

@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 from filippov import Surface, System, TimeEvent, UsageError, parameters, sign, states, t
 from filippov.analysis.diagrams.basin import basin
 from filippov.analysis.invariant_sets.attractors import Attractors, attractors
+from filippov.analysis.invariant_sets.identify_attractor import Identifier
 from filippov.analysis.maps.section import Section
 from filippov.app.cli.main import main
 from filippov.model.symbols import cos
@@ -24,6 +25,11 @@ BOX = {"x": (-2, 2), "v": (-2, 2)}
 D = parameters(d=0.1, a=-1.0, F=0.3, w=1.0)
 DUFFING = System({X: V, V: -D.d * V - D.a * X - X**3 + D.F * cos(D.w * t)})
 W = parameters(mu=0.1, c=0.1)
+# Henon's map as the reset of a clock.
+HENON = System(
+    {X: 0 * X, Y: 0 * Y},
+    time_events=[TimeEvent("clock", period=1.0, start=0.5, reset={X: 1 - 1.4 * X**2 + Y, Y: 0.3 * X})],
+)
 WELL = System({X: V, V: X - X**3 - W.c * V - W.mu * sign(V)})
 
 
@@ -162,10 +168,8 @@ def test_12_13_smooth_cycle_equilibria_escape_and_chaos() -> None:
     gone = attractors(System({X: X**3 - X}), {"x": (-2, 2)}, samples=80)
     assert [one.kind for one in gone.attractors] == ["equilibrium"]
     assert np.array_equal(gone.label == -2, np.abs(gone.states[:, 0]) > 1)
-    # Henon's map as the reset of a clock: chaotic, largest exponent 0.4192 (Sprott 2003, table of maps).
-    clock = TimeEvent("clock", period=1.0, start=0.5, reset={X: 1 - 1.4 * X**2 + Y, Y: 0.3 * X})
-    henon = System({X: 0 * X, Y: 0 * Y}, time_events=[clock])
-    chaos = attractors(henon, {"x": (-0.5, 0.5), "y": (-0.2, 0.2)}, samples=1, rtol=1e-6)
+    # Henon's map is chaotic, largest exponent 0.4192 (Sprott 2003, table of maps).
+    chaos = attractors(HENON, {"x": (-0.5, 0.5), "y": (-0.2, 0.2)}, samples=1, rtol=1e-6)
     assert [one.kind for one in chaos.attractors] == ["chaotic"]
     assert chaos.attractors[0].exponent[0] == pytest.approx(0.4192, abs=0.05)
 
@@ -214,6 +218,65 @@ def test_12_13_results_are_kept_and_repeat(tmp_path: Path) -> None:
         Attractors.load(tmp_path / "other.json")
 
 
+LONG: dict[str, tuple[System, dict[str, Any]]] = {
+    "subharmonics": (DUFFING, {"box": BOX, "samples": 8, "parameters": {"d": 0.08, "a": 0, "F": 0.2}}),
+    "sets": (WELL, {"box": BOX, "samples": 10}),
+    "chaos": (HENON, {"box": {"x": (-0.5, 0.5), "y": (-0.2, 0.2)}, "samples": 1, "most": 200, "rtol": 1e-6}),
+    "cycles": (rings([0.7, 1.3, 2.0], [0.5, -0.4, 0.6, -0.3], 1.5),
+               {"box": {"x": (-2.4, 2.4), "y": (-2.4, 2.4)}, "samples": 5}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_12_13_a_search_that_was_ended_goes_on_and_finds_the_same(name: str, tmp_path: Path) -> None:
+    """Ended after 7, 23 and 61 iterates, and once while it looked at a motion."""
+    system, options = LONG[name]
+    whole = attractors(system, **options)
+    store = tmp_path / "search.npz"
+    for stop in (7, 23, 61):
+        calls: list[tuple[int, int]] = []
+
+        def progress(done: int, total: int, stop: int = stop, calls: Any = calls) -> None:
+            calls.append((done, total))
+            if len(calls) >= stop:
+                raise KeyboardInterrupt
+
+        part = attractors(system, **options, store=store, progress=progress)
+        assert part.complete == (len(calls) < stop)
+        assert all(a[0] <= b[0] for a, b in pairwise(calls))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Identifier, "run", _interrupted)
+        attractors(system, **options, store=store)
+    last = attractors(system, **options, store=store)
+    assert last.complete
+    assert json.dumps(last.to_dict()) == json.dumps(whole.to_dict())
+
+
+def _interrupted(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def test_12_13_a_search_on_file_is_of_one_system_and_its_settings(tmp_path: Path) -> None:
+    store = tmp_path / "search.npz"
+    first = attractors(WELL, BOX, samples=10, most=8, store=store)
+    assert np.any(first.label == -1)
+    # More iterates go on from there; anything else is another search.
+    assert attractors(WELL, BOX, samples=10, store=store).iterates > 8
+    for changed in ({"samples": 11}, {"parameters": {"mu": 0.2}}, {"cells": 50}):
+        with pytest.raises(UsageError, match="keeps a search with another"):
+            attractors(WELL, BOX, **{"samples": 10, "store": store} | changed)
+    with pytest.raises(UsageError, match="another system"):
+        attractors(System({X: V, V: -X - W.c * V - W.mu * sign(V)}), BOX, samples=10, store=store)
+    data = bytearray(store.read_bytes())
+    data[len(data) // 2] ^= 1
+    store.write_bytes(bytes(data))
+    with pytest.raises(UsageError, match="damaged"):
+        attractors(WELL, BOX, samples=10, store=store)
+    plain = System(field=lambda _t, x, _p, _s: np.array([x[1], -x[0] - 0.1 * x[1]]), states=("x", "v"))
+    with pytest.raises(UsageError, match="system of expressions"):
+        attractors(plain, BOX, samples=10, store=tmp_path / "other.npz")
+
+
 def test_12_13_bad_requests_are_named() -> None:
     with pytest.raises(UsageError, match="no range for state v"):
         attractors(WELL, {"x": (-1, 1)})
@@ -238,4 +301,11 @@ def test_12_13_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert {path.name for path in tmp_path.iterdir()} == {
         f"attractors.{end}" for end in ("json", "csv", "png")
     }
+    store = ["--store", str(tmp_path / "search.npz"), "--json", "--quiet"]
+    assert main([*run, "--most", "5", *store]) == 0
+    begun = json.loads(capsys.readouterr().out)
+    assert main([*run, *store]) == 0
+    last = json.loads(capsys.readouterr().out)
+    assert begun["iterates"] == 5 < last["iterates"]
+    assert last["label"] == found["label"]
     assert main(["attractors", "impact_oscillator"]) == 2

@@ -50,7 +50,7 @@ def press(P: float = 1.8) -> System:
 
 
 def test_a22_from_every_corner_of_an_inclusion_something_follows() -> None:
-    """Filippov 1988, section 7: solutions exist, so constant fields of any kind leave at least one mode."""
+    """Filippov 1988: solutions exist, so constant fields of any kind leave at least one mode."""
     names = [f"f{corner}{i}" for corner in range(4) for i in range(2)]
     q = parameters(**dict.fromkeys(names, 1.0))
     fields = {

@@ -33,7 +33,7 @@ def test_relay_period_of_the_bank() -> None:
 
 
 def test_relay_on_three_lags() -> None:
-    """1/(s + 1)^3 under a relay: omega = sqrt(3), A = 4/(8 pi) (Khalil 2002, section 7.2)."""
+    """1/(s + 1)^3 under a relay: omega = sqrt(3), A = 4/(8 pi) (Khalil 2002)."""
     loop = relay_loop(control.tf([1], [1, 3, 3, 1]))
     (cycle,) = describing_function(loop).cycles
     assert cycle.frequency == pytest.approx(math.sqrt(3), rel=1e-12)
@@ -43,7 +43,7 @@ def test_relay_on_three_lags() -> None:
 
 
 def test_gain_of_saturation() -> None:
-    """N(A) = 2/pi (asin(1/A) + sqrt(1 - 1/A^2)/A) for A > 1 (Khalil 2002, example 7.5)."""
+    """N(A) = 2/pi (asin(1/A) + sqrt(1 - 1/A^2)/A) for A > 1 (Khalil 2002)."""
     x, y = states("x y")
     loop = System({x: y, y: -x - Max(-1, Min(1, y))})
     split = lure(loop, loop.surfaces[0].name)

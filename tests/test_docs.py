@@ -24,6 +24,9 @@ CELL = re.compile(r"^```\{code-cell\}[^\n]*\n(.*?)^```$", re.DOTALL | re.MULTILI
 OPTION = re.compile(r"^:[\w-]+:[^\n]*\n", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)#\s]+)(#[^)]*)?\)")
 NAMED = re.compile(r"`((?:tests|docs|filippov|models|analysis)/[\w./-]+)`")
+# "Leine & van de Wouw 2008", "Den Hartog (1931)", "Kuznetsov, Rinaldi & Gragnani 2003".
+PART = r"(?:(?:di|van de|Den|El|Vander|Canudas de) )?[A-Z][\w'-]+(?: de Wit)?"
+SOURCE = re.compile(rf"({PART})(?:(?:, | & )(?:{PART}))* \(?((?:19|20)\d\d)\b")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
@@ -70,6 +73,21 @@ def test_files_that_are_named_exist(text: Path) -> None:
     named = NAMED.findall(text.read_text(encoding="utf-8"))
     missing = [name for name in named if not name.startswith("docs/_build") and not (ROOT / name).exists()]
     assert not missing
+
+
+def sources(text: str) -> set[tuple[str, str]]:
+    """(first author, year) of what a text cites."""
+    plain = re.sub(r"\s+", " ", text).replace("\u00e9", "e")
+    return {found.groups() for found in SOURCE.finditer(plain)}  # type: ignore[misc]
+
+
+def test_12_sources_of_pages_are_in_the_references() -> None:
+    listed = (ROOT / "docs" / "references.md").read_text(encoding="utf-8")
+    heads = sources("; ".join(re.findall(r"^(\S.* \d{4})$", listed, re.MULTILINE)))
+    missing = {page.stem: sources(page.read_text(encoding="utf-8")) - heads for page in PAGES}
+    assert not {page: cited for page, cited in missing.items() if cited}
+    assert ("Ueda", "1980") in heads
+    assert len(heads) > 70
 
 
 def test_readme_example_prints_what_it_says(tmp_path: Path) -> None:

@@ -137,6 +137,30 @@ def test_12_13_pseudo_saddles() -> None:
         assert np.min(np.linalg.norm(run.y, axis=0)) < 1e-7
 
 
+@pytest.mark.parametrize("bend", [0.25, 1.0, 1.5])
+def test_12_13_a_branch_that_meets_sliding_backwards_stops_there(bend: float) -> None:
+    """The stable manifold x = 0 of x' = x, y' = -y touches the surface x = bend (y - 1)^2 at (0, 1).
+
+    Motions that slid on it leave there: they come to the saddle as well, and which it was is not known.
+    """
+    system = System.from_modes([X - bend * (Y - 1) ** 2], {"-": [X, -Y], "+": [-1, -0.5]}, [X, Y])
+    found = manifold(system, (0, 0), "stable", length=3.0)
+    (stopped,) = (one for one in found.branches if one.ended)
+    assert "not unique from" in stopped.ended
+    assert "meets sliding" in stopped.ended
+    np.testing.assert_allclose(stopped.x[-1], [0, 1], atol=1e-6)
+    assert stopped.length == pytest.approx(1.0, abs=1e-6)
+    (whole,) = (one for one in found.branches if not one.ended)
+    np.testing.assert_allclose(whole.x[-1], [0, -3], atol=1e-5)
+    assert "branch 1: length 1" in str(found)
+    # Forwards, slides from further up leave at the same point and go to the saddle.
+    for y in (1.2, 1.5):
+        run = solve(system, (bend * (y - 1) ** 2, y), (0, 3), rtol=1e-11)
+        (exit_,) = (e for e in run.events if str(e.kind) == "sliding exit")
+        np.testing.assert_allclose(exit_.x, [0, 1], atol=1e-6)
+        assert np.min(np.linalg.norm(run.y, axis=0)) < 0.3
+
+
 def _meet(a: Array, b: Array) -> int:
     """Number of crossings of two curves."""
     p, r = a[:-1, None], np.diff(a, axis=0)[:, None]
@@ -151,7 +175,7 @@ def _meet(a: Array, b: Array) -> int:
 
 @pytest.mark.parametrize(("share", "meets"), [(0.85, False), (1.15, True)])
 def test_12_13_tangle_at_melnikovs_threshold(share: float, meets: bool) -> None:
-    """g/d = 4 cosh(pi w/2)/(3 sqrt 2 pi w) at w = 1 (Guckenheimer & Holmes 1983, equation 4.5.20)."""
+    """g/d = 4 cosh(pi w/2)/(3 sqrt 2 pi w) at w = 1 (Guckenheimer & Holmes 1983)."""
     d = 0.05
     g = share * d * 4 * np.cosh(np.pi / 2) / (3 * np.sqrt(2) * np.pi)
     # x'' = x - d x' + g cos t has the periodic solution Re c exp(i t).

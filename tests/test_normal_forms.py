@@ -164,6 +164,10 @@ def test_12_13_boundary_equilibrium_by_its_coefficient_and_by_its_branch(seed: i
     assert point.predicts.split(":")[0] == point.note.split(";")[0]
     assert abs(point.coefficients["C A^-1 B"] - np.linalg.solve(A, B)[0]) < 1e-9
     assert abs(point.coefficients["dH/dvalue"] - shift[0]) < 1e-9
+    if n == 2:
+        det, apart = np.linalg.det(A), np.trace(A) ** 2 - 4 * np.linalg.det(A)
+        word = "saddle" if det < 0 else "focus" if apart < 0 else "node"
+        assert point.predicts.endswith(f"; a boundary {word}")
     # Eigenvalues of the sliding field beside the point, where the branch has them.
     slides = next(q for q in run.branch.points if q.word == "0")
     found = sorted(number.real for number in map(complex, slides.multipliers))

@@ -95,7 +95,7 @@ def test_12_11_what_has_a_quadratic_function_decays(
 
 
 def test_12_11_flower(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Johansson & Rantzer 1998, example 1: no common quadratic function, but one by pieces."""
+    """Johansson & Rantzer 1998: no common quadratic function, but one by pieces."""
     x, y = states("x y")
     tall, flat = {x: -0.1 * x + y, y: -5 * x - 0.1 * y}, {x: -0.1 * x + 5 * y, y: -x - 0.1 * y}
     fields = {"++": tall, "--": tall, "+-": flat, "-+": flat}

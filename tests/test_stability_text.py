@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
@@ -120,6 +121,23 @@ def test_12_names_have_subscripts(name: str, expected: str) -> None:
     assert tex(False)(2 * sympy.Symbol(name)) == f"2 {expected}"
 
 
+def test_12_what_no_page_holds_is_counted() -> None:
+    """(x + v + w + 1)^k has binomial(k + 3, 3) terms; what stands beside a large part is still printed."""
+    small, large = (sympy.expand((x + v + w + 1) ** k) for k in (5, 20))
+    assert "[formula of" not in plain(True)(small)
+    both = sympy.And(x > 0, large > 0)
+    for e in (large, sympy.Gt(x * large, 0), large**2 * v, both, sympy.Interval(0, large)):
+        text, formula = plain(True)(e), tex(True)(e)
+        assert text.count("[formula of ") == 1
+        assert len(text) < 100
+        assert not broken(f"${formula}$")
+        leaves = int(text.split("[formula of ")[1].split()[0])
+        assert str(leaves) in formula
+        assert math.comb(23, 3) < leaves < 10 * math.comb(23, 3)
+    assert "*x > 0" in plain(True)(x * large > 0)
+    assert plain(True)(both).count(" > 0") == 2
+
+
 # -- every model -------------------------------------------------------------------------------------------
 
 
@@ -161,6 +179,7 @@ def test_12_every_model_has_verdict_first_and_latex_that_compiles(name: str) -> 
     letters = re.sub(r"\\[a-zA-Z]+", " ", formulas)
     assert not re.search(r"(?<![\\a-zA-Z{])[A-Za-z]{3,}(?![a-zA-Z]*[{}])", letters)
     assert not re.search(r"\d{13,}", report.to_text())
+    assert max(len(line) for line in report.to_text().splitlines()) < 20_000
 
 
 def test_12_the_check_of_latex_sees_what_is_broken() -> None:

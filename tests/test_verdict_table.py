@@ -7,6 +7,7 @@ import pytest
 import sympy
 from scipy.optimize import least_squares
 from stability_models import AS, KINDS, UN, Case, cases
+from verdict_draws import examine
 
 from filippov.analysis.local_stability.stability import StabilityReport, stability_report
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
@@ -45,6 +46,13 @@ def test_12_11_no_verdict_is_wrong(kind: str) -> None:
         said = verdict(case, report)
         OPEN[case.name] = said in {"undecided", "missing"} or (said == "stable" and case.truth == AS)
         assert OPEN[case.name] or said == case.truth, f"{case.name}: {said}, but {case.truth} ({case.reason})"
+
+
+# One of each kind; `tests/campaigns.py verdicts` draws them at will.
+@pytest.mark.parametrize("seed", range(5))
+def test_12_random_systems_have_the_verdicts_of_their_motions(seed: int) -> None:
+    faults, _ = examine(seed)
+    assert not faults
 
 
 OPEN: dict[str, bool] = {}

@@ -1,7 +1,7 @@
 """Random two-folds of affine fields in R^3, and where sliding near them ends: nothing of the package.
 
 The sliding field times b - a (a, b the rates of h on both sides) is smooth at a two-fold, a = b = 0, and has
-an equilibrium there (Filippov 1988, section 19). Its solutions are computed by scipy; those that converge to
+an equilibrium there (Filippov 1988). Its solutions are computed by scipy; those that converge to
 the equilibrium are drawn into the two-fold, the others reach a = 0 or b = 0 and leave the surface there.
 """
 

@@ -1,7 +1,8 @@
 """Formulas as text and LaTeX: numbers as the model has them written, names with subscripts.
 
 A model that is written with decimals gets decimals where a fraction ends (1/5 is 0.2), one written with
-fractions keeps them. Fractions too long to be read are given to 10 digits. In LaTeX a name of several
+fractions keeps them. Fractions too long to be read are given to 10 digits, and for a part of a formula that
+would fill a page stands how many symbols it has. In LaTeX a name of several
 letters is its first letter with the others as subscript: Fs is F_s, x1 is x_1, beta stays a Greek letter.
 """
 
@@ -16,6 +17,8 @@ from sympy import Expr
 from sympy.printing.latex import latex, tex_greek_dictionary, translate
 
 LONGEST = 10
+# Symbols and numbers of a part of a formula that are printed: LaTeX cannot set much more.
+LARGEST = 500
 Formula = Callable[[Any], str]
 _GREEK = {
     "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu",
@@ -26,6 +29,24 @@ _GREEK = {
 def has_decimals(expressions: Iterable[Expr]) -> bool:
     """Whether a decimal stands in one of them."""
     return any(e.has(sympy.Float) for e in expressions)
+
+
+def abridged(expression: Any) -> Any:
+    """The expression with a symbol "[formula of N symbols]" for the parts too large to be printed."""
+    size = _size(expression)
+    if size <= LARGEST:
+        return expression
+    if not isinstance(expression, sympy.Add):
+        # A product, a power or a relation keeps what can be read of it.
+        parts = expression.func(*(abridged(arg) for arg in expression.args))
+        if _size(parts) <= LARGEST:
+            return parts
+    return sympy.Symbol(f"[formula of {size} symbols]", real=True)
+
+
+def _size(expression: Any) -> int:
+    """Symbols and numbers in it."""
+    return sum(1 for q in sympy.preorder_traversal(expression) if not getattr(q, "args", ()))
 
 
 def written(expression: Any, decimals: bool) -> Any:
@@ -70,14 +91,14 @@ def _number(q: sympy.Rational, decimals: bool) -> Expr:
 
 def plain(decimals: bool) -> Formula:
     """The printer of plain text."""
-    return lambda e: sympy.sstr(written(e, decimals), full_prec=False)
+    return lambda e: sympy.sstr(written(abridged(e), decimals), full_prec=False)
 
 
 def tex(decimals: bool) -> Formula:
     """The printer of LaTeX, without dollar signs."""
 
     def formula(e: Any) -> str:
-        e = written(e, decimals)
+        e = written(abridged(e), decimals)
         names = {q: tex_name(str(q)) for q in getattr(e, "free_symbols", ())}
         return str(latex(e, symbol_names=names, full_prec=False))
 
@@ -86,6 +107,8 @@ def tex(decimals: bool) -> Formula:
 
 def tex_name(name: str) -> str:
     """A name in LaTeX: a letter, Greek if it is one, with the rest as subscript."""
+    if name.startswith("["):
+        return rf"[\mathrm{{formula\ of}}\ {name.split()[2]}\ \mathrm{{symbols}}]"
     head, *parts = [part for part in name.split("_") if part] or [name]
     first = re.fullmatch(r"([^\W\d_]+?)(\d*)", head)
     if first is None:

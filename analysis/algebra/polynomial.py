@@ -115,7 +115,7 @@ def count_roots(polynomial: Any, s: sympy.Symbol | None = None) -> RootCounts:
     """Exact counts for a polynomial with rational, algebraic or float coefficients.
 
     p = s^k g q with g = gcd(p(s), p(-s)), which holds every other root on the axis. In q the Cauchy index
-    gives lhp - rhp (Gantmacher, The Theory of Matrices II, chapter XV, section 3); g is a polynomial in
+    gives lhp - rhp (Gantmacher, The Theory of Matrices II); g is a polynomial in
     w = s^2, whose roots w < 0 are the pairs on the axis and whose other roots lie symmetric about it.
     """
     given = coefficients(polynomial, s)

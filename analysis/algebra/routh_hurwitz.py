@@ -1,6 +1,6 @@
 """Routh-Hurwitz: the roots of a_0 s^n + ... + a_n lie in the left half plane iff the column has one sign.
 
-Source: Gantmacher, The Theory of Matrices II, chapter XV (Routh's scheme section 3, special cases section 4).
+Source: Gantmacher, The Theory of Matrices II (Routh's scheme and its special cases).
 """
 
 from __future__ import annotations

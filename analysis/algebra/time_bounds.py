@@ -1,7 +1,6 @@
 """Bounds of an expression in the time t over all real t, by interval arithmetic on exact numbers.
 
-Each t is taken to vary by itself, so the bounds hold and need not be the closest. Source: Moore 1966,
-chapter 3.
+Each t is taken to vary by itself, so the bounds hold and need not be the closest. Source: Moore 1966.
 """
 
 from __future__ import annotations

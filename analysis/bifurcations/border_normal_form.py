@@ -15,7 +15,7 @@ map (`filippov.analysis.bifurcations.discontinuity_map`), z = -H at the touching
     q > 1     the multipliers go on continuously: persistence.
 
 Source: Nordmark 1991; Chin, Ott, Nusse & Grebogi 1994 for the limits of m; Fredriksson & Nordmark 1997
-for the signs; di Bernardo et al. 2008, chapter 3, for the counts (Feigin's).
+for the signs; di Bernardo et al. 2008, for the counts (Feigin's).
 """
 
 from __future__ import annotations

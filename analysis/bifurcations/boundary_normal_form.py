@@ -10,9 +10,10 @@ and the pseudo-equilibrium, A x + B l + ... = 0 on H = 0, for l = D dv/(C A^-1 B
 The sliding field has the eigenvalues of (1 - B C/(C B)) A on C x = 0; in the plane that is one,
 det A (C A^-1 B)/(C B). A planar focus that repels (for C B < 0: that attracts, with time reversed) has a
 sliding cycle if the motion from the visible tangency comes back to the surface before the pseudo-saddle.
-Source: di Bernardo, Budd, Champneys & Kowalczyk 2008, chapter 5; Kuznetsov, Rinaldi & Gragnani 2003,
-section 3.1 (cases are described here, not numbered: later classifications count them
-differently, Hogan, Homer, Jeffrey & Szalai 2016).
+In the plane the point is a boundary focus, node or saddle by the roots of A.
+Source: di Bernardo, Budd, Champneys & Kowalczyk 2008; Kuznetsov, Rinaldi & Gragnani 2003 (the three classes;
+their cases are described here, not numbered: later classifications count them differently, Hogan, Homer,
+Jeffrey & Szalai 2016).
 """
 
 from __future__ import annotations
@@ -126,9 +127,10 @@ class BoundaryEquilibrium:
         away, back = (">", "<") if shift > 0 else ("<", ">")
         there, here = (f"for {name} {sign} {number(value)}" for sign in (away, back))
         cycle = self._cycle(out, inverse)
+        of = f"; a boundary {regular.split()[-1]}" if len(self.B) == 2 else ""
         if inverse < 0:
-            return out, f"persistence: {regular}{cycle} {there}, {pseudo} {here}"
-        return out, f"non-smooth fold: {regular}{cycle} and {pseudo} {there}, neither {here}"
+            return out, f"persistence: {regular}{cycle} {there}, {pseudo} {here}{of}"
+        return out, f"non-smooth fold: {regular}{cycle} and {pseudo} {there}, neither {here}{of}"
 
     def _pseudo(self, values: npt.NDArray[np.complex128]) -> str:
         if not values.size:

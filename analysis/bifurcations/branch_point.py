@@ -5,8 +5,8 @@ The larger equations
 
     F(z) + b e = 0,   F_z(z)^T e = 0,   e^T e = 1
 
-for (z, b, e) are regular at simple branch points, with b = 0 (Govaerts 2000, section 8.1; Seydel 2010,
-section 5.5). With a second parameter they give a curve; b = 0 on it where the branch point persists.
+for (z, b, e) are regular at simple branch points, with b = 0 (Govaerts 2000; Seydel 2010).
+With a second parameter they give a curve; b = 0 on it where the branch point persists.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@
                      plane; corner equilibrium on a second surface
     curves of equilibria that meet a surface: boundary fold, boundary Hopf
 
-Source: Kuznetsov 2004, chapters 8 and 9; Kowalczyk et al. 2006, Int. J. Bif. Chaos 16, 601, for the border
+Source: Kuznetsov 2004; Kowalczyk et al. 2006, Int. J. Bif. Chaos 16, 601, for the border
 collisions of orbits; Dercole, Della Rossa, Colombo & Kuznetsov 2011 for boundary equilibria.
 """
 

@@ -7,7 +7,7 @@
 
 A predictor along the tangent, a corrector across it (Newton, exact matrices) and a step control are apart.
 Changes of sign of test functions between two points are located on the branch by root-finding, changes of the
-mode word by bisection; the branch goes on across both. Source: Allgower & Georg 1990; Seydel 2010, chapter 4;
+mode word by bisection; the branch goes on across both. Source: Allgower & Georg 1990; Seydel 2010;
 Veltz 2020 (BifurcationKit) for the iterator.
 """
 

@@ -4,7 +4,7 @@ switching-sliding, adding-sliding.
 
 Unknowns are those of the solution and the first parameter; the equations are those of the solution and the
 vanishing test function, whose derivatives are taken by differences of exact quantities. A fold is where the
-bordered matrix has g = 0 in [J b; c 0] (v, g) = (0, 1) (Govaerts 2000, section 4.1). Grazing is
+bordered matrix has g = 0 in [J b; c 0] (v, g) = (0, 1) (Govaerts 2000). Grazing is
 the least value of h along the motion that goes on as if the surface were not there; the changes of sliding
 are in `filippov.analysis.bifurcations.sliding_border`.
 """

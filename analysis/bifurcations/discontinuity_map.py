@@ -15,7 +15,7 @@ a2 = L_F2^2 H, c3 = L_F2^3 H and U = (F2 - F1)/(v1 - v2) = (F1 - F2)/(v2 - v1):
 
 with w = [F2 + v2 U, U] = U_x F2 - F2_x U - U (v2_x U), the Lie bracket of the sliding field and U. Where time
 counts the formulas hold with t as a state.
-Source: di Bernardo, Budd, Champneys & Kowalczyk 2008, chapters 6 to 8; Nordmark 1991 for the
+Source: di Bernardo, Budd, Champneys & Kowalczyk 2008; Nordmark 1991 for the
 square root; the coefficients of switching- and adding-sliding are derived by variation of constants along the
 sliding flow, d/dt phi_s(-t) phi_2(t) x = -phi_s(-t)' v2 U, as tests/test_discontinuity_map.py checks.
 """

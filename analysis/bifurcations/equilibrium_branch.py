@@ -3,7 +3,7 @@
 An equilibrium of a mode is a zero of its field; with sliding surfaces (a pseudo-equilibrium) the multipliers
 are unknowns too and the surfaces are equations: f(x, s) = 0, h(x) = 0. A boundary equilibrium, where h = 0 or
 a multiplier reaches the end of its set, is one of both kinds; the branch goes on as the other (di Bernardo et
-al. 2008, section 5.3): on the other side of the parameter (persistence) or back on the same (non-smooth
+al. 2008): on the other side of the parameter (persistence) or back on the same (non-smooth
 fold).
 """
 

@@ -3,7 +3,7 @@
 A polynomial through A(x0 + s u) at Chebyshev nodes |s| <= r gives B(u, .) = dA/ds and C(u, u, .) = d^2A/ds^2.
 With q = a + i b: B(q, v) = B(a, v) + i B(b, v) and C(q, q', .) = C(a, a, .) + C(b, b, .), ' the conjugate.
 
-Coefficients (Kuznetsov 2004, Elements of Applied Bifurcation Theory, section 5.4), with <p, q> = 1:
+Coefficients (Kuznetsov 2004, Elements of Applied Bifurcation Theory), with <p, q> = 1:
 
     cubic_flip    c = <p, C(q, q, q)>/6 - <p, B(q, (A - 1)^-1 B(q, q))>/2
     cubic_ring    Re e^(-i th) [<p, C(q, q, q')> + 2 <p, B(q, (1 - A)^-1 B(q, q'))>

@@ -7,7 +7,7 @@ back, and crosses where it does not. Crossing-sliding and switching-sliding are 
 
 they differ in what comes after. Adding-sliding is where the distance of the multiplier s from an end of its
 set has the least value 0 along the sliding motion, which is followed beyond the end where the orbit leaves.
-Source: di Bernardo, Budd, Champneys & Kowalczyk 2008, sections 8.1 and 8.6.
+Source: di Bernardo, Budd, Champneys & Kowalczyk 2008.
 """
 
 from __future__ import annotations

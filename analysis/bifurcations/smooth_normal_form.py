@@ -7,7 +7,7 @@ predict.
     Hopf              |z|' = mu |z| + cubic |z|^3: a cycle of |z| = sqrt(-mu/cubic), stable if cubic < 0
 
 Coefficients "root NAME" give the size by coordinates: NAME = NAME0 +- root sqrt|value - value0|.
-Source: Kuznetsov 2004, Elements of Applied Bifurcation Theory, chapters 3 to 5.
+Source: Kuznetsov 2004, Elements of Applied Bifurcation Theory.
 """
 
 from __future__ import annotations

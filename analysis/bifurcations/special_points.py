@@ -1,7 +1,7 @@
 """Names of special points: what a test function's change of sign means, and what a change of the word is.
 
 Changes of the sequence of modes of an orbit are named by the short stretch that appears or vanishes between
-its neighbours a -> z -> b on a surface (di Bernardo et al. 2008, chapter 8):
+its neighbours a -> z -> b on a surface (di Bernardo et al. 2008):
 
     + 0 +   grazing-sliding: a motion off the surface touches it where it attracts
     + 0 -   crossing-sliding: a crossing reaches the border of sliding

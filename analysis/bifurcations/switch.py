@@ -3,8 +3,8 @@ doubling, the pair without the symmetry at a symmetry breaking.
 
 In equations for the orbit of twice the length (without the symmetry) a period doubling (symmetry breaking) is
 a branch point as well, so one construction serves all. At a branch point F_z has two null vectors; tangents
-of the branches are those combinations t of them with e . F_zz t t = 0, e the left null vector (Seydel 2010,
-section 5.6; Govaerts 2000, section 8.2).
+of the branches are those combinations t of them with e . F_zz t t = 0, e the left null vector (Seydel 2010;
+Govaerts 2000).
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ s and q (one at rest, one in motion) maximise the restricted likelihood. Its mea
 covariance what the samples leave open: both the noise and what lies between samples. Stretches have nothing
 in common, so the force may have a kink where the mass stops (a controller that feeds velocity back makes
 one), at the time where the two sides meet.
-Sources: Wahba 1978 (splines as conditional means); Wood 2017, section 6.2 (restricted likelihood).
+Sources: Wahba 1978 (splines as conditional means); Wood 2017 (restricted likelihood).
 """
 
 from __future__ import annotations

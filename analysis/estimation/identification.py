@@ -9,7 +9,7 @@ weighted by the inverse of the residuals' covariance V:
 V is the noise of the position (an autoregression of order 1) and what the force leaves open: its noise, and
 its course between the samples. Intervals are Student's, with the degrees of freedom that estimating V leaves.
 Tests say whether the residuals may be those of the law; where they may not, no interval is given.
-Sources: Bock 1983 (multiple shooting); Seber & Wild 2003, chapter 6 (correlated errors); Fuller 1987 (errors
+Sources: Bock 1983 (multiple shooting); Seber & Wild 2003 (correlated errors); Fuller 1987 (errors
 in variables); Giesbrecht & Burns 1985 (degrees of freedom).
 """
 

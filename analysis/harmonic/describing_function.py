@@ -5,7 +5,7 @@ for its mean and first harmonic N_i(A) (y - mean). What is left is linear, x' = 
 is predicted where this matrix has an eigenvalue j omega. Nothing bounds the error;
 `PredictedCycle.distortion` says how far the input would be from a sine.
 
-Sources: Gelb & Vander Velde 1968, chapter 3; Khalil 2002, section 7.2; for friction, where the method fails,
+Sources: Gelb & Vander Velde 1968; Khalil 2002; for friction, where the method fails,
 Armstrong-Helouvry & Amin 1996 and Olsson 1995.
 """
 

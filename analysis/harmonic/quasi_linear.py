@@ -1,7 +1,7 @@
 """A system as a linear part and functions of one scalar input: x' = A x + phi(y), y = c . x + c0.
 
 The form every describing function starts from (Lur'e form). All surfaces must be functions of y alone.
-Source: Gelb & Vander Velde 1968, chapter 3; Khalil 2002, section 7.2.
+Source: Gelb & Vander Velde 1968; Khalil 2002.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from filippov.analysis.invariant_sets.attractor import Attractor, AttractorKind
 from filippov.analysis.invariant_sets.identify_attractor import NEAR, Identifier
 from filippov.analysis.invariant_sets.recurrence import Grid, Past
 from filippov.analysis.invariant_sets.rest_set import groups
+from filippov.analysis.invariant_sets.search_file import EVERY, SearchFile
 from filippov.analysis.invariant_sets.state_map import StateMap
 from filippov.base.status import Status
 
@@ -39,10 +40,11 @@ class Search:
     def __init__(
         self, flow: StateMap, x: Array, low: Array, size: Array, *, cells: int, recurrences: int, most: int,
         reach: float, escape: float, progress: Callable[[int, int], None] | None,
+        file: SearchFile | None = None,
     ) -> None:  # fmt: skip
         self.flow, self.x, self.begin, self.low, self.size = flow, x.copy(), x.copy(), low, size
         self.recurrences, self.most, self.reach, self.escape = recurrences, most, reach, escape
-        self.progress, self.grid = progress, Grid(low, size, cells)
+        self.progress, self.file, self.grid = progress, file, Grid(low, size, cells)
         self.identify = Identifier(flow, self.grid, size)
         count = len(x)
         self.label = np.full(count, LOST)
@@ -58,6 +60,8 @@ class Search:
         self.vain, self.looked = 0, np.zeros(0, dtype=np.uint64)
         self.complete = True
         self.iterates = 0
+        if file is not None:
+            file.read(self)
 
     def run(self) -> None:
         """Iterate until all is decided or `most` iterates are done; Ctrl-C ends it with what there is."""
@@ -66,10 +70,14 @@ class Search:
                 rows = np.flatnonzero(self.label == LOST)
                 if not rows.size:
                     break
+                if self.file is not None and self.iterates % EVERY == 0:
+                    self.file.write(self)
                 self._iterate(rows)
                 self.iterates += 1
                 if self.progress is not None:
                     self.progress(int(np.sum(self.label != LOST)), len(self.label))
+            if self.file is not None:
+                self.file.write(self)
         except KeyboardInterrupt:
             self.complete = False
         self._rest()

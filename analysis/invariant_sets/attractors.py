@@ -5,7 +5,7 @@ long comes only to cells of a grid that it has met before is looked at: the equi
 there is solved for, chaos is told by the largest Lyapunov exponent. The others are then told by their
 distance to what was solved for, not by cells. An attractor whose share of the box is q is missed by N states
 with probability (1 - q)^N.
-Source: Datseris & Wagemakers 2022, Chaos 32, 023104; Nusse & Yorke 1997, chapter 7.
+Source: Datseris & Wagemakers 2022, Chaos 32, 023104; Nusse & Yorke 1997.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from filippov.analysis.invariant_sets.attractor_search import (
     UNSTABLE,
     Search,
 )
+from filippov.analysis.invariant_sets.search_file import SearchFile
 from filippov.analysis.invariant_sets.state_map import StateMap
 from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.orbit import stored_system
@@ -199,6 +200,7 @@ def attractors(
     rtol: float = 1e-8,
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    store: str | Path | None = None,
 ) -> Attractors:
     """The attractors to which states of a box go, and the share that goes to each.
 
@@ -214,6 +216,8 @@ def attractors(
     reach        distance from an attractor, in parts of the box, within which a motion has to stay
     escape       distance from the middle of the box, in parts of it, beyond which a motion has escaped
     progress     called with (motions decided, all)
+    store        a file that keeps the search (npz): one of the same system and settings that was ended goes
+                 on from there and finds what it would have found; `most` may be another
 
     Two attractors closer than `reach`, or a basin that is narrower, are not told apart. Angles are not taken
     modulo 2 pi: a state that rotates for ever escapes. Ctrl-C returns what
@@ -243,9 +247,17 @@ def attractors(
     starts = np.vstack([drawn, beside, shown])
     if flow.kind == "step" and step is None:
         flow = flow.at_pace(starts[: min(PILOTS, len(starts))], size)
+    cut = flow.section
+    settings = {
+        "parameters": flow.parameters, "map": [flow.kind, flow.duration, flow.t0],
+        "section": None if cut is None else [cut.surface, cut.kind, cut.t_max, cut.after],
+        "box": [low.tolist(), size.tolist()], "samples": [samples, seed], "plane": [plane, len(x), held],
+        "cells": cells, "recurrences": recurrences, "reach": reach, "escape": escape, "rtol": rtol,
+    }  # fmt: skip
+    file = None if store is None else SearchFile(store, {"system": _identity(system)} | settings)
     search = Search(
         flow, starts, low, size, cells=cells, recurrences=recurrences, most=most, reach=reach, escape=escape,
-        progress=progress,
+        progress=progress, file=file,
     )  # fmt: skip
     search.run()
     counts = [int(np.sum(search.label == k)) for k in range(len(search.attractors))]
@@ -260,6 +272,14 @@ def attractors(
         flow.duration,
         search.iterates, search.failures, search.complete,
     )  # fmt: skip
+
+
+def _identity(system: System) -> dict[str, Any]:
+    """What tells a system from another one on file."""
+    data = system_data(system)
+    if data is None:
+        raise UsageError("store needs a system of expressions: functions cannot be told from others on file.")
+    return data
 
 
 def _box(system: System, box: Mapping[str, Sequence[float]]) -> tuple[Array, Array]:

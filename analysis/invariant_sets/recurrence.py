@@ -2,7 +2,7 @@
 
 Space is cut into boxes without a bound; a box is a whole number made of its place. A motion that for many
 iterates comes only to cells of its own past has come to an attractor, or is slow.
-Source: Datseris & Wagemakers 2022, Chaos 32, 023104; Nusse & Yorke 1997, chapter 7.
+Source: Datseris & Wagemakers 2022, Chaos 32, 023104; Nusse & Yorke 1997.
 """
 
 from __future__ import annotations

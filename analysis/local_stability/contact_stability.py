@@ -3,8 +3,7 @@
 With L = dh/dt, motions beside the contact bounce: L' = -a with the acceleration a > 0 by which the surface is
 pressed, L+ = -e L- at each impact. For 0 <= e < 1 the bounces end after a time of order |L|, and what is left
 is the field on h = L = 0, so its linear part decides. Source: Leine & van de Wouw 2008, Stability and
-Convergence of Mechanical Systems with Unilateral Constraints, chapter 7; the bounces: Brogliato 2016, section
-1.3.
+Convergence of Mechanical Systems with Unilateral Constraints; the bounces: Brogliato 2016.
 """
 
 from __future__ import annotations
@@ -17,8 +16,8 @@ from filippov.analysis.local_stability.stability_result import Answer, Equilibri
 from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.linearisation import Linearisation, characteristic_polynomial, linearise
 
-SOURCE = "Leine & van de Wouw 2008, chapter 7"
-BOUNCES = "Brogliato 2016, section 1.3"
+SOURCE = "Leine & van de Wouw 2008"
+BOUNCES = "Brogliato 2016"
 
 
 def in_contact(context: Context, mode: str) -> list[int]:

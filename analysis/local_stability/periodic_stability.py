@@ -3,8 +3,7 @@
 Near an equilibrium that stays where it is, y' = A(t) y between the clocks and y+ = R y at them. With both of
 period T the product M of the flows and the R decides: all eigenvalues of M inside the unit circle, or one
 outside. The eigenvalues of A at an instant decide nothing (Markus & Yamabe 1960, Osaka Math. J. 12, 305).
-Source: Hale 1980, Ordinary Differential Equations, section III.7; with resets Bainov & Simeonov 1993, section
-2.4.
+Source: Hale 1980, Ordinary Differential Equations; with resets Bainov & Simeonov 1993.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from filippov.analysis.steady.linearisation import Linearisation
 from filippov.model.symbols import t as time
 
 Array = npt.NDArray[np.float64]
-FLOQUET = "Floquet's theorem, Hale 1980, section III.7"
+FLOQUET = "Floquet's theorem, Hale 1980"
 FROZEN = "Markus & Yamabe 1960, Osaka Math. J. 12, 305"
 CLEAR = 1e-6
 SAME_PERIOD = 1e-10
@@ -53,7 +52,7 @@ def with_time(context: Context, item: EquilibriumStability, frozen: float | None
             moves = moves or parts.matrix.has(time) or parts.onto.has(time)
             mode, x = item.equilibrium.mode, item.equilibrium.x
             answer, text = _floquet(context, mode, parts.matrix, x, moves, parts)
-            source = f"{FLOQUET}; Filippov 1988, section 19"
+            source = f"{FLOQUET}; Filippov 1988"
     elif linear is None or linear.smooth is None or item.equilibrium.dimension:
         why = "the linear part depends on time" if moves else "a clock resets the state"
         text = f"{why}, which is not decided on a surface or along a set"

@@ -4,7 +4,7 @@ In polar coordinates y' = A(phi) y becomes phi' = g(phi), r'/r = k(phi) with e =
 n = (-sin phi, cos phi), g = n . A e and k = e . A e; A is that of the sector of phi. Where g vanishes a ray
 is invariant, and the sign of k on it decides; without such a ray motions turn round, and the sign of the
 integral of k/g over a turn decides. Terms of second order do not matter where no sign is 0.
-Source: Filippov 1988, section 17; Carmona, Freire, Ponce, Torres 2002, IEEE Trans. Circuits Syst. I 49, 609.
+Source: Filippov 1988; Carmona, Freire, Ponce, Torres 2002, IEEE Trans. Circuits Syst. I 49, 609.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from filippov.analysis.steady.existence import at_rest
 from filippov.analysis.steady.linearisation import SlidingLinearisation, characteristic_polynomial, linearise
 from filippov.model.symbols import t as time
 
-PSEUDO = "Filippov 1988, section 19"
+PSEUDO = "Filippov 1988"
 
 
 def sliding_stability(context: Context, point: EquilibriumPoint) -> EquilibriumStability:

@@ -4,8 +4,8 @@ Unknowns are the states at the mesh points of each arc, the times between arcs a
 parameters. Equations are the steps of collocation (`filippov.analysis.orbits.gauss_step`), at the end of an
 arc its condition and the state handed over (`filippov.analysis.orbits.arcs`), and the boundary conditions.
 Newton's method is damped by the natural monotonicity test; the matrix is sparse. The mesh is adapted so that
-dt |u' - f(u)| is equally large on all steps. Source: Ascher, Mattheij & Russell 1988, chapters 5, 8 and 9;
-Deuflhard 2011, section 3.3, for the damping; Doedel, Keller & Kernevez 1991 for periodic and homoclinic
+dt |u' - f(u)| is equally large on all steps. Source: Ascher, Mattheij & Russell 1988;
+Deuflhard 2011, for the damping; Doedel, Keller & Kernevez 1991 for periodic and homoclinic
 orbits.
 """
 

@@ -77,7 +77,7 @@ def product_multipliers(
     """Eigenvalues of the product of factors to the power `turns`, zeros split off, largest modulus first.
 
     Of several factors they are the powers of the eigenvalues of the block-cyclic matrix: of a product, large
-    multipliers would spoil the small ones. Source: Lust 2001; Kressner 2005, chapter 4.
+    multipliers would spoil the small ones. Source: Lust 2001; Kressner 2005.
     """
     k, r = len(factors), factors[0].shape[1]
     if k == 1:

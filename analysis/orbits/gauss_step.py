@@ -4,8 +4,8 @@ On a step from t to t + dt the polynomial u with u(t) = x satisfies u' = f(u) at
 
     K_i = f(t + c_i dt, x + dt sum_k a_ik K_k),   u(t + dt) = x + dt sum_i b_i K_i,
 
-of order 8 at the ends of the steps and of order 5 between them. Source: Ascher, Mattheij & Russell 1988,
-chapter 5; Hairer, Norsett & Wanner 1993, section II.7.
+of order 8 at the ends of the steps and of order 5 between them. Source: Ascher,
+Mattheij & Russell 1988; Hairer, Norsett & Wanner 1993.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ LARGEST_FILE = 256 << 20
 
 def write_json(path: str | Path, data: Any) -> Path:
     """Write plain data; infinities and NaN as text. Returns the path."""
-    return write_whole(path, json_text(_out(data)))
+    return write_whole(path, json_text(finite(data)))
 
 
 def read_json(path: str | Path, form: str, version: int) -> dict[str, Any]:
@@ -35,28 +35,30 @@ def read_json(path: str | Path, form: str, version: int) -> dict[str, Any]:
             f"{str(path)!r} has version {data.get('version')!r} of the {form} format, expected {version}; "
             "read it with the release that wrote it."
         )
-    result: dict[str, Any] = _in(data)
+    result: dict[str, Any] = number(data)
     return result
 
 
 _WORDS = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 
 
-def _out(data: Any) -> Any:
+def finite(data: Any) -> Any:
+    """Plain data with infinities and NaN as text, which JSON has no numbers for."""
     if isinstance(data, float) and not math.isfinite(data):
         return {"number": str(data)}
     if isinstance(data, dict):
-        return {str(k): _out(v) for k, v in data.items()}
+        return {str(k): finite(v) for k, v in data.items()}
     if isinstance(data, list | tuple):
-        return [_out(v) for v in data]
+        return [finite(v) for v in data]
     return data
 
 
-def _in(data: Any) -> Any:
+def number(data: Any) -> Any:
+    """What `finite` made, with its numbers again."""
     if isinstance(data, dict):
         if set(data) == {"number"} and data["number"] in _WORDS:
             return _WORDS[data["number"]]
-        return {k: _in(v) for k, v in data.items()}
+        return {k: number(v) for k, v in data.items()}
     if isinstance(data, list):
-        return [_in(v) for v in data]
+        return [number(v) for v in data]
     return data

@@ -7,7 +7,7 @@ Unknowns are the states at the nodes and, for an autonomous system, the period T
 with G = 1 for a whole period and a symmetry of the system (such as x -> -x) for a part of it; a forced
 system knows its T and needs no phase condition. The matrix of the equations is exact
 (`filippov.analysis.sensitivity.saltation`).
-Source: Seydel 2010, chapter 7; Leine & Nijmeijer 2004, section 7.5, for sliding.
+Source: Seydel 2010; Leine & Nijmeijer 2004, for sliding.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 The derivative of the flow over stretches of time, with a QR decomposition after each; the logarithms of the
 diagonals add up (Benettin et al. 1980). Sliding loses rank, which is an exponent of minus infinity. The first
 tenth of the stretches only turns the basis into its directions and is not counted.
-Source for the events: Mueller 1995 (saltation in Lyapunov exponents); Leine & Nijmeijer 2004, section 7.3.
+Source for the events: Mueller 1995 (saltation in Lyapunov exponents); Leine & Nijmeijer 2004.
 """
 
 from __future__ import annotations

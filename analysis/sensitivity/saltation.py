@@ -6,7 +6,7 @@ exit the multiplier less the end of its set), with y' = v- before and v+ after,
 
     S = I + (v+ - v-) G_y / (G_y v-)
 
-(Aizerman & Gantmakher 1958; Leine & Nijmeijer 2004, section 7.3; di Bernardo et al. 2008, section 2.5). Entry
+(Aizerman & Gantmakher 1958; Leine & Nijmeijer 2004; di Bernardo et al. 2008). Entry
 into sliding loses rank by one for each surface: the multipliers that belong to it are 0. At a touching
 (G_y v- = 0) the flow has no derivative, and that is an error. Several surfaces at once have one if it is the
 same in whatever order they are met; then it is the product of theirs. At a reset y+ = R(y), v+ taken at y+,

@@ -2,7 +2,7 @@
 
 In a mode the signs are numbers, except s_i in [lo_i, hi_i] where the mode slides on surface i. There
 f(x, s) = 0 and h_i(x) = 0 are solved for x AND s; what stays free parameterises a set.
-Source: Filippov 1988, section 19.
+Source: Filippov 1988.
 """
 
 from __future__ import annotations

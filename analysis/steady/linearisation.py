@@ -6,7 +6,7 @@ Beside a surface, h -> 0+ (side +) or 0- (side -):
 
 with a constant jump part, a linear part A, and B where a power of |h| has an infinite slope at 0 (0 < e <
 1). While sliding, J = (1 - G (C G)^-1 C) df/dx with C = dh/dx and G = df/ds (f = 0 at an equilibrium, so
-nothing else contributes). Source: Filippov 1988, section 19; the one-sided expansion: Hensen & van de
+nothing else contributes). Source: Filippov 1988; the one-sided expansion: Hensen & van de
 Molengraft 2002, section 3.
 """
 

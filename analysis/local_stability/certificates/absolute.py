@@ -12,8 +12,8 @@ along every motion of the inclusion: at almost all times on a jump of psi y' = 0
 z = 0 stays on y = 0; if psi(0) is an interval, the motions on it are those of the zeros of G, and come to
 the equilibria if these lie on the left, but for one at 0 along a set. Where psi is continuous with slopes in
 [k, K] and D is Hurwitz, a multiplier of Zames and Falb bounds z in L2, so that z -> 0.
-Source: Khalil 2002, lemma 6.2 and section 7.1; Yakubovich, Leonov, Gelig 2004, Stability of Stationary Sets
-in Control Systems with Discontinuous Nonlinearities, chapter 3; Brogliato 2004, Systems Control Lett. 51,
+Source: Khalil 2002; Yakubovich, Leonov, Gelig 2004, Stability of Stationary Sets
+in Control Systems with Discontinuous Nonlinearities; Brogliato 2004, Systems Control Lett. 51,
 343; Zames & Falb 1968, SIAM J. Control 6, 89.
 """
 
@@ -29,9 +29,9 @@ from filippov.analysis.local_stability.certificates.positive_real import S, hurw
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 
-CIRCLE = "Khalil 2002, section 7.1.1 (circle criterion) and lemma 6.2 (positive real lemma)"
-POPOV = "Khalil 2002, section 7.1.2 (Popov criterion) and lemma 6.2 (positive real lemma)"
-JUMPS = "; with jumps Yakubovich, Leonov, Gelig 2004, chapter 3"
+CIRCLE = "Khalil 2002 (circle criterion, positive real lemma)"
+POPOV = "Khalil 2002 (Popov criterion, positive real lemma)"
+JUMPS = "; with jumps Yakubovich, Leonov, Gelig 2004"
 ZAMES = (
     "Zames & Falb 1968, SIAM J. Control 6, 89; Megretski & Rantzer 1997, IEEE Trans. Automat. Contr. 42, 819"
 )

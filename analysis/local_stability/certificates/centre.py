@@ -7,8 +7,7 @@ One root 0, the others on the left: on the centre manifold y = c(u), found as a 
 
 with A q = i w q, A^T p = -i w p, <p, q> = 1, B and C the second and third derivatives, ' the conjugate.
 l1 < 0: asymptotically stable, l1 > 0: unstable.
-Source: Carr 1981, chapter 1; Kuznetsov 2004, Elements of Applied Bifurcation Theory, sections
-3.5 and 5.4.
+Source: Carr 1981; Kuznetsov 2004, Elements of Applied Bifurcation Theory.
 """
 
 from __future__ import annotations
@@ -27,8 +26,8 @@ from filippov.analysis.local_stability.certificates.certificate import Certifica
 from filippov.analysis.local_stability.certificates.local import Local
 
 Complex = npt.NDArray[np.complex128]
-CARR = "Carr 1981, chapter 1"
-HOPF = "Kuznetsov 2004, sections 3.5 and 5.4"
+CARR = "Carr 1981"
+HOPF = "Kuznetsov 2004"
 HIGHEST, LARGEST, CLEAR = 7, 6, 1e-9
 _U = sympy.Dummy("u", real=True)
 

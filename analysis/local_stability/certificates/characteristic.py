@@ -4,7 +4,7 @@
     slopes [k, K]:  k (y - z) <= psi(y) - psi(z) <= K (y - z) for y > z
 
 All numbers are rational and all inequalities are decided by Sturm's count of roots.
-Source: Khalil 2002, section 6.1 (sectors).
+Source: Khalil 2002 (sectors).
 """
 
 from __future__ import annotations

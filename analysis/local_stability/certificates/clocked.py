@@ -4,7 +4,7 @@ Without the clock, a point reached in a time of order |x| is at rest before the 
 starts near enough, and a reset with a derivative carries near states to near ones. For masses with dry
 friction a reset that multiplies speeds by factors of modulus at most 1 does not raise the energy around
 any equilibrium.
-Source: Goebel, Sanfelice, Teel 2012, Hybrid Dynamical Systems, chapters 3 and 8.
+Source: Goebel, Sanfelice, Teel 2012, Hybrid Dynamical Systems.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from filippov.analysis.local_stability.stability_result import EquilibriumStabil
 from filippov.analysis.steady.clocks import after
 from filippov.analysis.steady.equilibrium import EquilibriumPoint
 
-SOURCE = "Goebel, Sanfelice, Teel 2012, chapter 3"
+SOURCE = "Goebel, Sanfelice, Teel 2012"
 
 
 def clocked(context: Context, item: EquilibriumStability) -> Certificate | None:

@@ -5,7 +5,7 @@ Metzler majorant: with B_jj = max a_jj, B_jk = max |a_jk|, max_j |x_j|/w_j falls
 function if and only if both are Hurwitz and A_1 A_2 has no root on the negative half line (which for one
 kink is the circle criterion). A ray that comes back to itself longer than it was makes the point
 unstable.
-Source: Dahlquist 1958 and Horn & Johnson 1991, section 2.5 (majorant); Shorten & Narendra 2003, IEEE
+Source: Dahlquist 1958 and Horn & Johnson 1991 (majorant); Shorten & Narendra 2003, IEEE
 Trans. Automat. Contr. 48, 618, and Shorten, Mason, O'Cairbre, Curran 2004, Int. J. Control 77, 1 (two
 matrices); Carmona, Freire, Ponce, Torres 2005, Internat. J. Bifur. Chaos 15, 2469 (rays).
 """
@@ -24,7 +24,7 @@ from filippov.analysis.local_stability.certificates.certificate import Certifica
 from filippov.analysis.local_stability.certificates.local import Local
 
 Array = npt.NDArray[np.float64]
-MAJORANT = "Horn & Johnson 1991, section 2.5; Coppel 1965, chapter III"
+MAJORANT = "Horn & Johnson 1991; Coppel 1965"
 COMMON = "Shorten & Narendra 2003, IEEE Trans. Automat. Contr. 48, 618"
 RAYS = "Carmona, Freire, Ponce, Torres 2005, Internat. J. Bifur. Chaos 15, 2469"
 STARTS, HALF_TURNS, LONGEST, CLEAR = 24, 60, 200.0, 1e-6

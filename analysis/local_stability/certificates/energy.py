@@ -19,7 +19,7 @@ from filippov.analysis.local_stability.certificates.local import Local, Signs
 
 LASALLE = "Shevitz & Paden 1994, IEEE Trans. Automat. Contr. 39, 1910"
 KRASOVSKII = "Krasovskii 1963; Shevitz & Paden 1994"
-ENERGY = "Filippov 1988, chapter 3 (Lyapunov functions)"
+ENERGY = "Filippov 1988 (Lyapunov functions)"
 _A, _B = sympy.symbols("a b", positive=True)
 
 

@@ -10,8 +10,8 @@ V = z . P z + 2 sum Q_k (integral of w_k over y_k) has V' <= (z, w) . L (z, w) a
 
 at almost all times on a jump y_k' = 0. For P > 0, L < 0 all motions come to the equilibrium. A relay whose
 row and column of C B are 0 leaves no room in L: its column is made 0, which ties P, Q and T.
-Source: Khalil 2002, section 7.1; Yakubovich, Leonov, Gelig 2004, chapter 3; Boyd, El Ghaoui, Feron,
-Balakrishnan 1994, section 8.1.
+Source: Khalil 2002; Yakubovich, Leonov, Gelig 2004; Boyd, El Ghaoui, Feron,
+Balakrishnan 1994.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.model.symbols import t as time
 
-SOURCE = "Khalil 2002, section 7.1 (Popov); with jumps Yakubovich, Leonov, Gelig 2004, chapter 3"
+SOURCE = "Khalil 2002 (Popov); with jumps Yakubovich, Leonov, Gelig 2004"
 LARGEST, MOST = 8, 5
 
 

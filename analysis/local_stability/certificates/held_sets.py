@@ -6,7 +6,7 @@ around any point of the set, which has the directions D: C D = 0, A D = -B E. Wi
 diagonal, V = z . P z has V' = z . S z - 2 sum T_k w_k y_k, S = P A + A^T P. D^T S D = 0, so S D = 0. If P >
 0 and S < 0 across D, every equilibrium is stable, and motions tend to what stays in D: there z = D a has z'
 = B (w - E a), which is 0 where B and D together have full rank. So all motions come to the set.
-Source: Brogliato 2004, Systems Control Lett. 51, 343; Leine & van de Wouw 2008, chapter 6.
+Source: Brogliato 2004, Systems Control Lett. 51, 343; Leine & van de Wouw 2008.
 """
 
 from __future__ import annotations

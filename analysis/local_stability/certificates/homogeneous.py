@@ -2,7 +2,7 @@
 
 With x_i -> e^{r_i} x_i, e -> 0, the components of each side begin with e^{d_i}. The parts with d_i - r_i
 = kappa for all i are homogeneous of degree kappa. An asymptotically stable homogeneous inclusion stays so
-under terms of higher degree. Source: Hermes 1991; Bacciotti & Rosier 2005, chapter 5; for inclusions
+under terms of higher degree. Source: Hermes 1991; Bacciotti & Rosier 2005; for inclusions
 Bernuau, Efimov, Perruquetti, Polyakov 2014, J. Franklin Inst. 351, 1866.
 """
 

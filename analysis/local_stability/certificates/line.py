@@ -1,6 +1,6 @@
 """Equilibria on the line: the sign of the field on either side, by its lowest power.
 
-x' = c |x|^q + o(|x|^q) leads to x = 0 where c x < 0. Source: Filippov 1988, chapter 3.
+x' = c |x|^q + o(|x|^q) leads to x = 0 where c x < 0. Source: Filippov 1988.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from filippov.analysis.local_stability.certificates.certificate import Certifica
 from filippov.analysis.local_stability.certificates.homogeneous import EPSILON, lowest
 from filippov.analysis.local_stability.certificates.local import Local
 
-SOURCE = "Filippov 1988, chapter 3"
+SOURCE = "Filippov 1988"
 
 
 def line(found: Local) -> Certificate | None:

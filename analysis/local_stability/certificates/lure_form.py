@@ -1,7 +1,7 @@
 """A system as a linear part with one set-valued feedback, in exact numbers: x' in A x + f - b psi(c . x).
 
 The sides of the surfaces cut the line of the input y = c . x into pieces, on each of which the feedback is a
-polynomial. Source: Khalil 2002, section 7.1; Yakubovich, Leonov, Gelig 2004, chapter 3.
+polynomial. Source: Khalil 2002; Yakubovich, Leonov, Gelig 2004.
 """
 
 from __future__ import annotations

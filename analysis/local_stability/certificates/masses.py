@@ -10,7 +10,7 @@ principle motions tend to those that lose nothing: c_i . v = 0 and C v = 0 for e
 is observable; else one swings for ever beside the point where no friction is needed. If K has a root
 below 0, lambda > 0 with (lambda^2 M + lambda C + K) d = 0 leads away from the end of the set at which all
 contacts slip along d. Without springs the speed falls at a rate > 0.
-Source: Leine & van de Wouw 2008, chapter 6; Shevitz & Paden 1994.
+Source: Leine & van de Wouw 2008; Shevitz & Paden 1994.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.model.symbols import t as time
 
-SOURCE = "Leine & van de Wouw 2008, chapter 6; Shevitz & Paden 1994"
+SOURCE = "Leine & van de Wouw 2008; Shevitz & Paden 1994"
 
 
 @dataclass(frozen=True)

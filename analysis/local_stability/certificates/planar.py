@@ -5,7 +5,7 @@ circle, nu = (r1 x1, r2 x2), tau = (-x2, x1). Where g = 0 a ray is invariant and
 decides; on a surface that the fields beside it point at, the ray slides with the convex combination that
 makes g vanish. Without rays the motion turns, and the logarithm of l grows over a turn by the integral of
 k/g and by what resets add. Where that is 0 and the field is reversible, the orbits are closed.
-Source: Filippov 1988, chapter 4; Bernuau, Efimov, Perruquetti, Polyakov 2014, J. Franklin Inst.
+Source: Filippov 1988; Bernuau, Efimov, Perruquetti, Polyakov 2014, J. Franklin Inst.
 351, 1866; reversibility: Lamb & Roberts 1998, Physica D 112, 1.
 """
 
@@ -28,7 +28,7 @@ from filippov.analysis.local_stability.certificates.local import Local, Signs
 Array = npt.NDArray[np.float64]
 WEIGHTS = ((1, 1), (2, 1), (1, 2), (3, 2), (2, 3), (3, 1), (1, 3))
 SAMPLES, CLEAR, TURN, MOST_WALKS = 720, 1e-7, 1e-7, 64
-FILIPPOV = "Filippov 1988, chapter 4"
+FILIPPOV = "Filippov 1988"
 LEADING = "Bernuau, Efimov, Perruquetti, Polyakov 2014, J. Franklin Inst. 351, 1866"
 REVERSIBLE = "Lamb & Roberts 1998, Physica D 112, 1"
 

@@ -7,7 +7,7 @@ the left and Re p(i w) q(-i w) >= 0 for all w (the Cayley transform of H is boun
     Zames, Falb:  Re [M(i w) (1/K + G(i w))] > 0 for all w, M = 1 - sum of a_j b_j/(b_j + s) or its mirror,
                   sum |a_j| < 1; all a_j >= 0 unless the feedback is odd
 
-Source: Khalil 2002, sections 6.3 and 7.1; Zames & Falb 1968, SIAM J. Control 6, 89; Megretski & Rantzer
+Source: Khalil 2002; Zames & Falb 1968, SIAM J. Control 6, 89; Megretski & Rantzer
 1997, IEEE Trans. Automat. Contr. 42, 819.
 """
 

@@ -11,8 +11,8 @@ it, on C x = 0, C the rows c_k of different sign; on one surface away from other
 
     A_j^T P_i + P_i A_j + N C + C^T N^T + E_i^T U_ij E_i - r (A_i^T c^T c A_j + A_j^T c^T c A_i) < 0,   r >= 0
 
-Source: Boyd, El Ghaoui, Feron, Balakrishnan 1994, Linear Matrix Inequalities in System and Control Theory,
-chapter 5; Johansson & Rantzer 1998, IEEE Trans. Automat. Contr. 43, 555.
+Source: Boyd, El Ghaoui, Feron, Balakrishnan 1994, Linear Matrix Inequalities in System and Control Theory;
+Johansson & Rantzer 1998, IEEE Trans. Automat. Contr. 43, 555.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from filippov.analysis.local_stability.certificates.matrix_inequality import (
     rounded,
 )
 
-COMMON = "Boyd, El Ghaoui, Feron, Balakrishnan 1994, chapter 5"
+COMMON = "Boyd, El Ghaoui, Feron, Balakrishnan 1994"
 PIECES = "Johansson & Rantzer 1998, IEEE Trans. Automat. Contr. 43, 555"
 LARGEST, MOST = 8, 3
 Array = npt.NDArray[np.float64]

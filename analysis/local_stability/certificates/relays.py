@@ -5,7 +5,7 @@ where h_i stays 0 both s_i h_i' and s0_i h_i' are 0. If D M + M^T D is negative 
 in finite time, and the field sliding on all of them decides what is left. If it is positive definite V
 grows off the surfaces. If M s + r points away from all surfaces for one choice of signs, motions leave
 straight.
-Source: Utkin 1992, Sliding Modes in Control and Optimization, chapter 4; Filippov 1988, chapter 3.
+Source: Utkin 1992, Sliding Modes in Control and Optimization; Filippov 1988.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from filippov.analysis.algebra import linalg
 from filippov.analysis.local_stability.certificates.certificate import Certificate
 from filippov.analysis.local_stability.certificates.local import Local
 
-UTKIN = "Utkin 1992, chapter 4"
+UTKIN = "Utkin 1992"
 MOST = 5
 
 
@@ -112,7 +112,7 @@ def _outwards(M: sympy.Matrix, s0: sympy.Matrix) -> Certificate | None:
     told = ("h' = r + M s to first order, M = " + str(M.tolist()), "M + M^T is positive definite")
     del k, s0
     text = "sum |h_i| - s0_i h_i grows on all motions off the surfaces"
-    return Certificate("unstable", text, "Filippov 1988, chapter 3", told)
+    return Certificate("unstable", text, "Filippov 1988", told)
 
 
 def _sliding_roots(found: Local, c: sympy.Matrix, M: sympy.Matrix, s0: sympy.Matrix) -> np.ndarray | None:

@@ -4,7 +4,7 @@ q' = v, v' = F. If at v = 0 the field beside it points back for every sign of th
 rate that does not depend on q, the mass stops after a time of order |v|: every q at v = 0 is a stable
 equilibrium. If F does no work beside the potential and leads back beyond the ends of the set, the energy
 is kept and v stays small.
-Source: Filippov 1988, chapter 3.
+Source: Filippov 1988.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from filippov.analysis.local_stability.certificates.local import local
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 
-SOURCE = "Filippov 1988, chapter 3"
+SOURCE = "Filippov 1988"
 
 
 def stopping(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Certificate | None:

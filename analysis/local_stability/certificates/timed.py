@@ -4,8 +4,8 @@ Linear part A(t): with the logarithmic norm mu(A) = max_i (a_ii + sum |a_ij|), |
 at all t. One state beside a surface: |x| falls if the field beside it points back by c > 0 at all t. One
 state, x' = a(t) x with a of mean 0 over a period: |x| is periodic. Bounds over t are those of interval
 arithmetic.
-Source: Coppel 1965, Stability and Asymptotic Behavior of Differential Equations, chapter III; Filippov
-1988, chapter 3.
+Source: Coppel 1965, Stability and Asymptotic Behavior of Differential Equations; Filippov
+1988.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.forcing import forcing_period
 from filippov.model.symbols import t as time
 
-COPPEL = "Coppel 1965, chapter III"
-FILIPPOV = "Filippov 1988, chapter 3"
+COPPEL = "Coppel 1965"
+FILIPPOV = "Filippov 1988"
 
 
 def timed(context: Context, point: EquilibriumPoint) -> Certificate | None:
@@ -69,7 +69,7 @@ def _mean(context: Context, point: EquilibriumPoint, A: sympy.Matrix) -> Certifi
         return None
     told = f"the rate has the mean 0 over the period {float(period):.6g} (integrated in exact numbers)"
     return Certificate(
-        "stable", "x is multiplied by a periodic function", "Hale 1980, section III.7", (told,)
+        "stable", "x is multiplied by a periodic function", "Hale 1980", (told,)
     )
 
 

@@ -9,12 +9,13 @@ from filippov.app.cli.folder import Folder
 from filippov.app.cli.maps import CONDITION, PARTS, section_of
 from filippov.app.cli.model import Loaded, load_model
 from filippov.base.errors import UsageError
+from filippov.base.escape import printable
 from filippov.plot.attractors import plot_attractors
 from filippov.plot.manifold import plot_manifold
 
 KEEP = (
     "period", "step", "samples", "seed", "resolution", "cells", "recurrences", "most", "reach", "escape",
-    "rtol",
+    "rtol", "store",
 )  # fmt: skip
 
 
@@ -44,6 +45,8 @@ def run_attractors(settings: dict[str, Any], console: Console) -> int:
         )  # fmt: skip
     for line in found.lines():
         console.say(line)
+    if not found.complete and settings["store"] is not None:
+        console.warn(f"interrupted; the same command goes on from {printable(settings['store'])}")
     console.result({"model": loaded.name} | found.to_dict())
     folder.file("attractors.json", found.save)
     columns = (*(f"x0.{name}" for name in loaded.system.states), "label")

@@ -346,6 +346,8 @@ _ALL = (
                 number, metavar="R", default=1e-3),
          Option("escape", "distance, in parts of the box, beyond which a motion has escaped", number,
                 metavar="R", default=100.0),
+         Option("store", "file that keeps the search: one that was ended goes on from there", text,
+                metavar="FILE"),
          *SECTION,
          Option("rtol", "relative tolerance of a step", number, metavar="R", default=1e-8)),
         EXAMPLES["attractors"],
