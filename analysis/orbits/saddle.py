@@ -6,8 +6,8 @@ the surfaces count as stable or unstable directions beside the eigenvalues of th
     unstable dimension = number of Re > 0 (+ surfaces that repel),  stable = number of Re < 0 (+ those that
     attract)
 
-Source: Kuznetsov, Rinaldi & Gragnani 2003, Int. J. Bifurcation Chaos 13, 2157, section 2 (pseudo-saddles);
-Filippov 1988, section 17.
+Source: Kuznetsov, Rinaldi & Gragnani 2003, Int. J. Bifurcation Chaos 13, 2157 (pseudo-saddles);
+Filippov 1988.
 """
 
 from __future__ import annotations

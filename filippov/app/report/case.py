@@ -14,8 +14,8 @@ from filippov.analysis.comparisons.independent import Orbits
 from filippov.analysis.diagrams.bifurcation import Diagram, bifurcation
 from filippov.analysis.local_stability.stability import stability_report
 from filippov.analysis.maps.event_map import EventMap
-from filippov.analysis.maps.gap_roots import fixed_point_near
 from filippov.analysis.maps.fixed_points import FixedPoint
+from filippov.analysis.maps.gap_roots import fixed_point_near
 from filippov.app.report.context import Context
 from filippov.base.errors import SolveError, UsageError
 from filippov.graphs.graph import observed_graph
