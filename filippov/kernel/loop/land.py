@@ -101,6 +101,10 @@ def reached_before(t: float, x: Vector, f: Vector, m: Vector, i: int, w: Vector)
     return first, longest
 
 
+# How much farther than where it was located an event may be, of the step.
+PAST = 0.05
+
+
 @kernel
 def land(
     t: float,
@@ -157,6 +161,11 @@ def land(
         if (length + delta) / step < 0.0:
             delta = -0.5 * length
         if abs(delta) <= 2.0 * EPS * abs(te) or (attempt > 2 and abs(value) >= last):
+            break
+        # Farther on there may be events that were not looked for: of a guard that is rounding Newton's method
+        # knows nothing, and a step whose polynomial is so far off is too long.
+        if (length + delta) / step > theta + PAST:
+            code = NOT_CONVERGED
             break
         last = abs(value)
         # An explicit correction of a stiff field is no small one.
