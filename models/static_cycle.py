@@ -22,7 +22,6 @@ import numpy.typing as npt
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from filippov.analysis.algebra import linalg
 from filippov.base.errors import UsageError
 
 Array = npt.NDArray[np.float64]
@@ -69,7 +68,7 @@ class LinearSlip:
             )
         self.P, self.I = P, I
         self.matrix = np.array([[0, 1, 0], [-P / m, -damping / m, -P / m], [I, 0, 0]], dtype=float)
-        rates = linalg.eigvals(self.matrix)
+        rates = np.linalg.eigvals(self.matrix)
         horizon = TURNS * 2 * np.pi / float(np.min(np.abs(rates)))
         self.times = np.linspace(0, horizon, TIMES + 1)
         step = expm(self.matrix * (horizon / TIMES))

@@ -21,6 +21,7 @@ import sympy
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.maps.event_map import EventMap
 from filippov.base.errors import SolveError, UsageError
 from filippov.model.symbols import t as time
@@ -145,7 +146,7 @@ class Orbits:
         y = np.concatenate(unknowns)
         for _ in range(NEWTON):
             residual, matrix = self._equations(y, sides, rule)
-            change = np.linalg.solve(matrix, -residual)
+            change = linalg.solve(matrix, -residual)
             y += change
             if np.max(np.abs(change)) < 1e-13 * np.max(np.abs(y)):
                 break
