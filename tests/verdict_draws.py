@@ -314,6 +314,6 @@ def _motions(
             if said != UN and tried(*SMALL_BASIN)[0] <= 10:
                 return "a small basin", told
             return UN, told
-        if end < 0.1:
+        if end < 0.2:  # what chatters within a step of two surfaces ends at 0.15
             return AS, told
     return ("falls" if fell < 0.95 else "grows" if peak > 10 or fell > 1.05 else "neutral"), told
