@@ -238,7 +238,9 @@ def points(e: Equilibrium, rng: np.random.Generator) -> list[Array]:
     if isinstance(e, EquilibriumPoint):
         return [np.array(e.value)]
     low, high = np.clip(np.array(e.bounds).T, -2, 2)
-    inner = [0.5, 1e-3, 0.999] if e.dimension == 1 else rng.random((3, e.dimension))
+    # A part of a set off all surfaces says nothing of the points at its border with another part.
+    edge = 1e-3 if "0" in e.mode else 0.2
+    inner = [0.5, edge, 1 - edge] if e.dimension == 1 else rng.uniform(edge, 1 - edge, (3, e.dimension))
     return [_state(e, low + share * (high - low)) for share in inner]
 
 
@@ -312,6 +314,6 @@ def _motions(
             if said != UN and tried(*SMALL_BASIN)[0] <= 10:
                 return "a small basin", told
             return UN, told
-        if end < 0.1:
+        if end < 0.2:  # what chatters within a step of two surfaces ends at 0.15
             return AS, told
     return ("falls" if fell < 0.95 else "grows" if peak > 10 or fell > 1.05 else "neutral"), told
