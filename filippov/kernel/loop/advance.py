@@ -144,8 +144,8 @@ def event_at_end(
     return -1
 
 
-# What a guard that is followed relative to itself is known to, in roundings of its terms.
-GRAIN = 1e2
+GRAIN = 1e2  # what a guard that is followed relative to itself is known to, in roundings of its terms
+SAME_END = 1e-11  # times so close to the end of the run, in parts of it, are the end
 # Pieces into which the guards of a step may split it for steps to go on growing.
 PIECES = 64
 
@@ -397,8 +397,10 @@ def advance(
                     clock[STEP] = abs(length) * max(0.2, step_factor(error))
                     grow = 1.0
                     continue
-            te = clock[T_END] if last and theta >= 1.0 else t + length
-            if (te - clock[T_END]) * direction > 0.0:
+            # What was missed at the end of the run may have been long before it.
+            there = abs(step - length) <= SAME_END * max(abs(clock[T_END]), abs(step))
+            te = t + length
+            if (last and theta >= 1.0 and there) or (te - clock[T_END]) * direction > 0.0:
                 te = clock[T_END]
             if dense_length == 0.0:
                 dense_length = length
