@@ -239,3 +239,19 @@ def test_F14_random_planar_two_folds_from_the_fold() -> None:
             want = [at + (b * p - a * q) / (b - a), 0]
         np.testing.assert_allclose(got.x_end, want, atol=1e-7 * (1 + abs(at)), err_msg=where)
         assert len(got.events) <= 1, where
+
+
+def test_F14_rest_at_a_two_fold_is_left_by_no_rounding() -> None:
+    """Both sides push back to the fold with opposite velocities: it is rested at, alone and in lanes."""
+    rng = np.random.default_rng(1)
+    n = size(60, 600)
+    drawn = {"p": rng.uniform(-1, -0.1, n), "q": rng.uniform(0.1, 1, n), "above": rng.uniform(-1, -0.1, n)}
+    drawn |= {"below": rng.uniform(0.1, 1, n), "at": rng.choice([0.0, 1.0, 100.0], n) * rng.normal(size=n)}
+    starts = np.column_stack([drawn["at"], np.zeros(n)])
+    for k in range(n):
+        got = solve(PLANAR, starts[k], (0, 1), parameters={name: float(v[k]) for name, v in drawn.items()})
+        assert got.success, got.message
+        np.testing.assert_allclose(got.x_end, starts[k], atol=1e-12)
+    many = solve_many(PLANAR, starts, (0, 1), parameters=drawn, lanes=8)
+    assert set(many.status) == {Status.SUCCESS}
+    np.testing.assert_allclose(many.x, starts, atol=1e-12)
