@@ -22,6 +22,8 @@ from filippov.kernel.loop.model import (
     W_GT,
     W_H,
     W_K,
+    W_MULT,
+    W_RADIUS,
     W_ROW,
     W_START,
     W_TOUCH,
@@ -34,6 +36,7 @@ from filippov.kernel.loop.model import (
     stages,
 )
 from filippov.kernel.tables.codes import ROOT, SWITCHING, TOUCH, UPPER
+from filippov.kernel.tables.layout import COLUMNS, MULTIPLIER
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
 EPS = 2.220446049250313e-16
@@ -101,8 +104,31 @@ def reached_before(t: float, x: Vector, f: Vector, m: Vector, i: int, w: Vector)
     return first, longest
 
 
-# How much farther than where it was located an event may be, of the step.
-PAST = 0.05
+# How much farther than where it was located an event may be, of the step, without another look, and how far
+# beyond its set a multiplier may be there.
+PAST, BEYOND = 0.05, 1e-6
+
+
+@kernel
+def passed(
+    t: float, x: Vector, p: Vector, m: Vector, landed: int, w: Vector, iw: Indices, ctx: Indices
+) -> bool:
+    """Whether a landing went past another event: then a guard is negative, or a multiplier outside its set.
+
+    Newton's method knows nothing of a guard that is but rounding, and may lead anywhere on the step.
+    """
+    h, f = shift(w, W_H), shift(w, W_F)
+    if guards(t, x, p, m, h, ctx) != 0 or field(t, x, p, m, f, w, iw, ctx) != 0:
+        return True
+    for i in range(M):
+        value = w[W_MULT + i * COLUMNS + MULTIPLIER]
+        size = 1.0 + abs(value)
+        if m[i] == 0.0:
+            if value > w[W_RADIUS + 2 * i + 1] + BEYOND * size or value < w[W_RADIUS + 2 * i] - BEYOND * size:
+                return True
+        elif i != landed and m[i] * h[i] + WIDTH[i] < -w[W_TOUCH + i]:
+            return True
+    return False
 
 
 @kernel
@@ -162,11 +188,6 @@ def land(
             delta = -0.5 * length
         if abs(delta) <= 2.0 * EPS * abs(te) or (attempt > 2 and abs(value) >= last):
             break
-        # Farther on there may be events that were not looked for: of a guard that is rounding Newton's method
-        # knows nothing, and a step whose polynomial is so far off is too long.
-        if (length + delta) / step > theta + PAST:
-            code = NOT_CONVERGED
-            break
         last = abs(value)
         # An explicit correction of a stiff field is no small one.
         if IMPLICIT or abs(delta) > 1e-5 * abs(step):
@@ -192,6 +213,8 @@ def land(
             value = h[i]
         if iw[I_SLIDING] > 0 and project(t + length, xe, p, m, h, w, iw, ctx) != 0:
             code = 1
+    if code == 0 and cause == ROOT and length / step > theta + PAST:
+        code = NOT_CONVERGED if passed(t + length, xe, p, m, i, w, iw, ctx) else 0
     for j in range(N):
         if code == 0 and not (abs(xe[j]) < 1e300):
             code = NOT_CONVERGED
