@@ -15,6 +15,8 @@ Source: Leine & van de Wouw 2008; Shevitz & Paden 1994.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -153,7 +155,7 @@ def of_system(context: Context) -> Masses | None:
             return None
         contacts.append(row)
     c = sympy.Matrix.vstack(*contacts) if contacts else sympy.zeros(0, len(q))
-    weights = _weights(A, G, c)
+    weights = _weights((A, B), G, c)
     if weights is None:
         return None
     M = sympy.diag(*weights)
@@ -172,14 +174,13 @@ def of_system(context: Context) -> Masses | None:
     return Masses(M, K, C, M * rest, c, tuple(friction), tuple(used))
 
 
-def _weights(A: sympy.Matrix, G: sympy.Matrix, c: sympy.Matrix) -> list[Expr] | None:
-    """Masses that make -M A symmetric and -M G a multiple of c^T; checked by the caller."""
-    m = A.rows
+def _weights(coupled: Sequence[sympy.Matrix], G: sympy.Matrix, c: sympy.Matrix) -> list[Expr] | None:
+    """Masses that make -M A symmetric for each A and -M G a multiple of c^T; checked by the caller."""
+    m = c.cols
     ratio: dict[tuple[int, int], Expr] = {}
-    for i in range(m):
-        for j in range(m):
-            if i != j and A[i, j] != 0 and A[j, i] != 0:
-                ratio[i, j] = A[i, j] / A[j, i]  # m_j = ratio m_i
+    for A, i, j in itertools.product(coupled, range(m), range(m)):
+        if i != j and A[i, j] != 0 and A[j, i] != 0:
+            ratio[i, j] = A[i, j] / A[j, i]  # m_j = ratio m_i
     for k in range(c.rows):
         held = [j for j in range(m) if c[k, j] != 0 and G[j, k] != 0]
         for i in held:
