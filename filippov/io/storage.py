@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -122,7 +122,10 @@ def solution_header(solution: Solution) -> dict[str, Any]:
         "t_end": float(solution.t_end),
         "dense": solution.sol is not None,
         "notes": [[i, event.note] for i, event in enumerate(solution.events) if event.note],
-        "accumulations": [asdict(limit) | {"x": limit.x.tolist()} for limit in solution.accumulations],
+        # What a way there bends by stands in the dense output.
+        "accumulations": [
+            asdict(replace(limit, bend=0.0)) | {"x": limit.x.tolist()} for limit in solution.accumulations
+        ],
         "ambiguity": None if solution.ambiguity is None else ambiguity_data(solution.ambiguity),
     }
 
