@@ -21,7 +21,9 @@ MODULES = [
 # As on Windows: no modules of POSIX, no signal masks, users or processes to be asked; os.kill ends a process.
 BARE = """
 import importlib, os, signal, sys
-import filippov, filelock, numba, numpy, scipy.optimize, sympy, networkx, tempfile, subprocess, matplotlib.pyplot
+import subprocess, tempfile
+import filelock, matplotlib.pyplot, networkx, numba, numpy, scipy.optimize, sympy
+import filippov
 
 def ended(*_):
     raise AssertionError("os.kill(pid, 0) ends the process on Windows")
