@@ -16,6 +16,7 @@ from filippov.kernel.loop.field import field, only_sliding
 from filippov.kernel.loop.model import (
     AFFINE,
     ALL_LINEAR,
+    COLOURS,
     COMPONENT,
     CONTACT,
     CONTACTS,
@@ -32,6 +33,7 @@ from filippov.kernel.loop.model import (
     I_SLIDING,
     IMPLICIT,
     LINEAR,
+    OWNER,
     ROLE,
     RULE,
     STAGES,
@@ -317,7 +319,21 @@ def order_at_start(c: Vector, spread: float) -> int:
 
 
 @kernel
-def rounding(t: float, step: float, i: int, w: Vector, iw: Indices) -> float:
+def balanced_terms(j: int, m: Vector, w: Vector, iw: Indices) -> float:
+    """The size of the fields that the multipliers balance in velocity j: what its rounding is part of."""
+    total = abs(w[W_VERT + j])
+    if AFFINE and M > 1 and iw[I_SLIDING] > 1:
+        for colour in range(COLOURS):
+            owner = OWNER[colour * N + j]
+            if owner >= 0 and m[owner] == 0.0:
+                total += 2.0 * abs(w[W_VERT + (colour + 1) * N + j])
+    else:
+        total += abs(w[W_VERT + N + j])
+    return float(total)
+
+
+@kernel
+def rounding(t: float, step: float, i: int, m: Vector, w: Vector, iw: Indices) -> float:
     """What guard i cannot be told from 0 by on this step: the rounding of the dense output in its terms.
 
     While others slide their multipliers balance vertex fields, whose rounding is left in the velocity.
@@ -327,7 +343,7 @@ def rounding(t: float, step: float, i: int, w: Vector, iw: Indices) -> float:
         j = G_COLUMN[a]
         moved = 0.0
         if iw[I_SLIDING] > 0:
-            moved = abs(step) * (abs(w[W_VERT + j]) + abs(w[W_VERT + N + j]))
+            moved = abs(step) * balanced_terms(j, m, w, iw)
         total += abs(w[W_G + i * N + j]) * (max(abs(w[W_COEF + j]), abs(w[W_Y + j])) + moved)
     return float(1024.0 * EPS * total)
 
@@ -412,7 +428,7 @@ def locate(
                 # A dip below 0 no deeper than rounding is a touching, not two crossings.
                 if stands_still(low, high, allowed, step, i, w):
                     continue
-                dip = rounding(t, step, i, w, iw)
+                dip = rounding(t, step, i, m, w, iw)
                 touch += dip if touch > 0.0 else 0.0
                 allowed += dip
                 # A root at the very end of a clear descent is none of these.

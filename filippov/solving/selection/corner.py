@@ -163,7 +163,8 @@ def _complementary(
 def _settled(point: Point, mode: Array, moving: Sequence[int], radii: Array) -> list[Array]:
     """Where contacts share a load in many ways: signs that carry it a moment later, some at their ends.
 
-    A contact that is at the end of its set and yet does not slip has that end as its sign, as h stays 0.
+    A contact that is at the end of its set and yet does not slip has that end as its sign, as h stays 0. One
+    that begins to slip at this very instant, where the last share of the load is used up, has its side.
     """
     r, C, effects = coupling(point, mode, moving)
     size = np.max(np.abs(C), axis=1, keepdims=True)
@@ -179,11 +180,11 @@ def _settled(point: Point, mode: Array, moving: Sequence[int], radii: Array) -> 
         )
         r2, C2, _ = coupling(later, mode, moving)
         for _, z2, signs2 in _held(later, r2, C2, moving, radii, np.zeros(len(moving))):
-            if np.array_equal(signs2, signs):
+            if np.array_equal(signs2[signs != 0.0], signs[signs != 0.0]):
                 low, high = radii[list(moving)].T
                 ends = np.where((z2 >= high) & (high <= 1 + 1e-12), 1.0, 0.0)
                 ends -= np.where((z2 <= low) & (low >= -1 - 1e-12), 1.0, 0.0)
-                found.append(np.where(signs != 0.0, signs, ends))
+                found.append(np.where(signs2 != 0.0, signs2, ends))
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -95,31 +96,42 @@ class Point:
             with np.errstate(invalid="ignore", over="ignore"):
                 total = np.abs(gt) + np.abs(g) @ np.nan_to_num(np.abs(base), posinf=0.0)
                 rates = _rates(g, base, gt)
-                for k in range(len(self.x) + 1):
-                    x, t = self.x.copy(), self.t
-                    if k < len(x):
-                        x[k] *= 1.0 + NUDGE
-                    else:
-                        t *= 1.0 + NUDGE
-                    if t != self.t or (k < len(x) and x[k] != self.x[k]):
-                        slopes, drift = self.machine.gradients(t, x, mode)
-                        moved = _rates(slopes, self.machine.rhs(t, x, signs, mode), drift)
-                        change = np.abs(moved - rates) / NUDGE
-                        total += np.where(np.isfinite(change), change, 0.0)
+                for t, x in self._nudged():
+                    slopes, drift = self.machine.gradients(t, x, mode)
+                    moved = _rates(slopes, self.machine.rhs(t, x, signs, mode), drift)
+                    change = np.abs(moved - rates) / NUDGE
+                    total += np.where(np.isfinite(change), change, 0.0)
             self.summed[key] = total
         return float(self.summed[key][i]) + self.reach(i, mode)
 
     def field_terms(self, base: Mode) -> Array:
-        """Size of the terms of each component of the field: with what the signs of the surfaces met do."""
+        """Size of the terms of each component of the field: what rounding in it is measured by.
+
+        What every sign makes of it, those of surfaces that are far away included, and what the states and the
+        time do: forces in balance leave a component that is rounding of them.
+        """
         mode = np.array(base, dtype=float)
         signs = np.where(mode == 0.0, 1.0, mode)
         start = self.rhs(signs, mode)
         total = np.abs(start)
-        for j in self.met:
+        for j in range(len(mode)):
             signs[j] = -signs[j]
-            total = total + np.abs(self.rhs(signs, mode) - start)
+            total = total + np.nan_to_num(np.abs(self.rhs(signs, mode) - start), posinf=0.0)
             signs[j] = -signs[j]
+        with np.errstate(invalid="ignore", over="ignore"):
+            for t, x in self._nudged():
+                change = np.abs(self.machine.rhs(t, x, signs, mode) - start) / NUDGE
+                total = total + np.where(np.isfinite(change), change, 0.0)
         return np.nan_to_num(total, posinf=0.0)
+
+    def _nudged(self) -> Iterator[tuple[float, Array]]:
+        """(t, x) with each state that is not 0 moved by a part of itself, then the time."""
+        for k in np.flatnonzero(self.x):
+            x = self.x.copy()
+            x[k] *= 1.0 + NUDGE
+            yield self.t, x
+        if self.t != 0.0:
+            yield self.t * (1.0 + NUDGE), self.x
 
     def probe(self, step: float, mode: Array, lam: Array) -> Probe:
         """`Machine.probe` at this point; many surfaces ask for the same one."""
