@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from filippov.base.errors import ModelError
 from filippov.solving.selection.candidate import (
+    OPEN,
     clear_rates,
     inside,
     moving_outwards,
@@ -139,8 +140,11 @@ def coupling(point: Point, mode: Array, group: Sequence[int]) -> tuple[Array, Ar
 def _complementary(
     point: Point, base: Mode, group: Sequence[int], radii: Array
 ) -> list[tuple[int, ...]]:
-    """Signs from the complementarity problem of a large corner, for every sign of those that cannot slide."""
-    fixed = [i for i in group if not can_slide(point, i)]
+    """Signs from the complementarity problem of a large corner, for every sign of those that cannot slide.
+
+    A contact at rest takes part with its force; it is left where that is 0.
+    """
+    fixed = [i for i in group if not can_slide(point, i) and i not in point.resting]
     if len(fixed) > ENUMERATED:
         names = ", ".join(repr(point.machine.surfaces[i].name) for i in fixed)
         raise ModelError(
@@ -172,6 +176,7 @@ def _settled(point: Point, mode: Array, moving: Sequence[int], radii: Array) -> 
     if values[-1] > REDUNDANT * values[0]:
         return []
     found: list[Array] = []
+    rests = np.array([point.machine.contacts[i] != 0 for i in moving])
     for _, z, signs in _held(point, r, C, moving, radii, np.zeros(len(moving))):
         velocity = _field_at(point, mode, moving, z, effects)
         ahead = point.direction * AHEAD * abs(point.step)
@@ -184,7 +189,9 @@ def _settled(point: Point, mode: Array, moving: Sequence[int], radii: Array) -> 
                 low, high = radii[list(moving)].T
                 ends = np.where((z2 >= high) & (high <= 1 + 1e-12), 1.0, 0.0)
                 ends -= np.where((z2 <= low) & (low >= -1 - 1e-12), 1.0, 0.0)
-                found.append(np.where(signs2 != 0.0, signs2, ends))
+                # A wall at which others hold the motion may carry some of the load, or none.
+                for held in ([ends] if not np.any(rests) else [np.where(rests, 0.0, ends), ends]):
+                    found.append(np.where(signs2 != 0.0, signs2, held))
     return found
 
 
@@ -208,8 +215,14 @@ def _held(
     unit = np.max(np.abs(inner), axis=1, initial=0.0) + np.abs(right) + 1e-300
     right, inner = right / unit, inner / unit[:, None]
     turn, found = point.direction, []
+    # A set that is open downwards is turned over: the problem asks for a lower bound.
+    over = np.where(low[held] < -OPEN, -1.0, 1.0)
+    bounds = np.sort([over * low[held], over * high[held]], axis=0)
+    bounds = np.where(bounds > OPEN, np.inf, bounds)
     # h may leave its surface upwards at the upper end: w of the problem is minus the rate.
-    for z in complementarity(-turn * inner, -turn * right, low[held], high[held]).solutions:
+    problem = -turn * inner * np.outer(over, over), -turn * over * right
+    for turned in complementarity(*problem, *bounds).solutions:
+        z = over * turned
         w = turn * (right + inner @ z)
         clear = 1e-9 * (np.abs(right) + np.abs(inner) @ np.abs(z) + 1e-300)
         sides = np.where((z >= high[held]) & (w > clear), 1.0, 0.0)
