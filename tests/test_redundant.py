@@ -109,6 +109,15 @@ def test_F10_a_landing_passes_no_break_away() -> None:
     assert miss("tree of 5", 14) < 1e-6
 
 
+WHOLE = [("row of 4", 114), ("tree of 5", 2), ("tree of 5", 40), ("tree of 5", 60), ("tree of 5", 84)]
+
+
+@pytest.mark.parametrize(("name", "seed"), WHOLE)
+def test_11_networks_in_exact_balance_go_on(name: str, seed: int) -> None:
+    """Whole numbers: contacts slip at the instant at which the last share of a load is used up, or never."""
+    assert miss(name, seed) < 1e-6
+
+
 def test_F10_three_contacts_hold_two_bodies_at_rest() -> None:
     """Every share of the load gives the same motion: none."""
     run = solve(System({v: -sign(v) - sign(v - w) / 2, w: -sign(w) + sign(v - w) / 2}), (0, 0), (0, 1))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from stacks import draw, faults, split, stack
 
-from filippov import Status, solve
+from filippov import Status, Surface, System, parameters, sign, solve, states, t
 
 PROFILE = os.environ.get("FILIPPOV_PROFILE", "default")
 # The more bodies, the longer a draw takes: 300 in all in "ci", 10,200 in "nightly".
@@ -88,11 +88,37 @@ def test_11_A_bodies_that_come_to_rest_on_each_other_fall_all_the_while(n: int, 
     assert held > 2
 
 
-@pytest.mark.parametrize(("n", "k"), [(3, 29), (4, 46), (4, 67), (4, 94)])
+@pytest.mark.parametrize(("n", "k"), [(3, 29), (4, 46), (4, 67), (4, 94), (3, 1243), (6, 12)])
 def test_11_2_clusters_of_impacts_leave_no_contact_on_its_far_side(n: int, k: int) -> None:
+    """In draw 1243 a body falls onto an accumulation just before its limit; in 12 of 6 a chain fades slowly."""
     random = np.random.default_rng(n)
     for _ in range(k + 1):
         start, values = draw(random, n)
     run = solve(stack(n), start, (0, 3), parameters=values, zeno="continue", max_events=50_000)
     assert run.success, run.message
     assert not faults(run, n, values)
+
+
+@pytest.mark.parametrize("early", [1e-2, 1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("e", [0.3, 0.5, 0.8])
+def test_11_A_what_comes_just_before_a_limit_is_not_bridged(e: float, early: float) -> None:
+    """A ball dropped from 1 (g = 1) rests at sqrt(2) (1 + e)/(1 - e); a guard of the time fires before that."""
+    limit = np.sqrt(2) * (1 + e) / (1 - e)
+    y, v, z = states("y v z")
+    p = parameters(e=0.5, when=1.0)
+    floor, bell = Surface("floor", y, reset={v: -p.e * v}), Surface("bell", t - p.when)
+    bounced = System({y: v, v: -1, z: sign(t - p.when)}, surfaces=[floor, bell])
+    when = limit - early
+    run = solve(bounced, (1, 0, 0), (0, limit + 1), parameters={"e": e, "when": when}, zeno="continue")
+    assert run.success, run.message
+    (rung,) = run.events.of("bell")
+    # Closer to the limit than this is known, it rings there.
+    room = 1e-12 * when if early > 1e-7 else 4 * run.accumulations[0].error
+    assert abs(rung.t - when) < room
+    # Of the flights of lengths 2 sqrt(2) e^k those that have begun at this time.
+    k = int(np.floor(np.log(early * (1 - e) / (2 * np.sqrt(2))) / np.log(e))) if early > 1e-7 else None
+    if k is not None:
+        into = 2 * np.sqrt(2) * e**k / (1 - e) - early
+        speed = np.sqrt(2) * e**k
+        assert rung.x[:2] == pytest.approx([speed * into - into**2 / 2, speed - into], abs=1e-8)
+    assert np.all(np.abs(run.x_end - [0, 0, 1 + early - when]) < 1e-9 + 2 * room)

@@ -19,6 +19,7 @@ from filippov.solving.resets.zeno import (
     accumulates,
     accumulation,
     bridge,
+    interrupted,
     rest,
     rests,
     second_order,
@@ -77,7 +78,7 @@ class Settling(ABC):
         """Events accumulate: name the limit, and stop there or go on in the limit mode."""
         run = self.run
         limit = accumulation(run)
-        if limit is None:
+        if limit is None or interrupted(run, limit):
             run.zeno[:] = 0.0
             return self._budgets()
         self.accumulations.append(limit)

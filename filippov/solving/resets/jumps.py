@@ -33,6 +33,8 @@ from filippov.solving.state.run import Run
 # Resets at one instant, one after the other, and states that different orders lead to, before they are
 # called endless; so many of them at rest mean that the state cannot leave.
 LONGEST_CHAIN, MOST_STATES, MOST_AT_REST = 4096, 500, 8
+# Impacts that are passed on ever more weakly come to an end: so much longer a chain, of speeds so much smaller.
+LATEST, FADED = 4 * LONGEST_CHAIN, 1e-3
 ACCUMULATES = "accumulation"
 SAME, KEPT = 1e-9, 1e-6
 LATER = 8
@@ -137,6 +139,7 @@ def settle(
     for i in (*reached, *resting):
         rates.h_noise[i] = max(rates.h_noise[i], 2.0 * abs(rates.h[i]))
     waiting = [_State(run.x.copy(), mode, rates, np.abs(run.x), tuple(due))]
+    first = _speed(run, waiting[0])
     seen: list[_State] = []
     ends: list[_State] = []
     while waiting:
@@ -149,7 +152,8 @@ def settle(
         names = _names(run, state.due)
         if state.at_rest > MOST_AT_REST:
             return _stop(run, state, Status.ZENO, _no_rest(run, state.due))
-        if state.depth >= LONGEST_CHAIN:
+        fading = state.depth >= LONGEST_CHAIN and _speed(run, state) <= FADED * first
+        if state.depth >= (LATEST if fading else LONGEST_CHAIN):
             return _stop(run, state, Status.NO_CONTINUATION, f"the resets of {names} follow each other.")
         following = _following(run, state, simultaneous)
         if following == ACCUMULATES:
@@ -309,11 +313,22 @@ def _following(run: Run, state: _State, simultaneous: str) -> list[_State] | str
     return [_next(run, state, run.machine.reset(i, run.t, state.x, state.mode), [i]) for i in first]
 
 
-def _fastest(run: Run, state: _State) -> list[int]:
-    """The surfaces due that are run onto fastest, over |grad h|; several where they are equally fast."""
+def _speeds(run: Run, state: _State) -> Array:
+    """|dh/dt| over |grad h| of every surface."""
     g, _ = run.machine.gradients(run.t, state.x, state.mode)
-    speeds = np.abs(state.rates.rate) / (np.sqrt(np.sum(g**2, axis=1)) + 1e-300)
-    most = max(speeds[i] for i in state.due)
+    return np.asarray(np.abs(state.rates.rate) / (np.sqrt(np.sum(g**2, axis=1)) + 1e-300))
+
+
+def _speed(run: Run, state: _State) -> float:
+    """The largest speed onto a surface that is due."""
+    speeds = _speeds(run, state)
+    return max((float(speeds[i]) for i in state.due if i < run.machine.m), default=0.0)
+
+
+def _fastest(run: Run, state: _State) -> list[int]:
+    """The surfaces due that are run onto fastest; several where they are equally fast."""
+    speeds = _speeds(run, state)
+    most = _speed(run, state)
     return [i for i in state.due if speeds[i] >= most * (1.0 - SAME)]
 
 

@@ -82,8 +82,7 @@ def accumulation(run: Run) -> Accumulation | None:
     ends = _steady([e for e in recent if e.index == last and e.kind is not EventKind.GRAZING])
     if ends is None:
         return None
-    span = abs(ends[-1].t - ends[-3].t) * (1.0 + 1e-9)
-    part = tuple(sorted({e.index for e in recent if _takes_part(run, e, ends[-1].t, span)}))
+    part = _taking_part(run, recent, ends)
     best = _limit(run, ends, part)
     earlier = [e for e in run.events[-2 * most :] if e.index == last and e.kind is not EventKind.GRAZING]
     for length in range(len(earlier) - 1, LAPS, -1):
@@ -118,6 +117,16 @@ def _at_rest(run: Run, limit: Accumulation) -> Accumulation:
     speed = float(np.max(np.abs(velocity(run, x, mode)), initial=0.0))
     x_error = float(np.max(run.atol + run.options.rtol * np.abs(x)) + speed * limit.error)
     return replace(limit, x=x, x_error=x_error, bend=bend)
+
+
+def interrupted(run: Run, limit: Accumulation) -> bool:
+    """Whether another surface is reached before the limit: then only finitely many of the laps take place."""
+    mode = off_contact(run, run.mode)
+    h = mode * run.machine.guards(limit.t, np.ascontiguousarray(limit.x), mode) + run.machine.widths
+    g, gt = run.machine.gradients(limit.t, np.ascontiguousarray(limit.x), mode)
+    known = np.abs(g).sum(axis=1) * limit.x_error + np.abs(gt) * limit.error
+    others = [i for i in range(run.machine.m) if i not in limit.surfaces and run.mode[i] != 0.0]
+    return any(h[i] < -CHOSEN * known[i] for i in others)
 
 
 def _between_impacts(run: Run, mode: Array, t: float) -> tuple[Array, Array]:
@@ -234,8 +243,12 @@ def _limit(run: Run, ends: Sequence[Event], surfaces: tuple[int, ...]) -> Accumu
     return Accumulation(t, on, float(error), x_error, ratio, surfaces)
 
 
-def _takes_part(run: Run, event: Event, t: float, span: float) -> bool:
-    return run.machine.roles[event.index] != "observer" and abs(event.t - t) <= span
+def _taking_part(run: Run, recent: Sequence[Event], ends: Sequence[Event]) -> tuple[int, ...]:
+    """The surfaces met in both of the last two laps: what is crossed once on the way has no part in them."""
+    first, middle = (abs(ends[-1].t - ends[k].t) for k in (-3, -2))
+    ago = [(e.index, abs(e.t - ends[-1].t)) for e in recent if run.machine.roles[e.index] != "observer"]
+    last, before = {i for i, d in ago if d < middle}, {i for i, d in ago if middle <= d < first}
+    return tuple(sorted(last & before))
 
 
 def _extrapolated(states: list[Array], slowest: float) -> Array:
