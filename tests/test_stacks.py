@@ -90,7 +90,7 @@ def test_11_A_bodies_that_come_to_rest_on_each_other_fall_all_the_while(n: int, 
 
 @pytest.mark.parametrize(("n", "k"), [(3, 29), (4, 46), (4, 67), (4, 94), (3, 1243), (6, 12)])
 def test_11_2_clusters_of_impacts_leave_no_contact_on_its_far_side(n: int, k: int) -> None:
-    """In draw 1243 a body falls onto an accumulation just before its limit; in 12 of 6 a chain fades slowly."""
+    """In 1243 a body falls onto an accumulation just before its limit; in 12 of 6 a chain fades slowly."""
     random = np.random.default_rng(n)
     for _ in range(k + 1):
         start, values = draw(random, n)
@@ -102,7 +102,7 @@ def test_11_2_clusters_of_impacts_leave_no_contact_on_its_far_side(n: int, k: in
 @pytest.mark.parametrize("early", [1e-2, 1e-4, 1e-6, 1e-8])
 @pytest.mark.parametrize("e", [0.3, 0.5, 0.8])
 def test_11_A_what_comes_just_before_a_limit_is_not_bridged(e: float, early: float) -> None:
-    """A ball dropped from 1 (g = 1) rests at sqrt(2) (1 + e)/(1 - e); a guard of the time fires before that."""
+    """A ball dropped from 1 (g = 1) rests at sqrt(2) (1 + e)/(1 - e); a guard of time fires before that."""
     limit = np.sqrt(2) * (1 + e) / (1 - e)
     y, v, z = states("y v z")
     p = parameters(e=0.5, when=1.0)

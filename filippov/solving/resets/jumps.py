@@ -33,7 +33,7 @@ from filippov.solving.state.run import Run
 # Resets at one instant, one after the other, and states that different orders lead to, before they are
 # called endless; so many of them at rest mean that the state cannot leave.
 LONGEST_CHAIN, MOST_STATES, MOST_AT_REST = 4096, 500, 8
-# Impacts that are passed on ever more weakly come to an end: so much longer a chain, of speeds so much smaller.
+# A chain that fades comes to an end: so many impacts at most, where speeds are so much smaller.
 LATEST, FADED = 4 * LONGEST_CHAIN, 1e-3
 ACCUMULATES = "accumulation"
 SAME, KEPT = 1e-9, 1e-6

@@ -190,8 +190,8 @@ def _settled(point: Point, mode: Array, moving: Sequence[int], radii: Array) -> 
                 ends = np.where((z2 >= high) & (high <= 1 + 1e-12), 1.0, 0.0)
                 ends -= np.where((z2 <= low) & (low >= -1 - 1e-12), 1.0, 0.0)
                 # A wall at which others hold the motion may carry some of the load, or none.
-                for held in ([ends] if not np.any(rests) else [np.where(rests, 0.0, ends), ends]):
-                    found.append(np.where(signs2 != 0.0, signs2, held))
+                held = [np.where(rests, 0.0, ends), ends] if np.any(rests) else [ends]
+                found.extend(np.where(signs2 != 0.0, signs2, z) for z in held)
     return found
 
 

@@ -164,8 +164,8 @@ def _examined(
         if left is None or (held is None and moving_outwards(point, base, mode, lam, radii, own)):
             continue
         orders, margin = left
-        # Nothing depends on the sign of a surface on which nothing jumps and along which the motion runs. A wall
-        # at which others hold the motion is left so: it carries nothing.
+        # Nothing depends on the sign of a surface on which nothing jumps and along which the motion runs. A
+        # wall at which others hold the motion is left so: it carries nothing.
         idle = [i for i in free if point.machine.roles[i] != "switching" and i not in point.resting]
         if any(orders[i] == 0 and mode[i] != base[i] for i in idle):
             continue
