@@ -13,7 +13,9 @@ INSTALL := $(BIN)/python -m pip install --quiet --config-settings editable_mode=
 .DELETE_ON_ERROR:
 
 study: $(VENV)/.use-$(FILES)
+	rm -f results/hunting/made-from.txt
 	$(BIN)/filippov study hunting -o results/hunting
+	$(BIN)/python tests/made.py results/hunting
 
 test: $(VENV)/.use-$(FILES)
 	$(BIN)/python -m pytest -n 2 $(PYTEST)
@@ -40,8 +42,11 @@ lint: $(VENV)/.develop-$(FILES)
 	$(BIN)/ruff check .
 	$(BIN)/mypy --strict -p filippov -p filippov.models -p filippov.analysis
 
+# -E: every page is executed, also where only the package has changed.
 docs: $(VENV)/.develop-$(FILES)
-	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
+	rm -f docs/_build/html/made-from.txt
+	$(BIN)/python -m sphinx -E -W --keep-going -j 2 -b html docs docs/_build/html
+	$(BIN)/python tests/made.py docs/_build/html
 
 wheel-test: $(VENV)/.develop-$(FILES)
 	$(BIN)/python tests/check_wheel.py

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,14 @@ ROOT = HERE.parent
 sys.path.insert(0, str(ROOT))
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
 os.environ.setdefault("PYDEVD_DISABLE_FILE_VALIDATION", "1")
+# Matrices here are small, and pages are executed side by side.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# What a page executes warns of nothing: a start-up file of the kernel's, since Jupyter itself may warn.
+_profile = tempfile.TemporaryDirectory(prefix="filippov-docs-")
+_startup = Path(_profile.name) / "profile_default" / "startup"
+_startup.mkdir(parents=True)
+(_startup / "warnings_are_errors.py").write_text("import warnings\nwarnings.simplefilter('error')\n")
+os.environ["IPYTHONDIR"] = _profile.name
 
 project = "filippov"
 author = "The filippov developers"

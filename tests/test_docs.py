@@ -1,6 +1,7 @@
 """The documentation tells the truth: its code runs, the README prints what it says, links lead somewhere.
 
-Each page holds its expected numbers in `assert` lines and runs in a process of its own, warnings as errors.
+Each page holds its expected numbers in `assert` lines and runs in a process of its own, warnings as errors: by
+`make docs`, and here where that has not built the pages from the sources as they are.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from made import is_current
 from test_layout import SOURCES
 
 import filippov
@@ -50,6 +52,8 @@ def run(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
 def test_page_runs_and_its_numbers_hold(page: Path, tmp_path: Path) -> None:
     code = code_of(page)
     assert "assert " in code, f"{page.name} pins no number"
+    if is_current(ROOT / "docs" / "_build" / "html"):
+        return
     done = run(code, tmp_path)
     assert done.returncode == 0, done.stderr[-3000:]
 
