@@ -145,6 +145,27 @@ def test_11_20_ctrl_c_is_no_row_s_affair() -> None:
     assert ends.status[-1] is Status.INTERRUPTED
 
 
+class LimitError(BaseException):
+    """What a time limit raises: no error of what runs under it."""
+
+
+@pytest.mark.parametrize("general", [True, False])
+def test_14_6_a_time_limit_is_no_row_s_affair(monkeypatch: pytest.MonkeyPatch, general: bool) -> None:
+    import filippov.solving.solver
+
+    def limit(*_: Any, **__: Any) -> Any:
+        raise LimitError
+
+    if general:  # rows of a clock are solved one by one in Python
+        monkeypatch.setattr(filippov.solving.solver, "solve", limit)
+        system = harmed(CLOCK, {})
+    else:
+        monkeypatch.setitem(RAISED, "ValueError", limit)
+        system = harmed(FIELD, {1.0: (0.5, "ValueError")})
+    with pytest.raises(LimitError):
+        solve_many(system, [1.0], (0, 1), parameters={"k": [0.5, 1.0]})
+
+
 LEAVES = """
 import sys, os
 
@@ -160,7 +181,6 @@ def leaves(solution):
         os._exit(0)
     return {"twice": 2*k}
 """
-
 
 
 def test_11_20_a_measure_that_leaves_the_program_is_a_failed_row(tmp_path: Path) -> None:

@@ -59,9 +59,7 @@ def _fields(
             h = np.array([float(surface.h(span[0], x0.copy(), record)) for surface in system.surfaces])
             found = [np.asarray(system.field(span[0], x0.copy(), record, signs)) for signs in _sides(h)]
             return [f.astype(float) for f in found if f.dtype.kind in "fiu"]
-        except KeyboardInterrupt:
-            raise
-        except BaseException:  # noqa: BLE001  # what a function of the user's raises, the run says
+        except (Exception, SystemExit):  # noqa: BLE001  # what a function of the user's raises, the run says
             return []
     machine = Machine(system, options.method, p, sliding=options.sliding)
     mode = np.ones(machine.m)
