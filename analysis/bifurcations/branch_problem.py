@@ -211,6 +211,7 @@ class OrbitProblem:
             parts.append(np.array([orbit.period]))
         self.scale = np.concatenate(parts)
         self._last: tuple[bytes, float, list[Any]] | None = None
+        self._equations: tuple[list[Any], Array, Array] | None = None
 
     def p(self, value: float) -> Array:
         """Parameter values, checked against their bounds."""
@@ -283,7 +284,10 @@ class OrbitProblem:
     def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
         """See `BranchProblem`."""
         p, motions = self.p(value), self.motions(u, value)
-        return self.shooting.residual(u, motions, p), self.shooting.matrix(u, motions, p, self.names)
+        if self._equations is None or self._equations[0] is not motions:
+            matrix = self.shooting.matrix(u, motions, p, self.names)
+            self._equations = motions, self.shooting.residual(u, motions, p), matrix
+        return self._equations[1:]
 
     def orbit(self, u: Array, value: float, margins: bool = False) -> Orbit:
         """The orbit with these unknowns."""
@@ -361,8 +365,8 @@ class OrbitProblem:
         """See `BranchProblem`."""
         other = object.__new__(OrbitProblem)
         other.__dict__.update(self.__dict__)
-        other.shooting = self.shooting.at(u, self.p(value))
-        other._last = None
+        # The motions do not depend on the phase condition.
+        other.shooting, other._equations = self.shooting.at(u, self.p(value), self.motions(u, value)), None
         return other
 
 

@@ -71,7 +71,7 @@ class Crossings:
         last: dict[float, Along] = {}
 
         def test(share: float) -> float:
-            z, _ = corrector.correct(a.z + share * length * a.tangent, a.tangent)
+            z, _ = corrector.correct(_between(a, length, last, share), a.tangent)
             last[share] = corrector.along(z, a.tangent)
             return last[share].point.tests[name]
 
@@ -103,13 +103,14 @@ class Crossings:
     def _word(self, a: Along, b: Along, step: float) -> tuple[list[BranchPoint], Along]:
         length = float(a.tangent @ (b.z - a.z))
         low, high, before, after, onwards = 0.0, 1.0, a, b, b
+        known = {0.0: a, 1.0: b}
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
             if (high - low) * abs(length) < 1e-12:
                 break
             try:
-                z, _ = a.corrector.correct(a.z + middle * length * a.tangent, a.tangent)
-                at = a.corrector.along(z, a.tangent)
+                z, _ = a.corrector.correct(_between(a, length, known, middle), a.tangent)
+                at = known[middle] = a.corrector.along(z, a.tangent)
             except FAILURES:
                 # No solution in this plane: beyond the change.
                 high = middle
@@ -216,3 +217,13 @@ def _vanishes(name: str, a: Along, b: Along, at: Along) -> bool:
     return abs(at.point.tests.get(name, np.inf)) < 1e-3 * size
 
 
+
+
+def _between(a: Along, length: float, known: dict[float, Along], share: float) -> Array:
+    """A guess in the plane across the tangent of a, at a share of the length: between the nearest solutions."""
+    low = max((q for q in known if q <= share), default=None)
+    high = min((q for q in known if q > share), default=None)
+    if low is None or high is None:
+        return np.asarray(a.z + share * length * a.tangent)
+    part = (share - low) / (high - low)
+    return np.asarray(known[low].z + part * (known[high].z - known[low].z))

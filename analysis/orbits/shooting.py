@@ -168,10 +168,10 @@ class Shooting:
             out[-1, :n] = self.velocity
         return out
 
-    def at(self, u: Array, p: Array) -> Shooting:
-        """The same equations with the reference point moved to these unknowns."""
+    def at(self, u: Array, p: Array, motions: Sequence[Solution] | None = None) -> Shooting:
+        """The same equations with the reference point moved to these unknowns; motions: theirs, where known."""
         nodes, _ = self.split(u, p)
-        motion = self.motions(u, p)[0]
+        motion = (motions or self.motions(u, p))[0]
         speed = velocity_at(
             self.system, motion.start_mode, self.begin(p), motion.problem.x0, p, self.jacobian
         )

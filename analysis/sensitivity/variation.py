@@ -205,21 +205,23 @@ def transition(
     Gauss collocation of order 8 on the integrator's own steps, all of them at once; state(t) gives x on the
     nodes. A step is divided where the matrix itself, of which the motion may know nothing, asks for it.
     """
-    n, stages = field.size, len(_NODES)
+    n, size, stages = field.system.dimension, field.size, len(_NODES)
     start, step = _divided(field, start, step, state, p)
     times = (start[:, None] + step[:, None] * _NODES).ravel()
     x = state(times)
     s = field.multipliers(times, x, p)
-    a = field.matrix(times, x, s, p).reshape(start.size, stages, n, n)
+    # Parameters and time do not depend on the states: only the rows of the states are unknown.
+    a = field.matrix(times, x, s, p)[:, :n].reshape(start.size, stages, n, size)
     # K_i = A_i (Y + step sum_j a_ij K_j): one linear system of size stages * n a step.
-    identity = np.eye(n)
-    scaled = -step[:, None, None, None] * a
-    blocks = np.einsum("siab,ij->siajb", scaled, _MATRIX)
+    scaled = -step[:, None, None, None] * a[..., :n]
+    blocks = scaled[:, :, :, None, :] * _MATRIX[:, None, :, None]
     for i in range(stages):
-        blocks[:, i, :, i, :] += identity
-    size = stages * n
-    k = linalg.solve(blocks.reshape(-1, size, size), a.reshape(-1, size, n)).reshape(-1, stages, n, n)
-    steps = identity + step[:, None, None] * np.einsum("i,sijk->sjk", _WEIGHTS, k)
+        blocks[:, i, :, i, :] += np.eye(n)
+    k = linalg.solve(blocks.reshape(-1, stages * n, stages * n), a.reshape(-1, stages * n, size))
+    change = np.tensordot(k.reshape(-1, stages, n, size), _WEIGHTS, (1, 0))
+    identity = np.eye(size)
+    steps = np.tile(identity, (start.size, 1, 1))
+    steps[:, :n] += step[:, None, None] * change
     # Pairwise products: as many roundings, far fewer calls.
     while len(steps) > 1:
         odd = steps[-1:] if len(steps) % 2 else steps[:0]
