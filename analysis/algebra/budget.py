@@ -32,15 +32,23 @@ class _StoppedError(BaseException):
     """Not an Exception, so that `except Exception` in the computation does not swallow it."""
 
 
-class _Count(threading.local):
-    """Calls of this thread so far, the count at which a computation is stopped, and how deep counting is."""
+class _Count:
+    """Calls of a thread so far, the count at which a computation is stopped, and how deep counting is."""
 
-    calls = 0
-    limit = float("inf")
-    depth = 0
+    __slots__ = ("calls", "depth", "limit")
+
+    def __init__(self) -> None:
+        self.calls, self.limit, self.depth = 0, float("inf"), 0
 
 
-_count = _Count()
+class _Counts(threading.local):
+    """The count of this thread: looked up once, since the hook runs at every call."""
+
+    def __init__(self) -> None:
+        self.own = _Count()
+
+
+_counts = _Counts()
 
 
 def counted(function: Callable[P, T]) -> Callable[P, T]:
@@ -48,31 +56,35 @@ def counted(function: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> T:
-        if _count.depth:
+        count = _counts.own
+        if count.depth:
             return function(*args, **kwargs)
         before = sys.gettrace()
-        _count.depth = 1
-        sys.settrace(_hook(before))
+        count.depth = 1
+        sys.settrace(_hook(count, before))
         try:
             return function(*args, **kwargs)
         finally:
             sys.settrace(before)
-            _count.depth = 0
+            count.depth = 0
 
     return run
 
 
-def _hook(before: Any) -> Callable[[FrameType, str, Any], Any]:
+def _hook(count: _Count, before: Any) -> Callable[[FrameType, str, Any], Any]:
     def hook(frame: FrameType, event: str, arg: Any) -> Any:
-        _count.calls += 1
-        code = frame.f_code
-        # A generator may be entered to be closed, where an exception would be lost; what it calls is stopped.
-        held = code.co_flags & CO_GENERATOR or code.co_name in _CALLBACKS
-        if _count.calls > _count.limit and not held:
+        count.calls += 1
+        if count.calls > count.limit and not _held(frame):
             raise _StoppedError
         return None if before is None else before(frame, event, arg)
 
     return hook
+
+
+def _held(frame: FrameType) -> bool:
+    """Whether an exception would be lost here: a generator may be entered to be closed. What it calls is stopped."""
+    code = frame.f_code
+    return bool(code.co_flags & CO_GENERATOR) or code.co_name in _CALLBACKS
 
 
 class Clock:
@@ -82,20 +94,21 @@ class Clock:
     """
 
     def __init__(self, budget: float) -> None:
-        self.budget, self.started = budget, _count.calls
+        self.budget, self.started = budget, _counts.own.calls
 
     def check(self, terms: int = 0) -> None:
         """Raise OutOfBudgetError if the work is over or a product of that many terms would be formed."""
         if terms > MOST_TERMS:
             raise OutOfBudgetError(f"a product of {terms} terms")
-        _count.calls += STEP
-        if _count.calls - self.started > self.budget * CALLS:
+        count = _counts.own
+        count.calls += STEP
+        if count.calls - self.started > self.budget * CALLS:
             raise OutOfBudgetError(self._said(self.budget))
 
     def remaining(self) -> float:
         """What is left; raises OutOfBudgetError where there is nothing."""
         self.check()
-        return self.budget - (_count.calls - self.started) / CALLS
+        return self.budget - (_counts.own.calls - self.started) / CALLS
 
     def within(self, function: Callable[[], T], most: float = float("inf")) -> T:
         """Return function(), or raise OutOfBudgetError if it takes more than is left, or than `most`.
@@ -104,9 +117,10 @@ class Clock:
         that calls nothing is not stopped.
         """
         allowed = min(self.remaining(), most)
-        outer, hook = _count.limit, sys.gettrace()
-        _count.limit = min(outer, _count.calls + allowed * CALLS)
-        mine = _count.limit < outer
+        count, hook = _counts.own, sys.gettrace()
+        outer = count.limit
+        count.limit = min(outer, count.calls + allowed * CALLS)
+        mine = count.limit < outer
         try:
             return counted(function)()
         except _StoppedError:
@@ -114,7 +128,7 @@ class Clock:
                 raise
             raise OutOfBudgetError(self._said(min(self.budget, most))) from None
         finally:
-            _count.limit = outer
+            count.limit = outer
             # The interpreter takes away a hook that raised.
             sys.settrace(hook)
 
