@@ -17,11 +17,17 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), os.environ.g
 os.environ.setdefault("PYDEVD_DISABLE_FILE_VALIDATION", "1")
 # Matrices here are small, and pages are executed side by side.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# What a page executes warns of nothing: a start-up file of the kernel's, since Jupyter itself may warn.
+# What a page executes warns of nothing; the kernel around it may.
 _profile = tempfile.TemporaryDirectory(prefix="filippov-docs-")
-_startup = Path(_profile.name) / "profile_default" / "startup"
-_startup.mkdir(parents=True)
-(_startup / "warnings_are_errors.py").write_text("import warnings\nwarnings.simplefilter('error')\n")
+_startup = Path(_profile.name) / "profile_default" / "startup" / "warnings_are_errors.py"
+_startup.parent.mkdir(parents=True)
+_startup.write_text(
+    "import warnings as _warnings\n"
+    "_warnings.simplefilter('error')\n"
+    "_kernel = 'asyncio|comm|ipykernel|IPython|jupyter|matplotlib_inline|tornado|traitlets|zmq'\n"
+    "_warnings.filterwarnings('ignore', module=_kernel)\n",
+    encoding="utf-8",
+)
 os.environ["IPYTHONDIR"] = _profile.name
 
 project = "filippov"
