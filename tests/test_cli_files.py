@@ -188,9 +188,10 @@ def test_study_hands_over(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def run_study(
-        name: str, output: Path, progress: Any, quick: bool, resolution: float
+        name: str, output: Path, progress: Any, quick: bool, resolution: float, jobs: int
     ) -> dict[str, Any]:
         assert (name, resolution) == ("hunting", 1.0)
+        assert jobs in (1, 2)
         assert output.is_dir()
         progress("friction curves")
         progress(1, 3)

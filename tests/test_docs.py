@@ -1,7 +1,7 @@
 """The documentation tells the truth: its code runs, the README prints what it says, links lead somewhere.
 
-Each page holds its expected numbers in `assert` lines and runs in a process of its own, warnings as errors: by
-`make docs`, and here where that has not built the pages from the sources as they are.
+Each page holds its expected numbers in `assert` lines and runs in a process of its own, warnings as errors:
+by `make docs`, and here where that has not built the pages from the sources as they are.
 """
 
 from __future__ import annotations

@@ -82,7 +82,7 @@ def _hook(count: _Count, before: Any) -> Callable[[FrameType, str, Any], Any]:
 
 
 def _held(frame: FrameType) -> bool:
-    """Whether an exception would be lost here: a generator may be entered to be closed. What it calls is stopped."""
+    """Whether an exception would be lost here, as where a generator is closed; what it calls is stopped."""
     code = frame.f_code
     return bool(code.co_flags & CO_GENERATOR) or code.co_name in _CALLBACKS
 

@@ -220,7 +220,7 @@ def _vanishes(name: str, a: Along, b: Along, at: Along) -> bool:
 
 
 def _between(a: Along, length: float, known: dict[float, Along], share: float) -> Array:
-    """A guess in the plane across the tangent of a, at a share of the length: between the nearest solutions."""
+    """A guess at a share of the length, in the plane across the tangent: between the nearest solutions."""
     low = max((q for q in known if q <= share), default=None)
     high = min((q for q in known if q > share), default=None)
     if low is None or high is None:

@@ -147,7 +147,8 @@ def refine(
     problem = replace(orbit.problem, rtol=rtol or orbit.rtol, atol=atol or orbit.atol)
     p = resolved(orbit.system, {**orbit.parameters, **(parameters or {})})
     u, left = newton(problem, orbit.unknowns, p)
-    return make_orbit(problem.at(u, p), u, p, left)
+    motions = problem.motions(u, p)
+    return make_orbit(problem.at(u, p, motions), u, p, left, motions)
 
 
 class _Search:

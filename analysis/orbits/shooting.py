@@ -169,7 +169,7 @@ class Shooting:
         return out
 
     def at(self, u: Array, p: Array, motions: Sequence[Solution] | None = None) -> Shooting:
-        """The same equations with the reference point moved to these unknowns; motions: theirs, where known."""
+        """The same equations with the reference point moved to these unknowns, with the motions from them."""
         nodes, _ = self.split(u, p)
         motion = (motions or self.motions(u, p))[0]
         speed = velocity_at(

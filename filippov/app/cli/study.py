@@ -13,13 +13,15 @@ def run(settings: dict[str, Any], console: Console) -> int:
     """Run the study and write its report."""
     name = settings["name"]
     from filippov.app.report.study import run_study
+    from filippov.solving.state.batch import cores
 
     folder = Folder(settings["output"] or f"results/{name}", console)
     with console.progress(f"study {name}") as progress:
         output = Path(folder.path or ".")
         summary = run_study(
-            name, output, progress=progress, quick=settings["quick"], resolution=settings["resolution"]
-        )
+            name, output, progress=progress, quick=settings["quick"], resolution=settings["resolution"],
+            jobs=min(2, cores()),
+        )  # fmt: skip
     console.result(summary)
     console.say(f"wrote the report into {folder.path}")
     return 0

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.section import Section
+from filippov.app.report.aside import Aside
 from filippov.app.report.effort import Effort
 from filippov.base.errors import UsageError
 from filippov.models import registry
@@ -21,11 +22,14 @@ class Context:
 
     surface, index   of the section and its coordinate; timing: seconds by stage
     until            fraction of the whole that is done when the section at hand is
+    aside            what other processes compute
 
     Raises UsageError for a model without a section, or with one of several surfaces or of a formula.
     """
 
-    def __init__(self, study: Study, effort: Effort, progress: Progress | None = None) -> None:
+    def __init__(
+        self, study: Study, effort: Effort, progress: Progress | None = None, aside: Aside | None = None
+    ) -> None:
         model = registry.get(study.model)
         if model.section is None:
             raise UsageError(f"study {study.name!r}: the model {model.name!r} has no section; register one.")
@@ -35,6 +39,7 @@ class Context:
         bound = EventMap(self.system, self.section).bound
         self.surface, self.index = bound.surface, bound.index
         self.x0, self.t_span = study.x0 or model.x0, study.t_span or model.t_span
+        self.aside = aside or Aside(study, effort)
         self.until = 0.0
         self.timing: dict[str, float] = {}
         self._progress, self._low, self._high = progress, 0.0, 0.0

@@ -10,17 +10,19 @@ import numpy as np
 from filippov.analysis.estimation.identification import Identified, identify
 from filippov.analysis.estimation.record import Record
 from filippov.analysis.gains.gain_map import gain_map as ratio_map
-from filippov.analysis.gains.tuning import tune
+from filippov.analysis.gains.tuning import Tuning, tune
 from filippov.analysis.harmonic.describing_function import DescribingFunction, describing_function
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.section import Section as EventSection
 from filippov.analysis.orbits.orbit_search import find_orbit
+from filippov.app.report.context import Context
+from filippov.app.report.effort import Effort
 from filippov.app.report.part import NONE, Picture, Section, Table, number, yes
 from filippov.app.report.run import Run
 from filippov.base.errors import SolveError
 from filippov.models import registry
-from filippov.models.studies import Law
+from filippov.models.studies import Law, Study
 from filippov.plot.describing import plot_describing_function
 from filippov.plot.identification import plot_identification
 from filippov.plot.tuning import plot_gain_maps as plot_ratio_maps
@@ -32,18 +34,24 @@ if TYPE_CHECKING:
 POINTS = 100
 
 
+def tuned(study: Study, effort: Effort, k: int) -> Tuning:
+    """The search for settings without cycles under law k."""
+    item, own, (samples, points) = study.tuned[k], registry.get(study.model), effort.tune
+    model = registry.get(item.model)
+    assert own.section is not None
+    return tune(
+        model.build(), EventSection.from_model(model), study.ranges, own.section.interval,
+        parameters=item.parameters, samples=samples, points=points,
+    )  # fmt: skip
+
+
 def settings(run: Run) -> Section:
     """The search for settings without cycles under each law, and the ratio map of the first."""
-    study, (samples, points) = run.study, run.effort.tune
-    found = []
+    study, found = run.study, []
     with run.stage("settings", run.until):
         for k, item in enumerate(study.tuned):
             run.tell(k / (len(study.tuned) + 1), f"settings, {item.label}")
-            model = registry.get(item.model)
-            found.append((item, tune(
-                model.build(), EventSection.from_model(model), study.ranges, run.interval,
-                parameters=item.parameters, samples=samples, points=points,
-            )))  # fmt: skip
+            found.append((item, run.aside.value(tuned, k)))
         run.tell(len(study.tuned) / (len(study.tuned) + 1), "ratio map")
         (x, across), (y, up) = list(study.ranges.items())[:2]
         first, grid = found[0], run.effort.grid
@@ -158,24 +166,40 @@ def prediction(run: Run) -> Section:
     }})  # fmt: skip
 
 
+class Estimate(NamedTuple):
+    """What a record with noise gives: the estimate, and the study's borders for it and for its intervals."""
+
+    found: Identified
+    limit: float | None
+    safe: float | None
+
+
+def estimated(study: Study, effort: Effort, k: int) -> Estimate:
+    """The estimate from the study's record, made in its case k."""
+    asked, about = study.experiment, Context(study, effort)
+    assert asked is not None
+    values = EventMap(about.system, about.section, parameters=study.cases[k].parameters).parameters
+    made = solve(about.system, about.x0, (0.0, asked.t_end), parameters=values, rtol=1e-11, atol=1e-13)
+    if not made.success or made.sol is None:
+        raise SolveError(f"the motion of the experiment ended early: {made.message}", made)
+    t = np.linspace(0.0, asked.t_end, asked.samples)
+    states = made.sol(t)
+    noise = asked.noise * np.random.default_rng(asked.seed).standard_normal(t.size)
+    record = Record(t, states[0] + noise, force=asked.force(states, values))
+    found = identify(
+        record, asked.plant(), list(asked.guess), start=dict(asked.guess), fixed=dict(asked.fixed),
+        windows=asked.windows,
+    )  # fmt: skip
+    ends = [{key: end} for key, pair in found.intervals.items() for end in pair]
+    return Estimate(found, _limit(about, values, found, []), _limit(about, values, found, ends))
+
+
 def experiment(run: Run) -> Section:
     """A record with noise, the estimate from it, and the borders of the settings for it."""
     asked, values, name = run.study.experiment, run.main.parameters, run.study.parameter
     assert asked is not None
     with run.stage("experiment", run.until):
-        made = solve(run.system, run.x0, (0.0, asked.t_end), parameters=values, rtol=1e-11, atol=1e-13)
-        if not made.success or made.sol is None:
-            raise SolveError(f"the motion of the experiment ended early: {made.message}", made)
-        t = np.linspace(0.0, asked.t_end, asked.samples)
-        states = made.sol(t)
-        noise = asked.noise * np.random.default_rng(asked.seed).standard_normal(t.size)
-        record = Record(t, states[0] + noise, force=asked.force(states, values))
-        found = identify(
-            record, asked.plant(), list(asked.guess), start=dict(asked.guess), fixed=dict(asked.fixed),
-            windows=asked.windows,
-        )  # fmt: skip
-        ends = [{key: end} for key, pair in found.intervals.items() for end in pair]
-        limit, safe = _limit(run, values, found, []), _limit(run, values, found, ends)
+        found, limit, safe = run.aside.value(estimated, 0)
     truth, unit = {key: values[key] for key in found.errors}, run.study.unit
     rows = tuple(
         (key, number(truth[key], 8), f"{found.values[key]:.7g}", f"{error:.2g}",
@@ -206,13 +230,13 @@ def experiment(run: Run) -> Section:
 
 
 def _limit(
-    run: Run, values: Mapping[str, float], found: Identified, ends: list[dict[str, float]]
+    about: Context, values: Mapping[str, float], found: Identified, ends: list[dict[str, float]]
 ) -> float | None:
     """Lower border of the study's parameter alone, for the estimate and the ends of its intervals."""
-    name = run.study.parameter
-    known = {k: v for k, v in found.values.items() if k in run.system.parameters}
+    name = about.study.parameter
+    known = {k: v for k, v in found.values.items() if k in about.system.parameters}
     answer = tune(
-        run.system, run.section, {name: run.study.ranges[name]}, run.interval,
+        about.system, about.section, {name: about.study.ranges[name]}, about.interval,
         parameters={k: v for k, v in {**values, **known}.items() if k != name}, band=[{}, *ends], samples=16,
         points=24,
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from filippov.app.report.aside import Aside
 from filippov.app.report.case import Case
 from filippov.app.report.case_cycles import CaseCycles
 from filippov.app.report.context import Context, Progress
@@ -12,8 +13,10 @@ from filippov.models.studies import Study
 class Run(Context):
     """What the sections are made from: computed cases, the main one first, and the cycles of each."""
 
-    def __init__(self, study: Study, effort: Effort, progress: Progress | None = None) -> None:
-        super().__init__(study, effort, progress)
+    def __init__(
+        self, study: Study, effort: Effort, progress: Progress | None = None, aside: Aside | None = None
+    ) -> None:
+        super().__init__(study, effort, progress, aside)
         self.cases: list[Case] = []
         self.cycles: list[CaseCycles] = []
 

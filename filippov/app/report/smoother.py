@@ -12,12 +12,12 @@ from filippov.analysis.bifurcations.branch import Branch, BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import find_orbit
-from filippov.app.report.case import Case
 from filippov.app.report.cycles import rows_of
+from filippov.app.report.effort import Effort
 from filippov.app.report.part import NONE, Picture, Section, Table, first, number
 from filippov.app.report.run import Run
 from filippov.base.errors import SolveError
-from filippov.models.studies import Relative
+from filippov.models.studies import Study, StudyCase
 from filippov.plot.style import GREY, INK, SERIES, new_figure, style
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RTOL, MOST = 1e-9, 400
-# Points that a branch has, about, for the progress.
-POINTS = 150
 
 
 @dataclass(frozen=True)
@@ -36,13 +34,12 @@ class Followed:
 
     branch   over the study's parameter, with the coordinate `amplitude`; beyond: further on, where it was
              followed
-    small    (start, comes to rest, ratio |P(d)/d| of the exact map there) of starts near rest
+    small    (start, comes to rest) of starts near rest
     """
 
-    case: Case
     branch: Branch
     beyond: Branch | None
-    small: tuple[tuple[float, bool, float], ...]
+    small: tuple[tuple[float, bool], ...]
 
     @property
     def fold(self) -> BranchPoint | None:
@@ -51,17 +48,23 @@ class Followed:
         return found[0] if found else None
 
 
+def followed(study: Study, effort: Effort, k: int) -> Followed:
+    """What the smoother model of a study does in its case k."""
+    return Smoother(study, effort).follow(study.cases[k])
+
+
 class Smoother:
     """The smoother model of a study, and its motions, orbits and branches."""
 
-    def __init__(self, run: Run, asked: Relative) -> None:
-        self.run, self.asked, self.system, self.label = run, asked, asked.build(), ""
-        self.size, self.case = f"amplitude {self.system.states[0]}", 0
+    def __init__(self, study: Study, effort: Effort) -> None:
+        assert study.relative is not None
+        self.study, self.effort, self.asked = study, effort, study.relative
+        self.system = self.asked.build()
+        self.size = f"amplitude {self.system.states[0]}"
 
-    def follow(self, case: Case) -> Followed:
+    def follow(self, case: StudyCase) -> Followed:
         """Its branch in one case, and what starts near rest do."""
-        study, asked, effort = self.run.study, self.asked, self.run.effort
-        self.label, self.case = f"{asked.name}, {case.label}", self.run.cases.index(case)
+        study, asked, effort = self.study, self.asked, self.effort
         own = {k: v for k, v in case.parameters.items() if k in self.system.parameters}
         branch = self.branch(self.orbit(own, asked.x0), study.values[-1], effort.follow)
         beyond = None
@@ -69,8 +72,7 @@ class Smoother:
             value, x0 = asked.beyond
             far = self.orbit({**own, study.parameter: value}, x0)
             beyond = self.branch(far, max(study.beyond), 1)
-        small = tuple((a, self.rests(own, a), abs(float(case.event_map(a))) / a) for a in asked.small)
-        return Followed(case, branch, beyond, small)
+        return Followed(branch, beyond, tuple((a, self.rests(own, a)) for a in asked.small))
 
     def motion(self, values: Mapping[str, float], x0: Sequence[float], time: float) -> Solution:
         """A motion of so long."""
@@ -85,7 +87,7 @@ class Smoother:
         """The orbit that a motion goes to."""
         end = self.motion(values, x0, self.asked.transient).x_end
         return find_orbit(
-            self.system, end, symmetry=self.run.study.symmetry, method=self.asked.method, rtol=RTOL,
+            self.system, end, symmetry=self.study.symmetry, method=self.asked.method, rtol=RTOL,
             atol=1e-2 * RTOL, parameters=values,
         )  # fmt: skip
 
@@ -102,7 +104,7 @@ class Smoother:
         In legs: steps are in units of the orbit at a leg's start, so one begins where the word has changed
         and where the orbit has become half as large.
         """
-        name, whole = self.run.study.parameter, None
+        name, whole = self.study.parameter, None
         bounds = (orbit.parameters[name], last)
         while True:
             run = continuation(
@@ -125,11 +127,8 @@ class Smoother:
                 if begun:
                     continue
             whole.points.append(point)
-            count = len(whole.points)
-            cases = len(self.run.cases[: self.run.effort.relatives])
-            self.run.tell((self.case + min(count / POINTS, 1.0)) / cases, f"{self.label}: {count} points")
             if whole.folds:
-                if count - whole.points.index(whole.folds[0]) > follow:
+                if len(whole.points) - whole.points.index(whole.folds[0]) > follow:
                     return None
             elif point.special:
                 changed = True
@@ -142,21 +141,25 @@ def relative(run: Run) -> Section:
     """Where the smoother model is right, and where not."""
     asked, name = run.study.relative, run.study.parameter
     assert asked is not None
-    smoother = Smoother(run, asked)
+    found: list[Followed] = []
     with run.stage("smoother model", run.until):
-        found = [smoother.follow(case) for case in run.cases[: run.effort.relatives]]
-    size, unit = smoother.size, run.study.unit
+        chosen = run.cases[: run.effort.relatives]
+        for k, case in enumerate(chosen):
+            run.tell(k / len(chosen), f"{asked.name}, {case.label}")
+            found.append(run.aside.value(followed, k))
+    size, unit = f"amplitude {asked.build().states[0]}", run.study.unit
     rows, points = [], []
     summary: dict[str, Any] = {}
     facts: dict[str, float] = {}
-    for item, exact in zip(found, run.cycles, strict=False):
-        case, fold = item.case, item.fold
+    for item, exact, case in zip(found, run.cycles, run.cases, strict=False):
+        fold = item.fold
         largest = max((first(p) for p in exact.at[run.study.values[0]]), default=None)
         ends = [f"{q.special}, {name} = {q.value:.6f}" for q in exact.special]
         own = item.branch.points[0].coordinates[size]
         change = NONE if largest is None else f"{100 * (own / largest - 1):+.1f} %"
         repels = any(not q.stable for q in case.fixed if q.d == 0)
-        rests = all(rests for _, rests, _ in item.small)
+        rests = all(rests for _, rests in item.small)
+        ratios = [abs(float(case.event_map(start))) / start for start, _ in item.small]
         rows.append((
             case.label, number(largest, 7), number(own, 7), change, "; ".join(ends) or "never",
             f"fold, {name} = {fold.value:.6f}" if fold else "no end found",
@@ -165,7 +168,10 @@ def relative(run: Run) -> Section:
         summary[case.case.key] = {
             "amplitude": own,
             "fold": None if fold is None else {name: fold.value, "amplitude": fold.coordinates[size]},
-            "small": [{"start": s, "rests": rests, "exact_ratio": ratio} for s, rests, ratio in item.small],
+            "small": [
+                {"start": start, "rests": rests, "exact_ratio": ratio}
+                for (start, rests), ratio in zip(item.small, ratios, strict=True)
+            ],
         }
         facts |= {} if fold is None else {f"relative_fold_{case.slug}": fold.value}
         branches = [b for b in (item.branch, item.beyond) if b is not None]
@@ -193,7 +199,7 @@ def relative(run: Run) -> Section:
 
 def _branches(run: Run, name: str, size: str, found: list[Followed]) -> Figure:
     """The branches of the smoother model over the exact ones, on a linear and on a logarithmic scale."""
-    smooth = {item.case.slug: item.branch for item in found}
+    smooth = {case.slug: item.branch for case, item in zip(run.cases, found, strict=False)}
     with style():
         figure = new_figure(8.6, 4.2)
         linear, log = figure.subplots(1, 2)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from filippov.app.report import band, checks, cycles, design, diagram, response, smoother
+from filippov.app.report.aside import Aside
 from filippov.app.report.case import Case
 from filippov.app.report.context import Progress
 from filippov.app.report.effort import Effort
@@ -21,6 +22,7 @@ from filippov.app.report.run import Run
 from filippov.base.json_text import json_text
 from filippov.models.studies import Study, get_study
 from filippov.plot.style import style
+from filippov.solving.state.options import check_count
 
 # Fractions of the whole at which the cases, and all sections, are computed; the rest is drawing.
 CASES, COMPUTED = 0.25, 0.85
@@ -44,13 +46,15 @@ ORDER = (
 
 def run_study(
     study: str | Study, output: str | Path, *, progress: Progress | None = None, quick: bool = False,
-    resolution: float = 1.0,
+    resolution: float = 1.0, jobs: int = 1,
 ) -> dict[str, Any]:  # fmt: skip
     """Run a study, a name or a declaration, into a folder and return its summary.
 
     progress  called with (done, all, what)
     quick     coarser, to see whether it works
     resolution   factor of the number of points in maps, diagrams, searches, 0.1 to 20
+    jobs      processes that a study of the package is computed with; a script that asks for more than one
+              needs the guard `if __name__ == "__main__":`
 
     Writes report.html, summary.json, figures as SVG and PNG, data as CSV. Raises UsageError for an
     unknown name, ImportError without matplotlib or jinja2.
@@ -61,8 +65,13 @@ def run_study(
     with style():
         pass
     asked = get_study(study) if isinstance(study, str) else study
-    run = Run(asked, (Effort.quick() if quick else Effort()).finer(resolution), progress)
-    sections = compute(run)
+    effort = (Effort.quick() if quick else Effort()).finer(resolution)
+    with Aside(asked, effort, check_count("jobs", jobs)) as aside:
+        run = Run(asked, effort, progress, aside)
+        aside.begin(smoother.followed, len(asked.cases[: effort.relatives]) if asked.relative else 0)
+        aside.begin(design.estimated, 1 if asked.experiment else 0)
+        aside.begin(design.tuned, len(asked.tuned))
+        sections = compute(run)
     folder.mkdir(parents=True, exist_ok=True)
     for section in sections:
         for file, columns, rows in section.files:

@@ -1,0 +1,73 @@
+"""Parts of a study that another process computes while its own goes on with the others."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+from filippov.app.report.effort import Effort
+from filippov.models.studies import BUILT_IN, Study, get_study
+
+T = TypeVar("T")
+# A part: a function of a module, called with the study, how much to compute, and a number.
+Part = Callable[[Study, Effort, int], T]
+
+
+class Aside:
+    """Parts begun in `jobs - 1` processes; what they have not begun when it is wanted is computed here.
+
+    Only studies that another process can import are: those that come with the package.
+    """
+
+    def __init__(self, study: Study, effort: Effort, jobs: int = 1) -> None:
+        self.study, self.effort = study, effort
+        self._waiting: dict[tuple[Part[Any], int], Future[Any]] = {}
+        self._others = set(multiprocessing.active_children())
+        known = study.name in BUILT_IN and get_study(study.name) is study
+        self._pool: ProcessPoolExecutor | None = None
+        if known and jobs > 1:
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(jobs - 1, mp_context=context, initializer=_begin)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._pool is None:
+            return
+        if kind is not None:
+            for process in set(multiprocessing.active_children()) - self._others:
+                process.kill()
+        self._pool.shutdown(wait=kind is None, cancel_futures=True)
+
+    def begin(self, part: Part[Any], count: int) -> None:
+        """Let the parts of numbers 0 ... count - 1 be computed elsewhere, in this order."""
+        for k in range(count if self._pool else 0):
+            assert self._pool is not None
+            self._waiting[part, k] = self._pool.submit(_named, part, self.study.name, self.effort, k)
+
+    def value(self, part: Part[T], k: int) -> T:
+        """What a part gives."""
+        future: Future[T] | None = self._waiting.pop((part, k), None)
+        if future is not None and not future.cancel():
+            try:
+                return future.result()
+            except BrokenProcessPool:  # the process was killed
+                pass
+        return part(self.study, self.effort, k)
+
+
+def _begin() -> None:
+    """An interrupt from the terminal is for the first process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _named(part: Part[T], name: str, effort: Effort, k: int) -> T:
+    return part(get_study(name), effort, k)
