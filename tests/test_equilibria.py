@@ -222,6 +222,25 @@ def test_elimination_names_what_it_would_divide_by() -> None:
         Elimination([x], [], {}, Clock(10)).solve([sympy.cos(x) - x])
 
 
+def test_14_5_affine_equations_have_the_branch_of_one_elimination_after_the_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of random rank, some of them without a solution: the same unknowns stay free."""
+    random = np.random.default_rng(14)
+    x, s = sympy.symbols("x1:4"), sympy.symbols("s1:3")
+    cases = []
+    for k, count in enumerate(random.integers(1, 6, 12)):
+        rows = random.choice([0, 0, 1, -2, sympy.Rational(1, 3)], (count, 6))
+        rows[-1, k % 2 :] = rows[0, k % 2 :]
+        rows[-1, 5] += k % 3
+        cases.append([sum(c * q for c, q in zip(row, (*x, *s, 1), strict=True)) for row in rows])
+    found = [Elimination(x, s, {}, Clock(60.0)).solve(equations) for equations in cases]
+    monkeypatch.setattr(Elimination, "_affine", lambda *_: None)
+    assert found == [Elimination(x, s, {}, Clock(60.0)).solve(equations) for equations in cases]
+    assert [] in found
+    assert any(len(branch) < 5 for (branch,) in filter(None, found))
+
+
 def test_elimination_follows_every_factor() -> None:
     found = Elimination([x, v], [], {}, Clock(10)).solve([x * (1 - v), v * (x - 2)])
     assert {(b[x], b[v]) for b in found} == {(0, 0), (2, 1)}

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import sympy
 from sympy import Expr, Symbol
+from sympy.polys.matrices import DomainMatrix
+from sympy.polys.polyerrors import BasePolynomialError
 
 from filippov.analysis.algebra.budget import Clock, OutOfBudgetError
 from filippov.analysis.algebra.polynomial import sign_of_number
@@ -54,9 +57,32 @@ class Elimination:
 
     def solve(self, equations: Sequence[Expr]) -> list[Branch]:
         """Return the branches on which all equations are 0; unknowns that are no key of one are free."""
+        affine = self._affine(equations)
+        if affine is not None:
+            return affine
         self.found = []
         self._step(list(equations), {})
         return [b for b in self._different() if self._holds(b, equations)]
+
+    def _affine(self, equations: Sequence[Expr]) -> list[Branch] | None:
+        """The one branch, or none, of affine equations with rational numbers, by exact linear algebra; else None.
+
+        The last unknowns stay free, as they do where one unknown after the other is eliminated.
+        """
+        self.clock.check()
+        rows = [_affine_row(equation, self.unknowns) for equation in equations]
+        known = [row for row in rows if row is not None]
+        if len(known) < len(rows) or not rows:
+            return None
+        size = len(self.unknowns)
+        reduced, pivots = DomainMatrix(known, (len(known), size + 1), sympy.QQ).rref()
+        if size in pivots:
+            return []
+        numbers, branch = reduced.to_Matrix(), Branch()
+        for k, i in enumerate(pivots):
+            rest = zip(self.unknowns[i + 1 :], numbers[k, i + 1 : size], strict=True)
+            branch[self.unknowns[i]] = short(-numbers[k, size] - sum(c * x for x, c in rest))
+        return [branch]
 
     def _step(self, equations: list[Expr], known: Branch) -> None:
         self.clock.check()
@@ -243,6 +269,20 @@ def _linear(equation: Expr, unknown: Symbol) -> tuple[Expr, Expr] | None:
     if slope.has(unknown) or slope.is_zero:
         return None
     return slope, sympy.expand(equation.subs(unknown, 0))
+
+
+def _affine_row(equation: Expr, unknowns: Sequence[Symbol]) -> list[Any] | None:
+    """Coefficients of the unknowns and the constant, rational numbers; None of any other equation."""
+    try:
+        polynomial = sympy.Poly(equation, *unknowns)
+    except BasePolynomialError:
+        return None
+    if not (polynomial.domain.is_ZZ or polynomial.domain.is_QQ) or polynomial.total_degree() > 1:
+        return None
+    row = [sympy.QQ(0)] * (len(unknowns) + 1)
+    for powers, coefficient in polynomial.terms():
+        row[powers.index(1) if any(powers) else -1] = sympy.QQ(coefficient.p, coefficient.q)
+    return row
 
 
 def _never_zero(factor: Expr) -> bool:
