@@ -9,6 +9,9 @@ BIN := $(VENV)/bin
 FILES := $(shell find filippov models analysis -type f ! -path '*/__pycache__/*' | LC_ALL=C sort | cksum | cut -d' ' -f1)
 INSTALL := $(BIN)/python -m pip install --quiet --config-settings editable_mode=strict --editable
 
+# Neighbours share what they make once: each worker begins with one half, and takes from the other at the end.
+TWO := -n 2 --dist worksteal
+
 .PHONY: study test test-oldest lint docs wheel-test clean
 .DELETE_ON_ERROR:
 
@@ -18,7 +21,7 @@ study: $(VENV)/.use-$(FILES)
 	$(BIN)/python tests/made.py results/hunting
 
 test: $(VENV)/.use-$(FILES)
-	$(BIN)/python -m pytest -n 2 $(PYTEST)
+	$(BIN)/python -m pytest $(TWO) $(PYTEST)
 
 # The oldest versions that pyproject.toml allows, in an environment of their own, tests of every dependency from the
 # bare checkout. What these versions warn of about each other is no failure.
@@ -26,7 +29,7 @@ OLDEST := .venv-oldest
 OLDEST_PYTHON ?= $(shell command -v python$$($(PYTHON) tests/oldest.py python) || echo $(PYTHON))
 
 test-oldest: $(OLDEST)/.made
-	$(OLDEST)/bin/python -m pytest -n 2 -W default::DeprecationWarning -W default::PendingDeprecationWarning \
+	$(OLDEST)/bin/python -m pytest $(TWO) -W default::DeprecationWarning -W default::PendingDeprecationWarning \
 	  $$($(OLDEST)/bin/python tests/oldest.py tests)
 
 $(OLDEST)/.made: pyproject.toml tests/oldest.py

@@ -65,7 +65,7 @@ class Elimination:
         return [b for b in self._different() if self._holds(b, equations)]
 
     def _affine(self, equations: Sequence[Expr]) -> list[Branch] | None:
-        """The one branch, or none, of affine equations with rational numbers, by exact linear algebra; else None.
+        """The branch, or none, of affine equations with rational numbers, by exact linear algebra; else None.
 
         The last unknowns stay free, as they do where one unknown after the other is eliminated.
         """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from types import TracebackType
@@ -47,11 +47,11 @@ class Aside:
                 process.kill()
         self._pool.shutdown(wait=kind is None, cancel_futures=True)
 
-    def begin(self, part: Part[Any], count: int) -> None:
-        """Let the parts of numbers 0 ... count - 1 be computed elsewhere, in this order."""
-        for k in range(count if self._pool else 0):
-            assert self._pool is not None
-            self._waiting[part, k] = self._pool.submit(_named, part, self.study.name, self.effort, k)
+    def begin(self, part: Part[Any], numbers: Iterable[int]) -> None:
+        """Let parts be computed elsewhere, in this order."""
+        if self._pool is not None:
+            for k in numbers:
+                self._waiting[part, k] = self._pool.submit(_named, part, self.study.name, self.effort, k)
 
     def value(self, part: Part[T], k: int) -> T:
         """What a part gives."""

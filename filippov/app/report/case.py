@@ -17,16 +17,17 @@ from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.gap_roots import fixed_point_near
 from filippov.app.report.context import Context
+from filippov.app.report.effort import Effort
 from filippov.base.errors import SolveError, UsageError
 from filippov.graphs.graph import observed_graph
 from filippov.graphs.word import mode_word
-from filippov.models.studies import StudyCase
+from filippov.models.studies import Study, StudyCase
 from filippov.solving.solver import solve
 from filippov.solving.state.machine import Machine
 
 Array = npt.NDArray[np.float64]
 # Where the stages end, in parts of a case.
-ENDS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.55, 0.6, 0.7, 1.0)
+ENDS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.6, 0.7, 1.0)
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,20 @@ class Agreement:
         chosen = [self.values[n] for n in names if n in self.values]
         spread = max(chosen) - min(chosen)
         return float(-np.log10(max(spread / abs(chosen[0]), 2.0**-53)))
+
+
+def diagrams(study: Study, effort: Effort, k: int) -> tuple[Diagram, Diagram | None]:
+    """The diagram of case k, and the one of further values where the study has some."""
+    about = Context(study, effort)
+
+    def over(values: tuple[float, ...]) -> Diagram:
+        return bifurcation(
+            about.system, about.section, parameter=study.parameter, values=values, interval=about.interval,
+            parameters=study.cases[k].parameters, order=study.order, points=effort.points,
+        )  # fmt: skip
+
+    chosen = tuple(dict.fromkeys([*study.values[:: effort.stride], study.values[-1]]))
+    return over(chosen), over(study.beyond) if study.beyond else None
 
 
 class Case:
@@ -84,10 +99,7 @@ class Case:
         with self._stage("jumps"):
             self.jumps = once.jumps(a, b, effort.points)
         with self._stage("bifurcation"):
-            chosen = tuple(dict.fromkeys([*study.values[:: effort.stride], study.values[-1]]))
-            self.diagram = self._diagram(chosen)
-        with self._stage("bifurcation beyond"):
-            self.beyond = self._diagram(study.beyond) if study.beyond else None
+            self.diagram, self.beyond = run.aside.value(diagrams, study.cases.index(case))
         with self._stage("stability"):
             self.stability = stability_report(system, given, solve_for=study.parameter)
         with self._stage("independent checks"):
@@ -157,14 +169,6 @@ class Case:
             d = np.unique(np.concatenate([d, np.geomspace(1e-8 * high, high, count)]))
         by_order = np.asarray(once.power(self.run.study.order)(d), dtype=float)
         return Samples(d, np.asarray(once(d), dtype=float), by_order)
-
-    def _diagram(self, values: tuple[float, ...]) -> Diagram:
-        run = self.run
-        return bifurcation(
-            run.system, run.section, parameter=run.study.parameter, values=values, interval=run.interval,
-            parameters=self.case.parameters, order=run.study.order, points=run.effort.points,
-            progress=lambda done, total: run.tell(done / total, f"{self.label}: bifurcation"),
-        )  # fmt: skip
 
     def _rests(self) -> Array:
         """The section's coordinate at each of its events along the response."""

@@ -12,7 +12,7 @@ from typing import Any
 
 from filippov.app.report import band, checks, cycles, design, diagram, response, smoother
 from filippov.app.report.aside import Aside
-from filippov.app.report.case import Case
+from filippov.app.report.case import Case, diagrams
 from filippov.app.report.context import Progress
 from filippov.app.report.effort import Effort
 from filippov.app.report.files import save_figure, write, write_csv
@@ -68,9 +68,10 @@ def run_study(
     effort = (Effort.quick() if quick else Effort()).finer(resolution)
     with Aside(asked, effort, check_count("jobs", jobs)) as aside:
         run = Run(asked, effort, progress, aside)
-        aside.begin(smoother.followed, len(asked.cases[: effort.relatives]) if asked.relative else 0)
-        aside.begin(design.estimated, 1 if asked.experiment else 0)
-        aside.begin(design.tuned, len(asked.tuned))
+        aside.begin(diagrams, range(1, len(asked.cases)))
+        aside.begin(smoother.followed, range(len(asked.cases[: effort.relatives]) if asked.relative else 0))
+        aside.begin(design.estimated, range(1 if asked.experiment else 0))
+        aside.begin(design.tuned, range(len(asked.tuned)))
         sections = compute(run)
     folder.mkdir(parents=True, exist_ok=True)
     for section in sections:
