@@ -155,9 +155,12 @@ class ParameterRecord:
 class ParameterSet:
     """The parameters of a system in order: `names`, `defaults`, and `resolve` for the values of a run."""
 
-    __slots__ = ("_index", "_items")
+    __slots__ = ("_defaults", "_hash", "_index", "_items", "names")
     _items: dict[str, Parameter]
+    names: tuple[str, ...]
     _index: dict[str, int]
+    _defaults: npt.NDArray[np.float64]
+    _hash: int
 
     def __init__(self, items: Mapping[str, object] | Declaration | ParameterSet | None = None) -> None:
         if isinstance(items, ParameterSet):
@@ -178,19 +181,18 @@ class ParameterSet:
             )
         object.__setattr__(self, "_items", found)
         object.__setattr__(self, "_index", {name: i for i, name in enumerate(found)})
+        object.__setattr__(self, "names", tuple(found))
+        object.__setattr__(self, "_defaults", np.array([q.default for q in found.values()], dtype=float))
+        # Runs look systems up by their parameters again and again.
+        object.__setattr__(self, "_hash", hash(tuple(found.items())))
 
     def __setattr__(self, name: str, value: object) -> NoReturn:
         raise AttributeError("the parameters of a system are read-only; give other values to the run.")
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The names in order."""
-        return tuple(self._items)
-
-    @property
     def defaults(self) -> npt.NDArray[np.float64]:
         """The default values in order, shape (number of parameters,)."""
-        return np.array([q.default for q in self._items.values()], dtype=float)
+        return self._defaults.copy()
 
     def __getitem__(self, name: str) -> Parameter:
         try:
@@ -213,7 +215,7 @@ class ParameterSet:
         return list(self._items.items()) == list(other._items.items())
 
     def __hash__(self) -> int:
-        return hash(tuple(self._items.items()))
+        return self._hash
 
     def __repr__(self) -> str:
         return "ParameterSet(" + ", ".join(f"{n}={q.default:g}" for n, q in self._items.items()) + ")"

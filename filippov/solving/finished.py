@@ -111,10 +111,10 @@ def _sampled(
             # A run that ends early ends at a point of its own.
             reached = np.append(reached, run.t)
         return reached, sol(reached).reshape(n, len(reached))
-    times = np.append(sol.start, run.t)
-    times = times[np.append(True, np.diff(times) != 0)]
-    states = sol(times, side="+").reshape(n, len(times))
-    states[:, -1] = run.x
+    # Where steps begin at one time, the last of them; its polynomial begins with the state there.
+    last = np.append(sol.start[1:] != sol.start[:-1], sol.start[-1] != run.t)
+    times = np.append(sol.start[last], run.t)
+    states = np.vstack((sol.coef[last, 0], run.x)).T.copy()
     if jumps.size:
         at = np.searchsorted(times * sol.direction, jumps * sol.direction)
         first = {e.t: e.x for e in reversed(events) if e.x_after is not None}
