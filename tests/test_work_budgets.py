@@ -11,6 +11,8 @@ from filippov.analysis.algebra.budget import Clock, OutOfBudgetError, counted
 from filippov.analysis.algebra.routh_hurwitz import routh_hurwitz
 from filippov.analysis.local_stability.stability import stability_report
 from filippov.analysis.steady.equilibria import equilibria
+from filippov.model.symbols import states
+from filippov.model.system import System
 from filippov.models import hunting, registry
 
 x, y = sympy.symbols("x y", real=True)
@@ -81,3 +83,26 @@ def test_12_9_a_trace_hook_that_is_there_goes_on() -> None:
     finally:
         sys.settrace(before)
     assert seen.count("call") >= 3
+
+
+def test_14_5_a_system_takes_calls_in_proportion_to_its_size() -> None:
+    """A line of cells with one relay: twice the states, twice the calls of functions."""
+
+    def calls(n: int) -> int:
+        x = states(" ".join(f"x{i}" for i in range(n)))
+        right = [-3 * x[i] + (x[i - 1] if i else -sympy.sign(x[0])) + x[(i + 1) % n] for i in range(n)]
+        count = 0
+
+        def hook(frame: object, event: str, arg: object) -> None:
+            nonlocal count
+            count += event == "call"
+
+        sys.setprofile(hook)
+        try:
+            System(dict(zip(x, right, strict=True)))
+        finally:
+            sys.setprofile(None)
+        return count
+
+    calls(10)
+    assert calls(800) < 2.2 * calls(400)

@@ -148,10 +148,11 @@ def _check_names(surfaces: Sequence[Surface]) -> None:
 
 
 def _check_resets(sources: Sequence[Surface | TimeEvent], x: Sequence[Symbol]) -> None:
+    known = [q.name for q in x]
+    states = set(known)
     for source in sources:
         for name, _ in source.reset or ():
-            if name not in (q.name for q in x):
-                known = [q.name for q in x]
+            if name not in states:
                 raise ModelError(f"the reset of {source.name!r}: {unknown('state', name, known)}")
 
 
@@ -167,14 +168,14 @@ def _parameters(
     """Return the parameter symbols in order of declaration; refuse every other symbol that is no state."""
     free = set().union(*(e.free_symbols for e in expressions)) if expressions else set()
     strange = sorted(
-        (q for q in free if not isinstance(q, ParameterSymbol) and q not in x and q != t),
-        key=lambda q: q.name,
+        (q for q in free - {t, *x} if not isinstance(q, ParameterSymbol)), key=lambda q: q.name
     )
     for symbol in strange:
         raise ModelError(_strange(symbol, x))
     found = sorted((q for q in free if isinstance(q, ParameterSymbol)), key=lambda q: (q.position, q.name))
     ordered = list(declared) if declared is not None else []
-    ordered += [q for q in found if q not in ordered]
+    known = set(ordered)
+    ordered += [q for q in found if q not in known]
     by_name: dict[str, ParameterSymbol] = {}
     for q in ordered:
         if q.name in by_name:
