@@ -82,11 +82,14 @@ def test_16_6_teixeira_flights_are_two_matrices() -> None:
     b, x = -0.98, np.array([-0.1, 0.001])
     above, below = np.array([[-1, 0], [-2 * b, 1]]), np.array([[1, -2 * b], [0, -1]])
     solution, time = run("teixeira"), 0.0
-    assert len(solution.events) == 10
+    assert len(solution.events) == 15
     for k, event in enumerate(solution.events):
         time += 2 * (abs(x[0]) if k % 2 == 0 else abs(x[1]))
         x = (above if k % 2 == 0 else below) @ x
         assert [event.t, *event.x] == approx([time, 0, *x], rel=1e-9, abs=1e-12)
+    # Sliding then brings y and z together, (y + z)' = 1 + b.
+    assert solution.modes[-1] == "0"
+    assert solution.x_end == approx([0, *2 * [(sum(x) + (1 + b) * (12 - time)) / 2]], rel=1e-9, abs=1e-12)
 
 
 # -- impacts -------------------------------------------------------------------------------------------
