@@ -40,6 +40,6 @@ MODEL = register(
         (0.0, 15.0),
         (0.0, 14.0),
         "A vehicle braked to rest on a slope rolls on at t = 9 s, when the brake is let go.",
-        "numbers chosen here",
+        "textbook mechanics; numbers chosen here",
     )
 )
