@@ -215,10 +215,16 @@ def reversed_surfaces(system: System) -> System:
     plain: dict[Any, Any] = {s: sp.sign(g) for s, g in zip(form.s, h, strict=True)}
     plain |= {a: sp.Abs(g) for a, g in zip(form.a, h, strict=True)}
     equations = {x: f.xreplace(plain) for x, f in zip(form.x, form.field, strict=True)}
-    return System(equations, surfaces=system.surfaces[::-1])
+    return System(equations, surfaces=system.surfaces[::-1], time_events=system.time_events)
 
 
-@pytest.mark.parametrize("name", [n for n in sorted(BUILT_IN) if len(system_of(n).surfaces) > 1])
+# The order is given by the equations: a curve made of |v|, and the two limits of one Min and Max.
+ORDERED = {"fuller", "anti_windup"}
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in sorted(BUILT_IN) if len(system_of(n).surfaces) > 1 and n not in ORDERED]
+)
 def test_order_of_surfaces_does_not_matter(name: str) -> None:
     system = system_of(name)
     assert system.comparator == Exact()

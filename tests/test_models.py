@@ -337,7 +337,7 @@ def test_built_in_table_is_what_the_modules_register() -> None:
     for name, module in registry.BUILT_IN.items():
         model = models.get(name)
         assert model.name == name
-        assert (ROOT / "models" / f"{module}.py").is_file()
+        assert (ROOT / "models" / f"{module.replace('.', '/')}.py").is_file()
         assert model.description.endswith(".")
         assert model.source
 
