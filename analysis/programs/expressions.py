@@ -1,0 +1,545 @@
+"""Expressions of a program, from syntax tree to values (see `choice`)."""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+import types
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+import sympy
+from sympy import And, Expr, Not, Or, Symbol
+
+from filippov.analysis.programs import functions
+from filippov.analysis.programs.choice import (
+    Nothing,
+    as_number,
+    elementwise,
+    is_condition,
+    is_number,
+    plain,
+)
+from filippov.analysis.programs.notes import Memory, ReadingError, Site, at
+from filippov.analysis.programs.outside import Outside, Parameters, opened
+from filippov.analysis.programs.source import Source
+from filippov.analysis.programs.switching import HANDLERS, Switching
+
+_BINARY: dict[type, Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}  # fmt: skip
+_BITWISE: dict[type, str] = {ast.BitAnd: "all_of", ast.BitOr: "any_of"}
+_COMPARE: dict[type, str] = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+_PLAIN: dict[str, Callable[[Any, Any], bool]] = {
+    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
+    "!=": operator.ne,
+}  # fmt: skip
+
+
+class Closure:
+    """A function or lambda defined within the program."""
+
+    def __init__(self, node: ast.FunctionDef | ast.Lambda, source: Source, scopes: tuple[int, ...]) -> None:
+        self.node, self.source, self.scopes = node, source, scopes
+
+
+class Method:
+    """An attribute of a value that is called."""
+
+    def __init__(self, owner: Any, name: str) -> None:
+        self.owner, self.name = owner, name
+
+
+class Expressions(Switching):
+    """Part of the reader: values of expressions in the present state of the program."""
+
+    parameters: Parameters
+    sites: list[Site]
+    memories: dict[tuple[Any, ...], Memory]
+    frames: dict[int, dict[str, Any]]
+    remembered: dict[tuple[Any, ...], Any]
+    source: Source
+    scopes: tuple[int, ...]
+
+    def call(self, node: ast.AST, function: Any, args: list[Any], named: dict[str, Any]) -> Any:
+        """The value of a call."""
+        raise NotImplementedError
+
+    def memory(self, key: tuple[Any, ...]) -> Memory | None:
+        """What is remembered under a key, if it is."""
+        return self.memories.get(key)
+
+    # -- notes ---------------------------------------------------------------------------------------------
+
+    def site(self, node: ast.AST, kind: str, h: Any) -> None:
+        """Note that the program switches here, unless parameters alone decide."""
+        if h is not None and self.fixed(h) is not None:
+            return
+        found = Site(at(node), self.source.file, self.source.text(node), kind, h)
+        if found not in self.sites:
+            self.sites.append(found)
+
+    def fixed(self, value: Any) -> float | None:
+        """The number of a value that depends on parameters alone, else None."""
+        return self.parameters.fixed(value)
+
+    def fail(self, node: ast.AST, message: str) -> ReadingError:
+        """The error that names line and text."""
+        text = self.source.text(node)
+        shown = text if len(text) < 70 else text[:67] + "..."
+        return ReadingError(f"line {at(node)}, `{shown}`: {message}.", at(node))
+
+    # -- conditions ----------------------------------------------------------------------------------------
+
+    def truth(self, node: ast.AST, value: Any) -> Any:
+        """A value as a condition: True, False, or what is not decided yet."""
+        value = plain(value)
+        if isinstance(value, (bool, np.bool_)) or value is None:
+            return bool(value)
+        if is_condition(value) or value in self.flags.symbols:
+            return value
+        if isinstance(value, Expr) or is_number(value):
+            return self.compare(node, "!=", value, 0)
+        if isinstance(value, np.ndarray) and value.size == 1:
+            return self.truth(node, value.ravel()[0])
+        if isinstance(value, (str, list, tuple, dict, Outside)):
+            return bool(value.value) if isinstance(value, Outside) else bool(value)
+        if isinstance(value, Nothing):
+            raise self.fail(node, "a condition on what not every path sets")
+        if isinstance(value, np.ndarray):
+            raise self.fail(node, "the truth of an array is ambiguous; ask .any() or .all()")
+        return True
+
+    def compare(self, node: ast.AST, how: str, a: Any, b: Any) -> Any:
+        """A comparison of two values."""
+        a, b = plain(a), plain(b)
+        if all(isinstance(v, (bool, str, type(None), list, tuple, dict)) for v in (a, b)):
+            return bool(_PLAIN[how](a, b))
+        if isinstance(a, str) or isinstance(b, str) or a is None or b is None:
+            if how in {"==", "!="}:
+                return how == "!="
+            raise self.fail(node, "a comparison with something that is no number")
+        for flag, other in ((a, b), (b, a)):
+            if flag in self.flags.symbols and self.fixed(other) in {0.0, 1.0} and how in {"==", "!="}:
+                wanted = (self.fixed(other) == 1.0) == (how == "==")
+                return flag if wanted else Not(flag)
+        a, b = as_number(a), as_number(b)
+        first, second = self.fixed(a), self.fixed(b)
+        if first is not None and second is not None:
+            return bool(_PLAIN[how](first, second))
+        if how in {"==", "!="}:
+            self.site(node, "equality", a - b)
+            return how == "!="
+        held = plain({"<": sympy.Lt, "<=": sympy.Le, ">": sympy.Gt, ">=": sympy.Ge}[how](a, b, evaluate=False))
+        if not isinstance(held, bool):
+            self.site(node, "if", a - b)
+        return held
+
+    # -- names ---------------------------------------------------------------------------------------------
+
+    def value(self, node: ast.expr) -> Any:
+        """The value of an expression."""
+        method = getattr(self, f"_{type(node).__name__}", None)
+        if method is None:
+            raise self.fail(node, f"{type(node).__name__} is not followed")
+        return method(node)
+
+    def _Constant(self, node: ast.Constant) -> Any:
+        if isinstance(node.value, complex):
+            raise self.fail(node, "complex numbers are not followed")
+        return node.value
+
+    def _JoinedStr(self, node: ast.JoinedStr) -> Any:
+        del node
+        return "text"
+
+    def _Name(self, node: ast.Name) -> Any:
+        for number in reversed(self.scopes):
+            if node.id in self.frames[number]:
+                found = self.frames[number][node.id]
+                if isinstance(found, Nothing):
+                    raise self.fail(node, f"{node.id!r} is not set on every path that leads here")
+                return found
+        return self.free(node, node.id)
+
+    def free(self, node: ast.AST, name: str) -> Any:
+        """The value of a name that is not the program's own."""
+        holder, key = self.holder(name)
+        if (kept := self.recalled(holder, key)) is not None:
+            return kept
+        try:
+            value = self.source.outside(name)
+        except (KeyError, ValueError):
+            raise self.fail(node, f"there is no {name!r}") from None
+        return self.parameters.inside(value, name)
+
+    def holder(self, name: str) -> tuple[Any, Any]:
+        """Where a free name is kept, and under which key: the globals, or the cell of a closure."""
+        live = self.source.function
+        if name in live.__code__.co_freevars and live.__closure__:
+            return live.__closure__[live.__code__.co_freevars.index(name)], None
+        return live.__globals__, name
+
+    def recalled(self, holder: Any, key: Any) -> Any:
+        """The symbol of a memory; None where it is none."""
+        memory = self.memory((id(holder), key))
+        return None if memory is None else memory.symbol
+
+    # -- containers ----------------------------------------------------------------------------------------
+
+    def _Attribute(self, node: ast.Attribute) -> Any:
+        owner = self.value(node.value)
+        return self.attribute(node, owner, node.attr, self.source.text(node))
+
+    def attribute(self, node: ast.AST, owner: Any, name: str, label: str) -> Any:
+        """owner.name."""
+        held = owner.value if isinstance(owner, Outside) else owner
+        if isinstance(held, types.ModuleType):
+            found = getattr(held, name)
+            if held.__name__ in {"math", "numpy"} and name in {"pi", "e", "tau"}:
+                return {"pi": sympy.pi, "e": sympy.E, "tau": 2 * sympy.pi}[name]
+            return found if held.__name__ in {"math", "numpy"} else self.parameters.inside(found, label)
+        if isinstance(held, np.ndarray) and name in {"T", "size", "shape", "ndim"}:
+            return getattr(opened(owner, self.parameters), name)
+        if isinstance(held, (np.ndarray, list, tuple, dict, Expr, str)) and not hasattr(held, "_fields"):
+            return Method(owner, name)
+        if isinstance(held, (Closure, Nothing)) or not hasattr(held, name):
+            raise self.fail(node, f"there is no {name!r}")
+        if (kept := self.recalled(held, name)) is not None:
+            return kept
+        kind = getattr(type(held), name, None)
+        if isinstance(kind, property) and kind.fget is not None:
+            return self.call(node, kind.fget, [owner], {})
+        found = getattr(held, name)
+        return found if isinstance(found, types.MethodType) else self.parameters.inside(found, label)
+
+    def _Subscript(self, node: ast.Subscript) -> Any:
+        owner, key = self.value(node.value), self.key(node.slice)
+        label = self.source.text(node)
+        if isinstance(owner, Outside):
+            if not isinstance(key, slice) and (kept := self.recalled(owner.value, key)) is not None:
+                return kept
+            owner_value = owner.value
+            if isinstance(owner_value, np.ndarray):
+                owner_value = owner_value.astype(float)
+            try:
+                found = owner_value[key]
+            except (KeyError, IndexError, TypeError) as error:
+                raise self.fail(node, f"{type(error).__name__} {error}") from None
+            inside = self.parameters.inside(found, label)
+            return opened(inside, self.parameters) if isinstance(key, slice) else inside
+        try:
+            return owner[key]
+        except (KeyError, IndexError, TypeError) as error:
+            raise self.fail(node, f"{type(error).__name__}: {error}") from None
+
+    def key(self, node: ast.expr) -> Any:
+        """An index, a slice or a tuple of them, in whole numbers; the key of a dict."""
+        if isinstance(node, ast.Slice):
+            ends = [None if part is None else self.key(part) for part in (node.lower, node.upper, node.step)]
+            return slice(*ends)
+        if isinstance(node, ast.Tuple):
+            return tuple(self.key(part) for part in node.elts)
+        found = self.value(node)
+        if isinstance(found, (str, slice, bool, type(None), type(...))):
+            return found
+        whole = self.whole_number(node, found)
+        if whole is None:
+            raise self.fail(node, "an index that depends on the state chooses; write it with conditions")
+        return whole
+
+    def whole_number(self, node: ast.AST, value: Any) -> int | None:
+        """The value as a whole number, None where the state decides."""
+        del node
+        number = self.fixed(value)
+        return None if number is None or number != round(number) else int(number)
+
+    def items(self, node: ast.AST, value: Any) -> list[Any]:
+        """What an iteration over a value gives."""
+        value = opened(value, self.parameters)
+        if isinstance(value, (list, tuple, range, dict, np.ndarray, zip, enumerate, reversed)):
+            return list(value)
+        if isinstance(value, Iterable) and not isinstance(value, sympy.Basic):
+            return list(value)
+        raise self.fail(node, "an iteration over what is no list, array or range")
+
+    def _Tuple(self, node: ast.Tuple) -> Any:
+        return tuple(self._elements(node.elts))
+
+    def _List(self, node: ast.List) -> Any:
+        return self._elements(node.elts)
+
+    def _elements(self, nodes: list[ast.expr]) -> list[Any]:
+        out: list[Any] = []
+        for part in nodes:
+            if isinstance(part, ast.Starred):
+                out += self.items(part, self.value(part.value))
+            else:
+                out.append(self.value(part))
+        return out
+
+    def _Dict(self, node: ast.Dict) -> Any:
+        if any(key is None for key in node.keys):
+            raise self.fail(node, "** in a dict is not followed")
+        return {self.value(k): self.value(v) for k, v in zip(node.keys, node.values, strict=True) if k}
+
+    def _ListComp(self, node: ast.ListComp | ast.GeneratorExp) -> Any:
+        out: list[Any] = []
+
+        def level(k: int) -> None:
+            if k == len(node.generators):
+                out.append(self.value(node.elt))
+                return
+            part = node.generators[k]
+            for item in self.items(part.iter, self.value(part.iter)):
+                self.assign(part.target, item)
+                kept = [self.truth(test, self.value(test)) for test in part.ifs]
+                if not all(isinstance(k, bool) for k in kept):
+                    raise self.fail(node, "a list whose length depends on the state is not followed")
+                if all(kept):
+                    level(k + 1)
+
+        level(0)
+        return out
+
+    _GeneratorExp = _ListComp
+
+    def assign(self, target: ast.expr, value: Any) -> None:
+        """Give a value to names, attributes and items."""
+        raise NotImplementedError
+
+    # -- operations ----------------------------------------------------------------------------------------
+
+    def _BinOp(self, node: ast.BinOp) -> Any:
+        return self.binary(node, node.op, self.value(node.left), self.value(node.right))
+
+    def binary(self, node: ast.AST, op: ast.operator, a: Any, b: Any) -> Any:
+        """An operation with two operands."""
+        a, b = opened(a, self.parameters), opened(b, self.parameters)
+        if isinstance(op, ast.Mod):
+            return "text" if isinstance(a, str) else self.mod(node, a, b)
+        if isinstance(op, ast.FloorDiv):
+            return self.divided(node, a, b)
+        if isinstance(op, ast.MatMult):
+            return np.asarray(np.dot(a, b), dtype=object)[()]
+        if type(op) in _BITWISE:
+            return elementwise(lambda u, v: getattr(self, _BITWISE[type(op)])(node, u, v), a, b)
+        if type(op) not in _BINARY:
+            raise self.fail(node, f"the operator {type(op).__name__} is not followed")
+        if isinstance(a, (list, tuple)) or isinstance(b, (list, tuple)):
+            return self._sequences(node, op, a, b)
+        if isinstance(a, str) or isinstance(b, str):
+            return "text"
+        for operand in (a, b):
+            if not isinstance(operand, (np.ndarray, Expr)) and not is_number(operand) and not is_condition(operand):
+                raise self.fail(node, f"arithmetic with {type(operand).__name__} is not followed")
+
+        def one(u: Any, v: Any) -> Any:
+            u, v = as_number(u), as_number(v)
+            if isinstance(op, ast.Pow):
+                return self.power(node, u, v)
+            if isinstance(op, ast.Div) and is_number(v) and v == 0:
+                raise self.fail(node, "a division by zero")
+            return _BINARY[type(op)](u, v)
+
+        return elementwise(one, a, b)
+
+    def _sequences(self, node: ast.AST, op: ast.operator, a: Any, b: Any) -> Any:
+        if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+            first, second = (np.asarray(v, dtype=object) for v in (a, b))
+            return self.binary(node, op, first, second)
+        if isinstance(op, ast.Add) and type(a) is type(b):
+            return a + b
+        count = self.whole_number(node, b if isinstance(a, (list, tuple)) else a)
+        if isinstance(op, ast.Mult) and count is not None:
+            return (a if isinstance(a, (list, tuple)) else b) * count
+        raise self.fail(node, "arithmetic with a list; make it an array first")
+
+    def power(self, node: ast.AST, base: Any, exponent: Any) -> Any:
+        """base**exponent; a whole exponent is put in as a number."""
+        if is_number(base) and is_number(exponent):
+            return base**exponent
+        whole = self.whole_number(node, exponent)
+        out = base ** (exponent if whole is None else whole)
+        if isinstance(out, Expr) and out.has(sympy.Abs) and not base.has(sympy.Abs):
+            self.site(node, "abs", next(iter(out.atoms(sympy.Abs))).args[0])
+        return out
+
+    def _UnaryOp(self, node: ast.UnaryOp) -> Any:
+        value = opened(self.value(node.operand), self.parameters)
+        if isinstance(node.op, (ast.Not, ast.Invert)):
+            return self.negated(node, value)
+        if isinstance(node.op, ast.USub):
+            return elementwise(lambda v: -as_number(v), value)
+        return value
+
+    def _BoolOp(self, node: ast.BoolOp) -> Any:
+        both = isinstance(node.op, ast.And)
+        parts: list[Any] = []
+        for item in node.values:
+            value = self.value(item)
+            held = self.truth(item, value)
+            if isinstance(held, bool):
+                if held != both:  # decides
+                    return plain((And if both else Or)(*parts, held)) if parts else value
+                if item is node.values[-1] and not parts:
+                    return value
+                continue
+            parts.append(held)
+        return plain((And if both else Or)(*parts))
+
+    def _Compare(self, node: ast.Compare) -> Any:
+        values = [self.value(node.left), *(self.value(part) for part in node.comparators)]
+        held = [
+            self._one_compare(node, op, a, b) for op, a, b in zip(node.ops, values, values[1:], strict=False)
+        ]
+        return held[0] if len(held) == 1 else self.all_of(node, *held)
+
+    def _one_compare(self, node: ast.Compare, op: ast.cmpop, a: Any, b: Any) -> Any:
+        if isinstance(op, (ast.Is, ast.IsNot)):
+            if isinstance(b, bool) and a in self.flags.symbols:
+                return a if b == isinstance(op, ast.Is) else Not(a)
+            same = a is b or (isinstance(a, (bool, str)) and type(a) is type(b) and a == b)
+            return same == isinstance(op, ast.Is)
+        if isinstance(op, (ast.In, ast.NotIn)):
+            found = self.any_of(node, *(self.compare(node, "==", a, v) for v in self.items(node, b)), False)
+            return self.negated(node, found) if isinstance(op, ast.NotIn) else found
+        a, b = opened(a, self.parameters), opened(b, self.parameters)
+        return elementwise(lambda u, v: self.compare(node, _COMPARE[type(op)], u, v), a, b)
+
+    def _IfExp(self, node: ast.IfExp) -> Any:
+        held = self.truth(node.test, self.value(node.test))
+        if isinstance(held, bool):
+            return self.value(node.body if held else node.orelse)
+        return self.flags.choose(held, self.value(node.body), self.value(node.orelse))
+
+    def _Lambda(self, node: ast.Lambda) -> Any:
+        return Closure(node, self.source, self.scopes)
+
+    def _NamedExpr(self, node: ast.NamedExpr) -> Any:
+        value = self.value(node.value)
+        self.assign(node.target, value)
+        return value
+
+    # -- calls ---------------------------------------------------------------------------------------------
+
+    def _Call(self, node: ast.Call) -> Any:
+        if isinstance(node.func, ast.Name) and node.func.id == "print":
+            return None
+        function = self.value(node.func)
+        args = self._elements(node.args)
+        named: dict[str, Any] = {}
+        for word in node.keywords:
+            if word.arg is not None:
+                named[word.arg] = self.value(word.value)
+                continue
+            more = opened(self.value(word.value), self.parameters)
+            if not isinstance(more, dict):
+                raise self.fail(node, "** of what is no dict")
+            named |= more
+        if isinstance(function, Method):
+            return self._method(node, function, args, named)
+        return self.call(node, function, args, named)
+
+    def library(self, node: ast.AST, function: Any, args: list[Any], named: dict[str, Any]) -> Any:
+        """A call of a function of Python, math or numpy."""
+        if functions.is_unsteady(function):
+            raise self.fail(node, "it gives another value at each call: such a field has no solution to compare with")
+        args = [opened(a, self.parameters) for a in args]
+        named = {k: opened(v, self.parameters) for k, v in named.items() if k not in {"dtype", "out"}}
+        if function in functions.SILENT:
+            return None
+        if function in functions.SWITCHING:
+            return HANDLERS[functions.SWITCHING[function]](self, node, *args, **named)
+        if function in functions.SMOOTH and not named:
+            return elementwise(lambda *v: self._smooth(node, function, *v), *args)
+        if function in functions.BUILDING:
+            return self._built(node, function, args, named)
+        numbers = [self._known(a) for a in args]
+        if functions.is_library(function) and _concrete([*numbers, *named.values()]):
+            out = function(*self._lowered(numbers), **named)
+            return np.asarray(out, dtype=object) if isinstance(out, np.ndarray) else out
+        raise self.fail(node, f"{getattr(function, '__name__', function)} is not among the functions that are followed")
+
+    def _smooth(self, node: ast.AST, function: Any, *values: Any) -> Any:
+        values = tuple(as_number(v) for v in values)
+        if function is math.pow or function in {np.power, pow, np.float_power}:
+            return self.power(node, *values)
+        if all(is_number(v) for v in values):
+            return function(*values)
+        out = functions.SMOOTH[function](*values)
+        if isinstance(out, Expr) and out.has(sympy.Abs) and not any(sympy.sympify(v).has(sympy.Abs) for v in values):
+            self.site(node, "abs", next(iter(out.atoms(sympy.Abs))).args[0])
+        return out
+
+    def _built(self, node: ast.AST, function: Any, args: list[Any], named: dict[str, Any]) -> Any:
+        if function in {range}:
+            ends = [self.whole_number(node, a) for a in args]
+            if None in ends:
+                raise self.fail(node, "a range that depends on the state is not followed")
+            return range(*ends)  # type: ignore[arg-type]
+        try:
+            if function in {np.array, np.asarray, np.atleast_1d, np.asarray_chkfinite, np.copy}:
+                return np.array(args[0], dtype=object).reshape(-1) if function is np.atleast_1d else np.array(args[0], dtype=object)
+            if function is np.full:
+                return np.full(self._shape(node, args[0]), args[1], dtype=object)
+            out = function(*args, **named)
+        except (TypeError, ValueError, IndexError) as error:
+            raise self.fail(node, f"{type(error).__name__}: {error}") from None
+        return np.asarray(out, dtype=object)[()] if isinstance(out, (np.ndarray, np.generic)) else out
+
+    def _shape(self, node: ast.AST, value: Any) -> Any:
+        if isinstance(value, (tuple, list)):
+            return tuple(self.whole_number(node, v) for v in value)
+        return self.whole_number(node, value)
+
+    def _lowered(self, values: list[Any]) -> list[Any]:
+        return [np.array(v.tolist()) if isinstance(v, np.ndarray) else v for v in values]
+
+    def _known(self, value: Any) -> Any:
+        """A value with numbers in the place of parameters."""
+        if isinstance(value, (tuple, list)):
+            return type(value)(self._known(v) for v in value)
+        number = self.fixed(value) if isinstance(value, Expr) else None
+        return value if number is None else int(number) if number == round(number) else number
+
+    def _method(self, node: ast.AST, method: Method, args: list[Any], named: dict[str, Any]) -> Any:
+        if isinstance(method.owner, Outside) and method.name in {"append", "extend", "add", "write"}:
+            self.log(node, method.owner)
+            return None
+        owner, name = opened(method.owner, self.parameters), method.name
+        over = {"sum": "total", "max": "largest", "min": "least", "any": "any_of", "all": "all_of", "clip": "clip"}
+        if name in over:
+            return HANDLERS[over[name]](self, node, owner, *args, **named)
+        if isinstance(owner, list) and name in {"append", "extend"}:
+            getattr(owner, name)(*args)
+            return None
+        if name == "astype":
+            return elementwise(as_number, owner)
+        if name not in functions.METHODS:
+            raise self.fail(node, f"the method {name} is not followed")
+        if name == "get" and isinstance(owner, dict):
+            return owner.get(*args)
+        if isinstance(owner, Symbol):
+            return owner
+        out = getattr(owner, name)(*args, **named)
+        return np.asarray(out, dtype=object)[()] if isinstance(out, np.ndarray) else out
+
+    def log(self, node: ast.AST, owner: Outside) -> None:
+        """Note that the program keeps a record in a container outside."""
+        raise NotImplementedError
+
+
+def _concrete(values: Iterable[Any]) -> bool:
+    """Whether no value holds an expression."""
+    for value in values:
+        if isinstance(value, sympy.Basic) or (callable(value) and not isinstance(value, type)):
+            return False
+        if isinstance(value, dict):
+            return False
+        if isinstance(value, (list, tuple, np.ndarray)) and not _concrete(np.ravel(np.asarray(value, dtype=object))):
+            return False
+    return True
