@@ -37,7 +37,9 @@ def rules(memory: Memory, parameters: Parameters) -> list[Rule]:
                 continue
             positive = [condition for condition, holds in path if holds]
             if value != 1 - held or len(positive) != 1 or not isinstance(positive[0], Relational):
-                raise ReadingError(f"{where} in a way that is not one comparison for each change. {ADVICE}.", memory.line)
+                raise ReadingError(
+                    f"{where} in a way that is not one comparison for each change. {ADVICE}.", memory.line
+                )
             h = positive[0].gts - positive[0].lts
             for condition, holds in path:
                 if not holds and not _excluded(h, condition, parameters):
@@ -83,4 +85,4 @@ def surfaces(memory: Memory, found: list[Rule], symbols: dict[Any, Any]) -> list
 def first_value(memory: Memory, values: dict[Any, Any]) -> float:
     """The value that the memory has once the program was called at the start."""
     after = memory.after if not isinstance(memory.after, bool) else int(memory.after)
-    return float(sympy.sympify(after).xreplace({memory.symbol: sympy.Integer(int(memory.initial)), **values}))
+    return float(sympy.sympify(after).xreplace({**values, memory.symbol: sympy.Integer(int(memory.initial))}))

@@ -32,7 +32,11 @@ def is_number(value: Any) -> bool:
 
 def is_condition(value: Any) -> bool:
     """Whether a value is a condition that is not decided. A Symbol is a number here."""
-    return isinstance(value, Boolean) and not isinstance(value, Symbol) and value not in {sympy.true, sympy.false}
+    return (
+        isinstance(value, Boolean)
+        and not isinstance(value, Symbol)
+        and value not in {sympy.true, sympy.false}
+    )
 
 
 def plain(value: Any) -> Any:
@@ -63,7 +67,9 @@ class Flags:
     def __init__(self) -> None:
         self.symbols: set[Symbol] = set()
 
-    def choose(self, condition: Any, yes: Any, no: Any, memo: dict[tuple[int, int], Any] | None = None) -> Any:
+    def choose(
+        self, condition: Any, yes: Any, no: Any, memo: dict[tuple[int, int], Any] | None = None
+    ) -> Any:
         """The value that is `yes` where the condition holds, else `no`."""
         memo = {} if memo is None else memo
         if yes is no:

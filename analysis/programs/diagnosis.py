@@ -18,7 +18,7 @@ from filippov.analysis.programs.reader import Reading, read_program
 from filippov.analysis.programs.translation import Translation, translate
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.escape import printable
-from filippov.base.status import mode_text
+from filippov.base.status import Status, mode_text
 from filippov.model.system import System
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
@@ -104,7 +104,12 @@ class Diagnosis:
         if self.smooth:
             lines.append("nothing switches here: an integrator of smooth equations is what it needs.")
         for switch in self.switches:
-            what = {"jump": "the field jumps", "kink": "a corner, the field is continuous", "time": "time alone decides", "memory": "the memory changes"}
+            what = {
+                "jump": "the field jumps",
+                "kink": "a corner, the field is continuous",
+                "time": "time alone decides",
+                "memory": "the memory changes",
+            }
             stays = "; the motion stays on it (slides)" if switch.slides else ""
             lines.append(f"surface {switch.surface} = 0: {what[switch.kind]}, {switch.where}{stays}")
         lines += [f"{f.kind}: {f.sentence}." for f in self.findings]
@@ -159,7 +164,9 @@ def diagnose(
         reading = read_program(f, len(start), args)
         translation = translate(reading, start, span)
     except ReadingError as error:
-        findings.append(Finding("not translated", str(error).rstrip("."), lines=(error.line,) if error.line else ()))
+        findings.append(
+            Finding("not translated", str(error).rstrip("."), lines=(error.line,) if error.line else ())
+        )
     except ModelError as error:
         if reading is None:
             raise
@@ -198,7 +205,9 @@ def _checked(x0: Any, t_span: Any) -> tuple[Array, tuple[float, float]]:
         start = np.atleast_1d(np.asarray(x0, dtype=float))
         first, last = (float(q) for q in t_span)
     except (TypeError, ValueError):
-        raise UsageError(f"x0 is {x0!r} and t_span {t_span!r}, expected numbers, one a state, and (t0, t1).") from None
+        raise UsageError(
+            f"x0 is {x0!r} and t_span {t_span!r}, expected numbers, one a state, and (t0, t1)."
+        ) from None
     if start.ndim != 1 or not np.all(np.isfinite(start)):
         raise UsageError(f"x0 is {x0!r}, expected one finite number a state.")
     if not (np.isfinite(first) and np.isfinite(last) and first < last):
@@ -255,12 +264,18 @@ def _band(h: Any) -> float | None:
     if not isinstance(core, sympy.Abs):
         return None
     rest = h - sizes[0]
-    number = rest.xreplace({q: sympy.Float(q.parameter.default) for q in rest.free_symbols if isinstance(q, ParameterSymbol)})
+    number = rest.xreplace(
+        {q: sympy.Float(q.parameter.default) for q in rest.free_symbols if isinstance(q, ParameterSymbol)}
+    )
     return abs(float(number)) if number.is_number and 0 < abs(float(number)) <= 0.1 else None
 
 
 def _at_start(
-    f: Callable[..., Any], args: Sequence[Any], solution: Solution, translation: Translation, found: tuple[Switch, ...]
+    f: Callable[..., Any],
+    args: Sequence[Any],
+    solution: Solution,
+    translation: Translation,
+    found: tuple[Switch, ...],
 ) -> list[Finding]:
     """Starts on a surface, where the value of a sign at 0 is used, and the motion that it makes."""
     numbers = Numbers(translation.system)
@@ -275,6 +290,13 @@ def _at_start(
         return []
     switch = found[on[0]]
     later = t0 + 1e-6 * (solution.problem.t_span[1] - t0)
+    torn = solution.status is Status.NON_UNIQUE and solution.t_end == t0
+    if np.all(own == 0.0) and torn:
+        ways = ", ".join(mode_text(way.mode) for way in solution.candidates)
+        return [Finding(
+            "false rest", f"the start lies on {switch.surface} = 0, where {switch.where} gives 0 and with it f = 0: the program "
+            f"stays there for ever; the inclusion can go on in the modes {ways}", switch.surface, t0, switch.lines,
+        )]  # fmt: skip
     leaves = solution.sol is not None and solution.t_end > later and solution.start_mode[on[0]] != 0
     if np.all(own == 0.0) and leaves:
         return [Finding(
@@ -304,7 +326,9 @@ def _replayed(
     short = 1e-6 * (t1 - t0)
     asked = [(float(t), solution.sol(float(t)), True) for t in np.linspace(t0, t1, 400)]
     # A step comes to lie a little beyond the surface on which the memory changes.
-    asked += [(e.t, np.asarray(e.x) + short * numbers.field(e.t, e.x, e.before), False) for e in solution.events]
+    asked += [
+        (e.t, np.asarray(e.x) + short * numbers.field(e.t, e.x, e.before), False) for e in solution.events
+    ]
     events = np.array([t0, *(e.t for e in solution.events), t1])
     for t, x, compared in sorted(asked, key=lambda item: item[0]):
         own = np.asarray(f(t, np.array(x[:n]), *args), dtype=float).ravel()

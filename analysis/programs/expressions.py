@@ -32,7 +32,14 @@ _BINARY: dict[type, Callable[[Any, Any], Any]] = {
     ast.Pow: operator.pow,
 }  # fmt: skip
 _BITWISE: dict[type, str] = {ast.BitAnd: "all_of", ast.BitOr: "any_of"}
-_COMPARE: dict[type, str] = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+_COMPARE: dict[type, str] = {
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+}
 _PLAIN: dict[str, Callable[[Any, Any], bool]] = {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
     "!=": operator.ne,
@@ -133,7 +140,9 @@ class Expressions(Switching):
         if how in {"==", "!="}:
             self.site(node, "equality", a - b)
             return how == "!="
-        held = plain({"<": sympy.Lt, "<=": sympy.Le, ">": sympy.Gt, ">=": sympy.Ge}[how](a, b, evaluate=False))
+        held = plain(
+            {"<": sympy.Lt, "<=": sympy.Le, ">": sympy.Gt, ">=": sympy.Ge}[how](a, b, evaluate=False)
+        )
         if not isinstance(held, bool):
             self.site(node, "if", a - b)
         return held
@@ -334,7 +343,11 @@ class Expressions(Switching):
         if isinstance(a, str) or isinstance(b, str):
             return "text"
         for operand in (a, b):
-            if not isinstance(operand, (np.ndarray, Expr)) and not is_number(operand) and not is_condition(operand):
+            if (
+                not isinstance(operand, (np.ndarray, Expr))
+                and not is_number(operand)
+                and not is_condition(operand)
+            ):
                 raise self.fail(node, f"arithmetic with {type(operand).__name__} is not followed")
 
         def one(u: Any, v: Any) -> Any:
@@ -447,7 +460,9 @@ class Expressions(Switching):
     def library(self, node: ast.AST, function: Any, args: list[Any], named: dict[str, Any]) -> Any:
         """A call of a function of Python, math or numpy."""
         if functions.is_unsteady(function):
-            raise self.fail(node, "it gives another value at each call: such a field has no solution to compare with")
+            raise self.fail(
+                node, "it gives another value at each call: such a field has no solution to compare with"
+            )
         args = [opened(a, self.parameters) for a in args]
         named = {k: opened(v, self.parameters) for k, v in named.items() if k not in {"dtype", "out"}}
         if function in functions.SILENT:
@@ -462,7 +477,9 @@ class Expressions(Switching):
         if functions.is_library(function) and _concrete([*numbers, *named.values()]):
             out = function(*self._lowered(numbers), **named)
             return np.asarray(out, dtype=object) if isinstance(out, np.ndarray) else out
-        raise self.fail(node, f"{getattr(function, '__name__', function)} is not among the functions that are followed")
+        raise self.fail(
+            node, f"{getattr(function, '__name__', function)} is not among the functions that are followed"
+        )
 
     def _smooth(self, node: ast.AST, function: Any, *values: Any) -> Any:
         values = tuple(as_number(v) for v in values)
@@ -471,7 +488,11 @@ class Expressions(Switching):
         if all(is_number(v) for v in values):
             return function(*values)
         out = functions.SMOOTH[function](*values)
-        if isinstance(out, Expr) and out.has(sympy.Abs) and not any(sympy.sympify(v).has(sympy.Abs) for v in values):
+        if (
+            isinstance(out, Expr)
+            and out.has(sympy.Abs)
+            and not any(sympy.sympify(v).has(sympy.Abs) for v in values)
+        ):
             self.site(node, "abs", next(iter(out.atoms(sympy.Abs))).args[0])
         return out
 
@@ -483,7 +504,11 @@ class Expressions(Switching):
             return range(*ends)  # type: ignore[arg-type]
         try:
             if function in {np.array, np.asarray, np.atleast_1d, np.asarray_chkfinite, np.copy}:
-                return np.array(args[0], dtype=object).reshape(-1) if function is np.atleast_1d else np.array(args[0], dtype=object)
+                return (
+                    np.array(args[0], dtype=object).reshape(-1)
+                    if function is np.atleast_1d
+                    else np.array(args[0], dtype=object)
+                )
             if function is np.full:
                 return np.full(self._shape(node, args[0]), args[1], dtype=object)
             out = function(*args, **named)
@@ -511,7 +536,14 @@ class Expressions(Switching):
             self.log(node, method.owner)
             return None
         owner, name = opened(method.owner, self.parameters), method.name
-        over = {"sum": "total", "max": "largest", "min": "least", "any": "any_of", "all": "all_of", "clip": "clip"}
+        over = {
+            "sum": "total",
+            "max": "largest",
+            "min": "least",
+            "any": "any_of",
+            "all": "all_of",
+            "clip": "clip",
+        }
         if name in over:
             return HANDLERS[over[name]](self, node, owner, *args, **named)
         if isinstance(owner, list) and name in {"append", "extend"}:
@@ -540,6 +572,8 @@ def _concrete(values: Iterable[Any]) -> bool:
             return False
         if isinstance(value, dict):
             return False
-        if isinstance(value, (list, tuple, np.ndarray)) and not _concrete(np.ravel(np.asarray(value, dtype=object))):
+        if isinstance(value, (list, tuple, np.ndarray)) and not _concrete(
+            np.ravel(np.asarray(value, dtype=object))
+        ):
             return False
     return True

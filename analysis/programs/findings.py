@@ -78,7 +78,9 @@ def switches(translation: Translation, solution: Solution | None) -> tuple[Switc
     }  # fmt: skip
     out = []
     for i, (surface, h) in enumerate(zip(system.surfaces, form.plain_h(), strict=True)):
-        sites = tuple(s for s in translation.sites if s.h is not None and s.kind != "equality" and _same(s.h, h))
+        sites = tuple(
+            s for s in translation.sites if s.h is not None and s.kind != "equality" and _same(s.h, h)
+        )
         moving = h.free_symbols & (set(form.x) - clocks - remembered)
         kind = "memory" if surface.reset is not None else surface.kind if surface.kind == "kink" else "jump"
         kind = "time" if kind == "jump" and not moving else kind
@@ -91,13 +93,19 @@ def _same(site: Any, h: Any) -> bool:
     rng = np.random.default_rng(1)
     symbols = sorted(site.free_symbols | h.free_symbols, key=str)
     places = [
-        {q: sympy.Float(v) for q, v in zip(symbols, rng.normal(size=len(symbols)) + 0.1, strict=True)} for _ in range(16)
+        {q: sympy.Float(v) for q, v in zip(symbols, rng.normal(size=len(symbols)) + 0.1, strict=True)}
+        for _ in range(16)
     ]
     if site.has(*NONSMOOTH):
         equal = 0
         for values in places:
             a, b = (e.xreplace(values) for e in (site, h))
-            equal += bool(a.is_number and b.is_number and a.is_real and abs(abs(float(a)) - abs(float(b))) < 1e-12 * abs(float(b)))
+            equal += bool(
+                a.is_number
+                and b.is_number
+                and a.is_real
+                and abs(abs(float(a)) - abs(float(b))) < 1e-12 * abs(float(b))
+            )
         return equal >= 2
     for factor in sympy.Mul.make_args(sympy.factor_terms(site)):
         ratios = []
@@ -111,14 +119,22 @@ def _same(site: Any, h: Any) -> bool:
     return False
 
 
-def in_run(run: NaiveRun, solution: Solution, translation: Translation, found: tuple[Switch, ...]) -> list[Finding]:
+def in_run(
+    run: NaiveRun, solution: Solution, translation: Translation, found: tuple[Switch, ...]
+) -> list[Finding]:
     """What scipy's run does wrong, each with surface, time and line."""
     numbers = Numbers(translation.system)
     x = np.array([translation.extended(float(t), y) for t, y in zip(run.calls, run.asked.T, strict=True)]).T
     x = np.vstack([x, np.zeros((translation.remembered, len(run.calls)))])
     out = [*_chattering(run, solution, numbers, x, found), *_missed(run, solution, found)]
     if run.ended and run.ended != "budget":
-        out.append(Finding("exception", f"scipy's {run.method} ends at t = {run.t[-1]:.6g}: {run.ended}", t=float(run.t[-1])))
+        out.append(
+            Finding(
+                "exception",
+                f"scipy's {run.method} ends at t = {run.t[-1]:.6g}: {run.ended}",
+                t=float(run.t[-1]),
+            )
+        )
     out += _wrong(run, solution)
     return out
 
@@ -152,12 +168,20 @@ def _chattering(
                 continue
             steps = np.diff(run.t[(run.t >= begin) & (run.t <= end)])
             first, last = (float(begin) if first is None else first), float(run.calls[asked[-1]])
-            total, calls, least = total + turns, calls + len(asked), min(least, float(np.min(steps, initial=least)))
+            total, calls, least = (
+                total + turns,
+                calls + len(asked),
+                min(least, float(np.min(steps, initial=least))),
+            )
         if first is None:
             continue
         stopped = run.ended == "budget"
         hung = hung or stopped
-        tail = f" and has come no further than t = {run.t[-1]:.6g} when its budget of {run.nfev} calls is used up" if stopped else ""
+        tail = (
+            f" and has come no further than t = {run.t[-1]:.6g} when its budget of {run.nfev} calls is used up"
+            if stopped
+            else ""
+        )
         yield Finding(
             "hang" if stopped else "chattering",
             f"from t = {first:.6g} the motion stays on {switch.surface} = 0 ({switch.where}); scipy's {run.method} calls f on both "
@@ -177,7 +201,9 @@ def _missed(run: NaiveRun, solution: Solution, found: tuple[Switch, ...]) -> Ite
     for i, switch in enumerate(found):
         if switch.kind == "kink":
             continue
-        times = [e.t for e in solution.events if e.index == i and e.kind in {EventKind.CROSSING, EventKind.RESET}]
+        times = [
+            e.t for e in solution.events if e.index == i and e.kind in {EventKind.CROSSING, EventKind.RESET}
+        ]
         lost: list[tuple[float, float]] = []
         for a, b in zip(times, times[1:], strict=False):
             k = int(np.searchsorted(run.t, a, side="right"))
@@ -202,7 +228,9 @@ def _pulses(run: NaiveRun, solution: Solution, i: int, calls: Array) -> Iterator
     for first, second in zip(events, events[1:], strict=False):
         if first.index == i and second.index != i and second.t > first.t:
             k = int(np.searchsorted(run.t, first.t, side="right"))
-            unseen = np.searchsorted(calls, first.t, side="right") == np.searchsorted(calls, second.t, side="left")
+            unseen = np.searchsorted(calls, first.t, side="right") == np.searchsorted(
+                calls, second.t, side="left"
+            )
             if 0 < k < len(run.t) and second.t < run.t[k] and unseen:
                 yield first.t, second.t
 
@@ -219,9 +247,9 @@ def difference(run: NaiveRun, solution: Solution) -> tuple[Array, Array]:
 
 def _wrong(run: NaiveRun, solution: Solution) -> Iterator[Finding]:
     parts, gap = difference(run, solution)
-    beyond = np.flatnonzero(~(parts <= WRONG))
+    beyond = np.flatnonzero(parts > WRONG)
     if len(beyond):
-        most = int(np.nanargmax(parts)) if not np.all(np.isnan(parts)) else int(beyond[0])
+        most = int(np.nanargmax(parts))
         success = "" if run.ended else ", and reports success"
         yield Finding(
             "wrong curve", f"from t = {run.t[beyond[0]]:.6g} scipy's curve leaves the motion: at t = {run.t[most]:.6g} it is off by "

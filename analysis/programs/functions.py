@@ -99,4 +99,6 @@ def is_unsteady(function: Any) -> bool:
     owner = getattr(function, "__self__", None)
     if owner is not None and not isinstance(owner, type(math)):
         home = type(owner).__module__ or home
-    return home.lstrip("_").startswith(UNSTEADY) or (isinstance(owner, type(math)) and owner.__name__ in UNSTEADY)
+    return home.lstrip("_").startswith(UNSTEADY) or (
+        isinstance(owner, type(math)) and owner.__name__ in UNSTEADY
+    )

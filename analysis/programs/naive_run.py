@@ -75,7 +75,9 @@ def run_naively(
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         try:
-            solver = getattr(integrate, method)(counted, t_span[0], start.copy(), t_span[1], rtol=rtol, atol=atol)
+            solver = getattr(integrate, method)(
+                counted, t_span[0], start.copy(), t_span[1], rtol=rtol, atol=atol
+            )
             while solver.status == "running":
                 said = solver.step()
                 if solver.status == "failed":

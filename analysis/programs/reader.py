@@ -72,7 +72,7 @@ class Reader(Expressions):
         self.clocks: dict[Any, Clock] = {}
         self.time = sympy.Dummy("t", real=True)
         self.states = tuple(sympy.Dummy(f"y{i}", real=True) for i in range(n))
-        self.names: dict[Symbol, str] = {}
+        self.given_to: dict[tuple[int, str], dict[Symbol | None, None]] = {}
         self.frames, self.remembered = {}, {}
         self.scopes: tuple[int, ...] = ()
         self.given = tuple(args)
@@ -93,9 +93,8 @@ class Reader(Expressions):
         field = self._rates(value)
         for memory in self.memories.values():
             memory.after = self.remembered.get(_key(memory), memory.symbol)
-        names = tuple(self.names.get(x) for x in self.states)
         return Reading(
-            self.source, field, self.time, self.states, names, self.parameters, tuple(self.sites),
+            self.source, field, self.time, self.states, self._names(), self.parameters, tuple(self.sites),
             tuple(self.memories.values()), tuple(self.clocks.values()), tuple(self.remarks),
         )  # fmt: skip
 
@@ -187,7 +186,11 @@ class Reader(Expressions):
                         held, lambda n=node: self.block(n.body, following, loop),  # type: ignore[misc]
                         lambda n=node: self.block(n.orelse, following, loop),  # type: ignore[misc]
                     )  # fmt: skip
-                self._forked(held, lambda n=node: self.block(n.body, _nothing), lambda n=node: self.block(n.orelse, _nothing))  # type: ignore[misc]
+                self._forked(
+                    held,
+                    lambda n=node: self.block(n.body, _nothing),
+                    lambda n=node: self.block(n.orelse, _nothing),
+                )  # type: ignore[misc]
             elif isinstance(node, (ast.For, ast.While)):
                 return self._loop(node, following)
             else:
@@ -207,7 +210,9 @@ class Reader(Expressions):
                 return k < len(items)
             held = self.truth(node.test, self.value(node.test))
             if not isinstance(held, bool):
-                raise self.fail(node.test, "a loop that the state ends is not followed; write its cases with if")
+                raise self.fail(
+                    node.test, "a loop that the state ends is not followed; write its cases with if"
+                )
             return held
 
         def turn(k: int) -> Any:
@@ -268,7 +273,9 @@ class Reader(Expressions):
         for alias in node.names:
             home = alias.name if isinstance(node, ast.Import) else str(node.module)
             if home.split(".")[0] not in {"math", "numpy", "scipy", "operator"}:
-                raise self.fail(node, "an import inside the function is followed for math, numpy and scipy only")
+                raise self.fail(
+                    node, "an import inside the function is followed for math, numpy and scipy only"
+                )
             module: Any = importlib.import_module({"math": "math", "operator": "operator"}.get(home, home))
             found = module if isinstance(node, ast.Import) else getattr(module, alias.name)
             self.frames[self.scopes[-1]][alias.asname or alias.name.split(".")[0]] = found
@@ -312,11 +319,28 @@ class Reader(Expressions):
             else:
                 self._remember(target, outer, value)
             return
-        if value in self.states if isinstance(value, Symbol) else False:
-            self.names.setdefault(value, target.id)
-        if isinstance(value, Symbol):
-            self.parameters.name(value, target.id)
+        self._called(target.id, value)
         self.frames[self.scopes[-1]][target.id] = value
+
+    def _called(self, name: str, value: Any) -> None:
+        """Note what a name is given, by which states and parameters get theirs."""
+        found = [(name, value)]
+        if isinstance(value, np.ndarray) and 1 < value.size < len(self.states):
+            found = [(f"{name}{k + 1}", part) for k, part in enumerate(value.ravel().tolist())]
+        for label, part in found:
+            state = part if isinstance(part, Symbol) and part in self.states else None
+            self.given_to.setdefault((id(self.source.node), label), {})[state] = None
+            if isinstance(part, Symbol):
+                self.parameters.name(part, label)
+
+    def _names(self) -> tuple[str | None, ...]:
+        """The first name of each state that means this state wherever it is given."""
+        names: dict[Symbol, str] = {}
+        for (_, name), values in self.given_to.items():
+            only = next(iter(values)) if len(values) == 1 else None
+            if only is not None:
+                names.setdefault(only, name)
+        return tuple(names.get(x) for x in self.states)
 
     def _outer(self, node: ast.Global | ast.Nonlocal, name: str) -> None:
         """A name that a function declares as not its own."""
@@ -330,7 +354,9 @@ class Reader(Expressions):
         if isinstance(node, ast.Global):
             holder, key = self.source.function.__globals__, name
             if key not in holder:
-                raise self.fail(node, f"the global {name!r} has no value yet; give it one beside the function")
+                raise self.fail(
+                    node, f"the global {name!r} has no value yet; give it one beside the function"
+                )
         frame[name] = _Place("cell" if key is None else "item", holder, key)
         self._known_memory(node, frame[name], name)
 
@@ -440,7 +466,11 @@ class Reader(Expressions):
 
     @property
     def _program(self) -> Any:
-        return next(iter(self._sources.values()), self.source).function if self._sources else self.source.function
+        return (
+            next(iter(self._sources.values()), self.source).function
+            if self._sources
+            else self.source.function
+        )
 
     def _defaults(self, function: Any) -> dict[str, Any]:
         a = function.node.args

@@ -119,8 +119,19 @@ class Switching:
     def clip(self, node: ast.AST, value: Any, a_min: Any = None, a_max: Any = None, **bounds: Any) -> Any:
         """np.clip: least(largest(value, a_min), a_max)."""
         low, high = bounds.get("min", a_min), bounds.get("max", a_max)
+        if low is not None and high is not None:
+            ends = [self.fixed(v) if not isinstance(v, np.ndarray) else None for v in (low, high)]
+            if None not in ends and ends[0] < ends[1]:
+                return elementwise(lambda v: self._between(node, v, low, high), value)
         value = value if low is None else self._extreme(node, Max, "clip", (value, low))
         return value if high is None else self._extreme(node, Min, "clip", (value, high))
+
+    def _between(self, node: ast.AST, value: Any, low: Any, high: Any) -> Any:
+        """A number between bounds of which the first is known to be the lower."""
+        if self.fixed(value) is not None:
+            return self._extreme(node, Min, "clip", (self._extreme(node, Max, "clip", (value, low)), high))
+        above = self.flags.choose(self.compare(node, ">", value, high), high, value)
+        return self.flags.choose(self.compare(node, "<", value, low), low, above)
 
     def largest(self, node: ast.AST, *values: Any, **given: Any) -> Any:
         """The largest of numbers."""

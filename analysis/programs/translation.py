@@ -52,7 +52,9 @@ class Translation:
 
     def extended(self, t: float, y: Any) -> Array:
         """A state of the program with those of its clocks after it (not those of memories)."""
-        values = dict(zip(self.system.parameters.names, self.system.parameters.resolve({}).tolist(), strict=True))
+        values = dict(
+            zip(self.system.parameters.names, self.system.parameters.resolve({}).tolist(), strict=True)
+        )
         return np.array([*np.asarray(y, dtype=float), *(reading(c, t, values) for c in self.clocks)])
 
 
@@ -73,9 +75,16 @@ def translate(reading_: Reading, x0: Any, t_span: tuple[float, float]) -> Transl
     found = reading_
     symbols = _symbols(found)
     names = {q.name for q in symbols.values() if isinstance(q, ParameterSymbol)}
-    values = {q: sympy.Float(found.parameters.values[d], 17) for d, q in symbols.items() if isinstance(q, ParameterSymbol)}
+    values = {
+        q: sympy.Float(found.parameters.values[d], 17)
+        for d, q in symbols.items()
+        if isinstance(q, ParameterSymbol)
+    }
     clocks = tuple(_in_symbols(clock, symbols) for clock in found.clocks)
-    states = [symbols[x] for x in (*found.states, *(c.symbol for c in found.clocks), *(m.symbol for m in found.memories))]
+    states = [
+        symbols[x]
+        for x in (*found.states, *(c.symbol for c in found.clocks), *(m.symbol for m in found.memories))
+    ]
     field = [_tidy(rate.xreplace(symbols)) for rate in found.field]
     equations: dict[Any, Any] = dict(zip(states, field, strict=False))
     start, events = list(np.asarray(x0, dtype=float)), []
@@ -94,9 +103,7 @@ def translate(reading_: Reading, x0: Any, t_span: tuple[float, float]) -> Transl
         start.append(automaton.first_value(memory, back))
     used = parameters(**{q.name: q.parameter for q in symbols.values() if isinstance(q, ParameterSymbol)})
     system = System(equations, surfaces=declared, time_events=events, parameters=used if names else None)
-    sites = tuple(
-        replace(s, h=None if s.h is None else s.h.xreplace(symbols)) for s in found.sites
-    )
+    sites = tuple(replace(s, h=None if s.h is None else s.h.xreplace(symbols)) for s in found.sites)
     code = _code(system, equations, declared, events, tuple(start), t_span)
     return Translation(system, tuple(float(v) for v in start), sites, clocks, len(found.memories), code)
 
@@ -110,7 +117,9 @@ def _symbols(found: Reading) -> dict[Any, Any]:
     out: dict[Any, Any] = {d: Symbol(name, real=True) for d, name in chosen.items()}
     used = set().union(*(rate.free_symbols for rate in found.field))
     for clock in found.clocks:
-        used |= set().union(*(sympy.sympify(e).free_symbols for e in (clock.rate, clock.offset, clock.modulus)))
+        used |= set().union(
+            *(sympy.sympify(e).free_symbols for e in (clock.rate, clock.offset, clock.modulus))
+        )
     for memory in found.memories:
         used |= sympy.sympify(memory.after if not isinstance(memory.after, bool) else 0).free_symbols
     for site in found.sites:
@@ -129,7 +138,9 @@ def _symbols(found: Reading) -> dict[Any, Any]:
 
 
 def _in_symbols(clock: Clock, symbols: dict[Any, Any]) -> Clock:
-    parts = {name: sympy.sympify(getattr(clock, name)).xreplace(symbols) for name in ("rate", "offset", "modulus")}
+    parts = {
+        name: sympy.sympify(getattr(clock, name)).xreplace(symbols) for name in ("rate", "offset", "modulus")
+    }
     return replace(clock, symbol=symbols[clock.symbol], **parts)
 
 
@@ -139,7 +150,12 @@ def _time_event(clock: Clock, t0: float, values: dict[str, float]) -> TimeEvent:
     turns = math.ceil((rate * t0 + offset) / modulus - 1e-12)
     start = (turns * clock.modulus - clock.offset) / clock.rate
     after = 0 if clock.kind == "mod" else clock.symbol + 1
-    return TimeEvent(f"clock {clock.symbol.name}", period=clock.modulus / clock.rate, start=start, reset={clock.symbol: after})
+    return TimeEvent(
+        f"clock {clock.symbol.name}",
+        period=clock.modulus / clock.rate,
+        start=start,
+        reset={clock.symbol: after},
+    )
 
 
 def _tidy(expr: Expr) -> Expr:
@@ -152,9 +168,25 @@ def _tidy(expr: Expr) -> Expr:
         while pieces and pieces[-1][1] == True and isinstance(pieces[-1][0], Piecewise):  # noqa: E712
             pieces = [*pieces[:-1], *((a.args[0], a.args[1]) for a in pieces[-1][0].args)]
         return Piecewise(*pieces, evaluate=False)
-    if all(a is b for a, b in zip(args, expr.args, strict=True)):
+    if expr.is_Mul:
+        args = _signs(args)
+    if len(args) == len(expr.args) and all(a is b for a, b in zip(args, expr.args, strict=True)):
         return expr
     return expr.func(*args)
+
+
+def _signs(factors: list[Expr]) -> list[Expr]:
+    """u/|u| among factors as sign(u)."""
+    out = list(factors)
+    for factor in factors:
+        if factor.is_Pow and factor.args[1] == -1 and isinstance(factor.args[0], sympy.Abs):
+            u = factor.args[0].args[0]
+            for same, value in ((u, sympy.sign(u)), (-u, -sympy.sign(u))):
+                if same in out:
+                    out.remove(same)
+                    out[out.index(factor)] = value
+                    break
+    return out
 
 
 class _Python(StrPrinter):  # type: ignore[misc]
@@ -184,7 +216,7 @@ def formula(expr: Any) -> str:
 
 def number(value: float) -> str:
     """A number in its shortest form that reads back equal; a whole one without a point."""
-    return str(int(value)) if value == round(value) and abs(value) < 1e15 else repr(value)
+    return str(int(value)) if value == round(value) and abs(value) < 1e15 else repr(float(value))
 
 
 def _code(
@@ -212,15 +244,27 @@ def _code(
     names, defaults = system.states, system.parameters
     lines = [f"{', '.join(names)}{',' if len(names) == 1 else ''} = states({' '.join(names)!r})"]
     if len(defaults):
-        given = ", ".join(f"{k}={number(v)}" for k, v in zip(defaults.names, defaults.resolve({}).tolist(), strict=True))
+        given = ", ".join(
+            f"{k}={number(v)}" for k, v in zip(defaults.names, defaults.resolve({}).tolist(), strict=True)
+        )
         lines.append(f"p = parameters({given})")
-    lines += [text, f"solution = solve(system, x0=({', '.join(map(number, x0))},), t_span=({number(t_span[0])}, {number(t_span[1])}))"]
+    lines += [
+        text,
+        f"solution = solve(system, x0={_tuple(x0)}, t_span=({number(t_span[0])}, {number(t_span[1])}))",
+    ]
     body = "\n".join(lines)
     words = set(_words(body))
     own = sorted(words & {*FUNCTIONS, *OTHERS} - set(names), key=str.lower) + (["t"] if "t" in words else [])
     more = sorted(words & (_TAKEN - {*FUNCTIONS, *OTHERS, "t", "p", "system", "solution"}))
-    head = [f"from filippov import {', '.join(own)}", *([f"from sympy import {', '.join(more)}"] if more else [])]
+    head = [
+        f"from filippov import {', '.join(own)}",
+        *([f"from sympy import {', '.join(more)}"] if more else []),
+    ]
     return "\n".join([*head, "", body]) + "\n"
+
+
+def _tuple(values: tuple[float, ...]) -> str:
+    return f"({number(values[0])},)" if len(values) == 1 else f"({', '.join(map(number, values))})"
 
 
 def _pairs(reset: Any) -> list[tuple[str, Any]]:

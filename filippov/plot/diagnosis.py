@@ -26,7 +26,9 @@ def plot_diagnosis(diagnosis: Any, *, title: str = "", figure: Figure | None = N
         drawn = figure if figure is not None else new_figure(7.5, 1.6 * (count + 1) + 0.6)
         axes = column(drawn, count + 1)
         if solution is not None:
-            t = np.unique(np.concatenate([np.linspace(solution.problem.t_span[0], solution.t_end, 1000), solution.t]))
+            t = np.unique(
+                np.concatenate([np.linspace(solution.problem.t_span[0], solution.t_end, 1000), solution.t])
+            )
             x = np.atleast_2d(solution.sol(t))
             for segment in solution.segments:
                 if 0 in segment.mode:
@@ -43,8 +45,17 @@ def plot_diagnosis(diagnosis: Any, *, title: str = "", figure: Figure | None = N
         low.set(ylabel="calls of f", xlabel="t")
         if solution is not None:
             low.plot([run.t[0], solution.t_end], [0, solution.nfev], color=BLUE, linestyle="--")
-            low.annotate(f"{solution.nfev}", (solution.t_end, solution.nfev), color=BLUE, ha="right", va="bottom", fontsize=8)
-        low.annotate(f"{run.nfev}", (run.t[-1], run.spent[-1]), color=RED, ha="right", va="bottom", fontsize=8)
+            low.annotate(
+                f"{solution.nfev}",
+                (solution.t_end, solution.nfev),
+                color=BLUE,
+                ha="right",
+                va="bottom",
+                fontsize=8,
+            )
+        low.annotate(
+            f"{run.nfev}", (run.t[-1], run.spent[-1]), color=RED, ha="right", va="bottom", fontsize=8
+        )
         if run.ended:
             for ax in axes:
                 ax.axvline(run.t[-1], color=GREY, linestyle=":", linewidth=1)

@@ -1,0 +1,211 @@
+"""The doctor for programs f(t, y): what it finds in thirty of them, and the motions that it gives in their place."""
+
+import json
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import naive_programs as programs
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from filippov import models, solve
+from filippov.analysis import diagnose
+from filippov.base.errors import UsageError
+from filippov.base.status import Status
+
+LINES = Path(programs.__file__).read_text(encoding="utf-8").splitlines()
+MARKED = {mark: i for i, line in enumerate(LINES, 1) for mark in re.findall(r"# <(\d+)>", line)}
+
+
+def lines(*marks: int) -> set[int]:
+    """The lines of the programs that bear these marks."""
+    found = {i for i, line in enumerate(LINES, 1) for mark in marks if f"# <{mark}>" in line}
+    assert found
+    return found
+
+
+@dataclass(frozen=True)
+class Case:
+    """surfaces: kind by name; marks: the lines of each; found: kinds of finding; t, x: a point of the motion."""
+
+    x0: tuple[float, ...]
+    t_span: tuple[float, float]
+    surfaces: dict[str, tuple[str, tuple[int, ...]]]
+    found: tuple[str, ...]
+    t: float
+    x: tuple[float | None, ...]
+    options: dict[str, Any] | None = None
+    near: float = 1e-7
+
+
+def model_at(name: str, t: float, x0: Any, **values: float) -> tuple[float, ...]:
+    """The state of a registered model at a time."""
+    return tuple(solve(models.get(name).build(), x0, (0, t), parameters=values).x_end.tolist())
+
+
+def room(t: float) -> float:
+    """The room under its thermostat: up from 15 towards 38 until 23.5, down towards 18 until 22, up again."""
+    at, T, heats = 0.0, 15.0, True
+    while True:
+        goal, end = (38.0, 23.5) if heats else (18.0, 22.0)
+        lasts = 10 * math.log((goal - T) / (goal - end))
+        if at + lasts > t:
+            return goal + (T - goal) * math.exp(-0.1 * (t - at))
+        at, T, heats = at + lasts, end, not heats
+
+
+def saw(t: float) -> float:
+    """y' = +-1 to and fro between -0.3 and 0.3, from 0 upwards."""
+    s = (t - 0.3) % 1.2
+    return 0.3 - s if s < 0.6 else s - 0.9
+
+
+def creeping(t: float) -> float:
+    """x'' = -x from (1.1, 0) until v = -1e-3, then x'' = -x + 0.2."""
+    at = math.asin(1e-3 / 1.1)
+    return 0.2 + (1.1 * math.cos(at) - 0.2) * math.cos(t - at) - 1e-3 * math.sin(t - at)
+
+
+def fires(t: float) -> tuple[float, ...]:
+    """The linear neuron below its threshold v = 0.25, then above it, by matrix exponentials."""
+    A = np.array([[-1, -1], [0.5, -0.25]])
+
+    def flow(current: float, s: float, x: Any) -> Any:
+        rest = -np.linalg.solve(A, [current, 0])
+        return rest + expm(A * s) @ (x - rest)
+
+    at = brentq(lambda s: flow(0.4, s, np.zeros(2))[0] - 0.25, 0.1, 2)
+    return tuple(flow(1.4, t - at, flow(0.4, at, np.zeros(2))).tolist())
+
+
+def ripple(n: int) -> float:
+    """The current of the inductor after n periods: up for 3 ms towards 5, down for 7 ms."""
+    i = 0.0
+    for _ in range(n):
+        i = 5.0 + (i - 5.0) * math.exp(-20 * 0.003)
+        i *= math.exp(-20 * 0.007)
+    return i
+
+
+def stairs(n: int) -> float:
+    """y' = k - y over n steps of half a second each."""
+    y = 0.0
+    for k in range(n):
+        y = k + (y - k) * math.exp(-0.5)
+    return y
+
+
+STOP = 0.3 * 9.81
+CASES = {
+    "oscillator": Case((1.1, 0), (0, 12), {"v": ("jump", (1,))}, ("hang",), 12, (0.1, 0)),
+    "brake": Case((0, 3), (0, 3), {"y1": ("jump", (2,))}, ("hang",), 3, (9 / (2 * STOP), 0)),
+    "relay_loop": Case((1,), (0, 6), {"y0": ("jump", (3,))}, ("hang",), 6, (0,)),
+    "bang_bang_heater": Case(
+        (15,), (0, 20), {"setpoint - T": ("jump", (4,))}, ("hang",), 20, (22.75,), near=1e-10
+    ),
+    "thermostat": Case(
+        (15,), (0, 20), {"heating on": ("memory", (5,)), "heating off": ("memory", (6,))},
+        ("memory", "wrong curve"), 19, (room(19), None),
+    ),
+    "relay_with_memory.rhs": Case(
+        (0,), (0, 6), {"up off": ("memory", (7,)), "up on": ("memory", (8,))}, ("memory",), 6,
+        (saw(6), None),
+    ),
+    "relaxation": Case(
+        (1.5,), (0, 5), {"charging off": ("memory", (9,)), "charging on": ("memory", (10,))}, ("memory",),
+        math.log(1.5) + math.log(2), (2, None),
+    ),
+    "harvest": Case(
+        (1, 0.5), (0, 60), {"C - threshold": ("jump", (11,))}, (), 60,
+        model_at("threshold_harvest", 60, (1, 0.5)), near=1e-6,
+    ),
+    "two_prey": Case(
+        (1, 1, 1), (0, 10), {"0.2*R1 - 0.1*R2": ("jump", (12,))}, ("hang",), 10,
+        model_at("switching_predator", 10, (1, 1, 1)), near=1e-6,
+    ),
+    "pwm": Case(
+        (0,), (0, 0.2), {"phase - duty*period": ("time", (13,))}, ("clock", "missed", "wrong curve"), 0.2,
+        (ripple(20), None),
+    ),
+    "sliding_mode": Case(
+        (1, 0), (0, 5), {"c*x + v": ("jump", (14,))}, ("hang",), 5, model_at("sliding_mode", 5, (1, 0)),
+        {"method": "LSODA"},
+    ),
+    "belt": Case((0.2, 0.4), (0, 2), {"u - belt": ("jump", (15,))}, ("hang",), 2, (1.0, 0.4)),
+    "pulse": Case(
+        (0,), (0, 100), {"t - 50": ("time", (16,)), "t - 50.001": ("time", (16,))}, ("missed",), 50.5,
+        (1000 * (1 - math.exp(-1e-3)) * math.exp(-0.499),), near=1e-8,
+    ),
+    "neuron": Case((0, 0), (0, 12), {"v - a": ("jump", (17,))}, (), 12, fires(12)),
+    "dead_band": Case(
+        (1.1, 0), (0, 9), {"v": ("kink", (18, 19)), "Abs(v) - 0.001": ("jump", (18,))}, ("dead band",), 2,
+        (creeping(2), None),
+    ),
+    "stuck_by_equality": Case((1.1, 0), (0, 12), {"v": ("jump", (21,))}, ("equality", "hang"), 12, (0.1, 0)),
+    "unstable_relay": Case((0,), (0, 3), {"y0": ("jump", (22,))}, ("false rest",), 0, (0,)),
+    "chain": Case(
+        (1, -1, 0, 0), (0, 12), {"v1": ("jump", (23,)), "v2": ("jump", (23,))}, (), math.pi / math.sqrt(3),
+        (-0.8, 0.8, 0, 0),
+    ),
+    "lifted": Case((2.2, 0), (0, 9), {"y1": ("jump", (24,))}, ("hang",), 9, (0.2, 0)),
+    "twisting": Case(
+        (10, 10), (0, 12), {"x": ("jump", (25,)), "v": ("jump", (25,))}, (), 12,
+        model_at("twisting", 12, (10, 10)), near=1e-6,
+    ),
+    "saturated": Case((0.3, 0), (0, 5), {"10*x + 2*v + 1": ("kink", (26,)), "10*x + 2*v - 1": ("kink", (26,))}, (), 0.1, (0.295, -0.1)),
+    "staircase": Case((0,), (0, 4), {}, ("clock",), 4, (stairs(8), None)),
+}  # fmt: skip
+SMOOTH = {
+    "van_der_pol": (2, 0), "lorenz": (1, 1, 1), "pendulum": (1, 0), "lotka": (10, 5), "epidemic": (0.9, 0.1, 0),
+    "linear": (1, 0), "soft_friction": (1, 0), "chosen_once": (1, 0), "phases": (0, 1, 2), "duffing": (0.5, 0),
+}  # fmt: skip
+assert len(CASES) + len(SMOOTH) >= 30
+
+
+def program(name: str) -> Any:
+    value: Any = programs
+    for part in name.split("."):
+        value = getattr(value, part)
+    return value
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_15_5_what_switches_is_found_with_its_line_and_the_motion_is_the_known_one(name: str) -> None:
+    case = CASES[name]
+    found = diagnose(program(name), case.x0, case.t_span, max_calls=4000, **(case.options or {}))
+    assert found.system is not None, str(found)
+    assert found.solution is not None
+    assert not found.smooth
+    surfaces = {switch.surface: switch for switch in found.switches}
+    for surface, (kind, marks) in case.surfaces.items():
+        switch = found.switches[found.system.surface_place(surface)[0]]
+        assert switch.kind == kind
+        assert set(switch.lines) == lines(*marks)
+    kinds = {finding.kind for finding in found.findings}
+    # Whether a run that chatters comes to its end depends on the budget.
+    kinds |= {"hang"} if "chattering" in kinds else set()
+    assert set(case.found) <= kinds, str(found)
+    assert not kinds & {"differs", "not translated", "exception"}, str(found)
+    for finding in found.of("hang") + found.of("chattering"):
+        assert finding.surface in surfaces
+        assert set(finding.lines) <= {line for switch in surfaces.values() for line in switch.lines}
+    x = found.solution.sol(case.t) if found.solution.success else found.solution.x_end
+    for value, known in zip(x, case.x, strict=True):
+        assert known is None or abs(value - known) < case.near * (1 + abs(known))
+    json.dumps(found.to_dict(), allow_nan=False)
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+def test_15_5_smooth_programs_are_left_alone(name: str) -> None:
+    rates = (0.4, 0.1) if name == "epidemic" else ()
+    found = diagnose(program(name), SMOOTH[name], (0, 2), args=rates)
+    assert found.smooth
+    assert not found.findings
+    assert found.solution is None
+    assert found.compared > 100
+    assert "nothing switches here" in str(found)
