@@ -7,19 +7,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import issue_programs as issues
 import naive_programs as programs
 import numpy as np
 import pytest
+import refused_programs as refused
+from program_draws import Draw
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from filippov import models, solve
 from filippov.analysis import diagnose
-from filippov.base.errors import UsageError
-from filippov.base.status import Status
+from filippov.analysis.programs.agreement import disagreement
+from filippov.analysis.programs.notes import ReadingError
+from filippov.analysis.programs.reader import read_program
+from filippov.analysis.programs.translation import translate
+from filippov.app.cli.main import main
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.user_file import load_file
 
 LINES = Path(programs.__file__).read_text(encoding="utf-8").splitlines()
-MARKED = {mark: i for i, line in enumerate(LINES, 1) for mark in re.findall(r"# <(\d+)>", line)}
 
 
 def lines(*marks: int) -> set[int]:
@@ -209,3 +216,188 @@ def test_15_5_smooth_programs_are_left_alone(name: str) -> None:
     assert found.solution is None
     assert found.compared > 100
     assert "nothing switches here" in str(found)
+
+
+# -- programs after public issue threads --------------------------------------------------------------------
+
+SOURCES = Path(issues.__file__).read_text(encoding="utf-8").splitlines()
+
+
+def marked(*marks: int) -> set[int]:
+    return {i for i, line in enumerate(SOURCES, 1) for mark in marks if f"# <{mark}>" in line}
+
+
+def after_pulse(t: float, on: float, off: float, height: float, rate: float) -> float:
+    """x' = -rate x + height within (on, off), from 0, for t > off."""
+    return height / rate * (1 - math.exp(-rate * (off - on))) * math.exp(-rate * (t - off))
+
+
+def forced(t: float) -> tuple[float, ...]:
+    """x'' = -4 x - 0.4 x' (+ 1 after 7.5) from (0.5, 0), by matrix exponentials."""
+    A = np.array([[0, 1], [-4, -0.4]])
+    at = expm(A * 7.5) @ [0.5, 0]
+    return tuple((np.array([0.25, 0]) + expm(A * (t - 7.5)) @ (at - [0.25, 0])).tolist())
+
+
+ISSUES = {
+    "openmodelica_9711": Case((0,), (0, 1), {"y0 - 0.5": ("jump", (1,))}, ("hang",), 1, (0.5,)),
+    "scipy_18039": Case(
+        (0,), (0, 100), {"t - 60": ("time", (2,))}, ("missed",), 61,
+        (after_pulse(61, 60, 60.5, 1, 0.05) + after_pulse(61, 1, 1.5, 1, 0.05),), near=1e-8,
+    ),
+    "differential_equations_167": Case(
+        (0, 1), (0, math.pi), {"sin(40*t)": ("time", (3,))}, ("wrong curve",), math.pi / 40 * 3,
+        (math.pi / 40, math.exp(-math.pi / 40 * 3)),
+    ),
+    "chebfun_1512": Case(
+        (0,), (0, 20), {"t - 10": ("time", (4,)), "t - 1": ("kink", (5,))}, ("missed",), 11,
+        (after_pulse(11, 10, 10.05, 20, 1),), near=1e-8,
+    ),
+    "diffrax_58": Case((0.5, 0), (0, 15), {"t - 7.5": ("time", (6,))}, (), 15, forced(15)),
+    "opty_476": Case((0, 1), (0, 5), {"v": ("jump", (7,))}, ("hang",), 5, (None, 0)),
+    "scipy_9228": Case(
+        (-120, 0), (-8, 4), {"q": ("jump", (8,))}, ("wrong curve",), 4, (120, 6), {"rtol": 1e-4}
+    ),
+    "diffrax_507": Case(
+        (0, 0), (0, 10), {"x - 2.5": ("jump", (9,)), "x - 2.51": ("jump", (9,))}, ("missed",), 10, (10, 1)
+    ),
+    "cyrk_98": Case((1, 0), (0, 3), {"x + 0.999": ("jump", (10,))}, (), 3, (math.cos(3), -math.sin(3))),
+    "diffeqbase_634": Case(
+        (0, 0), (0, 4), {"t": ("time", (11,)), "v": ("jump", (12,))}, ("hang",), math.asin(1 / 3) / 6, (0, 0)
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ISSUES)
+def test_15_5_programs_after_public_issues(name: str) -> None:
+    case = ISSUES[name]
+    found = diagnose(getattr(issues, name), case.x0, case.t_span, max_calls=4000, **(case.options or {}))
+    assert found.system is not None, str(found)
+    assert found.solution is not None
+    for surface, (kind, marks) in case.surfaces.items():
+        switch = found.switches[found.system.surface_place(surface)[0]]
+        assert (switch.kind, set(switch.lines)) == (kind, marked(*marks))
+    kinds = {finding.kind for finding in found.findings}
+    kinds |= {"hang"} if "chattering" in kinds else set()
+    assert set(case.found) <= kinds, str(found)
+    assert not kinds & {"differs", "not translated", "exception"}, str(found)
+    for value, known in zip(found.solution.sol(case.t), case.x, strict=True):
+        assert known is None or abs(value - known) < case.near * (1 + abs(known))
+
+
+# -- what the reader follows, and what it refuses by line ---------------------------------------------------
+
+REFUSED = {
+    int(mark): (i, line)
+    for i, line in enumerate(Path(refused.__file__).read_text(encoding="utf-8").splitlines(), 1)
+    for mark in re.findall(r"# <(\d+)>", line)
+}
+
+
+@pytest.mark.parametrize(
+    ("mark", "name", "said"),
+    [
+        (1, "quantised", "steps without end"), (2, "wrapped", "steps without end"), (3, "noisy", "another value"),
+        (4, "looping", "a loop that the state ends"), (5, "looked_up", "an index that depends on the state"),
+        (6, "counting", "it remembers calls"), (7, "named_mode", "it remembers mode, str"),
+        (8, "silent", "it returns nothing"), (9, "tried", "try is not followed"),
+        (10, "too_few", "1 rates for 2 states"), (11, "unset", "'force' is not set on every path"),
+        (12, "sorted_state", "sorted"),
+    ],
+)  # fmt: skip
+def test_15_5_what_cannot_be_translated_is_refused_by_line(mark: int, name: str, said: str) -> None:
+    n = 2 if name in {"too_few", "unset", "sorted_state"} else 1
+    with pytest.raises(ReadingError, match=re.escape(said)) as caught:
+        translate(read_program(getattr(refused, name), n), (0.5,) * n, (0.0, 1.0))
+    assert caught.value.line == REFUSED[mark][0]
+    assert f"line {REFUSED[mark][0]}" in str(caught.value)
+
+
+def test_15_5_a_refusal_is_a_finding_and_the_run_is_shown() -> None:
+    found = diagnose(refused.looping, (3.5,), (0, 1))
+    assert found.system is None
+    assert found.run.nfev > 0
+    assert [finding.kind for finding in found.findings] == ["not translated"]
+    assert found.findings[0].lines == (REFUSED[4][0],)
+    refused.calls = 0
+    assert diagnose(refused.counting, (1.0,), (0, 1)).of("not translated")
+
+
+@pytest.mark.parametrize("seed", [0, 2, 4, 5, 6, 8])
+def test_15_5_random_programs_have_the_field_of_their_system(seed: int, tmp_path: Path) -> None:
+    path = tmp_path / f"drawn_{seed}.py"
+    path.write_text(Draw(seed).text(), encoding="utf-8")
+    f = load_file(path).f
+    translation = translate(read_program(f, 3), (0.1, 0.2, 0.3), (0.0, 5.0))
+    states = np.random.default_rng(seed).normal(size=(3, 50))
+    said, compared = disagreement(f, translation, np.linspace(0, 5, 50), states)
+    assert not said, path.read_text(encoding="utf-8")
+    assert compared > 100
+
+
+def test_15_5_a_wrong_translation_is_noticed() -> None:
+    translation = translate(read_program(programs.oscillator, 2), (1.0, 0.0), (0.0, 5.0))
+    states = np.random.default_rng(0).normal(size=(2, 50))
+
+    def narrow(t: float, y: Any) -> Any:
+        return np.add(programs.oscillator(t, y), [0.0, 1.0 if abs(y[1]) < 1e-4 else 0.0])
+
+    assert not disagreement(programs.oscillator, translation, np.linspace(0, 5, 50), states)[0]
+    assert "is not what the program does" in disagreement(narrow, translation, np.linspace(0, 5, 50), states)[0]
+
+
+@pytest.mark.parametrize("name", ["oscillator", "belt", "pwm", "thermostat", "stuck_by_equality"])
+def test_15_5_the_printed_system_is_the_one_that_was_solved(name: str) -> None:
+    case = CASES[name]
+    translation = translate(read_program(program(name), len(case.x0)), case.x0, case.t_span)
+    made: dict[str, Any] = {}
+    exec(translation.code, made)  # noqa: S102  (the text that the doctor printed itself)
+    theirs, ours = made["solution"], solve(translation.system, translation.x0, case.t_span)
+    assert [str(e.kind) for e in theirs.events] == [str(e.kind) for e in ours.events]
+    assert np.allclose(theirs.events.t, ours.events.t, atol=1e-9)
+    assert np.allclose(theirs.x_end, ours.x_end, atol=1e-9)
+
+
+def test_15_5_what_a_program_remembers_is_put_back() -> None:
+    programs.heating = True
+    diagnose(programs.thermostat, (15,), (0, 5))
+    assert programs.heating is True
+    relay = programs.Relay(0.1)
+    diagnose(relay.rhs, (0,), (0, 1))
+    assert relay.up is True
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"x0": "a"}, "x0"), ({"t_span": (1, 0)}, "t_span"), ({"method": "RK4"}, "did you mean 'RK45'?"),
+        ({"max_calls": 0}, "max_calls"), ({"x0": [float("nan")]}, "finite"),
+    ],
+)  # fmt: skip
+def test_15_5_arguments_are_checked(given: dict[str, Any], said: str) -> None:
+    values: dict[str, Any] = {"x0": (1.0,), "t_span": (0, 1), **given}
+    x0, t_span = values.pop("x0"), values.pop("t_span")
+    with pytest.raises(UsageError, match=re.escape(said)):
+        diagnose(programs.relay_loop, x0, t_span, **values)
+    with pytest.raises(ModelError, match="has no source"):
+        diagnose(math.sin, (1.0,), (0, 1))
+
+
+def test_15_5_the_command_says_whose_code_it_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = Path(programs.__file__)
+    words = ["diagnose", f"{path}:oscillator", "--x0", "1.1,0", "--t-span", "0", "12", "--max-calls", "2000"]
+    assert main([*words, "-o", str(tmp_path), "--json"]) == 0
+    out, err = capsys.readouterr()
+    data = json.loads(out)
+    assert err.index("runs ") < err.index("surface v = 0")
+    assert "naive_programs.py to import it" in err
+    assert data["switches"][0]["sites"][0]["line"] in lines(1)
+    assert data["motion"]["largest_difference"] < 1e-3
+    assert {p.name for p in tmp_path.iterdir()} == {
+        "diagnosis.json", "diagnosis.txt", "diagnosis.png", "system.py",
+    }  # fmt: skip
+    assert "sign(v)" in (tmp_path / "system.py").read_text(encoding="utf-8")
+    assert main(["diagnose", f"{path}:oscilator", "--x0", "1", "--t-span", "0", "1"]) == 2
+    assert "did you mean 'oscillator'?" in capsys.readouterr().err
+    assert main(["diagnose", f"{path}:oscillator", "--t-span", "0", "1"]) == 2
+    assert "--x0 is missing" in capsys.readouterr().err

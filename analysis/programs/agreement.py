@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import sympy
+from scipy.optimize import brentq
 
 from filippov.analysis.programs.translation import Translation
 from filippov.model.symbols import t as time
@@ -16,6 +18,9 @@ from filippov.model.system import System
 Array = npt.NDArray[np.float64]
 POINTS, FEWEST = 200, 20
 SAME, NEAR = 1e-8, 1e-9
+# Lines on which each surface is looked for, and how far beside it the places lie, in parts of such a line.
+LINES, BESIDE = 6, 1e-6
+_OUTSIDE = (ValueError, ZeroDivisionError, OverflowError, TypeError, FloatingPointError)
 
 
 class Numbers:
@@ -52,23 +57,15 @@ def disagreement(
     t, y    times (k,) and states (n, k) about which the random states lie
     """
     numbers = Numbers(translation.system)
-    rng = np.random.default_rng(seed)
-    spread = np.maximum(np.ptp(y, axis=1), 0.3 * np.max(np.abs(y), axis=1))
-    spread = np.where(spread > 0, spread, 1.0)
     compared = 0
-    for k in range(POINTS):
-        j = int(rng.integers(len(t)))
-        when = float(t[j]) if k % 2 else float(rng.uniform(t[0], t[-1]))
-        where = y[:, j] + rng.normal(size=len(y)) * spread * (0.0 if k % 4 == 0 else 1.0)
-        if k % 8 == 1:
-            where = where * rng.choice([1e-3, 10.0])
+    for when, where in (*_random(t, y, seed), *_beside(numbers, translation, t, y, seed)):
         full = translation.extended(when, where)
         with np.errstate(all="ignore"):
             try:
                 h = numbers.h(when, full)
                 own = np.asarray(function(when, where.copy()), dtype=float).ravel()
                 theirs = numbers.field(when, full)[: len(where)]
-            except (ValueError, ZeroDivisionError, OverflowError, TypeError, FloatingPointError):
+            except _OUTSIDE:
                 continue
         near = NEAR * (1.0 + np.max(np.abs(full)))
         if np.any(np.abs(h) < near) or not (np.all(np.isfinite(own)) and np.all(np.isfinite(theirs))):
@@ -82,3 +79,49 @@ def disagreement(
                 f"{np.array2string(theirs, precision=6)}: the translation is not what the program does"
             ), compared
     return "", compared
+
+
+def _spread(y: Array) -> Array:
+    spread = np.maximum(np.ptp(y, axis=1), 0.3 * np.max(np.abs(y), axis=1))
+    return np.where(spread > 0, spread, 1.0)
+
+
+def _random(t: Array, y: Array, seed: int) -> Iterator[tuple[float, Array]]:
+    """Places on the motion and about it, near and far."""
+    rng, spread = np.random.default_rng(seed), _spread(y)
+    for k in range(POINTS):
+        j = int(rng.integers(len(t)))
+        when = float(t[j]) if k % 2 else float(rng.uniform(t[0], t[-1]))
+        where = y[:, j] + rng.normal(size=len(y)) * spread * (0.0 if k % 4 == 0 else 1.0)
+        yield when, where * rng.choice([1e-3, 10.0]) if k % 8 == 1 else where
+
+
+def _beside(
+    numbers: Numbers, translation: Translation, t: Array, y: Array, seed: int
+) -> Iterator[tuple[float, Array]]:
+    """Places closely on both sides of each surface: a branch may hold in a narrow part of the states only."""
+    rng, spread = np.random.default_rng(seed + 1), _spread(y)
+    length = t[-1] - t[0]
+    for i in range(len(translation.system.surfaces)):
+        for k in range(LINES):
+            j = int(rng.integers(len(t)))
+            turn = rng.normal(size=len(y)) * spread * (k % 3 > 0)
+            start = t[0] if k % 3 == 0 else float(t[j])
+
+            def along(s: float, j: int = j, turn: Array = turn, start: float = start, k: int = k) -> tuple[float, Array]:
+                return float(start + (s * length if k % 3 == 0 else 0.0)), y[:, j] + s * turn
+
+            def height(s: float, i: int = i, along: Any = along) -> float:
+                when, where = along(s)
+                return float(numbers.h(when, translation.extended(when, where))[i])
+
+            try:
+                ends = np.linspace(0.0, 1.0, 12) if k % 3 == 0 else np.linspace(-2.0, 2.0, 12)
+                heights = [height(float(s)) for s in ends]
+                turns = [q for q, (a, b) in enumerate(itertools.pairwise(heights)) if a * b < 0]
+                if turns:
+                    root = brentq(height, float(ends[turns[0]]), float(ends[turns[0] + 1]))
+                    yield along(root - BESIDE)
+                    yield along(root + BESIDE)
+            except _OUTSIDE:
+                continue

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from typing import Any
 
 import sympy
-from sympy import And, Expr, Piecewise, Symbol
-from sympy.core.relational import Relational
+from sympy import Expr, Symbol
 
 from filippov.analysis.programs.notes import Memory, ReadingError
 from filippov.analysis.programs.outside import Parameters
 from filippov.model.surface import Surface
+from filippov.model.symbolic import Select
 
-Rule = tuple[Expr, int, Any]
+Rule = tuple[Expr, int]
 ADVICE = (
     "Write it as a state q with q' = 0 that resets change, Surface('on', T - low, reset={q: 1}, side='-'), or as "
     "Surface(..., width=...) where it is a relay with hysteresis"
@@ -21,7 +21,7 @@ ADVICE = (
 
 
 def rules(memory: Memory, parameters: Parameters) -> list[Rule]:
-    """(h, side, value): where h comes to 0 from its side (+1: from above) the memory becomes `value`.
+    """(h, value): where h rises through 0 the memory becomes `value`.
 
     Of a memory that is True or False, set under one comparison each. Raises ReadingError for any other.
     """
@@ -35,39 +35,34 @@ def rules(memory: Memory, parameters: Parameters) -> list[Rule]:
         for path, value in _paths(after):
             if value == held:
                 continue
-            positive = [condition for condition, holds in path if holds]
-            if value != 1 - held or len(positive) != 1 or not isinstance(positive[0], Relational):
+            sides = _independent(path, parameters)
+            if value != 1 - held or len(sides) != 1:
                 raise ReadingError(
                     f"{where} in a way that is not one comparison for each change. {ADVICE}.", memory.line
                 )
-            h = positive[0].gts - positive[0].lts
-            for condition, holds in path:
-                if not holds and not _excluded(h, condition, parameters):
-                    raise ReadingError(f"{where}, under conditions that meet. {ADVICE}.", memory.line)
-            out.append((h, -1, 1 - held))
+            out.append((sides[0], 1 - held))
     return out
 
 
-def _paths(expr: Any) -> Iterator[tuple[list[tuple[Any, bool]], Any]]:
-    """Conditions with whether they hold, and the value there, for every branch of nested choices."""
-    if not isinstance(expr, Piecewise):
+def _paths(expr: Any) -> Iterator[tuple[list[Expr], Any]]:
+    """What is positive, and the value there, for every branch of nested choices."""
+    if not isinstance(expr, Select):
         yield [], expr
         return
-    before: list[tuple[Any, bool]] = []
-    for value, condition in expr.args:
-        own = [] if condition == True else [(part, True) for part in And.make_args(condition)]  # noqa: E712
-        for path, inner in _paths(value):
-            yield [*before, *own, *path], inner
-        if condition != True:  # noqa: E712
-            before.append((condition, False))
+    h, plus, minus = expr.args
+    for side, branch in ((h, plus), (-h, minus)):
+        for path, value in _paths(branch):
+            yield [side, *path], value
 
 
-def _excluded(h: Expr, condition: Any, parameters: Parameters) -> bool:
-    """Whether the condition is false wherever h > 0: h + (its own difference) is a constant below 0."""
-    if not isinstance(condition, Relational):
-        return False
-    total = parameters.fixed(sympy.expand(h + condition.gts - condition.lts))
-    return total is not None and total <= 0
+def _independent(sides: list[Expr], parameters: Parameters) -> list[Expr]:
+    """Those of some inequalities h > 0 that do not follow from another one: h' = h + a constant."""
+    kept: list[Expr] = []
+    for k, h in enumerate(sides):
+        ahead = [(j, parameters.fixed(sympy.expand(h - other))) for j, other in enumerate(sides) if j != k]
+        if not any(c is not None and (c > 0 or (c == 0 and j < k)) for j, c in ahead):
+            kept.append(h)
+    return kept
 
 
 def surfaces(memory: Memory, found: list[Rule], symbols: dict[Any, Any]) -> list[Surface]:
@@ -75,7 +70,7 @@ def surfaces(memory: Memory, found: list[Rule], symbols: dict[Any, Any]) -> list
     state: Symbol = symbols[memory.symbol]
     counts: dict[int, int] = {}
     out = []
-    for h, _, value in found:
+    for h, value in found:
         counts[value] = counts.get(value, 0) + 1
         word = f"{state.name} {'on' if value else 'off'}" + (f" {counts[value]}" if counts[value] > 1 else "")
         out.append(Surface(word, h.xreplace(symbols), reset={state: value}, side="-"))

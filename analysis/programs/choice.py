@@ -11,8 +11,11 @@ from typing import Any
 
 import numpy as np
 import sympy
-from sympy import And, Expr, Not, Or, Piecewise, Symbol
+from sympy import ITE, And, Expr, Not, Or, Symbol, Xor
+from sympy.core.relational import Ge, Gt, Le, Lt
 from sympy.logic.boolalg import Boolean, BooleanFalse, BooleanTrue
+
+from filippov.model.symbolic import Select
 
 Elements = Callable[[Any, Any], Any]
 NUMBERS = (int, float, np.integer, np.floating)
@@ -49,7 +52,7 @@ def plain(value: Any) -> Any:
 def as_number(value: Any) -> Any:
     """A condition as 1 or 0, anything else as it is."""
     if is_condition(value):
-        return Piecewise((1, value), (0, True), evaluate=False)
+        return select(value, sympy.S.One, sympy.S.Zero)
     return int(value) if isinstance(value, (bool, np.bool_)) else value
 
 
@@ -59,6 +62,31 @@ def elementwise(function: Callable[..., Any], *values: Any) -> Any:
         cast = [np.asarray(v, dtype=object) if isinstance(v, (list, tuple)) else v for v in values]
         return np.asarray(np.frompyfunc(function, len(values), 1)(*cast), dtype=object)
     return function(*values)
+
+
+def select(condition: Any, yes: Any, no: Any) -> Any:
+    """Select(h, yes, no) for a comparison; nested ones where it joins several. Sympy's Piecewise would unfold those within."""
+    condition = plain(condition)
+    if isinstance(condition, bool):
+        return yes if condition else no
+    if isinstance(condition, (Gt, Ge, Lt, Le)):
+        if condition.gts.free_symbols:
+            return Select(condition.gts - condition.lts, yes, no)
+        return Select(condition.lts - condition.gts, no, yes)
+    if isinstance(condition, Not):
+        return select(condition.args[0], no, yes)
+    if isinstance(condition, ITE):
+        test, first, second = condition.args
+        return select(test, select(first, yes, no), select(second, yes, no))
+    if not isinstance(condition, (And, Or, Xor)):
+        raise TypeError(f"{condition} is no condition of comparisons")
+    first, *others = sorted(condition.args, key=sympy.default_sort_key)
+    rest = condition.func(*others)
+    if isinstance(condition, And):
+        return select(first, select(rest, yes, no), no)
+    if isinstance(condition, Or):
+        return select(first, yes, select(rest, yes, no))
+    return select(first, select(rest, no, yes), select(rest, yes, no))
 
 
 class Flags:
@@ -122,7 +150,7 @@ class Flags:
             if isinstance(condition, And):
                 return self._value(first, self._value(rest, yes, no), no)
             return self._value(first, yes, self._value(rest, yes, no))
-        return Piecewise((yes, condition), (no, True), evaluate=False)
+        return select(condition, sympy.sympify(yes), sympy.sympify(no))
 
     def held(self, condition: Any) -> bool:
         """Whether a condition asks for a memory."""

@@ -19,7 +19,7 @@ import numpy as np
 import sympy
 from sympy import Expr, Symbol
 
-from filippov.analysis.programs import functions
+from filippov.analysis.programs import automaton, functions
 from filippov.analysis.programs.choice import Flags, Nothing, as_number, copied, is_condition, is_number
 from filippov.analysis.programs.expressions import Closure, Expressions
 from filippov.analysis.programs.notes import Clock, Memory, ReadingError, Site, at
@@ -539,6 +539,11 @@ def read_program(function: Callable[..., Any], n: int, args: Sequence[Any] = ())
             return Reader(source, n, args, memories).read()
         except _Again:
             continue
+        except ReadingError:
+            for memory in memories.values():
+                if not memory.flag:  # said first: what is done with the number follows from it
+                    automaton.rules(memory, Parameters())
+            raise
         except RecursionError:
             raise ReadingError(
                 f"{source.name} in {Path(source.file).name} is nested too deeply to be followed; write loops with "

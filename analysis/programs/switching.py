@@ -14,6 +14,7 @@ from sympy import Abs, And, Expr, Heaviside, Max, Min, Not, Or, sign
 
 from filippov.analysis.programs.choice import Flags, as_number, elementwise, is_condition, is_number, plain
 from filippov.analysis.programs.notes import Clock, ReadingError, at
+from filippov.model.symbolic import Select
 
 QUANTISED = (
     "steps without end of the state: the System that it means has one surface for every step. Give the rounded or "
@@ -75,7 +76,17 @@ class Switching:
 
     def copysign(self, node: ast.AST, value: Any, other: Any) -> Any:
         """|value| with the sign of the other."""
-        return elementwise(lambda a, b: self.size(node, a) * self.sign(node, b), value, other)
+        def one(a: Any, b: Any) -> Any:
+            known = self.fixed(b)
+            if known is not None:
+                turn: Any = math.copysign(1.0, known)
+            elif isinstance(b, Expr) and b.has(Select):  # which may be 0 on one side, and 0 counts as positive
+                turn = self.flags.choose(self.compare(node, "<", b, 0), -1, 1)
+            else:
+                turn = self.sign(node, b)
+            return self.size(node, a) * turn
+
+        return elementwise(one, value, other)
 
     def heaviside(self, node: ast.AST, value: Any, half: Any = 0.5) -> Any:
         """np.heaviside; its value at 0 is never used off the surface."""
@@ -153,7 +164,13 @@ class Switching:
                 return max(items) if kind is Max else min(items)
             for a, b in itertools.combinations(items, 2):
                 self.site(node, name, a - b)
-            return kind(*items)
+            if not any(isinstance(item, Expr) and item.has(Select) for item in items):
+                return kind(*items)
+            out = items[0]
+            for item in items[1:]:  # sympy compares what it is given, without end where it chooses
+                h = out - item
+                out = Select(h, out, item) if kind is Max else Select(h, item, out)
+            return out
 
         return elementwise(one, *values)
 

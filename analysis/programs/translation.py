@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import sympy
-from sympy import Expr, ITE, Piecewise, Symbol
+from sympy import Expr, Symbol
 from sympy.printing.str import StrPrinter
 
 from filippov.analysis.programs import automaton
@@ -18,6 +18,7 @@ from filippov.analysis.programs.outside import unique
 from filippov.analysis.programs.reader import Reading
 from filippov.model.parameter_symbol import ParameterSymbol, parameters
 from filippov.model.surface import Surface
+from filippov.model.symbolic import Select
 from filippov.model.symbols import t as time
 from filippov.model.system import System
 from filippov.model.time_event import TimeEvent
@@ -159,15 +160,10 @@ def _time_event(clock: Clock, t0: float, values: dict[str, float]) -> TimeEvent:
 
 
 def _tidy(expr: Expr) -> Expr:
-    """Choices inside the last branch of a choice put beside it."""
+    """The same with u/|u| written as sign(u)."""
     if not expr.args:
         return expr
     args = [_tidy(arg) for arg in expr.args]
-    if isinstance(expr, Piecewise):
-        pieces = [(pair.args[0], pair.args[1]) for pair in args]
-        while pieces and pieces[-1][1] == True and isinstance(pieces[-1][0], Piecewise):  # noqa: E712
-            pieces = [*pieces[:-1], *((a.args[0], a.args[1]) for a in pieces[-1][0].args)]
-        return Piecewise(*pieces, evaluate=False)
     if expr.is_Mul:
         args = _signs(args)
     if len(args) == len(expr.args) and all(a is b for a, b in zip(args, expr.args, strict=True)):
@@ -200,13 +196,29 @@ class _Python(StrPrinter):  # type: ignore[misc]
 
     _print_ParameterSymbol = _print_Symbol
 
-    def _print_ITE(self, expr: Expr) -> str:
-        return str(self._print(expr.rewrite(sympy.Or) if not isinstance(expr, ITE) else _either(expr)))
+    def _print_Select(self, expr: Expr) -> str:
+        pieces: list[str] = []
+        rest = expr
+        while isinstance(rest, Select):
+            h, plus, minus = rest.args
+            where = [condition(h)]
+            while isinstance(plus, Select) and plus.args[2] == minus:
+                where.append(condition(plus.args[0]))
+                plus = plus.args[1]
+            both = where[0] if len(where) == 1 else " & ".join(f"({part})" for part in where)
+            pieces.append(f"({self._print(plus)}, {both})")
+            rest = minus
+        return f"Piecewise({', '.join(pieces)}, ({self._print(rest)}, True))"
 
 
-def _either(expr: Any) -> Any:
-    test, yes, no = expr.args
-    return sympy.Or(sympy.And(test, yes), sympy.And(sympy.Not(test), no))
+def condition(h: Expr) -> str:
+    """h > 0 with what is constant on one side."""
+    terms = h.args if h.is_Add else (h,)
+    still = sympy.Add(*(q for q in terms if all(isinstance(s, ParameterSymbol) for s in q.free_symbols)))
+    text, other = formula(h - still), formula(-still)
+    if text.startswith("-"):
+        return f"{formula(still - h)} < {formula(still)}"
+    return f"{text} > {other}"
 
 
 def formula(expr: Any) -> str:
