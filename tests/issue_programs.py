@@ -2,6 +2,7 @@
 
 A comment `# <k>` marks the lines that are to be found.
 """
+# ruff: noqa: RUF059, SIM108  (written as users write)
 
 import numpy as np
 
@@ -12,7 +13,7 @@ def openmodelica_9711(t, y, a=-1.0):
 
 
 def scipy_18039(t, y):
-    """scipy/scipy#18039: solve_ivp is inaccurate for a piecewise-smooth system; a second pulse of its source is missed."""
+    """scipy/scipy#18039: solve_ivp is inaccurate for a piecewise-smooth system; a second pulse is missed."""
     source = 0.0
     for start in (1.0, 60.0):
         if start < t < start + 0.5:  # <2>
@@ -21,7 +22,7 @@ def scipy_18039(t, y):
 
 
 def differential_equations_167(t, u):
-    """SciML/DifferentialEquations.jl#167: too long steps; a state that runs to and fro beside one that decays."""
+    """SciML/DifferentialEquations.jl#167: too long steps; one state to and fro beside one that decays."""
     s = np.sign(np.sin(40.0 * t))  # <3>
     return [s, -u[1]]
 
@@ -52,7 +53,7 @@ def opty_476(t, y, m=1.0, mu=0.6, g=9.81):
 
 
 def scipy_9228(t, y):
-    """scipy/scipy#9228: of three zeros of a cubic an event finds one; here a count takes place between them."""
+    """scipy/scipy#9228: of three zeros of a cubic an event finds one; here a time is taken between them."""
     q = y[0]
     inside = 1.0 if q > 0 else 0.0  # <8>
     return [3 * t**2 + 12 * t - 4, inside]

@@ -1,4 +1,5 @@
-"""Programs f(t, y) as users write them, some of which switch. A comment `# <k>` marks the lines that are to be found."""
+"""Programs f(t, y) as users write them, some of which switch. `# <k>` marks lines that are to be found."""
+# ruff: noqa: B905, PLW0603, RET505, SIM108, SIM300  (written as users write)
 
 import functools
 import math

@@ -1,8 +1,8 @@
-"""Programs f(t, y) drawn at random, as text of Python: assignments, branches, early returns, loops, helpers, numpy."""
+"""Programs f(t, y) drawn at random, as text: assignments, branches, early returns, loops, helpers, numpy."""
 
 import random
 
-HEAD = '''import math
+HEAD = """import math
 import numpy as np
 
 gain = {gain}
@@ -36,36 +36,56 @@ def shaped(u, k=1.5, *, top=2.0):
     return out
 
 
-'''
+"""
 
 
 class Draw:
     """One program with three states and local numbers a, b, c, w[0..1]."""
 
     def __init__(self, seed: int) -> None:
-        self.random = random.Random(seed)
+        self.random = random.Random(seed)  # noqa: S311  (draws of a test)
         self.depth = 0
 
     def number(self) -> str:
         return f"{self.random.uniform(0.2, 2.0):.2f}"
 
     def atom(self) -> str:
-        return self.random.choice(["x", "v", "z", "a", "b", "w[0]", "w[1]", "y[0]", "gain", "params['a']", "q", self.number()])
+        return self.random.choice(
+            ["x", "v", "z", "a", "b", "w[0]", "w[1]", "y[0]", "gain", "params['a']", "q", self.number()]
+        )
 
     def expression(self, depth: int = 0) -> str:
         pick = self.random.choice
         if depth > 1 or self.random.random() < 0.3:
             return self.atom()
         u, v = self.expression(depth + 1), self.expression(depth + 1)
-        return pick([
-            f"({u} + {v})", f"({u} - {v})", f"{self.number()} * {u}", f"({u}) * ({self.atom()})", f"np.sin({u})",
-            f"math.tanh({u})", f"np.sign({u})", f"abs({u})", f"max({u}, {v})", f"np.minimum({u}, {v})",
-            f"np.clip({u}, -1.0, {self.number()})", f"np.where({self.condition(2)}, {u}, {v})",
-            f"({u} if {self.condition(2)} else {v})", f"np.heaviside({u}, 0.5)", f"shaped({u})", f"box.bent({u})",
-            f"shaped({u}, top={self.number()})", f"({self.condition(2)}) * ({u})", f"math.copysign({self.number()}, {u})",
-            f"sum(p * {u} for p in params['list'])", f"(lambda s: s - {self.number()})({u})", f"np.array([{u}, {v}]).sum()",
-            f"np.dot([{u}, 1.0], [{v}, 2.0])",
-        ])  # fmt: skip
+        return pick(
+            [
+                f"({u} + {v})",
+                f"({u} - {v})",
+                f"{self.number()} * {u}",
+                f"({u}) * ({self.atom()})",
+                f"np.sin({u})",
+                f"math.tanh({u})",
+                f"np.sign({u})",
+                f"abs({u})",
+                f"max({u}, {v})",
+                f"np.minimum({u}, {v})",
+                f"np.clip({u}, -1.0, {self.number()})",
+                f"np.where({self.condition(2)}, {u}, {v})",
+                f"({u} if {self.condition(2)} else {v})",
+                f"np.heaviside({u}, 0.5)",
+                f"shaped({u})",
+                f"box.bent({u})",
+                f"shaped({u}, top={self.number()})",
+                f"({self.condition(2)}) * ({u})",
+                f"math.copysign({self.number()}, {u})",
+                f"sum(p * {u} for p in params['list'])",
+                f"(lambda s: s - {self.number()})({u})",
+                f"np.array([{u}, {v}]).sum()",
+                f"np.dot([{u}, 1.0], [{v}, 2.0])",
+            ]
+        )
 
     def condition(self, depth: int = 0) -> str:
         kind = self.random.random()
@@ -101,10 +121,14 @@ class Draw:
                     out += [f"{indent}else:", *self.block(indent + "    ", 1, loop)]
                 return out
             if kind < 0.75:
-                return [f"{indent}if {self.condition()}:", f"{indent}    return [v, {self.expression(1)}, {self.atom()}]"]
+                return [
+                    f"{indent}if {self.condition()}:",
+                    f"{indent}    return [v, {self.expression(1)}, {self.atom()}]",
+                ]
             if kind < 0.9 and not loop:
                 body = self.block(indent + "    ", 1, loop=True)
-                leave = [f"{indent}    if {self.condition(1)}:", f"{indent}        {self.random.choice(['break', 'continue'])}"]
+                word = self.random.choice(["break", "continue"])
+                leave = [f"{indent}    if {self.condition(1)}:", f"{indent}        {word}"]
                 body += leave if self.random.random() < 0.5 else []
                 return [f"{indent}for i in range(2):", *body, f"{indent}    a += 0.1 * y[i]"]
             return [f"{indent}a, b = b, {self.expression(1)}"]
@@ -114,9 +138,12 @@ class Draw:
     def text(self) -> str:
         head = HEAD.format(gain=self.number(), a=self.number(), level=self.number())
         body = [
-            "def f(t, y, q=0.4):", "    x, v, z = y", "    a, b = v, 0.3",
-            "    w = np.zeros(2)", "    d = np.zeros(3)",
-        ]  # fmt: skip
+            "def f(t, y, q=0.4):",
+            "    x, v, z = y",
+            "    a, b = v, 0.3",
+            "    w = np.zeros(2)",
+            "    d = np.zeros(3)",
+        ]
         body += self.block("    ", self.random.randint(2, 4))
         body += [f"    d[0] = {self.expression(1)}", f"    d[2] += {self.expression(1)} + np.sin(t)"]
         return head + "\n".join(body) + "\n    return d\n"

@@ -52,7 +52,7 @@ class Numbers:
 def disagreement(
     function: Callable[[float, Array], Any], translation: Translation, t: Array, y: Array, seed: int = 0
 ) -> tuple[str, int]:
-    """A sentence where the program and its System differ ("" where they agree), and the number of states compared.
+    """A sentence where program and System differ ("" where they agree), and the number of states compared.
 
     t, y    times (k,) and states (n, k) about which the random states lie
     """
@@ -108,7 +108,9 @@ def _beside(
             turn = rng.normal(size=len(y)) * spread * (k % 3 > 0)
             start = t[0] if k % 3 == 0 else float(t[j])
 
-            def along(s: float, j: int = j, turn: Array = turn, start: float = start, k: int = k) -> tuple[float, Array]:
+            def along(
+                s: float, j: int = j, turn: Array = turn, start: float = start, k: int = k
+            ) -> tuple[float, Array]:
                 return float(start + (s * length if k % 3 == 0 else 0.0)), y[:, j] + s * turn
 
             def height(s: float, i: int = i, along: Any = along) -> float:

@@ -1,4 +1,4 @@
-"""What a program remembers, as a state that resets change: q' = 0, and a surface for every condition that sets it."""
+"""What a program remembers as a state: q' = 0, and a surface with a reset for each condition that sets it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from filippov.model.symbolic import Select
 
 Rule = tuple[Expr, int]
 ADVICE = (
-    "Write it as a state q with q' = 0 that resets change, Surface('on', T - low, reset={q: 1}, side='-'), or as "
+    "Write it as a state q with q' = 0 that resets change, Surface('on', T - low, reset={q: 1}, side='-'), "
+    "or as "
     "Surface(..., width=...) where it is a relay with hysteresis"
 )
 

@@ -22,7 +22,7 @@ NUMBERS = (int, float, np.integer, np.floating)
 
 
 class Nothing:
-    """What stands where a path has no value: a name that it does not set, a function that it does not leave."""
+    """What stands where a path has no value: a name not set, a function left by an exception."""
 
     def __init__(self, why: str) -> None:
         self.why = why
@@ -65,7 +65,7 @@ def elementwise(function: Callable[..., Any], *values: Any) -> Any:
 
 
 def select(condition: Any, yes: Any, no: Any) -> Any:
-    """Select(h, yes, no) for a comparison; nested ones where it joins several. Sympy's Piecewise would unfold those within."""
+    """Select(h, yes, no) for a comparison, nested ones for several: a Piecewise would unfold those within."""
     condition = plain(condition)
     if isinstance(condition, bool):
         return yes if condition else no

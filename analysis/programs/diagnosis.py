@@ -1,8 +1,8 @@
-"""diagnose: what switches in a program f(t, y), what goes wrong when it is run, and the System to use instead."""
+"""What switches in a program f(t, y), what goes wrong when it is run, and the System to use instead."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -74,20 +74,27 @@ class Diagnosis:
         """All of it as JSON takes it, but for the curves."""
         run, solution = self.run, self.solution
         return {
-            "name": self.name, "file": self.file, "smooth": self.smooth, "code": self.code, "compared": self.compared,
+            "name": self.name, "file": self.file, "smooth": self.smooth, "code": self.code,
+            "compared": self.compared,
             "switches": [
                 {
                     "surface": s.surface, "kind": s.kind, "slides": s.slides,
-                    "sites": [{"line": q.line, "file": q.file, "text": q.text, "kind": q.kind} for q in s.sites],
+                    "sites": [
+                        {"line": q.line, "file": q.file, "text": q.text, "kind": q.kind} for q in s.sites
+                    ],
                 }
                 for s in self.switches
             ],
             "findings": [
-                {"kind": f.kind, "sentence": f.sentence, "surface": f.surface, "t": f.t, "lines": list(f.lines)}
+                {
+                    "kind": f.kind, "sentence": f.sentence, "surface": f.surface, "t": f.t,
+                    "lines": list(f.lines),
+                }
                 for f in self.findings
             ],
             "scipy": {
-                "method": run.method, "rtol": run.rtol, "atol": run.atol, "steps": run.steps, "field_calls": run.nfev,
+                "method": run.method, "rtol": run.rtol, "atol": run.atol, "steps": run.steps,
+                "field_calls": run.nfev,
                 "t_end": float(run.t[-1]), "x_end": run.y[:, -1].tolist(), "ended": run.ended,
             },
             "motion": None if solution is None else {
@@ -126,7 +133,8 @@ class Diagnosis:
             return text
         end = "" if solution.success else f", ended as {solution.status.value}: {solution.message}"
         return (
-            f"{text}; the inclusion {solution.nfev} in {solution.steps} steps and {len(solution.events)} events to t = "
+            f"{text}; the inclusion {solution.nfev} in {solution.steps} steps and {len(solution.events)} "
+            "events to t = "
             f"{solution.t_end:.6g}, ends in mode {mode_text(solution.end_mode)}{end}"
         )
 
@@ -141,8 +149,8 @@ class Diagnosis:
 
 
 def diagnose(
-    f: Callable[..., Any], x0: Any, t_span: Sequence[float], *, args: Sequence[Any] = (), method: str = "RK45",
-    rtol: float = 1e-3, atol: float = 1e-6, max_calls: int = 20_000,
+    f: Callable[..., Any], x0: Any, t_span: Sequence[float], *, args: Sequence[Any] = (),
+    method: str = "RK45", rtol: float = 1e-3, atol: float = 1e-6, max_calls: int = 20_000,
 ) -> Diagnosis:  # fmt: skip
     """Read a program f(t, y, *args), run it by scipy, and solve the inclusion that it means.
 
@@ -151,8 +159,10 @@ def diagnose(
     max_calls          calls of f after which scipy's run is given up
 
     The source of f is read and never changed; f is called by scipy and at random states, where its values are
-    compared with those of the System. What it remembers (globals, attributes) is put back. Raises UsageError; ModelError
-    where there is no source. Where the source cannot be translated the finding "not translated" names the line.
+    compared with those of the System. What it remembers (globals, attributes) is put back. Raises
+    UsageError; ModelError
+    where there is no source. Where the source cannot be translated the finding "not translated" names the
+    line.
     """
     start, span = _checked(x0, t_span)
     if isinstance(max_calls, bool) or not isinstance(max_calls, int) or max_calls < 1:
@@ -193,10 +203,12 @@ def diagnose(
         findings += _at_start(f, args, solution, translation, found)
     if reading is not None:
         findings += _in_source(reading, translation)
+    name, file = (reading.source.name, reading.source.file) if reading else (getattr(f, "__name__", "f"), "")
+    if translation is None:
+        return Diagnosis(name, file, found, tuple(findings), run, None, tuple(start), "", solution, compared)
     return Diagnosis(
-        reading.source.name if reading else getattr(f, "__name__", "f"), reading.source.file if reading else "", found,
-        tuple(findings), run, translation.system if translation else None, translation.x0 if translation else tuple(start),
-        translation.code if translation else "", solution, compared,
+        name, file, found, tuple(findings), run, translation.system, translation.x0, translation.code,
+        solution, compared,
     )  # fmt: skip
 
 
@@ -220,33 +232,34 @@ def _put_back(memories: Sequence[Memory]) -> None:
         memory.put(memory.initial)
 
 
-def _in_source(reading: Reading, translation: Translation | None) -> list[Finding]:
+def _in_source(reading: Reading, translation: Translation | None) -> Iterator[Finding]:
     """What the source says by itself: equalities, dead bands, memories, clocks."""
-    out = []
     for site in reading.sites:
         if site.kind == "equality":
-            out.append(Finding(
-                "equality", f"line {site.line} `{site.text}` compares floats for equality: it never holds at the steps of an "
-                "integrator. What is to hold on the surface itself is set by the inclusion; where more is held at rest than in "
-                "motion, say so by Surface(..., radius=Fs/Fc)", lines=(site.line,),
-            ))  # fmt: skip
+            yield Finding(
+                "equality", f"line {site.line} `{site.text}` compares floats for equality: it never holds at "
+                "the steps of an integrator. What holds on the surface is set by the inclusion; where more is "
+                "held at rest than in motion, say so by Surface(..., radius=Fs/Fc)", lines=(site.line,),
+            )  # fmt: skip
     for site in translation.sites if translation else ():
         width = _band(site.h)
         if width is not None:
-            out.append(Finding(
-                "dead band", f"line {site.line} `{site.text}` is a dead band written by hand, {width:.3g} wide to each side: "
-                "inside it the motion creeps or drifts. Write sign(...) alone and the inclusion holds it", lines=(site.line,),
-            ))  # fmt: skip
+            yield Finding(
+                "dead band", f"line {site.line} `{site.text}` is a dead band written by hand, {width:.3g} wide "
+                "to each side: inside it the motion creeps or drifts. Write sign(...) alone, and the inclusion "
+                "holds it", lines=(site.line,),
+            )  # fmt: skip
     for memory in reading.memories:
-        out.append(Finding(
-            "memory", f"line {memory.line}: {memory.label} keeps its value from call to call, and an integrator calls f at trial "
-            "points and rejected steps too. It is a state of its own here, which resets change", lines=(memory.line,),
-        ))  # fmt: skip
+        yield Finding(
+            "memory", f"line {memory.line}: {memory.label} keeps its value from call to call, and an "
+            "integrator calls f at trial points and in rejected steps too. It is a state of its own here, which "
+            "resets change", lines=(memory.line,),
+        )  # fmt: skip
     for clock in reading.clocks:
-        out.append(Finding(
-            "clock", f"line {clock.line} jumps at known times: a TimeEvent here, met to the last bit", lines=(clock.line,),
-        ))  # fmt: skip
-    return out + [Finding("remark", remark) for remark in reading.remarks]
+        said = f"line {clock.line} jumps at known times: a TimeEvent here, met to the last bit"
+        yield Finding("clock", said, lines=(clock.line,))
+    for remark in reading.remarks:
+        yield Finding("remark", remark)
 
 
 def _band(h: Any) -> float | None:
@@ -294,13 +307,16 @@ def _at_start(
     if np.all(own == 0.0) and torn:
         ways = ", ".join(mode_text(way.mode) for way in solution.candidates)
         return [Finding(
-            "false rest", f"the start lies on {switch.surface} = 0, where {switch.where} gives 0 and with it f = 0: the program "
-            f"stays there for ever; the inclusion can go on in the modes {ways}", switch.surface, t0, switch.lines,
+            "false rest", f"the start lies on {switch.surface} = 0, where {switch.where} gives 0 and with "
+            "it f = 0: the program "
+            "stays there for ever; the inclusion can go on in the modes "
+            f"{ways}", switch.surface, t0, switch.lines,
         )]  # fmt: skip
     leaves = solution.sol is not None and solution.t_end > later and solution.start_mode[on[0]] != 0
     if np.all(own == 0.0) and leaves:
         return [Finding(
-            "false rest", f"the start lies on {switch.surface} = 0, where {switch.where} gives 0 and with it f = 0: the program "
+            "false rest", f"the start lies on {switch.surface} = 0, where {switch.where} gives 0 and with "
+            "it f = 0: the program "
             "stays there for ever, the motion of the inclusion leaves", switch.surface, t0, switch.lines,
         )]  # fmt: skip
     if not leaves:
@@ -309,7 +325,8 @@ def _at_start(
     if np.max(np.abs(there - own)) <= 1e-9 * (1 + np.max(np.abs(own))):
         return []
     return [Finding(
-        "sign at 0", f"the start lies on {switch.surface} = 0, where {switch.where} takes a value that holds on neither side",
+        "sign at 0", f"the start lies on {switch.surface} = 0, where {switch.where} takes a value that "
+        "holds on neither side",
         switch.surface, t0, switch.lines,
     )]  # fmt: skip
 
@@ -317,7 +334,7 @@ def _at_start(
 def _replayed(
     f: Callable[..., Any], args: Sequence[Any], reading: Any, solution: Solution, translation: Translation
 ) -> list[Finding]:
-    """Where a program with a memory, called along the motion in order, gives another field than the System."""
+    """Where a program with a memory, called along the motion in order, has another field than the System."""
     _put_back(reading.memories)
     if solution.sol is None:
         return []
@@ -336,7 +353,8 @@ def _replayed(
         away = np.min(np.abs(events - t)) > 2 * short
         if compared and away and np.max(np.abs(own - theirs)) > 1e-6 * (1 + np.max(np.abs(own))):
             return [Finding(
-                "differs", f"called along the motion, f gives {own} at t = {t:.6g} and the System {theirs}: the memory is not "
+                "differs", f"called along the motion, f gives {own} at t = {t:.6g} and the System {theirs}: "
+                "the memory is not "
                 "what the resets make of it", t=t,
             )]  # fmt: skip
     return []

@@ -497,7 +497,7 @@ class Expressions(Switching):
         return out
 
     def _built(self, node: ast.AST, function: Any, args: list[Any], named: dict[str, Any]) -> Any:
-        if function in {range}:
+        if function is range:
             ends = [self.whole_number(node, a) for a in args]
             if None in ends:
                 raise self.fail(node, "a range that depends on the state is not followed")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -29,8 +30,8 @@ WRONG = 10.0
 class Finding:
     """One thing that is wrong, or that the source says otherwise than it does.
 
-    kind      "chattering", "hang", "missed", "wrong curve", "exception", "false rest", "sign at 0", "equality",
-              "dead band", "memory", "clock", "remark", "not translated", "differs"
+    kind      "chattering", "hang", "missed", "wrong curve", "exception", "false rest", "sign at 0",
+              "equality", "dead band", "memory", "clock", "remark", "not translated", "differs"
     sentence  in words; surface: the surface, "" for none; t: when, None for always; lines: of the source
     """
 
@@ -45,7 +46,8 @@ class Finding:
 class Switch:
     """A surface of the System and the places in the source that made it.
 
-    kind   "jump", "kink", "time" (nothing but time decides) or "memory" (what is remembered changes); slides: whether the motion stays on it for a while
+    kind    "jump", "kink", "time" (nothing but time decides) or "memory" (what is remembered changes)
+    slides  whether the motion stays on it for a while
     """
 
     surface: str
@@ -178,19 +180,23 @@ def _chattering(
         stopped = run.ended == "budget"
         hung = hung or stopped
         tail = (
-            f" and has come no further than t = {run.t[-1]:.6g} when its budget of {run.nfev} calls is used up"
+            f" and has come no further than t = {run.t[-1]:.6g} when its budget of {run.nfev} calls is used "
+            "up"
             if stopped
             else ""
         )
         yield Finding(
             "hang" if stopped else "chattering",
-            f"from t = {first:.6g} the motion stays on {switch.surface} = 0 ({switch.where}); scipy's {run.method} calls f on both "
-            f"sides in turn, {total} changes of sign in {calls} calls until t = {last:.6g} (the shortest step {least:.2g}){tail}",
+            f"from t = {first:.6g} the motion stays on {switch.surface} = 0 ({switch.where}); scipy's "
+            f"{run.method} calls f on both "
+            f"sides in turn, {total} changes of sign in {calls} calls until t = {last:.6g} (the shortest "
+            f"step {least:.2g}){tail}",
             switch.surface, first, switch.lines,
         )  # fmt: skip
     if run.ended == "budget" and not hung:
         yield Finding(
-            "hang", f"scipy's {run.method} has come no further than t = {run.t[-1]:.6g} when its budget of {run.nfev} calls is "
+            "hang", f"scipy's {run.method} has come no further than t = {run.t[-1]:.6g} when its budget of "
+            f"{run.nfev} calls is "
             "used up", t=float(run.t[-1]),
         )  # fmt: skip
 
@@ -205,7 +211,7 @@ def _missed(run: NaiveRun, solution: Solution, found: tuple[Switch, ...]) -> Ite
             e.t for e in solution.events if e.index == i and e.kind in {EventKind.CROSSING, EventKind.RESET}
         ]
         lost: list[tuple[float, float]] = []
-        for a, b in zip(times, times[1:], strict=False):
+        for a, b in itertools.pairwise(times):
             k = int(np.searchsorted(run.t, a, side="right"))
             one_step = 0 < k < len(run.t) and b < run.t[k]
             unseen = np.searchsorted(calls, a, side="right") == np.searchsorted(calls, b, side="left")
@@ -217,15 +223,17 @@ def _missed(run: NaiveRun, solution: Solution, found: tuple[Switch, ...]) -> Ite
         if lost:
             more = f", and {len(lost) - 1} more like it" if len(lost) > 1 else ""
             yield Finding(
-                "missed", f"the motion crosses {switch.surface} = 0 ({switch.where}) at t = {lost[0][0]:.9g} and is back at "
-                f"t = {lost[0][1]:.9g}; scipy's {run.method} steps over both without a call of f between{more}",
+                "missed", f"the motion crosses {switch.surface} = 0 ({switch.where}) at t = "
+                f"{lost[0][0]:.9g} and is back at "
+                f"t = {lost[0][1]:.9g}; scipy's {run.method} steps over both without a call of f "
+                f"between{more}",
                 switch.surface, lost[0][0], switch.lines,
             )  # fmt: skip
 
 
 def _pulses(run: NaiveRun, solution: Solution, i: int, calls: Array) -> Iterator[tuple[float, float]]:
     events = [e for e in solution.events if e.kind is EventKind.CROSSING]
-    for first, second in zip(events, events[1:], strict=False):
+    for first, second in itertools.pairwise(events):
         if first.index == i and second.index != i and second.t > first.t:
             k = int(np.searchsorted(run.t, first.t, side="right"))
             unseen = np.searchsorted(calls, first.t, side="right") == np.searchsorted(
@@ -252,6 +260,7 @@ def _wrong(run: NaiveRun, solution: Solution) -> Iterator[Finding]:
         most = int(np.nanargmax(parts))
         success = "" if run.ended else ", and reports success"
         yield Finding(
-            "wrong curve", f"from t = {run.t[beyond[0]]:.6g} scipy's curve leaves the motion: at t = {run.t[most]:.6g} it is off by "
+            "wrong curve", f"from t = {run.t[beyond[0]]:.6g} scipy's curve leaves the motion: at t = "
+            f"{run.t[most]:.6g} it is off by "
             f"{gap[most]:.3g}, {parts[most]:.3g} times its tolerance{success}", t=float(run.t[beyond[0]]),
         )  # fmt: skip

@@ -67,7 +67,8 @@ SWITCHING: dict[Any, str] = {
     np.any: "any_of", builtins.all: "all_of", builtins.any: "any_of", bool: "as_bool", float: "as_float",
     np.float64: "as_float", np.linalg.norm: "norm", math.dist: "distance", np.signbit: "negative",
     builtins.isinstance: "instance", math.isnan: "never", np.isnan: "never", np.isfinite: "always",
-    math.isfinite: "always", np.sum: "total", builtins.sum: "total", math.fsum: "total", math.isclose: "close",
+    math.isfinite: "always", np.sum: "total", builtins.sum: "total", math.fsum: "total",
+    math.isclose: "close",
     np.isclose: "close", np.allclose: "close",
 }  # fmt: skip
 
@@ -90,7 +91,7 @@ UNSTEADY = ("random", "numpy.random", "time", "datetime", "secrets", "uuid")
 def is_library(function: Any) -> bool:
     """Whether a function belongs to Python, numpy or scipy: it may be called with plain numbers."""
     home = str(getattr(function, "__module__", None) or "numpy")
-    return home.split(".")[0] in {"builtins", "math", "numpy", "operator", "scipy"} or home.startswith("_")
+    return home.partition(".")[0] in {"builtins", "math", "numpy", "operator", "scipy"} or home == "_operator"
 
 
 def is_unsteady(function: Any) -> bool:

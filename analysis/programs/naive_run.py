@@ -25,7 +25,7 @@ class NaiveRun:
     t, y       ends of its steps (k,) and states there (n, k)
     spent      calls of f before each end (k,)
     calls      times of all calls of f, in order (c,); asked: the states of these calls (n, c)
-    ended      "" where it came to the end; "budget" where its calls were used up; else what was raised or said
+    ended      "" where it came to the end; "budget" where its calls were used up; else what was raised
     """
 
     method: str
@@ -54,8 +54,8 @@ class _Spent(Exception):  # noqa: N818
 
 
 def run_naively(
-    function: Callable[..., Any], x0: Any, t_span: tuple[float, float], args: Sequence[Any] = (), *, method: str,
-    rtol: float, atol: float, max_calls: int,
+    function: Callable[..., Any], x0: Any, t_span: tuple[float, float], args: Sequence[Any] = (), *,
+    method: str, rtol: float, atol: float, max_calls: int,
 ) -> NaiveRun:  # fmt: skip
     """Integrate f(t, y, *args) by a method of scipy. What f raises ends the run and is kept as text."""
     if method not in METHODS:

@@ -24,8 +24,8 @@ class Site:
     """A place in the source where the program switches.
 
     line, file, text   where, and what stands there
-    kind               "sign", "if", "abs", "max", "where", "clip", "heaviside", ..., "equality" for a test that
-                       a float equals another, "time" in the end where nothing but time decides
+    kind               "sign", "if", "abs", "max", "where", "clip", "heaviside", "equality" for a test that a
+                       float equals another, "time" where nothing but time decides
     h                  the switching function, one expression; None where it is not one
     """
 

@@ -1,4 +1,4 @@
-"""A program f(t, y) followed statement by statement on both sides of its conditions: its equations as expressions.
+"""A program f(t, y) followed statement by statement on both sides of its conditions, to its equations.
 
 Nothing of the program is run: its syntax tree is gone through. Numbers that it finds outside itself (globals,
 closures, defaults, attributes) become parameters; what it changes outside itself is a memory. Where a
@@ -141,10 +141,12 @@ class Reader(Expressions):
         nothing = Nothing("path")
         self.frames = {
             number: {
-                name: self.flags.choose(condition, after[number].get(name, nothing), other.get(name, nothing), memo)
-                for name in {**after[number], **other}
+                name: self.flags.choose(
+                    condition, after[number].get(name, nothing), here.get(name, nothing), memo
+                )
+                for name in {**after[number], **here}
             }
-            for number, other in self.frames.items() if number in after
+            for number, here in self.frames.items() if number in after
         }  # fmt: skip
         keys = {**memory, **self.remembered}
         self.remembered = {
@@ -368,8 +370,10 @@ class Reader(Expressions):
             memory.initial = memory.now()
             if not is_number(memory.initial):
                 raise self.fail(
-                    node, f"it remembers {label}, {type(memory.initial).__name__}, from call to call. A memory is "
-                    "a state of its own that resets change (Surface(..., reset={mode: 1})); only True, False and "
+                    node, f"it remembers {label}, {type(memory.initial).__name__}, from call to call. A "
+                    "memory is "
+                    "a state of its own that resets change (Surface(..., reset={mode: 1})); only True, "
+                    "False and "
                     "numbers are translated",
                 )  # fmt: skip
             self.memories[found] = memory
@@ -440,9 +444,8 @@ class Reader(Expressions):
         args, named = [*bound, *args], {**preset, **named}
         names = [part.arg for part in (*a.posonlyargs, *a.args)]
         frame: dict[str, Any] = dict(zip(names, args, strict=False))
-        if len(args) > len(names):
-            if a.vararg is None:
-                raise self.fail(node, f"{len(args)} arguments for {len(names)}")
+        if len(args) > len(names) and a.vararg is None:
+            raise self.fail(node, f"{len(args)} arguments for {len(names)}")
         if a.vararg is not None:
             frame[a.vararg.arg] = tuple(args[len(names) :])
         known = {*names, *(part.arg for part in a.kwonlyargs)}
@@ -546,7 +549,8 @@ def read_program(function: Callable[..., Any], n: int, args: Sequence[Any] = ())
             raise
         except RecursionError:
             raise ReadingError(
-                f"{source.name} in {Path(source.file).name} is nested too deeply to be followed; write loops with "
+                f"{source.name} in {Path(source.file).name} is nested too deeply to be followed; write "
+                "loops with "
                 "returns in them as conditions.", at(source.node),
             ) from None  # fmt: skip
     raise ReadingError(f"{source.name} remembers more than 20 values between calls.", at(source.node))

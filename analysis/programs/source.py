@@ -45,7 +45,7 @@ class Source:
         return " ".join(found.split())
 
     def outside(self, name: str) -> Any:
-        """What a free name stands for: a variable around the function, a global, a builtin; KeyError if none."""
+        """What a free name stands for: a variable around the function, a global, a builtin, or KeyError."""
         code = self.function.__code__
         if name in code.co_freevars and self.function.__closure__ is not None:
             return self.function.__closure__[code.co_freevars.index(name)].cell_contents
@@ -71,7 +71,7 @@ def source_of(function: Callable[..., Any]) -> Source:
             bound, live = (live.__self__, *bound), live.__func__
         elif hasattr(live, "py_func"):  # compiled by numba: what it was made from
             live = live.py_func
-        elif not isinstance(live, types.FunctionType) and inspect.ismethod(getattr(live, "__call__", None)):
+        elif callable(live) and inspect.ismethod(live.__call__):
             live = live.__call__
         else:
             break
@@ -86,7 +86,8 @@ def source_of(function: Callable[..., Any]) -> Source:
         lines, _ = inspect.findsource(live)
     except (OSError, TypeError):
         raise ModelError(
-            f"the source of {live.__qualname__} cannot be found: it was not read from a file. Put it into one."
+            f"the source of {live.__qualname__} cannot be found: it was not read from a file. Put it into "
+            "one."
         ) from None
     text = tuple(line.rstrip("\n") for line in lines)
     node = _node(live, ast.parse("".join(lines)))

@@ -17,7 +17,8 @@ from filippov.analysis.programs.notes import Clock, ReadingError, at
 from filippov.model.symbolic import Select
 
 QUANTISED = (
-    "steps without end of the state: the System that it means has one surface for every step. Give the rounded or "
+    "steps without end of the state: the System that it means has one surface for every step. Give the "
+    "rounded or "
     "wrapped quantity a state of its own, with a reset at the ends of its range"
 )
 
@@ -76,11 +77,14 @@ class Switching:
 
     def copysign(self, node: ast.AST, value: Any, other: Any) -> Any:
         """|value| with the sign of the other."""
+
         def one(a: Any, b: Any) -> Any:
             known = self.fixed(b)
             if known is not None:
                 turn: Any = math.copysign(1.0, known)
-            elif isinstance(b, Expr) and b.has(Select):  # which may be 0 on one side, and 0 counts as positive
+            elif isinstance(b, Expr) and b.has(
+                Select
+            ):  # which may be 0 on one side, and 0 counts as positive
                 turn = self.flags.choose(self.compare(node, "<", b, 0), -1, 1)
             else:
                 turn = self.sign(node, b)

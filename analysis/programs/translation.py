@@ -25,12 +25,13 @@ from filippov.model.time_event import TimeEvent
 
 Array = npt.NDArray[np.float64]
 FUNCTIONS = (
-    "Abs", "Heaviside", "Max", "Min", "Piecewise", "cos", "exp", "log", "pi", "sign", "sin", "sqrt", "tan", "tanh",
+    "Abs", "Heaviside", "Max", "Min", "Piecewise", "cos", "exp", "log", "pi", "sign", "sin", "sqrt",
+    "tan", "tanh",
 )  # fmt: skip
 OTHERS = ("Parameter", "Surface", "System", "TimeEvent", "parameters", "solve", "states")
 _TAKEN = {
-    "t", "p", "system", "solution", "asin", "acos", "atan", "atan2", "sinh", "cosh", "asinh", "acosh", "atanh", "erf",
-    *FUNCTIONS, *OTHERS,
+    "t", "p", "system", "solution", "asin", "acos", "atan", "atan2", "sinh", "cosh", "asinh", "acosh",
+    "atanh", "erf", *FUNCTIONS, *OTHERS,
 }  # fmt: skip
 
 
@@ -38,9 +39,11 @@ _TAKEN = {
 class Translation:
     """The System of a program.
 
-    system      what it means; x0: the initial state, with those of clocks and memories after the program's own
+    system      what it means
+    x0          the initial state, with those of clocks and memories after the program's own
     sites       where the program switches, in the symbols of the system
-    clocks      those of the program, in the symbols of the system; resets: states that memories became
+    clocks      those of the program, in the symbols of the system
+    remembered  how many states memories became
     code        the text that makes the system
     """
 
@@ -133,7 +136,7 @@ def _symbols(found: Reading) -> dict[Any, Any]:
     names = unique({group[0]: name for (name, _), group in same.items()}, _TAKEN | set(chosen.values()))
     space = parameters(**{names[group[0]]: value for (_, value), group in same.items()})
     for group in same.values():
-        out |= {d: space[names[group[0]]] for d in group}
+        out |= dict.fromkeys(group, space[names[group[0]]])
     out[found.time] = time
     return out
 
@@ -198,6 +201,7 @@ class _Python(StrPrinter):  # type: ignore[misc]
 
     def _print_Select(self, expr: Expr) -> str:
         pieces: list[str] = []
+        decided: set[str] = set()
         rest = expr
         while isinstance(rest, Select):
             h, plus, minus = rest.args
@@ -206,7 +210,9 @@ class _Python(StrPrinter):  # type: ignore[misc]
                 where.append(condition(plus.args[0]))
                 plus = plus.args[1]
             both = where[0] if len(where) == 1 else " & ".join(f"({part})" for part in where)
-            pieces.append(f"({self._print(plus)}, {both})")
+            if both not in decided:  # else it never holds here
+                pieces.append(f"({self._print(plus)}, {both})")
+            decided.add(both)
             rest = minus
         return f"Piecewise({', '.join(pieces)}, ({self._print(rest)}, True))"
 
@@ -232,8 +238,8 @@ def number(value: float) -> str:
 
 
 def _code(
-    system: System, equations: dict[Any, Any], surfaces: list[Surface], events: list[TimeEvent], x0: tuple[float, ...],
-    t_span: tuple[float, float],
+    system: System, equations: dict[Any, Any], surfaces: list[Surface], events: list[TimeEvent],
+    x0: tuple[float, ...], t_span: tuple[float, float],
 ) -> str:  # fmt: skip
     rows = ", ".join(f"{x.name}: {formula(f)}" for x, f in equations.items())
     parts = [f"{{{rows}}}"]
@@ -242,7 +248,8 @@ def _code(
         parts = [f"{{\n    {rows},\n}}"]
     if surfaces:
         made = ", ".join(
-            f"Surface({s.name!r}, {formula(s.h)}, reset={{{', '.join(f'{x}: {formula(e)}' for x, e in _pairs(s.reset))}}}, "
+            f"Surface({s.name!r}, {formula(s.h)}, "
+            f"reset={{{', '.join(f'{x}: {formula(e)}' for x, e in _pairs(s.reset))}}}, "
             f"side={s.side!r})" for s in surfaces
         )  # fmt: skip
         parts.append(f"surfaces=[{made}]")

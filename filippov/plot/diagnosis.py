@@ -15,7 +15,7 @@ MOST_STATES = 4
 
 
 def plot_diagnosis(diagnosis: Any, *, title: str = "", figure: Figure | None = None) -> Figure:
-    """The first states over time, the motion of the inclusion behind scipy's steps; below, calls of f over time.
+    """The first states over time, the motion of the inclusion behind scipy's steps; below, calls of f.
 
     Shaded is where the motion slides.
     """
@@ -37,7 +37,7 @@ def plot_diagnosis(diagnosis: Any, *, title: str = "", figure: Figure | None = N
         for i, ax in enumerate(axes[:count]):
             if solution is not None:
                 ax.plot(t, x[i], color=BLUE, linewidth=2.2, label="the inclusion")
-            ax.plot(run.t, run.y[i], color=RED, linewidth=0.9, label=f"scipy's {run.method}")
+            ax.plot(run.t, run.y[i], ".", color=RED, markersize=3, label=f"scipy's {run.method}")
             ax.set_ylabel(names[i])
         axes[0].legend(loc="upper right", ncols=2)
         low = axes[count]

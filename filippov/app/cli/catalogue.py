@@ -395,7 +395,7 @@ _ALL = (
         needs="filippov.analysis.comparisons.comparison",
     ),
     Command(
-        "diagnose", "what switches in a program f(t, y), what scipy makes of it, and the System to use instead: "
+        "diagnose", "what switches in a program f(t, y), what scipy makes of it, the System to use instead: "
         "diagnosis.json, .txt, .png, system.py", "diagnose",
         (Option("program", "path/to/file.py:f; the file is run, and f is called", text, metavar="FILE.py:f",
                 flags=("program",)),

@@ -1,4 +1,4 @@
-"""filippov diagnose: what switches in a program f(t, y), what scipy makes of it, and the System to use instead."""
+"""filippov diagnose: what switches in a program f(t, y), and the System to use instead."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ def run(settings: dict[str, Any], console: Console) -> int:
             raise UsageError(f"--{needed.replace('_', '-')} is missing: a program has none of its own.")
     folder = Folder(settings["output"], console)
     console.say(
-        f"runs {printable(path)} to import it, and calls its {printable(name)} up to {settings['max_calls']} times by "
+        f"runs {printable(path)} to import it, and calls its {printable(name)} up to "
+        f"{settings['max_calls']} times by "
         "scipy and some hundred times at random states"
     )
     function = _function(path, name)
