@@ -159,13 +159,13 @@ def diagnose(
     max_calls          calls of f after which scipy's run is given up
 
     The source of f is read and never changed; f is called by scipy and at random states, where its values are
-    compared with those of the System. What it remembers (globals, attributes) is put back. Raises
-    UsageError; ModelError
-    where there is no source. Where the source cannot be translated the finding "not translated" names the
-    line.
+    compared with those of the System. What it remembers (globals, attributes) is put back. Where the source
+    cannot be translated the finding "not translated" names the line. Raises UsageError; ModelError where
+    there is no source.
     """
     start, span = _checked(x0, t_span)
-    if isinstance(max_calls, bool) or not isinstance(max_calls, int) or max_calls < 1:
+    budget: object = max_calls
+    if isinstance(budget, bool) or not isinstance(budget, int) or budget < 1:
         raise UsageError(f"max_calls is {max_calls!r}, expected a whole number of at least 1.")
     findings: list[Finding] = []
     reading: Reading | None = None
@@ -238,22 +238,22 @@ def _in_source(reading: Reading, translation: Translation | None) -> Iterator[Fi
         if site.kind == "equality":
             yield Finding(
                 "equality", f"line {site.line} `{site.text}` compares floats for equality: it never holds at "
-                "the steps of an integrator. What holds on the surface is set by the inclusion; where more is "
-                "held at rest than in motion, say so by Surface(..., radius=Fs/Fc)", lines=(site.line,),
+                "the steps of an integrator. What holds on the surface is set by the inclusion; where more "
+                "is held at rest than in motion, say so by Surface(..., radius=Fs/Fc)", lines=(site.line,),
             )  # fmt: skip
     for site in translation.sites if translation else ():
         width = _band(site.h)
         if width is not None:
             yield Finding(
-                "dead band", f"line {site.line} `{site.text}` is a dead band written by hand, {width:.3g} wide "
-                "to each side: inside it the motion creeps or drifts. Write sign(...) alone, and the inclusion "
-                "holds it", lines=(site.line,),
+                "dead band", f"line {site.line} `{site.text}` is a dead band written by hand, {width:.3g} "
+                "wide to each side: inside it the motion creeps or drifts. Write sign(...) alone, and the "
+                "inclusion holds it", lines=(site.line,),
             )  # fmt: skip
     for memory in reading.memories:
         yield Finding(
             "memory", f"line {memory.line}: {memory.label} keeps its value from call to call, and an "
-            "integrator calls f at trial points and in rejected steps too. It is a state of its own here, which "
-            "resets change", lines=(memory.line,),
+            "integrator calls f at trial points and in rejected steps too. It is a state of its own here, "
+            "which resets change", lines=(memory.line,),
         )  # fmt: skip
     for clock in reading.clocks:
         said = f"line {clock.line} jumps at known times: a TimeEvent here, met to the last bit"

@@ -84,8 +84,8 @@ def switches(translation: Translation, solution: Solution | None) -> tuple[Switc
             s for s in translation.sites if s.h is not None and s.kind != "equality" and _same(s.h, h)
         )
         moving = h.free_symbols & (set(form.x) - clocks - remembered)
-        kind = "memory" if surface.reset is not None else surface.kind if surface.kind == "kink" else "jump"
-        kind = "time" if kind == "jump" and not moving else kind
+        kind = "kink" if surface.kind == "kink" else "jump" if moving else "time"
+        kind = "memory" if surface.reset is not None else kind
         out.append(Switch(surface.name, kind, sites, i in held))
     return tuple(out)
 

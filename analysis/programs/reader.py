@@ -12,6 +12,7 @@ import inspect
 import types
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,8 @@ class Reader(Expressions):
         self.source, self.memories = source, memories
         self.parameters, self.flags = Parameters(), Flags()
         self.flags.symbols = {m.symbol for m in memories.values() if m.flag}
-        self.sites, self.remarks = [], []
+        self.sites = []
+        self.remarks: list[str] = []
         self.clocks: dict[Any, Clock] = {}
         self.time = sympy.Dummy("t", real=True)
         self.states = tuple(sympy.Dummy(f"y{i}", real=True) for i in range(n))
@@ -183,16 +185,10 @@ class Reader(Expressions):
                 held = self.truth(node.test, self.value(node.test))
                 if isinstance(held, bool):
                     return self.block(node.body if held else node.orelse, following, loop)
+                both = node.body, node.orelse
                 if _leaves(node):
-                    return self._forked(
-                        held, lambda n=node: self.block(n.body, following, loop),  # type: ignore[misc]
-                        lambda n=node: self.block(n.orelse, following, loop),  # type: ignore[misc]
-                    )  # fmt: skip
-                self._forked(
-                    held,
-                    lambda n=node: self.block(n.body, _nothing),
-                    lambda n=node: self.block(n.orelse, _nothing),
-                )  # type: ignore[misc]
+                    return self._forked(held, *(partial(self.block, part, following, loop) for part in both))
+                self._forked(held, *(partial(self.block, part, _nothing) for part in both))
             elif isinstance(node, (ast.For, ast.While)):
                 return self._loop(node, following)
             else:

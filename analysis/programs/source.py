@@ -127,5 +127,5 @@ def _holds(node: Node, code: types.CodeType) -> bool:
     own = [p for p in places if p[0] is not None and p[3] > 0]
     return bool(own) and all(
         (body.lineno, body.col_offset) <= (p[0], p[1]) and (p[2], p[3]) <= end
-        for p in own  # type: ignore[operator]
+        for p in own
     )

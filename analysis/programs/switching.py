@@ -79,9 +79,9 @@ class Switching:
         """|value| with the sign of the other."""
 
         def one(a: Any, b: Any) -> Any:
-            known = self.fixed(b)
-            if known is not None:
-                turn: Any = math.copysign(1.0, known)
+            number = self.fixed(b)
+            if number is not None:
+                turn: Any = math.copysign(1.0, number)
             elif isinstance(b, Expr) and b.has(
                 Select
             ):  # which may be 0 on one side, and 0 counts as positive
@@ -135,8 +135,9 @@ class Switching:
         """np.clip: least(largest(value, a_min), a_max)."""
         low, high = bounds.get("min", a_min), bounds.get("max", a_max)
         if low is not None and high is not None:
-            ends = [self.fixed(v) if not isinstance(v, np.ndarray) else None for v in (low, high)]
-            if None not in ends and ends[0] < ends[1]:
+            ends = [self.fixed(v) for v in (low, high) if not isinstance(v, np.ndarray)]
+            known = [end for end in ends if end is not None]
+            if len(known) == 2 and known[0] < known[1]:
                 return elementwise(lambda v: self._between(node, v, low, high), value)
         value = value if low is None else self._extreme(node, Max, "clip", (value, low))
         return value if high is None else self._extreme(node, Min, "clip", (value, high))

@@ -188,7 +188,7 @@ def _signs(factors: list[Expr]) -> list[Expr]:
     return out
 
 
-class _Python(StrPrinter):  # type: ignore[misc]
+class _Python(StrPrinter):
     """Expressions as a user writes them: numbers in their shortest form, parameters as p.name."""
 
     def _print_Float(self, expr: Expr) -> str:
