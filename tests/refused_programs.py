@@ -5,7 +5,7 @@ import random
 
 import numpy as np
 
-history = []
+history = [1.0]
 
 
 def quantised(t, y):
@@ -76,3 +76,8 @@ def unset(t, y):
 
 def sorted_state(t, y):
     return [-sorted(y)[0], 0.0]  # <12>
+
+
+def lagging(t, y):
+    history.append(y[0])
+    return [-history[-1]]  # <13>

@@ -308,7 +308,7 @@ REFUSED = {
         (6, "counting", "it remembers calls"), (7, "named_mode", "it remembers mode, str"),
         (8, "silent", "it returns nothing"), (9, "tried", "try is not followed"),
         (10, "too_few", "1 rates for 2 states"), (11, "unset", "'force' is not set on every path"),
-        (12, "sorted_state", "sorted"),
+        (12, "sorted_state", "sorted"), (13, "lagging", "in which it keeps a record"),
     ],
 )  # fmt: skip
 def test_15_5_what_cannot_be_translated_is_refused_by_line(mark: int, name: str, said: str) -> None:

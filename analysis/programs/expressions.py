@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import math
 import operator
 import types
 from collections.abc import Callable, Iterable
@@ -11,9 +10,8 @@ from typing import Any
 
 import numpy as np
 import sympy
-from sympy import And, Expr, Not, Or, Symbol
+from sympy import And, Expr, Not, Or
 
-from filippov.analysis.programs import functions
 from filippov.analysis.programs.choice import (
     Nothing,
     as_number,
@@ -25,7 +23,7 @@ from filippov.analysis.programs.choice import (
 from filippov.analysis.programs.notes import Memory, ReadingError, Site, at
 from filippov.analysis.programs.outside import Outside, Parameters, opened
 from filippov.analysis.programs.source import Source
-from filippov.analysis.programs.switching import HANDLERS, Switching
+from filippov.analysis.programs.switching import Switching
 
 _BINARY: dict[type, Callable[[Any, Any], Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
@@ -44,6 +42,8 @@ _PLAIN: dict[str, Callable[[Any, Any], bool]] = {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
     "!=": operator.ne,
 }  # fmt: skip
+
+RECORD = "What the field needs of the past is a state, or a reset that keeps it"
 
 
 class Closure:
@@ -66,6 +66,7 @@ class Expressions(Switching):
     parameters: Parameters
     sites: list[Site]
     memories: dict[tuple[Any, ...], Memory]
+    logs: set[int]
     frames: dict[int, dict[str, Any]]
     remembered: dict[tuple[Any, ...], Any]
     source: Source
@@ -229,6 +230,10 @@ class Expressions(Switching):
         owner, key = self.value(node.value), self.key(node.slice)
         label = self.source.text(node)
         if isinstance(owner, Outside):
+            if id(owner.value) in self.logs:
+                raise self.fail(
+                    node, f"it reads {owner.label}, in which it keeps a record: a memory. {RECORD}"
+                )
             if not isinstance(key, slice) and (kept := self.recalled(owner.value, key)) is not None:
                 return kept
             owner_value = owner.value
@@ -436,144 +441,3 @@ class Expressions(Switching):
         value = self.value(node.value)
         self.assign(node.target, value)
         return value
-
-    # -- calls ---------------------------------------------------------------------------------------------
-
-    def _Call(self, node: ast.Call) -> Any:
-        if isinstance(node.func, ast.Name) and node.func.id == "print":
-            return None
-        function = self.value(node.func)
-        args = self._elements(node.args)
-        named: dict[str, Any] = {}
-        for word in node.keywords:
-            if word.arg is not None:
-                named[word.arg] = self.value(word.value)
-                continue
-            more = opened(self.value(word.value), self.parameters)
-            if not isinstance(more, dict):
-                raise self.fail(node, "** of what is no dict")
-            named |= more
-        if isinstance(function, Method):
-            return self._method(node, function, args, named)
-        return self.call(node, function, args, named)
-
-    def library(self, node: ast.AST, function: Any, args: list[Any], named: dict[str, Any]) -> Any:
-        """A call of a function of Python, math or numpy."""
-        if functions.is_unsteady(function):
-            raise self.fail(
-                node, "it gives another value at each call: such a field has no solution to compare with"
-            )
-        args = [opened(a, self.parameters) for a in args]
-        named = {k: opened(v, self.parameters) for k, v in named.items() if k not in {"dtype", "out"}}
-        if function in functions.SILENT:
-            return None
-        if function in functions.SWITCHING:
-            return HANDLERS[functions.SWITCHING[function]](self, node, *args, **named)
-        if function in functions.SMOOTH and not named:
-            return elementwise(lambda *v: self._smooth(node, function, *v), *args)
-        if function in functions.BUILDING:
-            return self._built(node, function, args, named)
-        numbers = [self._known(a) for a in args]
-        if functions.is_library(function) and _concrete([*numbers, *named.values()]):
-            out = function(*self._lowered(numbers), **named)
-            return np.asarray(out, dtype=object) if isinstance(out, np.ndarray) else out
-        raise self.fail(
-            node, f"{getattr(function, '__name__', function)} is not among the functions that are followed"
-        )
-
-    def _smooth(self, node: ast.AST, function: Any, *values: Any) -> Any:
-        values = tuple(as_number(v) for v in values)
-        if function is math.pow or function in {np.power, pow, np.float_power}:
-            return self.power(node, *values)
-        if all(is_number(v) for v in values):
-            return function(*values)
-        out = functions.SMOOTH[function](*values)
-        if (
-            isinstance(out, Expr)
-            and out.has(sympy.Abs)
-            and not any(sympy.sympify(v).has(sympy.Abs) for v in values)
-        ):
-            self.site(node, "abs", next(iter(out.atoms(sympy.Abs))).args[0])
-        return out
-
-    def _built(self, node: ast.AST, function: Any, args: list[Any], named: dict[str, Any]) -> Any:
-        if function is range:
-            ends = [self.whole_number(node, a) for a in args]
-            if None in ends:
-                raise self.fail(node, "a range that depends on the state is not followed")
-            return range(*ends)  # type: ignore[arg-type]
-        try:
-            if function in {np.array, np.asarray, np.atleast_1d, np.asarray_chkfinite, np.copy}:
-                return (
-                    np.array(args[0], dtype=object).reshape(-1)
-                    if function is np.atleast_1d
-                    else np.array(args[0], dtype=object)
-                )
-            if function is np.full:
-                return np.full(self._shape(node, args[0]), args[1], dtype=object)
-            out = function(*args, **named)
-        except (TypeError, ValueError, IndexError) as error:
-            raise self.fail(node, f"{type(error).__name__}: {error}") from None
-        return np.asarray(out, dtype=object)[()] if isinstance(out, (np.ndarray, np.generic)) else out
-
-    def _shape(self, node: ast.AST, value: Any) -> Any:
-        if isinstance(value, (tuple, list)):
-            return tuple(self.whole_number(node, v) for v in value)
-        return self.whole_number(node, value)
-
-    def _lowered(self, values: list[Any]) -> list[Any]:
-        return [np.array(v.tolist()) if isinstance(v, np.ndarray) else v for v in values]
-
-    def _known(self, value: Any) -> Any:
-        """A value with numbers in the place of parameters."""
-        if isinstance(value, (tuple, list)):
-            return type(value)(self._known(v) for v in value)
-        number = self.fixed(value) if isinstance(value, Expr) else None
-        return value if number is None else int(number) if number == round(number) else number
-
-    def _method(self, node: ast.AST, method: Method, args: list[Any], named: dict[str, Any]) -> Any:
-        if isinstance(method.owner, Outside) and method.name in {"append", "extend", "add", "write"}:
-            self.log(node, method.owner)
-            return None
-        owner, name = opened(method.owner, self.parameters), method.name
-        over = {
-            "sum": "total",
-            "max": "largest",
-            "min": "least",
-            "any": "any_of",
-            "all": "all_of",
-            "clip": "clip",
-        }
-        if name in over:
-            return HANDLERS[over[name]](self, node, owner, *args, **named)
-        if isinstance(owner, list) and name in {"append", "extend"}:
-            getattr(owner, name)(*args)
-            return None
-        if name == "astype":
-            return elementwise(as_number, owner)
-        if name not in functions.METHODS:
-            raise self.fail(node, f"the method {name} is not followed")
-        if name == "get" and isinstance(owner, dict):
-            return owner.get(*args)
-        if isinstance(owner, Symbol):
-            return owner
-        out = getattr(owner, name)(*args, **named)
-        return np.asarray(out, dtype=object)[()] if isinstance(out, np.ndarray) else out
-
-    def log(self, node: ast.AST, owner: Outside) -> None:
-        """Note that the program keeps a record in a container outside."""
-        raise NotImplementedError
-
-
-def _concrete(values: Iterable[Any]) -> bool:
-    """Whether no value holds an expression."""
-    for value in values:
-        if isinstance(value, sympy.Basic) or (callable(value) and not isinstance(value, type)):
-            return False
-        if isinstance(value, dict):
-            return False
-        if isinstance(value, (list, tuple, np.ndarray)) and not _concrete(
-            np.ravel(np.asarray(value, dtype=object))
-        ):
-            return False
-    return True

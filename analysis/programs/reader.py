@@ -8,8 +8,6 @@ condition depends on the state both sides are followed, and what they leave behi
 from __future__ import annotations
 
 import ast
-import inspect
-import types
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -20,16 +18,17 @@ import numpy as np
 import sympy
 from sympy import Expr, Symbol
 
-from filippov.analysis.programs import automaton, functions
+from filippov.analysis.programs import automaton
+from filippov.analysis.programs.assignments import Again, Assignments
+from filippov.analysis.programs.calls import Live
 from filippov.analysis.programs.choice import Flags, Nothing, as_number, copied, is_condition, is_number
-from filippov.analysis.programs.expressions import Closure, Expressions
+from filippov.analysis.programs.expressions import Closure
 from filippov.analysis.programs.notes import Clock, Memory, ReadingError, Site, at
-from filippov.analysis.programs.outside import Outside, Parameters, opened
+from filippov.analysis.programs.outside import Parameters, opened
 from filippov.analysis.programs.source import Source, source_of
-from filippov.base.errors import ModelError
 
-# Statements that are gone through, and calls inside each other, until a program counts as too long.
-MOST_STATEMENTS, MOST_CALLS = 20_000, 40
+# Statements that are gone through until a program counts as too long.
+MOST_STATEMENTS = 20_000
 Then = Callable[[], Any]
 Loop = tuple[Then, Then] | None
 
@@ -58,14 +57,12 @@ class Reading:
     remarks: tuple[str, ...]
 
 
-class _Again(Exception):  # noqa: N818
-    """The program remembers more than was known when the reading began."""
-
-
-class Reader(Expressions):
+class Reader(Assignments):
     """One reading of a program with n states and further arguments."""
 
-    def __init__(self, source: Source, n: int, args: Sequence[Any], memories: dict[Any, Memory]) -> None:
+    def __init__(
+        self, source: Source, n: int, args: Sequence[Any], memories: dict[Any, Memory], logs: set[int]
+    ) -> None:
         self.source, self.memories = source, memories
         self.parameters, self.flags = Parameters(), Flags()
         self.flags.symbols = {m.symbol for m in memories.values() if m.flag}
@@ -78,9 +75,9 @@ class Reader(Expressions):
         self.frames, self.remembered = {}, {}
         self.scopes: tuple[int, ...] = ()
         self.given = tuple(args)
-        self._frame, self._statements, self._depth = 0, 0, 0
-        self._sources: dict[Any, Source] = {}
-        self.logs: set[int] = set()
+        self._statements, self.depth, self.entered = 0, 0, 0
+        self.sources: dict[Any, Source] = {}
+        self.logs = logs
 
     def read(self) -> Reading:
         """Follow the program. Raises ReadingError, which names the line."""
@@ -91,13 +88,14 @@ class Reader(Expressions):
             for k, value in enumerate(self.given)
         ]
         live = self.source.function
-        value = self.call(self.source.node, _Live(self.source, live), [self.time, state, *extra], {})
+        value = self.call(self.source.node, Live(self.source, live), [self.time, state, *extra], {})
         field = self._rates(value)
         for memory in self.memories.values():
             memory.after = self.remembered.get(_key(memory), memory.symbol)
         return Reading(
-            self.source, field, self.time, self.states, self._names(), self.parameters, tuple(self.sites),
-            tuple(self.memories.values()), tuple(self.clocks.values()), tuple(self.remarks),
+            self.source, field, self.time, self.states, self.state_names(), self.parameters,
+            tuple(self.sites), tuple(self.memories.values()), tuple(self.clocks.values()),
+            tuple(self.remarks),
         )  # fmt: skip
 
     @staticmethod
@@ -176,7 +174,7 @@ class Reader(Expressions):
             if isinstance(node, ast.Return):
                 return None if node.value is None else self.value(node.value)
             if isinstance(node, ast.Raise):
-                self._remark(f"line {at(node)} raises an exception: that part of the states is left out")
+                self.remark(f"line {at(node)} raises an exception: that part of the states is left out")
                 return Nothing("raise")
             if isinstance(node, (ast.Break, ast.Continue)):
                 assert loop is not None
@@ -245,7 +243,7 @@ class Reader(Expressions):
             self.frames[self.scopes[-1]][node.name] = Closure(node, self.source, self.scopes)
         elif isinstance(node, (ast.Global, ast.Nonlocal)):
             for name in node.names:
-                self._outer(node, name)
+                self.outer(node, name)
         elif isinstance(node, (ast.Import, ast.ImportFrom)):
             self._import(node)
         elif not isinstance(node, (ast.Pass, ast.Assert)):
@@ -278,237 +276,6 @@ class Reader(Expressions):
             found = module if isinstance(node, ast.Import) else getattr(module, alias.name)
             self.frames[self.scopes[-1]][alias.asname or alias.name.split(".")[0]] = found
 
-    # -- assignments ---------------------------------------------------------------------------------------
-
-    def assign(self, target: ast.expr, value: Any) -> None:
-        """Give a value to names, attributes and items."""
-        if isinstance(target, ast.Name):
-            self._name(target, value)
-        elif isinstance(target, (ast.Tuple, ast.List)):
-            items = self.items(target, value)
-            starred = [k for k, part in enumerate(target.elts) if isinstance(part, ast.Starred)]
-            if starred:
-                k, after = starred[0], len(target.elts) - starred[0] - 1
-                items = [*items[:k], items[k : len(items) - after], *items[len(items) - after :]]
-            if len(items) != len(target.elts):
-                raise self.fail(target, f"{len(items)} values for {len(target.elts)} names")
-            for part, item in zip(target.elts, items, strict=True):
-                self.assign(part.value if isinstance(part, ast.Starred) else part, item)
-        elif isinstance(target, ast.Subscript):
-            owner, key = self.value(target.value), self.key(target.slice)
-            if isinstance(owner, Outside):
-                self._remember(target, _Place("item", owner.value, key), value)
-            elif isinstance(owner, (list, dict, np.ndarray)):
-                owner[key] = value
-            else:
-                raise self.fail(target, f"an assignment to an item of {type(owner).__name__}")
-        elif isinstance(target, ast.Attribute):
-            owner = self.value(target.value)
-            held = owner.value if isinstance(owner, Outside) else owner
-            self._remember(target, _Place("attribute", held, target.attr), value)
-        else:
-            raise self.fail(target, f"an assignment to {type(target).__name__} is not followed")
-
-    def _name(self, target: ast.Name, value: Any) -> None:
-        outer = self.frames[self.scopes[-1]].get("%outer", {}).get(target.id)
-        if outer is not None:
-            if isinstance(outer, int):
-                self.frames[outer][target.id] = value
-            else:
-                self._remember(target, outer, value)
-            return
-        self._called(target.id, value)
-        self.frames[self.scopes[-1]][target.id] = value
-
-    def _called(self, name: str, value: Any) -> None:
-        """Note what a name is given, by which states and parameters get theirs."""
-        found = [(name, value)]
-        if isinstance(value, np.ndarray) and 1 < value.size < len(self.states):
-            found = [(f"{name}{k + 1}", part) for k, part in enumerate(value.ravel().tolist())]
-        for label, part in found:
-            state = part if isinstance(part, Symbol) and part in self.states else None
-            self.given_to.setdefault((id(self.source.node), label), {})[state] = None
-            if isinstance(part, Symbol):
-                self.parameters.name(part, label)
-
-    def _names(self) -> tuple[str | None, ...]:
-        """The first name of each state that means this state wherever it is given."""
-        names: dict[Symbol, str] = {}
-        for (_, name), values in self.given_to.items():
-            only = next(iter(values)) if len(values) == 1 else None
-            if only is not None:
-                names.setdefault(only, name)
-        return tuple(names.get(x) for x in self.states)
-
-    def _outer(self, node: ast.Global | ast.Nonlocal, name: str) -> None:
-        """A name that a function declares as not its own."""
-        frame = self.frames[self.scopes[-1]].setdefault("%outer", {})
-        if isinstance(node, ast.Nonlocal):
-            for number in reversed(self.scopes[:-1]):
-                if name in self.frames[number]:
-                    frame[name] = number
-                    return
-        holder, key = self.holder(name)
-        if isinstance(node, ast.Global):
-            holder, key = self.source.function.__globals__, name
-            if key not in holder:
-                raise self.fail(
-                    node, f"the global {name!r} has no value yet; give it one beside the function"
-                )
-        frame[name] = _Place("cell" if key is None else "item", holder, key)
-        self._known_memory(node, frame[name], name)
-
-    def _known_memory(self, node: ast.AST, place: _Place, label: str) -> tuple[Any, ...]:
-        found = (id(place.holder), place.key)
-        if found not in self.memories:
-            symbol = sympy.Dummy(label, real=True)
-            memory = Memory(label, label, symbol, None, (place.kind, place.holder, place.key), at(node))
-            memory.initial = memory.now()
-            if not is_number(memory.initial):
-                raise self.fail(
-                    node, f"it remembers {label}, {type(memory.initial).__name__}, from call to call. A "
-                    "memory is "
-                    "a state of its own that resets change (Surface(..., reset={mode: 1})); only True, "
-                    "False and "
-                    "numbers are translated",
-                )  # fmt: skip
-            self.memories[found] = memory
-            raise _Again
-        return found
-
-    def _remember(self, node: ast.expr, place: _Place, value: Any) -> None:
-        self.remembered[self._known_memory(node, place, self.source.text(node))] = value
-
-    def log(self, node: ast.AST, owner: Outside) -> None:
-        """Note that the program keeps a record in a container outside."""
-        self.logs.add(id(owner.value))
-        self._remark(f"line {at(node)} keeps a record in {owner.label}, which is left out")
-
-    def _remark(self, sentence: str) -> None:
-        if sentence not in self.remarks:
-            self.remarks.append(sentence)
-
-    # -- calls ---------------------------------------------------------------------------------------------
-
-    def call(self, node: ast.AST, function: Any, args: list[Any], named: dict[str, Any]) -> Any:
-        """The value of a call of a function of the program or of a library."""
-        if isinstance(function, Outside):
-            function = function.value
-        if isinstance(function, (Closure, _Live)):
-            return self._enter(node, function, args, named)
-        if isinstance(function, types.FunctionType) and functions.is_library(function):
-            return self.library(node, function, args, named)
-        if isinstance(function, np.vectorize):
-            return self.call(node, function.pyfunc, args, named)
-        is_own = isinstance(function, (types.FunctionType, types.MethodType)) or (
-            not functions.is_library(function) and not isinstance(function, type) and callable(function)
-        )
-        if not is_own or functions.is_unsteady(function):
-            return self.library(node, function, args, named)
-        try:
-            if function not in self._sources:
-                self._sources[function] = source_of(function)
-        except ModelError as error:
-            raise self.fail(node, str(error).rstrip(".")) from None
-        source = self._sources[function]
-        return self._enter(node, _Live(source, source.function), args, named)
-
-    def _enter(self, node: ast.AST, function: Any, args: list[Any], named: dict[str, Any]) -> Any:
-        inner, source = function.node, function.source
-        if self._depth >= MOST_CALLS:
-            raise self.fail(node, f"calls are nested more than {MOST_CALLS} deep")
-        frame = self._bound(node, function, args, named)
-        self._frame += 1
-        number = self._frame
-        kept = self.source, self.scopes
-        self.frames[number] = frame
-        self.source, self.scopes = source, (*function.scopes, number)
-        self._depth += 1
-        try:
-            if isinstance(inner, ast.Lambda):
-                return self.value(inner.body)
-            return self.block(inner.body, _nothing)
-        finally:
-            self._depth -= 1
-            self.source, self.scopes = kept
-
-    def _bound(self, node: ast.AST, function: Any, args: list[Any], named: dict[str, Any]) -> dict[str, Any]:
-        """The arguments of a call by name, as Python binds them."""
-        a, source = function.node.args, function.source
-        bound = [self.parameters.inside(v, "self" if k == 0 else "") for k, v in enumerate(function.bound)]
-        preset = {k: self.parameters.inside(v, k) for k, v in function.named.items()}
-        args, named = [*bound, *args], {**preset, **named}
-        names = [part.arg for part in (*a.posonlyargs, *a.args)]
-        frame: dict[str, Any] = dict(zip(names, args, strict=False))
-        if len(args) > len(names) and a.vararg is None:
-            raise self.fail(node, f"{len(args)} arguments for {len(names)}")
-        if a.vararg is not None:
-            frame[a.vararg.arg] = tuple(args[len(names) :])
-        known = {*names, *(part.arg for part in a.kwonlyargs)}
-        for key in list(named):
-            if key in known:
-                frame[key] = named.pop(key)
-        if a.kwarg is not None:
-            frame[a.kwarg.arg] = named
-        elif named:
-            raise self.fail(node, f"{', '.join(named)} is no argument of it")
-        for name, default in self._defaults(function).items():
-            if name not in frame:
-                frame[name] = default
-        missing = [name for name in known if name not in frame]
-        if missing:
-            raise self.fail(
-                node, f"the arguments {', '.join(missing)} have no value: give args=(...)"
-                if source.function is self._program else f"the arguments {', '.join(missing)} are missing",
-            )  # fmt: skip
-        return frame
-
-    @property
-    def _program(self) -> Any:
-        return (
-            next(iter(self._sources.values()), self.source).function
-            if self._sources
-            else self.source.function
-        )
-
-    def _defaults(self, function: Any) -> dict[str, Any]:
-        a = function.node.args
-        positional = [part.arg for part in (*a.posonlyargs, *a.args)]
-        if isinstance(function, _Live):
-            given = function.live.__defaults__ or ()
-            names = positional[len(positional) - len(given) :]
-            values = {**dict(zip(names, given, strict=True)), **(function.live.__kwdefaults__ or {})}
-            return {name: self.parameters.inside(value, name) for name, value in values.items()}
-        names = positional[len(positional) - len(a.defaults) :]
-        out = {name: self.value(value) for name, value in zip(names, a.defaults, strict=True)}
-        for part, value in zip(a.kwonlyargs, a.kw_defaults, strict=True):
-            if value is not None:
-                out[part.arg] = self.value(value)
-        return out
-
-
-@dataclass(frozen=True)
-class _Place:
-    """Where a value outside is kept: kind "item", "attribute" or "cell"."""
-
-    kind: str
-    holder: Any
-    key: Any
-
-
-class _Live:
-    """A function of the program that is there when it runs, with what comes before its arguments."""
-
-    scopes: tuple[int, ...] = ()
-
-    def __init__(self, source: Source, live: types.FunctionType) -> None:
-        self.node, self.source, self.live = source.node, source, live
-        self.bound, self.named = source.bound, source.named
-
-
-Closure.bound = ()  # type: ignore[attr-defined]  # a function within the program has nothing before its arguments
-Closure.named = {}  # type: ignore[attr-defined]
-
 
 def _key(memory: Memory) -> tuple[Any, ...]:
     kind, holder, key = memory.place
@@ -533,10 +300,11 @@ def read_program(function: Callable[..., Any], n: int, args: Sequence[Any] = ())
     """The equations of a program f(t, y, *args) with n states. Raises ModelError, ReadingError."""
     source = source_of(function)
     memories: dict[Any, Memory] = {}
+    logs: set[int] = set()
     for _ in range(20):
         try:
-            return Reader(source, n, args, memories).read()
-        except _Again:
+            return Reader(source, n, args, memories, logs).read()
+        except Again:
             continue
         except ReadingError:
             for memory in memories.values():
@@ -550,8 +318,3 @@ def read_program(function: Callable[..., Any], n: int, args: Sequence[Any] = ())
                 "returns in them as conditions.", at(source.node),
             ) from None  # fmt: skip
     raise ReadingError(f"{source.name} remembers more than 20 values between calls.", at(source.node))
-
-
-def signature(function: Callable[..., Any]) -> str:
-    """The arguments of a function as text."""
-    return str(inspect.signature(function))

@@ -126,6 +126,5 @@ def _holds(node: Node, code: types.CodeType) -> bool:
     places = [(p[0], p[2], p[1], p[3]) for p in code.co_positions() if None not in p and p[1] and p[3]]
     own = [p for p in places if p[0] is not None and p[3] > 0]
     return bool(own) and all(
-        (body.lineno, body.col_offset) <= (p[0], p[1]) and (p[2], p[3]) <= end
-        for p in own
+        (body.lineno, body.col_offset) <= (p[0], p[1]) and (p[2], p[3]) <= end for p in own
     )
