@@ -208,6 +208,23 @@ def staircase(t, y):
     return [level - y[0]]
 
 
+def compared_steps(t, y):
+    """Equalities that hold in whole parts of the states, unlike those of floats."""
+    x, v = y
+    push = 1.0 if np.sign(v) == 1 else 0.0
+    push += 2.0 if max(x, 0.0) == 0.0 else 0.0
+    push += 3.0 if np.sign(x) + np.sign(v) != 0 else 0.0
+    push -= 0.5 * (int(x > 0) + int(v > 0) >= 2)
+    push += x if abs(v) == v and x != v else 0.0
+    return [v, push - np.clip(x, -1, 1) * (np.clip(x, -1, 1) == 1.0)]
+
+
+def tank(t, y):
+    """An inflow every other two seconds."""
+    inflow = 1.0 if (t // 2) % 2 == 0 else 0.0  # <28>
+    return np.array([inflow - 0.5 * y[0]])
+
+
 # -- smooth ones: to be left alone --------------------------------------------------------------------------
 
 

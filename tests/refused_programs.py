@@ -81,3 +81,7 @@ def sorted_state(t, y):
 def lagging(t, y):
     history.append(y[0])
     return [-history[-1]]  # <13>
+
+
+def counted(t, y):
+    return [-((y[0] > 0) + (y[0] > 1))]  # <14>

@@ -107,6 +107,16 @@ def stairs(n: int) -> float:
     return y
 
 
+def filled(t: float) -> float:
+    """y' = 1 - y/2 in [0, 2) and [4, 6), y' = -y/2 between."""
+    y = 0.0
+    for k in range(4):
+        s = min(2, t - 2 * k)
+        goal = 2.0 if k % 2 == 0 else 0.0
+        y = goal + (y - goal) * math.exp(-0.5 * s)
+    return y
+
+
 STOP = 0.3 * 9.81
 CASES = {
     "oscillator": Case((1.1, 0), (0, 12), {"v": ("jump", (1,))}, ("hang",), 12, (0.1, 0)),
@@ -167,6 +177,9 @@ CASES = {
     "saturated": Case(
         (0.3, 0), (0, 5), {"10*x + 2*v + 1": ("kink", (26,)), "10*x + 2*v - 1": ("kink", (26,))}, (), 0.1,
         (0.295, -0.1),
+    ),
+    "tank": Case(
+        (0,), (0, 7), {"phase - 2": ("time", (28,))}, ("clock",), 7, (filled(7), None, None), near=1e-7
     ),
     "staircase": Case((0,), (0, 4), {}, ("clock",), 4, (stairs(8), None)),
 }  # fmt: skip
@@ -309,6 +322,7 @@ REFUSED = {
         (8, "silent", "it returns nothing"), (9, "tried", "try is not followed"),
         (10, "too_few", "1 rates for 2 states"), (11, "unset", "'force' is not set on every path"),
         (12, "sorted_state", "sorted"), (13, "lagging", "in which it keeps a record"),
+        (14, "counted", "arithmetic with two conditions"),
     ],
 )  # fmt: skip
 def test_15_5_what_cannot_be_translated_is_refused_by_line(mark: int, name: str, said: str) -> None:
@@ -339,6 +353,14 @@ def test_15_5_random_programs_have_the_field_of_their_system(seed: int, tmp_path
     said, compared = disagreement(f, translation, np.linspace(0, 5, 50), states)
     assert not said, path.read_text(encoding="utf-8")
     assert compared > 100
+
+
+def test_15_5_equalities_of_steps_are_decided() -> None:
+    translation = translate(read_program(programs.compared_steps, 2), (1.0, 0.0), (0.0, 5.0))
+    states = np.random.default_rng(0).normal(size=(2, 50))
+    said, compared = disagreement(programs.compared_steps, translation, np.linspace(0, 5, 50), states)
+    assert not said
+    assert compared > 200
 
 
 def test_15_5_a_wrong_translation_is_noticed() -> None:

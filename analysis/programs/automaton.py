@@ -8,6 +8,7 @@ from typing import Any
 import sympy
 from sympy import Expr, Symbol
 
+from filippov.analysis.programs.choice import expression
 from filippov.analysis.programs.notes import Memory, ReadingError
 from filippov.analysis.programs.outside import Parameters
 from filippov.model.surface import Surface
@@ -31,7 +32,7 @@ def rules(memory: Memory, parameters: Parameters) -> list[Rule]:
         raise ReadingError(f"{where}, a number. {ADVICE}.", memory.line)
     out: list[Rule] = []
     for held in (0, 1):
-        after = sympy.sympify(memory.after if not isinstance(memory.after, bool) else int(memory.after))
+        after = expression(memory.after)
         after = after.xreplace({memory.symbol: sympy.Integer(held)})
         for path, value in _paths(after):
             if value == held:
@@ -80,5 +81,6 @@ def surfaces(memory: Memory, found: list[Rule], symbols: dict[Any, Any]) -> list
 
 def first_value(memory: Memory, values: dict[Any, Any]) -> float:
     """The value that the memory has once the program was called at the start."""
-    after = memory.after if not isinstance(memory.after, bool) else int(memory.after)
-    return float(sympy.sympify(after).xreplace({**values, memory.symbol: sympy.Integer(int(memory.initial))}))
+    return float(
+        expression(memory.after).xreplace({**values, memory.symbol: sympy.Integer(int(memory.initial))})
+    )

@@ -13,7 +13,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.programs import functions
-from filippov.analysis.programs.choice import as_number, elementwise, is_number
+from filippov.analysis.programs.choice import as_number, elementwise, expression, is_number
 from filippov.analysis.programs.expressions import Closure, Expressions, Method
 from filippov.analysis.programs.outside import Outside, opened
 from filippov.analysis.programs.source import Source, source_of
@@ -186,7 +186,7 @@ class Calls(Expressions):
         if (
             isinstance(out, Expr)
             and out.has(sympy.Abs)
-            and not any(sympy.sympify(v).has(sympy.Abs) for v in values)
+            and not any(expression(v).has(sympy.Abs) for v in values)
         ):
             self.site(node, "abs", next(iter(out.atoms(sympy.Abs))).args[0])
         return out
@@ -198,7 +198,7 @@ class Calls(Expressions):
                 raise self.fail(node, "a range that depends on the state is not followed")
             return range(*ends)  # type: ignore[arg-type]
         try:
-            if function in {np.array, np.asarray, np.atleast_1d, np.asarray_chkfinite, np.copy}:
+            if function in {np.array, np.asarray, np.atleast_1d, np.copy}:
                 return (
                     np.array(args[0], dtype=object).reshape(-1)
                     if function is np.atleast_1d

@@ -15,6 +15,7 @@ from sympy import ITE, And, Expr, Not, Or, Symbol, Xor
 from sympy.core.relational import Ge, Gt, Le, Lt
 from sympy.logic.boolalg import Boolean, BooleanFalse, BooleanTrue
 
+from filippov.model.check import as_expression
 from filippov.model.symbolic import Select
 
 Elements = Callable[[Any, Any], Any]
@@ -54,6 +55,11 @@ def as_number(value: Any) -> Any:
     if is_condition(value):
         return select(value, sympy.S.One, sympy.S.Zero)
     return int(value) if isinstance(value, (bool, np.bool_)) else value
+
+
+def expression(value: Any) -> Any:
+    """A number or condition as an expression of sympy."""
+    return as_expression(as_number(value), "a value of the program")
 
 
 def elementwise(function: Callable[..., Any], *values: Any) -> Any:
@@ -150,7 +156,7 @@ class Flags:
             if isinstance(condition, And):
                 return self._value(first, self._value(rest, yes, no), no)
             return self._value(first, yes, self._value(rest, yes, no))
-        return select(condition, sympy.sympify(yes), sympy.sympify(no))
+        return select(condition, expression(yes), expression(no))
 
     def held(self, condition: Any) -> bool:
         """Whether a condition asks for a memory."""

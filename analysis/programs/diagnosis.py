@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.programs.agreement import FEWEST, Numbers, disagreement
-from filippov.analysis.programs.findings import Finding, Switch, difference, in_run, switches
+from filippov.analysis.programs.findings import Finding, Switch, difference, early, in_run, switches
 from filippov.analysis.programs.naive_run import NaiveRun, run_naively
 from filippov.analysis.programs.notes import Memory, ReadingError
 from filippov.analysis.programs.reader import Reading, read_program
@@ -201,6 +201,8 @@ def diagnose(
             _put_back(memories)
         findings += in_run(run, solution, translation, found)
         findings += _at_start(f, args, solution, translation, found)
+    elif run.ended:
+        findings.append(early(run))
     if reading is not None:
         findings += _in_source(reading, translation)
     name, file = (reading.source.name, reading.source.file) if reading else (getattr(f, "__name__", "f"), "")

@@ -20,10 +20,10 @@ from filippov.analysis.programs.choice import (
     is_number,
     plain,
 )
-from filippov.analysis.programs.notes import Memory, ReadingError, Site, at
+from filippov.analysis.programs.conditions import Conditions
+from filippov.analysis.programs.notes import Memory, Site
 from filippov.analysis.programs.outside import Outside, Parameters, opened
 from filippov.analysis.programs.source import Source
-from filippov.analysis.programs.switching import Switching
 
 _BINARY: dict[type, Callable[[Any, Any], Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
@@ -38,10 +38,7 @@ _COMPARE: dict[type, str] = {
     ast.Eq: "==",
     ast.NotEq: "!=",
 }
-_PLAIN: dict[str, Callable[[Any, Any], bool]] = {
-    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
-    "!=": operator.ne,
-}  # fmt: skip
+
 
 RECORD = "What the field needs of the past is a state, or a reset that keeps it"
 
@@ -60,7 +57,7 @@ class Method:
         self.owner, self.name = owner, name
 
 
-class Expressions(Switching):
+class Expressions(Conditions):
     """Part of the reader: values of expressions in the present state of the program."""
 
     parameters: Parameters
@@ -79,74 +76,6 @@ class Expressions(Switching):
     def memory(self, key: tuple[Any, ...]) -> Memory | None:
         """What is remembered under a key, if it is."""
         return self.memories.get(key)
-
-    # -- notes ---------------------------------------------------------------------------------------------
-
-    def site(self, node: ast.AST, kind: str, h: Any) -> None:
-        """Note that the program switches here, unless parameters alone decide."""
-        if h is not None and self.fixed(h) is not None:
-            return
-        found = Site(at(node), self.source.file, self.source.text(node), kind, h)
-        if found not in self.sites:
-            self.sites.append(found)
-
-    def fixed(self, value: Any) -> float | None:
-        """The number of a value that depends on parameters alone, else None."""
-        return self.parameters.fixed(value)
-
-    def fail(self, node: ast.AST, message: str) -> ReadingError:
-        """The error that names line and text."""
-        text = self.source.text(node)
-        shown = text if len(text) < 70 else text[:67] + "..."
-        return ReadingError(f"line {at(node)}, `{shown}`: {message}.", at(node))
-
-    # -- conditions ----------------------------------------------------------------------------------------
-
-    def truth(self, node: ast.AST, value: Any) -> Any:
-        """A value as a condition: True, False, or what is not decided yet."""
-        value = plain(value)
-        if isinstance(value, (bool, np.bool_)) or value is None:
-            return bool(value)
-        if is_condition(value) or value in self.flags.symbols:
-            return value
-        if isinstance(value, Expr) or is_number(value):
-            return self.compare(node, "!=", value, 0)
-        if isinstance(value, np.ndarray) and value.size == 1:
-            return self.truth(node, value.ravel()[0])
-        if isinstance(value, (str, list, tuple, dict, Outside)):
-            return bool(value.value) if isinstance(value, Outside) else bool(value)
-        if isinstance(value, Nothing):
-            raise self.fail(node, "a condition on what not every path sets")
-        if isinstance(value, np.ndarray):
-            raise self.fail(node, "the truth of an array is ambiguous; ask .any() or .all()")
-        return True
-
-    def compare(self, node: ast.AST, how: str, a: Any, b: Any) -> Any:
-        """A comparison of two values."""
-        a, b = plain(a), plain(b)
-        if all(isinstance(v, (bool, str, type(None), list, tuple, dict)) for v in (a, b)):
-            return bool(_PLAIN[how](a, b))
-        if isinstance(a, str) or isinstance(b, str) or a is None or b is None:
-            if how in {"==", "!="}:
-                return how == "!="
-            raise self.fail(node, "a comparison with something that is no number")
-        for flag, other in ((a, b), (b, a)):
-            if flag in self.flags.symbols and self.fixed(other) in {0.0, 1.0} and how in {"==", "!="}:
-                wanted = (self.fixed(other) == 1.0) == (how == "==")
-                return flag if wanted else Not(flag)
-        a, b = as_number(a), as_number(b)
-        first, second = self.fixed(a), self.fixed(b)
-        if first is not None and second is not None:
-            return bool(_PLAIN[how](first, second))
-        if how in {"==", "!="}:
-            self.site(node, "equality", a - b)
-            return how == "!="
-        held = plain(
-            {"<": sympy.Lt, "<=": sympy.Le, ">": sympy.Gt, ">=": sympy.Ge}[how](a, b, evaluate=False)
-        )
-        if not isinstance(held, bool):
-            self.site(node, "if", a - b)
-        return held
 
     # -- names ---------------------------------------------------------------------------------------------
 
@@ -356,6 +285,11 @@ class Expressions(Switching):
                 raise self.fail(node, f"arithmetic with {type(operand).__name__} is not followed")
 
         def one(u: Any, v: Any) -> Any:
+            if is_condition(u) and is_condition(v) and not isinstance(op, ast.Mult):
+                raise self.fail(
+                    node, "arithmetic with two conditions means one thing for Python's bool and another for "
+                    "numpy's, whose sum is an or; write int(...) of each"
+                )  # fmt: skip
             u, v = as_number(u), as_number(v)
             if isinstance(op, ast.Pow):
                 return self.power(node, u, v)

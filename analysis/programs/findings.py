@@ -129,14 +129,8 @@ def in_run(
     x = np.array([translation.extended(float(t), y) for t, y in zip(run.calls, run.asked.T, strict=True)]).T
     x = np.vstack([x, np.zeros((translation.remembered, len(run.calls)))])
     out = [*_chattering(run, solution, numbers, x, found), *_missed(run, solution, found)]
-    if run.ended and run.ended != "budget":
-        out.append(
-            Finding(
-                "exception",
-                f"scipy's {run.method} ends at t = {run.t[-1]:.6g}: {run.ended}",
-                t=float(run.t[-1]),
-            )
-        )
+    if run.ended and not any(finding.kind == "hang" for finding in out):
+        out.append(early(run))
     out += _wrong(run, solution)
     return out
 
@@ -157,7 +151,6 @@ def _stays(solution: Solution, i: int) -> Iterator[tuple[float, float]]:
 def _chattering(
     run: NaiveRun, solution: Solution, numbers: Numbers, x: Array, found: tuple[Switch, ...]
 ) -> Iterator[Finding]:
-    hung = False
     for i, switch in enumerate(found):
         if not switch.slides or switch.kind == "kink":
             continue
@@ -178,7 +171,6 @@ def _chattering(
         if first is None:
             continue
         stopped = run.ended == "budget"
-        hung = hung or stopped
         tail = (
             f" and has come no further than t = {run.t[-1]:.6g} when its budget of {run.nfev} calls is used "
             "up"
@@ -193,12 +185,17 @@ def _chattering(
             f"step {least:.2g}){tail}",
             switch.surface, first, switch.lines,
         )  # fmt: skip
-    if run.ended == "budget" and not hung:
-        yield Finding(
-            "hang", f"scipy's {run.method} has come no further than t = {run.t[-1]:.6g} when its budget of "
-            f"{run.nfev} calls is "
-            "used up", t=float(run.t[-1]),
-        )  # fmt: skip
+
+
+def early(run: NaiveRun) -> Finding:
+    """A run that did not come to its end."""
+    t = float(run.t[-1])
+    if run.ended == "budget":
+        said = (
+            f"scipy's {run.method} has come no further than t = {t:.6g} when its {run.nfev} calls are used up"
+        )
+        return Finding("hang", said, t=t)
+    return Finding("exception", f"scipy's {run.method} ends at t = {t:.6g}: {run.ended}", t=t)
 
 
 def _missed(run: NaiveRun, solution: Solution, found: tuple[Switch, ...]) -> Iterator[Finding]:

@@ -77,7 +77,8 @@ BUILDING = {
     np.array, np.asarray, np.atleast_1d, np.concatenate, np.hstack, np.vstack, np.stack, np.column_stack,
     np.append, np.ravel, np.reshape, np.transpose, np.dot, np.matmul, np.inner, np.outer, np.cross,
     np.diff, np.roll, np.flip, np.cumsum, np.prod, np.mean, np.squeeze, np.copy, np.diag, np.tile,
-    np.repeat, np.zeros_like, np.ones_like, np.full, np.full_like, np.asarray_chkfinite, np.trace,
+    np.repeat, np.zeros_like,
+    np.empty_like, np.ones_like, np.full, np.full_like, np.trace,
     builtins.list, builtins.tuple, builtins.len, builtins.range, builtins.zip, builtins.enumerate,
     builtins.reversed, builtins.dict,
 }  # fmt: skip

@@ -8,6 +8,8 @@ condition depends on the state both sides are followed, and what they leave behi
 from __future__ import annotations
 
 import ast
+import math
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -21,7 +23,7 @@ from sympy import Expr, Symbol
 from filippov.analysis.programs import automaton
 from filippov.analysis.programs.assignments import Again, Assignments
 from filippov.analysis.programs.calls import Live
-from filippov.analysis.programs.choice import Flags, Nothing, as_number, copied, is_condition, is_number
+from filippov.analysis.programs.choice import Flags, Nothing, copied, expression, is_condition, is_number
 from filippov.analysis.programs.expressions import Closure
 from filippov.analysis.programs.notes import Clock, Memory, ReadingError, Site, at
 from filippov.analysis.programs.outside import Parameters, opened
@@ -29,6 +31,7 @@ from filippov.analysis.programs.source import Source, source_of
 
 # Statements that are gone through until a program counts as too long.
 MOST_STATEMENTS = 20_000
+MODULES: dict[str, Any] = {"math": math, "numpy": np, "operator": operator}
 Then = Callable[[], Any]
 Loop = tuple[Then, Then] | None
 
@@ -121,7 +124,7 @@ class Reader(Assignments):
                 raise self.fail(node, "a rate is not set on every path")
             if not isinstance(rate, Expr) and not is_number(rate) and not is_condition(rate):
                 raise self.fail(node, f"a rate is {type(rate).__name__}, expected a number")
-        return tuple(sympy.sympify(as_number(rate)) for rate in rates)
+        return tuple(expression(rate) for rate in rates)
 
     # -- state of the program ------------------------------------------------------------------------------
 
@@ -264,17 +267,18 @@ class Reader(Assignments):
             self.assign(target, new)
 
     def _import(self, node: ast.Import | ast.ImportFrom) -> None:
-        import importlib
-
         for alias in node.names:
             home = alias.name if isinstance(node, ast.Import) else str(node.module)
-            if home.split(".")[0] not in {"math", "numpy", "scipy", "operator"}:
+            first, *parts = home.split(".")
+            if first not in MODULES:
                 raise self.fail(
-                    node, "an import inside the function is followed for math, numpy and scipy only"
+                    node, f"an import inside the function is followed for {', '.join(MODULES)} only"
                 )
-            module: Any = importlib.import_module({"math": "math", "operator": "operator"}.get(home, home))
-            found = module if isinstance(node, ast.Import) else getattr(module, alias.name)
-            self.frames[self.scopes[-1]][alias.asname or alias.name.split(".")[0]] = found
+            found: Any = MODULES[first]
+            if not isinstance(node, ast.Import) or alias.asname:
+                for part in (*parts, *(() if isinstance(node, ast.Import) else (alias.name,))):
+                    found = getattr(found, part)
+            self.frames[self.scopes[-1]][alias.asname or alias.name.partition(".")[0]] = found
 
 
 def _key(memory: Memory) -> tuple[Any, ...]:

@@ -12,7 +12,15 @@ import numpy as np
 import sympy
 from sympy import Abs, And, Expr, Heaviside, Max, Min, Not, Or, sign
 
-from filippov.analysis.programs.choice import Flags, as_number, elementwise, is_condition, is_number, plain
+from filippov.analysis.programs.choice import (
+    Flags,
+    as_number,
+    elementwise,
+    expression,
+    is_condition,
+    is_number,
+    plain,
+)
 from filippov.analysis.programs.notes import Clock, ReadingError, at
 from filippov.model.symbolic import Select
 
@@ -21,6 +29,8 @@ QUANTISED = (
     "rounded or "
     "wrapped quantity a state of its own, with a reset at the ends of its range"
 )
+# Levels of a staircase over one period of a clock that become surfaces.
+MOST_LEVELS = 50
 
 
 class Switching:
@@ -320,21 +330,52 @@ class Switching:
         first, modulus = self.fixed(a), self.fixed(b)
         if first is not None and modulus is not None:
             return first % modulus if kind == "mod" else first // modulus
-        rate = sympy.sympify(a).diff(self.time)
+        of_clock = self._step_of_clock(node, kind, expression(a), modulus)
+        if of_clock is not None:
+            return of_clock
+        rate = expression(a).diff(self.time)
         speed = self.fixed(rate)
-        offset = sympy.sympify(a).subs(self.time, 0)
+        offset = expression(a).subs(self.time, 0)
         if modulus is None or speed is None or self.fixed(offset) is None:
             raise self.fail(node, QUANTISED)
         if modulus * speed <= 0 or not math.isfinite(modulus * speed):
             raise self.fail(node, "a clock that runs backwards (a negative rate or period) is not followed")
-        key = (kind, rate, offset, b)
+        self.site(node, "time", None)
+        return self._clock(node, kind, rate, offset, b).symbol
+
+    def _clock(self, node: ast.AST, kind: str, rate: Any, offset: Any, modulus: Any) -> Clock:
+        key = (kind, rate, offset, modulus)
         if key not in self.clocks:
             name = "phase" if kind == "mod" else "count"
             number = sum(clock.kind == kind for clock in self.clocks.values())
             symbol = sympy.Dummy(name if not number else f"{name}_{number + 1}", real=True)
-            self.clocks[key] = Clock(kind, symbol, rate, offset, b, at(node))
-        self.site(node, "time", None)
-        return self.clocks[key].symbol
+            self.clocks[key] = Clock(kind, symbol, rate, offset, modulus, at(node))
+        return self.clocks[key]
+
+    def _step_of_clock(self, node: ast.AST, kind: str, a: Any, modulus: float | None) -> Any:
+        """Steps of what a clock shows: (t // T) % 2 and (t % T) // d; None for anything else."""
+        clock = next((c for c in self.clocks.values() if c.symbol == a), None)
+        size = None if clock is None else self.fixed(clock.modulus)
+        if clock is None or size is None or modulus is None or modulus <= 0:
+            return None
+        if clock.kind == "floor":
+            whole = round(modulus)
+            if kind != "mod" or modulus != whole or whole > MOST_LEVELS:
+                return None
+            # The clock that counts is a longer one that comes back to 0, in parts of its period.
+            longer = self._clock(node, "mod", clock.rate, clock.offset, clock.modulus * whole)
+            return self._levels(node, longer.symbol, clock.modulus, whole)
+        number = math.ceil(size / modulus - 1e-9)
+        if number > MOST_LEVELS:
+            return None
+        step = sympy.Float(modulus, 17)
+        levels = self._levels(node, a, step, number)
+        return levels if kind == "floor" else a - step * levels
+
+    def _levels(self, node: ast.AST, phase: Any, step: Any, number: int) -> Any:
+        """floor(phase/step) for 0 <= phase < number step."""
+        at_least = (self.compare(node, ">=", phase, j * step) for j in range(1, number))
+        return sum((as_number(held) for held in at_least), sympy.S.Zero)
 
 
 HANDLERS: dict[str, Callable[..., Any]] = {

@@ -13,6 +13,7 @@ from sympy import Expr, Symbol
 from sympy.printing.str import StrPrinter
 
 from filippov.analysis.programs import automaton
+from filippov.analysis.programs.choice import expression
 from filippov.analysis.programs.notes import Clock, Site
 from filippov.analysis.programs.outside import unique
 from filippov.analysis.programs.reader import Reading
@@ -70,7 +71,7 @@ def reading(clock: Clock, t: float, values: dict[str, float]) -> float:
 
 
 def _number(value: Any, values: dict[str, float]) -> float:
-    expr = sympy.sympify(value)
+    expr = expression(value)
     return float(expr.subs({q: values[q.name] for q in expr.free_symbols}))
 
 
@@ -121,11 +122,9 @@ def _symbols(found: Reading) -> dict[Any, Any]:
     out: dict[Any, Any] = {d: Symbol(name, real=True) for d, name in chosen.items()}
     used = set().union(*(rate.free_symbols for rate in found.field))
     for clock in found.clocks:
-        used |= set().union(
-            *(sympy.sympify(e).free_symbols for e in (clock.rate, clock.offset, clock.modulus))
-        )
+        used |= set().union(*(expression(e).free_symbols for e in (clock.rate, clock.offset, clock.modulus)))
     for memory in found.memories:
-        used |= sympy.sympify(memory.after if not isinstance(memory.after, bool) else 0).free_symbols
+        used |= expression(memory.after).free_symbols
     for site in found.sites:
         used |= set() if site.h is None else site.h.free_symbols
     # One parameter for what has one name and one value, wherever the program reads it.
@@ -143,7 +142,7 @@ def _symbols(found: Reading) -> dict[Any, Any]:
 
 def _in_symbols(clock: Clock, symbols: dict[Any, Any]) -> Clock:
     parts = {
-        name: sympy.sympify(getattr(clock, name)).xreplace(symbols) for name in ("rate", "offset", "modulus")
+        name: expression(getattr(clock, name)).xreplace(symbols) for name in ("rate", "offset", "modulus")
     }
     return replace(clock, symbol=symbols[clock.symbol], **parts)
 
@@ -229,7 +228,7 @@ def condition(h: Expr) -> str:
 
 def formula(expr: Any) -> str:
     """An expression as text of Python."""
-    return str(_Python().doprint(sympy.sympify(expr)))
+    return str(_Python().doprint(expression(expr)))
 
 
 def number(value: float) -> str:
