@@ -39,7 +39,8 @@ def plot_diagnosis(diagnosis: Any, *, title: str = "", figure: Figure | None = N
                 ax.plot(t, x[i], color=BLUE, linewidth=2.2, label="the inclusion")
             ax.plot(run.t, run.y[i], ".", color=RED, markersize=3, label=f"scipy's {run.method}")
             ax.set_ylabel(names[i])
-        axes[0].legend(loc="upper right", ncols=2)
+        handles, labels = axes[0].get_legend_handles_labels()
+        drawn.legend(handles, labels, loc="outside upper right", ncols=2)
         low = axes[count]
         low.step(run.t, run.spent, color=RED, where="post")
         low.set(ylabel="calls of f", xlabel="t")
