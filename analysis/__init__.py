@@ -34,6 +34,7 @@ EXPORTS: dict[str, str] = {
     "Orbit": "orbits.orbit",
     "find_orbit": "orbits.orbit_search",
     "ReturnError": "orbits.shooting",
+    **dict.fromkeys(("Diagnosis", "diagnose"), "programs.diagnosis"),
     "lyapunov": "sensitivity.lyapunov",
     "flow_derivative": "sensitivity.saltation",
     "equilibria": "steady.equilibria",

@@ -39,7 +39,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
         "filippov.analysis.local_stability", "filippov.analysis.maps", "filippov.analysis.orbits",
         "filippov.analysis.bifurcations", "filippov.analysis.invariant_sets", "filippov.analysis.diagrams",
         "filippov.analysis.gains", "filippov.analysis.harmonic", "filippov.analysis.estimation",
-        "filippov.analysis.comparisons", "filippov.analysis",
+        "filippov.analysis.comparisons", "filippov.analysis.programs", "filippov.analysis",
     ),
     ("filippov.app.bank", "filippov.app.report", "filippov.app.cli", "filippov.app"),
     ("filippov.__main__",),
@@ -51,7 +51,7 @@ MOST_MODULES = 30
 BY_TEXT = {
     "filippov", "filippov.base.delegates", "filippov.base.exports", "filippov.base.moved",
     "filippov.models",
-    "filippov.models.registry", "filippov.models.studies", "filippov.app.cli.catalogue",
+    "filippov.models.registry", "filippov.models.studies", "filippov.app.cli.configuration",
     "filippov.app.bank.peers.peer_process", "filippov.sweep.dependence",
 }  # fmt: skip
 BUILTINS = {"eval", "exec", "compile", "__import__"}

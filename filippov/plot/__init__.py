@@ -10,6 +10,7 @@ EXPORTS: dict[str, str] = {
     "plot_branches": "branch",
     "plot_comparison": "comparison",
     "plot_describing_function": "describing",
+    "plot_diagnosis": "diagnosis",
     "plot_graph": "graph",
     "plot_identification": "identification",
     **dict.fromkeys(("plot_brute_force", "plot_lyapunov"), "lyapunov"),

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
-
-from filippov.app.cli.configuration import Option
+from filippov.app.cli.configuration import Command, Option
+from filippov.app.cli.configuration import choice as _choice
 from filippov.app.cli.values import (
     destination,
     formulas,
@@ -37,47 +33,8 @@ from filippov.models.studies import study_names
 # As in `filippov.solving.state.options`, which is not imported for a help text.
 METHODS = ("DOP853", "DP5", "Radau")
 RULES = ("filippov", "moments", "utkin")
-
-
-def _choice(name: str, help_text: str, *known: str, default: str | None = None) -> Option:
-    return Option(name, help_text, one_of(*known), metavar="{" + ",".join(known) + "}", default=default)
-
-
-@dataclass(frozen=True)
-class Command:
-    """A command of the tool.
-
-    module, function   what does it: function(settings, console) -> exit code
-    needs              module without which it is not offered
-    """
-
-    name: str
-    help: str
-    module: str
-    options: tuple[Option, ...]
-    example: str
-    function: str = "run"
-    needs: str = ""
-
-    @property
-    def offered(self) -> bool:
-        """Whether its module is there."""
-        try:
-            return not self.needs or importlib.util.find_spec(self.needs) is not None
-        except ModuleNotFoundError:
-            return False
-
-    @property
-    def settings(self) -> tuple[Option, ...]:
-        """All its options: its own, and the common ones that it has none of its own for."""
-        own = {option.name for option in self.options}
-        return (*self.options, *(option for option in COMMON if option.name not in own))
-
-    def load(self) -> Callable[..., int]:
-        """Import what does it."""
-        function: Any = getattr(importlib.import_module(f"filippov.app.cli.{self.module}"), self.function)
-        return function  # type: ignore[no-any-return]
-
+# As in `filippov.analysis.programs.naive_run`, likewise.
+SCIPY_METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 
 MODEL = Option(
     "model", "a registered name (see: filippov models) or path/to/file.py:name, where name is a System, "
@@ -87,13 +44,6 @@ PARAMETERS = Option(
     "parameters", "value of a parameter, a number or a formula such as pi/2; can be repeated", named_numbers,
     metavar="NAME=VALUE", flags=("-p",), repeat=True, default={},
 )  # fmt: skip
-COMMON = (
-    Option("config", "TOML file with settings by name; flags go before it", text, metavar="FILE.toml"),
-    Option("output", "folder for the files, made if missing", text, metavar="DIR", flags=("-o", "--output")),
-    Option("json", "write the result to stdout as one JSON document", switch, default=False),
-    Option("quiet", "no text on stderr but errors", switch, default=False),
-    Option("traceback", "show where an error arose", switch, default=False),
-)
 TOLERANCES = (
     Option("rtol", "relative tolerance of a step", number, metavar="R"),
     Option("atol", "absolute tolerance: one number, or one a state with commas", tolerance, metavar="A"),
@@ -443,6 +393,22 @@ _ALL = (
          *SECTION),
         EXAMPLES["compare"],
         needs="filippov.analysis.comparisons.comparison",
+    ),
+    Command(
+        "diagnose", "what switches in a program f(t, y), what scipy makes of it, the System to use instead: "
+        "diagnosis.json, .txt, .png, system.py", "diagnose",
+        (Option("program", "path/to/file.py:f; the file is run, and f is called", text, metavar="FILE.py:f",
+                flags=("program",)),
+         Option("x0", "initial state, one number a state", numbers, metavar="X,X,..."),
+         Option("t_span", "first and last time", pair, metavar=("T0", "T1"), count=2),
+         Option("args", "further arguments of f, numbers", numbers, metavar="A,A,...", default=[]),
+         _choice("method", "scipy's method", *SCIPY_METHODS, default="RK45"),
+         Option("rtol", "scipy's relative tolerance", number, metavar="R", default=1e-3),
+         Option("atol", "scipy's absolute tolerance", number, metavar="A", default=1e-6),
+         Option("max_calls", "calls of f after which scipy's run is given up", whole, metavar="N",
+                default=20_000)),
+        "filippov diagnose oscillator.py:f --x0 1,0 --t-span 0 20 -o results/diagnosis",
+        needs="filippov.analysis.programs.diagnosis",
     ),
     Command(
         "graph", "the modes and transitions of a model: graph.dot, .graphml, .json, .png", "graph",

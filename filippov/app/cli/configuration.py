@@ -17,12 +17,15 @@ code.
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from filippov.app.cli.values import one_of, switch, text
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
 
@@ -131,3 +134,53 @@ def _check(given: Iterable[str], known: Sequence[str], where: str) -> None:
     for key in given:
         if key not in known:
             raise UsageError(f"{where}: {unknown('setting', key, known)}")
+
+
+COMMON = (
+    Option("config", "TOML file with settings by name; flags go before it", text, metavar="FILE.toml"),
+    Option("output", "folder for the files, made if missing", text, metavar="DIR", flags=("-o", "--output")),
+    Option("json", "write the result to stdout as one JSON document", switch, default=False),
+    Option("quiet", "no text on stderr but errors", switch, default=False),
+    Option("traceback", "show where an error arose", switch, default=False),
+)
+
+
+def choice(name: str, help_text: str, *known: str, default: str | None = None) -> Option:
+    """An option that takes one of some words."""
+    return Option(name, help_text, one_of(*known), metavar="{" + ",".join(known) + "}", default=default)
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command of the tool.
+
+    module, function   what does it: function(settings, console) -> exit code
+    needs              module without which it is not offered
+    """
+
+    name: str
+    help: str
+    module: str
+    options: tuple[Option, ...]
+    example: str
+    function: str = "run"
+    needs: str = ""
+
+    @property
+    def offered(self) -> bool:
+        """Whether its module is there."""
+        try:
+            return not self.needs or importlib.util.find_spec(self.needs) is not None
+        except ModuleNotFoundError:
+            return False
+
+    @property
+    def settings(self) -> tuple[Option, ...]:
+        """All its options: its own, and the common ones that it has none of its own for."""
+        own = {option.name for option in self.options}
+        return (*self.options, *(option for option in COMMON if option.name not in own))
+
+    def load(self) -> Callable[..., int]:
+        """Import what does it."""
+        function: Any = getattr(importlib.import_module(f"filippov.app.cli.{self.module}"), self.function)
+        return function  # type: ignore[no-any-return]

@@ -20,8 +20,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, NoReturn
 
-from filippov.app.cli.catalogue import Command, commands
-from filippov.app.cli.configuration import Option, merge
+from filippov.app.cli.catalogue import commands
+from filippov.app.cli.configuration import Command, Option, merge
 from filippov.app.cli.console import Console, write_error
 from filippov.app.cli.values import switch
 from filippov.base.errors import UsageError

@@ -1,0 +1,1 @@
+"""Plain programs f(t, y): what switches in their source, the System that they mean, and a run of both."""

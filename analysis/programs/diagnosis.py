@@ -1,0 +1,362 @@
+"""What switches in a program f(t, y), what goes wrong when it is run, and the System to use instead."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.programs.agreement import FEWEST, Numbers, disagreement
+from filippov.analysis.programs.findings import Finding, Switch, difference, early, in_run, switches
+from filippov.analysis.programs.naive_run import NaiveRun, run_naively
+from filippov.analysis.programs.notes import Memory, ReadingError
+from filippov.analysis.programs.reader import Reading, read_program
+from filippov.analysis.programs.translation import Translation, translate
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.escape import printable
+from filippov.base.status import Status, mode_text
+from filippov.model.system import System
+from filippov.solving.solution import Solution
+from filippov.solving.solver import solve
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What is known of a program.
+
+    name, file  the program
+    switches    surfaces with their places in the source, their kinds, and whether the motion stays on them
+    findings    what is wrong or to be known, each with surface, time and lines
+    run         scipy's run
+    system      the System to use instead, None where there is none; x0: its initial state
+    code        the text that makes it
+    solution    its motion, None where there is no System or nothing switches
+    compared    random states at which program and System were compared
+    """
+
+    name: str
+    file: str
+    switches: tuple[Switch, ...]
+    findings: tuple[Finding, ...]
+    run: NaiveRun
+    system: System | None
+    x0: tuple[float, ...]
+    code: str
+    solution: Solution | None
+    compared: int
+
+    @property
+    def smooth(self) -> bool:
+        """Whether nothing switches in the program."""
+        return self.system is not None and not self.switches and not self.system.time_events
+
+    def of(self, kind: str) -> list[Finding]:
+        """The findings of a kind."""
+        return [finding for finding in self.findings if finding.kind == kind]
+
+    @property
+    def error(self) -> float | None:
+        """The largest difference of scipy's curve from the motion; None without one."""
+        if self.solution is None:
+            return None
+        return float(np.max(difference(self.run, self.solution)[1]))
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as JSON takes it, but for the curves."""
+        run, solution = self.run, self.solution
+        return {
+            "name": self.name, "file": self.file, "smooth": self.smooth, "code": self.code,
+            "compared": self.compared,
+            "switches": [
+                {
+                    "surface": s.surface, "kind": s.kind, "slides": s.slides,
+                    "sites": [
+                        {"line": q.line, "file": q.file, "text": q.text, "kind": q.kind} for q in s.sites
+                    ],
+                }
+                for s in self.switches
+            ],
+            "findings": [
+                {
+                    "kind": f.kind, "sentence": f.sentence, "surface": f.surface, "t": f.t,
+                    "lines": list(f.lines),
+                }
+                for f in self.findings
+            ],
+            "scipy": {
+                "method": run.method, "rtol": run.rtol, "atol": run.atol, "steps": run.steps,
+                "field_calls": run.nfev,
+                "t_end": float(run.t[-1]), "x_end": run.y[:, -1].tolist(), "ended": run.ended,
+            },
+            "motion": None if solution is None else {
+                "status": solution.status.value, "message": solution.message, "field_calls": solution.nfev,
+                "steps": solution.steps, "events": len(solution.events), "t_end": solution.t_end,
+                "x0": list(self.x0), "x_end": solution.x_end.tolist(), "modes": list(solution.modes),
+                "largest_difference": self.error,
+            },
+        }  # fmt: skip
+
+    def to_text(self) -> str:
+        """The diagnosis in sentences, with the System at the end."""
+        lines = [f"{self.name} in {Path(self.file).name or '(no file)'}"]
+        if self.smooth:
+            lines.append("nothing switches here: an integrator of smooth equations is what it needs.")
+        for switch in self.switches:
+            what = {
+                "jump": "the field jumps",
+                "kink": "a corner, the field is continuous",
+                "time": "time alone decides",
+                "memory": "the memory changes",
+            }
+            stays = "; the motion stays on it (slides)" if switch.slides else ""
+            lines.append(f"surface {switch.surface} = 0: {what[switch.kind]}, {switch.where}{stays}")
+        lines += [f"{f.kind}: {f.sentence}." for f in self.findings]
+        lines.append(self._cost())
+        if self.code and not self.smooth:
+            same = f" (the same at {self.compared} random states)" if self.compared else ""
+            lines += [f"in its place{same}:", "", self.code.rstrip()]
+        return "\n".join(printable(part) for line in lines for part in line.split("\n"))
+
+    def _cost(self) -> str:
+        run, solution = self.run, self.solution
+        text = f"cost: scipy's {run.method} {run.nfev} calls of f in {run.steps} steps to t = {run.t[-1]:.6g}"
+        if solution is None:
+            return text
+        end = "" if solution.success else f", ended as {solution.status.value}: {solution.message}"
+        return (
+            f"{text}; the inclusion {solution.nfev} in {solution.steps} steps and {len(solution.events)} "
+            "events to t = "
+            f"{solution.t_end:.6g}, ends in mode {mode_text(solution.end_mode)}{end}"
+        )
+
+    def __str__(self) -> str:
+        return self.to_text()
+
+    def plot(self, *, title: str = "", figure: Figure | None = None) -> Figure:
+        """Both motions and the calls that each has spent, over time."""
+        from filippov.plot.diagnosis import plot_diagnosis
+
+        return plot_diagnosis(self, title=title, figure=figure)
+
+
+def diagnose(
+    f: Callable[..., Any], x0: Any, t_span: Sequence[float], *, args: Sequence[Any] = (),
+    method: str = "RK45", rtol: float = 1e-3, atol: float = 1e-6, max_calls: int = 20_000,
+) -> Diagnosis:  # fmt: skip
+    """Read a program f(t, y, *args), run it by scipy, and solve the inclusion that it means.
+
+    x0, t_span         as of scipy's solve_ivp, forwards in time
+    args               further arguments of f; method, rtol, atol: of scipy, with its defaults
+    max_calls          calls of f after which scipy's run is given up
+
+    The source of f is read and never changed; f is called by scipy and at random states, where its values are
+    compared with those of the System. What it remembers (globals, attributes) is put back. Where the source
+    cannot be translated the finding "not translated" names the line. Raises UsageError; ModelError where
+    there is no source.
+    """
+    start, span = _checked(x0, t_span)
+    budget: object = max_calls
+    if isinstance(budget, bool) or not isinstance(budget, int) or budget < 1:
+        raise UsageError(f"max_calls is {max_calls!r}, expected a whole number of at least 1.")
+    findings: list[Finding] = []
+    reading: Reading | None = None
+    translation: Translation | None = None
+    try:
+        reading = read_program(f, len(start), args)
+        translation = translate(reading, start, span)
+    except ReadingError as error:
+        findings.append(
+            Finding("not translated", str(error).rstrip("."), lines=(error.line,) if error.line else ())
+        )
+    except ModelError as error:
+        if reading is None:
+            raise
+        findings.append(Finding("not translated", str(error).rstrip(".")))
+    memories = reading.memories if reading else ()
+    run = run_naively(f, start, span, args, method=method, rtol=rtol, atol=atol, max_calls=max_calls)
+    _put_back(memories)
+    compared = 0
+    if translation is not None and not memories:
+        sentence, compared = disagreement(lambda t, y: f(t, y, *args), translation, run.t, run.y)
+        if sentence or compared < FEWEST:
+            said = sentence or f"f and the System could be compared at {compared} random states only"
+            findings.append(Finding("differs", said))
+            translation = None if sentence else translation
+    found = switches(translation, None) if translation else ()
+    solution = None
+    if translation is not None and (found or translation.clocks):
+        solution = solve(translation.system, translation.x0, span)
+        found = switches(translation, solution)
+        if memories:
+            findings += _replayed(f, args, reading, solution, translation)
+            _put_back(memories)
+        findings += in_run(run, solution, translation, found)
+        findings += _at_start(f, args, solution, translation, found)
+    elif run.ended:
+        findings.append(early(run))
+    if reading is not None:
+        findings += _in_source(reading, translation)
+    name, file = (reading.source.name, reading.source.file) if reading else (getattr(f, "__name__", "f"), "")
+    if translation is None:
+        return Diagnosis(name, file, found, tuple(findings), run, None, tuple(start), "", solution, compared)
+    return Diagnosis(
+        name, file, found, tuple(findings), run, translation.system, translation.x0, translation.code,
+        solution, compared,
+    )  # fmt: skip
+
+
+def _checked(x0: Any, t_span: Any) -> tuple[Array, tuple[float, float]]:
+    try:
+        start = np.atleast_1d(np.asarray(x0, dtype=float))
+        first, last = (float(q) for q in t_span)
+    except (TypeError, ValueError):
+        raise UsageError(
+            f"x0 is {x0!r} and t_span {t_span!r}, expected numbers, one a state, and (t0, t1)."
+        ) from None
+    if start.ndim != 1 or not np.all(np.isfinite(start)):
+        raise UsageError(f"x0 is {x0!r}, expected one finite number a state.")
+    if not (np.isfinite(first) and np.isfinite(last) and first < last):
+        raise UsageError(f"t_span is {t_span!r}, expected two finite times, the first before the second.")
+    return start, (first, last)
+
+
+def _put_back(memories: Sequence[Memory]) -> None:
+    for memory in memories:
+        memory.put(memory.initial)
+
+
+def _in_source(reading: Reading, translation: Translation | None) -> Iterator[Finding]:
+    """What the source says by itself: equalities, dead bands, memories, clocks."""
+    for site in reading.sites:
+        if site.kind == "equality":
+            yield Finding(
+                "equality", f"line {site.line} `{site.text}` compares floats for equality: it never holds at "
+                "the steps of an integrator. What holds on the surface is set by the inclusion; where more "
+                "is held at rest than in motion, say so by Surface(..., radius=Fs/Fc)", lines=(site.line,),
+            )  # fmt: skip
+    for site in translation.sites if translation else ():
+        width = _band(site.h)
+        if width is not None:
+            yield Finding(
+                "dead band", f"line {site.line} `{site.text}` is a dead band written by hand, {width:.3g} "
+                "wide to each side: inside it the motion creeps or drifts. Write sign(...) alone, and the "
+                "inclusion holds it", lines=(site.line,),
+            )  # fmt: skip
+    for memory in reading.memories:
+        yield Finding(
+            "memory", f"line {memory.line}: {memory.label} keeps its value from call to call, and an "
+            "integrator calls f at trial points and in rejected steps too. It is a state of its own here, "
+            "which resets change", lines=(memory.line,),
+        )  # fmt: skip
+    for clock in reading.clocks:
+        said = f"line {clock.line} jumps at known times: a TimeEvent here, met to the last bit"
+        yield Finding("clock", said, lines=(clock.line,))
+    for remark in reading.remarks:
+        yield Finding("remark", remark)
+
+
+def _band(h: Any) -> float | None:
+    """The half-width of |u| < width, small against 1; None for another condition."""
+    import sympy
+
+    from filippov.model.parameter_symbol import ParameterSymbol
+
+    if h is None or not isinstance(h, sympy.Add) or len(h.args) != 2 or not h.has(sympy.Abs):
+        return None
+    sizes = [part for part in h.args if part.has(sympy.Abs)]
+    if len(sizes) != 1:
+        return None
+    core = sizes[0] if isinstance(sizes[0], sympy.Abs) else -sizes[0]
+    if not isinstance(core, sympy.Abs):
+        return None
+    rest = h - sizes[0]
+    number = rest.xreplace(
+        {q: sympy.Float(q.parameter.default) for q in rest.free_symbols if isinstance(q, ParameterSymbol)}
+    )
+    return abs(float(number)) if number.is_number and 0 < abs(float(number)) <= 0.1 else None
+
+
+def _at_start(
+    f: Callable[..., Any],
+    args: Sequence[Any],
+    solution: Solution,
+    translation: Translation,
+    found: tuple[Switch, ...],
+) -> list[Finding]:
+    """Starts on a surface, where the value of a sign at 0 is used, and the motion that it makes."""
+    numbers = Numbers(translation.system)
+    t0, x0 = solution.problem.t_span[0], np.asarray(translation.x0)
+    on = [i for i, h in enumerate(numbers.h(t0, x0)) if h == 0.0 and found[i].kind != "kink"]
+    n = len(solution.problem.x0) - len(translation.clocks) - translation.remembered
+    if not on or translation.remembered:
+        return []
+    try:
+        own = np.asarray(f(t0, x0[:n].copy(), *args), dtype=float).ravel()
+    except (ValueError, ZeroDivisionError, OverflowError):
+        return []
+    switch = found[on[0]]
+    later = t0 + 1e-6 * (solution.problem.t_span[1] - t0)
+    torn = solution.status is Status.NON_UNIQUE and solution.t_end == t0
+    if np.all(own == 0.0) and torn:
+        ways = ", ".join(mode_text(way.mode) for way in solution.candidates)
+        return [Finding(
+            "false rest", f"the start lies on {switch.surface} = 0, where {switch.where} gives 0 and with "
+            "it f = 0: the program "
+            "stays there for ever; the inclusion can go on in the modes "
+            f"{ways}", switch.surface, t0, switch.lines,
+        )]  # fmt: skip
+    leaves = solution.sol is not None and solution.t_end > later and solution.start_mode[on[0]] != 0
+    if np.all(own == 0.0) and leaves:
+        return [Finding(
+            "false rest", f"the start lies on {switch.surface} = 0, where {switch.where} gives 0 and with "
+            "it f = 0: the program "
+            "stays there for ever, the motion of the inclusion leaves", switch.surface, t0, switch.lines,
+        )]  # fmt: skip
+    if not leaves:
+        return []
+    there = numbers.field(t0, x0, solution.start_mode)[:n]
+    if np.max(np.abs(there - own)) <= 1e-9 * (1 + np.max(np.abs(own))):
+        return []
+    return [Finding(
+        "sign at 0", f"the start lies on {switch.surface} = 0, where {switch.where} takes a value that "
+        "holds on neither side",
+        switch.surface, t0, switch.lines,
+    )]  # fmt: skip
+
+
+def _replayed(
+    f: Callable[..., Any], args: Sequence[Any], reading: Any, solution: Solution, translation: Translation
+) -> list[Finding]:
+    """Where a program with a memory, called along the motion in order, has another field than the System."""
+    _put_back(reading.memories)
+    if solution.sol is None:
+        return []
+    n, numbers = len(reading.states), Numbers(translation.system)
+    t0, t1 = solution.problem.t_span[0], solution.t_end
+    short = 1e-6 * (t1 - t0)
+    asked = [(float(t), solution.sol(float(t)), True) for t in np.linspace(t0, t1, 400)]
+    # A step comes to lie a little beyond the surface on which the memory changes.
+    asked += [
+        (e.t, np.asarray(e.x) + short * numbers.field(e.t, e.x, e.before), False) for e in solution.events
+    ]
+    events = np.array([t0, *(e.t for e in solution.events), t1])
+    for t, x, compared in sorted(asked, key=lambda item: item[0]):
+        own = np.asarray(f(t, np.array(x[:n]), *args), dtype=float).ravel()
+        theirs = numbers.field(t, x)[:n]
+        away = np.min(np.abs(events - t)) > 2 * short
+        if compared and away and np.max(np.abs(own - theirs)) > 1e-6 * (1 + np.max(np.abs(own))):
+            return [Finding(
+                "differs", f"called along the motion, f gives {own} at t = {t:.6g} and the System {theirs}: "
+                "the memory is not "
+                "what the resets make of it", t=t,
+            )]  # fmt: skip
+    return []
