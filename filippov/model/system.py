@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from filippov.base.errors import ModelError
+from filippov.base.keywords import keywords
 from filippov.base.names import closest, state_names
 from filippov.base.symbolic_value import is_expression, is_symbol
 from filippov.model.comparator import Comparator, Exact, check_comparator
@@ -23,6 +24,14 @@ if TYPE_CHECKING:
     from filippov.model.symbolic import SymbolicForm
 
 Field = Callable[..., Any]
+_ANSWERS = {
+    "x0": "x0 belongs to the run: solve(system, x0=(...), t_span=(t0, t1)).",
+    "t_span": "t_span belongs to the run: solve(system, x0=(...), t_span=(t0, t1)).",
+    "events": "events belong to the run: solve(system, ..., events=g). What switches is found in the equations, "
+    "or is a Surface of surfaces=.",
+    "f": "f is field here: System(field=f, states='x v').",
+    "comparator": "comparator is given to a system that is there: system.with_comparator(Band(width)).",
+}
 # What holds expressions and is packed for the way to another process, which may never ask for it.
 _HEAVY = ("surfaces", "symbolic", "time_events", "_base")
 
@@ -67,6 +76,7 @@ class System:
     _digest: str | None
     _packed: bytes | None
 
+    @keywords("keyword", answers=_ANSWERS, error=ModelError)
     def __init__(
         self,
         equations: Mapping[Symbol, object] | None = None,

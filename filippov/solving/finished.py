@@ -33,6 +33,8 @@ def finished(
     else:
         t, y = _corners(problem, run) if may_jump(problem.system) else _ends(problem, run)
     njev, nlu = run.factorisations()
+    if problem.backward:
+        message += f" It ran backwards in time, from t = {problem.t_span[0]:.9g} to t = {run.t:.9g}."
     return Solution(
         problem=problem, options=run.options, status=status, message=message, t=t, y=y, sol=sol,
         events=events, user_events=watch.names, start_mode=start_mode[: watch.surfaces],

@@ -286,7 +286,8 @@ class Solution:
         counted = self.options.save_events == "count"
         parts = "" if counted else f"{len(self.segments)} segments, "
         number = sum(sum(kinds.values()) for kinds in self.event_counts.values())
+        back = f", backwards from {self.problem.t_span[0]:.9g}" if self.problem.backward else ""
         return (
-            f"Solution({self.status.value} at t = {self.t_end:.9g}; {number} events, "
+            f"Solution({self.status.value} at t = {self.t_end:.9g}{back}; {number} events, "
             f"{parts}{self.steps} steps, {self.nfev} field calls)"
         )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Literal, overload
+from typing import Any, Literal, Unpack, overload
 
 from filippov.base.errors import NonUniqueError, SolveError, UsageError
-from filippov.base.names import check_known
+from filippov.base.keywords import keywords
 from filippov.base.status import Status
 from filippov.kernel.codegen.interpreted import using
 from filippov.model.system import System
@@ -17,11 +18,24 @@ from filippov.solving.loop import follow
 from filippov.solving.scale import default_atol, of_little_scale
 from filippov.solving.solution import Solution
 from filippov.solving.solution_tree import SolutionTree
-from filippov.solving.state.options import OPTIONS, Options, check_priority, check_stops, check_times
+from filippov.solving.state.option_types import (
+    ANSWERS,
+    SAME_AS,
+    Backend,
+    BranchOptions,
+    Kept,
+    MethodName,
+    OnGraze,
+    OnZeno,
+    Policy,
+    RunOptions,
+    SlidingRule,
+    Stops,
+    Together,
+    Tolerance,
+)
+from filippov.solving.state.options import Options, check_priority, check_stops, check_times, given_options
 from filippov.solving.state.problem import Problem
-
-_TREE_OPTIONS = ("max_branches", "max_depth", "release_times")
-
 
 @overload
 def solve(
@@ -31,14 +45,13 @@ def solve(
     *,
     nonunique: Literal["branch"],
     parameters: Mapping[str, float] | None = ...,
-    t_eval: None = ...,
     throw: bool = ...,
     progress: Callable[[float, float], None] | None = ...,
-    max_branches: int = ...,
-    max_depth: int = ...,
+    max_branches: int | None = ...,
+    max_depth: int | None = ...,
     release_times: Any = ...,
     backward: bool = ...,
-    **options: Any,
+    **options: Unpack[BranchOptions],
 ) -> SolutionTree: ...
 @overload
 def solve(
@@ -52,8 +65,9 @@ def solve(
     throw: bool = ...,
     progress: Callable[[float, float], None] | None = ...,
     backward: bool = ...,
-    **options: Any,
+    **options: Unpack[RunOptions],
 ) -> Solution: ...
+@keywords(same=SAME_AS, answers=ANSWERS)
 def solve(
     system: System | Problem,
     x0: Any = None,
@@ -65,7 +79,27 @@ def solve(
     throw: bool = False,
     progress: Callable[[float, float], None] | None = None,
     backward: bool = False,
-    **options: Any,
+    method: MethodName = "DOP853",
+    rtol: float = Options.rtol,
+    atol: Tolerance | None = None,
+    first_step: float | None = None,
+    max_step: float = math.inf,
+    max_steps: int = Options.max_steps,
+    max_events: int = Options.max_events,
+    max_time: float = math.inf,
+    nonunique: Policy | Literal["branch"] = "raise",
+    max_branches: int | None = None,
+    max_depth: int | None = None,
+    release_times: Any = None,
+    on_graze: OnGraze = "continue",
+    zeno: OnZeno = "stop",
+    simultaneous: Together = "raise",
+    sliding: SlidingRule = "filippov",
+    stop: Stops = (),
+    dense_output: bool = True,
+    save_events: Kept = "all",
+    compile: bool | None = None,  # noqa: A002 (the word for it)
+    backend: Backend = "compiled",
 ) -> Solution | SolutionTree:
     """Solve x' in { f(t, x, s; p) : s_i in Sgn(h_i) } from x0 over t_span.
 
@@ -111,9 +145,10 @@ def solve(
     whatever a function of the user raises. Source: event-driven integration after Piiroinen & Kuznetsov 2008
     and Dieci & Lopez 2012; see the page on the event loop.
     """
+    options = given_options(locals())
+    of_tree = {"max_branches": max_branches, "max_depth": max_depth, "release_times": release_times}
+    of_tree = {name: value for name, value in of_tree.items() if value is not None}
     problem = _problem(system, x0, t_span, parameters, backward)
-    check_known("option", options, (*OPTIONS, *_TREE_OPTIONS), UsageError)
-    of_tree = {name: options.pop(name) for name in _TREE_OPTIONS if name in options}
     options["nonunique"] = check_priority(options.get("nonunique", "raise"), problem.system)
     if "stop" in options:
         options["stop"] = check_stops(options["stop"], problem.system)
@@ -166,8 +201,7 @@ def _problem(
     system: System | Problem, x0: Any, t_span: Any, parameters: Mapping[str, float] | None, backward: bool
 ) -> Problem:
     if isinstance(system, Problem):
-        changes = {"x0": x0, "t_span": t_span, "parameters": parameters, "backward": backward or None}
-        return system.remake(**{name: value for name, value in changes.items() if value is not None})
+        return system.remake(x0=x0, t_span=t_span, parameters=parameters, backward=backward or None)
     if not isinstance(system, System):
         raise UsageError(f"solve was given {type(system).__name__}, expected a System or a Problem.")
     if x0 is None or t_span is None:

@@ -66,6 +66,7 @@ def summarise(name: str, solution: Solution) -> dict[str, Any]:
         "parameters": dict(problem.parameters),
         "x0": dict(zip(system.states, problem.x0.tolist(), strict=True)),
         "t_span": list(problem.t_span),
+        "backward": problem.backward,
         "status": solution.status.value,
         "success": solution.success,
         "message": solution.message,

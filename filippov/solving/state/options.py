@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -17,6 +17,7 @@ from filippov.kernel.tables.layout import RULES
 from filippov.kernel.tables.tableaus import TABLEAUS
 from filippov.model.system import System
 from filippov.solving.state.events import Stop
+from filippov.solving.state.option_types import METHODS_OF_OTHERS
 
 METHODS = tuple(TABLEAUS)
 POLICIES = ("raise", "stick", "slip", "branch")
@@ -49,8 +50,7 @@ class Options:
     backend: str = "compiled"
 
     def __post_init__(self) -> None:
-        if self.method not in TABLEAUS:
-            raise UsageError(unknown("method", self.method, METHODS))
+        object.__setattr__(self, "method", method_of(self.method))
         positive("rtol", self.rtol)
         if self.rtol < SMALLEST_RTOL:
             raise UsageError(f"rtol is {self.rtol:g}, expected at least {SMALLEST_RTOL:.2g} (100 roundings).")
@@ -115,6 +115,28 @@ class Options:
 
 
 OPTIONS = tuple(item.name for item in fields(Options))
+
+
+def given_options(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Of a function's arguments by name the options that differ from their defaults; atol: that are given."""
+    out = {}
+    for name in OPTIONS:
+        if name in values:
+            value, default = values[name], None if name == "atol" else getattr(Options, name)
+            if not (value is default or (type(value) is type(default) and value == default)):
+                out[name] = value
+    return out
+
+
+def method_of(name: object) -> str:
+    """The name of a method here; scipy's RK45 is DP5. Raises UsageError, with the equivalent of others'."""
+    if name == "RK45":
+        return "DP5"
+    if isinstance(name, str) and name in METHODS_OF_OTHERS:
+        raise UsageError(f"method {name!r} is not among {', '.join(METHODS)}: use {METHODS_OF_OTHERS[name]}.")
+    if not isinstance(name, str) or name not in TABLEAUS:
+        raise UsageError(unknown("method", name, METHODS))
+    return name
 
 
 def options_but(*others: str) -> tuple[str, ...]:
