@@ -7,6 +7,7 @@ import pickle
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from filippov.base.delegates import delegate
 from filippov.base.errors import ModelError
 from filippov.base.keywords import keywords
 from filippov.base.names import closest, state_names
@@ -33,7 +34,7 @@ _ANSWERS = {
     "comparator": "comparator is given to a system that is there: system.with_comparator(Band(width)).",
 }
 # What holds expressions and is packed for the way to another process, which may never ask for it.
-_HEAVY = ("surfaces", "symbolic", "time_events", "_base")
+_HEAVY = ("surfaces", "symbolic", "time_events", "outputs", "_base")
 
 
 class System:
@@ -50,12 +51,14 @@ class System:
 
     With events at known times: time_events=[TimeEvent("clock", period=p.T, reset={ramp: 0})].
 
+    With quantities to read, and labels of axes: outputs={"effort": u}, labels={"x": "position [m]"}.
+
     From one vector field a sign vector (Filippov's form): System.from_modes. Raises ModelError.
     """
 
     __slots__ = (
-        "_base", "_digest", "_packed", "clocked", "comparator", "compile", "field", "parameters", "states",
-        "surface_names", "surfaces", "symbolic", "time_events", "units", "variable_widths",
+        "_base", "_digest", "_named", "_packed", "clocked", "comparator", "compile", "field", "labels", "outputs",
+        "parameters", "states", "surface_names", "surfaces", "symbolic", "time_events", "units", "variable_widths",
     )  # fmt: skip
 
     states: tuple[str, ...]
@@ -66,6 +69,8 @@ class System:
     clocked: bool
     variable_widths: bool
     comparator: Comparator
+    outputs: Mapping[str, Any]
+    labels: Mapping[str, str]
     symbolic: SymbolicForm | None
     field: Field | None
     compile: bool | None
@@ -74,6 +79,7 @@ class System:
     units: dict[Any, Any]
     _base: System | None
     _digest: str | None
+    _named: tuple[Any, ...]
     _packed: bytes | None
 
     @keywords("keyword", answers=_ANSWERS, error=ModelError)
@@ -87,6 +93,8 @@ class System:
         parameters: Mapping[str, object] | ParameterNamespace | ParameterSet | None = None,
         time_events: Sequence[TimeEvent] = (),
         compile: bool | None = None,  # noqa: A002 (the word for it)
+        outputs: Mapping[str, object] | None = None,
+        labels: Mapping[str, str] | None = None,
     ) -> None:
         clocks = _clocks(time_events, symbolic=equations is not None)
         if (equations is None) == (field is None):
@@ -106,11 +114,17 @@ class System:
                 raise ModelError("compile=False is for System(field=f, ...): equations run compiled only.")
 
             checked = read_equations(equations, states)
-            form, found = assemble(checked, tuple(surfaces), read_namespace(parameters), time_events=clocks)
+            named = _outputs(outputs, [x.name for x in checked], True)
+            form, found = assemble(
+                checked, tuple(surfaces), read_namespace(parameters), time_events=clocks,
+                outputs=tuple(named.values()),
+            )  # fmt: skip
             self._set_symbolic(form, found, clocks)
-            return
-        self._set_functions(field, surfaces, states, parameters, clocks)
-        object.__setattr__(self, "compile", compile)
+        else:
+            self._set_functions(field, surfaces, states, parameters, clocks)
+            object.__setattr__(self, "compile", compile)
+            named = _outputs(outputs, self.states, False)
+        self._name(named, labels)
 
     @classmethod
     def from_modes(
@@ -121,6 +135,8 @@ class System:
         *,
         parameters: ParameterNamespace | None = None,
         time_events: Sequence[TimeEvent] = (),
+        outputs: Mapping[str, object] | None = None,
+        labels: Mapping[str, str] | None = None,
     ) -> System:
         """x' = f_m(t, x; p) where the signs of h_1 ... h_k are m, for every sign vector m: "++", "+-", ...
 
@@ -141,9 +157,14 @@ class System:
         equations = {x: by_mode(surfaces, table, (), i) for i, x in enumerate(symbols)}
         checked = read_equations(equations, None)
         clocks = _clocks(time_events, symbolic=True)
-        form, found = assemble(checked, surfaces, read_namespace(parameters), spare=True, time_events=clocks)
+        named = _outputs(outputs, [x.name for x in checked], True)
+        form, found = assemble(
+            checked, surfaces, read_namespace(parameters), spare=True, time_events=clocks,
+            outputs=tuple(named.values()),
+        )  # fmt: skip
         system = object.__new__(cls)
         system._set_symbolic(form, found, clocks)
+        system._name(named, labels)
         return system
 
     # -- construction ----------------------------------------------------------------------------------
@@ -208,11 +229,30 @@ class System:
             field=field,
         )
 
+    def _name(self, outputs: Mapping[str, Any], labels: Any) -> None:
+        """Give it outputs and the labels of axes."""
+        for name in outputs:
+            if name in self.parameters:
+                raise ModelError(f"{name!r} is both an output and a parameter. Rename one of them.")
+        if labels is not None:
+            from filippov.model.output import check_labels
+
+            labels = check_labels(labels, (*self.states, *outputs))
+        written: tuple[Any, ...] = tuple(outputs.items())
+        if outputs and self.field is None:
+            import sympy
+
+            # As text: equality must not ask for expressions on the way to another process.
+            written = tuple((name, sympy.srepr(e)) for name, e in outputs.items())
+        content = {"outputs": dict(outputs), "labels": labels or {}}
+        for name, value in {**content, "_named": (written, tuple((labels or {}).items()))}.items():
+            object.__setattr__(self, name, value)
+
     def _set(self, **content: Any) -> None:
         rest: dict[str, Any] = {
             "comparator": Exact(), "_base": None, "_digest": None, "_packed": None, "units": {},
             "surface_names": tuple(surface.name for surface in content["surfaces"]),
-            "clocked": bool(content["time_events"]), "compile": None,
+            "clocked": bool(content["time_events"]), "compile": None, "outputs": {}, "labels": {}, "_named": ((), ()),
             "variable_widths": content["symbolic"] is not None and bool(content["symbolic"].widths),
         }  # fmt: skip
         for name, value in {**rest, **content}.items():
@@ -314,6 +354,9 @@ class System:
             "parameters": base.parameters,
             "time_events": base.time_events,
             "comparator": checked,
+            "outputs": base.outputs,
+            "labels": base.labels,
+            "_named": base._named,
             "_base": base,
         }
         if base.symbolic is not None:
@@ -337,6 +380,9 @@ class System:
             surfaces=surfaces,
             symbolic=form,
             field=None,
+            outputs=self.outputs,
+            labels=self.labels,
+            _named=self._named,
         )
         return system
 
@@ -344,8 +390,8 @@ class System:
 
     def _key(self) -> tuple[Any, ...]:
         if self.field is None:
-            return self.digest, self.parameters
-        return self.field, self.states, self.parameters, self.surfaces, self.time_events, self.comparator
+            return self.digest, self.parameters, self._named
+        return self._named, self.field, self.states, self.parameters, self.surfaces, self.time_events, self.comparator
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, System):
@@ -374,11 +420,24 @@ class System:
         self.__setstate__(pickle.loads(self._packed))  # noqa: S301  # packed by __getstate__, not from a file
         return object.__getattribute__(self, name)
 
+    def _repr_latex_(self) -> str:
+        text: str = delegate("System.latex")(self)
+        return text
+
     def __repr__(self) -> str:
         surfaces = ", ".join(surface.name for surface in self.surfaces)
         return (
             f"System(states={' '.join(self.states)!r}, surfaces=[{surfaces}], comparator={self.comparator})"
         )
+
+
+def _outputs(outputs: Any, states: Sequence[str], symbolic: bool) -> dict[str, Any]:
+    """Checked outputs; what has none does not load what they need."""
+    if outputs is None:
+        return {}
+    from filippov.model.output import check_outputs
+
+    return check_outputs(outputs, states, symbolic)
 
 
 def _clocks(time_events: Any, symbolic: bool) -> tuple[TimeEvent, ...]:

@@ -25,7 +25,9 @@ def finished(
 ) -> Solution:  # fmt: skip
     """The solution of a run; t_eval: times at which it is wanted, None: at the ends of its steps."""
     events = watch.events(run)
-    events.place_of = problem.system.surface_place
+    system = problem.system
+    events.place_of, events.states = system.surface_place, system.states
+    events.names = (*system.surface_names, *(event.name for event in system.time_events), *watch.names)
     jumps = jump_times(problem.system, events)
     sol = _interpolant(problem, run, jumps) if run.options.dense_output else None
     if sol is not None:

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from filippov.app.bank.measures.measure import Measure, one_of
 from filippov.app.bank.motion import Motion, slides
-from filippov.solving.solution import Segment
+from filippov.solving.segments import Segment
 
 
 @dataclass(frozen=True)
