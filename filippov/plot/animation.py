@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -79,7 +81,10 @@ def animate(
             figure.set_layout_engine("none")
             rate = max(1, round(frames / seconds))
             film = animation.FuncAnimation(figure, draw, frames=frames, blit=False)
-            film.save(target, writer="pillow" if target.suffix.lower() == ".gif" else "ffmpeg", fps=rate, dpi=100)
+            writer = "pillow" if target.suffix.lower() == ".gif" else "ffmpeg"
+            with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+                film.save(Path(folder) / target.name, writer=writer, fps=rate, dpi=100)
+                os.replace(Path(folder) / target.name, target)
         finally:
             plt.close(figure)
     return target

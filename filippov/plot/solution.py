@@ -260,7 +260,7 @@ def _names(given: Sequence[str] | str | None, solution: Solution) -> list[str]:
         raise UsageError("no state was named, expected at least one.")
     for name in names:
         if name.isidentifier() or system.symbolic is None:
-            check_known("state or output", [name], (*system.states, *system.outputs), UsageError)
+            check_known("state or output" if system.outputs else "state", [name], (*system.states, *system.outputs), UsageError)
         else:
             expression_of(system, name)
     return names

@@ -55,6 +55,11 @@ def axis_label(system: Any, name: str) -> str:
     if name in system.parameters:
         unit = system.parameters[name].unit
         return figure_text(f"{name} [{unit}]" if unit else name)
+    word, _, state = name.partition(" ")
+    if word in ("max", "min", "amplitude") and state in system.labels:
+        return f"{word} of {system.labels[state]}"
+    if name == "period" and "[" in (time := str(system.labels.get("t", ""))):
+        return f"period {time[time.index('[') :]}"
     return figure_text(name)
 
 

@@ -123,7 +123,7 @@ def plot_tree(tree: SolutionTree, *, title: str = "", figure: Figure | None = No
         if leaves <= MOST_LABELS:
             _write_modes(ax, tree, heights)
         low, high = sorted(tree.problem.t_span)
-        ax.set(ylim=(-0.8, leaves - 0.2), xlabel="t", yticks=[])
+        ax.set(ylim=(-0.8, leaves - 0.2), xlabel=axis_label(tree.system, "t"), yticks=[])
         ends = [leaf.solution.status is Status.SUCCESS for leaf in tree.leaves()]
         ax.set_xlim(low - 0.02 * (high - low), high + (0.02 if all(ends) else 0.16) * (high - low))
         ax.spines["left"].set_visible(False)

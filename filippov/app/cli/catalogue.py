@@ -173,6 +173,10 @@ _ALL = (
                 metavar="N"),
          Option("events", "roots to watch: FORMULA, FORMULA:up, down or both, or FORMULA:up:N to end at the "
                 "N-th; in t, states and parameters; can be repeated", texts, metavar="ROOT", repeat=True),
+         Option("evaluate", "a formula in t, states, parameters and outputs that is written and drawn beside "
+                "the states; a sign in it is the multiplier while it slides; can be repeated", texts,
+                metavar="FORMULA", repeat=True),
+         Option("animate", "a film of the motion in the folder: NAME.gif or NAME.mp4", text, metavar="NAME"),
          _choice("backend", "what runs the event loop: machine code, or Python from the same sources (slow; "
                  "for a debugger)", "compiled", "python"),
          _choice("on_graze", "at a touching of a surface: go on, or end", "continue", "error"),

@@ -14,6 +14,7 @@ from filippov.base.names import closest
 from filippov.base.user_file import load_file, place_of
 from filippov.model.system import System
 from filippov.models import registry
+from filippov.plot.style import axis_label
 from filippov.solving.state.options import check_state, falls
 from filippov.solving.state.problem import Problem
 
@@ -38,6 +39,10 @@ class Loaded:
     def title(self) -> str:
         """The name as the title of a picture."""
         return figure_text(self.name)
+
+    def labels(self, *names: str) -> dict[str, str]:
+        """Labels of axes with units, by name of state, output or parameter."""
+        return {name: axis_label(self.system, name) for name in names}
 
     def values(self, given: Mapping[str, float] | None) -> dict[str, float]:
         """All parameter values of a run; UsageError, with a suggestion, for one the system does not have."""
