@@ -96,7 +96,7 @@ def test_16_1_other_methods_are_answered_with_the_equivalent(name: Any) -> None:
 def test_16_1_values_in_order_and_missing_ones() -> None:
     calls = {
         r"at most 3 \(system, x0, t_span\).*by name": lambda: solve(OSCILLATOR, (1, 0), (0, 1), "RK45"),
-        "solve needs system": lambda: solve(),
+        "solve needs system": solve,
         "Problem needs x0, t_span": lambda: Problem(OSCILLATOR),
         "y0 and x0 mean the same": lambda: solve(OSCILLATOR, (1, 0), (0, 1), y0=(1, 0)),
         "an option of the run": lambda: Problem(OSCILLATOR, (1, 0), (0, 1), rtol=1e-3),

@@ -50,7 +50,8 @@ def keywords(
                     f"{shown} was given {len(args) - self} values in order, expected at most {len(places)} "
                     f"({', '.join(places)}). Write the others by name: {', '.join((*further, '...'))}"
                 )
-            missing = [name for name in needed if name not in places[: len(args) - self] and name not in given]
+            filled = {*places[: len(args) - self], *given}
+            missing = [name for name in needed if name not in filled]
             if missing:
                 raise error(f"{shown} needs {', '.join(missing)}: {shown}({', '.join(needed)}).")
             return function(*args, **given)

@@ -28,8 +28,8 @@ Field = Callable[..., Any]
 _ANSWERS = {
     "x0": "x0 belongs to the run: solve(system, x0=(...), t_span=(t0, t1)).",
     "t_span": "t_span belongs to the run: solve(system, x0=(...), t_span=(t0, t1)).",
-    "events": "events belong to the run: solve(system, ..., events=g). What switches is found in the equations, "
-    "or is a Surface of surfaces=.",
+    "events": "events belong to the run: solve(system, ..., events=g). What switches is found in the "
+    "equations, or is a Surface of surfaces=.",
     "f": "f is field here: System(field=f, states='x v').",
     "comparator": "comparator is given to a system that is there: system.with_comparator(Band(width)).",
 }
@@ -57,8 +57,9 @@ class System:
     """
 
     __slots__ = (
-        "_base", "_digest", "_named", "_packed", "clocked", "comparator", "compile", "field", "labels", "outputs",
-        "parameters", "states", "surface_names", "surfaces", "symbolic", "time_events", "units", "variable_widths",
+        "_base", "_digest", "_named", "_packed", "clocked", "comparator", "compile", "field", "labels",
+        "outputs", "parameters", "states", "surface_names", "surfaces", "symbolic", "time_events", "units",
+        "variable_widths",
     )  # fmt: skip
 
     states: tuple[str, ...]
@@ -252,7 +253,8 @@ class System:
         rest: dict[str, Any] = {
             "comparator": Exact(), "_base": None, "_digest": None, "_packed": None, "units": {},
             "surface_names": tuple(surface.name for surface in content["surfaces"]),
-            "clocked": bool(content["time_events"]), "compile": None, "outputs": {}, "labels": {}, "_named": ((), ()),
+            "clocked": bool(content["time_events"]), "compile": None, "_named": ((), ()),
+            "outputs": {}, "labels": {},
             "variable_widths": content["symbolic"] is not None and bool(content["symbolic"].widths),
         }  # fmt: skip
         for name, value in {**rest, **content}.items():
@@ -391,7 +393,8 @@ class System:
     def _key(self) -> tuple[Any, ...]:
         if self.field is None:
             return self.digest, self.parameters, self._named
-        return self._named, self.field, self.states, self.parameters, self.surfaces, self.time_events, self.comparator
+        written = self.field, self.states, self.parameters, self.surfaces, self.time_events
+        return *written, self.comparator, self._named
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, System):
@@ -421,7 +424,7 @@ class System:
         return object.__getattribute__(self, name)
 
     def _repr_latex_(self) -> str:
-        text: str = delegate("System.latex")(self)
+        text: str = delegate("System._repr_latex_")(self)
         return text
 
     def __repr__(self) -> str:

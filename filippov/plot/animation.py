@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -84,7 +83,7 @@ def animate(
             writer = "pillow" if target.suffix.lower() == ".gif" else "ffmpeg"
             with tempfile.TemporaryDirectory(dir=target.parent) as folder:
                 film.save(Path(folder) / target.name, writer=writer, fps=rate, dpi=100)
-                os.replace(Path(folder) / target.name, target)
+                (Path(folder) / target.name).replace(target)
         finally:
             plt.close(figure)
     return target

@@ -255,12 +255,14 @@ def _once(ax: Any, label: str) -> str | None:
 def _names(given: Sequence[str] | str | None, solution: Solution) -> list[str]:
     system = solution.system
     outputs = system.outputs if solution.sol is not None or given is not None else ()
-    names = [*system.states, *outputs] if given is None else [given] if isinstance(given, str) else list(given)
+    wanted = (*system.states, *outputs) if given is None else given
+    names = [wanted] if isinstance(wanted, str) else list(wanted)
     if not names:
         raise UsageError("no state was named, expected at least one.")
     for name in names:
         if name.isidentifier() or system.symbolic is None:
-            check_known("state or output" if system.outputs else "state", [name], (*system.states, *system.outputs), UsageError)
+            kind = "state or output" if system.outputs else "state"
+            check_known(kind, [name], (*system.states, *system.outputs), UsageError)
         else:
             expression_of(system, name)
     return names

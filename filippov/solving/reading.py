@@ -99,7 +99,7 @@ def values(
         return np.array([float(what(time, state.copy(), record, s)) for time, state, s in rows])
     expr, form = expression_of(system, what), system.symbolic
     assert form is not None
-    from filippov.model.output import in_mode
+    from filippov.solving.expressions import in_mode
 
     place = [i for i, s in enumerate(form.s) if s in expr.free_symbols]
     sliding = [i for i in place if system.surfaces[i].kind == "switching"]
@@ -127,7 +127,7 @@ def expression_of(system: System, what: Any) -> Expr:
         )
     from filippov.model.check import as_expression
     from filippov.model.expression import parse_expression
-    from filippov.model.output import read_with_signs
+    from filippov.solving.expressions import read_with_signs
 
     if isinstance(what, str):
         what = system.outputs.get(what, what)

@@ -34,7 +34,7 @@ class Segment:
         return f"{mode_text(self.mode)} [{self.t0:.9g}, {self.t1:.9g}]"
 
 
-class Segments(tuple[Segment, ...]):
+class Segments(tuple[Segment, ...]):  # noqa: SLOT001  # each has the names of its surfaces
     """The stretches of a motion in order; surfaces: the names to which the signs of a mode belong."""
 
     surfaces: tuple[str, ...] = ()

@@ -16,8 +16,8 @@ from filippov.base.delegates import delegate
 from filippov.base.errors import UsageError
 from filippov.base.status import EventKind, Status, mode_text
 from filippov.solving.resets.zeno import Accumulation
-from filippov.solving.selection.ambiguity import Ambiguity
 from filippov.solving.segments import Segment, Segments
+from filippov.solving.selection.ambiguity import Ambiguity
 from filippov.solving.selection.modes import Successor
 from filippov.solving.state.event_log import EventLog
 from filippov.solving.state.events import Event, Events, Mode
@@ -186,7 +186,7 @@ class Solution:
 
     def __getitem__(self, name: Any) -> Array:
         """The values of a state or an output at `t`, by its name: r["x"], r["effort"]."""
-        found: Array = delegate("Solution.series")(self, name)
+        found: Array = delegate("Solution.__getitem__")(self, name)
         return found
 
     def evaluate(self, what: Any, t: Any, side: str = "-") -> Any:
@@ -255,7 +255,7 @@ class Solution:
         return delegate("Solution.to_pandas")(self)
 
     def _repr_html_(self) -> str:
-        text: str = delegate("Solution.html")(self)
+        text: str = delegate("Solution._repr_html_")(self)
         return text
 
     def __repr__(self) -> str:

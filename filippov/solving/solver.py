@@ -37,6 +37,7 @@ from filippov.solving.state.option_types import (
 from filippov.solving.state.options import Options, check_priority, check_stops, check_times, given_options
 from filippov.solving.state.problem import Problem
 
+
 @overload
 def solve(
     system: System | Problem,

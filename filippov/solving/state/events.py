@@ -145,7 +145,7 @@ class Events(Sequence[Event]):
         return delegate("Events.to_pandas")(self)
 
     def _repr_html_(self) -> str:
-        text: str = delegate("Events.html")(self)
+        text: str = delegate("Events._repr_html_")(self)
         return text
 
     def _asked(self, surface: str, direction: int) -> tuple[str, int]:

@@ -90,5 +90,7 @@ ANSWERS: dict[str, str] = {
 # What has no meaning where only the ends are kept.
 ENDS_ONLY = {
     name: f"{name} is for solve: solve_many keeps the ends only. Use solve for the way of one trajectory."
-    for name in ("t_eval", "events", "dense_output", "save_events", "on_graze", "max_time", "backend", "throw")
+    for name in (
+        "t_eval", "events", "dense_output", "save_events", "on_graze", "max_time", "backend", "throw",
+    )
 }

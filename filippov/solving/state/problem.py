@@ -14,8 +14,10 @@ from filippov.model.system import System
 from filippov.solving.state.option_types import ANSWERS, SAME_AS, BranchOptions
 from filippov.solving.state.options import as_pair, check_span, check_state, falls
 
-_OF_SOLVE = {name: f"{name} is an option of the run: solve(problem, {name}=...)."
-             for name in (*BranchOptions.__annotations__, "nonunique", "t_eval", "events", "throw")}  # fmt: skip
+_OF_SOLVE = {
+    name: f"{name} is an option of the run: solve(problem, {name}=...)."
+    for name in (*BranchOptions.__annotations__, "nonunique", "t_eval", "events", "throw")
+}
 
 
 class Problem:
