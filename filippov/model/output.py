@@ -7,6 +7,7 @@ from typing import Any
 
 from filippov.base.errors import ModelError
 from filippov.base.names import check_known, check_name
+from filippov.base.signature import check_signature
 from filippov.base.symbolic_value import is_expression
 from filippov.model.check import as_expression, check_expression
 
@@ -28,6 +29,7 @@ def check_outputs(outputs: Any, states: Sequence[str], symbolic: bool) -> dict[s
             out[name] = as_expression(value, where)
             check_expression(out[name], where)
         elif callable(value) and not is_expression(value):
+            check_signature(value, ("t", "x", "p", "s"), where, "a float")
             out[name] = value
         else:
             raise ModelError(

@@ -11,7 +11,8 @@ from filippov.base.delegates import delegate
 from filippov.base.errors import ModelError
 from filippov.base.keywords import keywords
 from filippov.base.names import closest, state_names
-from filippov.base.symbolic_value import is_expression, is_symbol
+from filippov.base.signature import check_signature
+from filippov.base.symbolic_value import is_expression, single
 from filippov.model.comparator import Comparator, Exact, check_comparator
 from filippov.model.parameter import ParameterSet
 from filippov.model.surface import Surface
@@ -188,6 +189,7 @@ class System:
     ) -> None:
         if not callable(field):
             raise ModelError(f"field is {field!r}, expected a function f(t, x, p, s) that returns dx/dt.")
+        check_signature(field, ("t", "x", "p", "s"), "field", "[...], one number a state")
         if states is None:
             raise ModelError(
                 "states are missing: System(field=f, ...) needs states='x v', the names in order."
@@ -220,6 +222,11 @@ class System:
                         f"{getattr(surface.h, '__name__', surface.h)!r}. Declare it once."
                     )
             seen[surface.name] = surface
+        for name, surface in seen.items():
+            where = f"surface {name!r}"
+            check_signature(surface.h, ("t", "x", "p"), f"{where}: h", "the switching function, a float")
+            if surface.reset is not None:
+                check_signature(surface.reset, ("t", "x", "p"), f"{where}: reset", "the state after it")
         _check_clock_names(clocks, tuple(seen.values()))
         self._set(
             states=names,
@@ -326,7 +333,7 @@ class System:
 
     def state_index(self, name: str | Symbol) -> int:
         """Return the place of a state given by name or symbol; ModelError with a suggestion if unknown."""
-        key = name.name if is_symbol(name) else name
+        key = getattr(single(name), "name", name)
         if key in self.states:
             return self.states.index(key)
         hint = closest(str(key), self.states)

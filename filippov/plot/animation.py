@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +56,11 @@ def animate(
         wide = len(solution.system.states) > 1
         figure = new_figure(10.0 if wide else 6.5, 4.6)
         try:
-            left, right = figure.subfigures(1, 2, width_ratios=[1.4, 1]) if wide else (figure, None)
+            left: Any = figure
+            right: Any = None
+            if wide:
+                parts: Any = figure.subfigures(1, 2, width_ratios=[1.4, 1])
+                left, right = parts
             plot_solution(solution, states, labels=labels, title=title, figure=left)
             times = np.linspace(solution.problem.t_span[0], solution.t_end, frames)
             now = [ax.axvline(times[0], color=INK, linewidth=1.2) for ax in left.axes]
@@ -68,12 +73,11 @@ def animate(
                 point = right.axes[0].plot([], [], "o", color=INK, **ring)[0]
                 path_x, path_y = (np.asarray(evaluate(solution, n, times)) for n in names)
 
-            def draw(k: int) -> list[object]:
+            def draw(k: int) -> None:
                 for line in now:
                     line.set_xdata([times[k], times[k]])
                 if point is not None:
                     point.set_data([path_x[k]], [path_y[k]])
-                return []
 
             # Laid out once: nothing moves but the marks.
             figure.draw_without_rendering()

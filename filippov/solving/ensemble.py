@@ -145,7 +145,7 @@ def solve_many(
     measure: Callable[[Ensemble], Any] | None = None,
     progress: Callable[[int, int], object] | None = None,
     backward: bool = False,
-    method: MethodName = "DOP853",
+    method: MethodName | str = "DOP853",
     rtol: float = Options.rtol,
     atol: Tolerance | None = None,
     first_step: float | None = None,

@@ -29,7 +29,8 @@ def read_with_signs(system: System, expr: Expr) -> Expr:
     form = system.exact.symbolic
     assert form is not None
     extractor = Extractor()
-    own, sizes = [], {}
+    own: list[Any] = []
+    sizes: dict[Symbol, Expr] = {}
     for h, a in zip(form.h, form.a, strict=True):
         own.append(extractor.table.register(h.xreplace(sizes))[0])
         sizes[a] = own[-1].a
@@ -62,4 +63,6 @@ def in_mode(system: System, expr: Expr, mode: tuple[int, ...]) -> Callable[..., 
     names = [s for part in symbols[1:] for s in part]
     short = {s: sympy.Dummy(f"q{k}", real=True) for k, s in enumerate(names)}
     order = [tuple(short[s] for s in part) for part in symbols[1:]]
-    return sympy.lambdify([symbols[0], *order], plain.xreplace(short), ["scipy", "numpy"])
+    plain = plain.xreplace(short)
+    function: Callable[..., Any] = sympy.lambdify([symbols[0], *order], plain, ["scipy", "numpy"])
+    return function

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import unknown
-from filippov.base.symbolic_value import is_expression, is_symbol
+from filippov.base.symbolic_value import is_expression, single
 from filippov.model.system import System
 from filippov.solving.selection.candidate import sliding_solutions
 from filippov.solving.selection.higher_order import multipliers
@@ -30,7 +30,7 @@ OUTSIDE = 1e-6
 
 def series(solution: Solution, name: Any) -> Array:
     """The values of a state, an output or "t" at solution.t; where the state jumps, before and after."""
-    key = name.name if is_symbol(name) else name
+    key = getattr(single(name), "name", name)
     if key == "t":
         return solution.t
     if key in solution.system.states:

@@ -65,8 +65,8 @@ class Segments(tuple[Segment, ...]):  # noqa: SLOT001  # each has the names of i
         at = range(len(self.surfaces)) if surface is None else [self.surfaces.index(surface)]
         if mode in WORDS:
             found = [q for q in self if any(q.mode[i] == 0 for i in at) == WORDS[mode]]
-        elif isinstance(mode, str) and len(mode) == len(at) and not set(mode) - set("+0-*"):
-            pairs = list(zip(at, mode, strict=True))
+        elif len(str(mode)) == len(at) and not set(str(mode)) - set("+0-*"):
+            pairs = list(zip(at, str(mode), strict=True))
             found = [q for q in self if all(c == "*" or mode_text((q.mode[i],)) == c for i, c in pairs)]
         else:
             names = f" ({', '.join(self.surfaces)})" if surface is None else ""

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from filippov.base.delegates import delegate
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.status import EventKind, Status, mode_text
 from filippov.solving.resets.zeno import Accumulation
 from filippov.solving.segments import Segment, Segments
@@ -34,6 +35,17 @@ if TYPE_CHECKING:
     from filippov.model.time_event import TimeEvent
 
 Array = npt.NDArray[np.float64]
+
+
+_OTHER_PLOTS = {
+    "phase": "phase is no option: a phase portrait is filippov.plot.plot_phase(solution, 'x', 'v').",
+    "outputs": "outputs stand beside the states: plot(['x', 'effort']).",
+    "ax": "ax is no option: figure=fig draws into a figure of yours; its axes are fig.axes.",
+    "xlabel": "xlabel is labels={'t': 'time [s]'} here.",
+    "ylabel": "ylabel is labels={'x': 'position [m]'} here, by name of state.",
+    "show": "show is no option: the figure is returned; matplotlib.pyplot.show() shows it.",
+    "filename": "filename is no option: plot().savefig('run.png') writes the figure.",
+}
 
 
 def may_jump(system: System) -> bool:
@@ -213,6 +225,7 @@ class Solution:
         graph: nx.MultiDiGraph = delegate("Solution.mode_graph")(self)
         return graph
 
+    @keywords(answers=_OTHER_PLOTS)
     def plot(
         self, states: Sequence[str] | str | None = None, *, multiplier: str | None = None,
         labels: Mapping[str, str] | None = None, events: bool = True, points: int = 2000, title: str = "",

@@ -80,7 +80,7 @@ def solve(
     throw: bool = False,
     progress: Callable[[float, float], None] | None = None,
     backward: bool = False,
-    method: MethodName = "DOP853",
+    method: MethodName | str = "DOP853",
     rtol: float = Options.rtol,
     atol: Tolerance | None = None,
     first_step: float | None = None,
@@ -156,8 +156,17 @@ def solve(
     checked = Options(**options)
     checked.check_span(problem.t_span)
     checked.check_system(problem.system)
-    with using(checked.backend):
-        return _solved(problem, checked, "atol" in options, t_eval, events, of_tree, throw, progress)
+    try:
+        with using(checked.backend):
+            return _solved(problem, checked, "atol" in options, t_eval, events, of_tree, throw, progress)
+    except IndexError as error:
+        # The states are never empty: what was asked for is a sign.
+        if problem.system.field is None or problem.system.surfaces or "with size 0" not in str(error):
+            raise
+        raise IndexError(
+            f"the field asks for a sign ({error}), and the system has no surfaces: s is empty. Declare what "
+            "switches: System(field=f, surfaces=[Surface('v', h)], ...)."
+        ) from error
 
 
 def _solved(
@@ -204,7 +213,15 @@ def _problem(
     if isinstance(system, Problem):
         return system.remake(x0=x0, t_span=t_span, parameters=parameters, backward=backward or None)
     if not isinstance(system, System):
-        raise UsageError(f"solve was given {type(system).__name__}, expected a System or a Problem.")
+        raise UsageError(_no_system(system))
     if x0 is None or t_span is None:
         raise UsageError("solve needs x0 and t_span: solve(system, x0=(...), t_span=(t0, t1)).")
     return Problem(system, x0, t_span, parameters or {}, backward)
+
+
+def _no_system(given: object) -> str:
+    """What is said of something else in the place of a system."""
+    how = "Equations make one: System({x: v, v: ...})."
+    if callable(given):
+        how = "A function f(t, x, p, s) makes one: System(field=f, states='x v')."
+    return f"solve was given {type(given).__name__}, expected a System or a Problem. {how}"

@@ -77,7 +77,7 @@ class Sweep:
         tail: float = 0.5,
         reduce: Any = None,
         stop: Stops = (),
-        method: MethodName = "DOP853",
+        method: MethodName | str = "DOP853",
         rtol: float = Options.rtol,
         atol: Tolerance | None = None,
         first_step: float | None = None,

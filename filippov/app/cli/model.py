@@ -79,6 +79,11 @@ def load_model(name: str | None) -> Loaded:
     if not name:
         raise UsageError("no MODEL was given: name a registered one (filippov models) or file.py:name.")
     if ".py" not in name:
+        file, colon, attribute = name.partition(":")
+        if colon:
+            raise UsageError(f"{name!r} names no file; write {file}.py:{attribute}, what is in which file.")
+        if name not in registry.names() and Path(f"{name}.py").is_file():
+            raise UsageError(f"unknown model {name!r}; there is a file of this name: write {name}.py:NAME.")
         return _of_model(registry.get(name))
     path, colon, attribute = name.rpartition(":")
     if not colon or not path.endswith(".py"):

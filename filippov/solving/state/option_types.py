@@ -26,7 +26,7 @@ Stops = Stop | Sequence[Stop]
 class BranchOptions(TypedDict, total=False):
     """The options of `solve` by name, all but `nonunique`."""
 
-    method: MethodName
+    method: MethodName | str
     rtol: float
     atol: Tolerance | None
     first_step: float | None

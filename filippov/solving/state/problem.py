@@ -45,7 +45,10 @@ class Problem:
         backward: bool = False,
     ) -> None:  # fmt: skip
         if not isinstance(system, System):
-            raise UsageError(f"Problem was given {type(system).__name__}, expected a System.")
+            raise UsageError(
+                f"Problem was given {type(system).__name__}, expected a System: "
+                "Problem(System({...}), x0, t_span)."
+            )
         _check_order(x0, t_span, system)
         state = check_state(x0, system)
         state.flags.writeable = False
