@@ -29,6 +29,8 @@ from filippov import (
     solve,
     states,
 )  # fmt: skip
+from filippov.analysis.comparisons.comparison_result import Comparison
+from filippov.analysis.local_stability.stability import StabilityReport
 from filippov.app.cli.main import main
 from filippov.model.symbolic import Select
 from filippov.models import registry
@@ -248,6 +250,12 @@ def test_16_2_what_a_notebook_shows(motion: Solution) -> None:
     for part in (r"\dot{v} &= - k x - \mu \operatorname{sign}", r"\text{N/m}", r"\text{v: }& v = 0"):
         assert part in equations
     assert r"\dot x = f" in System(field=lambda *_: [0.0], states="x")._repr_latex_()
+
+
+@pytest.mark.parametrize("report", [StabilityReport, Comparison])
+def test_16_2_reports_are_shown_as_text(report: Any) -> None:
+    told = type("Told", (report,), {"to_text": lambda self: "P < 1"})
+    assert object.__new__(told)._repr_html_() == "<pre>P &lt; 1</pre>"
 
 
 def test_16_2_one_figure_a_cell(motion: Solution, monkeypatch: pytest.MonkeyPatch) -> None:
