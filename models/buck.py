@@ -48,6 +48,7 @@ def buck(
         {y: slope, i: (p.E * Heaviside(-line) - y) / p.L},
         surfaces=[Surface("line", line)],
         parameters=p,
+        labels={"t": "time [s]", "y": "voltage [V]", "i": "current [A]"},
     )
 
 
@@ -101,6 +102,7 @@ def buck_pwm(
         surfaces=[Surface("comparator", control)],
         parameters=p,
         time_events=[TimeEvent("clock", period=p.T, start=p.T, reset={ramp: p.VL})],
+        labels={"t": "time [s]", "v": "voltage [V]", "i": "current [A]", "ramp": "ramp [V]"},
     )
 
 

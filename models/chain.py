@@ -68,7 +68,10 @@ def chain(
         equations[x[i]] = v[i]
         equations[v[i]] = (pull - friction.force(slip, p)) / p.m
         surfaces += friction.surfaces(slip, p, f"block {i + 1}")
-    return System(equations, surfaces=surfaces, parameters=p)
+    labels = {"t": "time [s]"}
+    for i in range(n):
+        labels |= {x[i].name: f"position {i + 1} [m]", v[i].name: f"velocity {i + 1} [m/s]"}
+    return System(equations, surfaces=surfaces, parameters=p, labels=labels)
 
 
 def start(n: int = 5) -> tuple[float, ...]:

@@ -28,6 +28,9 @@ from filippov.model.parameter import Parameter, ParameterSet, as_number
 from filippov.model.parameter_symbol import ParameterNamespace, parameters
 from filippov.model.surface import Surface
 
+# Labels of axes for a mass that moves along x.
+MOTION = {"t": "time [s]", "x": "position [m]", "v": "velocity [m/s]"}
+
 # One number for both directions, or a pair (v > 0, v < 0).
 Level = float | tuple[float, float]
 Sides = tuple[Expr, Expr]

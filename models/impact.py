@@ -22,7 +22,10 @@ def bouncing_ball(g: float = 9.81, e: float = 0.7) -> System:
         e=Parameter(e, "", 0, 1, description="restitution"),
     )
     y, v = states("y v")
-    return System({y: v, v: -p.g}, surfaces=[Surface("floor", y, reset={v: -p.e * v})], parameters=p)
+    return System(
+        {y: v, v: -p.g}, surfaces=[Surface("floor", y, reset={v: -p.e * v})], parameters=p,
+        labels={"t": "time [s]", "y": "height [m]", "v": "velocity [m/s]"},
+    )  # fmt: skip
 
 
 def impact_oscillator(

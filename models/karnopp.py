@@ -44,10 +44,11 @@ class Karnopp:
         Raises ModelError for a law without dry friction.
         """
         plant.check_dry("Karnopp")
-        x, v, z, p, tail = plant.parts(
+        parts = plant.parts(
             **declare("DV", self.DV, "m/s", "half-width of the zero-velocity band", SMALLEST),
             **declare("alpha", self.alpha, "1/s", "rate of the hidden velocity in stick"),
         )
+        x, v, z, p, tail = parts
         u = plant.controller.effort(x, v, z, p)
         rest = plant.controller.effort(x, sympy.S.Zero, z, p)
         up, down = plant.friction.static(p)
@@ -69,6 +70,7 @@ class Karnopp:
                 Surface("effort lower", rest + up),
             ],
             parameters=p,
+            labels=parts.labels,
         )
 
 

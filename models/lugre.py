@@ -34,17 +34,19 @@ class LuGre:
     def system(self, plant: ControlledMass = REFERENCE) -> System:
         """Return the model of a plant, states x, v, (z,) w; ModelError for a law without dry friction."""
         plant.check_dry("LuGre")
-        x, v, z, p, tail = plant.parts(
+        parts = plant.parts(
             **declare("sigma0", self.sigma0, "N/m", "bristle stiffness"),
             **declare("sigma1", self.sigma1, "N s/m", "bristle damping"),
         )
+        x, v, z, p, tail = parts
         (w,) = states("w")
         plus, minus = plant.friction.slip(Abs(v), p)
         g = plus if plus == minus else ((1 + sign(v)) * plus + (1 - sign(v)) * minus) / 2
         rate = v - p.sigma0 * Abs(v) * w / g
         u = plant.controller.effort(x, v, z, p)
         force = p.sigma0 * w + p.sigma1 * rate + plant.friction.viscous(v, p)
-        return System({x: v, v: (-u - force) / p.m, **tail, w: rate}, parameters=p)
+        labels = {**parts.labels, "w": "deflection of the bristles [m]"}
+        return System({x: v, v: (-u - force) / p.m, **tail, w: rate}, parameters=p, labels=labels)
 
 
 def hunting_lugre(sigma0: float = 1e5, sigma1: float = math.sqrt(1e5)) -> System:

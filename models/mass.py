@@ -20,7 +20,7 @@ from filippov.model.parameter_symbol import ParameterNamespace, parameters
 from filippov.model.symbols import states
 from filippov.model.system import System
 from filippov.models.controllers import PID, Controller
-from filippov.models.friction import SMALLEST, FrictionLaw, declare
+from filippov.models.friction import MOTION, SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Coulomb, StaticCoulomb, Stribeck
 from filippov.models.registry import Invariant, Model, SectionData, register
 
@@ -39,6 +39,11 @@ class Parts(NamedTuple):
     z: Expr
     p: ParameterNamespace
     tail: dict[Symbol, Expr]
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Labels of axes for its states."""
+        return {**MOTION, **{z.name: "integral [m s]" for z in self.tail}}
 
 
 @dataclass(frozen=True)
@@ -69,12 +74,14 @@ class ControlledMass:
 
     def system(self) -> System:
         """Return the inclusion x' = v, m v' in -u - F(v), z' = x (z with a PID controller only)."""
-        x, v, z, p, tail = self.parts()
+        parts = self.parts()
+        x, v, z, p, tail = parts
         u = self.controller.effort(x, v, z, p)
         return System(
             {x: v, v: (-u - self.friction.force(v, p)) / p.m, **tail},
             surfaces=self.friction.surfaces(v, p),
             parameters=p,
+            labels=parts.labels,
         )
 
 

@@ -29,8 +29,9 @@ def pendulum(friction: FrictionLaw = LAW, m: float = 1.0, l: float = 1.0, g: flo
     q, w = states("q w")
     moment = p.m * p.g * p.l * sin(q) + friction.force(w, p)
     return System(
-        {q: w, w: -moment / (p.m * p.l**2)}, surfaces=friction.surfaces(w, p, "pivot"), parameters=p
-    )
+        {q: w, w: -moment / (p.m * p.l**2)}, surfaces=friction.surfaces(w, p, "pivot"), parameters=p,
+        labels={"t": "time [s]", "q": "angle [rad]", "w": "angular velocity [rad/s]"},
+    )  # fmt: skip
 
 
 def _angle(t: float, x: Any, p: Any) -> float:

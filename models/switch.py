@@ -38,10 +38,11 @@ class Switch:
         Raises ModelError for a law without dry friction.
         """
         plant.check_dry("Switch")
-        x, v, z, p, tail = plant.parts(
+        parts = plant.parts(
             **declare("eta", self.eta, "m/s", "half-width of the stick band", SMALLEST),
             **declare("alpha", self.alpha, "1/s", "acceleration coefficient in the stick band"),
         )
+        x, v, z, p, tail = parts
         u = plant.controller.effort(x, v, z, p)
         up, down = plant.friction.static(p)
         # |v| measured from the edge of the band: smooth beyond the edge, and no surface at v = 0.
@@ -63,6 +64,7 @@ class Switch:
                 Surface("effort lower", u + up),
             ],
             parameters=p,
+            labels=parts.labels,
         )
 
 

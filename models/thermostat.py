@@ -32,6 +32,7 @@ def thermostat(
         {T: -p.K * (T - p.outside) + p.heat * Heaviside(p.setpoint - T)},
         surfaces=[Surface("setpoint", T - p.setpoint)],
         parameters=p,
+        labels={"t": "time [h]", "T": "temperature [degC]"},
     )
     return system.with_comparator(Hysteresis(width))
 

@@ -73,6 +73,10 @@ def two_blocks(
         },
         surfaces=[*friction.surfaces(slip1, p, "block 1"), *friction.surfaces(slip2, p, "block 2")],
         parameters=p,
+        labels={
+            "t": "time [s]", "x1": "position 1 [m]", "v1": "velocity 1 [m/s]",
+            "x2": "position 2 [m]", "v2": "velocity 2 [m/s]",
+        },
     )
 
 

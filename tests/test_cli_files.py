@@ -58,8 +58,8 @@ def test_the_output_is_tried_before_the_work(tmp_path: Path, capsys: pytest.Capt
     file.touch()
     assert main(["simulate", "hunting", "-o", str(file)]) == 2
     assert "is a file; name a folder" in capsys.readouterr().err
-    assert main(["simulate", "hunting", "-o", str(file / "below")]) == 1
-    assert "NotADirectoryError" in capsys.readouterr().err
+    assert main(["simulate", "hunting", "-o", str(file / "below")]) == 2
+    assert "nothing can be written" in capsys.readouterr().err
 
 
 def test_11_23_what_stands_in_the_place_of_other_files_is_told(

@@ -253,7 +253,7 @@ def test_equations_refused() -> None:
         System({x: one.m * two.m})
     with pytest.raises(ModelError, match="both a state and a parameter"):
         System({x: parameters(x=1).x})
-    with pytest.raises(TypeError, match="unexpected keyword"):
+    with pytest.raises(ModelError, match="unknown keyword 'surface'; did you mean 'surfaces'"):
         System({x: 1}, surface=[])  # type: ignore[call-arg]
 
 

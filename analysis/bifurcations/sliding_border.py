@@ -23,7 +23,8 @@ from scipy.optimize import brentq
 
 from filippov.analysis.sensitivity.variation import ModeField, mode_field
 from filippov.base.status import EventKind
-from filippov.solving.solution import Segment, Solution
+from filippov.solving.segments import Segment
+from filippov.solving.solution import Solution
 from filippov.solving.state.events import Mode
 
 Array = npt.NDArray[np.float64]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov.base.escape import markup
 from filippov.base.json_text import json_text
 
 QUANTITIES = {
@@ -139,6 +140,9 @@ class Comparison:
             order, False,
             f"does NOT go to 0: {above[0][1]:.3g} at width {above[0][0]:g}, {error:.3g} at width {width:g}.",
         )  # fmt: skip
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{markup(self.to_text())}</pre>"
 
     def to_text(self) -> str:
         """The table, then the orders, then what does not go to 0."""

@@ -32,6 +32,7 @@ from filippov.analysis.steady.equilibria import equilibria
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.analysis.steady.forcing import depends_on_time
 from filippov.base.errors import ModelError
+from filippov.base.escape import markup
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
 
@@ -42,6 +43,9 @@ class StabilityReport(StabilityResult):
     def to_text(self) -> str:
         """Plain text, one section an equilibrium."""
         return stability_text.render(self, stability_text.text_style(self.decimals))
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{markup(self.to_text())}</pre>"
 
     def to_markdown(self) -> str:
         """Markdown with the formulas in $...$."""

@@ -13,7 +13,8 @@ from scipy.optimize import minimize_scalar
 from filippov.analysis.sensitivity.saltation import Together
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.base.status import EventKind
-from filippov.solving.solution import Segment, Solution
+from filippov.solving.segments import Segment
+from filippov.solving.solution import Solution
 
 Array = npt.NDArray[np.float64]
 _PER_STEP = 6

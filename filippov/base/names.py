@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from filippov.base.errors import ModelError
-from filippov.base.symbolic_value import is_symbol
+from filippov.base.symbolic_value import is_symbol, single
 
 if TYPE_CHECKING:
     from sympy import Symbol
@@ -95,7 +95,7 @@ def state_names(names: str | Sequence[str | Symbol]) -> tuple[str, ...]:
     if isinstance(names, str):
         parts: list[object] = list(re.split(r"[\s,]+", names.strip(" ,\t\n")))
     elif isinstance(names, Sequence):
-        parts = [n.name if is_symbol(n) else n for n in names]
+        parts = [getattr(n, "name", n) for n in map(single, names)]
     else:
         raise ModelError(f"states are {names!r}, expected text such as 'x v z' or a list of names.")
     if not parts or parts == [""]:

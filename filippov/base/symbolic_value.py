@@ -23,6 +23,11 @@ def is_symbol(value: object) -> TypeGuard[Symbol]:
     return _is("sympy.core.symbol", "Symbol", value)
 
 
+def single(value: Any) -> Any:
+    """The symbol of a tuple of one, as states("u") gives; anything else as it is."""
+    return value[0] if isinstance(value, tuple) and len(value) == 1 and is_symbol(value[0]) else value
+
+
 def is_condition(value: object) -> bool:
     """Whether a value is a condition such as x > 0, and no expression."""
     return _is("sympy.logic.boolalg", "Boolean", value) and not is_expression(value)

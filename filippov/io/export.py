@@ -1,4 +1,4 @@
-"""A solution as an xarray.Dataset, for export to netCDF and for work with labelled arrays."""
+"""A solution and its events for other packages: xarray, for netCDF and labelled arrays, and pandas."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from filippov.base.errors import UsageError
 from filippov.base.status import mode_text
 from filippov.solving.solution import Solution
+from filippov.solving.state.events import Events
 
 
 def dataset(solution: Solution) -> Any:
@@ -44,3 +45,50 @@ def dataset(solution: Solution) -> Any:
     attributes |= {f"unit_{name}": parameters[name].unit for name in parameters if parameters[name].unit}
     coordinates = {"t": solution.t, "event_t": (("event",), np.array([event.t for event in events]))}
     return xarray.Dataset(variables, coords=coordinates, attrs=attributes)
+
+
+def frame(solution: Solution) -> Any:
+    """A pandas.DataFrame: states and outputs over the index t, as they stand at solution.t.
+
+    Where the state jumps, t stands twice. attrs: status, message, parameters, labels. Raises ImportError
+    without pandas.
+    """
+    pandas, system = _pandas(), solution.system
+    names = (*system.states, *(system.outputs if solution.sol is not None else ()))
+    out = pandas.DataFrame({name: solution[name] for name in names}, index=solution.t)
+    out.index.name = "t"
+    out.attrs = {
+        "status": solution.status.value, "message": solution.message, "labels": dict(system.labels),
+        "parameters": dict(solution.problem.parameters),
+    }  # fmt: skip
+    return out
+
+
+def event_frame(events: Events) -> Any:
+    """A pandas.DataFrame with one row an event: what it was, and the state before and after it.
+
+    The state after is NaN where it does not jump. Raises ImportError without pandas.
+    """
+    pandas = _pandas()
+    n = len(events[0].x) if len(events) else len(events.states or ())
+    states = events.states or tuple(f"x{i}" for i in range(n))
+    columns: dict[str, Any] = {
+        "t": events.t, "surface": [e.surface for e in events], "kind": [str(e.kind) for e in events],
+        "before": [mode_text(e.before) for e in events], "after": [mode_text(e.after) for e in events],
+        "direction": [e.direction for e in events], "multiplier": [e.multiplier for e in events],
+        "residual": [e.residual for e in events], "group": [e.group for e in events],
+        "note": [e.note for e in events],
+    }  # fmt: skip
+    none = np.full(n, np.nan)
+    after = [none if e.x_after is None else e.x_after for e in events]
+    for i, name in enumerate(states):
+        columns[name] = [float(e.x[i]) for e in events]
+        columns[f"{name}_after"] = [float(x[i]) for x in after]
+    return pandas.DataFrame(columns)
+
+
+def _pandas() -> Any:
+    try:
+        return importlib.import_module("pandas")
+    except ImportError:
+        raise ImportError("to_pandas needs pandas, which is not installed: pip install pandas") from None

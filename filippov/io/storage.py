@@ -285,7 +285,7 @@ def _events(header: dict[str, Any], data: dict[str, Array], system: System) -> E
             )
         )  # fmt: skip
     events = Events(items)
-    events.place_of = system.surface_place
+    events.place_of, events.names, events.states = system.surface_place, tuple(names), system.states
     return events
 
 

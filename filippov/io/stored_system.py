@@ -12,6 +12,7 @@ from filippov.base.names import state_names
 from filippov.io.tree import Reader, Symbols, Writer
 from filippov.model.assemble import with_contacts
 from filippov.model.comparator import Band, Comparator, Exact, Hysteresis, Smooth
+from filippov.model.output import check_outputs
 from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import ParameterSymbol
 from filippov.model.surface import Surface
@@ -47,6 +48,8 @@ def system_data(system: System) -> dict[str, Any] | None:
             "time_resets": [
                 None if row is None else [writer.tree(e) for e in row] for row in base.time_reset
             ],
+            "outputs": {name: writer.tree(e) for name, e in system.outputs.items()},
+            "labels": dict(system.labels),
             "surfaces": [_surface_data(surface, writer) for surface in system.exact.surfaces],
             "comparator": {
                 "name": type(system.comparator).__name__, "width": getattr(system.comparator, "width", None)
@@ -149,6 +152,9 @@ def _base(data: Any) -> System:
     form, surfaces = with_contacts(form, surfaces)
     system = object.__new__(System)
     system._set_symbolic(form, surfaces, tuple(_clock(item, read) for item in data["time_events"]))
+    # Files from before there were outputs have none.
+    outputs = {name: read(e) for name, e in data.get("outputs", {}).items()}
+    system._name(check_outputs(outputs, names, True), data.get("labels", {}))
     return system
 
 

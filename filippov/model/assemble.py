@@ -32,6 +32,7 @@ def assemble(
     parameters: ParameterNamespace | None,
     spare: bool = False,
     time_events: Sequence[TimeEvent] = (),
+    outputs: Sequence[Expr] = (),
 ) -> tuple[SymbolicForm, tuple[Surface, ...]]:
     """Return the symbolic form and its surfaces, in one order.
 
@@ -44,7 +45,7 @@ def assemble(
     _check_names(given)
     _check_resets((*given, *time_events), x)
     clocks = [e for event in time_events for e in event.expressions()]
-    p = _parameters([*equations.values(), *_expressions(given), *clocks], parameters, x)
+    p = _parameters([*equations.values(), *_expressions(given), *clocks, *outputs], parameters, x)
     extractor = Extractor()
     extractor.note(equations.values())
     extractor.declare(given)

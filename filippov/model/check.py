@@ -11,6 +11,7 @@ from sympy.core.function import AppliedUndef
 from sympy.logic.boolalg import Boolean
 
 from filippov.base.errors import ModelError
+from filippov.base.symbolic_value import single
 from filippov.model.size import Scale
 
 LARGEST, DEEPEST = 200_000, 100
@@ -43,6 +44,7 @@ _REFUSED: dict[type, str] = {
 
 def as_expression(value: object, where: str) -> Expr:
     """Return `value` (an expression or a real number) as a sympy expression; text is never parsed."""
+    value = single(value)
     if isinstance(value, Expr):
         return value
     if isinstance(value, Boolean):
@@ -55,8 +57,18 @@ def as_expression(value: object, where: str) -> Expr:
         return sympy.sympify(value if isinstance(value, numbers.Rational) else float(value))
     raise ModelError(
         f"{where}: {value!r} ({type(value).__name__}) was given, expected a sympy expression or a real "
-        "number." + (" Text is never parsed; write the expression itself." if isinstance(value, str) else "")
+        "number." + _cure(value)
     )
+
+
+def _cure(value: object) -> str:
+    if isinstance(value, str):
+        return " Text is never parsed; write the expression itself."
+    if callable(value):
+        return " Functions go with System(field=f, states='x v')."
+    if isinstance(value, (list, tuple, np.ndarray, sympy.MatrixBase)):
+        return " Give one equation a state."
+    return ""
 
 
 def check_size(expr: Expr, where: str) -> None:

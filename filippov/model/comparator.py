@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from filippov.base.errors import ModelError
+from filippov.base.symbolic_value import is_expression
 from filippov.model.parameter import as_number
 
 
@@ -27,6 +28,11 @@ class _Wide:
 
     def __post_init__(self) -> None:
         name = type(self).__name__
+        if is_expression(self.width) and not self.width.is_number:
+            raise ModelError(
+                f"the width of {name} is {self.width}, expected a number: a comparator has one width for "
+                "all runs. A width that is a parameter is that of a relay: Surface(name, h, width=p.w)."
+            )
         width = as_number(self.width, f"the width of {name}")
         if width <= 0:
             raise ModelError(

@@ -10,6 +10,7 @@ from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
 from filippov.base.names import state_names
+from filippov.base.symbolic_value import single
 from filippov.model.check import as_expression
 from filippov.model.parameter_symbol import ParameterNamespace, ParameterSymbol
 from filippov.model.surface import Surface
@@ -30,11 +31,13 @@ def read_namespace(parameters: Any) -> ParameterNamespace | None:
 def read_equations(equations: Any, states: Any) -> dict[Symbol, Expr]:
     """Return checked equations, in the order of `states` where given."""
     if not isinstance(equations, Mapping):
-        raise ModelError(f"equations are {equations!r}, expected a dict {{x: dx/dt, v: dv/dt}}.")
+        how = " A function goes with System(field=f, states='x v')." if callable(equations) else ""
+        raise ModelError(f"equations are {equations!r}, expected a dict {{x: dx/dt, v: dv/dt}}.{how}")
     if not equations:
         raise ModelError("there is no equation, expected at least one: System({x: ...}).")
     out: dict[Symbol, Expr] = {}
-    for symbol, value in equations.items():
+    for given, value in equations.items():
+        symbol = single(given)
         if not isinstance(symbol, Symbol) or isinstance(symbol, ParameterSymbol):
             raise ModelError(
                 f"an equation is given for {symbol!r} ({type(symbol).__name__}), expected a state. "

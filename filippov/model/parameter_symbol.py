@@ -7,6 +7,7 @@ from typing import Any, NoReturn, Self
 
 import sympy
 
+from filippov.base.errors import ModelError
 from filippov.base.names import check_name, unknown
 from filippov.model.parameter import Declaration, Parameter, as_parameter
 
@@ -89,12 +90,17 @@ class ParameterNamespace(Declaration):
         return ParameterNamespace, (self._symbols,)
 
 
-def parameters(**values: object) -> ParameterNamespace:
+def parameters(*unnamed: object, **values: object) -> ParameterNamespace:
     """Declare the parameters of a model: parameters(m=1, beta=Parameter(2, lower=0)).
 
     Each value is a default (a finite real number) or a Parameter. Raises ModelError for a name that is no
     identifier or a keyword, and for a value that is not a finite real number.
     """
+    if unnamed:
+        raise ModelError(
+            f"parameters was given {unnamed[0]!r} without a name, expected names: parameters(m=1, k=2); of a "
+            "dict parameters(**{'m': 1})."
+        )
     symbols: dict[str, ParameterSymbol] = {}
     for position, (given, value) in enumerate(values.items()):
         name = check_name(given, "parameter")

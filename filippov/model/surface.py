@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from filippov.base.errors import ModelError
-from filippov.base.symbolic_value import is_condition, is_expression, is_symbol
+from filippov.base.keywords import keywords
+from filippov.base.symbolic_value import is_condition, is_expression, single
 from filippov.model.parameter import as_number
 
 if TYPE_CHECKING:
@@ -59,8 +60,12 @@ class Surface:
     contact: bool | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "h", single(self.h))
         if not _is_text(self.name):
-            raise ModelError(f"a surface has the name {self.name!r}, expected non-empty text.")
+            raise ModelError(
+                f"a surface has the name {self.name!r}, expected non-empty text. The name goes first: "
+                "Surface('v', v)."
+            )
         where = f"surface {self.name!r}"
         if is_condition(self.h):
             raise ModelError(
@@ -127,6 +132,9 @@ class Surface:
         return any(not isinstance(b, float) or not math.isclose(abs(b), 1.0) for b in self.radius)
 
 
+Surface.__init__ = keywords("keyword", error=ModelError)(Surface.__init__)  # type: ignore[method-assign]
+
+
 def reset_pairs(value: Any, where: str) -> tuple[tuple[str, Expr], ...]:
     """A reset as pairs of a state's name and its value after; ModelError for anything but a mapping."""
     if isinstance(value, tuple) and all(isinstance(q, tuple) and len(q) == 2 for q in value):
@@ -139,7 +147,7 @@ def reset_pairs(value: Any, where: str) -> tuple[tuple[str, Expr], ...]:
 
     out: dict[str, Expr] = {}
     for key, after in value.items():
-        name = key.name if is_symbol(key) else key
+        name = getattr(single(key), "name", key)
         if not isinstance(name, str):
             raise ModelError(f"{where} holds the key {key!r}, expected a state or its name.")
         if name in out:

@@ -24,6 +24,8 @@ from sympy import (
 )
 
 from filippov.base.names import state_names
+from filippov.model.numpy_functions import install
+from filippov.model.one_state import OneState
 
 __all__ = [
     "Abs",
@@ -47,9 +49,11 @@ __all__ = [
     "tanh",
 ]
 
+install()
 t = Symbol("t", real=True)
 
 
 def states(names: str | Sequence[str]) -> tuple[Symbol, ...]:
-    """Return one real symbol a name: x, v = states("x v"). Always a tuple: (x,) = states("x")."""
-    return tuple(Symbol(name, real=True) for name in state_names(names))
+    """Return one real symbol a name: x, v = states("x v"), and (x,) = states("x") or x = states("x")."""
+    made = tuple(Symbol(name, real=True) for name in state_names(names))
+    return OneState(made) if len(made) == 1 else made

@@ -7,9 +7,12 @@ import pickle
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from filippov.base.delegates import delegate
 from filippov.base.errors import ModelError
+from filippov.base.keywords import keywords
 from filippov.base.names import closest, state_names
-from filippov.base.symbolic_value import is_expression, is_symbol
+from filippov.base.signature import check_signature
+from filippov.base.symbolic_value import is_expression, single
 from filippov.model.comparator import Comparator, Exact, check_comparator
 from filippov.model.parameter import ParameterSet
 from filippov.model.surface import Surface
@@ -23,8 +26,16 @@ if TYPE_CHECKING:
     from filippov.model.symbolic import SymbolicForm
 
 Field = Callable[..., Any]
+_ANSWERS = {
+    "x0": "x0 belongs to the run: solve(system, x0=(...), t_span=(t0, t1)).",
+    "t_span": "t_span belongs to the run: solve(system, x0=(...), t_span=(t0, t1)).",
+    "events": "events belong to the run: solve(system, ..., events=g). What switches is found in the "
+    "equations, or is a Surface of surfaces=.",
+    "f": "f is field here: System(field=f, states='x v').",
+    "comparator": "comparator is given to a system that is there: system.with_comparator(Band(width)).",
+}
 # What holds expressions and is packed for the way to another process, which may never ask for it.
-_HEAVY = ("surfaces", "symbolic", "time_events", "_base")
+_HEAVY = ("surfaces", "symbolic", "time_events", "outputs", "_base")
 
 
 class System:
@@ -41,12 +52,15 @@ class System:
 
     With events at known times: time_events=[TimeEvent("clock", period=p.T, reset={ramp: 0})].
 
+    With quantities to read, and labels of axes: outputs={"effort": u}, labels={"x": "position [m]"}.
+
     From one vector field a sign vector (Filippov's form): System.from_modes. Raises ModelError.
     """
 
     __slots__ = (
-        "_base", "_digest", "_packed", "clocked", "comparator", "compile", "field", "parameters", "states",
-        "surface_names", "surfaces", "symbolic", "time_events", "units", "variable_widths",
+        "_base", "_digest", "_named", "_packed", "clocked", "comparator", "compile", "field", "labels",
+        "outputs", "parameters", "states", "surface_names", "surfaces", "symbolic", "time_events", "units",
+        "variable_widths",
     )  # fmt: skip
 
     states: tuple[str, ...]
@@ -57,6 +71,8 @@ class System:
     clocked: bool
     variable_widths: bool
     comparator: Comparator
+    outputs: Mapping[str, Any]
+    labels: Mapping[str, str]
     symbolic: SymbolicForm | None
     field: Field | None
     compile: bool | None
@@ -65,8 +81,10 @@ class System:
     units: dict[Any, Any]
     _base: System | None
     _digest: str | None
+    _named: tuple[Any, ...]
     _packed: bytes | None
 
+    @keywords("keyword", answers=_ANSWERS, error=ModelError)
     def __init__(
         self,
         equations: Mapping[Symbol, object] | None = None,
@@ -77,6 +95,8 @@ class System:
         parameters: Mapping[str, object] | ParameterNamespace | ParameterSet | None = None,
         time_events: Sequence[TimeEvent] = (),
         compile: bool | None = None,  # noqa: A002 (the word for it)
+        outputs: Mapping[str, object] | None = None,
+        labels: Mapping[str, str] | None = None,
     ) -> None:
         clocks = _clocks(time_events, symbolic=equations is not None)
         if (equations is None) == (field is None):
@@ -96,11 +116,17 @@ class System:
                 raise ModelError("compile=False is for System(field=f, ...): equations run compiled only.")
 
             checked = read_equations(equations, states)
-            form, found = assemble(checked, tuple(surfaces), read_namespace(parameters), time_events=clocks)
+            named = _outputs(outputs, [x.name for x in checked], True)
+            form, found = assemble(
+                checked, tuple(surfaces), read_namespace(parameters), time_events=clocks,
+                outputs=tuple(named.values()),
+            )  # fmt: skip
             self._set_symbolic(form, found, clocks)
-            return
-        self._set_functions(field, surfaces, states, parameters, clocks)
-        object.__setattr__(self, "compile", compile)
+        else:
+            self._set_functions(field, surfaces, states, parameters, clocks)
+            object.__setattr__(self, "compile", compile)
+            named = _outputs(outputs, self.states, False)
+        self._name(named, labels)
 
     @classmethod
     def from_modes(
@@ -111,6 +137,8 @@ class System:
         *,
         parameters: ParameterNamespace | None = None,
         time_events: Sequence[TimeEvent] = (),
+        outputs: Mapping[str, object] | None = None,
+        labels: Mapping[str, str] | None = None,
     ) -> System:
         """x' = f_m(t, x; p) where the signs of h_1 ... h_k are m, for every sign vector m: "++", "+-", ...
 
@@ -131,9 +159,14 @@ class System:
         equations = {x: by_mode(surfaces, table, (), i) for i, x in enumerate(symbols)}
         checked = read_equations(equations, None)
         clocks = _clocks(time_events, symbolic=True)
-        form, found = assemble(checked, surfaces, read_namespace(parameters), spare=True, time_events=clocks)
+        named = _outputs(outputs, [x.name for x in checked], True)
+        form, found = assemble(
+            checked, surfaces, read_namespace(parameters), spare=True, time_events=clocks,
+            outputs=tuple(named.values()),
+        )  # fmt: skip
         system = object.__new__(cls)
         system._set_symbolic(form, found, clocks)
+        system._name(named, labels)
         return system
 
     # -- construction ----------------------------------------------------------------------------------
@@ -156,6 +189,7 @@ class System:
     ) -> None:
         if not callable(field):
             raise ModelError(f"field is {field!r}, expected a function f(t, x, p, s) that returns dx/dt.")
+        check_signature(field, ("t", "x", "p", "s"), "field", "[...], one number a state")
         if states is None:
             raise ModelError(
                 "states are missing: System(field=f, ...) needs states='x v', the names in order."
@@ -188,6 +222,11 @@ class System:
                         f"{getattr(surface.h, '__name__', surface.h)!r}. Declare it once."
                     )
             seen[surface.name] = surface
+        for name, surface in seen.items():
+            where = f"surface {name!r}"
+            check_signature(surface.h, ("t", "x", "p"), f"{where}: h", "the switching function, a float")
+            if surface.reset is not None:
+                check_signature(surface.reset, ("t", "x", "p"), f"{where}: reset", "the state after it")
         _check_clock_names(clocks, tuple(seen.values()))
         self._set(
             states=names,
@@ -198,11 +237,31 @@ class System:
             field=field,
         )
 
+    def _name(self, outputs: Mapping[str, Any], labels: Any) -> None:
+        """Give it outputs and the labels of axes."""
+        for name in outputs:
+            if name in self.parameters:
+                raise ModelError(f"{name!r} is both an output and a parameter. Rename one of them.")
+        if labels is not None:
+            from filippov.model.output import check_labels
+
+            labels = check_labels(labels, (*self.states, *outputs))
+        written: tuple[Any, ...] = tuple(outputs.items())
+        if outputs and self.field is None:
+            import sympy
+
+            # As text: equality must not ask for expressions on the way to another process.
+            written = tuple((name, sympy.srepr(e)) for name, e in outputs.items())
+        content = {"outputs": dict(outputs), "labels": labels or {}}
+        for name, value in {**content, "_named": (written, tuple((labels or {}).items()))}.items():
+            object.__setattr__(self, name, value)
+
     def _set(self, **content: Any) -> None:
         rest: dict[str, Any] = {
             "comparator": Exact(), "_base": None, "_digest": None, "_packed": None, "units": {},
             "surface_names": tuple(surface.name for surface in content["surfaces"]),
-            "clocked": bool(content["time_events"]), "compile": None,
+            "clocked": bool(content["time_events"]), "compile": None, "_named": ((), ()),
+            "outputs": {}, "labels": {},
             "variable_widths": content["symbolic"] is not None and bool(content["symbolic"].widths),
         }  # fmt: skip
         for name, value in {**rest, **content}.items():
@@ -274,7 +333,7 @@ class System:
 
     def state_index(self, name: str | Symbol) -> int:
         """Return the place of a state given by name or symbol; ModelError with a suggestion if unknown."""
-        key = name.name if is_symbol(name) else name
+        key = getattr(single(name), "name", name)
         if key in self.states:
             return self.states.index(key)
         hint = closest(str(key), self.states)
@@ -304,6 +363,9 @@ class System:
             "parameters": base.parameters,
             "time_events": base.time_events,
             "comparator": checked,
+            "outputs": base.outputs,
+            "labels": base.labels,
+            "_named": base._named,
             "_base": base,
         }
         if base.symbolic is not None:
@@ -327,6 +389,9 @@ class System:
             surfaces=surfaces,
             symbolic=form,
             field=None,
+            outputs=self.outputs,
+            labels=self.labels,
+            _named=self._named,
         )
         return system
 
@@ -334,8 +399,9 @@ class System:
 
     def _key(self) -> tuple[Any, ...]:
         if self.field is None:
-            return self.digest, self.parameters
-        return self.field, self.states, self.parameters, self.surfaces, self.time_events, self.comparator
+            return self.digest, self.parameters, self._named
+        written = self.field, self.states, self.parameters, self.surfaces, self.time_events
+        return *written, self.comparator, self._named
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, System):
@@ -364,11 +430,24 @@ class System:
         self.__setstate__(pickle.loads(self._packed))  # noqa: S301  # packed by __getstate__, not from a file
         return object.__getattribute__(self, name)
 
+    def _repr_latex_(self) -> str:
+        text: str = delegate("System._repr_latex_")(self)
+        return text
+
     def __repr__(self) -> str:
         surfaces = ", ".join(surface.name for surface in self.surfaces)
         return (
             f"System(states={' '.join(self.states)!r}, surfaces=[{surfaces}], comparator={self.comparator})"
         )
+
+
+def _outputs(outputs: Any, states: Sequence[str], symbolic: bool) -> dict[str, Any]:
+    """Checked outputs; what has none does not load what they need."""
+    if outputs is None:
+        return {}
+    from filippov.model.output import check_outputs
+
+    return check_outputs(outputs, states, symbolic)
 
 
 def _clocks(time_events: Any, symbolic: bool) -> tuple[TimeEvent, ...]:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from filippov.base.errors import UsageError
-from filippov.base.symbolic_value import is_expression
+from filippov.base.signature import check_signature
+from filippov.base.symbolic_value import is_expression, single
 from filippov.model.surface import Surface
 
 
@@ -32,10 +33,14 @@ class UserEvent:
     name: str = ""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "g", single(self.g))
         if not callable(self.g) and not is_expression(self.g):
             raise UsageError(
                 f"an event is {self.g!r}, expected a function g(t, y) -> float, an expression or a UserEvent."
             )
+        if not is_expression(self.g):
+            called = getattr(self.g, "__name__", "g")
+            check_signature(self.g, ("t", "y"), f"event {called!r}", "a float", UsageError)
         if not self.name:
             plain = str(self.g) if is_expression(self.g) else getattr(self.g, "__name__", "")
             object.__setattr__(self, "name", "event" if plain in ("", "<lambda>") else plain)
@@ -77,6 +82,7 @@ def user_events(events: Any) -> tuple[UserEvent, ...]:
     """What `solve` was given as events: functions with scipy's attributes, expressions, UserEvents."""
     if events is None:
         return ()
+    events = single(events)
     one = callable(events) or isinstance(events, UserEvent) or is_expression(events)
     if one or not isinstance(events, Sequence):
         events = (events,)

@@ -6,7 +6,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, RED, SKY, new_figure, style
+from filippov.plot.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PALE,
+    PURPLE,
+    RED,
+    SKY,
+    axis_label,
+    new_figure,
+    style,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,7 +65,8 @@ def plot_attractors(result: Any, *, title: str = "", figure: Figure | None = Non
         for one in result.attractors:
             _attractor(ax, one, i, j)
         held = ", ".join(f"{name} = {value:g}" for name, value in result.at.items())
-        ax.set(xlabel=names[0], ylabel=names[1], title=title or held)
+        ax.set(title=title or held)
+        ax.set(xlabel=axis_label(result.system, names[0]), ylabel=axis_label(result.system, names[1]))
         if i != j:
             ax.set(xlim=result.box[names[0]], ylim=result.box[names[1]])
         drawn.legend(handles=handles, loc="outside right upper", title="goes to")

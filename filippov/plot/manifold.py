@@ -9,7 +9,7 @@ import numpy as np
 
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
-from filippov.plot.style import BLUE, INK, RED, new_figure, style
+from filippov.plot.style import BLUE, INK, RED, axis_label, new_figure, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,6 +51,6 @@ def plot_manifold(
                     last = branch.x[np.all(np.isfinite(branch.x), axis=1)][-1]
                     ax.plot(last[i], last[j], ".", color=COLORS[one.side], markersize=5)
             ax.plot(one.x[i], one.x[j], "o", color=INK, markersize=4)
-        ax.set(xlabel=chosen[0], ylabel=chosen[1], title=title)
+        ax.set(xlabel=axis_label(system, chosen[0]), ylabel=axis_label(system, chosen[1]), title=title)
         ax.legend(title="manifold")
     return drawn

@@ -10,7 +10,7 @@ import numpy as np
 from filippov.base.errors import UsageError
 from filippov.base.names import check_known, unknown
 from filippov.base.status import mode_text
-from filippov.plot.style import BLUE, GREY, INK, MARKS, ORANGE, new_figure, style
+from filippov.plot.style import BLUE, GREY, INK, MARKS, ORANGE, axis_label, new_figure, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,7 +30,7 @@ def plot_orbit(
     orbit   has system, pieces, period, multipliers, word, stable
     axes    the two states of the phase portrait; default the first two (one state: over time only)
     states  those drawn over time; default all, at most four
-    labels  axis labels by state
+    labels  axis labels by state, and "t"; default: those of the system
     """
     names = orbit.system.states
     shown = list(states or names[:4])
@@ -38,10 +38,10 @@ def plot_orbit(
     for name in (*shown, *pair):
         if name not in names:
             raise UsageError(unknown("state", name, names))
-    check_known("state", labels or {}, names, UsageError)
+    check_known("state", labels or {}, ("t", *names), UsageError)
     if axes is not None and len(pair) != 2:
         raise UsageError(f"axes names {len(pair)} states, expected two.")
-    text = {name: name for name in names} | dict(labels or {})
+    text = {name: axis_label(orbit.system, name) for name in ("t", *names)} | dict(labels or {})
     with style():
         drawn = figure if figure is not None else new_figure(8.2, 0.9 + 1.25 * max(2, len(shown)))
         grid = drawn.add_gridspec(len(shown), 2 if len(pair) == 2 else 1, wspace=0.08)
@@ -68,7 +68,7 @@ def plot_orbit(
             ax.set_ylabel(text[name])
             if ax is not panels[-1]:
                 ax.tick_params(labelbottom=False)
-        panels[-1].set_xlabel("t")
+        panels[-1].set_xlabel(text["t"])
         drawn.align_ylabels(panels)
         drawn.suptitle(title or _caption(orbit), x=0.01, ha="left", fontsize=10, color=INK)
     return drawn

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from filippov.base.errors import UsageError
+from filippov.base.names import check_known
 from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, RED, SKY, new_figure, style
 
 if TYPE_CHECKING:
@@ -17,10 +20,13 @@ BASINS = (SKY, ORANGE, GREEN, PURPLE, BLUE, RED)
 LINES = (INK, RED, PURPLE, GREEN)
 
 
-def plot_regions(result: Any, *, title: str = "", figure: Figure | None = None) -> Figure:
+def plot_regions(
+    result: Any, *, labels: Mapping[str, str] | None = None, title: str = "", figure: Figure | None = None
+) -> Figure:
     """Number of cycles in every cell by colour, and whether the set of equilibria attracts; borders as lines.
 
     result  what `filippov.analysis.diagrams.regions.regions` returned
+    labels  labels with units, by name of parameter
     """
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
@@ -37,10 +43,17 @@ def plot_regions(result: Any, *, title: str = "", figure: Figure | None = None) 
         for k, (name, points) in enumerate(result.borders):
             (line,) = ax.plot(points[:, 0], points[:, 1], color=LINES[k % len(LINES)], label=name)
             handles.append(line)
-        ax.set(xlabel=result.names[0], ylabel=result.names[1], title=title)
+        _name_axes(ax, result.names, labels)
+        ax.set(title=title)
         ax.set(xlim=(result.x.min(), result.x.max()), ylim=(result.y.min(), result.y.max()))
         drawn.legend(handles=handles, loc="outside right upper")
     return drawn
+
+
+def _name_axes(ax: Any, names: Sequence[str], labels: Mapping[str, str] | None) -> None:
+    check_known("label", labels or {}, names, UsageError)
+    text = {name: name for name in names} | dict(labels or {})
+    ax.set(xlabel=text[names[0]], ylabel=text[names[1]])
 
 
 def _kinds(result: Any) -> tuple[Any, list[str], list[str]]:
@@ -64,10 +77,13 @@ def _kinds(result: Any) -> tuple[Any, list[str], list[str]]:
     return kinds, names, colors
 
 
-def plot_basin(result: Any, *, title: str = "", figure: Figure | None = None) -> Figure:
+def plot_basin(
+    result: Any, *, labels: Mapping[str, str] | None = None, title: str = "", figure: Figure | None = None
+) -> Figure:
     """Colour of the attractor for every initial state of a plane.
 
     result  what `filippov.analysis.diagrams.basin.basin` returned
+    labels  labels with units, by name of state
     """
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
@@ -93,7 +109,8 @@ def plot_basin(result: Any, *, title: str = "", figure: Figure | None = None) ->
             shading="nearest", rasterized=True,
         )  # fmt: skip
         held = ", ".join(f"{name} = {value:g}" for name, value in result.at.items())
-        ax.set(xlabel=result.names[0], ylabel=result.names[1], title=title or held)
+        _name_axes(ax, result.names, labels)
+        ax.set(title=title or held)
         handles = [Patch(color=c, label=n) for c, n in zip(colors, names, strict=True)]
         drawn.legend(handles=handles, loc="outside right upper", title="goes to")
     return drawn

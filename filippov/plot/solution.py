@@ -17,8 +17,22 @@ from filippov.base.errors import ModelError, UsageError
 from filippov.base.escape import figure_text
 from filippov.base.names import check_known
 from filippov.plot.graph import plot_graph
-from filippov.plot.style import BLUE, GREY, INK, MARKS, RED, SERIES, SLIDING, column, new_figure, style
-from filippov.solving.solution import Segment, Solution
+from filippov.plot.style import (
+    BLUE,
+    GREY,
+    INK,
+    MARKS,
+    RED,
+    SERIES,
+    SLIDING,
+    axis_label,
+    column,
+    new_figure,
+    style,
+)
+from filippov.solving.reading import expression_of, values
+from filippov.solving.segments import Segment
+from filippov.solving.solution import Solution
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,12 +54,13 @@ def plot_solution(
     title: str = "",
     figure: Figure | None = None,
 ) -> Figure:
-    """States over time, one panel a state, sliding phases shaded and events marked.
+    """States and outputs over time, one panel each, sliding phases shaded and events marked.
 
-    states      names of the states to show; default all
+    states      names of states and outputs, and formulas of them, to show; default all states and outputs
     multiplier  name of a surface: a further panel with the value of its sign and the set it may take while
                 sliding
-    labels      labels with units, by name: {"t": "time [s]", "x": "position [m]", "multiplier": "friction"}
+    labels      labels with units, by name: {"t": "time [s]", "x": "position [m]", "multiplier": "friction"};
+                default: those of the system
     points      samples over the span, at least 8 in every segment
 
     Raises UsageError for unknown names, ImportError without matplotlib.
@@ -56,25 +71,31 @@ def plot_solution(
             solution.system.surface_place(multiplier)
         except ModelError as error:
             raise UsageError(str(error)) from None
-    text = _labels(labels, ("t", *solution.system.states, "multiplier"))
+    own = solution.system.labels
+    text = _labels(labels, ("t", *solution.system.states, *solution.system.outputs, *names, "multiplier"))
     pieces = list(_pieces(solution, points))
     rows = len(names) + (multiplier is not None)
     with style():
         drawn = figure if figure is not None else new_figure(7.0, 1.0 + 1.55 * rows)
         axes = column(drawn, rows)
         for k, (name, ax) in enumerate(zip(names, axes, strict=False)):
-            i = solution.system.states.index(name)
             _shade(ax, solution, k == 0)
-            t = np.concatenate([t for _, t, _ in pieces])
-            ax.plot(t, np.concatenate([x[i] for _, _, x in pieces]), color=SERIES[0])
-            if events:
-                _mark(ax, solution, [e.t for e in solution.events], [e.x[i] for e in solution.events], k == 0)
-            ax.set_ylabel(text.get(name, name))
+            if name in solution.system.states:
+                i = solution.system.states.index(name)
+                t = np.concatenate([t for _, t, _ in pieces])
+                ax.plot(t, np.concatenate([x[i] for _, _, x in pieces]), color=SERIES[0])
+                at = [e.t for e in solution.events], [e.x[i] for e in solution.events]
+                if events:
+                    _mark(ax, solution, *at, k == 0)
+            else:
+                ax.plot(*_output(solution, name, pieces), color=SERIES[1])
+                ax.margins(y=0.08)
+            ax.set_ylabel(text.get(name, axis_label(solution.system, name)))
         if multiplier is not None:
             _shade(axes[-1], solution, False)
             _multiplier(axes[-1], solution, multiplier, pieces)
             axes[-1].set_ylabel(text.get("multiplier", figure_text(f"sign of {multiplier}")))
-        axes[-1].set_xlabel(text.get("t", "t"))
+        axes[-1].set_xlabel(text.get("t", own.get("t", "t")))
         low, high = sorted((solution.problem.t_span[0], solution.t_end))
         if low < high:
             axes[-1].set_xlim(low, high)
@@ -127,8 +148,8 @@ def plot_phase(
         if events:
             at = [e.x for e in solution.events]
             _mark(ax, solution, [v[i] for v in at], [v[j] for v in at], True)
-        ax.set_xlabel(text.get(pair[0], pair[0]))
-        ax.set_ylabel(text.get(pair[1], pair[1]))
+        ax.set_xlabel(text.get(pair[0], axis_label(solution.system, pair[0])))
+        ax.set_ylabel(text.get(pair[1], axis_label(solution.system, pair[1])))
         ax.margins(0.06)
         ax.locator_params(nbins=6)
         _legend(ax, title, 3)
@@ -181,6 +202,23 @@ def _mark(ax: Any, solution: Solution, a: Sequence[float], b: Sequence[float], n
             )  # fmt: skip
 
 
+def _output(
+    solution: Solution, name: str, pieces: Sequence[tuple[Segment, Array, Array]]
+) -> tuple[Array, Array]:
+    """Times and values of an output or formula; a gap where it jumps from one mode to the next."""
+    times: list[Array] = []
+    found: list[Array] = []
+    for segment, t, x in pieces:
+        modes = np.tile(np.array(segment.mode, dtype=np.int64), (t.size, 1))
+        value = values(solution, name, t, x, modes, "+")
+        if found and value.size and not np.isclose(value[0], found[-1][-1], rtol=1e-6, atol=1e-12):
+            times.append(t[:1])
+            found.append(np.array([np.nan]))
+        times.append(t)
+        found.append(value)
+    return np.concatenate(times), np.concatenate(found)
+
+
 def _multiplier(
     ax: Any, solution: Solution, surface: str, pieces: Sequence[tuple[Segment, Array, Array]]
 ) -> None:
@@ -215,11 +253,18 @@ def _once(ax: Any, label: str) -> str | None:
 
 
 def _names(given: Sequence[str] | str | None, solution: Solution) -> list[str]:
-    states = solution.system.states
-    names = list(states) if given is None else [given] if isinstance(given, str) else list(given)
-    check_known("state", names, states, UsageError)
+    system = solution.system
+    outputs = system.outputs if solution.sol is not None or given is not None else ()
+    wanted = (*system.states, *outputs) if given is None else given
+    names = [wanted] if isinstance(wanted, str) else list(wanted)
     if not names:
         raise UsageError("no state was named, expected at least one.")
+    for name in names:
+        if name.isidentifier() or system.symbolic is None:
+            kind = "state or output" if system.outputs else "state"
+            check_known(kind, [name], (*system.states, *system.outputs), UsageError)
+        else:
+            expression_of(system, name)
     return names
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
+from filippov.base.escape import figure_text
 from filippov.base.status import EventKind
 
 if TYPE_CHECKING:
@@ -38,11 +39,28 @@ def style() -> AbstractContextManager[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure (inches) that plt.show() shows."""
+    """An empty figure (inches) that plt.show() shows, once in a cell of a notebook."""
     _matplotlib()
     from matplotlib import pyplot as plt
 
-    return plt.figure(figsize=(width, height), layout="constrained")
+    from filippov.plot.notebook_figure import NotebookFigure
+
+    return plt.figure(figsize=(width, height), layout="constrained", FigureClass=NotebookFigure)
+
+
+def axis_label(system: Any, name: str) -> str:
+    """The label of an axis: what the system says of a state, output or time; a parameter with its unit."""
+    if name in system.labels:
+        return str(system.labels[name])
+    if name in system.parameters:
+        unit = system.parameters[name].unit
+        return figure_text(f"{name} [{unit}]" if unit else name)
+    word, _, state = name.partition(" ")
+    if word in ("max", "min", "amplitude") and state in system.labels:
+        return f"{word} of {system.labels[state]}"
+    if name == "period" and "[" in (time := str(system.labels.get("t", ""))):
+        return f"period {time[time.index('[') :]}"
+    return figure_text(name)
 
 
 def column(figure: Figure, rows: int) -> Sequence[Any]:

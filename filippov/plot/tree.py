@@ -11,7 +11,7 @@ import numpy as np
 from filippov.base.errors import UsageError
 from filippov.base.names import check_known
 from filippov.base.status import Status
-from filippov.plot.style import BLUE, GREY, INK, RED, SLIDING, column, new_figure, style
+from filippov.plot.style import BLUE, GREY, INK, RED, SLIDING, axis_label, column, new_figure, style
 from filippov.solving.solution_tree import Branch, SolutionTree
 
 if TYPE_CHECKING:
@@ -50,9 +50,9 @@ def plot_branches(
             for branch in tree.branches:
                 _draw_branch(ax, branch, i, points)
             _mark_points(ax, tree, i)
-            ax.set_ylabel(text.get(name, name))
+            ax.set_ylabel(text.get(name, axis_label(tree.system, name)))
             ax.margins(y=0.08)
-        axes[-1].set_xlabel(text.get("t", "t"))
+        axes[-1].set_xlabel(text.get("t", axis_label(tree.system, "t")))
         low, high = sorted(tree.problem.t_span)
         axes[-1].set_xlim(low, high)
         handles, words = axes[0].get_legend_handles_labels()
@@ -123,7 +123,7 @@ def plot_tree(tree: SolutionTree, *, title: str = "", figure: Figure | None = No
         if leaves <= MOST_LABELS:
             _write_modes(ax, tree, heights)
         low, high = sorted(tree.problem.t_span)
-        ax.set(ylim=(-0.8, leaves - 0.2), xlabel="t", yticks=[])
+        ax.set(ylim=(-0.8, leaves - 0.2), xlabel=axis_label(tree.system, "t"), yticks=[])
         ends = [leaf.solution.status is Status.SUCCESS for leaf in tree.leaves()]
         ax.set_xlim(low - 0.02 * (high - low), high + (0.02 if all(ends) else 0.16) * (high - low))
         ax.spines["left"].set_visible(False)

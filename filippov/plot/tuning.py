@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from filippov.base.errors import UsageError
+from filippov.base.names import check_known
 from filippov.plot.style import INK, ORANGE, new_figure, style
 
 if TYPE_CHECKING:
@@ -20,6 +22,7 @@ def plot_gain_maps(
     maps: Sequence[Any],
     *,
     tuning: Any = None,
+    labels: Mapping[str, str] | None = None,
     title: str = "",
     figure: Figure | None = None,
 ) -> Figure:
@@ -27,9 +30,12 @@ def plot_gain_maps(
 
     maps    what `gain_map` returned, one panel each
     tuning  what `tune` returned: its best gains as a star, its margin as a box
+    labels  labels with units, by name of gain
     """
     from matplotlib import colormaps
 
+    text = dict(labels or {})
+    check_known("label", text, {name for item in maps for name in item.names}, UsageError)
     with style():
         drawn = figure if figure is not None else new_figure(4.6 * len(maps) + 0.6, 3.9)
         axes = np.ravel(drawn.subplots(1, len(maps), squeeze=False))
@@ -42,7 +48,9 @@ def plot_gain_maps(
                 ax.contour(item.x, item.y, ratio, levels=[1.0], colors=[ORANGE], linewidths=1.6)
             if tuning is not None and tuning.best is not None:
                 _mark(ax, item, tuning)
-            ax.set(xlabel=item.names[0], ylabel=item.names[1], xlim=item.x[[0, -1]], ylim=item.y[[0, -1]])
+            across, up = item.names
+            ax.set(xlabel=text.get(across, across), ylabel=text.get(up, up))
+            ax.set(xlim=item.x[[0, -1]], ylim=item.y[[0, -1]])
         if filled is not None:
             bar = drawn.colorbar(filled, ax=list(axes), ticks=LEVELS)
             bar.set_label("largest |next stick / stick|;\nabove 1 (line): excursions grow")

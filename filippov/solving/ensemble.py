@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -12,6 +13,7 @@ import numpy.typing as npt
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.failure import failure
+from filippov.base.keywords import keywords
 from filippov.base.names import check_known, unknown
 from filippov.base.status import Status
 from filippov.kernel.codegen.build import widest
@@ -22,7 +24,26 @@ from filippov.solving.scale import default_atol, of_little_ends, small
 from filippov.solving.state.batch import UNFINISHED, Batch, lane_unit, system_threads
 from filippov.solving.state.events import Event, Stop, columns_of, turned
 from filippov.solving.state.machine import Array, Machine
-from filippov.solving.state.options import Options, check_span, check_stops, falls, options_but
+from filippov.solving.state.option_types import (
+    ANSWERS,
+    ENDS_ONLY,
+    SAME_AS,
+    MethodName,
+    OnZeno,
+    Policy,
+    SlidingRule,
+    Stops,
+    Together,
+    Tolerance,
+)
+from filippov.solving.state.options import (
+    Options,
+    check_span,
+    check_stops,
+    falls,
+    given_options,
+    options_but,
+)
 from filippov.solving.state.problem import Problem
 
 _STATUS = {
@@ -111,19 +132,31 @@ class Ensemble:
             raise UsageError(str(error)) from None
 
 
+@keywords(same=SAME_AS, answers=ANSWERS | ENDS_ONLY)
 def solve_many(
     system: System,
     x0: Any,
     t_span: Any,
     *,
     parameters: Mapping[str, Any] | None = None,
-    stop: Stop | tuple[Stop, ...] = (),
+    stop: Stops = (),
     threads: int | None = None,
     lanes: int | None = None,
     measure: Callable[[Ensemble], Any] | None = None,
     progress: Callable[[int, int], object] | None = None,
     backward: bool = False,
-    **options: Any,
+    method: MethodName | str = "DOP853",
+    rtol: float = Options.rtol,
+    atol: Tolerance | None = None,
+    first_step: float | None = None,
+    max_step: float = math.inf,
+    max_steps: int = Options.max_steps,
+    max_events: int = Options.max_events,
+    nonunique: Policy = "raise",
+    zeno: OnZeno = "stop",
+    simultaneous: Together = "raise",
+    sliding: SlidingRule = "filippov",
+    compile: bool | None = None,  # noqa: A002 (the word for it)
 ) -> Ensemble:
     """Solve from many initial states, and for many parameter values, in compiled code.
 
@@ -146,6 +179,7 @@ def solve_many(
     user's ends its own trajectory, with Status.ERROR and the exception in its message.
     Raises UsageError, ModelError, and what `measure` and `progress` raise.
     """
+    options = given_options({**locals(), "stop": ()})
     span = check_span(t_span, backward, x0)
     prepared = Prepared(system, span, stop=stop, threads=threads, lanes=lanes, backward=backward, **options)
     states, values = _points(system, x0, parameters or {})
@@ -159,7 +193,7 @@ class Prepared:
     """
 
     def __init__(
-        self, system: System, t_span: Any, *, stop: Stop | tuple[Stop, ...] = (), threads: int | None = None,
+        self, system: System, t_span: Any, *, stop: Stops = (), threads: int | None = None,
         lanes: int | None = None, backward: bool = False, **options: Any,
     ) -> None:  # fmt: skip
         check_known("option", options, _OPTIONS, UsageError)

@@ -25,7 +25,9 @@ def finished(
 ) -> Solution:  # fmt: skip
     """The solution of a run; t_eval: times at which it is wanted, None: at the ends of its steps."""
     events = watch.events(run)
-    events.place_of = problem.system.surface_place
+    system = problem.system
+    events.place_of, events.states = system.surface_place, system.states
+    events.names = (*system.surface_names, *(event.name for event in system.time_events), *watch.names)
     jumps = jump_times(problem.system, events)
     sol = _interpolant(problem, run, jumps) if run.options.dense_output else None
     if sol is not None:
@@ -33,6 +35,8 @@ def finished(
     else:
         t, y = _corners(problem, run) if may_jump(problem.system) else _ends(problem, run)
     njev, nlu = run.factorisations()
+    if problem.backward:
+        message += f" It ran backwards in time, from t = {problem.t_span[0]:.9g} to t = {run.t:.9g}."
     return Solution(
         problem=problem, options=run.options, status=status, message=message, t=t, y=y, sol=sol,
         events=events, user_events=watch.names, start_mode=start_mode[: watch.surfaces],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,48 +13,39 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.delegates import delegate
-from filippov.base.errors import ModelError, UsageError
+from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.status import EventKind, Status, mode_text
 from filippov.solving.resets.zeno import Accumulation
+from filippov.solving.segments import Segment, Segments
 from filippov.solving.selection.ambiguity import Ambiguity
-from filippov.solving.selection.candidate import sliding_solutions
-from filippov.solving.selection.higher_order import multipliers
 from filippov.solving.selection.modes import Successor
 from filippov.solving.state.event_log import EventLog
 from filippov.solving.state.events import Event, Events, Mode
 from filippov.solving.state.interpolant import Interpolant
-from filippov.solving.state.machine import Machine
 from filippov.solving.state.options import Options
-from filippov.solving.state.point import Point
 from filippov.solving.state.problem import Problem
 
 if TYPE_CHECKING:
     import networkx as nx
+    from matplotlib.figure import Figure
 
     from filippov.model.surface import Surface
     from filippov.model.system import System
     from filippov.model.time_event import TimeEvent
 
 Array = npt.NDArray[np.float64]
-# What a multiplier may be beyond its set by the error of the dense output.
-OUTSIDE = 1e-6
 
 
-@dataclass(frozen=True)
-class Segment:
-    """One stretch of the motion in one mode, from t0 to t1 in the direction of integration."""
-
-    t0: float
-    t1: float
-    mode: Mode
-
-    @property
-    def dwell(self) -> float:
-        """Length of the stretch in time."""
-        return abs(self.t1 - self.t0)
-
-    def __str__(self) -> str:
-        return f"{mode_text(self.mode)} [{self.t0:.9g}, {self.t1:.9g}]"
+_OTHER_PLOTS = {
+    "phase": "phase is no option: a phase portrait is filippov.plot.plot_phase(solution, 'x', 'v').",
+    "outputs": "outputs stand beside the states: plot(['x', 'effort']).",
+    "ax": "ax is no option: figure=fig draws into a figure of yours; its axes are fig.axes.",
+    "xlabel": "xlabel is labels={'t': 'time [s]'} here.",
+    "ylabel": "ylabel is labels={'x': 'position [m]'} here, by name of state.",
+    "show": "show is no option: the figure is returned; matplotlib.pyplot.show() shows it.",
+    "filename": "filename is no option: plot().savefig('run.png') writes the figure.",
+}
 
 
 def may_jump(system: System) -> bool:
@@ -137,8 +128,8 @@ class Solution:
         return jump_times(self.system, self.events)
 
     @cached_property
-    def segments(self) -> tuple[Segment, ...]:
-        """The stretches of one mode; their lengths add up to the span."""
+    def segments(self) -> Segments:
+        """The stretches of one mode; their lengths add up to the span. segments.of("stick") selects."""
         if self.options.save_events == "count":
             raise UsageError("segments need the events, which were counted; pass save_events='all'.")
         out: list[Segment] = []
@@ -151,7 +142,7 @@ class Solution:
             begin, mode = event.t, event.after
         if not out or begin != self.t_end:
             out.append(Segment(begin, self.t_end, mode))
-        return tuple(out)
+        return Segments.made(out, self.system.surface_names)
 
     @property
     def modes(self) -> tuple[str, ...]:
@@ -205,50 +196,21 @@ class Solution:
                 return segment.mode
         return self.end_mode
 
-    def multiplier(self, surface: str, t: Any) -> Array:
+    def __getitem__(self, name: Any) -> Array:
+        """The values of a state or an output at `t`, by its name: r["x"], r["effort"]."""
+        found: Array = delegate("Solution.__getitem__")(self, name)
+        return found
+
+    def evaluate(self, what: Any, t: Any, side: str = "-") -> Any:
+        """The value of an expression, formula or output at times (see `filippov.solving.reading`)."""
+        return delegate("Solution.evaluate")(self, what, t, side)
+
+    def multiplier(self, surface: str, t: Any) -> Any:
         """Value of a surface's sign: +-1 off it, the multiplier of Filippov's combination while sliding.
 
         surface     its name, or the formula of its h; for h = v - vb "vb - v" gives the sign of vb - v
         """
-        try:
-            i, sense = self.system.surface_place(surface)
-        except ModelError as error:
-            raise UsageError(str(error)) from None
-        if self.sol is None:
-            raise UsageError("the multiplier needs the dense output; solve without dense_output=False.")
-        options = self.options
-        machine = Machine(self.problem.system, options.method, self.problem.p, sliding=options.sliding)
-        times = np.atleast_1d(np.asarray(t, dtype=float))
-        out = np.empty(times.size)
-        for k, time in enumerate(times.tolist()):
-            mode = np.array(self.mode_at(time), dtype=float)
-            out[k] = mode[i]
-            if mode[i] == 0:
-                held = multipliers(machine, time, self.sol(time), mode)
-                out[k] = (self._multipliers(machine, time, mode) if held is None else held)[i]
-        out *= sense
-        return out if np.ndim(t) else out[0]
-
-    def _multipliers(self, machine: Machine, t: float, mode: Array) -> Array:
-        """Multipliers while sliding: where signs multiply, the root that the motion followed.
-
-        That is the one in its set; of several, the one with the field of the motion.
-        """
-        assert self.sol is not None
-        x = self.sol(t)
-        point = Point(machine, t, x, self.sol.direction, 0.0, np.zeros(mode.size))
-        roots = sliding_solutions(point, mode, np.flatnonzero(mode == 0).tolist())
-        if not roots:
-            return machine.probe(t, 0.0, x, mode, point.guess)[2]
-        if len(roots) == 1:
-            return roots[0][0]
-        rate, radii, on = self.sol.rate(t), machine.radii(t, x), mode == 0
-
-        def misses(root: tuple[Array, Array]) -> tuple[float, float]:
-            out = np.maximum(root[0] - radii[:, 1], radii[:, 0] - root[0])[on]
-            return max(float(np.max(out)), OUTSIDE), float(np.linalg.norm(root[1] - rate))
-
-        return min(roots, key=misses)[0]
+        return delegate("Solution.multiplier")(self, surface, t)
 
     def dwell_times(self) -> Mapping[str, float]:
         """Total time in each mode."""
@@ -263,9 +225,28 @@ class Solution:
         graph: nx.MultiDiGraph = delegate("Solution.mode_graph")(self)
         return graph
 
-    def plot(self, **options: Any) -> Any:
-        """Time response with sliding phases marked (see `filippov.plot.solution`)."""
-        return delegate("Solution.plot")(self, **options)
+    @keywords(answers=_OTHER_PLOTS)
+    def plot(
+        self, states: Sequence[str] | str | None = None, *, multiplier: str | None = None,
+        labels: Mapping[str, str] | None = None, events: bool = True, points: int = 2000, title: str = "",
+        figure: Figure | None = None,
+    ) -> Figure:  # fmt: skip
+        """Time response of states and outputs, sliding phases marked (see `filippov.plot.solution`)."""
+        drawn: Figure = delegate("Solution.plot")(
+            self, states, multiplier=multiplier, labels=labels, events=events, points=points, title=title,
+            figure=figure,
+        )  # fmt: skip
+        return drawn
+
+    def animate(
+        self, path: str | Path, states: Sequence[str] | str | None = None, *, seconds: float = 6.0,
+        frames: int = 90, labels: Mapping[str, str] | None = None, title: str = "",
+    ) -> Path:  # fmt: skip
+        """Write the motion as a film, .gif or .mp4 (see `filippov.plot.animation`)."""
+        written: Path = delegate("Solution.animate")(
+            self, path, states, seconds=seconds, frames=frames, labels=labels, title=title
+        )
+        return written
 
     def save(self, path: str | Path) -> Path:
         """Write the solution to a file; it appears complete or not at all (see `filippov.io.storage`)."""
@@ -282,11 +263,20 @@ class Solution:
         """An xarray.Dataset: every state over t, every event over `event` (see `filippov.io.export`)."""
         return delegate("Solution.to_xarray")(self)
 
+    def to_pandas(self) -> Any:
+        """A pandas.DataFrame of states and outputs over t (see `filippov.io.export`)."""
+        return delegate("Solution.to_pandas")(self)
+
+    def _repr_html_(self) -> str:
+        text: str = delegate("Solution._repr_html_")(self)
+        return text
+
     def __repr__(self) -> str:
         counted = self.options.save_events == "count"
         parts = "" if counted else f"{len(self.segments)} segments, "
         number = sum(sum(kinds.values()) for kinds in self.event_counts.values())
+        back = f", backwards from {self.problem.t_span[0]:.9g}" if self.problem.backward else ""
         return (
-            f"Solution({self.status.value} at t = {self.t_end:.9g}; {number} events, "
+            f"Solution({self.status.value} at t = {self.t_end:.9g}{back}; {number} events, "
             f"{parts}{self.steps} steps, {self.nfev} field calls)"
         )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Literal, overload
+from typing import Any, Literal, Unpack, overload
 
 from filippov.base.errors import NonUniqueError, SolveError, UsageError
-from filippov.base.names import check_known
+from filippov.base.keywords import keywords
 from filippov.base.status import Status
 from filippov.kernel.codegen.interpreted import using
 from filippov.model.system import System
@@ -17,10 +18,24 @@ from filippov.solving.loop import follow
 from filippov.solving.scale import default_atol, of_little_scale
 from filippov.solving.solution import Solution
 from filippov.solving.solution_tree import SolutionTree
-from filippov.solving.state.options import OPTIONS, Options, check_priority, check_stops, check_times
+from filippov.solving.state.option_types import (
+    ANSWERS,
+    SAME_AS,
+    Backend,
+    BranchOptions,
+    Kept,
+    MethodName,
+    OnGraze,
+    OnZeno,
+    Policy,
+    RunOptions,
+    SlidingRule,
+    Stops,
+    Together,
+    Tolerance,
+)
+from filippov.solving.state.options import Options, check_priority, check_stops, check_times, given_options
 from filippov.solving.state.problem import Problem
-
-_TREE_OPTIONS = ("max_branches", "max_depth", "release_times")
 
 
 @overload
@@ -31,14 +46,13 @@ def solve(
     *,
     nonunique: Literal["branch"],
     parameters: Mapping[str, float] | None = ...,
-    t_eval: None = ...,
     throw: bool = ...,
     progress: Callable[[float, float], None] | None = ...,
-    max_branches: int = ...,
-    max_depth: int = ...,
+    max_branches: int | None = ...,
+    max_depth: int | None = ...,
     release_times: Any = ...,
     backward: bool = ...,
-    **options: Any,
+    **options: Unpack[BranchOptions],
 ) -> SolutionTree: ...
 @overload
 def solve(
@@ -52,8 +66,9 @@ def solve(
     throw: bool = ...,
     progress: Callable[[float, float], None] | None = ...,
     backward: bool = ...,
-    **options: Any,
+    **options: Unpack[RunOptions],
 ) -> Solution: ...
+@keywords(same=SAME_AS, answers=ANSWERS)
 def solve(
     system: System | Problem,
     x0: Any = None,
@@ -65,7 +80,27 @@ def solve(
     throw: bool = False,
     progress: Callable[[float, float], None] | None = None,
     backward: bool = False,
-    **options: Any,
+    method: MethodName | str = "DOP853",
+    rtol: float = Options.rtol,
+    atol: Tolerance | None = None,
+    first_step: float | None = None,
+    max_step: float = math.inf,
+    max_steps: int = Options.max_steps,
+    max_events: int = Options.max_events,
+    max_time: float = math.inf,
+    nonunique: Policy | Literal["branch"] = "raise",
+    max_branches: int | None = None,
+    max_depth: int | None = None,
+    release_times: Any = None,
+    on_graze: OnGraze = "continue",
+    zeno: OnZeno = "stop",
+    simultaneous: Together = "raise",
+    sliding: SlidingRule = "filippov",
+    stop: Stops = (),
+    dense_output: bool = True,
+    save_events: Kept = "all",
+    compile: bool | None = None,  # noqa: A002 (the word for it)
+    backend: Backend = "compiled",
 ) -> Solution | SolutionTree:
     """Solve x' in { f(t, x, s; p) : s_i in Sgn(h_i) } from x0 over t_span.
 
@@ -111,17 +146,27 @@ def solve(
     whatever a function of the user raises. Source: event-driven integration after Piiroinen & Kuznetsov 2008
     and Dieci & Lopez 2012; see the page on the event loop.
     """
+    options = given_options(locals())
+    of_tree = {"max_branches": max_branches, "max_depth": max_depth, "release_times": release_times}
+    of_tree = {name: value for name, value in of_tree.items() if value is not None}
     problem = _problem(system, x0, t_span, parameters, backward)
-    check_known("option", options, (*OPTIONS, *_TREE_OPTIONS), UsageError)
-    of_tree = {name: options.pop(name) for name in _TREE_OPTIONS if name in options}
     options["nonunique"] = check_priority(options.get("nonunique", "raise"), problem.system)
     if "stop" in options:
         options["stop"] = check_stops(options["stop"], problem.system)
     checked = Options(**options)
     checked.check_span(problem.t_span)
     checked.check_system(problem.system)
-    with using(checked.backend):
-        return _solved(problem, checked, "atol" in options, t_eval, events, of_tree, throw, progress)
+    try:
+        with using(checked.backend):
+            return _solved(problem, checked, "atol" in options, t_eval, events, of_tree, throw, progress)
+    except IndexError as error:
+        # The states are never empty: what was asked for is a sign.
+        if problem.system.field is None or problem.system.surfaces or "with size 0" not in str(error):
+            raise
+        raise IndexError(
+            f"the field asks for a sign ({error}), and the system has no surfaces: s is empty. Declare what "
+            "switches: System(field=f, surfaces=[Surface('v', h)], ...)."
+        ) from error
 
 
 def _solved(
@@ -166,10 +211,17 @@ def _problem(
     system: System | Problem, x0: Any, t_span: Any, parameters: Mapping[str, float] | None, backward: bool
 ) -> Problem:
     if isinstance(system, Problem):
-        changes = {"x0": x0, "t_span": t_span, "parameters": parameters, "backward": backward or None}
-        return system.remake(**{name: value for name, value in changes.items() if value is not None})
+        return system.remake(x0=x0, t_span=t_span, parameters=parameters, backward=backward or None)
     if not isinstance(system, System):
-        raise UsageError(f"solve was given {type(system).__name__}, expected a System or a Problem.")
+        raise UsageError(_no_system(system))
     if x0 is None or t_span is None:
         raise UsageError("solve needs x0 and t_span: solve(system, x0=(...), t_span=(t0, t1)).")
     return Problem(system, x0, t_span, parameters or {}, backward)
+
+
+def _no_system(given: object) -> str:
+    """What is said of something else in the place of a system."""
+    how = "Equations make one: System({x: v, v: ...})."
+    if callable(given):
+        how = "A function f(t, x, p, s) makes one: System(field=f, states='x v')."
+    return f"solve was given {type(given).__name__}, expected a System or a Problem. {how}"

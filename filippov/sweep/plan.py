@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -13,11 +14,23 @@ import numpy as np
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.failure import failure
-from filippov.base.names import check_known, unknown
+from filippov.base.keywords import keywords
+from filippov.base.names import unknown
 from filippov.base.version import package_version
 from filippov.model.system import System
 from filippov.solving.ensemble import solve_many
-from filippov.solving.state.options import Options, check_priority, check_stops, options_but, positive
+from filippov.solving.state.option_types import (
+    ANSWERS,
+    MethodName,
+    OnGraze,
+    OnZeno,
+    Policy,
+    SlidingRule,
+    Stops,
+    Together,
+    Tolerance,
+)
+from filippov.solving.state.options import Options, check_priority, check_stops, given_options, positive
 from filippov.solving.state.problem import Problem
 from filippov.sweep.dependence import Dependence, dependence, plain_system
 from filippov.sweep.measure import Function, Measure, read_measures
@@ -29,8 +42,6 @@ from filippov.sweep.samples import sample
 from filippov.sweep.table import Table
 from filippov.sweep.toolchain import own_sources, toolchain
 
-TAKEN = options_but("max_time", "stop", "dense_output", "save_events", "compile", "backend")
-_TOGETHER = tuple(name for name in TAKEN if name != "on_graze")
 _ENOUGH = 64
 
 
@@ -53,6 +64,7 @@ class Sweep:
 
     grain = 1
 
+    @keywords(answers=ANSWERS)
     def __init__(
         self,
         problem: Problem,
@@ -64,19 +76,30 @@ class Sweep:
         seed: int = 0,
         tail: float = 0.5,
         reduce: Any = None,
-        stop: Any = (),
-        **options: Any,
+        stop: Stops = (),
+        method: MethodName | str = "DOP853",
+        rtol: float = Options.rtol,
+        atol: Tolerance | None = None,
+        first_step: float | None = None,
+        max_step: float = math.inf,
+        max_steps: int = Options.max_steps,
+        max_events: int = Options.max_events,
+        nonunique: Policy = "raise",
+        on_graze: OnGraze = "continue",
+        zeno: OnZeno = "stop",
+        simultaneous: Together = "raise",
+        sliding: SlidingRule = "filippov",
     ) -> None:
+        options = given_options({**locals(), "stop": ()})
         if not isinstance(problem, Problem):
             raise UsageError(f"Sweep was given {type(problem).__name__}, expected a Problem.")
-        check_known("option", options, TAKEN, UsageError)
         if not 0 < positive("tail", tail) <= 1:
             raise UsageError(f"tail is {tail!r}, expected a number in (0, 1].")
         if options.get("nonunique") == "branch":
             raise UsageError("nonunique='branch' gives a tree of solutions; a sweep needs one solution.")
         self.problem, self.samples = problem, samples
         self.tail, self.stop = float(tail), check_stops(stop, problem.system)
-        self.options = dict(options)
+        self.options = options
         if "nonunique" in options:
             self.options["nonunique"] = check_priority(options["nonunique"], problem.system)
         Options(stop=self.stop, **self.options).tolerances(problem.system)
@@ -114,9 +137,7 @@ class Sweep:
     @cached_property
     def lanes(self) -> int:
         """How many trajectories run side by side in compiled code; 0 where points are solved one by one."""
-        together = all(name in _TOGETHER for name in self.options) and not callable(
-            self.options.get("nonunique")
-        )
+        together = "on_graze" not in self.options and not callable(self.options.get("nonunique"))
         if not together or self.system.field is not None or any(measure.needs for measure in self.measures):
             return 0
         # A run of no length says how an ensemble of this size would go, and compiles for all workers.

@@ -85,7 +85,8 @@ def run_diagram(settings: dict[str, Any], console: Console) -> int:
     folder.json("diagram.json", data)
     rows = zip(found.values.tolist(), found.period.tolist(), *found.d.T.tolist(), strict=True)
     folder.csv("diagram.csv", (parameter, "period", *(f"d{k}" for k in range(found.d.shape[1]))), rows)
-    labels = {"d": f"{section.coordinate} at the event"}
+    shown = loaded.labels(parameter, section.coordinate)
+    labels = {"parameter": shown[parameter], "d": f"{shown[section.coordinate]} at the event"}
     folder.picture("diagram.png", lambda: plot_brute_force(found, labels=labels, title=loaded.title))
     folder.report()
     return 0 if found.complete else 130

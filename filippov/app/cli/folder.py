@@ -19,7 +19,7 @@ from filippov.base.whole_file import Content, write_whole
 class Folder:
     """An output folder, made and tried before the work begins; `path` is None where nothing is to be written.
 
-    Raises UsageError where the path is a file, OSError where it cannot be written.
+    Raises UsageError where the path is a file or cannot be written.
     """
 
     def __init__(self, path: str | None, console: Console) -> None:
@@ -30,9 +30,15 @@ class Folder:
         if self.path is not None:
             if self.path.exists() and not self.path.is_dir():
                 raise UsageError(f"-o is {str(self.path)!r}, which is a file; name a folder.")
-            self.path.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=self.path):
-                pass
+            try:
+                self.path.mkdir(parents=True, exist_ok=True)
+                with tempfile.TemporaryFile(dir=self.path):
+                    pass
+            except OSError as error:
+                raise UsageError(
+                    f"-o is {str(self.path)!r}, where nothing can be written "
+                    f"({error.strerror or error}); name a folder that you can write."
+                ) from None
 
     def content(self, name: str, content: Content) -> None:
         """Write a file, whole or not at all: text, bytes, or what a function writes into an open file."""

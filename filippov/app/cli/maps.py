@@ -104,7 +104,7 @@ def run_event_map(settings: dict[str, Any], console: Console) -> int:
     folder.csv("map.csv", ("d", "P", "status"), zip(d[:done].tolist(), image.tolist(), status, strict=False))
     folder.json("fixed_points.json", data)
     if code == 0:
-        name = section.coordinate
+        name = loaded.labels(section.coordinate)[section.coordinate]
         folder.picture("map.png", lambda: plot_event_map(
             event_map, lo, hi, samples=(d, image), fixed=points, orbit=orbit, title=loaded.title,
             labels={"d": f"{name} at the event", "P": f"{name} at event {settings['order']} after it"},
@@ -162,7 +162,9 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
         "bifurcation.csv", (parameter, *POINT_COLUMNS), ([float(v), *point_data(p).values()] for v, p in rows)
     )
     folder.json("bifurcation.json", data)
-    folder.picture("bifurcation.png", lambda: plot_diagram(diagram, title=loaded.title))
+    shown = loaded.labels(parameter, section.coordinate)
+    labels = {"parameter": shown[parameter], "d": f"{shown[section.coordinate]} at the event"}
+    folder.picture("bifurcation.png", lambda: plot_diagram(diagram, title=loaded.title, labels=labels))
     folder.report()
     return 0 if data["complete"] else 130
 

@@ -14,6 +14,7 @@ from filippov.base.names import closest
 from filippov.base.user_file import load_file, place_of
 from filippov.model.system import System
 from filippov.models import registry
+from filippov.plot.style import axis_label
 from filippov.solving.state.options import check_state, falls
 from filippov.solving.state.problem import Problem
 
@@ -38,6 +39,10 @@ class Loaded:
     def title(self) -> str:
         """The name as the title of a picture."""
         return figure_text(self.name)
+
+    def labels(self, *names: str) -> dict[str, str]:
+        """Labels of axes with units, by name of state, output or parameter."""
+        return {name: axis_label(self.system, name) for name in names}
 
     def values(self, given: Mapping[str, float] | None) -> dict[str, float]:
         """All parameter values of a run; UsageError, with a suggestion, for one the system does not have."""
@@ -74,6 +79,11 @@ def load_model(name: str | None) -> Loaded:
     if not name:
         raise UsageError("no MODEL was given: name a registered one (filippov models) or file.py:name.")
     if ".py" not in name:
+        file, colon, attribute = name.partition(":")
+        if colon:
+            raise UsageError(f"{name!r} names no file; write {file}.py:{attribute}, what is in which file.")
+        if name not in registry.names() and Path(f"{name}.py").is_file():
+            raise UsageError(f"unknown model {name!r}; there is a file of this name: write {name}.py:NAME.")
         return _of_model(registry.get(name))
     path, colon, attribute = name.rpartition(":")
     if not colon or not path.endswith(".py"):

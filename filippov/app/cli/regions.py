@@ -55,7 +55,9 @@ def run_regions(settings: dict[str, Any], console: Console) -> int:
         *grid, result.cycles, result.stable, result.set_stable, result.amplitude, result.lost,
     )]  # fmt: skip
     folder.csv("regions.csv", columns, zip(*cells, strict=True))
-    folder.picture("regions.png", lambda: plot_regions(result, title=loaded.title))
+    folder.picture("regions.png", lambda: plot_regions(
+        result, labels=loaded.labels(*result.names), title=loaded.title,
+    ))  # fmt: skip
     folder.report()
     return 0 if result.complete else 130
 
@@ -83,6 +85,6 @@ def run_basin(settings: dict[str, Any], console: Console) -> int:
     folder.json("basin.json", data)
     arrays = {"x": result.x, "y": result.y, "label": result.label, "d": result.d}
     folder.content("basin.npz", lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
-    folder.picture("basin.png", lambda: plot_basin(result))
+    folder.picture("basin.png", lambda: plot_basin(result, labels=loaded.labels(*result.names)))
     folder.report()
     return 0 if result.complete else 130

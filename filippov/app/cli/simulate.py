@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import load_model
 from filippov.app.cli.solved import EVENT_COLUMNS, event_data, event_row, exit_code, solved
-from filippov.base.errors import UsageError
+from filippov.base.errors import ModelError, UsageError
 from filippov.base.status import Status, mode_text
+from filippov.solving.reading import expression_of
 from filippov.solving.solution import Solution
 
 SHOWN = 12
@@ -25,7 +27,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
     problem = loaded.problem(settings)
     folder = Folder(settings["output"], console)
     if settings.get("nonunique") == "branch":
-        for name in ("events", "save_events"):
+        for name in ("events", "save_events", "evaluate", "animate"):
             if settings.get(name):
                 flag = f"--{name.replace('_', '-')}"
                 raise UsageError(f"{flag} is for one solution; drop it, or --nonunique branch.")
@@ -34,9 +36,22 @@ def run(settings: dict[str, Any], console: Console) -> int:
         if settings.get(name) is not None:
             raise UsageError(f"--{name.replace('_', '-')} needs --nonunique branch.")
     counted = settings.get("save_events") == "count"
-    solution = solved(problem, settings, console, dense=folder.path is not None and not counted)
+    formulas, states = settings["evaluate"] or [], problem.system.states
+    for formula in formulas:
+        try:
+            expression_of(problem.system, formula)
+        except ModelError as error:
+            raise UsageError(f"--evaluate: {error}") from None
+    if counted and (formulas or settings["animate"]):
+        raise UsageError("--evaluate and --animate need what lies between the events; drop --save-events.")
+    _check_film(settings)
+    dense = (folder.path is not None or bool(formulas)) and not counted
+    solution = solved(problem, settings, console, dense=dense)
+    shown = [*states, *(problem.system.outputs if solution.sol is not None else ()), *formulas]
     summary = summarise(loaded.name, solution)
-    states = problem.system.states
+    if len(shown) > len(states):
+        at = solution.t_end
+        summary["outputs"] = {name: solution.evaluate(name, at) for name in shown[len(states) :]}
     console.result(summary | {"events": [event_data(event, states) for event in solution.events]})
     _tell(solution, console)
     folder.csv("events.csv", EVENT_COLUMNS + states, (event_row(event) for event in solution.events))
@@ -44,15 +59,17 @@ def run(settings: dict[str, Any], console: Console) -> int:
     if points is None and len(solution.t) > MOST_ROWS and folder.path is not None:
         points = MOST_ROWS
         console.say(f"trajectory.csv has {points} equally spaced rows for {len(solution.t)} steps")
-    t, y = _samples(solution, points)
-    folder.csv("trajectory.csv", ("t", *states), np.vstack([t, y]).T.tolist())
+    t, y = _samples(solution, points, shown)
+    folder.csv("trajectory.csv", ("t", *shown), np.vstack([t, y]).T.tolist())
     folder.json("summary.json", summary)
     if counted and folder.path is not None:
         console.say("events were counted: no solution.npz, no response.png; the tables have the last few")
     elif not counted:
         folder.file("solution.npz", solution.save)
     if solution.status is not Status.INTERRUPTED and not counted:
-        folder.picture("response.png", lambda: solution.plot(title=loaded.title))
+        folder.picture("response.png", lambda: solution.plot(shown, title=loaded.title))
+        if settings["animate"] and folder.path is not None:
+            folder.file(settings["animate"], lambda path: solution.animate(path, shown, title=loaded.title))
     folder.report()
     return exit_code(solution)
 
@@ -66,6 +83,7 @@ def summarise(name: str, solution: Solution) -> dict[str, Any]:
         "parameters": dict(problem.parameters),
         "x0": dict(zip(system.states, problem.x0.tolist(), strict=True)),
         "t_span": list(problem.t_span),
+        "backward": problem.backward,
         "status": solution.status.value,
         "success": solution.success,
         "message": solution.message,
@@ -89,12 +107,23 @@ def _option(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def _samples(solution: Solution, points: int | None) -> tuple[Any, Any]:
-    """Times and states for the table: equally spaced ones, else the ends of the steps."""
+def _check_film(settings: dict[str, Any]) -> None:
+    name = settings["animate"]
+    if name is None:
+        return
+    if settings["output"] is None:
+        raise UsageError(f"--animate {name} is written into the folder of -o; give -o DIR.")
+    if not name.endswith((".gif", ".mp4")) or "/" in name or "\\" in name:
+        raise UsageError(f"--animate is {name!r}, expected a file name that ends in .gif or .mp4.")
+
+
+def _samples(solution: Solution, points: int | None, shown: Sequence[str]) -> tuple[Any, Any]:
+    """Times and values for the table: equally spaced ones, else the ends of the steps."""
     if points is None or solution.sol is None:
-        return solution.t, solution.y
+        rest = [solution[name] for name in shown[len(solution.y) :]]
+        return solution.t, np.vstack([solution.y, *rest])
     t = np.linspace(solution.problem.t_span[0], solution.t_end, points)
-    return t, solution.sol(t).reshape(len(solution.problem.x0), points)
+    return t, np.vstack([solution.evaluate(name, t) for name in shown])
 
 
 def _tell(solution: Solution, console: Console) -> None:

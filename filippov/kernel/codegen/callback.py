@@ -320,7 +320,8 @@ def checked_vector(
     value: Any, n: int, signs: npt.NDArray[np.float64] | None, what: str = "field"
 ) -> npt.NDArray[np.float64]:
     """A float64 vector of length n, or a ModelError that says what was returned instead."""
-    mode = "" if signs is None else " in mode " + "".join("+" if s > 0 else "-" for s in signs)
+    marks = "" if signs is None else "".join("+" if s > 0 else "-" for s in signs)
+    mode = marks and f" in mode {marks}"
     if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == (n,):
         return np.ascontiguousarray(value)
     if value is None:

@@ -33,7 +33,8 @@ class EventLog(Events):
     def __init__(
         self, names: tuple[str, ...], sense: int, n: int, keep: int | None = None, always: range = range(0)
     ) -> None:
-        self.names, self.sense, self.n, self.keep, self.always = names, sense, n, keep, always
+        self.names: tuple[str, ...] = names
+        self.sense, self.n, self.keep, self.always = sense, n, keep, always
         self._room = 2 * keep if keep is not None else 0
         self.counts: Counter[tuple[int, EventKind]] = Counter()
         self._made: list[Event] = []
@@ -135,5 +136,5 @@ class EventLog(Events):
     def __getstate__(self) -> dict[str, Any]:
         rest = {"_made": self._items, "_raw": [], "_waiting": 0, "keep": self.keep, "counts": self.counts}
         rest |= {"always": self.always, "_room": self._room}
-        rest["place_of"] = self.place_of
+        rest |= {"place_of": self.place_of, "states": self.states}
         return {"names": self.names, "sense": self.sense, "n": self.n, **rest}

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, overload
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.delegates import delegate
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import unknown
 from filippov.base.status import EventKind, mode_text
@@ -66,11 +67,14 @@ class Events(Sequence[Event]):
 
     # The number and the sense of a surface asked for by name or formula (`System.surface_place`).
     place_of: Callable[[str], tuple[int, int]] | None = None
+    # Names of what can happen: surfaces, time events, user events; of states; None where nothing is known.
+    names: tuple[str, ...] | None = None
+    states: tuple[str, ...] | None = None
 
     def __init__(self, items: Sequence[Event] = (), like: Events | None = None) -> None:
         self._items = list(items)
         if like is not None:
-            self.place_of = like.place_of
+            self.place_of, self.names, self.states = like.place_of, like.names, like.states
 
     @overload
     def __getitem__(self, item: int) -> Event: ...
@@ -109,7 +113,13 @@ class Events(Sequence[Event]):
 
         surface     name of a surface, time event or user event, or the formula of a surface's h: for
                     h = v - vb also "vb - v", which rises where v - vb falls
+
+        Raises UsageError for a surface or a kind of event that there is not.
         """
+        if kind is not None and kind not in tuple(EventKind):
+            raise UsageError(unknown("kind of event", str(kind), [str(item) for item in EventKind]))
+        if direction not in (-1, 0, 1):
+            raise UsageError(f"direction is {direction!r}, expected 1 (up), -1 (down) or 0 (either).")
         wanted = None if kind is None else EventKind(kind)
         if surface is not None and all(event.surface != surface for event in self._items):
             surface, direction = self._asked(surface, direction)
@@ -124,14 +134,32 @@ class Events(Sequence[Event]):
             self,
         )
 
+    def count(self, surface: Any = None, kind: EventKind | str | None = None, direction: int = 0) -> int:
+        """The number of events on one surface, of one kind, in one direction, as in `of`."""
+        if isinstance(surface, Event):
+            return sum(event is surface for event in self)
+        return len(self.of(surface, kind, direction))
+
+    def to_pandas(self) -> Any:
+        """A pandas.DataFrame with one row an event (see `filippov.io.export`)."""
+        return delegate("Events.to_pandas")(self)
+
+    def _repr_html_(self) -> str:
+        text: str = delegate("Events._repr_html_")(self)
+        return text
+
     def _asked(self, surface: str, direction: int) -> tuple[str, int]:
         """The name under which the events of a surface stand, and the direction for it."""
-        if self.place_of is None:
+        if self.names is not None and surface in self.names:
             return surface, direction
         try:
+            if self.place_of is None:
+                raise ModelError
             index, sense = self.place_of(surface)
         except ModelError:
-            return surface, direction  # of another system: none
+            if self.names is None:
+                return surface, direction  # of another system: none
+            raise UsageError(unknown("surface or event", surface, self.names)) from None
         name = next((event.surface for event in self._items if event.index == index), surface)
         return name, direction * sense
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -12,11 +12,13 @@ import numpy.typing as npt
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import unknown
+from filippov.base.symbolic_value import single
 from filippov.kernel.codegen.interpreted import BACKENDS
 from filippov.kernel.tables.layout import RULES
 from filippov.kernel.tables.tableaus import TABLEAUS
 from filippov.model.system import System
 from filippov.solving.state.events import Stop
+from filippov.solving.state.option_types import METHODS_OF_OTHERS
 
 METHODS = tuple(TABLEAUS)
 POLICIES = ("raise", "stick", "slip", "branch")
@@ -49,8 +51,7 @@ class Options:
     backend: str = "compiled"
 
     def __post_init__(self) -> None:
-        if self.method not in TABLEAUS:
-            raise UsageError(unknown("method", self.method, METHODS))
+        object.__setattr__(self, "method", method_of(self.method))
         positive("rtol", self.rtol)
         if self.rtol < SMALLEST_RTOL:
             raise UsageError(f"rtol is {self.rtol:g}, expected at least {SMALLEST_RTOL:.2g} (100 roundings).")
@@ -81,7 +82,9 @@ class Options:
             object.__setattr__(self, "dense_output", False)
         for item in self.stop:
             if not isinstance(item, Stop):
-                raise UsageError(f"stop holds {item!r}, expected Stop(surface, kind, count).")
+                raise UsageError(
+                    f"stop holds {item!r}, expected Stop(surface, kind, count): stop=Stop('v', 'crossing')."
+                )
 
     def check_span(self, t_span: tuple[float, float]) -> None:
         """Refuse steps longer than the span: nothing could come of them."""
@@ -117,6 +120,28 @@ class Options:
 OPTIONS = tuple(item.name for item in fields(Options))
 
 
+def given_options(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Of a function's arguments by name the options that differ from their defaults; atol: that are given."""
+    out = {}
+    for name in OPTIONS:
+        if name in values:
+            value, default = values[name], None if name == "atol" else getattr(Options, name)
+            if not (value is default or (type(value) is type(default) and value == default)):
+                out[name] = value
+    return out
+
+
+def method_of(name: object) -> str:
+    """The name of a method here; scipy's RK45 is DP5. Raises UsageError, with the equivalent of others'."""
+    if name == "RK45":
+        return "DP5"
+    if isinstance(name, str) and name in METHODS_OF_OTHERS:
+        raise UsageError(f"method {name!r} is not among {', '.join(METHODS)}: use {METHODS_OF_OTHERS[name]}.")
+    if not isinstance(name, str) or name not in TABLEAUS:
+        raise UsageError(unknown("method", name, METHODS))
+    return name
+
+
 def options_but(*others: str) -> tuple[str, ...]:
     """The options of `solve` without some, for what takes only the rest."""
     assert set(others) <= set(OPTIONS)
@@ -147,14 +172,16 @@ def number_array(name: str, value: object) -> npt.NDArray[np.float64]:
     except ValueError:
         raise UsageError(f"{name} is {value!r}, expected numbers.") from None
     if array.dtype.kind not in "fiu":
-        raise UsageError(f"{name} is {value!r} (type {array.dtype}), expected real numbers.")
+        raise UsageError(
+            f"{name} is {value!r} (type {array.dtype}), expected real numbers: {name}=(0.1, 0), no text."
+        )
     return array.astype(np.float64)
 
 
 def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
     """The initial state as a float64 vector: a sequence in the order of the states, or a mapping by name."""
     if isinstance(x0, dict):
-        names = [str(getattr(key, "name", key)) for key in x0]
+        names = [str(getattr(single(key), "name", key)) for key in x0]
         for name in names:
             if name not in system.states:
                 raise UsageError(unknown("state", name, system.states))
@@ -169,7 +196,9 @@ def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
     if array.shape != (system.dimension,):
         raise UsageError(
             f"x0 has shape {array.shape}, expected {system.dimension} numbers "
-            f"(states: {', '.join(system.states)})."
+            f"(states: {', '.join(system.states)}). Write x0=({', '.join(['0'] * system.dimension)}"
+            f"{',' if system.dimension == 1 else ''}), or by name: "
+            f"x0={{{', '.join(repr(name) + ': 0' for name in system.states)}}}."
         )
     for name, value in zip(system.states, array, strict=True):
         if not math.isfinite(value):
@@ -185,13 +214,16 @@ def check_span(t_span: Any, backward: bool = False, x0: Any = None) -> tuple[flo
     try:
         start, end = t_span
     except (TypeError, ValueError):
-        raise UsageError(f"t_span is {t_span!r}, expected (t0, t1).") from None
+        raise UsageError(f"t_span is {t_span!r}, expected two times, (t0, t1): t_span=(0, 10).") from None
     values = []
     for name, value in (("t0", start), ("t1", end)):
         if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
             raise UsageError(f"t_span: {name} is {value!r}, expected a number.")
         if not math.isfinite(value):
-            raise UsageError(f"t_span: {name} is {value}, expected a finite number.")
+            raise UsageError(
+                f"t_span: {name} is {value}, expected a finite number. A run that is to end at an event has "
+                "stop=Stop(surface, kind), or events with terminal=True, and a late t1 such as 1e6."
+            )
         values.append(float(value))
     if backward not in (True, False):
         raise UsageError(f"backward is {backward!r}, expected True or False.")
@@ -239,7 +271,10 @@ def check_times(t_eval: Any, span: tuple[float, float]) -> npt.NDArray[np.float6
     """Output times inside the span, in the direction of integration, each once."""
     times = number_array("t_eval", t_eval)
     if times.ndim != 1:
-        raise UsageError(f"t_eval has shape {times.shape}, expected one dimension.")
+        raise UsageError(
+            f"t_eval has shape {times.shape}, expected one dimension: the times themselves, such as "
+            f"np.linspace({span[0]:g}, {span[1]:g}, 100)."
+        )
     low, high = min(span), max(span)
     outside = ~((times >= low) & (times <= high))
     if np.any(outside):

@@ -9,9 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import UsageError
-from filippov.base.names import check_known
+from filippov.base.keywords import keywords
 from filippov.model.system import System
+from filippov.solving.state.option_types import ANSWERS, SAME_AS, BranchOptions
 from filippov.solving.state.options import as_pair, check_span, check_state, falls
+
+_OF_SOLVE = {
+    name: f"{name} is an option of the run: solve(problem, {name}=...)."
+    for name in (*BranchOptions.__annotations__, "nonunique", "t_eval", "events", "throw")
+}
 
 
 class Problem:
@@ -33,12 +39,16 @@ class Problem:
     parameters: Mapping[str, float]
     p: npt.NDArray[np.float64]
 
+    @keywords("part of a problem", same=SAME_AS, answers=ANSWERS | _OF_SOLVE)
     def __init__(
         self, system: System, x0: Any, t_span: Any, parameters: Mapping[str, float] | None = None,
         backward: bool = False,
     ) -> None:  # fmt: skip
         if not isinstance(system, System):
-            raise UsageError(f"Problem was given {type(system).__name__}, expected a System.")
+            raise UsageError(
+                f"Problem was given {type(system).__name__}, expected a System: "
+                "Problem(System({...}), x0, t_span)."
+            )
         _check_order(x0, t_span, system)
         state = check_state(x0, system)
         state.flags.writeable = False
@@ -68,19 +78,21 @@ class Problem:
         """Whether it runs backwards in time."""
         return self.t_span[1] < self.t_span[0]
 
-    def remake(self, **changes: Any) -> Problem:
+    @keywords("part of a problem", same=SAME_AS, answers=ANSWERS | _OF_SOLVE)
+    def remake(
+        self, *, system: System | None = None, x0: Any = None, t_span: Any = None,
+        parameters: Mapping[str, float] | None = None, backward: bool | None = None,
+    ) -> Problem:  # fmt: skip
         """The same problem with some of system, x0, t_span, parameters replaced; parameters by name.
 
         A t_span that falls needs backward=True, unless the problem runs backwards already.
         """
-        parts = ("system", "x0", "t_span", "parameters", "backward")
-        check_known("part of a problem", changes, parts, UsageError)
-        system = changes.get("system", self.system)
-        parameters = {k: v for k, v in self.parameters.items() if k in system.parameters}
-        parameters |= changes.get("parameters", {})
-        x0, span = changes.get("x0", self.x0), changes.get("t_span", self.t_span)
-        backward = changes.get("backward", self.backward and falls(span))
-        return Problem(system, x0, span, parameters, backward)
+        whole = self.system if system is None else system
+        values = {k: v for k, v in self.parameters.items() if k in whole.parameters} | dict(parameters or {})
+        span = self.t_span if t_span is None else t_span
+        if backward is None:
+            backward = self.backward and falls(span)
+        return Problem(whole, self.x0 if x0 is None else x0, span, values, backward)
 
 
 def _check_order(x0: Any, t_span: Any, system: System) -> None:

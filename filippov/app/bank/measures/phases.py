@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from filippov.app.bank.measures.measure import Measure, one_of
 from filippov.app.bank.motion import Motion, slides
-from filippov.solving.solution import Segment
+from filippov.solving.segments import Segment
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Phases(Measure, quantity="phases"):
 
     def of(self, subject: Motion) -> Any:
         """A list, or one entry of it."""
-        segments = subject.main.segments
+        segments: tuple[Segment, ...] = subject.main.segments
         if self.over == "period":
             (low, high), tiny = subject.cycle.span, 1e-9 * subject.cycle.period
             every = subject.cycle.run.segments

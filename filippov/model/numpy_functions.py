@@ -1,0 +1,137 @@
+"""Functions of numpy in expressions: np.sin(x), np.where(v > 0, a, b), np.maximum(v, 0), (x > 0)*1.
+
+numpy asks its arguments who computes a function (__array_ufunc__ of NEP 13, __array_function__ of NEP 18),
+and Python asks an operand for a product with a number. The expressions and conditions of sympy say nothing to
+that, so they are given the answer here. What `if`, `and`, `max` and math.sin mean is decided by Python: they
+ask for a truth value or a number, and the error of sympy then says what to write.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import sympy
+from sympy import Expr
+from sympy.core.relational import Relational
+from sympy.logic.boolalg import Boolean
+
+from filippov.base.elementary import ELEMENTARY
+
+IN_AN_EQUATION = (
+    "In an equation a choice is a function: Piecewise((a, v > 0), (b, True)) for if, Max and Min for max and "
+    "min, sign(v), Abs(v), Heaviside(v); conditions are joined by & and |."
+)
+_RENAMED = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "asinh": "arcsinh",
+            "acosh": "arccosh", "atanh": "arctanh"}  # fmt: skip
+UFUNCS: dict[Any, Callable[..., Any]] = {
+    getattr(np, _RENAMED.get(f.name, f.name)): getattr(sympy, f.symbolic)
+    for f in ELEMENTARY
+    if f.formula and hasattr(np, _RENAMED.get(f.name, f.name))
+} | {
+    np.sqrt: sympy.sqrt, np.sign: sympy.sign, np.absolute: sympy.Abs, np.fabs: sympy.Abs,
+    np.maximum: sympy.Max, np.minimum: sympy.Min, np.fmax: sympy.Max, np.fmin: sympy.Min,
+    np.heaviside: lambda x, half: sympy.Heaviside(x), np.hypot: lambda x, y: sympy.sqrt(x**2 + y**2),
+    np.square: lambda x: x**2, np.cbrt: lambda x: sympy.sign(x) * sympy.Abs(x) ** sympy.Rational(1, 3),
+    np.expm1: lambda x: sympy.exp(x) - 1, np.log1p: lambda x: sympy.log(1 + x),
+    np.log10: lambda x: sympy.log(x) / sympy.log(10), np.log2: lambda x: sympy.log(x) / sympy.log(2),
+    np.deg2rad: lambda x: x * sympy.pi / 180, np.rad2deg: lambda x: x * 180 / sympy.pi,
+    np.less: operator.lt, np.less_equal: operator.le, np.greater: operator.gt, np.greater_equal: operator.ge,
+    np.logical_and: sympy.And, np.logical_or: sympy.Or, np.logical_not: sympy.Not,
+}  # fmt: skip
+# What numpy does with objects element by element, by their operators.
+_BY_OPERATORS = {
+    np.add, np.subtract, np.multiply, np.true_divide, np.power, np.negative, np.positive, np.equal,
+    np.not_equal, np.reciprocal, np.matmul,
+}  # fmt: skip
+
+
+def number_of(condition: Any) -> Expr:
+    """1 where a condition holds, else 0."""
+    return sympy.Piecewise((1, condition), (0, True))
+
+
+def _plain(value: Any) -> Any:
+    # A symbol is of both kinds.
+    return number_of(value) if isinstance(value, Boolean) and not isinstance(value, Expr) else value
+
+
+def apply_ufunc(self: Any, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
+    """What numpy's function of numbers gives for expressions."""
+    if method != "__call__" or options.get("out") is not None:
+        return NotImplemented
+    known = UFUNCS.get(ufunc)
+    if known is None and ufunc not in _BY_OPERATORS:
+        raise TypeError(
+            f"np.{ufunc.__name__} is not known of expressions: use sin, cos, tan, exp, log, sqrt, tanh, "
+            "sign, Abs, Min, Max, Heaviside or Piecewise from filippov."
+        )
+    function = np.frompyfunc(known, ufunc.nin, 1) if known is not None else ufunc
+    # In arrays of dimension 0, so that numpy does not ask again.
+    objects = [_boxed(item) for item in inputs]
+    out = function(*objects)
+    return out.item() if isinstance(out, np.ndarray) and out.ndim == 0 else out
+
+
+def _boxed(item: Any) -> Any:
+    box = np.empty(np.shape(item) if isinstance(item, np.ndarray) else (), dtype=object)
+    box[...] = item.item() if isinstance(item, np.generic) else item
+    return box
+
+
+def _where(condition: Any, then: Any, other: Any) -> Any:
+    return sympy.Piecewise((then, condition), (other, True))
+
+
+def _clip(value: Any, low: Any = None, high: Any = None, **limits: Any) -> Any:
+    low, high = limits.get("min", low), limits.get("max", high)
+    upper = value if high is None else sympy.Min(value, high)
+    return upper if low is None else sympy.Max(upper, low)
+
+
+def _select(conditions: Any, choices: Any, default: Any = 0) -> Any:
+    return sympy.Piecewise(*zip(choices, conditions, strict=True), (default, True))
+
+
+FUNCTIONS: dict[Any, Callable[..., Any]] = {np.where: _where, np.clip: _clip, np.select: _select}
+
+
+def apply_function(self: Any, function: Any, types: Any, args: Any, options: Any) -> Any:
+    """What numpy's function of arrays gives for expressions."""
+    known = FUNCTIONS.get(function)
+    if known is None:
+        name = getattr(function, "__name__", function)
+        raise TypeError(
+            f"np.{name} is not known of expressions: write it with Piecewise, Min and Max from filippov, or "
+            "give the system as plain functions: System(field=f, ...)."
+        )
+    return known(*args, **options)
+
+
+def _with_advice(method: Callable[[Any], Any], advice: str) -> Callable[[Any], Any]:
+    def asked(self: Any) -> Any:
+        try:
+            return method(self)
+        except TypeError as error:
+            raise TypeError(f"{error}. {advice}") from None
+
+    return asked
+
+
+def install() -> None:
+    """Give sympy's expressions and conditions the answers, once, where they have none of their own."""
+    if hasattr(Expr, "__array_ufunc__"):
+        return
+    for kind in (Expr, Boolean):
+        kind.__array_ufunc__ = apply_ufunc
+        kind.__array_function__ = apply_function
+    Boolean.__mul__ = Boolean.__rmul__ = lambda self, other: number_of(self) * _plain(other)
+    Boolean.__add__ = Boolean.__radd__ = lambda self, other: number_of(self) + _plain(other)
+    Boolean.__sub__ = lambda self, other: number_of(self) - _plain(other)
+    Boolean.__rsub__ = lambda self, other: _plain(other) - number_of(self)
+    Boolean.__neg__ = lambda self: -number_of(self)
+    Relational.__bool__ = _with_advice(Relational.__bool__, IN_AN_EQUATION)
+    advice = "In an equation use sin, cos, exp, ... from filippov (or numpy), not those of math."
+    Expr.__float__ = _with_advice(Expr.__float__, advice)

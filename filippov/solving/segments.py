@@ -1,0 +1,76 @@
+"""The stretches of a motion in one mode."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+from filippov.base.status import mode_text
+from filippov.solving.state.events import Mode
+
+# Words for a mode: whether it slides.
+WORDS = {"stick": True, "sliding": True, "slip": False, "free": False}
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One stretch of the motion in one mode, from t0 to t1 in the direction of integration."""
+
+    t0: float
+    t1: float
+    mode: Mode
+
+    @property
+    def dwell(self) -> float:
+        """Length of the stretch in time."""
+        return abs(self.t1 - self.t0)
+
+    def __str__(self) -> str:
+        return f"{mode_text(self.mode)} [{self.t0:.9g}, {self.t1:.9g}]"
+
+
+class Segments(tuple[Segment, ...]):  # noqa: SLOT001  # each has the names of its surfaces
+    """The stretches of a motion in order; surfaces: the names to which the signs of a mode belong."""
+
+    surfaces: tuple[str, ...] = ()
+
+    @classmethod
+    def made(cls, items: Iterable[Segment], surfaces: tuple[str, ...]) -> Segments:
+        """The segments of a system with these surfaces."""
+        out = cls(items)
+        out.surfaces = surfaces
+        return out
+
+    @property
+    def durations(self) -> npt.NDArray[np.float64]:
+        """The length of each in time."""
+        return np.array([segment.dwell for segment in self], dtype=float)
+
+    def of(self, mode: str, surface: str | None = None) -> Segments:
+        """Those of one mode.
+
+        mode     "stick" or "sliding" (on a surface), "slip" or "free" (on none), or signs such as "+0", with
+                 * for any
+        surface  the one that the word or sign is about; default: any of them, or all signs in their order
+
+        Raises UsageError.
+        """
+        if surface is not None and surface not in self.surfaces:
+            raise UsageError(unknown("surface", surface, self.surfaces))
+        at = range(len(self.surfaces)) if surface is None else [self.surfaces.index(surface)]
+        if mode in WORDS:
+            found = [q for q in self if any(q.mode[i] == 0 for i in at) == WORDS[mode]]
+        elif len(str(mode)) == len(at) and not set(str(mode)) - set("+0-*"):
+            pairs = list(zip(at, str(mode), strict=True))
+            found = [q for q in self if all(c == "*" or mode_text((q.mode[i],)) == c for i, c in pairs)]
+        else:
+            names = f" ({', '.join(self.surfaces)})" if surface is None else ""
+            raise UsageError(
+                f"mode is {mode!r}, expected one of {', '.join(WORDS)}, or {len(at)} of + 0 - *{names}."
+            )
+        return Segments.made(found, self.surfaces)
