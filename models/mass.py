@@ -81,8 +81,9 @@ class ControlledMass:
     def band_system(self, comparator: Switch | Karnopp, **width: Parameter) -> System:
         """Return the plant under a comparator with a stick band, whose own parameters are `width`.
 
-        Within the band the friction is the set at rest, without a viscous part. The surfaces are "band upper",
-        "band lower", "effort upper" and "effort lower". Raises ModelError for a law without dry friction.
+        Within the band the friction is the set at rest, without a viscous part. The surfaces are "band
+        upper", "band lower", "effort upper" and "effort lower". Raises ModelError for a law without
+        dry friction.
         """
         self.check_dry(type(comparator).__name__)
         x, v, z, p, tail = self.parts(**width)

@@ -4,7 +4,8 @@
     stick       |v| <= eta, -Fs+ <= u <= Fs-        v' = -alpha v
     transition  |v| <= eta, u outside             m v' = -u + Fs-  (u > Fs-),  -u - Fs+  (u < -Fs+)
 
-with x' = v, z' = x throughout: the comparator `filippov.Switch` of the plant's inclusion. With equal levels the transition is (-u + Fs sgn u)/m.
+with x' = v, z' = x throughout: the comparator `filippov.Switch` of the plant's inclusion. With
+equal levels the transition is (-u + Fs sgn u)/m.
 Sources: Karnopp 1985; Leine 2000.
 """
 

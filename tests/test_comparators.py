@@ -1,4 +1,4 @@
-"""Comparators chosen for each surface: Switch and Karnopp of any sliding surface, shapes, widths as parameters."""
+"""Comparators for each surface: Switch and Karnopp of any sliding surface, shapes, widths as parameters."""
 
 import math
 from typing import Any
@@ -8,8 +8,21 @@ import pytest
 import sympy as sp
 
 from filippov import (
-    Band, Exact, Hysteresis, Karnopp, ModelError, Parameter, Smooth, Surface, Switch, System, parameters, sign,
-    solve, states, t,
+    Band,
+    Exact,
+    Hysteresis,
+    Karnopp,
+    ModelError,
+    Parameter,
+    Smooth,
+    Surface,
+    Switch,
+    System,
+    parameters,
+    sign,
+    solve,
+    states,
+    t,
 )  # fmt: skip
 from filippov.io.stored_system import system_data, system_of
 from filippov.models import get, hunting
@@ -57,7 +70,9 @@ def rate(system: System, i: int, at: dict[str, float], f: list[float]) -> float:
     return (moved(1e-6) - moved(-1e-6)) / 2e-6
 
 
-def banded(system: System, i: int, at: dict[str, float], levels: tuple[float, float], seen: Any) -> list[float]:
+def banded(
+    system: System, i: int, at: dict[str, float], levels: tuple[float, float], seen: Any
+) -> list[float]:
     """The field of the band models by their definition; seen(at): where Karnopp's model is taken."""
     count = len(system.surfaces)
     heights = [height(system, j, at) for j in range(count)]
@@ -189,8 +204,8 @@ WIDTH = parameters(eta=Parameter(1e-3, lower=1e-12), alpha=Parameter(100, lower=
 def test_15_1_a_pendulum_under_a_stick_band_goes_to_the_exact_one(kind: Any) -> None:
     """The Switch model creeps by eta/alpha in its last stick, Karnopp's not at all.
 
-    Karnopp's pendulum turns with w = +-DV in the place of 0, the same kinetic energy at each turn: its turning
-    points obey g (cos b - cos a) = M |b - a| as those of the exact one do, for every DV.
+    Karnopp's pendulum turns with w = +-DV in the place of 0, the same kinetic energy at each turn: its
+    turning points obey g (cos b - cos a) = M |b - a| as those of the exact one do, for every DV.
     """
     exact = get("pendulum").build()
     made = exact.with_comparator(kind(WIDTH.eta, WIDTH.alpha))

@@ -93,8 +93,9 @@ class Switch(_Checked):
         |h| <= eta, L(lo), L(hi) < 0     s = lo, and s = hi where both are > 0: it slips off or through
         |h| <= eta, L(lo) < 0 < L(hi)    the surface repels: s = h/eta
 
-    L(s) is dh/dt at the sign s and |h| = 0; [lo, hi] is the set of the surface, its static levels. The surfaces
-    of the new system are NAME:upper (h - eta), NAME:lower (h + eta), NAME:down (-L(lo)) and NAME:up (-L(hi)).
+    L(s) is dh/dt at the sign s and |h| = 0; [lo, hi] is the set of the surface, its static levels. The
+    surfaces of the new system are NAME:upper (h - eta), NAME:lower (h + eta), NAME:down (-L(lo)) and NAME:up
+    (-L(hi)).
     eta, the half-width; alpha >= 0 [1/time]. Source: Leine 2000, after Karnopp 1985.
     """
 
@@ -107,9 +108,9 @@ class Karnopp(_Checked):
     """Karnopp's model: within |h| <= DV the velocity whose h it is counts as the one of h = 0 everywhere.
 
     Like `Switch`, with every other equation, and the balance L(lo) >= 0 >= L(hi) of the stick, taken at that
-    velocity: nothing drifts in stick. Its own state goes there with dh/dt = -alpha h, or stays with alpha = 0,
-    Karnopp's own form. h must hold one state, linearly, that another state's equation holds (a velocity), and
-    its sign must act on the equation of that state alone. Source: Karnopp 1985.
+    velocity: nothing drifts in stick. Its own state goes there with dh/dt = -alpha h, or stays with alpha =
+    0, Karnopp's own form. h must hold one state, linearly, that another state's equation holds (a velocity),
+    and its sign must act on the equation of that state alone. Source: Karnopp 1985.
     """
 
     DV: Any
@@ -136,7 +137,8 @@ def check_comparator(comparator: object) -> Comparator:
     if isinstance(comparator, tuple(NAMES.values())):
         return comparator  # type: ignore[return-value]  # one of them
     is_class = isinstance(comparator, type)
-    hint = " Write Exact()." if comparator is Exact or comparator not in NAMES.values() else " Give its width."
+    wide = comparator is not Exact and comparator in NAMES.values()
+    hint = " Give its width." if wide else " Write Exact()."
     raise ModelError(
         f"comparator is {comparator!r}, expected Exact(), Band(width), Smooth(width), Hysteresis(width), "
         "Switch(eta, alpha), Karnopp(DV, alpha), or a mapping from names of surfaces to these."

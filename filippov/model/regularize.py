@@ -1,4 +1,4 @@
-"""A system under comparators: Sgn(h) replaced by a function of h, by a relay with hysteresis, or in a band."""
+"""A system under comparators: Sgn(h) replaced by a function of h, by a relay, or within a band."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def regularize_symbolic(
     values = {q: e.xreplace(last) for q, e in values.items()}
     names = [q.name for q in new.surfaces]
     old = [next((i for i, q in enumerate(surfaces) if q.name == name), None) for name in names]
-    gone = {form.s[band.i] for band in bands} | {form.a[band.i] for band in bands if form.a[band.i] not in values}
+    gone = {q for band in bands for q in (band.s, band.a) if q not in values}
     moved = [e for row in (*form.reset, *form.time_reset) for e in row or ()]
     for e in (*moved, *new.h):
         if e.free_symbols & gone:
@@ -105,7 +105,8 @@ def _alone(form: SymbolicForm, i: int, own: Comparator) -> bool:
 
 
 def evened(e: Expr, form: SymbolicForm, surfaces: Sequence[Surface], even: Mapping[Symbol, Expr]) -> Expr:
-    """An expression without the signs of kinks: f+ or f- by the sign of h is (f+ + f-)/2 + |h| (f+ - f-)/2h."""
+    """An expression without the signs of kinks: f+ or f- by the sign of h is (f+ + f-)/2 + |h| (f+ - f-)/2h.
+    """
     for s, a, h, surface in zip(form.s, form.a, form.h, surfaces, strict=True):
         if surface.kind == "kink" and e.has(s):
             plus, minus = (e.xreplace({s: sympy.Integer(side)}) for side in (1, -1))
@@ -129,8 +130,8 @@ def checked_width(surface: Surface, own: Comparator) -> Expr:
         return sympy.Float(width)
     if not all(isinstance(q, ParameterSymbol) for q in width.free_symbols) or not width.is_positive:
         raise ModelError(
-            f"surface {surface.name!r}: the width of {type(own).__name__} is {width}, expected a number > 0 or "
-            "an expression of parameters that their bounds keep positive: parameters(w=Parameter(0.01, "
+            f"surface {surface.name!r}: the width of {type(own).__name__} is {width}, expected a number > 0 "
+            "or an expression of parameters that their bounds keep positive: parameters(w=Parameter(0.01, "
             "lower=1e-12))."
         )
     return width
@@ -148,8 +149,8 @@ def with_parameters(
                     continue
                 if any(q.name == other.name for other in out):
                     raise ModelError(
-                        f"parameter {q.name!r} of {type(comparator).__name__} is another one than that of the "
-                        "system. Rename it, or take the system's own symbol."
+                        f"parameter {q.name!r} of {type(comparator).__name__} is another one than that of "
+                        "the system. Rename it, or take the system's own symbol."
                     )
                 out.append(q)
     return tuple(out)

@@ -29,8 +29,8 @@ def regularize_functions(
         own = chosen.get(surface.name, Exact()) if surface.kind == "switching" else Exact()
         if any(is_expression(value) for value in numbers_of(own).values()):
             raise ModelError(
-                f"surface {surface.name!r}: {own} holds an expression, expected a number, because the field is "
-                "a function."
+                f"surface {surface.name!r}: {own} holds an expression, expected a number, because the "
+                "field is a function."
             )
         if isinstance(own, Exact | Hysteresis):
             signs.append(Kept(len(kept)))
@@ -44,8 +44,8 @@ def regularize_functions(
             signs.append(Saturated(surface.h, own.width, own.shape))
         else:
             raise ModelError(
-                f"surface {surface.name!r}: {type(own).__name__} takes dh/dt apart by its sign, and the field is "
-                "a plain function. Write the system as expressions, or choose Band, Smooth or Hysteresis."
+                f"surface {surface.name!r}: {type(own).__name__} takes dh/dt apart by its sign; the field "
+                "is a plain function. Write the system as expressions, or choose Band, Smooth or Hysteresis."
             )
     if all(isinstance(sign, Kept) for sign in signs):
         return field, tuple(kept)

@@ -133,8 +133,8 @@ class StickBand:
         """Raise ModelError where h is not the velocity of a body, up to a factor."""
         if self.state is None:
             raise ModelError(
-                f"{self.name}: h = {self.surface.h} holds {held} states, expected one, linearly: the velocity "
-                f"of a body. {OTHERS}"
+                f"{self.name}: h = {self.surface.h} holds {held} states, expected one, linearly: the "
+                f"velocity of a body. {OTHERS}"
             )
         x = self.form.x[self.state]
         others = [f for k, f in enumerate(self.form.field) if k != self.state]
@@ -147,7 +147,7 @@ class StickBand:
             raise ModelError(f"{self.name}: no other equation holds {x}, so it is no velocity. {OTHERS}")
 
     def add_rates(self, new: NewSurfaces, even: Callable[[Expr], Expr]) -> None:
-        """Add the surfaces on which the static levels are reached; `even` puts in the other signs and sizes."""
+        """Add the surfaces on which the static levels are reached; `even` puts in the other signs."""
         ends = []
         for bound, name in zip(self.form.radius[self.i], ("down", "up"), strict=True):
             h = even(-self.rate.xreplace({self.s: bound}))

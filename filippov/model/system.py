@@ -293,8 +293,8 @@ class System:
     def with_comparator(self, comparator: Comparator | PerSurface | Mapping[str, Comparator]) -> System:
         """Return the system with another comparator in the place of Sgn on its switching surfaces.
 
-        One for all of them, or a mapping from names of surfaces (or the formulas of their h), where those left
-        out stay exact. It is put into the system as it was written, whatever stood in it before. Raises
+        One for all of them, or a mapping from names of surfaces (or the formulas of their h), where those
+        left out stay exact. It is put into the system as it was written, whatever stood in it before. Raises
         ModelError where a comparator cannot stand for a surface (see `filippov.model.comparator`).
         """
         base = self.exact
@@ -336,7 +336,7 @@ class System:
             given = dict(given.items())
         if not isinstance(given, Mapping):
             return check_comparator(given)
-        named = {self.surface_names[self.surface_place(key)[0]]: comparator for key, comparator in given.items()}
+        named = {self.surface_names[self.surface_place(key)[0]]: own for key, own in given.items()}
         return per_surface(named, {q.name: q.kind == "switching" for q in self.surfaces})
 
     def with_form(self, form: SymbolicForm, surfaces: tuple[Surface, ...]) -> System:
