@@ -126,7 +126,7 @@ def test_15_1_a_stick_band_is_its_definition(system: System, i: int, levels: Any
     made = system.with_comparator({system.surfaces[i].name: own})
     rng = np.random.default_rng(15)
     regions = set()
-    for _ in range(60):
+    for _ in range(30):
         at = dict(zip(system.states, rng.uniform(-0.9, 0.9, len(system.states)).tolist(), strict=True))
         at["t"] = float(rng.uniform(0, 3))
         expected = banded(system, i, at, levels, seen or (lambda q: q))

@@ -20,8 +20,8 @@ ALPHA = 100.0
 SMALLEST = 1e-300
 # Name -> the comparator of a width and a rate alpha, and whether it is stiff as the width goes to 0.
 KINDS: dict[str, tuple[Callable[[Any, Any], Comparator], bool]] = {
-    "switch": (lambda width, alpha: Switch(width, alpha), False),
-    "karnopp": (lambda width, alpha: Karnopp(width, alpha), False),
+    "switch": (Switch, False),
+    "karnopp": (Karnopp, False),
     "band": (lambda width, _: Band(width), True),
     "tanh": (lambda width, _: Smooth(width), True),
     "arctan": (lambda width, _: Smooth(width, "arctan"), True),
@@ -35,8 +35,8 @@ class Approximation:
     """A family of systems that goes to the exact one with its width.
 
     name     as it is to appear in the tables
-    build    width -> System, or (System, parameter values), which saves making the same system for each width;
-             its states are those of the exact system, then perhaps others
+    build    width -> System, or (System, parameter values), which saves making the same system for each
+             width; its states are those of the exact system, then perhaps others
     stiff    whether it gets stiff as the width goes to 0: it is then integrated by the implicit method
     method   the integrator; None: by `stiff`
     start    values at the start of the states that the exact system does not have, 0 by default
@@ -75,7 +75,8 @@ def _one(exact: System, item: Any, alpha: float) -> Approximation:
     if isinstance(item, Approximation):
         return item
     if not isinstance(item, str):
-        raise UsageError(f"against holds {item!r}, expected a name of {', '.join(KINDS)} or an Approximation.")
+        known = ", ".join(KINDS)
+        raise UsageError(f"against holds {item!r}, expected a name of {known} or an Approximation.")
     name = "tanh" if item == "smooth" else item
     if name not in KINDS:
         raise UsageError(unknown("approximation", item, KINDS))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from filippov.analysis.comparisons.comparison_result import FITTED, SLOWEST, Trend
-from filippov.analysis.comparisons.motion_run import ERRORS
+from filippov.analysis.comparisons.motion_run import ERRORS, OWN
 from filippov.base.csv_text import csv_text
 from filippov.base.json_text import json_text
 from filippov.solving.solution import Solution
@@ -19,7 +19,12 @@ WORDS = {
     "error_state": "error of the states", "error_final": "error of the final state",
     "error_times": "error of event times", "drift": "drift in stick",
 }  # fmt: skip
-HEAD = ("model", "width", "method", "err state", "err final", "err times", "drift", "calls", "x", "ms", "note")
+HEAD = (
+    "model", "width", "method", "err state", "err final", "err times", "drift", "calls", "x", "ms", "note",
+)  # fmt: skip
+
+
+FOOT = "err state: the largest, over the extent of the state; x: field calls over those of the exact run."
 
 
 @dataclass(frozen=True)
@@ -40,8 +45,8 @@ class Needed:
         if self.width is None:
             return f"{what} was not reached."
         return (
-            f"{what} needs width {self.width:.3g}: checked, {self.error:.3g}, at {self.calls_ratio:.3g} times "
-            "the field calls of the exact run."
+            f"{what} needs width {self.width:.3g}: checked, {self.error:.3g}, at {self.calls_ratio:.3g} "
+            "times the field calls of the exact run."
         )
 
 
@@ -49,8 +54,8 @@ class Needed:
 class MotionComparison:
     """Rows of a comparison of motions, the exact one first.
 
-    rows       one dict a row: model, width (None: exact), method, error_state, error_final (over the extent of
-               each state), error_times, drift, stick (time), entries (into stick, by surface), ending,
+    rows       one dict a row: model, width (None: exact), method, error_state, error_final (over the extent
+               of each state), error_times, drift, stick (time), entries (into stick, by surface), ending,
                amplitude, period, field_calls, jacobians, factorisations, calls_ratio, seconds, note, measures
     faults     a sentence for each difference in kind at the narrowest width computed
     needed     the widths for the accuracy asked for
@@ -72,6 +77,16 @@ class MotionComparison:
     def models(self) -> tuple[str, ...]:
         """The names of the approximations in order."""
         return tuple(dict.fromkeys(row["model"] for row in self.rows if row["width"] is not None))
+
+    @property
+    def measures(self) -> tuple[str, ...]:
+        """The names of the measures that were asked for."""
+        return tuple(name for name in self.rows[0] if name not in OWN)
+
+    @property
+    def head(self) -> tuple[str, ...]:
+        """The titles of the table's columns."""
+        return (*HEAD[:-1], *self.measures, HEAD[-1])
 
     @cached_property
     def trends(self) -> tuple[Trend, ...]:
@@ -97,7 +112,8 @@ class MotionComparison:
         if error <= floor and len(above) < 2:
             return Trend(model, {}, quantity, None, True, f"{what} is not more than rounding at {width:g}.")
         if len(above) < 2:
-            return Trend(model, {}, quantity, None, None, f"{what} is {error:.3g} at {width:g}, one width only.")
+            text = f"{what} is {error:.3g} at {width:g}, one width only."
+            return Trend(model, {}, quantity, None, None, text)
         order = float(np.polyfit(np.log([w for w, _ in above]), np.log([e for _, e in above]), 1)[0])
         if order > SLOWEST:
             text = f"{what} goes to 0 like width^{order:.2f}; {error:.2g} at width {width:.3g}."
@@ -108,17 +124,14 @@ class MotionComparison:
 
     def to_text(self) -> str:
         """The table, then the orders, the faults and the widths needed."""
-        table = [HEAD, *(cells(row) for row in self.rows)]
-        sizes = [max(len(line[i]) for line in table) for i in range(len(HEAD))]
+        table = [self.head, *(cells(row, self.measures) for row in self.rows)]
+        sizes = [max(len(line[i]) for line in table) for i in range(len(self.head))]
         lines = []
         for line in table:
             inner = [cell.rjust(size) for cell, size in zip(line[1:-1], sizes[1:-1], strict=True)]
             lines.append("  ".join([line[0].ljust(sizes[0]), *inner, line[-1]]).rstrip())
         lines.insert(1, "-" * max(len(line) for line in lines))
-        lines += [
-            "", "errors of states: the largest, over the extent of the state; x: field calls over those of the "
-            "exact run.", "", *(trend.sentence for trend in self.trends),
-        ]  # fmt: skip
+        lines += ["", FOOT, "", *(trend.sentence for trend in self.trends)]
         for title, sentences in self.paragraphs():
             lines += ["", title, *(f"  {sentence}" for sentence in sentences)]
         return "\n".join(lines) + "\n"
@@ -154,7 +167,7 @@ class MotionComparison:
 
     def to_html(self) -> str:
         """One page with the table, the sentences and the picture in it."""
-        from filippov.plot.motions import page
+        from filippov.analysis.comparisons.motion_page import page
 
         return page(self)
 
@@ -165,7 +178,7 @@ class MotionComparison:
         return plot_motions(self, **options)
 
 
-def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+def cells(row: Mapping[str, Any], measures: Sequence[str] = ()) -> tuple[str, ...]:
     """A row as text."""
 
     def number(value: Any, form: str = ".1e") -> str:
@@ -176,7 +189,7 @@ def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         row["model"], "-" if row["width"] is None else f"{row['width']:.0e}", row["method"] or "-",
         *(number(row[name]) for name in ERRORS), number(row["field_calls"], "d"),
         number(row["calls_ratio"], ".2f"), number(None if seconds is None else 1e3 * seconds, ".2f"),
-        row["note"],
+        *(number(row.get(name), ".6g") for name in measures), row["note"],
     )  # fmt: skip
 
 
@@ -193,13 +206,15 @@ def faults(
         if have != want:
             what = "loses" if have < want else "invents"
             out.append(
-                f"{where} {what} stick on {surface!r}: {have} entries into it, where the exact motion has {want}."
+                f"{where} {what} stick on {surface!r}: {have} entries into it, where the exact motion has "
+                f"{want}."
             )
     was, now = exact["ending"], row["ending"]
     if was == "rest" and now != "rest":
         out.append(
             f"{where} loses the rest state: where the exact motion rests, {states[last['state']]} "
             + (f"goes on in a cycle of amplitude {row['amplitude']:.3g}." if now == "cycle"
+               else f"goes to and fro within {last['chatter']:.2g} of its extent." if last["chatter"]
                else f"creeps on at {last['speed']:.2g} of its extent in a unit of time.")
         )  # fmt: skip
     if was != "rest" and now == "rest":

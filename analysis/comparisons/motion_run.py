@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from filippov.analysis.comparisons.approximation import Approximation
 from filippov.analysis.comparisons.motion_events import EventReader, Read, ending
-from filippov.base.errors import UsageError
+from filippov.base.errors import ModelError, UsageError
 from filippov.base.status import Status
 from filippov.model.system import System
 from filippov.solving.solution import Solution
@@ -22,20 +22,22 @@ from filippov.sweep.measure import Function, read_measures
 
 Array = npt.NDArray[np.float64]
 GRID, TAIL, TIGHT = 2001, 0.25, 3e-14
-# An explicit method takes about rate * span / 6 steps for stability; beyond so many the implicit one is taken.
+# An explicit method takes about rate * span / 6 steps for stability: beyond so many the implicit one is taken
 STIFF_STEPS = 2000.0
 EXPLICIT, IMPLICIT = "DOP853", "Radau"
 ERRORS = ("error_state", "error_final", "error_times", "drift")
 TOO_MANY = {Status.MAX_STEPS: "steps", Status.MAX_EVENTS: "events"}
 
 
+OWN = (
+    "model", "width", "method", *ERRORS, "stick", "entries", "ending", "amplitude", "period", "field_calls",
+    "jacobians", "factorisations", "calls_ratio", "seconds", "note",
+)  # fmt: skip
+
+
 def blank_row(name: str, width: float | None) -> dict[str, Any]:
     """A row without values."""
-    blank = dict.fromkeys((
-        *ERRORS, "stick", "entries", "ending", "amplitude", "period", "field_calls", "jacobians",
-        "factorisations", "calls_ratio", "seconds",
-    ))  # fmt: skip
-    return {"model": name, "width": width, "method": None, **blank, "note": ""}
+    return dict.fromkeys(OWN) | {"model": name, "width": width, "note": ""}
 
 
 class ExactMotion:
@@ -69,7 +71,7 @@ class ExactMotion:
 
     def _solved(self, tolerances: Mapping[str, float]) -> Solution:
         options = {**self.options, **tolerances}
-        solution = solve(self.system, self.x0, self.t_span, parameters=self.given, **options)
+        solution: Solution = solve(self.system, self.x0, self.t_span, parameters=self.given, **options)
         if solution.status is not Status.SUCCESS:
             raise UsageError(
                 f"the exact motion ends at t = {solution.t_end:.6g}, so nothing can be compared with it: "
@@ -95,10 +97,11 @@ class ExactMotion:
         assert sol is not None
         gap = np.abs(sol(self.times)[:n] - self.states) / self.extent[:, None]
         end = np.abs(solution.x_end[:n] - self.fine.x_end) / self.extent
-        own = sum((read.events(self.span) for read in reads), [])
-        exact = sum((read.events(self.span) for read in self.reads), [])
-        same = [q[1:] for q in sorted(own)] == [q[1:] for q in sorted(exact)]
-        gaps = [abs(a[0] - b[0]) for a, b in zip(sorted(own), sorted(exact), strict=True)] if same else []
+        own, exact = (
+            sorted(event for read in each for event in read.events(self.span)) for each in (reads, self.reads)
+        )
+        same = [event[1:] for event in own] == [event[1:] for event in exact]
+        gaps = [abs(a[0] - b[0]) for a, b in zip(own, exact, strict=True)] if same else []
         last = ending(solution, n, self.extent)
         found = {
             "error_state": float(np.max(gap)), "error_final": float(np.max(end)),
@@ -115,16 +118,16 @@ class ExactMotion:
         """The measures asked for; None where an approximation does not have what they name."""
         found: dict[str, Any] = {}
         for measure in self.measures:
+            if isinstance(measure, Function):
+                found |= {name: float(value) for name, value in measure.call(solution).items()}
+                continue
             try:
-                if isinstance(measure, Function):
-                    found |= {name: float(value) for name, value in measure.call(solution).items()}
-                else:
-                    values = measure.of_solution(solution, TAIL)
-                    found |= dict(zip(measure.columns(self.system), values, strict=True))
-            except Exception:
+                values: list[Any] = list(measure.of_solution(solution, TAIL))
+            except ModelError:
                 if solution.system is self.system:
                     raise
-                found |= {} if isinstance(measure, Function) else dict.fromkeys(measure.columns(self.system))
+                values = [None]
+            found |= dict(zip(measure.columns(self.system), values, strict=True))
         return {name: value if value is None or np.isfinite(value) else None for name, value in found.items()}
 
     def clock(self, system: System, x0: Any, given: Mapping[str, float], method: str) -> float:
@@ -197,7 +200,10 @@ class ModelMotion:
 
 
 def chosen_widths(exact: ExactMotion, given: Sequence[float] | None, decades: Sequence[int]) -> list[float]:
-    """The widths from the widest on; by default decades of the largest |h| of the motion. Raises UsageError."""
+    """The widths from the widest on; by default decades of the largest |h| of the motion.
+
+    Raises UsageError.
+    """
     if given is None:
         sizes = [exact.reader.size(exact.fine, name) for name in exact.reader.readers]
         scale = 10.0 ** round(np.log10(min((q for q in sizes if q > 0), default=1.0)))

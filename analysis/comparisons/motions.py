@@ -77,7 +77,8 @@ def compare_motions(
     names = list(exact.reader.readers)
     for model in models:
         left += [f"{model.name} leaves {surface!r} exact: {why}" for surface, why in model.without.items()]
-        motion, own, spent = ModelMotion(exact, model, sizes[-1]), [], ""
+        motion, spent = ModelMotion(exact, model, sizes[-1]), ""
+        own: list[dict[str, Any]] = []
         for width in sizes:
             if progress is not None:
                 progress(len(rows), total, f"{model.name} {width:g}")

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from filippov.app.cli.compare import APPROXIMATIONS
 from filippov.app.cli.configuration import Option
 from filippov.app.cli.values import (
     destination,
@@ -16,7 +17,6 @@ from filippov.app.cli.values import (
     names,
     number,
     number_or_formula,
-    numbers,
     one_of,
     pair,
     policy,
@@ -436,11 +436,9 @@ _ALL = (
         needs="filippov.analysis.estimation.identification",
     ),
     Command(
-        "compare", "the exact inclusion against band models: comparison.csv, .json, .txt, .png", "compare",
-        (MODEL, PARAMETERS,
-         Option("widths", "band widths, with commas", numbers, metavar="ETA,ETA,..."),
-         Option("alphas", "stiffnesses of the band, with commas", numbers, metavar="ALPHA,ALPHA,..."),
-         *SECTION),
+        "compare", "the exact inclusion against its approximations, over a section or along a motion (--x0, "
+        "--t-span, --against): comparison.csv, .json, .txt, .png", "compare",
+        (MODEL, PARAMETERS, *APPROXIMATIONS, *START[:2], *TOLERANCES[:2], *SECTION),
         EXAMPLES["compare"],
         needs="filippov.analysis.comparisons.comparison",
     ),
