@@ -11,6 +11,8 @@ from filippov.analysis.comparisons.band_model import SMOOTH_REACH, BandModel
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import unknown
 from filippov.model.comparator import Band, Comparator, Hysteresis, Karnopp, Smooth, Switch
+from filippov.model.friction_model import MODELS as FRICTION
+from filippov.model.friction_model import with_friction_model
 from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import parameters
 from filippov.model.system import System
@@ -58,7 +60,8 @@ class Approximation:
 
 
 def approximations(exact: System, against: Any, alpha: float = ALPHA) -> list[Approximation]:
-    """The approximations that are asked for: names of KINDS ("smooth" is "tanh"), a mapping from names to
+    """The approximations that are asked for: names of KINDS ("smooth" is "tanh") and of friction
+    models, a mapping from names to
     builds, Approximations, or several of these. Raises UsageError.
     """
     items = [against] if isinstance(against, str | Approximation) else against
@@ -75,12 +78,25 @@ def _one(exact: System, item: Any, alpha: float) -> Approximation:
     if isinstance(item, Approximation):
         return item
     if not isinstance(item, str):
-        known = ", ".join(KINDS)
+        known = ", ".join((*KINDS, *FRICTION))
         raise UsageError(f"against holds {item!r}, expected a name of {known} or an Approximation.")
     name = "tanh" if item == "smooth" else item
+    if name in FRICTION:
+        return with_friction(exact, name)
     if name not in KINDS:
-        raise UsageError(unknown("approximation", item, KINDS))
+        raise UsageError(unknown("approximation", item, (*KINDS, *FRICTION)))
     return under(exact, name, alpha)
+
+
+def with_friction(exact: System, name: str) -> Approximation:
+    """The system with a friction model of the literature; UsageError where it does not fit."""
+    word = _fresh("width", exact)
+    width = parameters(**{word: Parameter(1e-3, lower=SMALLEST, description=f"width of {name}")})[word]
+    try:
+        made = with_friction_model(exact, name, width)
+    except ModelError as error:
+        raise UsageError(f"{name} does not fit this system. {error}") from None
+    return Approximation(name, lambda value: (made, {word: value}), stiff=True, method="Radau")
 
 
 def under(exact: System, name: str, alpha: float = ALPHA) -> Approximation:

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING
+from typing import Any
 
-from filippov.analysis.comparisons.motion_result import cells
 from filippov.base.escape import markup
-
-if TYPE_CHECKING:
-    from filippov.analysis.comparisons.motion_result import MotionComparison
 
 STYLE = (
     "body{font:15px/1.5 sans-serif;max-width:75em;margin:2em auto;padding:0 1em;color:#222}"
@@ -19,11 +15,10 @@ STYLE = (
 )
 
 
-def page(comparison: MotionComparison, title: str = "Exact motion and approximations") -> str:
+def page(comparison: Any, title: str = "Exact motion and approximations") -> str:
     """The page as text. The picture is left out where matplotlib is missing."""
     rows = [
-        "<tr>" + "".join(f"<td>{markup(cell)}</td>" for cell in cells(row, comparison.measures)) + "</tr>"
-        for row in comparison.rows
+        "<tr>" + "".join(f"<td>{markup(cell)}</td>" for cell in line) + "</tr>" for line in comparison.cells
     ]
     head = "".join(f"<th>{markup(word)}</th>" for word in comparison.head)
     parts = [
@@ -43,7 +38,7 @@ def _list(sentences: tuple[str, ...]) -> str:
     return "<ul>" + "".join(f"<li>{markup(sentence)}</li>" for sentence in sentences) + "</ul>"
 
 
-def _picture(comparison: MotionComparison) -> str:
+def _picture(comparison: Any) -> str:
     try:
         figure = comparison.plot()
     except ImportError:

@@ -88,6 +88,11 @@ class MotionComparison:
         """The titles of the table's columns."""
         return (*HEAD[:-1], *self.measures, HEAD[-1])
 
+    @property
+    def cells(self) -> list[tuple[str, ...]]:
+        """The table's rows as text."""
+        return [cells(row, self.measures) for row in self.rows]
+
     @cached_property
     def trends(self) -> tuple[Trend, ...]:
         """For every model and error: what it does as the width goes to 0."""
@@ -124,7 +129,7 @@ class MotionComparison:
 
     def to_text(self) -> str:
         """The table, then the orders, the faults and the widths needed."""
-        table = [self.head, *(cells(row, self.measures) for row in self.rows)]
+        table = [self.head, *self.cells]
         sizes = [max(len(line[i]) for line in table) for i in range(len(self.head))]
         lines = []
         for line in table:

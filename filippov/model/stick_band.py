@@ -191,4 +191,4 @@ class StickBand:
         effect = within.diff(self.s)
         if effect.has(self.s):
             return within.xreplace({self.s: -rest / self.slope})
-        return within.xreplace({self.s: sympy.S.Zero}) - sympy.cancel(effect / self.slope) * rest
+        return within.xreplace({self.s: sympy.S.Zero}) - effect / self.slope * rest

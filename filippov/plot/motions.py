@@ -37,7 +37,8 @@ def plot_motions(
         widths = {q["model"]: q["width"] for q in reversed(comparison.rows) if q["entries"] is not None}
         for place, model in enumerate(comparison.models):
             look: dict[str, Any] = {"color": SERIES[place % len(SERIES)], "linewidth": 1.1}
-            mark: dict[str, Any] = {"marker": _MARKS[place % len(_MARKS)], "markerfacecolor": "none", "markersize": 5.0}
+            marker = _MARKS[place % len(_MARKS)]
+            mark: dict[str, Any] = {"marker": marker, "markerfacecolor": "none", "markersize": 5.0}
             rows = [row for row in comparison.of(model) if row[quantity]]
             order = next(
                 (q.order for q in comparison.trends if (q.model, q.quantity) == (model, quantity)), None

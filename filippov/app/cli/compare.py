@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from filippov.app.cli.model import Loaded
 
 # As in `filippov.analysis.comparisons`, which is not imported for a help text.
-KINDS = ("switch", "karnopp", "band", "tanh", "arctan", "sqrt", "hysteresis")
+KINDS = (
+    "switch", "karnopp", "band", "tanh", "arctan", "sqrt", "hysteresis", "lugre", "dahl", "memory",
+    "bengisu-akay",
+)  # fmt: skip
 ERRORS = ("error_state", "error_final", "error_times", "drift")
 
 APPROXIMATIONS = (
