@@ -80,6 +80,8 @@ def test_15_2_they_go_to_the_exact_motion() -> None:
     found = compare(BLOCK, (0.7, 0), (0, 5), against=["lugre", "bengisu-akay"], widths=(1e-3, 1e-4, 1e-5))
     assert found.trend("lugre", "error_state").order == pytest.approx(0.5, abs=0.1)
     assert found.trend("bengisu-akay", "error_state").order == pytest.approx(1.0, abs=0.1)
+    assert {tuple(row["entries"]) for row in found.of("lugre")} == {(None,)}
+    assert not any("stick" in fault for fault in found.faults)
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,7 @@ class Approximation:
     method   the integrator; None: by `stiff`
     start    values at the start of the states that the exact system does not have, 0 by default
     stick    how its stays in stick on a surface are read; by default the layer |h| <= width
+    sticks   whether stays in stick can be told at all: bristles only swing to rest
     without  surfaces that it leaves exact, each with the reason
     """
 
@@ -52,6 +53,7 @@ class Approximation:
     method: str | None = None
     start: Sequence[float] = ()
     stick: Callable[[str], BandModel] | None = field(default=None, hash=False)
+    sticks: bool = True
     without: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def band_model(self, surface: str) -> BandModel:
@@ -96,7 +98,8 @@ def with_friction(exact: System, name: str) -> Approximation:
         made = with_friction_model(exact, name, width)
     except ModelError as error:
         raise UsageError(f"{name} does not fit this system. {error}") from None
-    return Approximation(name, lambda value: (made, {word: value}), stiff=True, method="Radau")
+    sticks = name not in ("dahl", "lugre")
+    return Approximation(name, lambda value: (made, {word: value}), method="Radau", sticks=sticks)
 
 
 def under(exact: System, name: str, alpha: float = ALPHA) -> Approximation:

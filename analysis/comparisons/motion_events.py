@@ -73,7 +73,10 @@ class EventReader:
         """What is read of the motion of an approximation."""
         out = []
         for name, reader in self.readers.items():
-            if name in model.without:
+            if not model.sticks:
+                out.append(Read(name, (), (), 0.0))
+                continue
+            if _still_exact(solution.system, name):
                 stays, edge = reader_exact(solution, name), 0.0
             else:
                 band = model.band_model(name)
@@ -144,6 +147,12 @@ def _place(system: System, surface: str) -> tuple[int, int, float] | None:
     if slope is None or not slope.is_number or not places:
         return None
     return places[0], held[0], float(slope)
+
+
+def _still_exact(system: System, surface: str) -> bool:
+    """Whether a surface is in an approximation as it is in the exact system."""
+    found = [q for q in system.surfaces if q.name == surface and q.kind == "switching"]
+    return bool(found) and found[0].width == 0
 
 
 def reader_exact(solution: Solution, name: str) -> list[Stay]:

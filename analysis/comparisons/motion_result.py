@@ -208,7 +208,7 @@ def faults(
         return [f"{where}: {row['note']}."]
     out = []
     for surface, have, want in zip(surfaces, row["entries"], exact["entries"], strict=True):
-        if have != want:
+        if have is not None and have != want:
             what = "loses" if have < want else "invents"
             out.append(
                 f"{where} {what} stick on {surface!r}: {have} entries into it, where the exact motion has "

@@ -193,7 +193,10 @@ class ModelMotion:
                 "note": f"not computed: {why} at t = {solution.t_end:.4g}",
             }  # fmt: skip
         self.solutions[width] = solution
-        row = exact.measured(solution, exact.reader.model(solution, self.model, width))
+        reads = exact.reader.model(solution, self.model, width)
+        row = exact.measured(solution, reads)
+        if not self.model.sticks:
+            row |= {"error_times": None, "drift": None, "stick": None, "entries": [None] * len(reads)}
         row["calls_ratio"] = solution.nfev / max(exact.coarse.nfev, 1)
         row["seconds"] = exact.clock(system, start, given, self.method)
         return blank | row

@@ -63,7 +63,9 @@ def plot_motions(
         right.set(xscale="log", yscale="log", xlabel="field calls", ylabel=what)
         left.invert_xaxis()
         _reference(left, right, comparison.rows[0], quantity)
-        above.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        right.xaxis.set_minor_formatter(lambda value, place: "")
+        handles, names = above.get_legend_handles_labels()
+        drawn.legend(handles, names, loc="outside right upper")
         if title:
             drawn.suptitle(title, x=0.01, ha="left", fontsize=10.5)
     return drawn
