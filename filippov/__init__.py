@@ -22,7 +22,7 @@ EXPORTS: dict[str, str] = {
     **dict.fromkeys(("ModelError", "NonUniqueError", "SolveError", "UsageError"), "base.errors"),
     "Parameter": "model.parameter",
     "parameters": "model.parameter_symbol",
-    **dict.fromkeys(("Band", "Exact", "Hysteresis", "Smooth"), "model.comparator"),
+    **dict.fromkeys(("Band", "Exact", "Hysteresis", "Karnopp", "Smooth", "Switch"), "model.comparator"),
     **dict.fromkeys(("Ensemble", "solve_many"), "solving.ensemble"),
     "EventKind": "base.status",
     "Events": "solving.state.events",

@@ -8,6 +8,7 @@ from filippov.base.exports import short_names
 EXPORTS: dict[str, str] = {
     **dict.fromkeys(("Invariant", "Model", "broken", "get", "names", "register"), "registry"),
     "FrictionLaw": "friction",
+    "friction_models": "friction_models",
     **dict.fromkeys(("Coulomb", "Hyperbolic", "StaticCoulomb", "Stribeck", "Viscous"), "laws"),
     **dict.fromkeys(("PD", "PID", "Controller", "P"), "controllers"),
     **dict.fromkeys(("ControlledMass", "controlled_mass", "degeneracies", "hunting"), "mass"),

@@ -106,6 +106,14 @@ class FrictionLaw(ABC):
         blend = plus * sign(v) if plus == minus else ((1 + sign(v)) * plus - (1 - sign(v)) * minus) / 2
         return blend + self.viscous(v, p)
 
+    def wholly_signed(self, v: Expr, p: ParameterNamespace) -> Expr:
+        """Return F(v) as a function of |v| times sign(v): at |v| = 0 nothing but the set at rest is left."""
+        speed = Abs(v)
+        plus, minus = (
+            g + b * speed for g, b in zip(self.slip(speed, p), self.viscosity(p), strict=True)
+        )
+        return plus * sign(v) if plus == minus else ((1 + sign(v)) * plus - (1 - sign(v)) * minus) / 2
+
     def radius(self, p: ParameterNamespace) -> Sides:
         """Return (lo, hi): the multipliers s at which (1 + s)/2 g+(0) - (1 - s)/2 g-(0) is -Fs- and Fs+."""
         (plus, minus), (up, down) = self.slip(sympy.S.Zero, p), self.static(p)

@@ -5,11 +5,11 @@
     |v| <= DV, -Fs+ <= u <= Fs-                     v' = -alpha v          stuck: friction cancels u
     |v| <= DV, u outside                          m v' = -u + Fs-  (u > Fs-),  -u - Fs+  (u < -Fs+)
 
-w is the velocity that the rest of the model sees, exactly 0 within the band, so x does not drift in stick.
-The state v is Karnopp's momentum over m. It is brought to 0 in stick; with alpha = 0, Karnopp's own form, it
-keeps the value +-DV with which the band was entered, on the edge of the band, where the motion is tangent to
-the edge throughout. After break-away v moves until it leaves the band, while x stands still: that delay and
-the jump of w by DV are the errors of the model.
+It is the comparator `filippov.Karnopp` of the plant's inclusion. w is the velocity that the rest of the model
+sees, exactly 0 within the band, so x does not drift in stick. The state v is Karnopp's momentum over m. It is
+brought to 0 in stick; with alpha = 0, Karnopp's own form, it keeps the value +-DV with which the band was
+entered, on the edge of the band, where the motion is tangent to the edge throughout. After break-away v moves
+until it leaves the band, while x stands still: that delay and the jump of w by DV are its errors.
 Sources: Karnopp 1985; Leine 2000.
 """
 
@@ -17,10 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import sympy
-from sympy import Abs, Piecewise
-
-from filippov.model.surface import Surface
+from filippov.model import comparator
 from filippov.model.system import System
 from filippov.models.friction import SMALLEST, declare
 from filippov.models.mass import REFERENCE, SOURCE, ControlledMass
@@ -43,34 +40,10 @@ class Karnopp:
 
         Raises ModelError for a law without dry friction.
         """
-        plant.check_dry("Karnopp")
-        parts = plant.parts(
+        return plant.band_system(
+            comparator.Karnopp(self.DV, self.alpha),
             **declare("DV", self.DV, "m/s", "half-width of the zero-velocity band", SMALLEST),
             **declare("alpha", self.alpha, "1/s", "rate of the hidden velocity in stick"),
-        )
-        x, v, z, p, tail = parts
-        u = plant.controller.effort(x, v, z, p)
-        rest = plant.controller.effort(x, sympy.S.Zero, z, p)
-        up, down = plant.friction.static(p)
-        plus, _ = plant.friction.pieces(v, p.DV + Abs(v - p.DV), p)
-        _, minus = plant.friction.pieces(v, p.DV + Abs(v + p.DV), p)
-        acceleration = Piecewise(
-            ((-u - plus) / p.m, v > p.DV),
-            ((-u - minus) / p.m, v < -p.DV),
-            ((-rest + down) / p.m, rest > down),
-            ((-rest - up) / p.m, rest < -up),
-            (-p.alpha * v, True),
-        )
-        return System(
-            {x: Piecewise((v, v > p.DV), (v, v < -p.DV), (0, True)), v: acceleration, **tail},
-            surfaces=[
-                Surface("band upper", v - p.DV),
-                Surface("band lower", v + p.DV),
-                Surface("effort upper", rest - down),
-                Surface("effort lower", rest + up),
-            ],
-            parameters=p,
-            labels=parts.labels,
         )
 
 

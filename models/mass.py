@@ -7,7 +7,7 @@ Source: Hensen & van de Molengraft 2002, equations 2 and 3, table 1.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -15,6 +15,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
+from filippov.model.comparator import Karnopp, Switch
 from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import ParameterNamespace, parameters
 from filippov.model.symbols import states
@@ -84,7 +85,28 @@ class ControlledMass:
             labels=parts.labels,
         )
 
+    def band_system(self, comparator: Switch | Karnopp, **width: Parameter) -> System:
+        """Return the plant under a comparator with a stick band, whose own parameters are `width`.
 
+        Within the band the friction is the set at rest, without a viscous part. The surfaces are "band
+        upper", "band lower", "effort upper" and "effort lower". Raises ModelError for a law without
+        dry friction.
+        """
+        self.check_dry(type(comparator).__name__)
+        parts = self.parts(**width)
+        x, v, z, p, tail = parts
+        u = self.controller.effort(x, v, z, p)
+        force = self.friction.wholly_signed(v, p)
+        (surface,) = self.friction.surfaces(v, p)
+        equations = {x: v, v: (-u - force) / p.m, **tail}
+        made = System(equations, surfaces=[surface], parameters=p, labels=parts.labels)
+        band = made.with_comparator(replace(comparator, **{name: p[name] for name in width}))
+        assert band.symbolic is not None
+        named = zip(band.surfaces, BAND_SURFACES, strict=True)
+        return band.with_form(band.symbolic, tuple(replace(q, name=name) for q, name in named))
+
+
+BAND_SURFACES = ("band upper", "band lower", "effort upper", "effort lower")
 REFERENCE = ControlledMass()
 
 

@@ -4,7 +4,8 @@
     stick       |v| <= eta, -Fs+ <= u <= Fs-        v' = -alpha v
     transition  |v| <= eta, u outside             m v' = -u + Fs-  (u > Fs-),  -u - Fs+  (u < -Fs+)
 
-with x' = v, z' = x throughout. With equal levels the transition is (-u + Fs sgn u)/m.
+with x' = v, z' = x throughout: the comparator `filippov.Switch` of the plant's inclusion. With
+equal levels the transition is (-u + Fs sgn u)/m.
 Sources: Karnopp 1985; Leine 2000.
 """
 
@@ -12,9 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sympy import Abs, Piecewise
-
-from filippov.model.surface import Surface
+from filippov.model import comparator
 from filippov.model.system import System
 from filippov.models.friction import SMALLEST, declare
 from filippov.models.mass import REFERENCE, SOURCE, ControlledMass
@@ -37,34 +36,10 @@ class Switch:
 
         Raises ModelError for a law without dry friction.
         """
-        plant.check_dry("Switch")
-        parts = plant.parts(
+        return plant.band_system(
+            comparator.Switch(self.eta, self.alpha),
             **declare("eta", self.eta, "m/s", "half-width of the stick band", SMALLEST),
             **declare("alpha", self.alpha, "1/s", "acceleration coefficient in the stick band"),
-        )
-        x, v, z, p, tail = parts
-        u = plant.controller.effort(x, v, z, p)
-        up, down = plant.friction.static(p)
-        # |v| measured from the edge of the band: smooth beyond the edge, and no surface at v = 0.
-        plus, _ = plant.friction.pieces(v, p.eta + Abs(v - p.eta), p)
-        _, minus = plant.friction.pieces(v, p.eta + Abs(v + p.eta), p)
-        acceleration = Piecewise(
-            ((-u - plus) / p.m, v > p.eta),
-            ((-u - minus) / p.m, v < -p.eta),
-            ((-u + down) / p.m, u > down),
-            ((-u - up) / p.m, u < -up),
-            (-p.alpha * v, True),
-        )
-        return System(
-            {x: v, v: acceleration, **tail},
-            surfaces=[
-                Surface("band upper", v - p.eta),
-                Surface("band lower", v + p.eta),
-                Surface("effort upper", u - down),
-                Surface("effort lower", u + up),
-            ],
-            parameters=p,
-            labels=parts.labels,
         )
 
 

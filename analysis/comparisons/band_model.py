@@ -102,7 +102,7 @@ class Reader:
 
     def of_exact(self, solution: Solution) -> list[Stay]:
         """Stays in the sliding mode of the exact system."""
-        return _by_mode(solution, lambda mode, t, x: mode[self.index] == 0)
+        return by_mode(solution, lambda mode, t, x: mode[self.index] == 0)
 
     def of_model(self, solution: Solution, model: BandModel, width: float) -> list[Stay]:
         """Stays in stick of a band model."""
@@ -120,26 +120,32 @@ class Reader:
             last[0] = inside and (not model.attracted or last[0] or self.attraction(t, x) > 0)
             return last[0]
 
-        return _by_mode(solution, sticks)
+        return by_mode(solution, sticks)
 
     def attraction(self, t: float, x: Array) -> float:
         """min(dh/dt at s = -1, -dh/dt at s = +1), exact system: > 0 where both sides lead to the surface."""
+        below, above = self.rates(t, x)
+        return min(below, -above)
+
+    def rates(self, t: float, x: Array) -> tuple[float, float]:
+        """dh/dt of the exact system at s = -1 and s = +1; states after its own are left out."""
         machine, i = self.machine, self.index
-        point = np.ascontiguousarray(x, dtype=float)
+        point = np.ascontiguousarray(x[: machine.n], dtype=float)
         signs = np.where(machine.guards(t, point, np.ones(machine.m)) >= 0, 1.0, -1.0)
         slope, drift = machine.gradients(t, point, signs)
         mode = signs.copy()
         mode[i] = 0.0
-        rates = []
+        found = []
         for sign in (-1.0, 1.0):
             signs[i] = sign
-            rates.append(float(slope[i] @ machine.rhs(t, point, signs, mode) + drift[i]))
-        return min(rates[0], -rates[1])
+            found.append(float(slope[i] @ machine.rhs(t, point, signs, mode) + drift[i]))
+        return found[0], found[1]
 
     def height(self, t: float, x: Array) -> float:
         """h of the surface."""
         machine = self.machine
-        return float(machine.guards(t, np.ascontiguousarray(x, dtype=float), np.ones(machine.m))[self.index])
+        point = np.ascontiguousarray(x[: machine.n], dtype=float)
+        return float(machine.guards(t, point, np.ones(machine.m))[self.index])
 
     def _by_layer(self, solution: Solution, half: float) -> list[Stay]:
         """Stays in |h| <= half that are entered where the exact system attracts, from the dense output."""
@@ -193,7 +199,7 @@ def _border(outside: float, inside: float, test: Callable[[float], bool]) -> flo
             outside = middle
 
 
-def _by_mode(solution: Solution, sticks: Callable[[tuple[int, ...], float, Array], bool]) -> list[Stay]:
+def by_mode(solution: Solution, sticks: Callable[[tuple[int, ...], float, Array], bool]) -> list[Stay]:
     """Neighbouring segments in stick, put together. The state at an entry is that of its event."""
     states: dict[float, Array] = {event.t: event.x for event in solution.events}
     start = solution.problem.t_span[0]

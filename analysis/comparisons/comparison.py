@@ -17,7 +17,7 @@ bounds what can be told.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,8 @@ from filippov.analysis.comparisons.comparison_run import (
     Position,
     blank_row,
 )
+from filippov.analysis.comparisons.motion_result import MotionComparison
+from filippov.analysis.comparisons.motions import compare_motions
 from filippov.analysis.maps.section import Section
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
@@ -40,7 +42,28 @@ Array = npt.NDArray[np.float64]
 WIDTHS = tuple(10.0**-k for k in range(2, 9))
 
 
-def compare(
+@overload
+def compare(exact: System, section: Section, bands: Any = ..., **options: Any) -> Comparison: ...
+@overload
+def compare(exact: System, x0: Any, t_span: tuple[float, float], **options: Any) -> MotionComparison: ...
+@overload
+def compare(exact: System, *, t_span: tuple[float, float], **options: Any) -> MotionComparison: ...
+def compare(exact: System, *given: Any, **options: Any) -> Comparison | MotionComparison:
+    """Compare the inclusion with what is used in its place: over the turns of a section, or along a motion.
+
+    compare(system, section, bands, ...)     see `compare_sections`
+    compare(system, x0, t_span, ...)         see `filippov.analysis.comparisons.motions.compare_motions`
+
+    Raises UsageError, ModelError.
+    """
+    if "section" in options or (given and isinstance(given[0], Section)):
+        return compare_sections(exact, *given, **options)
+    if not given and "t_span" not in options:
+        raise UsageError("compare needs a Section, or x0 and t_span: compare(system, x0, t_span).")
+    return compare_motions(exact, *given, **options)
+
+
+def compare_sections(
     exact: System,
     section: Section,
     bands: Mapping[str, Callable[..., System]] | Sequence[BandModel] = (),

@@ -11,7 +11,7 @@ from filippov.base.errors import ModelError
 from filippov.base.names import state_names
 from filippov.io.tree import Reader, Symbols, Writer
 from filippov.model.assemble import with_contacts
-from filippov.model.comparator import Band, Comparator, Exact, Hysteresis, Smooth
+from filippov.model.comparator import NAMES, Comparator, PerSurface, numbers_of
 from filippov.model.output import check_outputs
 from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import ParameterSymbol
@@ -20,7 +20,6 @@ from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
 from filippov.model.time_event import TimeEvent
 
-_COMPARATORS: dict[str, Any] = {"Exact": Exact, "Band": Band, "Smooth": Smooth, "Hysteresis": Hysteresis}
 _PARAMETER = ("default", "unit", "lower", "upper", "description")
 
 
@@ -51,9 +50,7 @@ def system_data(system: System) -> dict[str, Any] | None:
             "outputs": {name: writer.tree(e) for name, e in system.outputs.items()},
             "labels": dict(system.labels),
             "surfaces": [_surface_data(surface, writer) for surface in system.exact.surfaces],
-            "comparator": {
-                "name": type(system.comparator).__name__, "width": getattr(system.comparator, "width", None)
-            },
+            "comparator": _comparator_data(system.comparator),
         }  # fmt: skip
         same = system_of(data) == system
     except ModelError:
@@ -158,9 +155,22 @@ def _base(data: Any) -> System:
     return system
 
 
-def _comparator(data: Any) -> Comparator:
-    name, width = data["name"], data["width"]
-    if name not in _COMPARATORS:
-        raise ModelError(f"the stored comparator is {name!r}, expected one of {', '.join(_COMPARATORS)}.")
-    made: Comparator = Exact() if name == "Exact" else _COMPARATORS[name](width)
+def _comparator_data(comparator: Comparator | PerSurface) -> dict[str, Any]:
+    """A comparator, or those of the surfaces; ModelError where one has an expression for a width."""
+    if isinstance(comparator, PerSurface):
+        return {"surfaces": {name: _comparator_data(own) for name, own in comparator.items()}}
+    values = numbers_of(comparator)
+    if any(isinstance(value, Expr) for value in values.values()):
+        raise ModelError(f"{comparator} has an expression for a width, which is not stored.")
+    return {"name": type(comparator).__name__, **values}
+
+
+def _comparator(data: Any) -> Comparator | dict[str, Any]:
+    if "surfaces" in data:
+        return {name: _comparator(own) for name, own in data["surfaces"].items()}
+    name = data["name"]
+    if name not in NAMES:
+        raise ModelError(f"the stored comparator is {name!r}, expected one of {', '.join(NAMES)}.")
+    given = {key: value for key, value in data.items() if key != "name" and value is not None}
+    made: Comparator = NAMES[name](**given)
     return made

@@ -13,7 +13,7 @@ from filippov.base.keywords import keywords
 from filippov.base.names import closest, state_names
 from filippov.base.signature import check_signature
 from filippov.base.symbolic_value import is_expression, single
-from filippov.model.comparator import Comparator, Exact, check_comparator
+from filippov.model.comparator import Comparator, Exact, PerSurface, by_surface, check_comparator, per_surface
 from filippov.model.parameter import ParameterSet
 from filippov.model.surface import Surface
 from filippov.model.time_event import TimeEvent
@@ -36,6 +36,9 @@ _ANSWERS = {
 }
 # What holds expressions and is packed for the way to another process, which may never ask for it.
 _HEAVY = ("surfaces", "symbolic", "time_events", "outputs", "_base")
+
+# What a system made from another one has of it, whatever its equations.
+_KEPT = ("states", "parameters", "time_events", "outputs", "labels", "_named")
 
 
 class System:
@@ -70,7 +73,7 @@ class System:
     time_events: tuple[TimeEvent, ...]
     clocked: bool
     variable_widths: bool
-    comparator: Comparator
+    comparator: Comparator | PerSurface
     outputs: Mapping[str, Any]
     labels: Mapping[str, str]
     symbolic: SymbolicForm | None
@@ -349,50 +352,52 @@ class System:
             )
         return self.symbolic.jacobian(mode)
 
-    def with_comparator(self, comparator: Comparator) -> System:
-        """Return the system with another comparator in the place of Sgn on its switching surfaces."""
-        from filippov.model.regularize import regularize_functions, regularize_symbolic
+    def with_comparator(self, comparator: Comparator | PerSurface | Mapping[str, Comparator]) -> System:
+        """Return the system with another comparator in the place of Sgn on its switching surfaces.
 
-        checked = check_comparator(comparator)
+        One for all of them, or a mapping from names of surfaces (or the formulas of their h), where those
+        left out stay exact. It is put into the system as it was written, whatever stood in it before. Raises
+        ModelError where a comparator cannot stand for a surface (see `filippov.model.comparator`).
+        """
         base = self.exact
+        checked = base._read_comparator(comparator)
         if isinstance(checked, Exact):
             return base
+        chosen = by_surface(checked, {q.name: q.kind == "switching" for q in base.surfaces})
         system = object.__new__(System)
-        content: dict[str, Any] = {
-            "states": base.states,
-            "parameters": base.parameters,
-            "time_events": base.time_events,
-            "comparator": checked,
-            "outputs": base.outputs,
-            "labels": base.labels,
-            "_named": base._named,
-            "_base": base,
-        }
+        kept = {name: getattr(base, name) for name in _KEPT}
+        content: dict[str, Any] = {**kept, "comparator": checked, "_base": base}
         if base.symbolic is not None:
-            form, surfaces = regularize_symbolic(base.symbolic, base.surfaces, checked)
+            from filippov.model.regularize import regularize_symbolic
+
+            form, surfaces = regularize_symbolic(base.symbolic, base.surfaces, chosen)
+            if form.p != base.symbolic.p:
+                content["parameters"] = ParameterSet({q.name: q.parameter for q in form.p})
             system._set(**content, symbolic=form, surfaces=surfaces, field=None)
         else:
+            from filippov.model.regularize_plain import regularize_functions
+
             assert base.field is not None
-            field, surfaces = regularize_functions(base.field, base.surfaces, checked)
+            field, surfaces = regularize_functions(base.field, base.surfaces, chosen)
             # A comparator in the place of Sgn stands around the field: what runs is another function.
-            kept = base.compile if field is base.field else None
-            system._set(**content, symbolic=None, surfaces=surfaces, field=field, compile=kept)
+            how = base.compile if field is base.field else None
+            system._set(**content, symbolic=None, surfaces=surfaces, field=field, compile=how)
         return system
+
+    def _read_comparator(self, given: Any) -> Comparator | PerSurface:
+        """A comparator, or those of a mapping, with the names of their surfaces."""
+        if isinstance(given, PerSurface):
+            given = dict(given.items())
+        if not isinstance(given, Mapping):
+            return check_comparator(given)
+        named = {self.surface_names[self.surface_place(key)[0]]: own for key, own in given.items()}
+        return per_surface(named, {q.name: q.kind == "switching" for q in self.surfaces})
 
     def with_form(self, form: SymbolicForm, surfaces: tuple[Surface, ...]) -> System:
         """Return a system with other expressions for the same states, parameters and surfaces."""
         system = object.__new__(System)
-        system._set(
-            states=self.states,
-            parameters=self.parameters,
-            time_events=self.time_events,
-            surfaces=surfaces,
-            symbolic=form,
-            field=None,
-            outputs=self.outputs,
-            labels=self.labels,
-            _named=self._named,
-        )
+        kept = {name: getattr(self, name) for name in _KEPT}
+        system._set(**kept, surfaces=surfaces, symbolic=form, field=None)
         return system
 
     # -- identity --------------------------------------------------------------------------------------

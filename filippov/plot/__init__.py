@@ -16,6 +16,7 @@ EXPORTS: dict[str, str] = {
     **dict.fromkeys(("plot_brute_force", "plot_lyapunov"), "lyapunov"),
     "plot_manifold": "manifold",
     **dict.fromkeys(("plot_diagram", "plot_event_map", "plot_iterates"), "maps"),
+    "plot_motions": "motions",
     "plot_orbit": "orbits",
     **dict.fromkeys(("plot_basin", "plot_regions"), "regions"),
     **dict.fromkeys(("plot_phase", "plot_solution"), "solution"),

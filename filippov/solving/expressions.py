@@ -13,7 +13,7 @@ from typing import Any
 import sympy
 from sympy import Expr, Symbol
 
-from filippov.model.comparator import Exact
+from filippov.model.comparator import Exact, by_surface
 from filippov.model.extract import Extractor
 from filippov.model.regularize import regularize_symbolic
 from filippov.model.symbolic import SymbolicForm, convex
@@ -48,7 +48,9 @@ def read_with_signs(system: System, expr: Expr) -> Expr:
 def _compared(system: System, form: SymbolicForm, out: Expr) -> Expr:
     """The same under the comparator of the system, in the signs of its own form."""
     wider = replace(form, field=(*form.field, out))
-    return regularize_symbolic(wider, system.exact.surfaces, system.comparator)[0].field[-1]
+    surfaces = system.exact.surfaces
+    chosen = by_surface(system.comparator, {q.name: q.kind == "switching" for q in surfaces})
+    return regularize_symbolic(wider, surfaces, chosen)[0].field[-1]
 
 
 @lru_cache(maxsize=1024)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from filippov.app.cli.compare import APPROXIMATIONS
 from filippov.app.cli.configuration import (
     CELLS,
     ENGINE,
@@ -359,11 +360,9 @@ _ALL = (
         needs="filippov.analysis.estimation.identification",
     ),
     Command(
-        "compare", "the exact inclusion against band models: comparison.csv, .json, .txt, .png", "compare",
-        (MODEL, PARAMETERS,
-         Option("widths", "band widths, with commas", numbers, metavar="ETA,ETA,..."),
-         Option("alphas", "stiffnesses of the band, with commas", numbers, metavar="ALPHA,ALPHA,..."),
-         *SECTION),
+        "compare", "the exact inclusion against its approximations, over a section or along a motion (--x0, "
+        "--t-span, --against): comparison.csv, .json, .txt, .png", "compare",
+        (MODEL, PARAMETERS, *APPROXIMATIONS, *START[:2], *TOLERANCES[:2], *SECTION),
         EXAMPLES["compare"],
         needs="filippov.analysis.comparisons.comparison",
     ),

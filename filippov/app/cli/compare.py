@@ -1,13 +1,40 @@
-"""filippov compare: the exact inclusion against its band and regularised models."""
+"""filippov compare: the exact inclusion against its approximations, over a section or along a motion.
+
+What works is imported when it is run: the catalogue of commands reads the options here.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from filippov.app.cli.console import Console
-from filippov.app.cli.folder import Folder
-from filippov.app.cli.maps import section_of
-from filippov.app.cli.model import load_model
+from filippov.app.cli.configuration import Option
+from filippov.app.cli.values import number, numbers, one_of, texts, words
+from filippov.base.errors import UsageError
+
+if TYPE_CHECKING:
+    from filippov.app.cli.console import Console
+    from filippov.app.cli.model import Loaded
+
+# As in `filippov.analysis.comparisons`, which is not imported for a help text.
+KINDS = (
+    "switch", "karnopp", "band", "tanh", "arctan", "sqrt", "hysteresis", "lugre", "dahl", "memory",
+    "bengisu-akay",
+)  # fmt: skip
+ERRORS = ("error_state", "error_final", "error_times", "drift")
+
+APPROXIMATIONS = (
+    Option("against", f"along a motion: {', '.join(KINDS)}; several with commas", words,
+           metavar="NAME,NAME,..."),
+    Option("widths", "band widths, with commas", numbers, metavar="ETA,ETA,..."),
+    Option("alphas", "stiffnesses of the band, with commas", numbers, metavar="ALPHA,ALPHA,..."),
+    Option("accuracy", "along a motion: error whose width is solved for and checked", number,
+           metavar="E"),
+    Option("quantity", "the error that --accuracy is of", one_of(*ERRORS),
+           metavar="{" + ",".join(ERRORS) + "}"),
+    Option("measure", "further numbers of each run: amplitude(x), path/to/file.py:name; can be repeated",
+           texts, metavar="MEASURE", repeat=True),
+)  # fmt: skip
+OF_MOTIONS = ("against", "measure", "accuracy", "quantity")
 
 
 def band_models(name: str, alphas: Any) -> list[Any]:
@@ -32,8 +59,16 @@ def own_interval(loaded: Any) -> tuple[float, float] | None:
 
 
 def run(settings: dict[str, Any], console: Console) -> int:
-    """Errors, field calls and times as a table."""
+    """Errors, field calls and times as a table: along a motion where one is given, else over a section."""
+    from filippov.app.cli.folder import Folder
+    from filippov.app.cli.maps import PARTS, section_of
+    from filippov.app.cli.model import load_model
+
     loaded = load_model(settings["model"])
+    of_motions = [name for name in (*OF_MOTIONS, "x0", "t_span") if settings.get(name) is not None]
+    sectionless = getattr(loaded.model, "section", None) is None
+    if of_motions or (sectionless and all(settings.get(part) is None for part in PARTS)):
+        return run_motion(loaded, settings, console)
     values = loaded.values(settings["parameters"])
     section = section_of(loaded, settings)
     folder = Folder(settings["output"], console)
@@ -54,5 +89,36 @@ def run(settings: dict[str, Any], console: Console) -> int:
     folder.json("comparison.json", {"model": loaded.name, "parameters": values, "rows": rows})
     folder.content("comparison.txt", result.to_text())
     folder.picture("comparison.png", result.plot)
+    folder.report()
+    return 0
+
+
+def run_motion(loaded: Loaded, settings: dict[str, Any], console: Console) -> int:
+    """The same along a motion: comparison.csv, .json, .txt, .html and .png."""
+    if settings["alphas"] is not None and len(settings["alphas"]) > 1:
+        raise UsageError("--alphas has several values; along a motion give one.")
+    problem = loaded.problem(settings)
+    from filippov.analysis.comparisons.motions import compare_motions
+    from filippov.app.cli.folder import Folder
+
+    folder = Folder(settings["output"], console)
+    given = {name: settings[name] for name in ("widths", "against", "accuracy", "quantity", "rtol", "atol")}
+    given |= {"measures": settings["measure"], "alpha": (settings["alphas"] or [None])[0]}
+    with console.progress("compare") as progress:
+        result = compare_motions(
+            loaded.system, problem.x0, problem.t_span, parameters=dict(problem.parameters), progress=progress,
+            **{name: value for name, value in given.items() if value is not None},
+        )  # fmt: skip
+    head = {"model": loaded.name, "parameters": dict(problem.parameters), "x0": problem.x0.tolist(),
+            "t_span": list(problem.t_span)}  # fmt: skip
+    data = head | result.to_dict()
+    console.result(data)
+    console.say(result.to_text())
+    folder.content("comparison.csv", result.to_csv())
+    folder.json("comparison.json", data)
+    folder.content("comparison.txt", result.to_text())
+    if folder.path is not None:
+        folder.content("comparison.html", result.to_html())
+    folder.picture("comparison.png", lambda: result.plot(title=loaded.title))
     folder.report()
     return 0

@@ -1,0 +1,158 @@
+"""What stands for a system in a comparison of motions: its name, its width, its equations, its integrator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from filippov.analysis.comparisons.band_model import SMOOTH_REACH, BandModel
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.names import unknown
+from filippov.model.comparator import Band, Comparator, Hysteresis, Karnopp, Smooth, Switch
+from filippov.model.friction_model import MODELS as FRICTION
+from filippov.model.friction_model import with_friction_model
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.system import System
+
+Built = System | tuple[System, Mapping[str, float]]
+ALPHA = 100.0
+SMALLEST = 1e-300
+# Name -> the comparator of a width and a rate alpha, and whether it is stiff as the width goes to 0.
+KINDS: dict[str, tuple[Callable[[Any, Any], Comparator], bool]] = {
+    "switch": (Switch, False),
+    "karnopp": (Karnopp, False),
+    "band": (lambda width, _: Band(width), True),
+    "tanh": (lambda width, _: Smooth(width), True),
+    "arctan": (lambda width, _: Smooth(width, "arctan"), True),
+    "sqrt": (lambda width, _: Smooth(width, "sqrt"), True),
+    "hysteresis": (lambda width, _: Hysteresis(width), False),
+}
+
+
+@dataclass(frozen=True)
+class Approximation:
+    """A family of systems that goes to the exact one with its width.
+
+    name     as it is to appear in the tables
+    build    width -> System, or (System, parameter values), which saves making the same system for each
+             width; its states are those of the exact system, then perhaps others
+    stiff    whether it gets stiff as the width goes to 0: it is then integrated by the implicit method
+    method   the integrator; None: by `stiff`
+    start    values at the start of the states that the exact system does not have, 0 by default
+    stick    how its stays in stick on a surface are read; by default the layer |h| <= width
+    sticks   whether stays in stick can be told at all: bristles only swing to rest
+    without  surfaces that it leaves exact, each with the reason
+    """
+
+    name: str
+    build: Callable[[float], Built]
+    stiff: bool = False
+    method: str | None = None
+    start: Sequence[float] = ()
+    stick: Callable[[str], BandModel] | None = field(default=None, hash=False)
+    sticks: bool = True
+    without: Mapping[str, str] = field(default_factory=dict, hash=False)
+
+    def band_model(self, surface: str) -> BandModel:
+        """How its stays in stick on a surface are read."""
+        return BandModel(self.name, self.build) if self.stick is None else self.stick(surface)
+
+
+def approximations(exact: System, against: Any, alpha: float = ALPHA) -> list[Approximation]:
+    """The approximations that are asked for: names of KINDS ("smooth" is "tanh") and of friction
+    models, a mapping from names to
+    builds, Approximations, or several of these. Raises UsageError.
+    """
+    items = [against] if isinstance(against, str | Approximation) else against
+    if isinstance(items, Mapping):
+        return [Approximation(str(name), build) for name, build in items.items()]
+    out = [_one(exact, item, alpha) for item in items]
+    names = [item.name for item in out]
+    if not out or len(set(names)) < len(names):
+        raise UsageError(f"against is {against!r}, expected at least one approximation, each once.")
+    return out
+
+
+def _one(exact: System, item: Any, alpha: float) -> Approximation:
+    if isinstance(item, Approximation):
+        return item
+    if not isinstance(item, str):
+        known = ", ".join((*KINDS, *FRICTION))
+        raise UsageError(f"against holds {item!r}, expected a name of {known} or an Approximation.")
+    name = "tanh" if item == "smooth" else item
+    if name in FRICTION:
+        return with_friction(exact, name)
+    if name not in KINDS:
+        raise UsageError(unknown("approximation", item, (*KINDS, *FRICTION)))
+    return under(exact, name, alpha)
+
+
+def with_friction(exact: System, name: str) -> Approximation:
+    """The system with a friction model of the literature; UsageError where it does not fit."""
+    word = _fresh("width", exact)
+    width = parameters(**{word: Parameter(1e-3, lower=SMALLEST, description=f"width of {name}")})[word]
+    try:
+        made = with_friction_model(exact, name, width)
+    except ModelError as error:
+        raise UsageError(f"{name} does not fit this system. {error}") from None
+    sticks = name not in ("dahl", "lugre")
+    return Approximation(name, lambda value: (made, {word: value}), method="Radau", sticks=sticks)
+
+
+def under(exact: System, name: str, alpha: float = ALPHA) -> Approximation:
+    """The system under a comparator on every switching surface that it can stand for.
+
+    Raises UsageError where there is none.
+    """
+    make, stiff = KINDS[name]
+    surfaces = [q.name for q in exact.surfaces if q.kind == "switching"]
+    if not surfaces:
+        raise UsageError("the system has no switching surface, so nothing can stand for one.")
+    without: dict[str, str] = {}
+    for surface in surfaces:
+        try:
+            exact.with_comparator({surface: make(1.0, alpha)})
+        except ModelError as error:
+            without[surface] = str(error)
+    able = [surface for surface in surfaces if surface not in without]
+    if not able:
+        raise UsageError(f"{name} does not fit this system. {next(iter(without.values()))}")
+    stick = partial(_stick, name)
+    if exact.symbolic is None:
+        def build(width: float) -> Built:
+            return exact.with_comparator(dict.fromkeys(able, make(width, alpha)))
+
+        return Approximation(name, build, stiff, stick=stick, without=without)
+    own = [_fresh(word, exact) for word in ("width", "alpha")]
+    p = parameters(**{
+        own[0]: Parameter(1e-3, lower=SMALLEST, description=f"half-width of {name}"),
+        own[1]: Parameter(alpha, lower=0, description="rate towards the surface"),
+    })  # fmt: skip
+    try:
+        made = exact.with_comparator(dict.fromkeys(able, make(p[own[0]], p[own[1]])))
+    except ModelError as error:
+        raise UsageError(f"{name} does not fit this system. {error}") from None
+    return Approximation(name, lambda width: (made, {own[0]: width}), stiff, stick=stick, without=without)
+
+
+def _fresh(word: str, system: System) -> str:
+    while word in system.parameters or word in system.states:
+        word += "_"
+    return word
+
+
+def _stick(name: str, surface: str) -> BandModel:
+    """How stays in stick under a comparator are read."""
+    def unused(width: float) -> System:
+        raise NotImplementedError
+
+    edges = {f"{surface}:upper": "-", f"{surface}:lower": "+"}
+    if name in ("switch", "karnopp"):
+        return BandModel(name, unused, edges | {f"{surface}:down": "-", f"{surface}:up": "+"})
+    if name == "band":
+        return BandModel(name, unused, edges, attracted=True)
+    return BandModel(name, unused, reach=SMOOTH_REACH if name in ("tanh", "arctan", "sqrt") else 1.0)
+

@@ -1,0 +1,201 @@
+"""The events of a motion as exact and approximate models share them: entries into stick, exits, crossings."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import brentq
+
+from filippov.analysis.comparisons.approximation import Approximation
+from filippov.analysis.comparisons.band_model import Reader, Stay
+from filippov.base.status import EventKind
+from filippov.model.system import System
+from filippov.solving.solution import Solution
+
+Array = npt.NDArray[np.float64]
+# Gauss points a step for the way covered in stick.
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)
+
+
+@dataclass(frozen=True)
+class Read:
+    """What is read of a motion on one surface.
+
+    stays      stays in stick
+    crossings  times at which h changes its sign outside of them
+    drift      largest |integral of h dt| within a stay from its entry on: the way slipped, for a velocity h
+    """
+
+    surface: str
+    stays: tuple[Stay, ...]
+    crossings: tuple[float, ...]
+    drift: float
+
+    def events(self, scale: float) -> list[tuple[float, str, str]]:
+        """(time, surface, kind), in order of time; a start on the edge of stick is no event."""
+        found = [(t, self.surface, "crossing") for t in self.crossings]
+        for stay in self.stays:
+            if not stay.from_start:
+                found.append((stay.t0, self.surface, "entry"))
+            if not stay.to_end and not (stay.from_start and stay.t1 - stay.t0 <= 1e-9 * scale):
+                found.append((stay.t1, self.surface, "exit"))
+        return sorted(found)
+
+    @property
+    def time(self) -> float:
+        """Time spent in stick."""
+        return sum(stay.t1 - stay.t0 for stay in self.stays)
+
+
+class EventReader:
+    """Reads motions of a system and of its approximations on each of its switching surfaces."""
+
+    def __init__(self, exact: System, p: Array) -> None:
+        names = [q.name for q in exact.surfaces if q.kind == "switching"]
+        self.readers = {name: Reader(exact, name, p) for name in names}
+        self.places = {name: _place(exact, name) for name in names}
+
+    def exact(self, solution: Solution) -> tuple[Read, ...]:
+        """What is read of the exact motion."""
+        out = []
+        for name, reader in self.readers.items():
+            stays = reader.of_exact(solution)
+            times = tuple(e.t for e in solution.events.of(name) if e.kind is EventKind.CROSSING)
+            out.append(Read(name, tuple(stays), times, self._drift(solution, name, stays)))
+        return tuple(out)
+
+    def model(self, solution: Solution, model: Approximation, width: float) -> tuple[Read, ...]:
+        """What is read of the motion of an approximation."""
+        out = []
+        for name, reader in self.readers.items():
+            if not model.sticks:
+                out.append(Read(name, (), (), 0.0))
+                continue
+            if _still_exact(solution.system, name):
+                stays, edge = reader_exact(solution, name), 0.0
+            else:
+                band = model.band_model(name)
+                stays, edge = reader.of_model(solution, band, width), band.reach * width
+            crossings = self._crossings(solution, reader, stays, edge)
+            out.append(Read(name, tuple(stays), crossings, self._drift(solution, name, stays)))
+        return tuple(out)
+
+    def jump(self, solution: Solution, name: str) -> float:
+        """The largest |dL| between the two signs of a surface along a motion, halved: L = dh/dt."""
+        reader = self.readers[name]
+        chosen = np.unique(np.linspace(0, solution.t.size - 1, 60).astype(int))
+        found = [reader.rates(float(solution.t[k]), solution.y[:, k]) for k in chosen]
+        return max((0.5 * abs(below - above) for below, above in found), default=0.0)
+
+    def size(self, solution: Solution, name: str) -> float:
+        """The largest |h| along a motion."""
+        reader = self.readers[name]
+        chosen = np.unique(np.linspace(0, solution.t.size - 1, 400).astype(int))
+        return max(abs(reader.height(float(solution.t[k]), solution.y[:, k])) for k in chosen)
+
+    def _crossings(
+        self, solution: Solution, reader: Reader, stays: Sequence[Stay], edge: float
+    ) -> tuple[float, ...]:
+        """Zeros of h between |h| > edge on one side and on the other, without a stay in between."""
+        sol = solution.sol
+        assert sol is not None
+        t = np.unique(np.concatenate([solution.t, solution.events.t]))
+        h = np.array([reader.height(float(q), sol(float(q))) for q in t])
+        kept = np.flatnonzero(np.abs(h) > edge)
+        found = []
+        for a, b in itertools.pairwise(kept):
+            if h[a] * h[b] < 0 and not any(stay.t0 <= t[b] and stay.t1 >= t[a] for stay in stays):
+                found.append(float(brentq(lambda q: reader.height(q, sol(q)), t[a], t[b], xtol=1e-14)))
+        return tuple(found)
+
+    def _drift(self, solution: Solution, name: str, stays: Sequence[Stay]) -> float:
+        """The way slipped in stick: of the place where a state is one, else the integral of h."""
+        sol, worst, reader, place = solution.sol, 0.0, self.readers[name], self.places[name]
+        assert sol is not None
+        for stay in stays:
+            inner = solution.t[(solution.t > stay.t0) & (solution.t < stay.t1)]
+            nodes = np.concatenate([[stay.t0], inner, [stay.t1]])
+            half = 0.5 * np.diff(nodes)[:, None]
+            t = (0.5 * (nodes[1:] + nodes[:-1])[:, None] + half * POINTS).ravel()
+            x = sol(t)
+            h = np.array([reader.height(float(q), x[:, i]) for i, q in enumerate(t)])
+            if place is None:
+                way = np.cumsum(np.sum(half * WEIGHTS * h.reshape(-1, POINTS.size), axis=1))
+            else:  # x' = v with h = c (v - w): the place against what moves with w
+                k, j, c = place
+                moving = np.cumsum(np.sum(half * WEIGHTS * (x[j] - h / c).reshape(-1, POINTS.size), axis=1))
+                at = sol(nodes, side="+")[k] if nodes.size else nodes
+                way = at[1:] - at[0] - moving
+            worst = max(worst, float(np.max(np.abs(way), initial=0.0)))
+        return worst
+
+
+def _place(system: System, surface: str) -> tuple[int, int, float] | None:
+    """(k, j, c) where state k has the rate x_j and h = c (x_j - w), w without states; None where none has."""
+    form = system.symbolic
+    if form is None:
+        return None
+    h = form.h[system.surface_index(surface)]
+    held = [j for j, x in enumerate(form.x) if h.has(x)]
+    slope = h.diff(form.x[held[0]]) if len(held) == 1 else None
+    places = [k for k, f in enumerate(form.field) if held and f == form.x[held[0]]]
+    if slope is None or not slope.is_number or not places:
+        return None
+    return places[0], held[0], float(slope)
+
+
+def _still_exact(system: System, surface: str) -> bool:
+    """Whether a surface is in an approximation as it is in the exact system."""
+    found = [q for q in system.surfaces if q.name == surface and q.kind == "switching"]
+    return bool(found) and found[0].width == 0
+
+
+def reader_exact(solution: Solution, name: str) -> list[Stay]:
+    """Stays on a surface that an approximation leaves exact."""
+    from filippov.analysis.comparisons.band_model import by_mode
+
+    index = solution.system.surface_index(name)
+    return by_mode(solution, lambda mode, t, x: mode[index] == 0)
+
+
+def ending(solution: Solution, count: int, extent: Array) -> dict[str, Any]:
+    """How a motion ends: "rest", "cycle" or "motion", with its amplitude, period and last speed,
+    and half the width within which it goes to and fro at the end.
+
+    A cycle: over each of the last two quarters of the span the state that moves most has the same amplitude
+    (to 5 %) and goes up through its middle at least once. Rest: the last twentieth moves by no more than 1e-9
+    of `extent`. count, extent: states of the exact system and how far each moves.
+    """
+    sol, (t0, t1) = solution.sol, (solution.problem.t_span[0], solution.t_end)
+    assert sol is not None
+    t = np.linspace(t0, t1, 4001)
+    x = sol(t)[:count]
+    moved = [np.ptp(part, axis=1) / extent for part in (x[:, -200:], x[:, -1000:], x[:, -2000:-1000])]
+    last, state = float(np.max(moved[0])), int(np.argmax(moved[0]))
+    net = abs(float(x[state, -1] - x[state, -200])) / float(extent[state])
+    data: dict[str, Any] = {
+        "kind": "motion", "amplitude": None, "period": None, "speed": net / (0.05 * abs(t1 - t0)),
+        "chatter": 0.5 * last if net < 0.5 * last else None, "state": state,
+    }  # fmt: skip
+    if last <= 1e-9:
+        return data | {"kind": "rest"}
+    k = int(np.argmax(moved[1]))
+    now, before = float(moved[1][k]), float(moved[2][k])
+    tail = x[k, -2000:]
+    middle = 0.5 * (float(np.max(tail)) + float(np.min(tail)))
+    above = tail > middle
+    ups = np.flatnonzero(~above[:-1] & above[1:])
+    if ups.size < 2 or now < 1e-6 or abs(now - before) > 0.05 * max(now, before):
+        return data
+    times = [
+        float(brentq(lambda q: float(sol(q)[k]) - middle, t[i - 2000], t[i - 1999], xtol=1e-14)) for i in ups
+    ]
+    return data | {
+        "kind": "cycle", "amplitude": 0.5 * now * float(extent[k]), "state": k,
+        "period": (times[-1] - times[0]) / (len(times) - 1),
+    }  # fmt: skip

@@ -1,0 +1,229 @@
+"""The result of a comparison of motions: rows, orders, needed widths, and what is wrong in kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from filippov.analysis.comparisons.comparison_result import FITTED, SLOWEST, Trend
+from filippov.analysis.comparisons.motion_run import ERRORS, OWN
+from filippov.base.csv_text import csv_text
+from filippov.base.json_text import json_text
+from filippov.solving.solution import Solution
+
+WORDS = {
+    "error_state": "error of the states", "error_final": "error of the final state",
+    "error_times": "error of event times", "drift": "drift in stick",
+}  # fmt: skip
+HEAD = (
+    "model", "width", "method", "err state", "err final", "err times", "drift", "calls", "x", "ms", "note",
+)  # fmt: skip
+
+
+FOOT = "err state: the largest, over the extent of the state; x: field calls over those of the exact run."
+
+
+@dataclass(frozen=True)
+class Needed:
+    """The widest width whose `quantity` is within `accuracy`, checked by a run; None where none was found."""
+
+    model: str
+    quantity: str
+    accuracy: float
+    width: float | None
+    error: float | None
+    calls_ratio: float | None
+
+    @property
+    def sentence(self) -> str:
+        """The same in words."""
+        what = f"{self.model}: {WORDS[self.quantity]} within {self.accuracy:g}"
+        if self.width is None:
+            return f"{what} was not reached."
+        return (
+            f"{what} needs width {self.width:.3g}: checked, {self.error:.3g}, at {self.calls_ratio:.3g} "
+            "times the field calls of the exact run."
+        )
+
+
+@dataclass(frozen=True)
+class MotionComparison:
+    """Rows of a comparison of motions, the exact one first.
+
+    rows       one dict a row: model, width (None: exact), method, error_state, error_final (over the extent
+               of each state), error_times, drift, stick (time), entries (into stick, by surface), ending,
+               amplitude, period, field_calls, jacobians, factorisations, calls_ratio, seconds, note, measures
+    faults     a sentence for each difference in kind at the narrowest width computed
+    needed     the widths for the accuracy asked for
+    exact      the exact Solution; motions: those of the widest width by model
+    """
+
+    rows: tuple[dict[str, Any], ...]
+    faults: tuple[str, ...]
+    needed: tuple[Needed, ...]
+    exact: Solution
+    motions: Mapping[str, Solution]
+    left: tuple[str, ...] = ()
+
+    def of(self, model: str) -> list[dict[str, Any]]:
+        """The rows of a model, the widest first."""
+        return [row for row in self.rows if row["model"] == model and row["width"] is not None]
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """The names of the approximations in order."""
+        return tuple(dict.fromkeys(row["model"] for row in self.rows if row["width"] is not None))
+
+    @property
+    def measures(self) -> tuple[str, ...]:
+        """The names of the measures that were asked for."""
+        return tuple(name for name in self.rows[0] if name not in OWN)
+
+    @property
+    def head(self) -> tuple[str, ...]:
+        """The titles of the table's columns."""
+        return (*HEAD[:-1], *self.measures, HEAD[-1])
+
+    @property
+    def cells(self) -> list[tuple[str, ...]]:
+        """The table's rows as text."""
+        return [cells(row, self.measures) for row in self.rows]
+
+    @cached_property
+    def trends(self) -> tuple[Trend, ...]:
+        """For every model and error: what it does as the width goes to 0."""
+        return tuple(self._trend(model, quantity) for model in self.models for quantity in ERRORS)
+
+    def trend(self, model: str, quantity: str) -> Trend:
+        """One of the trends; KeyError if there is none."""
+        for trend in self.trends:
+            if (trend.model, trend.quantity) == (model, quantity):
+                return trend
+        raise KeyError((model, quantity))
+
+    def _trend(self, model: str, quantity: str) -> Trend:
+        what = f"{model}: {WORDS[quantity]}"
+        # What two tolerances of the exact motion differ by bounds what can be told.
+        floor = 10.0 * (0.0 if quantity == "drift" else self.rows[0][quantity] or 0.0) + 1e-13
+        known = [(row["width"], row[quantity]) for row in self.of(model) if row[quantity] is not None]
+        if not known:
+            return Trend(model, {}, quantity, None, None, f"{what} cannot be compared at any width.")
+        width, error = known[-1]
+        above = [(w, e) for w, e in known if e > floor][-FITTED:]
+        if error <= floor and len(above) < 2:
+            return Trend(model, {}, quantity, None, True, f"{what} is not more than rounding at {width:g}.")
+        if len(above) < 2:
+            text = f"{what} is {error:.3g} at {width:g}, one width only."
+            return Trend(model, {}, quantity, None, None, text)
+        order = float(np.polyfit(np.log([w for w, _ in above]), np.log([e for _, e in above]), 1)[0])
+        if order > SLOWEST:
+            text = f"{what} goes to 0 like width^{order:.2f}; {error:.2g} at width {width:.3g}."
+            return Trend(model, {}, quantity, order, True, text)
+        (first, most), (last, least) = above[0], above[-1]
+        text = f"{what} does NOT go to 0: {most:.3g} at width {first:g}, {least:.3g} at width {last:g}."
+        return Trend(model, {}, quantity, order, False, text)
+
+    def to_text(self) -> str:
+        """The table, then the orders, the faults and the widths needed."""
+        table = [self.head, *self.cells]
+        sizes = [max(len(line[i]) for line in table) for i in range(len(self.head))]
+        lines = []
+        for line in table:
+            inner = [cell.rjust(size) for cell, size in zip(line[1:-1], sizes[1:-1], strict=True)]
+            lines.append("  ".join([line[0].ljust(sizes[0]), *inner, line[-1]]).rstrip())
+        lines.insert(1, "-" * max(len(line) for line in lines))
+        lines += ["", FOOT, "", *(trend.sentence for trend in self.trends)]
+        for title, sentences in self.paragraphs():
+            lines += ["", title, *(f"  {sentence}" for sentence in sentences)]
+        return "\n".join(lines) + "\n"
+
+    def paragraphs(self) -> list[tuple[str, tuple[str, ...]]]:
+        """Titles with their sentences, those that have any."""
+        return [(title, found) for title, found in (
+            ("Wrong in kind:", self.faults),
+            ("Widths needed:", tuple(item.sentence for item in self.needed)),
+            ("Left exact:", self.left),
+        ) if found]  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """Rows, trends, faults and widths needed, as JSON takes them."""
+        return {
+            "rows": [dict(row) for row in self.rows],
+            "trends": [
+                {"model": q.model, "quantity": q.quantity, "order": q.order, "vanishes": q.vanishes,
+                 "sentence": q.sentence} for q in self.trends
+            ],
+            "faults": list(self.faults), "left": list(self.left),
+            "needed": [vars(item) | {"sentence": item.sentence} for item in self.needed],
+        }  # fmt: skip
+
+    def to_json(self) -> str:
+        """The same as text."""
+        return json_text(self.to_dict(), indent=2)
+
+    def to_csv(self) -> str:
+        """The rows as a table."""
+        columns = tuple(dict.fromkeys(key for row in self.rows for key in row))
+        return csv_text(columns, ([row.get(key) for key in columns] for row in self.rows))
+
+    def to_html(self) -> str:
+        """One page with the table, the sentences and the picture in it."""
+        from filippov.analysis.comparisons.motion_page import page
+
+        return page(self)
+
+    def plot(self, **options: Any) -> Any:
+        """The motions, errors over the width, errors over work (see `filippov.plot.motions`)."""
+        from filippov.plot.motions import plot_motions
+
+        return plot_motions(self, **options)
+
+
+def cells(row: Mapping[str, Any], measures: Sequence[str] = ()) -> tuple[str, ...]:
+    """A row as text."""
+
+    def number(value: Any, form: str = ".1e") -> str:
+        return "-" if value is None else format(value, form)
+
+    seconds = row["seconds"]
+    return (
+        row["model"], "-" if row["width"] is None else f"{row['width']:.0e}", row["method"] or "-",
+        *(number(row[name]) for name in ERRORS), number(row["field_calls"], "d"),
+        number(row["calls_ratio"], ".2f"), number(None if seconds is None else 1e3 * seconds, ".2f"),
+        *(number(row.get(name), ".6g") for name in measures), row["note"],
+    )  # fmt: skip
+
+
+def faults(
+    exact: Mapping[str, Any], row: Mapping[str, Any], surfaces: Sequence[str], states: Sequence[str],
+    last: Mapping[str, Any],
+) -> list[str]:  # fmt: skip
+    """What is wrong in kind of the narrowest run of a model, one sentence each."""
+    where = f"{row['model']} at width {row['width']:.3g}"
+    if row["entries"] is None:
+        return [f"{where}: {row['note']}."]
+    out = []
+    for surface, have, want in zip(surfaces, row["entries"], exact["entries"], strict=True):
+        if have is not None and have != want:
+            what = "loses" if have < want else "invents"
+            out.append(
+                f"{where} {what} stick on {surface!r}: {have} entries into it, where the exact motion has "
+                f"{want}."
+            )
+    was, now = exact["ending"], row["ending"]
+    if was == "rest" and now != "rest":
+        out.append(
+            f"{where} loses the rest state: where the exact motion rests, {states[last['state']]} "
+            + (f"goes on in a cycle of amplitude {row['amplitude']:.3g}." if now == "cycle"
+               else f"goes to and fro within {last['chatter']:.2g} of its extent." if last["chatter"]
+               else f"creeps on at {last['speed']:.2g} of its extent in a unit of time.")
+        )  # fmt: skip
+    if was != "rest" and now == "rest":
+        out.append(f"{where} invents a state of rest: the exact motion goes on.")
+    if was == "cycle" and now == "motion":
+        out.append(f"{where} loses the cycle of amplitude {exact['amplitude']:.4g}.")
+    return out

@@ -1,0 +1,261 @@
+"""The runs behind a comparison of motions: the exact motion, and those of an approximation at one width."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.comparisons.approximation import Approximation
+from filippov.analysis.comparisons.motion_events import EventReader, Read, ending
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.status import Status
+from filippov.model.system import System
+from filippov.solving.solution import Solution
+from filippov.solving.solver import solve
+from filippov.solving.state.options import check_state
+from filippov.sweep.measure import Function, read_measures
+
+Array = npt.NDArray[np.float64]
+GRID, TAIL, TIGHT = 2001, 0.25, 3e-14
+# An explicit method takes about rate * span / 6 steps for stability: beyond so many the implicit one is taken
+STIFF_STEPS = 2000.0
+EXPLICIT, IMPLICIT = "DOP853", "Radau"
+ERRORS = ("error_state", "error_final", "error_times", "drift")
+TOO_MANY = {Status.MAX_STEPS: "steps", Status.MAX_EVENTS: "events"}
+
+
+OWN = (
+    "model", "width", "method", *ERRORS, "stick", "entries", "ending", "amplitude", "period", "field_calls",
+    "jacobians", "factorisations", "calls_ratio", "seconds", "note",
+)  # fmt: skip
+
+
+def blank_row(name: str, width: float | None) -> dict[str, Any]:
+    """A row without values."""
+    return dict.fromkeys(OWN) | {"model": name, "width": width, "note": ""}
+
+
+class ExactMotion:
+    """The exact motion at two tolerances, and what every approximation is measured with."""
+
+    def __init__(
+        self, system: System, x0: Any, t_span: Any, parameters: Mapping[str, float] | None, measures: Any,
+        rtol: float, atol: float, max_steps: int, max_events: int, repeats: int,
+    ) -> None:  # fmt: skip
+        self.system, self.x0, self.t_span = system, check_state(x0, system), t_span
+        self.given = dict(parameters or {})
+        self.p = system.parameters.resolve(parameters)
+        self.options: dict[str, Any] = {
+            "rtol": rtol, "atol": atol, "max_steps": max_steps, "max_events": max_events
+        }  # fmt: skip
+        self.repeats = repeats
+        self.measures = read_measures(measures, system) if measures else ()
+        tight = {"rtol": max(TIGHT, 1e-2 * rtol), "atol": 1e-2 * atol}
+        self.coarse = self._solved({})
+        self.fine = self._solved(tight)
+        self.span = abs(self.fine.t_end - self.fine.problem.t_span[0])
+        self.times = np.linspace(self.fine.problem.t_span[0], self.fine.t_end, GRID)
+        assert self.fine.sol is not None
+        self.states = self.fine.sol(self.times)
+        extent = np.ptp(self.states, axis=1)
+        self.extent = np.where(extent > 0, extent, np.maximum(np.max(np.abs(self.states), axis=1), 1e-300))
+        self.reader = EventReader(system, self.p)
+        self.reads = self.reader.exact(self.fine)
+        self.ending = ending(self.fine, system.dimension, self.extent)
+        self.row = self._row()
+
+    def _solved(self, tolerances: Mapping[str, float]) -> Solution:
+        options = {**self.options, **tolerances}
+        solution: Solution = solve(self.system, self.x0, self.t_span, parameters=self.given, **options)
+        if solution.status is not Status.SUCCESS:
+            raise UsageError(
+                f"the exact motion ends at t = {solution.t_end:.6g}, so nothing can be compared with it: "
+                f"{solution.message} Compare over a shorter span, or from another state."
+            )
+        return solution
+
+    def _row(self) -> dict[str, Any]:
+        row = self.measured(self.coarse, self.reads_of(self.coarse))
+        seconds = self.clock(self.system, self.x0, self.given, EXPLICIT)
+        return blank_row("exact", None) | row | {
+            "method": EXPLICIT, "drift": max(read.drift for read in self.reads) if self.reads else None,
+            "calls_ratio": 1.0, "seconds": seconds, "note": "errors: difference between two tolerances",
+        }  # fmt: skip
+
+    def reads_of(self, solution: Solution) -> tuple[Read, ...]:
+        """What is read of an exact motion."""
+        return self.reader.exact(solution)
+
+    def measured(self, solution: Solution, reads: Sequence[Read]) -> dict[str, Any]:
+        """What a motion gives, compared with the exact one."""
+        sol, n = solution.sol, self.system.dimension
+        assert sol is not None
+        gap = np.abs(sol(self.times)[:n] - self.states) / self.extent[:, None]
+        end = np.abs(solution.x_end[:n] - self.fine.x_end) / self.extent
+        own, exact = (
+            sorted(event for read in each for event in read.events(self.span)) for each in (reads, self.reads)
+        )
+        same = [event[1:] for event in own] == [event[1:] for event in exact]
+        gaps = [abs(a[0] - b[0]) for a, b in zip(own, exact, strict=True)] if same else []
+        last = ending(solution, n, self.extent)
+        found = {
+            "error_state": float(np.max(gap)), "error_final": float(np.max(end)),
+            "error_times": (max(gaps, default=0.0) if same else None),
+            "drift": max((read.drift for read in reads if read.stays), default=None),
+            "stick": sum(read.time for read in reads),
+            "entries": [sum(not stay.from_start for stay in read.stays) for read in reads],
+            "ending": last["kind"], "amplitude": last["amplitude"], "period": last["period"],
+            "field_calls": solution.nfev, "jacobians": solution.njev, "factorisations": solution.nlu,
+        }  # fmt: skip
+        return found | self._own_measures(solution)
+
+    def _own_measures(self, solution: Solution) -> dict[str, Any]:
+        """The measures asked for; None where an approximation does not have what they name."""
+        found: dict[str, Any] = {}
+        for measure in self.measures:
+            if isinstance(measure, Function):
+                found |= {name: float(value) for name, value in measure.call(solution).items()}
+                continue
+            try:
+                values: list[Any] = list(measure.of_solution(solution, TAIL))
+            except ModelError:
+                if solution.system is self.system:
+                    raise
+                values = [None]
+            found |= dict(zip(measure.columns(self.system), values, strict=True))
+        return {name: value if value is None or np.isfinite(value) else None for name, value in found.items()}
+
+    def clock(self, system: System, x0: Any, given: Mapping[str, float], method: str) -> float:
+        """Median seconds of one run, compiled before."""
+        spent = []
+        for _ in range(self.repeats):
+            begun = time.perf_counter()
+            solve(system, x0, self.t_span, parameters=given, method=method, **self.options)
+            spent.append(time.perf_counter() - begun)
+        return statistics.median(spent)
+
+
+class ModelMotion:
+    """An approximation over the same motion, at any width."""
+
+    def __init__(self, exact: ExactMotion, model: Approximation, narrowest: float) -> None:
+        self.exact, self.model = exact, model
+        self.method = model.method or self._method(narrowest)
+        self.solutions: dict[float, Solution] = {}
+
+    def _method(self, narrowest: float) -> str:
+        """The explicit method where it is not held up by stability at the narrowest width, else Radau."""
+        if not self.model.stiff:
+            return EXPLICIT
+        exact = self.exact
+        steepest = max(exact.reader.jump(exact.fine, name) for name in exact.reader.readers)
+        return IMPLICIT if steepest / narrowest * exact.span / 6.0 > STIFF_STEPS else EXPLICIT
+
+    def solve(self, width: float) -> tuple[Solution, System, Array, dict[str, float]]:
+        """The motion, what was solved, from where and with which parameters."""
+        exact, model = self.exact, self.model
+        built = model.build(width)
+        system, own = built if isinstance(built, tuple) else (built, {})
+        if not isinstance(system, System):
+            raise UsageError(f"{model.name}: build returned {type(system).__name__}, expected a System.")
+        n = exact.system.dimension
+        if system.states[:n] != exact.system.states:
+            raise UsageError(
+                f"{model.name}: the states are {' '.join(system.states)}, expected those of the exact system "
+                f"first: {' '.join(exact.system.states)}."
+            )
+        start = np.zeros(system.dimension)
+        start[:n] = exact.x0
+        extra = list(model.start)[: system.dimension - n]
+        start[n : n + len(extra)] = extra
+        shared = {name: v for name, v in exact.given.items() if name in system.parameters}
+        given = {**shared, **own}
+        solution = solve(
+            system, start, exact.t_span, parameters=given, method=self.method, **exact.options
+        )
+        return solution, system, start, given
+
+    def row(self, width: float) -> dict[str, Any]:
+        """Everything that is compared; a note, and no errors, where the run did not reach the end."""
+        exact = self.exact
+        solution, system, start, given = self.solve(width)
+        blank = blank_row(self.model.name, width) | {"method": self.method}
+        if solution.status is not Status.SUCCESS:
+            what = TOO_MANY.get(solution.status)
+            why = f"more than the {what} allowed" if what else f"ended with {solution.status.value}"
+            return blank | {
+                "field_calls": solution.nfev, "calls_ratio": solution.nfev / max(exact.coarse.nfev, 1),
+                "note": f"not computed: {why} at t = {solution.t_end:.4g}",
+            }  # fmt: skip
+        self.solutions[width] = solution
+        reads = exact.reader.model(solution, self.model, width)
+        row = exact.measured(solution, reads)
+        if not self.model.sticks:
+            row |= {"error_times": None, "drift": None, "stick": None, "entries": [None] * len(reads)}
+        row["calls_ratio"] = solution.nfev / max(exact.coarse.nfev, 1)
+        row["seconds"] = exact.clock(system, start, given, self.method)
+        return blank | row
+
+
+def chosen_widths(exact: ExactMotion, given: Sequence[float] | None, decades: Sequence[int]) -> list[float]:
+    """The widths from the widest on; by default decades of the largest |h| of the motion.
+
+    Raises UsageError.
+    """
+    if given is None:
+        sizes = [exact.reader.size(exact.fine, name) for name in exact.reader.readers]
+        scale = 10.0 ** round(np.log10(min((q for q in sizes if q > 0), default=1.0)))
+        return [scale * 10.0**-k for k in decades]
+    widths = sorted({float(width) for width in given}, reverse=True)
+    if not widths or not all(0 < width < np.inf for width in widths):
+        raise UsageError(f"widths are {list(given)!r}, expected one number or more, all > 0.")
+    return widths
+
+
+def needed_width(
+    motion: ModelMotion, rows: Sequence[Mapping[str, Any]], quantity: str, accuracy: float,
+    compute: Callable[[float], Mapping[str, Any]], tries: int = 8,
+) -> tuple[float | None, Mapping[str, Any] | None]:  # fmt: skip
+    """The widest width found whose error is within the accuracy, and its row: solved for, then run.
+
+    The error is taken for a power of the width between the two computed widths around the accuracy, or beyond
+    the last two; each guess is a run, until one is within the accuracy and above a third of it.
+    """
+    known = {row["width"]: row for row in rows if row.get(quantity) is not None}
+    for _ in range(tries):
+        good = [w for w, row in known.items() if row[quantity] <= accuracy]
+        bad = [w for w, row in known.items() if row[quantity] > accuracy]
+        best = max(good, default=None)
+        if best is not None and (known[best][quantity] >= accuracy / 3 or best == max(known)):
+            return best, known[best]
+        above = min((w for w in bad if best is None or w > best), default=None)
+        if above is None:
+            return best, known[best] if best is not None else None
+        low = best if best is not None else None
+        if low is None:
+            ends = sorted(known)[:2]
+            if len(ends) < 2:
+                break
+            slope = np.log(known[ends[1]][quantity] / known[ends[0]][quantity]) / np.log(ends[1] / ends[0])
+            if not slope > 0.1:
+                break
+            guess = above * (0.7 * accuracy / known[above][quantity]) ** (1.0 / slope)
+        elif known[low][quantity] > 0:
+            slope = np.log(known[above][quantity] / known[low][quantity]) / np.log(above / low)
+            guess = low * (0.7 * accuracy / known[low][quantity]) ** (1.0 / slope)
+        else:
+            guess = np.sqrt(low * above)
+        if not 0 < guess < np.inf or guess in known:
+            break
+        row = compute(float(guess))
+        if row.get(quantity) is None:
+            break
+        known[float(guess)] = row
+    good = [w for w, row in known.items() if row[quantity] <= accuracy]
+    best = max(good, default=None)
+    return best, None if best is None else known[best]

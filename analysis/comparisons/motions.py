@@ -1,0 +1,119 @@
+"""A motion of any system, exact and under its approximations: what each costs and what it gets wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from filippov.analysis.comparisons.approximation import ALPHA, approximations
+from filippov.analysis.comparisons.motion_events import ending
+from filippov.analysis.comparisons.motion_result import MotionComparison, Needed, faults
+from filippov.analysis.comparisons.motion_run import (
+    ERRORS,
+    ExactMotion,
+    ModelMotion,
+    chosen_widths,
+    needed_width,
+)
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+from filippov.model.system import System
+from filippov.solving.solution import Solution
+
+AGAINST = ("switch", "karnopp", "band", "tanh")
+DECADES = (2, 3, 4, 5, 6)
+
+
+def compare_motions(
+    system: System,
+    x0: Any,
+    t_span: tuple[float, float],
+    *,
+    against: Any = None,
+    widths: Sequence[float] | None = None,
+    measures: Any = (),
+    parameters: Mapping[str, float] | None = None,
+    accuracy: float | None = None,
+    quantity: str = "error_state",
+    alpha: float = ALPHA,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+    max_steps: int = 200_000,
+    max_events: int = 20_000,
+    repeats: int = 1,
+    progress: Callable[..., object] | None = None,
+) -> MotionComparison:
+    """Compare a motion of the inclusion with the same under approximations, over the widths.
+
+    system      the inclusion; x0, t_span: as for `solve`
+    against     names ("switch", "karnopp", "band", "tanh", "arctan", "sqrt", "hysteresis"; "lugre", "dahl",
+                "memory", "bengisu-akay", see `filippov.model.friction_model`), a mapping {name: width ->
+                System}, or Approximations; default: the first four, where they fit the system
+    widths      half-widths in the units of h; default: five decades below the largest |h| of the motion
+    measures    further numbers of each run, as in sweeps: "amplitude(x)", a function of the Solution
+    parameters  values by name, for the exact system and every approximation that has them
+    accuracy    of `quantity`: the width that it needs is solved for and checked by a run
+    quantity    "error_state", "error_final", "error_times" or "drift"
+    alpha       rate of the Switch and Karnopp models in stick [1/time]
+    max_steps, max_events   budgets of one run; an approximation that uses one up is not tried at smaller
+                widths
+    repeats     runs whose median is the time that is told
+    progress    called with (done, total, what)
+
+    Stiff approximations are integrated by Radau where an explicit method would be held up by stability; the
+    rows say which. Raises UsageError, ModelError.
+    """
+    if quantity not in ERRORS:
+        raise UsageError(unknown("quantity", quantity, ERRORS))
+    if accuracy is not None and not 0 < accuracy < float("inf"):
+        raise UsageError(f"accuracy is {accuracy!r}, expected a number > 0.")
+    exact = ExactMotion(
+        system.exact, x0, t_span, parameters, measures, rtol, atol, max_steps, max_events, repeats
+    )
+    models, left = _models(system.exact, against, alpha)
+    sizes = chosen_widths(exact, widths, DECADES)
+    rows, wrong, needs = [exact.row], [], []
+    shown: dict[str, Solution] = {}
+    total = 1 + len(models) * len(sizes)
+    names = list(exact.reader.readers)
+    for model in models:
+        left += [f"{model.name} leaves {surface!r} exact: {why}" for surface, why in model.without.items()]
+        motion, spent = ModelMotion(exact, model, sizes[-1]), ""
+        own: list[dict[str, Any]] = []
+        for width in sizes:
+            if progress is not None:
+                progress(len(rows), total, f"{model.name} {width:g}")
+            row = motion.row(width) if not spent else own[-1] | {"width": width, "note": spent}
+            own.append(row)
+            rows.append(row)
+            if "allowed" in row["note"] and not spent:
+                spent = f"not computed: it was not possible at width {width:g}"
+        done = [row for row in own if row["entries"] is not None]
+        narrow = done[-1] if done else own[0]
+        last = ending(motion.solutions[narrow["width"]], system.dimension, exact.extent) if done else {}
+        wrong += faults(exact.row, narrow, names, system.states, last)
+        if done:
+            shown[model.name] = motion.solutions[done[0]["width"]]
+        if accuracy is not None:
+            width_found, row_found = needed_width(motion, done, quantity, accuracy, motion.row)
+            error = None if row_found is None else row_found[quantity]
+            ratio = None if row_found is None else row_found["calls_ratio"]
+            needs.append(Needed(model.name, quantity, accuracy, width_found, error, ratio))
+    if progress is not None:
+        progress(total, total)
+    return MotionComparison(tuple(rows), tuple(wrong), tuple(needs), exact.fine, shown, tuple(left))
+
+
+def _models(exact: System, against: Any, alpha: float) -> tuple[list[Any], list[str]]:
+    """The approximations, and sentences on those of the default that do not fit."""
+    if against is not None:
+        return approximations(exact, against, alpha), []
+    found, left = [], []
+    for name in AGAINST:
+        try:
+            found += approximations(exact, name, alpha)
+        except UsageError as error:
+            left.append(str(error))
+    if not found:
+        raise UsageError(" ".join(dict.fromkeys(left)))
+    return found, left

@@ -1,0 +1,194 @@
+"""The band of a Switch or Karnopp model around a sliding surface: its surfaces, and the field within it.
+
+    L(s) = dh/dt at the sign s with |h| = 0,   [lo, hi] the set of the surface
+    within the band:   L(lo) >= 0 >= L(hi)     the sign s* at which dh/dt = -alpha h
+                       L(lo), L(hi) < 0        lo        (driven down)
+                       L(lo), L(hi) > 0        hi        (driven up)
+                       L(lo) < 0 < L(hi)       h/width   (the surface repels)
+
+|h| is measured from the edges beyond the band, where the field is smooth, and 0 within it. In Karnopp's model
+everything within the band is taken at the velocity of h = 0, and only its own state has the h that it has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.base.errors import ModelError
+from filippov.base.symbolic_value import is_expression
+from filippov.model.comparator import Karnopp, Switch, numbers_of
+from filippov.model.parameter_symbol import ParameterSymbol
+from filippov.model.surface import Surface
+from filippov.model.symbolic import Select, SymbolicForm, convex
+from filippov.model.symbols import t
+
+OTHERS = "Choose Band or Smooth for it."
+UNIT = (sympy.S.NegativeOne, sympy.S.One)
+
+
+@dataclass
+class NewSurfaces:
+    """The surfaces of a new form, numbered as they are added."""
+
+    s: list[Symbol] = field(default_factory=list)
+    a: list[Symbol] = field(default_factory=list)
+    h: list[Expr] = field(default_factory=list)
+    radius: list[tuple[Expr, Expr]] = field(default_factory=list)
+    widths: list[Expr | None] = field(default_factory=list)
+    surfaces: list[Surface] = field(default_factory=list)
+
+    def add(
+        self, surface: Surface, h: Expr, radius: tuple[Expr, Expr], width: Expr | None = None
+    ) -> tuple[Symbol, Symbol]:
+        """Add a surface; return the symbols of its sign and size."""
+        number = len(self.s)
+        # Under names of their own while the old symbols stand beside them.
+        self.s.append(Symbol(f"_new_s{number}", real=True))
+        self.a.append(Symbol(f"_new_a{number}", nonnegative=True))
+        self.h.append(h)
+        self.radius.append(radius)
+        self.widths.append(width)
+        self.surfaces.append(surface)
+        return self.s[-1], self.a[-1]
+
+    def final(self) -> dict[Symbol, Symbol]:
+        """From the symbols given here to those of a form."""
+        names = {s: Symbol(f"_s{k}", real=True) for k, s in enumerate(self.s)}
+        return names | {a: Symbol(f"_a{k}", nonnegative=True) for k, a in enumerate(self.a)}
+
+    def plain(self, h: Expr) -> Expr:
+        """An expression with |h| of the surfaces written out."""
+        for a, size in zip(reversed(self.a), reversed(self.h), strict=True):
+            h = h.xreplace({a: sympy.Abs(size)})
+        return h
+
+
+def kink(surface: Surface, name: str, h: Any) -> Surface:
+    """A kink of the field beside a surface."""
+    return replace(surface, name=name, h=h, radius=1.0, kind="kink", width=0.0)
+
+
+class StickBand:
+    """The band of one surface, number i of `form`. Raises ModelError where the model does not fit it."""
+
+    def __init__(
+        self, form: SymbolicForm, i: int, surface: Surface, own: Switch | Karnopp, h: Expr, new: NewSurfaces
+    ) -> None:
+        self.form, self.i, self.surface, self.own = form, i, surface, own
+        self.s, self.a = form.s[i], form.a[i]
+        self.name = f"{type(own).__name__} of surface {surface.name!r}"
+        self.width, self.alpha = (
+            self._number(value, place == 0) for place, value in enumerate(numbers_of(own).values())
+        )
+        width = form.widths[i] if form.widths else None
+        self.h = form.h[i] if width is None else form.h[i] * width
+        if self.h.free_symbols & set(form.a):
+            raise ModelError(f"{self.name}: h holds the kink of another surface. {OTHERS}")
+        held = [j for j, x in enumerate(form.x) if self.h.has(x)]
+        linear = len(held) == 1 and not self.h.diff(form.x[held[0]]).free_symbols - set(form.p)
+        self.state = held[0] if linear else None
+        self.at: dict[Symbol, Expr] = {self.a: sympy.S.Zero}  # where the field is taken within the band
+        if isinstance(own, Karnopp):
+            self._check_velocity(len(held))
+            x = form.x[held[0]]
+            self.at[x] = x - self.h / self.h.diff(x)
+        self.rate = self._rate()
+        self.slope = self.rate.diff(self.s)
+        if self.slope == 0 or sympy.expand(self.slope.diff(self.s)) != 0:
+            what = "does not depend on its sign" if self.slope == 0 else "is not affine in its sign"
+            raise ModelError(f"{self.name}: dh/dt {what}, so nothing slides as these models do. {OTHERS}")
+        self.upper, self.above = new.add(self._edge("upper", -1), h - self.width, UNIT)
+        self.lower, self.below = new.add(self._edge("lower", 1), h + self.width, UNIT)
+        self.down = self.up = sympy.S.Zero
+
+    def _number(self, value: Any, positive: bool) -> Expr:
+        if not is_expression(value):
+            return sympy.Float(value)
+        mine = all(isinstance(q, ParameterSymbol) for q in value.free_symbols)
+        if not mine or not (value.is_positive if positive else value.is_nonnegative):
+            raise ModelError(
+                f"{self.name}: {value} was given, expected a number {'> 0' if positive else '>= 0'} or an "
+                "expression of parameters that their bounds keep so: Parameter(0.01, lower=1e-12)."
+            )
+        return value
+
+    def _edge(self, name: str, side: int) -> Surface:
+        return Surface(f"{self.surface.name}:{name}", self.surface.h + side * self.width)
+
+    def _rate(self) -> Expr:
+        """L(s), dh/dt within the band."""
+        rate = self.h.diff(t)
+        for x, f in zip(self.form.x, self.form.field, strict=True):
+            slope = self.h.diff(x)
+            if slope != 0:
+                rate += slope * convex(f, {self.s}).xreplace(self.at)
+        return rate
+
+    def _check_velocity(self, held: int) -> None:
+        """Raise ModelError where h is not the velocity of a body, up to a factor."""
+        if self.state is None:
+            raise ModelError(
+                f"{self.name}: h = {self.surface.h} holds {held} states, expected one, linearly: the "
+                f"velocity of a body. {OTHERS}"
+            )
+        x = self.form.x[self.state]
+        others = [f for k, f in enumerate(self.form.field) if k != self.state]
+        if any(f.has(self.s) for f in others):
+            raise ModelError(
+                f"{self.name}: its sign acts on other equations than that of {x}, so there is no balance of "
+                f"forces to take. {OTHERS}"
+            )
+        if not any(f.has(x) for f in others):
+            raise ModelError(f"{self.name}: no other equation holds {x}, so it is no velocity. {OTHERS}")
+
+    def add_rates(self, new: NewSurfaces, even: Callable[[Expr], Expr]) -> None:
+        """Add the surfaces on which the static levels are reached; `even` puts in the other signs."""
+        ends = []
+        for bound, name in zip(self.form.radius[self.i], ("down", "up"), strict=True):
+            h = even(-self.rate.xreplace({self.s: bound}))
+            left = [q for q in (*self.form.s, *self.form.a) if h.has(q)]
+            if left:
+                place = next(k for k, q in enumerate((*self.form.s, *self.form.a)) if q == left[0])
+                other = self.form.plain_h()[place % len(self.form.s)]
+                raise ModelError(
+                    f"{self.name}: dh/dt depends on the sign of {other}, which is no function of the state. "
+                    "Choose Band or Smooth for one of the two."
+                )
+            ends.append(new.add(Surface(f"{self.surface.name}:{name}", new.plain(h)), h, UNIT)[0])
+        self.down, self.up = ends
+
+    def put_into(self, equations: Sequence[Expr]) -> list[Expr]:
+        """The equations, divided by the band where the surface acts on them."""
+        return [self._divided(j, convex(f, {self.s})) for j, f in enumerate(equations)]
+
+    def _divided(self, j: int, f: Expr) -> Expr:
+        within = f.xreplace(self.at)
+        if j != self.state and not f.has(self.s, *self.at):
+            return f
+        low, high = (within.xreplace({self.s: bound}) for bound in self.form.radius[self.i])
+        repelled = low if self.slope.is_nonpositive else within.xreplace({self.s: self.h / self.width})
+        inside = Select(
+            self.down, Select(self.up, low, repelled), Select(self.up, self._sliding(j, within), high)
+        )
+        above, below = (
+            f.xreplace({self.s: sympy.Integer(side), self.a: self.width + size})
+            for side, size in ((1, self.above), (-1, self.below))
+        )
+        return Select(self.upper, above, Select(self.lower, inside, below))
+
+    def _sliding(self, j: int, within: Expr) -> Expr:
+        """An equation at the sign s* with L(s*) = -alpha h."""
+        if j == self.state:
+            return (-self.alpha * self.h - self.h.diff(t)) / self.h.diff(self.form.x[j])
+        if not within.has(self.s):
+            return within
+        rest = self.rate.xreplace({self.s: sympy.S.Zero}) + self.alpha * self.h
+        effect = within.diff(self.s)
+        if effect.has(self.s):
+            return within.xreplace({self.s: -rest / self.slope})
+        return within.xreplace({self.s: sympy.S.Zero}) - effect / self.slope * rest

@@ -1,0 +1,30 @@
+"""One plant under one friction law, exact and under the friction models that are mapped from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from filippov.model.comparator import Smooth
+from filippov.model.friction_model import MODELS, with_friction_model
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.system import System
+from filippov.models.friction import SMALLEST, FrictionLaw
+from filippov.models.mass import controlled_mass
+
+
+def friction_models(
+    law: FrictionLaw, plant: Callable[[FrictionLaw], System] = controlled_mass, width: float = 1e-4
+) -> dict[str, System]:
+    """Return the plant by name: "exact", "tanh", and the models of `filippov.model.friction_model`.
+
+    law     begins at its static level, as Coulomb's and Stribeck's do: a jump of it has no such models
+    plant   law -> System with one friction surface: controlled_mass, pendulum, belt, or one of your own
+    width   the parameter `width` of all but the exact one: what it is depends on the model
+
+    Raises ModelError for another law or plant.
+    """
+    exact = plant(law)
+    p = parameters(width=Parameter(width, lower=SMALLEST, description="width of the friction model"))
+    made = {name: with_friction_model(exact, name, p.width) for name in MODELS}
+    return {"exact": exact, "tanh": exact.with_comparator(Smooth(p.width)), **made}

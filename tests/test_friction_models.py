@@ -1,0 +1,107 @@
+"""Friction models mapped from one law: steady curves, stiffnesses, orders against the exact motion."""
+
+import math
+from typing import Any
+
+import pytest
+
+from filippov import ModelError, Surface, System, parameters, sign, states
+from filippov.analysis import compare
+from filippov.model.friction_model import MODELS, with_friction_model
+from filippov.models import Coulomb, StaticCoulomb, Stribeck, friction_models
+from filippov.models.pendulum import pendulum
+
+LAW = Stribeck(Fs=0.6, Fc=0.4, vs=0.1, beta=2, b=0.05)
+WIDTH, M, L, G = 1e-4, 1.0, 1.0, 9.81
+SYSTEMS = friction_models(LAW, pendulum, WIDTH)
+
+
+def moment(v: float) -> float:
+    return (0.4 + 0.2 * math.exp(-((v / 0.1) ** 2))) * math.copysign(1, v) + 0.05 * v
+
+
+def rates(system: System, at: dict[str, float]) -> list[float]:
+    form = system.symbolic
+    assert form is not None
+    known: dict[Any, Any] = {q: q.parameter.default for q in form.p}
+    known |= {q: at.get(q.name, 0.0) for q in form.x}
+    for s, a, h in zip(form.s, form.a, form.h, strict=True):
+        value = float(h.subs(known))
+        known[s], known[a] = (1 if value > 0 else -1), abs(value)
+    return [float(f.subs(known)) for f in form.field]
+
+
+def test_15_2_one_plant_stands_under_all_of_them() -> None:
+    assert set(SYSTEMS) == {"exact", "tanh", *MODELS}
+    for system in SYSTEMS.values():
+        assert system.states[:2] == ("q", "w")
+
+
+@pytest.mark.parametrize("v", [-0.7, -0.05, 0.02, 0.3])
+def test_15_2_sliding_steadily_each_has_the_curve_of_the_law(v: float) -> None:
+    """The deflection rests at w g sgn v (dahl: w sgn v, its level follows the law), the lag at v."""
+    g = (0.4 + 0.2 * math.exp(-((v / 0.1) ** 2))) / 0.6
+    at = {"dahl": math.copysign(WIDTH, v), "lugre": math.copysign(WIDTH * g, v), "memory": v}
+    for name, z in at.items():
+        system = SYSTEMS[name]
+        found = rates(system, {"q": 0.0, "w": v, system.states[2]: z})
+        assert found[1] == pytest.approx(-moment(v), rel=1e-12)
+        assert found[2] == pytest.approx(0.0, abs=1e-12)
+    found = rates(SYSTEMS["bengisu-akay"], {"q": 0.0, "w": v})
+    beyond = math.copysign(abs(v) - WIDTH, v)
+    assert found[1] == pytest.approx(-moment(beyond) - 0.05 * (v - beyond), rel=1e-12)
+
+
+def test_15_2_at_rest_a_deflection_is_held_by_the_stiffness() -> None:
+    """sigma0 = Fs/w, as a moment over the deflection; w = 0 and w' of the pendulum is that over m l^2."""
+    for name in ("dahl", "lugre"):
+        z = 0.3 * WIDTH
+        found = rates(SYSTEMS[name], {"q": 0.0, "w": 0.0, SYSTEMS[name].states[2]: z})
+        assert found[1] == pytest.approx(-0.6 / WIDTH * z, rel=1e-12)
+    # The parabola of Bengisu and Akay rises with the slope 2 Fs/w.
+    small = 1e-9
+    found = rates(SYSTEMS["bengisu-akay"], {"w": small})
+    assert found[1] == pytest.approx(-2 * 0.6 / WIDTH * small, rel=1e-5)
+
+
+def test_15_2_the_damping_of_lugre_is_the_published_one() -> None:
+    """sigma1 = sqrt(sigma0 m) by default: at rest z' = v adds sigma1 v, here per m l^2 = 1."""
+    v = 1e-12
+    found = rates(SYSTEMS["lugre"], {"w": v})[1]
+    assert found == pytest.approx(-(math.sqrt(0.6 / WIDTH) + 0.05) * v, rel=1e-5)
+
+
+x, v_ = states("x v")
+BLOCK = System({x: v_, v_: -x - parameters(mu=0.2).mu * sign(v_)}, surfaces=[Surface("slip", v_)])
+
+
+def test_15_2_they_go_to_the_exact_motion() -> None:
+    """Bristles are a spring of the stiffness mu/w: of order 1/2, its period; the parabola is of order 1."""
+    found = compare(BLOCK, (0.7, 0), (0, 5), against=["lugre", "bengisu-akay"], widths=(1e-3, 1e-4, 1e-5))
+    assert found.trend("lugre", "error_state").order == pytest.approx(0.5, abs=0.1)
+    assert found.trend("bengisu-akay", "error_state").order == pytest.approx(1.0, abs=0.1)
+    assert {tuple(row["entries"]) for row in found.of("lugre")} == {(None,)}
+    assert not any("stick" in fault for fault in found.faults)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: friction_models(StaticCoulomb(2, 1), pendulum), "wider than the hull"),
+        (lambda: with_friction_model(BLOCK, "dall", 1e-3), "did you mean 'dahl'"),
+        (lambda: with_friction_model(BLOCK, "dahl", 0), "a number > 0"),
+        (lambda: with_friction_model(BLOCK, "dahl", 1e-3, surface="x"), "unknown surface 'x'"),
+        (
+            lambda: with_friction_model(System({x: sign(x) + v_, v_: -sign(v_ + 1)}), "dahl", 1),
+            "say surface=",
+        ),
+        (lambda: with_friction_model(System({x: v_, v_: -x}), "dahl", 1), "none"),
+    ],
+)
+def test_15_2_what_does_not_fit_is_refused(make: Any, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        make()
+
+
+def test_15_2_coulomb_friction_has_them_too() -> None:
+    assert friction_models(Coulomb(Fc=1), pendulum)["dahl"].states == ("q", "w", "pivot_d1")
