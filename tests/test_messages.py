@@ -165,8 +165,8 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "comparator number": (lambda: S.with_comparator(1e-3), "0.001", "Band(width)"),
     "comparator class": (lambda: S.with_comparator(Band), "Band", "Give its width"),
     "band 0": (lambda: Band(0), "the width of Band", "Exact()"),
-    "band p": (lambda: Smooth(p.width), "the width of Smooth", "Surface(name, h, width=p.w)"),
-    "hysteresis p": (lambda: Hysteresis(p.e), "the width of Hysteresis", "Surface(name, h, width=p.w)"),
+    "band of a state": (lambda: S.with_comparator(Smooth(x)), "the width of Smooth is x", "parameters(w="),
+    "hysteresis text": (lambda: Hysteresis("wide"), "the width of Hysteresis is 'wide'", "to a float first"),
     "width=": (lambda: solve(S, START, SPAN, width=1), "width", "with_comparator(Band(width))"),
     # plain functions
     "f(t, y)": (lambda: field(lambda t, y: y), "field takes (t, y)", "def f(t, x, p, s)"),
