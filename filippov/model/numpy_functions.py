@@ -63,7 +63,9 @@ def apply_ufunc(self: Any, ufunc: Any, method: str, *inputs: Any, **options: Any
     if method != "__call__" or options.get("out") is not None:
         return NotImplemented
     known = UFUNCS.get(ufunc)
-    if known is None and ufunc not in _BY_OPERATORS:
+    # A function of Python made one of arrays (np.frompyfunc, np.vectorize) takes whatever it is given.
+    own = ufunc.types == ["O" * ufunc.nin + "->" + "O" * ufunc.nout]
+    if known is None and ufunc not in _BY_OPERATORS and not own:
         raise TypeError(
             f"np.{ufunc.__name__} is not known of expressions: use sin, cos, tan, exp, log, sqrt, tanh, "
             "sign, Abs, Min, Max, Heaviside or Piecewise from filippov."
@@ -96,11 +98,19 @@ def _select(conditions: Any, choices: Any, default: Any = 0) -> Any:
 
 
 FUNCTIONS: dict[Any, Callable[..., Any]] = {np.where: _where, np.clip: _clip, np.select: _select}
+# What puts arrays together, whatever they hold.
+_OF_SHAPES = {
+    np.hstack, np.vstack, np.stack, np.column_stack, np.concatenate, np.append, np.atleast_1d, np.ravel,
+    np.reshape, np.transpose, np.squeeze, np.shape, np.ndim, np.size, np.array_split, np.split, np.roll,
+    np.flip, np.repeat,
+}  # fmt: skip
 
 
 def apply_function(self: Any, function: Any, types: Any, args: Any, options: Any) -> Any:
     """What numpy's function of arrays gives for expressions."""
     known = FUNCTIONS.get(function)
+    if function in _OF_SHAPES:
+        return function(*_as_arrays(args), **options)
     if known is None:
         name = getattr(function, "__name__", function)
         raise TypeError(
@@ -108,6 +118,13 @@ def apply_function(self: Any, function: Any, types: Any, args: Any, options: Any
             "give the system as plain functions: System(field=f, ...)."
         )
     return known(*args, **options)
+
+
+def _as_arrays(value: Any) -> Any:
+    """Expressions as arrays of dimension 0, also inside lists, so that numpy does not ask again."""
+    if isinstance(value, list | tuple):
+        return type(value)(_as_arrays(item) for item in value)
+    return _boxed(value) if isinstance(value, Expr | Boolean) else value
 
 
 def _with_advice(method: Callable[[Any], Any], advice: str) -> Callable[[Any], Any]:

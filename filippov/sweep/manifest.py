@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from filippov.base.errors import UsageError
+from filippov.solving.state.options import OPTIONS, Options
 from filippov.sweep.points import digest_of
 from filippov.sweep.rows import Work
 
@@ -68,6 +69,8 @@ class Manifest:
         """What another manifest has differently: "rtol was 1e-09, is 1e-08; ..."; "" for nothing."""
         before, after = self._parts(), wanted._parts()
         names = [name for name in sorted({*before, *after}) if before.get(name) != after.get(name)]
+        # An option that was not given has its default.
+        before, after = ({n: getattr(Options, n, None) for n in OPTIONS} | part for part in (before, after))
         return "; ".join(f"{n} was {_short(before.get(n))}, is {_short(after.get(n))}" for n in names)
 
     def _parts(self) -> dict[str, object]:
