@@ -138,8 +138,8 @@ def settle(
     resting = [i for i in range(run.machine.m) if run.machine.contacts[i] and run.mode[i] == 0.0]
     for i in (*reached, *resting):
         rates.h_noise[i] = max(rates.h_noise[i], 2.0 * abs(rates.h[i]))
-    waiting = [_State(run.x.copy(), mode, rates, np.abs(run.x), tuple(due))]
-    first = _speed(run, waiting[0])
+    first = _State(run.x.copy(), mode, rates, np.abs(run.x), tuple(due))
+    waiting = [first]
     seen: list[_State] = []
     ends: list[_State] = []
     while waiting:
@@ -152,7 +152,7 @@ def settle(
         names = _names(run, state.due)
         if state.at_rest > MOST_AT_REST:
             return _stop(run, state, Status.ZENO, _no_rest(run, state.due))
-        fading = state.depth >= LONGEST_CHAIN and _speed(run, state) <= FADED * first
+        fading = state.depth >= LONGEST_CHAIN and _fading(run, first, state)
         if state.depth >= (LATEST if fading else LONGEST_CHAIN):
             return _stop(run, state, Status.NO_CONTINUATION, f"the resets of {names} follow each other.")
         following = _following(run, state, simultaneous)
@@ -313,22 +313,23 @@ def _following(run: Run, state: _State, simultaneous: str) -> list[_State] | str
     return [_next(run, state, run.machine.reset(i, run.t, state.x, state.mode), [i]) for i in first]
 
 
-def _speeds(run: Run, state: _State) -> Array:
-    """|dh/dt| over |grad h| of every surface."""
+def _speeds(run: Run, state: _State) -> dict[int, float]:
+    """|dh/dt| over |grad h| of the surfaces that are due."""
     g, _ = run.machine.gradients(run.t, state.x, state.mode)
-    return np.asarray(np.abs(state.rates.rate) / (np.sqrt(np.sum(g**2, axis=1)) + 1e-300))
+    speeds = np.abs(state.rates.rate) / (np.sqrt(np.sum(g**2, axis=1)) + 1e-300)
+    return {i: float(speeds[i]) for i in state.due if i < run.machine.m}
 
 
-def _speed(run: Run, state: _State) -> float:
-    """The largest speed onto a surface that is due."""
-    speeds = _speeds(run, state)
-    return max((float(speeds[i]) for i in state.due if i < run.machine.m), default=0.0)
+def _fading(run: Run, first: _State, now: _State) -> bool:
+    """Whether a chain runs onto its surfaces by far more slowly than where it began."""
+    before, after = (max(_speeds(run, state).values(), default=0.0) for state in (first, now))
+    return after <= FADED * before
 
 
 def _fastest(run: Run, state: _State) -> list[int]:
     """The surfaces due that are run onto fastest; several where they are equally fast."""
     speeds = _speeds(run, state)
-    most = _speed(run, state)
+    most = max(speeds.values())
     return [i for i in state.due if speeds[i] >= most * (1.0 - SAME)]
 
 
