@@ -121,9 +121,9 @@ def _at_rest(run: Run, limit: Accumulation) -> Accumulation:
 
 def interrupted(run: Run, limit: Accumulation) -> bool:
     """Whether another surface is reached before the limit: then only finitely many of the laps take place."""
-    mode = off_contact(run, run.mode)
-    h = mode * run.machine.guards(limit.t, np.ascontiguousarray(limit.x), mode) + run.machine.widths
-    g, gt = run.machine.gradients(limit.t, np.ascontiguousarray(limit.x), mode)
+    mode, x = off_contact(run, run.mode), np.ascontiguousarray(limit.x)
+    h = mode * run.machine.guards(limit.t, x, mode) + run.machine.widths
+    g, gt = run.machine.gradients(limit.t, x, mode)
     known = np.abs(g).sum(axis=1) * limit.x_error + np.abs(gt) * limit.error
     others = [i for i in range(run.machine.m) if i not in limit.surfaces and run.mode[i] != 0.0]
     return any(h[i] < -CHOSEN * known[i] for i in others)
@@ -173,7 +173,7 @@ def accumulates(run: Run) -> bool:
     if abs(run.t - run.events[-back].t) > near:
         return False
     limit = accumulation(run)
-    return limit is not None and abs(limit.t - run.t) <= near
+    return limit is not None and abs(limit.t - run.t) <= near and not interrupted(run, limit)
 
 
 def _grainy(run: Run) -> bool:
