@@ -228,6 +228,14 @@ def test_no_file_over_500_lines(folder: str) -> None:
         assert lines <= 500, f"{path.relative_to(ROOT)} has {lines} lines; split it, one noun a file"
 
 
+def test_13_3_no_function_of_the_kernel_is_long() -> None:
+    for module, tree in TREES.items():
+        for node in ast.walk(tree) if module.startswith("filippov.kernel") else ():
+            if isinstance(node, ast.FunctionDef):
+                lines = (node.end_lineno or 0) - node.lineno + 1
+                assert lines <= 100, f"{module}:{node.lineno} {node.name} has {lines} lines; do one thing"
+
+
 @pytest.mark.parametrize("method", sorted(filippov.METHODS))
 def test_a_delegated_method_has_its_function(method: str) -> None:
     name, _, member = method.partition(".")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from filippov.base.status import mode_text
-from filippov.kernel.tables import codes
 from filippov.solving.selection.modes import Successor
 from filippov.solving.state.machine import Array
 from filippov.solving.state.run import Run
@@ -100,7 +99,7 @@ def suspect(run: Run) -> str:
                 if not np.isfinite(value):
                     return f"Surface {machine.surfaces[i].name!r} has h = {value} next to this point."
         # A surface in t is near where what is left to it is next to nothing for the run.
-        nearest = _nearest(run, max(abs(run.clock[codes.T_START]), abs(run.clock[codes.T_END])))
+        nearest = _nearest(run, max(abs(run.clock.t_start), abs(run.clock.t_end)))
         jump = _jump(run, here, signs, mode)
     return " ".join(part for part in (nearest, jump) if part)
 

@@ -352,7 +352,7 @@ def _collect(
         messages[q] = text
     for q, error in batch.raised.items():
         messages[q] = failure(error)
-    t, nfev = batch.clock[:, codes.T].copy(), batch.count[:, codes.FIELD_CALLS].copy()
+    t, nfev = batch.clock.column("t").copy(), batch.count.column("field_calls").copy()
     counts = batch.kinds[:, :-2].reshape(batch.size, batch.machine.m, codes.KINDS).astype(np.int32)
     last = batch.kinds[:, -2:].copy()
     general = [q for q, status in enumerate(statuses) if status is None] if None in statuses else []

@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.status import Status
-from filippov.kernel.tables import codes
 from filippov.solving.resets.zeno import Accumulation
 from filippov.solving.selection.ambiguity import Ambiguity
 from filippov.solving.solution import Solution, jump_times, may_jump
@@ -42,7 +41,7 @@ def finished(
         events=events, user_events=watch.names, start_mode=start_mode[: watch.surfaces],
         end_mode=run.signs[: watch.surfaces], t_end=run.t, x_end=run.x.copy(),
         end_multipliers=_multipliers_at(run)[: watch.surfaces], nfev=run.calls(), njev=njev, nlu=nlu,
-        steps=int(run.count[codes.STEPS]), rejected=int(run.count[codes.REJECTED]), ambiguity=ambiguity,
+        steps=int(run.count.steps), rejected=int(run.count.rejected), ambiguity=ambiguity,
         accumulations=accumulations,
     )  # fmt: skip
 

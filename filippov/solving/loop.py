@@ -83,7 +83,7 @@ def follow(
     if stop is not None:
         run.stop[:] = stop
     if origin is not None:
-        run.clock[codes.T_START] = origin
+        run.clock.t_start = origin
     loop = _Loop(run, clocks, watch, progress, turn)
     status, message = loop.go()
     solution = finished(
@@ -101,7 +101,7 @@ class _Loop(Settling):
         turn: Turn | None = None,
     ) -> None:  # fmt: skip
         self.run, self.clocks, self.watch, self.progress, self.turn = run, clocks, watch, progress, turn
-        self.t_end = float(run.clock[codes.T_END])
+        self.t_end = float(run.clock.t_end)
         self.due: list[int] = []
         self.ambiguity: Ambiguity | None = None
         self.accumulations: list[Accumulation] = []
@@ -255,16 +255,16 @@ class _Loop(Settling):
         if (instant - self.t_end) * run.direction > clocks.same(self.t_end):
             self.due = []
         beyond = (instant - self.t_end) * run.direction > 0
-        run.clock[codes.T_END] = self.t_end if beyond else instant
-        run.clock[codes.SAME_INSTANT] = clocks.same(instant) if self.due else 0.0
+        run.clock.t_end = self.t_end if beyond else instant
+        run.clock.same_instant = clocks.same(instant) if self.due else 0.0
 
     def _reached(self) -> tuple[Status, str] | None:
         """At the end, or at an instant of time events: reset, look where the motion goes, and go on."""
         run, machine = self.run, self.run.machine
         if not self.due:
             return self._end(Status.SUCCESS)
-        run.clock[codes.T] = run.clock[codes.T_END]
-        together = bool(run.events) and abs(run.events[-1].t - run.t) <= run.clock[codes.SAME_INSTANT]
+        run.clock.t = run.clock.t_end
+        together = bool(run.events) and abs(run.events[-1].t - run.t) <= run.clock.same_instant
         jump = Jump(run.signs, run.x.copy(), (), tuple(self.due), together)
         resets = [machine.m + i for i in self.due if machine.system.time_events[i].reset is not None]
         self._aim()
@@ -295,7 +295,7 @@ class _Loop(Settling):
         roots = [i for i in hit if run.hit[i] == codes.ROOT]
         ended = self._back_over(roots)
         active = pending(run, roots)
-        if active and self.due and abs(run.t - run.clock[codes.T_END]) <= run.clock[codes.SAME_INSTANT]:
+        if active and self.due and abs(run.t - run.clock.t_end) <= run.clock.same_instant:
             return self._reached()
         if ended is None:
             ended = self._decided(active, met, hit)
@@ -393,9 +393,7 @@ class _Loop(Settling):
             return self._end(Status.NON_UNIQUE, f"{name}, {where} can follow: {listing(candidates)}.")
         return self._take(taken, before, hit, str(ambiguity), start, jump)
 
-    def _choose(
-        self, candidates: Sequence[Successor], before: Mode, hit: Sequence[int]
-    ) -> Successor | None:
+    def _choose(self, candidates: Sequence[Successor], before: Mode, hit: Sequence[int]) -> Successor | None:
         # A surface only touched: the motion goes on where it was, if the other side does not lead away.
         off = [i for i in hit if before[i] != 0]
         parted = any(c.mode[i] == -before[i] and c.order[i] == 1 for c in candidates for i in off)
@@ -413,7 +411,7 @@ class _Loop(Settling):
         run.put(chosen.mode, chosen.order, chosen.multipliers)
         if any(a == 0 != b for a, b in zip(before, chosen.mode, strict=True)):
             # The step of a slide says nothing about the motion that leaves it.
-            run.clock[codes.STEP] = 0.0
+            run.clock.step = 0.0
         jump = jump or Jump(before, run.x.copy())
         multipliers = np.array(chosen.multipliers)
         ended = None if start else self._record(chosen.mode, multipliers, hit, note, jump)
@@ -466,7 +464,5 @@ class _Loop(Settling):
             together = True
         return ended
 
-    def _changed(
-        self, before: Mode, after: Mode, multipliers: Array, hit: Sequence[int], note: str
-    ) -> Ended:
+    def _changed(self, before: Mode, after: Mode, multipliers: Array, hit: Sequence[int], note: str) -> Ended:
         return self._record(after, multipliers, hit, note, Jump(before, self.run.x.copy()))

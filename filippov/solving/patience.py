@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from filippov.base.status import Status
-from filippov.kernel.tables import codes
 from filippov.solving.diagnosis import LOOKS, NO_PROGRESS, STAGNATION, STAGNATION_STEPS, singular, stagnation
 from filippov.solving.resets.jumps import state_text
 from filippov.solving.resets.zeno import NEAR_END, Accumulation
@@ -91,7 +90,7 @@ class Patience:
         field = np.abs(run.machine.rhs(run.t, run.x, np.where(run.mode == 0.0, run.lam, run.mode), run.mode))
         speed = float(np.max(field[np.isfinite(field)], initial=0.0))
         own = float(np.max(np.abs(run.x), initial=0.0)) / speed if speed > 0.0 else np.inf
-        return min(left, max(abs(run.t - float(run.clock[codes.T_START])), own))
+        return min(left, max(abs(run.t - float(run.clock.t_start)), own))
 
     def hint(self, status: Status) -> str:
         """What slows an explicit method down, "" where nothing does."""
@@ -100,7 +99,7 @@ class Patience:
     def _storm(self, accumulations: Sequence[Accumulation]) -> bool:
         """Whether the motion does not get away from an accumulation that it was to be led out of."""
         run, last = self.run, accumulations[-1]
-        elapsed = abs(last.t - float(run.clock[codes.T_START]))
+        elapsed = abs(last.t - float(run.clock.t_start))
         # Contacts hold what has come to rest on them: bodies that rest one after the other are no storm.
         held = run.machine.contacts
         loose = [a for a in accumulations if not all(held[i] for i in a.surfaces)]

@@ -69,9 +69,7 @@ class Settling(ABC):
     ) -> Ended: ...  # fmt: skip
 
     @abstractmethod
-    def _changed(
-        self, before: Mode, after: Mode, multipliers: Array, hit: Sequence[int], note: str
-    ) -> Ended:
+    def _changed(self, before: Mode, after: Mode, multipliers: Array, hit: Sequence[int], note: str) -> Ended:
         """Record a change of mode that has been taken up."""
 
     def _zeno(self) -> Ended:
@@ -79,7 +77,7 @@ class Settling(ABC):
         run = self.run
         limit = accumulation(run)
         if limit is None or interrupted(run, limit):
-            run.zeno[:] = 0.0
+            run.zeno.array[:] = 0.0
             return self._budgets()
         self.accumulations.append(limit)
         detail = (
@@ -90,8 +88,10 @@ class Settling(ABC):
             return self._end(Status.ZENO, detail)
         machine = run.machine
         open_ends = [i for i in limit.surfaces if machine.resets_from[i] and not machine.contacts[i]]
-        if open_ends and run.events[-1].index in open_ends and rests_in_cycle(
-            run, run.events[-1].index, limit
+        if (
+            open_ends
+            and run.events[-1].index in open_ends
+            and rests_in_cycle(run, run.events[-1].index, limit)
         ):
             return self._reached()
         if open_ends:
@@ -139,9 +139,7 @@ class Settling(ABC):
         self.spiral = spiral
         return self._classify(spiral.surfaces, spiral.surfaces, start=False)
 
-    def _decided(
-        self, active: list[int], met: Sequence[int], hit: Sequence[int]
-    ) -> Ended:
+    def _decided(self, active: list[int], met: Sequence[int], hit: Sequence[int]) -> Ended:
         """Decide events by resets, by sliding of higher order, or by the modes that can follow."""
         if active or bouncing(self.run, [i for i in hit if self.run.hit[i] == codes.ROOT]):
             return self._reset(active, hit)
@@ -188,7 +186,7 @@ class Settling(ABC):
         before = run.signs
         higher.suspend()
         run.put(left.mode, left.order, tuple(run.lam.tolist()))
-        run.clock[codes.STEP] = 0.0
+        run.clock.step = 0.0
         ended = self._changed(before, left.mode, run.lam, hit, "")
         if ended is None and left.remaining:
             slack = 1e2 * (run.atol + run.options.rtol * np.abs(run.x))

@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from filippov.base.status import Status
-from filippov.kernel.tables import codes
 from filippov.solving.state.run import Run
 
 # step * |lambda| above which stability limits the step, two thirds of where it ends.
@@ -37,7 +36,7 @@ class Crawl:
             return
         self._next = run.attempts + spacing + run.attempts // 8
         rate = fastest_decay(run)
-        step = min(float(run.clock[codes.STEP]), run.options.max_step)
+        step = min(float(run.clock.step), run.options.max_step)
         self.products.append(rate * step)
         if rate * step >= LIMITS[run.options.method]:
             self.rate, self.step = rate, step
@@ -65,7 +64,7 @@ def fastest_decay(run: Run) -> float:
         base = field.copy()
         for j in range(machine.n):
             moved = x.copy()
-            moved[j] += 1.5e-8 * max(abs(x[j]), abs(base[j] * run.clock[codes.STEP]), 1e-9)
+            moved[j] += 1.5e-8 * max(abs(x[j]), abs(base[j] * run.clock.step), 1e-9)
             _, field, _, _ = machine.probe(run.t, 0.0, moved, run.mode, run.lam)
             speed[:, j] = (field - base) / (moved[j] - x[j])
         values = np.linalg.eigvals(speed) if np.all(np.isfinite(speed)) else np.zeros(1)

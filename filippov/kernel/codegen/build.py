@@ -9,7 +9,6 @@ trusted.
 """
 
 import ast
-import ctypes
 import hashlib
 import platform
 import threading
@@ -17,25 +16,28 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
-from typing import Any
+from typing import Any, cast
 
 from filippov.kernel.codegen import cache as kept
 from filippov.kernel.codegen import interpreted
-from filippov.kernel.codegen.entries import CALLED_BY_LANES, IN_LANES, PLAIN, ordered, prototype
+from filippov.kernel.codegen.entries import IN_LANES, PLAIN, ordered, prototype
 from filippov.kernel.codegen.method import method_constants, method_source
 from filippov.kernel.files import all_files, kernel_file
 from filippov.kernel.language.compiler import compile_unit, load_objects
 from filippov.kernel.language.primitives import KernelError
+from filippov.kernel.language.records import Record, address_of
 from filippov.kernel.language.unit import Constant, Unit, add_kernels
 from filippov.kernel.loop.rules import MOMENTS
+from filippov.kernel.loop.state import RECORDS, Entries, Integers, Scratch, Sizes
 from filippov.kernel.tables import codes, layout, radau_tables
 from filippov.kernel.tables import root_tables as tables
-from filippov.kernel.tables.layout import LANES, MOST_LANES, Layout
+from filippov.kernel.tables.layout import LANES, MOST_LANES
 from filippov.kernel.tables.tableaus import TABLEAUS, Collocation
 
 _FILES = (
-    "elementary", "bernstein", "dense", "multiplier", "rules", "field", "land", "points", "locate", "control",
-    "resolve", "lap", "reset", "record", "segment", "advance", "probe", "start", "turn", "ensemble",
+    "elementary", "bernstein", "dense", "multiplier", "rules", "field", "points", "sampling", "land",
+    "locate", "control", "resolve", "lap", "reset", "record", "segment", "attempt", "search", "decide",
+    "advance", "probe", "start", "turn", "ensemble",
 )  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
 _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_seat", "lane_run")
@@ -47,30 +49,23 @@ _OF_SYSTEM = (
 )  # fmt: skip
 _STAGES = ("stages", "extra_stages")
 _OF_SYSTEM_IN_LANES = ("pair", "guards", "gradients", "radii")
-_BYTE = ctypes.c_char.from_buffer
 _lock = threading.Lock()
 # Units by what was asked for: a digest of it, as files are named, takes longer than a short run.
 _units: dict[tuple[Any, ...], "Compiled"] = {}
 
 
-def address(array: Any) -> int:
-    """Where the numbers of an array lie, as `array.ctypes.data`, which takes four times as long."""
-    try:
-        return ctypes.addressof(_BYTE(array))
-    except (BufferError, TypeError, ValueError):  # read-only, empty, or not in one piece
-        return int(array.ctypes.data)
-
-
 @dataclass(frozen=True)
 class Compiled:
-    """Machine code of one system with one method: entry points to call with addresses, and their scratch.
+    """Machine code of one system with one method: entry points to call with addresses, and their records.
 
-    plain: its kernels are run by Python and are called with arrays (see `interpreted`); no engine then.
+    records: by name, with the lengths that they have here
+    plain: its kernels are run by Python and are called with arrays and records (see `interpreted`).
     """
 
     functions: Mapping[str, Any]
     addresses: Mapping[str, int]
-    layout: Layout
+    sizes: Sizes
+    records: Mapping[str, type[Record]]
     engine: object
     lanes: int = 1
 
@@ -79,9 +74,17 @@ class Compiled:
         """Whether Python runs the kernels."""
         return self.engine is None
 
+    def scratch(self) -> Scratch:
+        """Room for what is made on the way, in zeros."""
+        return cast(Scratch, self.records["Scratch"].new())
+
+    def integers(self) -> Integers:
+        """The same for integers."""
+        return cast(Integers, self.records["Integers"].new())
+
     def arguments(self, name: str, values: Mapping[str, Any]) -> list[Any]:
         """What an entry point is called with, from values by name."""
-        return ordered(name, values, None if self.plain else address)
+        return ordered(name, values, None if self.plain else address_of)
 
 
 @cache
@@ -146,13 +149,13 @@ def _number(node: ast.expr) -> int | float | bool | None:
     return None
 
 
-def _unit(source: str, constants: Mapping[str, Constant], method: str, place: Layout, lanes: int = 1) -> Unit:
+def _unit(source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes, lanes: int = 1) -> Unit:
     """All kernels that a system may have, none compiled."""
     tableau = TABLEAUS[method]
     shared, texts = _shared()
     files = ("system", "method", *(f"{name}.py" for name in _LANE_FILES))
-    unit = Unit(width=max(lanes, LANES))
-    numbers = {**shared, "LANES": unit.width, **place.constants, **method_constants(tableau), **constants}
+    unit = Unit(width=max(lanes, LANES), records=_sized(sizes))
+    numbers = {**shared, "LANES": unit.width, "SIDE": sizes.side, **method_constants(tableau), **constants}
     unit.constants.update(numbers)
     for file, text in zip(files, (source, method_source(tableau), *texts), strict=True):
         add_kernels(unit, text, file)
@@ -169,15 +172,15 @@ def _interface(method: str) -> tuple[str, ...]:
     return (*_OF_SYSTEM, *(() if isinstance(TABLEAUS[method], Collocation) else _STAGES))
 
 
-def _compile_loop(source: str, constants: Mapping[str, Constant], method: str, place: Layout) -> bytes:
-    unit, own = _unit(source, constants, method, place), _interface(method)
+def _compile_loop(source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes) -> bytes:
+    unit, own = _unit(source, constants, method, sizes), _interface(method)
     unit.foreign, unit.foreign_lanes = frozenset(own), frozenset(_OF_SYSTEM_IN_LANES)
     unit.outside = frozenset(_tables(constants))
     return compile_unit(unit, {}, tuple(name for name in PLAIN if name not in own))
 
 
-def _compile_system(source: str, constants: Mapping[str, Constant], method: str, place: Layout) -> bytes:
-    unit, own = _unit(source, constants, method, place), _interface(method)
+def _compile_system(source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes) -> bytes:
+    unit, own = _unit(source, constants, method, sizes), _interface(method)
     in_lanes = _OF_SYSTEM_IN_LANES if constants["WIDE"] else ()
     return compile_unit(unit, {}, own, in_lanes, _tables(constants))
 
@@ -199,36 +202,44 @@ def build(source: str, constants: Mapping[str, Constant], method: str, lanes: in
 
 
 def _plain(source: str, constants: Mapping[str, Constant], method: str) -> Compiled:
-    place, tableau = _place(constants, method), TABLEAUS[method]
+    sizes, tableau = _sizes(constants, method), TABLEAUS[method]
+    records = _sized(sizes)
     texts = {"system": source, "method": method_source(tableau)}
     files = tuple(kernel_file(name) for name in _FILES)
     # Python has no lanes: points of a sample are taken one after the other.
-    numbers = {**_shared()[0], **place.constants, **method_constants(tableau), **constants, "WIDE": False}
-    entries = tuple(name for name in PLAIN if name not in CALLED_BY_LANES and name != "ensemble")
-    return Compiled(interpreted.interpret(texts, files, numbers, entries), {}, place, None)
+    numbers = {**_shared()[0], "SIDE": sizes.side, **method_constants(tableau), **constants, "WIDE": False}
+    entries = tuple(name for name in PLAIN if name not in Entries.places and name != "ensemble")
+    return Compiled(interpreted.interpret(texts, files, numbers, entries, records), {}, sizes, records, None)
 
 
 def _fixed(value: Constant) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def _place(constants: Mapping[str, Constant], method: str) -> Layout:
-    n, m = int(constants["N"]), int(constants["M"])  # type: ignore[arg-type]
+def _sizes(constants: Mapping[str, Constant], method: str) -> Sizes:
+    n, m, points = (int(constants[name]) for name in ("N", "M", "P"))  # type: ignore[arg-type]
     colours, largest = int(constants["COLOURS"]), int(constants["LARGEST"])  # type: ignore[arg-type]
-    moments = constants["RULE"] == MOMENTS
-    points = int(constants["P"]) if constants["WIDE"] else None  # type: ignore[arg-type]
     tableau = TABLEAUS[method]
-    return layout.layout(n, m, bool(constants["AFFINE"]), tableau, colours, largest, moments, points)
+    return Sizes(
+        n, m, bool(constants["AFFINE"]), colours, largest, constants["RULE"] == MOMENTS,
+        points if constants["WIDE"] else None, tableau.stages, len(tableau.extra), len(tableau.dense[0]),
+        isinstance(tableau, Collocation),
+    )  # fmt: skip
+
+
+def _sized(sizes: Sizes) -> dict[str, type[Record]]:
+    """The records with their lengths, by name."""
+    return {record.__name__: record.sized(sizes) for record in RECORDS}
 
 
 def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: int) -> Compiled:
     exported = IN_LANES if lanes > 1 else PLAIN
-    place = _place(constants, method)
+    sizes = _sizes(constants, method)
     everything = source, sorted(constants.items()), method, lanes
     if lanes > 1:
         codes = [
             _kept(
-                everything, lambda: compile_unit(_unit(source, constants, method, place, lanes), {}, exported)
+                everything, lambda: compile_unit(_unit(source, constants, method, sizes, lanes), {}, exported)
             )
         ]
     else:
@@ -236,15 +247,15 @@ def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: i
         kinds = [(name, any(isinstance(v, float) for v in values)) for name, values in sorted(tables.items())]
         shape = sorted((name, value) for name, value in constants.items() if name not in tables)
         codes = [
-            _kept((shape, kinds, method), lambda: _compile_loop(source, constants, method, place)),
-            _kept(everything, lambda: _compile_system(source, constants, method, place)),
+            _kept((shape, kinds, method), lambda: _compile_loop(source, constants, method, sizes)),
+            _kept(everything, lambda: _compile_system(source, constants, method, sizes)),
         ]
     engine = load_objects(*codes)
     functions, addresses = {}, {}
     for function in exported:
         addresses[function] = engine.get_function_address(function)
         functions[function] = prototype(function)(addresses[function])
-    return Compiled(functions, addresses, place, engine, lanes)
+    return Compiled(functions, addresses, sizes, _sized(sizes), engine, lanes)
 
 
 def _kept(what: tuple[Any, ...], make: Callable[[], bytes]) -> bytes:

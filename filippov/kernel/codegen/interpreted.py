@@ -20,13 +20,14 @@ from importlib.abc import SourceLoader
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import Any
 
 import numpy as np
 
 from filippov.base.elementary import LIBRARY
 from filippov.kernel.language import primitives as language
+from filippov.kernel.language.records import Record
 from filippov.kernel.language.unit import Constant
 
 BACKENDS = ("compiled", "python")
@@ -102,14 +103,15 @@ def _constant(value: Constant) -> Any:
 
 def interpret(
     texts: Mapping[str, str], files: tuple[Path, ...], constants: Mapping[str, Constant],
-    entries: tuple[str, ...],
+    entries: tuple[str, ...], records: Mapping[str, type[Record]] = MappingProxyType({}),
 ) -> dict[str, Callable[..., int]]:  # fmt: skip
     """The entry points of a unit as functions of arrays and numbers.
 
-    texts: what is written for the system and the method, by name; files: the kernels that all share.
+    texts: what is written for the system and the method, by name; files: the kernels that all share; records:
+    by name, with the lengths that they have here.
     """
     number = next(_numbers)
-    names = _language() | {k: _constant(v) for k, v in constants.items()}
+    names = _language() | {k: _constant(v) for k, v in constants.items()} | dict(records)
     modules = [
         _loaded(f"filippov_{k}_{number}", _Text(f"{k}_{number}", text), names) for k, text in texts.items()
     ]

@@ -10,29 +10,29 @@ from filippov.kernel.tables.tableaus import Collocation, Method, Row, Tableau
 
 _IMPLICIT = ("dense_lu", "radau")
 _SIGNATURE = "t: float, x: Vector, p: Vector, m: Vector"
-_SCRATCH = "w: Vector, iw: Indices, ctx: Indices"
+_SCRATCH = "w: Scratch, iw: Integers, ctx: Indices"
 
 
 def _advanced(row: Row) -> str:
     """x + step * sum, the latest stage last and on its own: everything else is ready before it is."""
     *early, late = row.items()
     first = f"(x[i] + step * ({_sum(dict(early))}))" if early else "x[i]"
-    return f"{first} + (step * {late[1]!r}) * w[W_K + {late[0]} * N + i]"
+    return f"{first} + (step * {late[1]!r}) * w.k[{late[0]} * N + i]"
 
 
 def _sum(row: Row) -> str:
-    return " + ".join(f"{value!r} * w[W_K + {stage} * N + i]" for stage, value in row.items())
+    return " + ".join(f"{value!r} * w.k[{stage} * N + i]" for stage, value in row.items())
 
 
 def _stage(row: Row, node: float, target: int, sliding: bool | None = None) -> list[str]:
-    place, out = f"t + {node!r} * step, shift(w, W_STAGE)", f"shift(w, W_K + {target} * N)"
-    lines = ["    for i in range(N):", f"        w[W_STAGE + i] = {_advanced(row)}"]
+    place, out = f"t + {node!r} * step, w.stage", f"shift(w.k, {target} * N)"
+    lines = ["    for i in range(N):", f"        w.stage[i] = {_advanced(row)}"]
     if sliding is not None:
         call = f"field({place}, p, m, {out}, w, iw, ctx)" if sliding else f"rhs({place}, p, m, m, {out}, ctx)"
         return [*lines, f"    {call}"]
     return [
         *lines,
-        "    if iw[I_SLIDING] == 0:",
+        "    if iw.sliding == 0:",
         f"        code = rhs({place}, p, m, m, {out}, ctx)",
         "    else:",
         f"        code = field({place}, p, m, {out}, w, iw, ctx)",
@@ -55,7 +55,7 @@ def _explicit_source(tableau: Tableau) -> str:
     lines = ["@contract", f"def stages({_SIGNATURE}, step: float, y: Vector, {_SCRATCH}) -> int:"]
     for target, (row, node) in enumerate(zip(tableau.main, tableau.main_nodes, strict=False), start=1):
         lines += _stage(row, node, target)
-    lines += ["    if iw[I_SLIDING] == 0:", f"        iw[I_CALLS] += {len(tableau.main) - 1}"]
+    lines += ["    if iw.sliding == 0:", f"        iw.calls += {len(tableau.main) - 1}"]
     lines += ["    for i in range(N):", f"        y[i] = {_advanced(tableau.main[-1])}", "    return 0"]
     for name, sliding in (("free", False), ("sliding", True)):
         lines += ["", "", "@contract"]
@@ -71,7 +71,7 @@ def _explicit_source(tableau: Tableau) -> str:
         "",
         "",
         "@contract",
-        "def error_terms(i: int, w: Vector) -> tuple[float, float]:",
+        "def error_terms(i: int, w: Scratch) -> tuple[float, float]:",
     ]
     estimates = [f"({_sum(row)})" for row in tableau.errors] + ["0.0"]
     lines += [f"    return {estimates[0]}, {estimates[1]}", "", ""]

@@ -6,14 +6,6 @@ slide blend two equal fields. A lane without a multiplier gets NaN and is left t
 
 from filippov.kernel.language.primitives import NAN, Indices, Vector, contract, lanes, shift
 from filippov.kernel.loop.model import (
-    I_SLIDING,
-    W_G,
-    W_GT,
-    W_MULT,
-    W_S,
-    W_S2,
-    W_VERT,
-    W_XM,
     M,
     N,
     gradients,
@@ -21,63 +13,63 @@ from filippov.kernel.loop.model import (
     pair,
     rhs,
 )
-from filippov.kernel.tables.layout import COLUMNS, LEAST, MOST, MULTIPLIER, RATE_MINUS, RATE_PLUS, SLOPE
+from filippov.kernel.loop.state import Integers, Scratch
 
 
 @lanes
-def clear_ranges(w: Vector, iw: Indices) -> None:
+def clear_ranges(w: Scratch, iw: Integers) -> None:
     """Forget the ranges of the multipliers before a new step."""
-    if iw[I_SLIDING] > 0:
+    if iw.sliding > 0:
         for i in range(M):
-            mult = shift(w, W_MULT + i * COLUMNS)
-            mult[LEAST], mult[MOST], mult[SLOPE] = 1e300, -1e300, -1e300
+            mult = w.mult[i]
+            mult.least, mult.most, mult.slope = 1e300, -1e300, -1e300
 
 
 @lanes
-def pick_gradient(m: Vector, w: Vector) -> float:
+def pick_gradient(m: Vector, w: Scratch) -> float:
     """Gradient of each lane's sliding surface into the scratch, 0 elsewhere; its square."""
-    g = shift(w, W_XM)
+    g = w.xm
     size = 0.0
     for j in range(N):
         picked = 0.0
         for i in range(M):
-            picked = w[W_G + i * N + j] if m[i] == 0.0 else picked
+            picked = w.g[i * N + j] if m[i] == 0.0 else picked
         g[j] = picked
         size += picked * picked
     return size
 
 
 @lanes
-def track(w: Vector, m: Vector, value: float, plus: float, minus: float) -> None:
+def track(w: Scratch, m: Vector, value: float, plus: float, minus: float) -> None:
     """Note the multipliers of the sliding lanes with the rates they come from."""
     for i in range(M):
-        mult = shift(w, W_MULT + i * COLUMNS)
+        mult = w.mult[i]
         here = m[i] == 0.0
-        mult[MULTIPLIER] = value if here else mult[MULTIPLIER]
-        mult[RATE_PLUS] = plus if here else mult[RATE_PLUS]
-        mult[RATE_MINUS] = minus if here else mult[RATE_MINUS]
-        mult[LEAST] = min(mult[LEAST], value) if here else mult[LEAST]
-        mult[MOST] = max(mult[MOST], value) if here else mult[MOST]
-        mult[SLOPE] = max(mult[SLOPE], plus - minus) if here else mult[SLOPE]
+        mult.value = value if here else mult.value
+        mult.rate_plus = plus if here else mult.rate_plus
+        mult.rate_minus = minus if here else mult.rate_minus
+        mult.least = min(mult.least, value) if here else mult.least
+        mult.most = max(mult.most, value) if here else mult.most
+        mult.slope = max(mult.slope, plus - minus) if here else mult.slope
 
 
 @contract
 @lanes
 def slide(
-    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """Both vertex fields and their blend, with what rounding left across the surface taken out."""
-    g, low, high = shift(w, W_XM), shift(w, W_VERT), shift(w, W_VERT + N)
-    gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx)
+    g, low, high = w.xm, w.vert, shift(w.vert, N)
+    gradients(t, x, p, m, w.g, w.gt, ctx)
     for i in range(M):
-        w[W_S + i] = -1.0 if m[i] == 0.0 else m[i]
-        w[W_S2 + i] = 1.0 if m[i] == 0.0 else m[i]
-    pair(t, x, p, shift(w, W_S), shift(w, W_S2), m, low, high, ctx)
+        w.s[i] = -1.0 if m[i] == 0.0 else m[i]
+        w.s2[i] = 1.0 if m[i] == 0.0 else m[i]
+    pair(t, x, p, w.s, w.s2, m, low, high, ctx)
     size = pick_gradient(m, w)
     drift, value, slides = 0.0, 0.0, 0.0
     for i in range(M):
-        drift = w[W_GT + i] if m[i] == 0.0 else drift
-        value = w[W_MULT + i * COLUMNS + MULTIPLIER] if m[i] == 0.0 else value
+        drift = w.gt[i] if m[i] == 0.0 else drift
+        value = w.mult[i].value if m[i] == 0.0 else value
         slides = 1.0 if m[i] == 0.0 else slides
     minus, plus = drift, drift
     for j in range(N):
@@ -101,23 +93,23 @@ def slide(
 
 @lanes
 def field(
-    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """The field of each lane's mode; 0, as symbolic fields do not fail."""
-    if iw[I_SLIDING] > 0:
+    if iw.sliding > 0:
         return slide(t, x, p, m, out, w, iw, ctx)
     return rhs(t, x, p, m, m, out, ctx)
 
 
 @lanes
 def project(
-    t: float, x: Vector, p: Vector, m: Vector, h: Vector, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, h: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """Put x back on each lane's sliding surface along its gradient: two Newton steps."""
-    g = shift(w, W_XM)
+    g = w.xm
     for _ in range(2):
         guards(t, x, p, m, h, ctx)
-        gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx)
+        gradients(t, x, p, m, w.g, w.gt, ctx)
         size = pick_gradient(m, w)
         off = 0.0
         for i in range(M):

@@ -5,10 +5,13 @@ from collections.abc import Sequence
 
 from llvmlite import ir
 
+from filippov.kernel.language.pointer import RecordPointer, spelt
 from filippov.kernel.language.primitives import KernelError
+from filippov.kernel.language.records import Place
 from filippov.kernel.language.unit import (
     BIT,
     DOUBLE,
+    INDICES,
     LONG,
     VECTOR,
     Constant,
@@ -83,11 +86,55 @@ class Operands:
             return self.b.zext(value, LONG)
         if kind == self.unit.wide_vector and value.type == VECTOR:
             return self.b.bitcast(value, self.unit.wide_vector)
+        lanes = isinstance(value.type, RecordPointer) and value.type.stride == self.unit.width
+        if lanes and kind == self.unit.record(value.type.of, True):
+            return self.b.bitcast(value, kind)
         if kind == self.wide and value.type in (DOUBLE, LONG):
             return self.splat(self.double(value))
         if kind == self.wide_bit and value.type == BIT:
             return self.splat(value)
-        raise self.fail(node, f"a {value.type} where a {kind} is needed")
+        raise self.fail(node, f"a {spelt(value.type)} where a {spelt(kind)} is needed")
+
+    def word(self, base: ir.Value, offset: int) -> ir.Value:
+        """The address of a word of a record, as one of its elements."""
+        record: RecordPointer = base.type
+        place = ir.Constant(LONG, offset * record.stride)
+        at = self.b.gep(base, [place], inbounds=True, source_etype=record.pointee)
+        at.type = record.pointee.as_pointer()
+        return at
+
+    def row(self, base: ir.Value, number: ir.Value) -> ir.Value:
+        """The address of a row, as rows."""
+        rows: RecordPointer = base.type
+        size = ir.Constant(LONG, rows.of.size * rows.stride)
+        return self.b.gep(base, [self.b.mul(number, size)], inbounds=True, source_etype=rows.pointee)
+
+    def referred(self, place: Place) -> ir.Type:
+        """The type of what a reference leads to."""
+        if place.of is not None:
+            return self.unit.record(self.unit.records[place.of.__name__], self.kernel.wide, place.kind)
+        return INDICES if place.kind == "Indices" else self.unit.wide_vector if self.kernel.wide else VECTOR
+
+    def member(self, base: ir.Value, name: str, node: ast.AST) -> ir.Value:
+        """Where a name of a record stands, or the address that stands there (of what is elsewhere).
+
+        A number gives a pointer to it, everything else the array or record itself.
+        """
+        record = base.type
+        if not isinstance(record, RecordPointer) or record.rows:
+            raise self.fail(node, f"a {spelt(record)} has no names")
+        place = record.of.places.get(name)
+        if place is None:
+            known = ", ".join(record.of.places)
+            raise self.fail(node, f"record {record.of.__name__} has no {name}; it has {known}")
+        at = self.word(base, place.offset)
+        if place.elsewhere:
+            return self.b.load(self.b.bitcast(at, self.referred(place).as_pointer()))
+        if place.of is not None:
+            at.type = RecordPointer(place.of, record.pointee, record.stride, place.kind == "Rows")
+        elif place.kind in ("int", "Indices"):
+            at = self.b.bitcast(at, INDICES)
+        return at
 
     def constant(self, value: Constant, name: str) -> ir.Value:
         """A constant of the unit as a value; a list as the address of its numbers."""

@@ -1,7 +1,8 @@
 """The small language of the kernel files: typed Python that `translate` and `compiler` turn into code.
 
-A kernel is a function on numbers and flat arrays with every parameter annotated: `float`, `int`, `bool`,
-`Vector` (doubles) or `Indices` (64-bit integers). Allowed are assignments, `if`, `while`, `for ... in range`,
+A kernel is a function on numbers, flat arrays and records with every parameter annotated: `float`, `int`,
+`bool`, `Vector` (doubles), `Indices` (64-bit integers), a record (see `records`), `Rows` or `Lanes` of one.
+Allowed are assignments, `if`, `while`, `for ... in range`,
 `break`, `continue`, `return` of a number or a tuple of numbers, arithmetic, comparisons, and calls of other
 kernels and of the functions below. Matrices are flat, row by row. Run by Python itself a kernel gives the
 same numbers, only slower, which is how its parts are tested.
@@ -38,6 +39,11 @@ def kernel(function: Function) -> Function:
 
 def lanes(function: Function) -> Function:
     """Mark a kernel of several trajectories side by side, in place of a plain one of the same name."""
+    return function
+
+
+def entry(function: Function) -> Function:
+    """Mark a kernel that is called from outside its unit (besides `kernel`)."""
     return function
 
 

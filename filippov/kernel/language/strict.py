@@ -58,6 +58,8 @@ class _Checked:
         a = self.node.args
         if a.posonlyargs or a.kwonlyargs or a.vararg or a.kwarg or a.defaults:
             raise self.fail(self.node, "parameters are plain: no defaults, no *, no keyword-only ones")
+        if any(argument.annotation is None for argument in a.args):
+            raise self.fail(self.node, "every parameter is annotated")
 
     def part(self, node: ast.AST) -> None:
         """Refuse an operator, a call or a loop that compiled code would take for another."""

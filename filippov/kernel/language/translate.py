@@ -7,6 +7,7 @@ from llvmlite import ir
 
 from filippov.base.elementary import LIBRARY
 from filippov.kernel.language.operand import Operands
+from filippov.kernel.language.pointer import RecordPointer, spelt
 from filippov.kernel.language.settled import settled
 from filippov.kernel.language.strict import step_of
 from filippov.kernel.language.unit import (
@@ -97,15 +98,30 @@ class _Body(Operands):
         raise self.fail(node, f"unknown name {node.id}")
 
     def pointer(self, node: ast.Subscript) -> ir.Value:
+        """Where an entry of an array stands; of rows the record."""
         base, offset = self.value(node.value), self.value(node.slice)
+        if isinstance(base.type, RecordPointer) and base.type.rows and offset.type == LONG:
+            at = self.row(base, offset)
+            at.type = RecordPointer(base.type.of, base.type.pointee, base.type.stride)
+            return at
         if base.type not in (VECTOR, INDICES, self.unit.wide_vector) or offset.type != LONG:
             raise self.fail(node, "arrays are indexed by one integer")
         return self.b.gep(base, [offset], inbounds=True)
 
     def value_Subscript(self, node: ast.Subscript) -> ir.Value:
         pointer = self.pointer(node)
+        if isinstance(pointer.type, RecordPointer):
+            return pointer
         wide = pointer.type == self.unit.wide_vector
         return self.b.load(pointer, align=8) if wide else self.b.load(pointer)
+
+    def value_Attribute(self, node: ast.Attribute) -> ir.Value:
+        base = self.value(node.value)
+        at = self.member(base, node.attr, node)
+        place = base.type.of.places[node.attr]
+        if place.kind not in ("float", "int") or base.type.stride > 1:
+            return at
+        return self.b.load(at, align=8) if at.type == self.unit.wide_vector else self.b.load(at)
 
     def value_UnaryOp(self, node: ast.UnaryOp) -> ir.Value:
         value = self.truth(node.operand) if isinstance(node.op, ast.Not) else self.value(node.operand)
@@ -118,6 +134,9 @@ class _Body(Operands):
         return value
 
     def arithmetic(self, op: ast.operator, left: ir.Value, right: ir.Value, node: ast.AST) -> ir.Value:
+        for value in (left, right):
+            if isinstance(value.type, ir.PointerType):
+                raise self.fail(node, f"a {spelt(value.type)} is no number")
         left, right = self.alike(left, right)
         if left.type in (LONG, self.wide_long) and not isinstance(op, ast.Div | ast.Pow):
             if isinstance(op, ast.FloorDiv | ast.Mod):
@@ -288,7 +307,13 @@ class _Body(Operands):
             return self.double(values[0])
         if name == "truncate":
             return self.b.fptosi(values[0], self.wide_long if values[0].type == self.wide else LONG)
+        if name in ("side_by_side", "all_of", "size_of"):
+            return self.of_record(name, values[0], node)
+        if name == "shift_rows" and isinstance(values[0].type, RecordPointer) and values[0].type.rows:
+            return self.row(values[0], values[1])
         if name in ("shift", "shift_indices"):
+            if values[0].type not in (VECTOR, INDICES, self.unit.wide_vector):
+                raise self.fail(node, f"a {spelt(values[0].type)} where an array is needed")
             return self.b.gep(values[0], [values[1]], inbounds=True)
         if name == "power":
             return self.call_power(self.double(values[0]), self.double(values[1]), node)
@@ -304,6 +329,17 @@ class _Body(Operands):
             return self.call_kernel(self.unit.widened(name), values, node)
         raise self.fail(node, f"unknown function {name}")
 
+    def of_record(self, name: str, value: ir.Value, node: ast.AST) -> ir.Value:
+        if not isinstance(value.type, RecordPointer) or value.type.rows:
+            raise self.fail(node, f"a {spelt(value.type)} where a record is needed")
+        if name == "size_of":
+            return ir.Constant(LONG, value.type.of.size)
+        if name == "all_of":
+            return self.b.bitcast(
+                value, value.type.pointee.as_pointer() if value.type.of.doubles else INDICES
+            )
+        return self.cast(value, self.unit.record(value.type.of, True), node)
+
     # Statements
 
     def block(self, statements: Sequence[ast.stmt]) -> None:
@@ -318,8 +354,10 @@ class _Body(Operands):
     def assign(self, target: ast.expr, value: ir.Value) -> None:
         if isinstance(target, ast.Name):
             self.store(target.id, value, target)
-        elif isinstance(target, ast.Subscript):
-            pointer = self.pointer(target)
+        elif isinstance(target, ast.Subscript | ast.Attribute):
+            pointer = self.place(target) if isinstance(target, ast.Attribute) else self.pointer(target)
+            if isinstance(pointer.type, RecordPointer):
+                raise self.fail(target, "a record is no number; assign to its names")
             aligned = {"align": 8} if pointer.type == self.unit.wide_vector else {}
             self.b.store(self.cast(value, pointer.type.pointee, target), pointer, **aligned)
         elif isinstance(target, ast.Tuple) and isinstance(value.type, ir.LiteralStructType):
@@ -328,6 +366,18 @@ class _Body(Operands):
                 self.assign(item, self.b.extract_value(value, i))
         else:
             raise self.fail(target, "cannot assign to this")
+
+    def place(self, target: ast.Attribute) -> ir.Value:
+        """Where a name of a record is written: a number, or the address of what is elsewhere."""
+        base = self.value(target.value)
+        at = self.member(base, target.attr, target)
+        place = base.type.of.places[target.attr]
+        if place.elsewhere:
+            return self.b.bitcast(self.word(base, place.offset), at.type.as_pointer())
+        if place.kind not in ("float", "int") or base.type.stride > 1:
+            what = f"{target.attr} is a part of record {base.type.label}"
+            raise self.fail(target, f"{what}; assign to its entries")
+        return at
 
     def same_length(self, node: ast.AST, left: Sequence[object], right: Sequence[object]) -> None:
         if len(left) != len(right):

@@ -7,7 +7,9 @@ from functools import lru_cache
 
 from llvmlite import ir
 
+from filippov.kernel.language.pointer import RecordPointer
 from filippov.kernel.language.primitives import KernelError
+from filippov.kernel.language.records import Record
 from filippov.kernel.language.strict import check_kernel
 from filippov.kernel.tables.layout import LANES
 
@@ -34,8 +36,8 @@ class Unit:
 
     A kernel is declared when it is first asked for, and then waits for its translation. `width` is the
     number of lanes; `wide`, `wide_vector` ... are what stands in a lane kernel for a number and an array of
-    numbers. foreign, foreign_lanes: kernels, plain and in lanes, that another unit holds, with which this one
-    is linked; outside: constants that the other one holds.
+    numbers. records: the records by name, with their lengths. foreign, foreign_lanes: kernels, plain and in
+    lanes, that another unit holds, with which this one is linked; outside: constants that it holds.
     """
 
     constants: dict[str, Constant] = field(default_factory=dict)
@@ -46,6 +48,7 @@ class Unit:
     waiting: list[Kernel] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
     tables: dict[str, ir.GlobalVariable] = field(default_factory=dict)
+    records: Mapping[str, type[Record]] = field(default_factory=dict)
     module: ir.Module = field(default_factory=lambda: ir.Module("filippov"))
     width: int = LANES
     foreign: frozenset[str] = frozenset()
@@ -90,6 +93,28 @@ class Unit:
         zero = ir.Constant(LONG, 0)
         return self.tables[name].gep([zero, zero])
 
+    def annotated(self, node: ast.expr | None, where: str, wide: bool) -> ir.Type:
+        """The type that an annotation stands for, in a plain kernel or in one of lanes.
+
+        Raises KernelError for one that the language does not have.
+        """
+        if isinstance(node, ast.Name) and node.id in _ANNOTATED:
+            return (self.in_lanes if wide else _ANNOTATED)[node.id]
+        shape, inner = "Record", node
+        if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):
+            shape, inner = node.value.id, node.slice
+        if shape in ("Record", "Rows", "Lanes") and isinstance(inner, ast.Name) and inner.id in self.records:
+            return self.record(self.records[inner.id], wide, shape)
+        known = ", ".join(("float, int, bool, Vector, Indices", *self.records))
+        raise KernelError(f"{where}: annotate with {known}; or Rows or Lanes of a record")
+
+    def record(self, of: type[Record], wide: bool, shape: str = "Record") -> RecordPointer:
+        """The type of a record, of rows or of lanes of it; one not of doubles is common to all lanes."""
+        if shape == "Lanes" and not wide:
+            return RecordPointer(of, DOUBLE, self.width)
+        element = self.wide if wide and of.doubles else DOUBLE
+        return RecordPointer(of, element, 1, shape == "Rows")
+
     def plain(self, name: str) -> Kernel:
         """The plain kernel of this name."""
         if name not in self.kernels:
@@ -103,18 +128,12 @@ class Unit:
         return self.lanes[name]
 
 
-def _annotation(node: ast.expr | None, where: str, kinds: Mapping[str, ir.Type]) -> ir.Type:
-    if isinstance(node, ast.Name) and node.id in kinds:
-        return kinds[node.id]
-    raise KernelError(f"{where}: annotate with float, int, bool, Vector or Indices")
-
-
-def _result(node: ast.expr | None, where: str, kinds: Mapping[str, ir.Type]) -> ir.Type:
+def _result(unit: Unit, node: ast.expr | None, where: str, wide: bool) -> ir.Type:
     if node is None or (isinstance(node, ast.Constant) and node.value is None):
         return VOID
     if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Tuple):
-        return ir.LiteralStructType([_annotation(item, where, kinds) for item in node.slice.elts])
-    return _annotation(node, where, kinds)
+        return ir.LiteralStructType([unit.annotated(item, where, wide) for item in node.slice.elts])
+    return unit.annotated(node, where, wide)
 
 
 def marks(node: ast.FunctionDef) -> set[str]:
@@ -122,13 +141,10 @@ def marks(node: ast.FunctionDef) -> set[str]:
     return {mark.id for mark in node.decorator_list if isinstance(mark, ast.Name)}
 
 
-def _signature(node: ast.FunctionDef, kinds: Mapping[str, ir.Type]) -> ir.FunctionType:
-    arguments = [_annotation(a.annotation, f"{node.name}({a.arg})", kinds) for a in node.args.args]
-    return ir.FunctionType(_result(node.returns, node.name, kinds), arguments)
-
-
 def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
-    said, kind = marks(node), _signature(node, unit.in_lanes if wide else _ANNOTATED)
+    where = f"{unit.files.get(node.name, 'kernels')}:{node.lineno}: kernel {node.name}"
+    arguments = [unit.annotated(a.annotation, f"{where}({a.arg})", wide) for a in node.args.args]
+    said, kind = marks(node), ir.FunctionType(_result(unit, node.returns, where, wide), arguments)
     function = ir.Function(unit.module, kind, f"{node.name}.lanes" if wide else node.name)
     function.attributes.add("nounwind")
     if node.name in (unit.foreign_lanes if wide else unit.foreign):
@@ -167,6 +183,5 @@ def _kernels_of(text: str, file: str) -> tuple[ast.FunctionDef, ...]:
     nodes = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
     kernels = tuple(node for node in nodes if marks(node) & {"lanes", "kernel", "contract"})
     for node in kernels:
-        _signature(node, _ANNOTATED)
         check_kernel(node, file)
     return kernels

@@ -7,9 +7,6 @@ from filippov.kernel.loop.model import (
     ALL_LINEAR,
     COMPONENT,
     EXTRA,
-    I_CALLS,
-    I_PEERS,
-    I_SLIDING,
     IMPLICIT,
     MOVING,
     ORDER,
@@ -18,22 +15,6 @@ from filippov.kernel.loop.model import (
     RESETS,
     STAGES,
     STRAIGHT,
-    W_ATTRACT,
-    W_CREEP,
-    W_DIRECTION,
-    W_END,
-    W_F,
-    W_G,
-    W_GRAZED,
-    W_GT,
-    W_H,
-    W_K,
-    W_MULT,
-    W_RADIUS,
-    W_START,
-    W_TOUCH,
-    W_XM,
-    W_Y,
     WIDTH,
     M,
     N,
@@ -43,8 +24,8 @@ from filippov.kernel.loop.model import (
     guards,
     rhs,
 )
-from filippov.kernel.tables.codes import LOWER, ROOT, T_END, T_START, UPPER, T
-from filippov.kernel.tables.layout import COLUMNS, LEAST, MOST, MULTIPLIER, SLOPE
+from filippov.kernel.loop.state import Clock, Integers, Scratch
+from filippov.kernel.tables.codes import LOWER, ROOT, UPPER
 from filippov.kernel.tables.root_tables import GAUSS_A, GAUSS_B, GAUSS_C
 
 # Bits of 1.0, moved by the mean error of reading a mantissa as a logarithm.
@@ -80,7 +61,7 @@ def least_step(t: float, start: float, end: float) -> float:
 @kernel
 def error_norm(
     x: Vector, y: Vector, step: float, rtol: float, atol: Vector, relative: int, kept: int, slack: float,
-    noise: float, w: Vector,
+    noise: float, w: Scratch,
 ) -> float:  # fmt: skip
     """Mean square of the local error over atol + rtol |x|; of guard `relative` over rtol |h| slack too.
 
@@ -92,10 +73,10 @@ def error_norm(
     for i in range(N):
         e5, e3 = error_terms(i, w)
         if relative >= 0:
-            guard5 += w[W_G + relative * N + i] * e5
-            guard3 += w[W_G + relative * N + i] * e3
-            rise += w[W_G + relative * N + i] * (y[i] - x[i])
-            terms += abs(w[W_G + relative * N + i] * x[i])
+            guard5 += w.g[relative * N + i] * e5
+            guard3 += w.g[relative * N + i] * e3
+            rise += w.g[relative * N + i] * (y[i] - x[i])
+            terms += abs(w.g[relative * N + i] * x[i])
         scale = 1.0 / (atol[i] + rtol * max(abs(x[i]), abs(y[i])))
         square5 += (e5 * scale) ** 2
         square3 += (e3 * scale) ** 2
@@ -103,9 +84,9 @@ def error_norm(
     if relative >= 0:
         scale = rtol * slack * abs(rise) + noise * abs(step)
         if kept != 0:
-            start = w[W_START + 2 * relative]
-            rise += w[W_GT + relative] * step
-            far = max(abs(start), abs(start + rise)) + slack * abs(w[W_START + 2 * relative + 1])
+            start = w.start[2 * relative]
+            rise += w.gt[relative] * step
+            far = max(abs(start), abs(start + rise)) + slack * abs(w.start[2 * relative + 1])
             scale = rtol * far + 16.0 * EPS * terms + 1e-300
         norm = max(norm, combine((guard5 / scale) ** 2, (guard3 / scale) ** 2, step, 1.0, rtol))
     return norm
@@ -125,10 +106,10 @@ def step_factor(square: float) -> float:
 @kernel
 def first_step(
     t: float, x: Vector, p: Vector, m: Vector, f: Vector, rtol: float, atol: Vector, limit: float,
-    direction: float, w: Vector, iw: Indices, ctx: Indices,
+    direction: float, w: Scratch, iw: Integers, ctx: Indices,
 ) -> tuple[int, float]:  # fmt: skip
     """A first step from two field values (Hairer, Norsett & Wanner 1993, section II.4)."""
-    y, f1 = shift(w, W_Y), shift(w, W_F)
+    y, f1 = w.y, w.f
     d0, d1 = 0.0, 0.0
     for i in range(N):
         scale = atol[i] + rtol * abs(x[i])
@@ -159,52 +140,52 @@ def first_step(
 
 
 @kernel
-def at_rest(w: Vector) -> bool:
+def at_rest(w: Scratch) -> bool:
     """Whether the field at the start of the step is 0."""
     fastest = 0.0
     for j in range(N):
-        fastest = max(fastest, abs(w[W_K + j]))
+        fastest = max(fastest, abs(w.k[j]))
     return fastest == 0.0
 
 
 @kernel
-def uniform(w: Vector) -> bool:
+def uniform(w: Scratch) -> bool:
     """Whether all stages met the same field: then the step is a straight line."""
     for a in range(N, (STAGES - 1) * N):  # noqa: SIM110 - the kernel language has no `all`
-        if w[W_K + a] != w[W_K + a % N]:
+        if w.k[a] != w.k[a % N]:
             return False
     return True
 
 
 @kernel
-def go_straight(x: Vector, step: float, y: Vector, w: Vector) -> None:
+def go_straight(x: Vector, step: float, y: Vector, w: Scratch) -> None:
     """The exact end of a step along a straight line, and the field there."""
     for j in range(N):
-        y[j] = x[j] + step * w[W_K + j]
-        w[W_K + (STAGES - 1) * N + j] = w[W_K + j]
+        y[j] = x[j] + step * w.k[j]
+        w.k[(STAGES - 1) * N + j] = w.k[j]
 
 
 @kernel
 def other_stages(
-    t: float, x: Vector, p: Vector, m: Vector, step: float, line: bool, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, step: float, line: bool, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """The stages that only the dense output needs; on a straight line they are known."""
     if not line:
         return extra_stages(t, x, p, m, step, w, iw, ctx)
     for a in range(STAGES * N, (STAGES + EXTRA) * N):
-        w[W_K + a] = w[W_K + a % N]
+        w.k[a] = w.k[a % N]
     return 0
 
 
 @kernel
-def mark_grazed(m: Vector, start: bool, w: Vector) -> None:
+def mark_grazed(m: Vector, start: bool, w: Scratch) -> None:
     """Keep a touching from being reported twice: the guard has to get clear of 0 in between (hysteresis)."""
     for i in range(M):
-        clear = abs(w[W_END + 2 * i]) > 1e3 * w[W_TOUCH + i]
+        clear = abs(w.end[2 * i]) > 1e3 * w.touch[i]
         if start:
-            w[W_GRAZED + i] = 0.0 if abs(w[W_START + 2 * i]) > 1e3 * w[W_TOUCH + i] else 1.0
+            w.grazed[i] = 0.0 if abs(w.start[2 * i]) > 1e3 * w.touch[i] else 1.0
         elif clear:
-            w[W_GRAZED + i] = 0.0
+            w.grazed[i] = 0.0
 
 
 @kernel
@@ -217,14 +198,14 @@ def finite(x: Vector, n: int) -> bool:
 
 
 @kernel
-def leaves(i: int, twice: bool, step: float, side: float, w: Vector) -> bool:
+def leaves(i: int, twice: bool, step: float, side: float, w: Scratch) -> bool:
     """Whether guard i, zero at the start of the step (twice: its rate too), grows all the way through it.
 
     Its rates along the stages, by theta where they start from zero, keep clear of 0 by more than their range.
     """
     least, most = 1e300, -1e300
     for r in range(1, STAGES):
-        growth = side * step * rate(i, shift(w, W_K + r * N), w)
+        growth = side * step * rate(i, shift(w.k, r * N), w)
         growth = growth * PER_NODE[r] if twice else growth
         least, most = min(least, growth), max(most, growth)
     return least > most - least
@@ -235,7 +216,7 @@ MANY_STAGES = 10
 
 
 @kernel
-def suspicious(step: float, m: Vector, order: Indices, line: bool, w: Vector, iw: Indices) -> bool:
+def suspicious(step: float, m: Vector, order: Indices, line: bool, w: Scratch, iw: Integers) -> bool:
     """Whether a guard may vanish in the step: no if it keeps clear of 0 by more than it bends.
 
     For linear guards the test is on the cubic through both ends of the step; it is skipped for others, which
@@ -246,16 +227,16 @@ def suspicious(step: float, m: Vector, order: Indices, line: bool, w: Vector, iw
     """
     for i in range(M):
         if m[i] == 0.0:
-            if IMPLICIT or MOVING[i] != 0 or (line and iw[I_SLIDING] > 1):
+            if IMPLICIT or MOVING[i] != 0 or (line and iw.sliding > 1):
                 return True
             if STRAIGHT[i] == 0 and (line or STAGES < MANY_STAGES):
                 return True
-            mult = shift(w, W_MULT + i * COLUMNS)
-            spread = mult[MOST] - mult[LEAST]
-            below, above = mult[LEAST] - spread, mult[MOST] + spread
-            if not (above < w[W_RADIUS + 2 * i + 1] and below > w[W_RADIUS + 2 * i]):
+            mult = w.mult[i]
+            spread = mult.most - mult.least
+            below, above = mult.least - spread, mult.most + spread
+            if not (above < w.radius[2 * i + 1] and below > w.radius[2 * i]):
                 return True
-            if iw[I_PEERS + COMPONENT[i]] == 1 and (w[W_ATTRACT + i] < 0.0 or not (mult[SLOPE] < 0.0)):
+            if iw.peers[COMPONENT[i]] == 1 and (w.attract[i] < 0.0 or not (mult.slope < 0.0)):
                 return True
             continue
         if not ALL_LINEAR:
@@ -264,22 +245,22 @@ def suspicious(step: float, m: Vector, order: Indices, line: bool, w: Vector, iw
             if IMPLICIT or WIDTH[i] > 0.0 or order[i] > 2 or not leaves(i, order[i] == 2, step, m[i], w):
                 return True
             continue
-        h0, h1 = m[i] * w[W_START + 2 * i] + WIDTH[i], m[i] * w[W_END + 2 * i] + WIDTH[i]
-        d0, d1 = m[i] * w[W_START + 2 * i + 1] * step, m[i] * w[W_END + 2 * i + 1] * step
+        h0, h1 = m[i] * w.start[2 * i] + WIDTH[i], m[i] * w.end[2 * i] + WIDTH[i]
+        d0, d1 = m[i] * w.start[2 * i + 1] * step, m[i] * w.end[2 * i + 1] * step
         bend = abs(h1 - h0 - d0) + abs(2.0 * (h1 - h0) - d0 - d1)
         least = min(h0, h1, h0 + d0 / 3.0, h1 - d1 / 3.0)
-        if not (least > bend + w[W_TOUCH + i]):
+        if not (least > bend + w.touch[i]):
             return True
     return False
 
 
 @kernel
 def guard_state(
-    t: float, x: Vector, p: Vector, m: Vector, f: Vector, state: Vector, w: Vector, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, f: Vector, state: Vector, w: Scratch, ctx: Indices
 ) -> int:
     """Guards and their rates along f, in turn, into `state`."""
-    h = shift(w, W_H)
-    if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
+    h = w.h
+    if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, w.g, w.gt, ctx) != 0:
         return 1
     for i in range(M):
         state[2 * i], state[2 * i + 1] = h[i], rate(i, f, w)
@@ -287,34 +268,36 @@ def guard_state(
 
 
 @kernel
-def is_rough(t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, iw: Indices, ctx: Indices) -> bool:
+def is_rough(
+    t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, iw: Integers, ctx: Indices
+) -> bool:
     """Whether the field off surface i is not Lipschitz in h_i at 0 (a power below 1): clause E8."""
-    y, f0, f1 = shift(w, W_Y), shift(w, W_XM), shift(w, W_F)
+    y, f0, f1 = w.y, w.xm, w.f
     size = 0.0
     for j in range(N):
-        size += w[W_G + i * N + j] ** 2
+        size += w.g[i * N + j] ** 2
     if size == 0.0 or rhs(t, x, p, m, m, f0, ctx) != 0:
         return False
-    iw[I_CALLS] += 3
+    iw.calls += 3
     near, far, noise = 0.0, 0.0, 0.0
     for q in range(2):
         reach = m[i] * (1e-7 if q == 0 else 1e-11) / size
         for j in range(N):
-            y[j] = x[j] + reach * w[W_G + i * N + j]
+            y[j] = x[j] + reach * w.g[i * N + j]
         if rhs(t, y, p, m, m, f1, ctx) != 0:
             return False
         far = near
         near = 0.0
         for j in range(N):
-            near = max(near, abs(w[W_G + i * N + j] * (f1[j] - f0[j])))
-            noise = max(noise, EPS * abs(w[W_G + i * N + j] * f0[j]))
+            near = max(near, abs(w.g[i * N + j] * (f1[j] - f0[j])))
+            noise = max(noise, EPS * abs(w.g[i * N + j] * f0[j]))
     # A Lipschitz field changes ten thousand times less over ten thousand times less.
     return near > 2e-4 * far + 1e2 * noise
 
 
 @kernel
 def creep_off(
-    t: float, x: Vector, p: Vector, m: Vector, length: float, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, length: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """A first tiny step off a surface where the field is not Lipschitz: Picard iteration on 3 Gauss nodes.
 
@@ -322,7 +305,7 @@ def creep_off(
     the same reason `slack` lets the steps that follow be as much less accurate as they are closer to the
     surface.
     """
-    at, f = shift(w, W_CREEP), shift(w, W_CREEP + 3 * N)
+    at, f = w.creep, shift(w.creep, 3 * N)
     for q in range(3):
         for j in range(N):
             at[q * N + j] = x[j]
@@ -344,29 +327,29 @@ def creep_off(
 
 
 @kernel
-def time_to_surface(m: Vector, order: Indices, w: Vector) -> tuple[float, int]:
+def time_to_surface(m: Vector, order: Indices, w: Scratch) -> tuple[float, int]:
     """Shortest time in which a guard reaches 0 at its present rate, and its surface (-1 for none).
 
     A surface from which the segment starts is behind, whatever the sign of a rounded rate.
     """
     best, surface = 1e300, -1
     for i in range(M):
-        rate = m[i] * w[W_START + 2 * i + 1]
+        rate = m[i] * w.start[2 * i + 1]
         if rate < 0.0 and order[i] == 0:
-            wait = -(m[i] * w[W_START + 2 * i] + WIDTH[i]) / rate
+            wait = -(m[i] * w.start[2 * i] + WIDTH[i]) / rate
             if wait < best:
                 best, surface = max(wait, 0.0), i
     return best, surface
 
 
 @kernel
-def shrink_invalid(clock: Vector, m: Vector, order: Indices, step: float, w: Vector) -> tuple[float, int]:
+def shrink_invalid(clock: Clock, m: Vector, order: Indices, step: float, w: Scratch) -> tuple[float, int]:
     """Step after an invalid stage: towards the nearest surface ahead if there is one, else a quarter.
 
     The surface is returned where it is one rounding away, -1 otherwise.
     """
     wait, surface = time_to_surface(m, order, w)
-    reach = max(abs(clock[T]), 1e-3 * abs(clock[T_END] - clock[T_START]))
+    reach = max(abs(clock.t), 1e-3 * abs(clock.t_end - clock.t_start))
     if surface >= 0 and wait <= 16.0 * EPS * reach:
         return 0.0, surface
     if surface >= 0 and wait < 4.0 * abs(step):
@@ -381,15 +364,15 @@ def hides_order(t: float, length: float, step: float) -> bool:
 
 
 @kernel
-def falls(j: int, m: Vector, w: Vector) -> bool:
+def falls(j: int, m: Vector, w: Scratch) -> bool:
     """Whether the motion runs onto surface j, off which it ran at the start of the step."""
-    speed = float(m[j] * w[W_END + 2 * j + 1] * w[W_DIRECTION])
+    speed = float(m[j] * w.end[2 * j + 1] * w.direction)
     return speed < 0.0
 
 
 @kernel
 def mark_hits(
-    t: float, x: Vector, m: Vector, order: Indices, cause: int, i: int, step: float, hit: Indices, w: Vector
+    t: float, x: Vector, m: Vector, order: Indices, cause: int, i: int, step: float, hit: Indices, w: Scratch
 ) -> int:
     """Mark every surface whose guard vanishes at the event within rounding, and return how many.
 
@@ -402,19 +385,19 @@ def mark_hits(
             hit[j] = cause
         elif m[j] != 0.0 and (order[j] == 0 or (RESET_FROM[j] != 0 and falls(j, m, w))):
             near = 8.0 * EPS * guard_scale(j, t, x, w)
-            near += abs(w[W_END + 2 * j + 1]) * 32.0 * EPS * max(abs(t), abs(step))
-            value = m[j] * w[W_END + 2 * j] + WIDTH[j]
+            near += abs(w.end[2 * j + 1]) * 32.0 * EPS * max(abs(t), abs(step))
+            value = m[j] * w.end[2 * j] + WIDTH[j]
             # A reset is not to be missed where the interpolant took its surface for the later one.
             if abs(value) <= near or (RESET_FROM[j] != 0 and value < 0.0):
                 hit[j] = ROOT
         elif m[j] == 0.0 and abs(order[j]) < 2:
-            mult = shift(w, W_MULT + j * COLUMNS)
-            lo, hi = w[W_RADIUS + 2 * j], w[W_RADIUS + 2 * j + 1]
+            mult = w.mult[j]
+            lo, hi = w.radius[2 * j], w.radius[2 * j + 1]
             near = 64.0 * EPS * (1.0 + min(abs(lo), abs(hi)))
-            near += abs(mult[MOST] - mult[LEAST]) * 32.0 * EPS * max(abs(t) / abs(step), 1.0)
-            if hi - mult[MULTIPLIER] <= near:
+            near += abs(mult.most - mult.least) * 32.0 * EPS * max(abs(t) / abs(step), 1.0)
+            if hi - mult.value <= near:
                 hit[j] = UPPER
-            elif mult[MULTIPLIER] - lo <= near:
+            elif mult.value - lo <= near:
                 hit[j] = LOWER
         if hit[j] != 0:
             total += 1

@@ -1,32 +1,39 @@
 """Many trajectories of one system in one call: initial mode, then the event loop, one after the other."""
 
-from filippov.kernel.language.primitives import Indices, Vector, claim, kernel, shift, shift_indices
+from filippov.kernel.language.primitives import Indices, claim, entry, kernel, shift, shift_indices
+from filippov.kernel.language.records import shift_rows
 from filippov.kernel.loop.model import M, N, P, derive
 from filippov.kernel.loop.start import begin
+from filippov.kernel.loop.state import Trajectories, Trajectory
 from filippov.kernel.loop.turn import turn
-from filippov.kernel.tables.codes import (
-    CLOCK_SIZE,
-    COUNT_SIZE,
-    KINDS,
-    REACHED,
-    REJECTED,
-    STEPS,
-    STOPS,
-    T_END,
-    ZENO_ROOM,
-    T,
-)
+from filippov.kernel.tables.codes import KINDS, REACHED, STOPS
 
 
 @kernel
-def launch(
-    clock: Vector, x: Vector, m: Vector, order: Indices, lam: Vector, p: Vector, w: Vector, iw: Indices,
-    ctx: Indices,
-) -> int:  # fmt: skip
+def take_row(q: int, batch: Trajectories, run: Trajectory) -> None:
+    """Let `run` be trajectory q of a batch; scratch, tolerances and buffers are its own."""
+    run.number = q
+    run.clock, run.count = batch.clocks[q], batch.counts[q]
+    run.x, run.m, run.order = (
+        shift(batch.xs, q * N),
+        shift(batch.ms, q * M),
+        shift_indices(batch.orders, q * M),
+    )
+    run.hit, run.lam, run.p = (
+        shift_indices(batch.hits, q * M),
+        shift(batch.lams, q * M),
+        shift(batch.ps, q * P),
+    )
+    run.stop, run.zeno = shift_indices(batch.stops, q * M * STOPS), shift_rows(batch.zenos, q * M)
+    run.kinds = shift_indices(batch.kinds, q * (M * KINDS + 2))
+
+
+@entry
+@kernel
+def launch(run: Trajectory) -> int:
     """What the field takes from the parameters, and the mode at the start of a trajectory."""
-    derive(p)
-    direction = 1.0 if clock[T_END] >= clock[T] else -1.0
-    return begin(clock[T], direction, x, p, m, order, lam, w, iw, ctx)
+    derive(run.p)
+    return begin(run)
 
 
 @kernel
@@ -43,20 +50,16 @@ def another(last: int, queue: Indices, mine: Indices) -> bool:
     return float(mine[1] - mine[0]) > 0.0
 
 
+@entry
 @kernel
-def ensemble(
-    last: int, steps: int, queue: Indices, mine: Indices, clocks: Vector, counts: Indices, xs: Vector,
-    ms: Vector, orders: Indices, hits: Indices, lams: Vector, ps: Vector, atol: Vector, stops: Indices,
-    zenos: Vector, kinds: Indices, events: Vector, marks: Indices, codes: Indices, w: Vector, iw: Indices,
-    ctx: Indices,
-) -> int:  # fmt: skip
+def ensemble(last: int, steps: int, mine: Indices, batch: Trajectories, run: Trajectory) -> int:
     """Run trajectories from the queue until it is empty or about `steps` steps are done; 1 if some are left.
 
-    codes[q] says how each ended, nothing is kept of the way there. A trajectory that the compiled path cannot
-    decide ends with GENERAL at the place where it cannot. Threads share the queue (see `another`), queue[1]
-    counts the trajectories that are done. mine[0] is the one under way, -1 for none.
+    Of each only how it ended is told, nothing is kept of the way there. A trajectory that the compiled path
+    cannot decide ends with GENERAL at the place where it cannot. Threads share the queue (see `another`),
+    queue[1] counts the trajectories that are done. mine[0] is the one under way, -1 for none.
     """
-    left = steps
+    left, queue = steps, batch.queue
     while left > 0:
         q = mine[0]
         fresh = q < 0
@@ -65,21 +68,15 @@ def ensemble(
                 return 0
             q = mine[1]
             mine[0] = q
-        clock, count = shift(clocks, q * CLOCK_SIZE), shift_indices(counts, q * COUNT_SIZE)
-        x, m, order = shift(xs, q * N), shift(ms, q * M), shift_indices(orders, q * M)
-        lam, p = shift(lams, q * M), shift(ps, q * P)
-        code, before = REACHED, count[STEPS] + count[REJECTED]
+        take_row(q, batch, run)
+        code, before = REACHED, run.count.steps + run.count.rejected
         if fresh:
-            code = launch(clock, x, m, order, lam, p, w, iw, ctx)
+            code = launch(run)
         if code == REACHED:
-            code = turn(
-                left, clock, count, x, m, order, shift_indices(hits, q * M), lam, p, atol,
-                shift_indices(stops, q * M * STOPS), shift(zenos, q * M * ZENO_ROOM),
-                shift_indices(kinds, q * (M * KINDS + 2)), events, marks, w, iw, ctx,
-            )  # fmt: skip
-        left -= count[STEPS] + count[REJECTED] - before + 1
+            code = turn(left, run)
+        left -= run.count.steps + run.count.rejected - before + 1
         if code != -1:
-            codes[q] = code
+            batch.codes[q] = code
             mine[0] = -1
             claim(queue, 1)
     return 1

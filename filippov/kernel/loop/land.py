@@ -4,30 +4,15 @@ The dense output only says where to go; the state at the event comes from the me
 at rounding level and not at the interpolant's.
 """
 
-from filippov.kernel.language.primitives import INF, Indices, Vector, kernel, shift
+from filippov.kernel.language.primitives import INF, Indices, Vector, kernel
 from filippov.kernel.loop.field import add_gradient, field, gradient_product, project, rate
-from filippov.kernel.loop.locate import guard_rows
 from filippov.kernel.loop.model import (
     CLAMPED,
     G_COLUMN,
     G_FIRST,
-    I_SLIDING,
     IMPLICIT,
     RESET_FROM,
     ROLE,
-    W_DIRECTION,
-    W_END,
-    W_F,
-    W_G,
-    W_GT,
-    W_H,
-    W_K,
-    W_MULT,
-    W_RADIUS,
-    W_ROW,
-    W_START,
-    W_TOUCH,
-    W_XM,
     WIDTH,
     M,
     N,
@@ -35,8 +20,9 @@ from filippov.kernel.loop.model import (
     guards,
     stages,
 )
+from filippov.kernel.loop.sampling import guard_rows
+from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.tables.codes import ROOT, SWITCHING, TOUCH, UPPER
-from filippov.kernel.tables.layout import COLUMNS, MULTIPLIER
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
 EPS = 2.220446049250313e-16
@@ -47,20 +33,20 @@ NO_RATE = 1e-12
 
 
 @kernel
-def guard_scale(i: int, t: float, x: Vector, w: Vector) -> float:
+def guard_scale(i: int, t: float, x: Vector, w: Scratch) -> float:
     """Size of the terms of h_i, from its gradient: what rounding in h_i is measured by."""
-    total = float(abs(w[W_GT + i] * t))
+    total = float(abs(w.gt[i] * t))
     for a in range(G_FIRST[i], G_FIRST[i + 1]):
-        total += abs(w[W_G + i * N + G_COLUMN[a]] * x[G_COLUMN[a]])
+        total += abs(w.g[i * N + G_COLUMN[a]] * x[G_COLUMN[a]])
     return total
 
 
 @kernel
-def project_on(t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, ctx: Indices) -> int:
+def project_on(t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, ctx: Indices) -> int:
     """Newton steps along the gradient onto one surface."""
-    h = shift(w, W_H)
+    h = w.h
     for _ in range(2):
-        if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
+        if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, w.g, w.gt, ctx) != 0:
             return 1
         size = gradient_product(i, i, w)
         if h[i] == 0.0 or size == 0.0:
@@ -71,33 +57,33 @@ def project_on(t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, ctx
 
 @kernel
 def go(
-    t: float, x: Vector, p: Vector, m: Vector, length: float, line: bool, xe: Vector, w: Vector, iw: Indices,
-    ctx: Indices,
+    t: float, x: Vector, p: Vector, m: Vector, length: float, line: bool, xe: Vector, w: Scratch,
+    iw: Integers, ctx: Indices,
 ) -> int:  # fmt: skip
     """A step of the method from (t, x), its end in xe; along a straight line it needs no field."""
     if not line:
         return stages(t, x, p, m, length, xe, w, iw, ctx)
     for j in range(N):
-        xe[j] = x[j] + length * w[W_K + j]
+        xe[j] = x[j] + length * w.k[j]
     return 0
 
 
 @kernel
-def reached_before(t: float, x: Vector, f: Vector, m: Vector, i: int, w: Vector) -> tuple[int, float]:
+def reached_before(t: float, x: Vector, f: Vector, m: Vector, i: int, w: Scratch) -> tuple[int, float]:
     """Of the surfaces with resets that the motion has run behind, the one longest ago: (number, how long).
 
-    (-1, 0.0) for none. The guards and their rates at (t, x) are those in W_END, f is the field; surface i is
+    (-1, 0.0) for none. The guards and their rates at (t, x) are those in w.end, f is the field; surface i is
     left out. The dense output shows roots, and their order, to its rounding; a step shows them to that of x.
     """
     first, longest = -1, 0.0
     for j in range(M):
-        value, speed = m[j] * w[W_END + 2 * j], m[j] * w[W_END + 2 * j + 1] * w[W_DIRECTION]
+        value, speed = m[j] * w.end[2 * j], m[j] * w.end[2 * j + 1] * w.direction
         if value < 0.0 and speed < 0.0 and j != i and m[j] != 0.0 and RESET_FROM[j] != 0:
             if RESET_FROM[j] != 2 and float(RESET_FROM[j]) != m[j]:
                 continue
-            size = abs(w[W_GT + j])
+            size = abs(w.gt[j])
             for a in range(N):
-                size += abs(w[W_G + j * N + a] * f[a])
+                size += abs(w.g[j * N + a] * f[a])
             near = 8.0 * EPS * guard_scale(j, t, x, w) - 32.0 * EPS * abs(t) * speed
             if value < -near and speed < -NO_RATE * size and value / speed > longest:
                 first, longest = j, value / speed
@@ -111,22 +97,22 @@ PAST, BEYOND = 0.05, 1e-6
 
 @kernel
 def passed(
-    t: float, x: Vector, p: Vector, m: Vector, landed: int, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, landed: int, w: Scratch, iw: Integers, ctx: Indices
 ) -> bool:
     """Whether a landing went past another event: then a guard is negative, or a multiplier outside its set.
 
     Newton's method knows nothing of a guard that is but rounding, and may lead anywhere on the step.
     """
-    h, f = shift(w, W_H), shift(w, W_F)
+    h, f = w.h, w.f
     if guards(t, x, p, m, h, ctx) != 0 or field(t, x, p, m, f, w, iw, ctx) != 0:
         return True
     for i in range(M):
-        value = w[W_MULT + i * COLUMNS + MULTIPLIER]
+        value = w.mult[i].value
         size = 1.0 + abs(value)
         if m[i] == 0.0:
-            if value > w[W_RADIUS + 2 * i + 1] + BEYOND * size or value < w[W_RADIUS + 2 * i] - BEYOND * size:
+            if value > w.radius[2 * i + 1] + BEYOND * size or value < w.radius[2 * i] - BEYOND * size:
                 return True
-        elif i != landed and m[i] * h[i] + WIDTH[i] < -w[W_TOUCH + i]:
+        elif i != landed and m[i] * h[i] + WIDTH[i] < -w.touch[i]:
             return True
     return False
 
@@ -144,28 +130,25 @@ def land(
     slope: float,
     line: bool,
     xe: Vector,
-    w: Vector,
-    iw: Indices,
+    w: Scratch,
+    iw: Integers,
     ctx: Indices,
 ) -> tuple[int, float, float, float]:
     """Step from (t, x) to the event on surface i near theta; its state goes to xe.
 
     Returns (code, step taken to the event, step of its dense output, |guard| left).
     """
-    h, f, xm, row = shift(w, W_H), shift(w, W_F), shift(w, W_XM), shift(w, W_ROW)
+    h, f, xm, row = w.h, w.f, w.xm, w.row
     length = theta * step
     dense_length = length
     code = go(t, x, p, m, length, line, xe, w, iw, ctx)
-    value, last = 0.0, 1e300
+    value, change, last = 0.0, 0.0, 1e300
     for attempt in range(48):
         if code != 0 or cause == TOUCH:
             break
         te = t + length
         if cause == ROOT:
-            if (
-                guards(te, xe, p, m, h, ctx) != 0
-                or gradients(te, xe, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0
-            ):
+            if guards(te, xe, p, m, h, ctx) != 0 or gradients(te, xe, p, m, w.g, w.gt, ctx) != 0:
                 return 1, length, dense_length, value
             value = h[i] + m[i] * WIDTH[i]
             if abs(value) <= EPS * guard_scale(i, te, xe, w):
@@ -176,9 +159,7 @@ def land(
             code = guard_rows(te, xe, p, m, row, w, iw, ctx)
             value = row[i] if cause == UPPER else row[M + i]
             change = slope / step
-        if code == 0 and not (abs(value) < 1e300 and abs(change) <= INF):
-            code = NOT_CONVERGED  # the state got to where the field has no value
-        if code != 0 or change == 0.0 or value == 0.0:
+        if code != 0 or not (0.0 < abs(value) < 1e300 and abs(change) > 0.0):
             break
         delta = -value / change
         # Newton must not leave the step by more than it can trust the slope.
@@ -201,21 +182,24 @@ def land(
         for j in range(N):
             xe[j] += delta * f[j]
         length += delta
-    if CLAMPED and code == 0 and cause == ROOT and ROLE[i] == SWITCHING:
+    # The state may have got to where the field, or a guard, has no value.
+    sound = abs(value) < 1e300 and abs(change) <= INF
+    if CLAMPED and code == 0 and sound and cause == ROOT and ROLE[i] == SWITCHING:
         # What is farther off than the integration is accurate is no landing: a field that stands still beyond
         # the surface leads Newton's method off.
-        went = (abs(t) + abs(length)) * (abs(w[W_START + 2 * i + 1]) + abs(rate(i, f, w)))
-        known = max(w[W_TOUCH + i], ASTRAY * EPS * (guard_scale(i, t + length, xe, w) + went + WIDTH[i]))
+        went = (abs(t) + abs(length)) * (abs(w.start[2 * i + 1]) + abs(rate(i, f, w)))
+        known = max(w.touch[i], ASTRAY * EPS * (guard_scale(i, t + length, xe, w) + went + WIDTH[i]))
         code = NOT_CONVERGED if abs(value) > known else 0
-    if code == 0:
+    if code == 0 and sound:
         if cause == ROOT and WIDTH[i] == 0.0:
             code = project_on(t + length, xe, p, m, i, w, ctx)
             value = h[i]
-        if iw[I_SLIDING] > 0 and project(t + length, xe, p, m, h, w, iw, ctx) != 0:
+        if iw.sliding > 0 and project(t + length, xe, p, m, h, w, iw, ctx) != 0:
             code = 1
-    if code == 0 and cause == ROOT and length / step > theta + PAST:
+    if code == 0 and sound and cause == ROOT and length / step > theta + PAST:
         code = NOT_CONVERGED if passed(t + length, xe, p, m, i, w, iw, ctx) else 0
     for j in range(N):
-        if code == 0 and not (abs(xe[j]) < 1e300):
-            code = NOT_CONVERGED
+        sound = sound and abs(xe[j]) < 1e300
+    if code == 0 and not sound:
+        code = NOT_CONVERGED
     return code, length, dense_length, abs(value)

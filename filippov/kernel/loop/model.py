@@ -1,8 +1,8 @@
 """What every compiled system provides to the loop: the interface, with a trivial system behind it.
 
 The kernel files import these names so that they read, check and run as ordinary modules. A compiled unit
-takes the same names from the generated source of one system, from its method (`method`) and from its `layout`
-instead. The trivial system is x' = 0 with h = 1.
+takes the same names from the generated source of one system and from its method (`method`) instead. The
+trivial system is x' = 0 with h = 1.
 
 N, M, P: numbers of states, surfaces, and parameters with what is derived from them.
 ROLE[i], LINEAR[i], WIDTH[i]: what surface i is, whether its guard is linear in (t, x), and the half width of
@@ -16,12 +16,11 @@ event. HELD[i]: guard i is a derivative of h_i, and only the general path leaves
 RULE: which of the rules of sliding in `rules`. ORDER: power of the step that the error estimate goes with.
 IMPLICIT: the stages are solved for.
 PER_NODE: 1 / theta of every main stage.
-DENSE: powers of the dense output, a row a stage; DENSE_BERNSTEIN: the same in Bernstein form. W_..., I_...:
-places in the scratch.
+DENSE: powers of the dense output, a row a stage; DENSE_BERNSTEIN: the same in Bernstein form.
 """
 
-from filippov.kernel.language.primitives import Indices, Vector, kernel
-from filippov.kernel.tables.layout import layout
+from filippov.kernel.language.primitives import Indices, Vector, entry, kernel
+from filippov.kernel.loop.state import Integers, Scratch, Sizes
 from filippov.kernel.tables.root_tables import to_bernstein
 from filippov.kernel.tables.tableaus import DOP853
 
@@ -51,78 +50,10 @@ BY_COMPONENT: list[int] = [0]
 COLOUR: list[int] = [0]
 OWNER: list[int] = [0]
 COLOURS, LARGEST = 1, 1
-_PLACE = layout(N, M, AFFINE, DOP853, COLOURS, LARGEST).constants
-SIDE = _PLACE["SIDE"]
-W_S = _PLACE["W_S"]
-W_S2 = _PLACE["W_S2"]
-W_G = _PLACE["W_G"]
-W_GT = _PLACE["W_GT"]
-W_VERT = _PLACE["W_VERT"]
-W_RATE = _PLACE["W_RATE"]
-W_MAT = _PLACE["W_MAT"]
-W_MOMENTS = _PLACE["W_MOMENTS"]
-W_VEC = _PLACE["W_VEC"]
-W_SLOPE = _PLACE["W_SLOPE"]
-W_RESIDUAL = _PLACE["W_RESIDUAL"]
-W_MULT = _PLACE["W_MULT"]
-W_K = _PLACE["W_K"]
-W_COEF = _PLACE["W_COEF"]
-W_Y = _PLACE["W_Y"]
-W_STAGE = _PLACE["W_STAGE"]
-W_XE = _PLACE["W_XE"]
-W_F = _PLACE["W_F"]
-W_XM = _PLACE["W_XM"]
-W_H = _PLACE["W_H"]
-W_BEFORE = _PLACE["W_BEFORE"]
-W_ROW = _PLACE["W_ROW"]
-W_START = _PLACE["W_START"]
-W_END = _PLACE["W_END"]
-W_RADIUS = _PLACE["W_RADIUS"]
-W_TOUCH = _PLACE["W_TOUCH"]
-W_GRAZED = _PLACE["W_GRAZED"]
-W_FALL = _PLACE["W_FALL"]
-W_ATTRACT = _PLACE["W_ATTRACT"]
-W_DIRECTION = _PLACE["W_DIRECTION"]
-W_CREEP = _PLACE["W_CREEP"]
-W_JUMP = _PLACE["W_JUMP"]
-W_NODE = _PLACE["W_NODE"]
-W_CHECK = _PLACE["W_CHECK"]
-W_C = _PLACE["W_C"]
-W_WORK = _PLACE["W_WORK"]
-W_STACK = _PLACE["W_STACK"]
-W_BOUNDS = _PLACE["W_BOUNDS"]
-W_PIECES = _PLACE["W_PIECES"]
-W_ATOL = _PLACE["W_ATOL"]
-W_RTOL = _PLACE["W_RTOL"]
-W_SCALE = _PLACE["W_SCALE"]
-W_JAC = _PLACE["W_JAC"]
-W_JAC_X = _PLACE["W_JAC_X"]
-W_JAC_MODE = _PLACE["W_JAC_MODE"]
-W_LU = _PLACE["W_LU"]
-W_REAL = _PLACE["W_REAL"]
-W_IMAG = _PLACE["W_IMAG"]
-W_Z = _PLACE["W_Z"]
-W_W = _PLACE["W_W"]
-W_PAST = _PLACE["W_PAST"]
-W_REACHED = _PLACE["W_REACHED"]
-W_DIFF = _PLACE["W_DIFF"]
-W_ERROR = _PLACE["W_ERROR"]
-W_MEMORY = _PLACE["W_MEMORY"]
-W_WIDE = _PLACE["W_WIDE"]
-I_SLIDING = _PLACE["I_SLIDING"]
-I_LIST = _PLACE["I_LIST"]
-I_CALLS = _PLACE["I_CALLS"]
-I_JACOBIANS = _PLACE["I_JACOBIANS"]
-I_FACTORS = _PLACE["I_FACTORS"]
-I_KNOWN = _PLACE["I_KNOWN"]
-I_PIECES = _PLACE["I_PIECES"]
-I_PIVOTS = _PLACE["I_PIVOTS"]
-I_TWINS = _PLACE["I_TWINS"]
-I_GROUP = _PLACE["I_GROUP"]
-I_PLACE = _PLACE["I_PLACE"]
-I_PEERS = _PLACE["I_PEERS"]
+SIDE = Sizes().side
 
 
+@entry
 @kernel
 def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
     """The field at signs s (every entry +1 or -1) with |h_i| = m_i h_i; nonzero: the user's code failed."""
@@ -139,6 +70,7 @@ def pair(
     return 0
 
 
+@entry
 @kernel
 def guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
     """The switching functions h_i."""
@@ -146,6 +78,7 @@ def guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices)
     return 0
 
 
+@entry
 @kernel
 def gradients(t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices) -> int:
     """Partial derivatives of every h_i by x (rows of g) and by t."""
@@ -153,6 +86,7 @@ def gradients(t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, 
     return 0
 
 
+@entry
 @kernel
 def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:
     """Lower and upper end of the set of s_i at h_i = 0, in turn."""
@@ -160,12 +94,14 @@ def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:
     return 0
 
 
+@entry
 @kernel
 def derive(p: Vector) -> int:
     """What the field takes from the parameters alone, computed once, behind them in p."""
     return 0
 
 
+@entry
 @kernel
 def resets(i: int, t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:
     """The state after the reset at surface i."""
@@ -175,7 +111,7 @@ def resets(i: int, t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: 
 
 @kernel
 def stages(
-    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """Stages from the first on, all but the one at the end of the step; leaves that end in y.
 
@@ -187,7 +123,7 @@ def stages(
 
 @kernel
 def free_stages(
-    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """The same for lanes none of which slides."""
     y[0] = x[0]
@@ -196,7 +132,7 @@ def free_stages(
 
 @kernel
 def sliding_stages(
-    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """The same for lanes some of which slide."""
     y[0] = x[0]
@@ -205,13 +141,13 @@ def sliding_stages(
 
 @kernel
 def extra_stages(
-    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """The stages that only the dense output needs."""
     return 0
 
 
 @kernel
-def error_terms(i: int, w: Vector) -> tuple[float, float]:
+def error_terms(i: int, w: Scratch) -> tuple[float, float]:
     """The two embedded error estimates of component i, before the factor of the step."""
     return 0.0, 0.0

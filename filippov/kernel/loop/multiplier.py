@@ -1,16 +1,15 @@
 """The multiplier of a sliding surface in the scratch, with its range over a step."""
 
-from filippov.kernel.language.primitives import Vector, kernel, shift
-from filippov.kernel.loop.model import W_MULT
-from filippov.kernel.tables.layout import COLUMNS, LEAST, MOST, MULTIPLIER, RATE_MINUS, RATE_PLUS, SLOPE
+from filippov.kernel.language.primitives import kernel
+from filippov.kernel.loop.state import Scratch
 
 
 @kernel
-def track(w: Vector, i: int, value: float, plus: float, minus: float) -> None:
+def track(w: Scratch, i: int, value: float, plus: float, minus: float) -> None:
     """Note a multiplier with the rates it comes from."""
-    mult = shift(w, W_MULT + i * COLUMNS)
-    mult[MULTIPLIER] = value
-    mult[RATE_PLUS], mult[RATE_MINUS] = plus, minus
-    mult[LEAST] = min(mult[LEAST], value)
-    mult[MOST] = max(mult[MOST], value)
-    mult[SLOPE] = max(mult[SLOPE], plus - minus)
+    mult = w.mult[i]
+    mult.value = value
+    mult.rate_plus, mult.rate_minus = plus, minus
+    mult.least = min(mult.least, value)
+    mult.most = max(mult.most, value)
+    mult.slope = max(mult.slope, plus - minus)

@@ -8,7 +8,6 @@ from filippov.kernel.language.primitives import Indices, Vector, anywhere, contr
 from filippov.kernel.loop.model import (
     G_COLUMN,
     G_FIRST,
-    W_WIDE,
     WIDTH,
     M,
     N,
@@ -18,9 +17,10 @@ from filippov.kernel.loop.model import (
     pair,
     radii,
 )
+from filippov.kernel.loop.state import Scratch
 from filippov.kernel.tables.layout import LANES
 
-# Places in the room at W_WIDE, in vectors: times, states, parameters, modes, rows of guards, and the rest.
+# Places in the room `wide`, in vectors: times, states, parameters, modes, rows of guards, and the rest.
 X = 1
 
 
@@ -65,36 +65,34 @@ def same_everywhere(n: int, source: Vector, target: Vector) -> None:
 
 
 @kernel
-def prepare_points(p: Vector, m: Vector, w: Vector) -> None:
+def prepare_points(p: Vector, m: Vector, w: Scratch) -> None:
     """What is the same at all points of a step."""
-    room = shift(w, W_WIDE)
+    room = w.wide
     same_everywhere(P, p, shift(room, (X + N) * LANES))
     same_everywhere(M, m, shift(room, (X + N + P) * LANES))
 
 
 @kernel
-def place_point(lane: int, t: float, x: Vector, w: Vector) -> None:
+def place_point(lane: int, t: float, x: Vector, w: Scratch) -> None:
     """A point into its lane."""
-    w[W_WIDE + lane] = t
+    w.wide[lane] = t
     for j in range(N):
-        w[W_WIDE + (X + j) * LANES + lane] = x[j]
+        w.wide[(X + j) * LANES + lane] = x[j]
 
 
 @kernel
-def point_rows(i: int, attract: float, w: Vector, ctx: Indices) -> int:
+def point_rows(i: int, attract: float, w: Scratch, ctx: Indices) -> int:
     """The guards at the points in the lanes; see `rows_beside`."""
-    room = shift(w, W_WIDE)
+    room = w.wide
     p = shift(room, (X + N) * LANES)
     m = shift(p, P * LANES)
     rows = shift(m, M * LANES)
-    return rows_beside(
-        room, shift(room, X * LANES), p, m, i, attract, rows, shift(rows, 2 * M * LANES), ctx
-    )
+    return rows_beside(room, shift(room, X * LANES), p, m, i, attract, rows, shift(rows, 2 * M * LANES), ctx)
 
 
 @kernel
-def take_rows(lane: int, out: Vector, w: Vector) -> None:
+def take_rows(lane: int, out: Vector, w: Scratch) -> None:
     """The guards at one lane's point."""
-    rows = shift(w, W_WIDE + (X + N + P + M) * LANES)
+    rows = shift(w.wide, (X + N + P + M) * LANES)
     for j in range(2 * M):
         out[j] = rows[j * LANES + lane]

@@ -6,60 +6,30 @@ Z = step (A x I) F(x + Z) is solved for Z = (TO_Z x I) W (Hairer & Wanner 1996, 
 
 J is the derivative of the mode's field, sliding included, by differences. It is kept from step to step while
 the iteration converges fast, its LU factors while the step stays the same. The derivatives at the stages go
-to W_K behind the field at the start, so that dense output, event location and landing are those of every
+to w.k behind the field at the start, so that dense output, event location and landing are those of every
 method; behind them there is room for the field at the end of the step.
 
 The iteration goes on to 3e-14 of the state, whatever rtol is looser than 1e-9: the state at an event depends
 on it. Where rounding ends it earlier, what the tolerance asks for is enough.
 """
 
-from filippov.kernel.language.primitives import NAN, Indices, Vector, kernel, shift, shift_indices, sqrt
+from filippov.kernel.language.primitives import NAN, Indices, Vector, kernel, shift, sqrt
 from filippov.kernel.loop.dense_lu import factor, factor_complex, substitute, substitute_complex
 from filippov.kernel.loop.field import clear_ranges, field
 from filippov.kernel.loop.model import (
-    I_CALLS,
-    I_FACTORS,
-    I_JACOBIANS,
-    I_KNOWN,
-    I_PIVOTS,
-    I_SLIDING,
-    I_TWINS,
-    W_ATOL,
-    W_DIFF,
-    W_ERROR,
-    W_IMAG,
-    W_JAC,
-    W_JAC_MODE,
-    W_JAC_X,
-    W_K,
-    W_LU,
-    W_MEMORY,
-    W_PAST,
-    W_REACHED,
-    W_REAL,
-    W_RTOL,
-    W_SCALE,
-    W_STAGE,
-    W_W,
-    W_Z,
     M,
     N,
     rhs,
 )
+from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.tables.radau_tables import (
     A_INVERSE,
     ERROR_Z,
-    FACTORED,
     FAST,
     FROM_Z,
-    LAST_END,
-    LAST_STEP,
     MOST_ITERATIONS,
     NOT_CONVERGED,
     PAIR,
-    PAST_END,
-    PAST_STEP,
-    RATE,
     REAL,
     ROOT_SPACING,
     SPACING,
@@ -73,21 +43,21 @@ from filippov.kernel.tables.radau_tables import (
 
 @kernel
 def evaluate(
-    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """The field of the mode, counted."""
-    if iw[I_SLIDING] == 0:
-        iw[I_CALLS] += 1
+    if iw.sliding == 0:
+        iw.calls += 1
         return rhs(t, x, p, m, m, out, ctx)
     return field(t, x, p, m, out, w, iw, ctx)
 
 
 @kernel
 def difference(
-    t: float, x: Vector, p: Vector, m: Vector, j: int, delta: float, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, j: int, delta: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> tuple[int, float]:
     """Column j of J from a step delta: (code, largest change on the scale of the field, NaN if undefined)."""
-    f0, f1, at = shift(w, W_K), shift(w, W_DIFF), shift(w, W_STAGE)
+    f0, f1, at = w.k, w.diff, w.stage
     at[j] = x[j] + delta
     width = at[j] - x[j]
     code = evaluate(t, at, p, m, f1, w, iw, ctx)
@@ -99,25 +69,25 @@ def difference(
         change = max(change, abs(f1[i] - f0[i]))
         size = max(size, abs(f1[i]), abs(f0[i]))
         sound += 0.0 * f1[i]
-        w[W_JAC + i * N + j] = (f1[i] - f0[i]) / width
+        w.jac[i * N + j] = (f1[i] - f0[i]) / width
     return 0, change / (size + 1e-300) + sound
 
 
 @kernel
 def renew_jacobian(
-    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """J at (t, x) by forward differences: 1.5e-8 of what a state is, moves or may err; more where it is lost.
 
     A difference below 1e-12 of the field is repeated with a thousand times its step. Where the field is not
     defined ahead, the step goes the other way; where it is not there either, the column is 0.
     """
-    at = shift(w, W_STAGE)
+    at = w.stage
     for j in range(N):
         at[j] = x[j]
     for j in range(N):
-        speed = step * w[W_K + j]
-        delta = ROOT_SPACING * max(abs(x[j]), abs(speed), w[W_SCALE + j], 1e-290)
+        speed = step * w.k[j]
+        delta = ROOT_SPACING * max(abs(x[j]), abs(speed), w.scale[j], 1e-290)
         if speed < 0.0:
             delta = -delta
         for trial in range(4):
@@ -130,36 +100,36 @@ def renew_jacobian(
                 delta = -delta
                 if trial > 0:
                     for i in range(N):
-                        w[W_JAC + i * N + j] = 0.0
+                        w.jac[i * N + j] = 0.0
                     break
             else:
                 delta *= 1e3
     for j in range(N):
-        w[W_JAC_X + j] = x[j]
+        w.jac_x[j] = x[j]
     for i in range(M):
-        w[W_JAC_MODE + i] = m[i]
-    iw[I_JACOBIANS] += 1
-    iw[I_KNOWN] = 1
-    w[W_MEMORY + FACTORED] = 0.0
+        w.jac_mode[i] = m[i]
+    iw.jacobians += 1
+    iw.known = 1
+    w.memory.factored = 0.0
     clear_ranges(w, iw)
     return 0
 
 
 @kernel
-def factor_both(step: float, w: Vector, iw: Indices) -> bool:
+def factor_both(step: float, w: Scratch, iw: Integers) -> bool:
     """LU factors of the real and of the complex matrix at this step."""
-    lu, re, im = shift(w, W_LU), shift(w, W_REAL), shift(w, W_IMAG)
+    lu, re, im = w.lu, w.real, w.imag
     for q in range(N * N):
-        lu[q], re[q], im[q] = -w[W_JAC + q], -w[W_JAC + q], 0.0
+        lu[q], re[q], im[q] = -w.jac[q], -w.jac[q], 0.0
     for i in range(N):
         lu[i * N + i] += REAL / step
         re[i * N + i] += PAIR / step
         im[i * N + i] = -SPIN / step
-    iw[I_FACTORS] += 2
-    w[W_MEMORY + FACTORED] = step
-    if not factor(lu, shift_indices(iw, I_PIVOTS), N):
+    iw.factors += 2
+    w.memory.factored = step
+    if not factor(lu, iw.pivots, N):
         return False
-    return factor_complex(re, im, shift_indices(iw, I_TWINS), N)
+    return factor_complex(re, im, iw.twins, N)
 
 
 @kernel
@@ -172,21 +142,21 @@ def differences(one: Vector, other: Vector, n: int) -> int:
 
 
 @kernel
-def guess(t: float, x: Vector, step: float, w: Vector) -> None:
+def guess(t: float, x: Vector, step: float, w: Scratch) -> None:
     """Z from the collocation polynomial of the accepted step that led to (t, x), 0 where there is none."""
-    memory, z, past = shift(w, W_MEMORY), shift(w, W_Z), shift(w, W_PAST)
+    memory, z, past = w.memory, w.z, w.past
     for i in range(N):
         # A jump of the state.
-        if abs(x[i] - w[W_REACHED + i]) > 1e3 * w[W_SCALE + i]:
-            memory[LAST_STEP] = 0.0
-    if memory[LAST_STEP] != 0.0 and abs(memory[LAST_END] - t) <= 1e-9 * abs(memory[LAST_STEP]):
+        if abs(x[i] - w.reached[i]) > 1e3 * w.scale[i]:
+            memory.last_step = 0.0
+    if memory.last_step != 0.0 and abs(memory.last_end - t) <= 1e-9 * abs(memory.last_step):
         for q in range(3 * N):
             past[q] = z[q]
-        memory[PAST_END], memory[PAST_STEP] = t, memory[LAST_STEP]
-    memory[LAST_STEP] = 0.0
+        memory.past_end, memory.past_step = t, memory.last_step
+    memory.last_step = 0.0
     ratio = 0.0
-    if memory[PAST_STEP] != 0.0 and memory[PAST_END] == t:
-        ratio = step / memory[PAST_STEP]
+    if memory.past_step != 0.0 and memory.past_end == t:
+        ratio = step / memory.past_step
     for q in range(3):
         theta = 1.0 + ratio * C[q]
         for i in range(N):
@@ -201,19 +171,17 @@ def guess(t: float, x: Vector, step: float, w: Vector) -> None:
 
 @kernel
 def newton(
-    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """Solve for Z from the guess in it: 0, a code of `field`, NOT_CONVERGED or UNDEFINED; leaves its rate."""
-    z, v, f, at = shift(w, W_Z), shift(w, W_W), shift(w, W_DIFF), shift(w, W_STAGE)
+    z, v, f, at = w.z, w.zw, w.diff, w.stage
     r1, r2, r3 = f, shift(f, N), shift(f, 2 * N)
-    rtol = min(w[W_RTOL], 1e-3)
+    rtol = min(w.rtol, 1e-3)
     enough = max(10.0 * SPACING / rtol, min(0.03, sqrt(rtol)))
     tight = enough * min(1.0, 1e-9 / rtol)
     for q in range(3):
         for i in range(N):
-            v[q * N + i] = (
-                TO_W[3 * q] * z[i] + TO_W[3 * q + 1] * z[N + i] + TO_W[3 * q + 2] * z[2 * N + i]
-            )
+            v[q * N + i] = TO_W[3 * q] * z[i] + TO_W[3 * q + 1] * z[N + i] + TO_W[3 * q + 2] * z[2 * N + i]
     last, rate = 0.0, 0.0
     for iteration in range(MOST_ITERATIONS):
         for q in range(3):
@@ -229,12 +197,12 @@ def newton(
             r2[i] -= (PAIR * v[N + i] + SPIN * v[2 * N + i]) / step
             r3[i] = TO_W[6] * f0 + TO_W[7] * f1 + TO_W[8] * f2
             r3[i] -= (PAIR * v[2 * N + i] - SPIN * v[N + i]) / step
-        substitute(shift(w, W_LU), shift_indices(iw, I_PIVOTS), r1, N)
-        substitute_complex(shift(w, W_REAL), shift(w, W_IMAG), shift_indices(iw, I_TWINS), r2, r3, N)
+        substitute(w.lu, iw.pivots, r1, N)
+        substitute_complex(w.real, w.imag, iw.twins, r2, r3, N)
         square = 0.0
         for q in range(3):
             for i in range(N):
-                square += (f[q * N + i] / w[W_SCALE + i]) ** 2
+                square += (f[q * N + i] / w.scale[i]) ** 2
                 v[q * N + i] += f[q * N + i]
         for q in range(3):
             for i in range(N):
@@ -249,7 +217,7 @@ def newton(
         if iteration > 0:
             rate = norm / last
             if iteration == 1 or rate < 1.0:
-                w[W_MEMORY + RATE] = rate
+                w.memory.rate = rate
             # Rounding: the corrections shrink no further, and are small enough.
             if rate >= 0.5 and norm <= enough:
                 return 0
@@ -267,22 +235,22 @@ def newton(
 
 @kernel
 def estimate(
-    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """Error estimate of the step in W_ERROR, filtered by (REAL/step - J)^-1; twice where it is above 1."""
-    z, error, at = shift(w, W_Z), shift(w, W_ERROR), shift(w, W_STAGE)
-    f = shift(w, W_K)
+    """Error estimate of the step in w.error, filtered by (REAL/step - J)^-1; twice where it is above 1."""
+    z, error, at = w.z, w.error, w.stage
+    f = w.k
     for turn in range(2):
         for i in range(N):
             weighted = ERROR_Z[0] * z[i] + ERROR_Z[1] * z[N + i] + ERROR_Z[2] * z[2 * N + i]
             error[i] = f[i] + weighted / step
-        substitute(shift(w, W_LU), shift_indices(iw, I_PIVOTS), error, N)
+        substitute(w.lu, iw.pivots, error, N)
         square = 0.0
         for i in range(N):
-            square += (error[i] / (w[W_ATOL + i] + w[W_RTOL] * max(abs(x[i]), abs(x[i] + z[2 * N + i])))) ** 2
+            square += (error[i] / (w.atol[i] + w.rtol * max(abs(x[i]), abs(x[i] + z[2 * N + i])))) ** 2
         if turn == 1 or not (square > float(N)):
             break
-        f = shift(w, W_DIFF)
+        f = w.diff
         for i in range(N):
             at[i] = x[i] + error[i]
         code = evaluate(t, at, p, m, f, w, iw, ctx)
@@ -295,84 +263,84 @@ def estimate(
 
 @kernel
 def still(
-    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> bool:
     """Whether to stay at x solves the stages; in a rough equilibrium no Jacobian would find it."""
     for i in range(N):
-        if w[W_K + i] != 0.0:
+        if w.k[i] != 0.0:
             return False
     for q in range(3):
-        at = shift(w, W_K + (q + 1) * N)
+        at = shift(w.k, (q + 1) * N)
         if evaluate(t + C[q] * step, x, p, m, at, w, iw, ctx) != 0:
             return False
         for i in range(N):
             if at[i] != 0.0:
                 return False
     for i in range(N):
-        y[i], w[W_REACHED + i], w[W_ERROR + i] = x[i], x[i], 0.0
+        y[i], w.reached[i], w.error[i] = x[i], x[i], 0.0
     return True
 
 
 @kernel
 def stages(
-    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """Derivatives at the three stages in W_K, the end in y; NOT_CONVERGED where Newton's iteration fails."""
-    memory, z = shift(w, W_MEMORY), shift(w, W_Z)
+    """Derivatives at the three stages in w.k, the end in y; NOT_CONVERGED where Newton's iteration fails."""
+    memory, z = w.memory, w.z
     if still(t, x, p, m, step, y, w, iw, ctx):
-        memory[LAST_STEP], memory[PAST_STEP] = 0.0, 0.0
+        memory.last_step, memory.past_step = 0.0, 0.0
         return 0
-    if differences(shift(w, W_JAC_MODE), m, M) > 0:
-        iw[I_KNOWN] = 0
-        memory[LAST_STEP], memory[PAST_STEP] = 0.0, 0.0
-    rtol = min(w[W_RTOL], 1e-3)
+    if differences(w.jac_mode, m, M) > 0:
+        iw.known = 0
+        memory.last_step, memory.past_step = 0.0, 0.0
+    rtol = min(w.rtol, 1e-3)
     for i in range(N):
-        w[W_SCALE + i] = min(w[W_ATOL + i], 1e-3) + rtol * abs(x[i]) + 1e-300
-    here = differences(shift(w, W_JAC_X), x, N) == 0
-    if iw[I_KNOWN] != 0 and not here and memory[RATE] > FAST:
-        iw[I_KNOWN] = 0
+        w.scale[i] = min(w.atol[i], 1e-3) + rtol * abs(x[i]) + 1e-300
+    here = differences(w.jac_x, x, N) == 0
+    if iw.known != 0 and not here and memory.rate > FAST:
+        iw.known = 0
     code = NOT_CONVERGED
     for _ in range(2):
-        if iw[I_KNOWN] == 0:
+        if iw.known == 0:
             code = renew_jacobian(t, x, p, m, step, w, iw, ctx)
             if code != 0:
                 return code
             here = True
-        if memory[FACTORED] != step and not factor_both(step, w, iw):
+        if memory.factored != step and not factor_both(step, w, iw):
             return NOT_CONVERGED
         guess(t, x, step, w)
         code = newton(t, x, p, m, step, w, iw, ctx)
         if code < NOT_CONVERGED or here:
             break
-        iw[I_KNOWN] = 0
+        iw.known = 0
     if code == UNDEFINED:
         for i in range(N):
-            y[i], w[W_ERROR + i] = NAN, NAN
+            y[i], w.error[i] = NAN, NAN
         return 0
     if code != 0:
         return code
-    memory[LAST_END], memory[LAST_STEP] = t + step, step
+    memory.last_end, memory.last_step = t + step, step
     for q in range(3):
         for i in range(N):
             total = 0.0
             for r in range(3):
                 total += A_INVERSE[3 * q + r] * z[r * N + i]
-            w[W_K + (q + 1) * N + i] = total / step
+            w.k[(q + 1) * N + i] = total / step
     for i in range(N):
         y[i] = x[i] + z[2 * N + i]
-        w[W_REACHED + i] = y[i]
+        w.reached[i] = y[i]
     return estimate(t, x, p, m, step, w, iw, ctx)
 
 
 @kernel
 def extra_stages(
-    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """The collocation polynomial needs none."""
     return 0
 
 
 @kernel
-def error_terms(i: int, w: Vector) -> tuple[float, float]:
+def error_terms(i: int, w: Scratch) -> tuple[float, float]:
     """The error estimate of component i, before the factor of the step."""
-    return w[W_ERROR + i], 0.0
+    return w.error[i], 0.0

@@ -1,50 +1,47 @@
 """What the event loop leaves behind: events, and the dense output of accepted steps."""
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel, shift, shift_indices, truncate
-from filippov.kernel.loop.model import DEGREE_DENSE, EVENT_SIZE, RESETS, W_BEFORE, W_COEF, W_JUMP, M, N
+from filippov.kernel.loop.model import DEGREE_DENSE, EVENT_SIZE, RESETS, M, N
+from filippov.kernel.loop.state import Count, Scratch, Trajectory
 from filippov.kernel.tables.codes import (
     CROSSING_DOWN,
     CROSSING_EITHER,
     CROSSING_UP,
-    EVENTS,
     EXIT_DOWN,
     EXIT_EITHER,
     EXIT_UP,
-    RECORDS,
     RESET,
 )
 
 
 @kernel
-def record_event(
-    events: Vector, marks: Indices, count: Indices, t: float, x: Vector, i: int, kind: int, m: Vector,
-    multiplier: float, residual: float, w: Vector,
-) -> None:  # fmt: skip
-    """Append one event: floats (t, multiplier, |h|, x, x after) and integers (surface, kind, both modes)."""
-    event = shift(events, count[EVENTS] * EVENT_SIZE)
-    mark = shift_indices(marks, count[EVENTS] * (2 + 2 * M))
-    event[0], event[1], event[2] = t, multiplier, residual
+def record_event(run: Trajectory, kind: int) -> None:
+    """Append an event: floats (t, multiplier, |h|, x, x after) and integers (surface, kind, both modes)."""
+    count, m, w, now = run.count, run.m, run.w, run.now
+    event = shift(run.events, count.events * EVENT_SIZE)
+    mark = shift_indices(run.marks, count.events * (2 + 2 * M))
+    event[0], event[1], event[2] = now.t_end, now.multiplier, now.residual
     for j in range(N):
-        event[3 + j] = x[j]
+        event[3 + j] = run.x[j]
     if RESETS:
         for j in range(N):
-            event[3 + N + j] = w[W_JUMP + j] if kind == RESET else x[j]
-    mark[0], mark[1] = i, kind
+            event[3 + N + j] = w.jump[j] if kind == RESET else run.x[j]
+    mark[0], mark[1] = now.surface, kind
     for j in range(M):
-        mark[2 + j] = truncate(w[W_BEFORE + j])
+        mark[2 + j] = truncate(w.before[j])
         mark[2 + M + j] = truncate(m[j])
-    count[EVENTS] += 1
+    count.events += 1
 
 
 @kernel
-def store_step(count: Indices, t: float, step: float, rec: Vector, rec_coef: Vector, w: Vector) -> None:
+def store_step(count: Count, t: float, step: float, rec: Vector, rec_coef: Vector, w: Scratch) -> None:
     """Keep the dense output of the step that starts at t."""
-    n = count[RECORDS]
+    n = count.records
     rec[2 * n], rec[2 * n + 1] = t, step
     size = (DEGREE_DENSE + 1) * N
     for a in range(size):
-        rec_coef[n * size + a] = w[W_COEF + a]
-    count[RECORDS] = n + 1
+        rec_coef[n * size + a] = w.coef[a]
+    count.records = n + 1
 
 
 @kernel

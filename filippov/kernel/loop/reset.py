@@ -5,24 +5,14 @@ Where the motion goes from x+ is told by h there and, on the surface itself, by 
 came from, through, or, with no rate left, into a resting contact. All else is the general path's.
 """
 
-from filippov.kernel.language.primitives import Indices, Vector, kernel, shift
+from filippov.kernel.language.primitives import Indices, Vector, kernel
 from filippov.kernel.loop.control import finite
 from filippov.kernel.loop.field import project, set_mode
 from filippov.kernel.loop.land import EPS, NO_RATE, guard_scale
 from filippov.kernel.loop.model import (
     CONTACT,
-    I_CALLS,
-    I_SLIDING,
     RESET_FROM,
     ROLE,
-    W_DIRECTION,
-    W_END,
-    W_F,
-    W_G,
-    W_GT,
-    W_H,
-    W_JUMP,
-    W_MULT,
     WIDTH,
     M,
     N,
@@ -32,17 +22,17 @@ from filippov.kernel.loop.model import (
     rhs,
 )
 from filippov.kernel.loop.resolve import CLEAR_RATE, side_rates
+from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.tables.codes import NONE, RESET, RESETTING
-from filippov.kernel.tables.layout import COLUMNS, MULTIPLIER
 
 # The error of the time of an event, over |t|.
 INSTANT = 1.42e-14
 
 
 @kernel
-def noise(i: int, t: float, x: Vector, w: Vector) -> float:
+def noise(i: int, t: float, x: Vector, w: Scratch) -> float:
     """What rounding makes of h_i at an event: of its terms, and of its rate over the error of the time."""
-    return float(8.0 * EPS * guard_scale(i, t, x, w) + INSTANT * abs(t * w[W_END + 2 * i + 1]))
+    return float(8.0 * EPS * guard_scale(i, t, x, w) + INSTANT * abs(t * w.end[2 * i + 1]))
 
 
 @kernel
@@ -53,7 +43,7 @@ def resets_from(i: int, side: float) -> bool:
 
 @kernel
 def rest(
-    t: float, y: Vector, p: Vector, m: Vector, order: Indices, i: int, w: Vector, iw: Indices, ctx: Indices
+    t: float, y: Vector, p: Vector, m: Vector, order: Indices, i: int, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """The mode at rest on surface i: contact where the free motion presses on it, off where it lifts."""
     side = float(CONTACT[i])
@@ -68,50 +58,50 @@ def rest(
         return NONE
     m[i] = 0.0
     order[i] = 0
-    w[W_MULT + i * COLUMNS + MULTIPLIER] = -(plus + minus) / (plus - minus)
+    w.mult[i].value = -(plus + minus) / (plus - minus)
     set_mode(m, iw)
-    return RESET if project(t, y, p, m, shift(w, W_H), w, iw, ctx) == 0 else -1
+    return RESET if project(t, y, p, m, w.h, w, iw, ctx) == 0 else -1
 
 
 @kernel
 def apply_reset(
-    t: float, x: Vector, p: Vector, m: Vector, order: Indices, i: int, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, order: Indices, i: int, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """State and mode after reaching surface i: RESET with x+ in W_JUMP, NONE if it is not simple.
+    """State and mode after reaching surface i: RESET with x+ in w.jump, NONE if it is not simple.
 
     -1: the user's code failed.
     """
-    y, h, f = shift(w, W_JUMP), shift(w, W_H), shift(w, W_F)
-    if iw[I_SLIDING] > 0 or ROLE[i] != RESETTING:
+    y, h, f = w.jump, w.h, w.f
+    if iw.sliding > 0 or ROLE[i] != RESETTING:
         return NONE
-    size = abs(w[W_GT + i])
+    size = abs(w.gt[i])
     for j in range(N):
-        size += abs(w[W_G + i * N + j] * f[j])
+        size += abs(w.g[i * N + j] * f[j])
     # Rounding of the place may find what has just been left again; a reset is for what runs onto the surface.
-    if not (-m[i] * w[W_END + 2 * i + 1] * w[W_DIRECTION] > NO_RATE * size):
+    if not (-m[i] * w.end[2 * i + 1] * w.direction > NO_RATE * size):
         return NONE
     if resets(i, t, x, p, m, y, ctx) != 0:
         return -1
     if not finite(y, N):
         return NONE
-    if guards(t, y, p, m, h, ctx) != 0 or gradients(t, y, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
+    if guards(t, y, p, m, h, ctx) != 0 or gradients(t, y, p, m, w.g, w.gt, ctx) != 0:
         return -1
     for j in range(M):
         if j != i and not (m[j] * h[j] + WIDTH[j] > noise(j, t, y, w)):
             return NONE
     side = m[i]
     # What the location left of h at the event says nothing of the side on which the state is put.
-    if abs(h[i]) > max(64.0 * EPS * guard_scale(i, t, y, w), 2.0 * abs(w[W_END + 2 * i])):
+    if abs(h[i]) > max(64.0 * EPS * guard_scale(i, t, y, w), 2.0 * abs(w.end[2 * i])):
         m[i] = 1.0 if h[i] > 0.0 else -1.0
         order[i] = 0
         return RESET
-    iw[I_CALLS] += 1
+    iw.calls += 1
     if rhs(t, y, p, m, m, f, ctx) != 0:
         return -1
-    rate, size = w[W_GT + i], size + abs(w[W_GT + i])
+    rate, size = w.gt[i], size + abs(w.gt[i])
     for j in range(N):
-        rate += w[W_G + i * N + j] * f[j]
-        size += abs(w[W_G + i * N + j] * f[j])
+        rate += w.g[i * N + j] * f[j]
+        size += abs(w.g[i * N + j] * f[j])
     if abs(rate) <= NO_RATE * size:
         return rest(t, y, p, m, order, i, w, iw, ctx) if float(CONTACT[i]) == side else NONE
     if CONTACT[i] != 0 and float(CONTACT[i]) == side and side * rate > 0.0:

@@ -6,36 +6,22 @@ that is coupled to a sliding one, is left to `filippov.solving.selection.modes`.
 does not matter: the rates of h do not depend on those signs.
 """
 
-from filippov.kernel.language.primitives import Indices, Vector, kernel, shift
+from filippov.kernel.language.primitives import Indices, Vector, kernel
+from filippov.kernel.language.records import Rows
 from filippov.kernel.loop.model import (
     COMPONENT,
     CONTACT,
     G_COLUMN,
     G_FIRST,
     HELD,
-    I_CALLS,
-    I_LIST,
-    I_PEERS,
-    I_SLIDING,
     ROLE,
-    W_ATTRACT,
-    W_DIRECTION,
-    W_END,
-    W_F,
-    W_FALL,
-    W_G,
-    W_GT,
-    W_MULT,
-    W_RADIUS,
-    W_S,
-    W_START,
-    W_TOUCH,
     WIDTH,
     M,
     N,
     gradients,
     rhs,
 )
+from filippov.kernel.loop.state import Integers, Laps, Scratch
 from filippov.kernel.tables.codes import (
     CROSSING_DOWN,
     CROSSING_UP,
@@ -48,10 +34,7 @@ from filippov.kernel.tables.codes import (
     SWITCHING,
     TOUCH,
     UPPER,
-    WIDEST,
-    ZENO_ROOM,
 )
-from filippov.kernel.tables.layout import COLUMNS, MULTIPLIER, RATE_MINUS, RATE_PLUS
 
 CLEAR_RATE = 1e-6
 # Of the terms of a rate: what two rates may differ by, and what one rate may be, by rounding.
@@ -64,14 +47,14 @@ SHALLOW, BACKWARDS = 1e-2, 10.0
 
 @kernel
 def side_rates(
-    t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, iw: Integers, ctx: Indices
 ) -> tuple[int, float, float, float]:
     """h_i' in the direction of integration at s_i = +1 and -1: (code, +, -, scale of the terms)."""
-    s, f = shift(w, W_S), shift(w, W_F)
+    s, f = w.s, w.f
     before = m[i]
     m[i] = 0.0
-    code = gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx)
-    plus, minus, scale = w[W_GT + i], w[W_GT + i], abs(w[W_GT + i])
+    code = gradients(t, x, p, m, w.g, w.gt, ctx)
+    plus, minus, scale = w.gt[i], w.gt[i], abs(w.gt[i])
     for side in range(2):
         for j in range(M):
             s[j] = m[j] if m[j] != 0.0 else 1.0
@@ -79,7 +62,7 @@ def side_rates(
         code = max(code, rhs(t, x, p, s, m, f, ctx))
         size = 0.0
         for a in range(G_FIRST[i], G_FIRST[i + 1]):
-            term = w[W_G + i * N + G_COLUMN[a]] * f[G_COLUMN[a]]
+            term = w.g[i * N + G_COLUMN[a]] * f[G_COLUMN[a]]
             size += abs(term)
             if side == 0:
                 plus += term
@@ -87,8 +70,8 @@ def side_rates(
                 minus += term
         scale = max(scale, size)
     m[i] = before
-    iw[I_CALLS] += 2
-    return code, w[W_DIRECTION] * plus, w[W_DIRECTION] * minus, scale
+    iw.calls += 2
+    return code, w.direction * plus, w.direction * minus, scale
 
 
 @kernel
@@ -100,20 +83,20 @@ def resolve_root(
     order: Indices,
     i: int,
     rate: float,
-    w: Vector,
-    iw: Indices,
+    w: Scratch,
+    iw: Integers,
     ctx: Indices,
 ) -> int:
     """Mode after reaching surface i alone; the kind of event, NONE if it is not simple, -1 on failure."""
     sigma = m[i]
     # The sign of i acts on the multipliers of what is coupled to it.
-    if iw[I_PEERS + COMPONENT[i]] > 0:
+    if iw.peers[COMPONENT[i]] > 0:
         return NONE
-    kind = CROSSING_DOWN if sigma * w[W_DIRECTION] > 0.0 else CROSSING_UP
+    kind = CROSSING_DOWN if sigma * w.direction > 0.0 else CROSSING_UP
     if ROLE[i] != SWITCHING or WIDTH[i] > 0.0:
-        size = abs(w[W_GT + i])
+        size = abs(w.gt[i])
         for a in range(G_FIRST[i], G_FIRST[i + 1]):
-            size += abs(w[W_G + i * N + G_COLUMN[a]] * w[W_F + G_COLUMN[a]])
+            size += abs(w.g[i * N + G_COLUMN[a]] * w.f[G_COLUMN[a]])
         if not (-sigma * rate > CLEAR_RATE * size):
             return NONE
         m[i] = -sigma
@@ -123,7 +106,7 @@ def resolve_root(
     if code != 0:
         return -1
     clear = CLEAR_RATE * scale
-    lo, hi = w[W_RADIUS + 2 * i], w[W_RADIUS + 2 * i + 1]
+    lo, hi = w.radius[2 * i], w.radius[2 * i + 1]
     at_hi = 0.5 * ((1.0 + hi) * plus + (1.0 - hi) * minus)
     at_lo = 0.5 * ((1.0 + lo) * plus + (1.0 - lo) * minus)
     here = plus if sigma > 0.0 else minus
@@ -138,7 +121,7 @@ def resolve_root(
     if at_hi < 0.0 and at_lo > 0.0:
         m[i] = 0.0
         order[i] = 0
-        w[W_MULT + i * COLUMNS + MULTIPLIER] = -(plus + minus) / (plus - minus)
+        w.mult[i].value = -(plus + minus) / (plus - minus)
         return ENTRY
     if sigma * beyond < 0.0:
         m[i] = -sigma
@@ -148,19 +131,19 @@ def resolve_root(
 
 
 @kernel
-def touch_or_root(i: int, length: float, m: Vector, w: Vector) -> int:
+def touch_or_root(i: int, length: float, m: Vector, w: Scratch) -> int:
     """TOUCH where h turns back before it is noticeably beyond the surface, else ROOT.
 
     The depth is that of the parabola with the rate at the event and its mean change over the step.
     """
-    rate = w[W_END + 2 * i + 1]
-    turn = (rate - w[W_START + 2 * i + 1]) / length
+    rate = w.end[2 * i + 1]
+    turn = (rate - w.start[2 * i + 1]) / length
     # Far below what the step resolves and below the height it came down from, however loose the tolerance is;
     # written without squares, which would underflow in a guard of tiny values.
-    shallow = min(SHALLOW * w[W_TOUCH + i], 1e-6 * abs(w[W_START + 2 * i]))
+    shallow = min(SHALLOW * w.touch[i], 1e-6 * abs(w.start[2 * i]))
     # Backwards a slide that was left is met in such a touching, as deep as the integration is in error.
-    if w[W_DIRECTION] < 0.0:
-        shallow = max(shallow, BACKWARDS * w[W_TOUCH + i])
+    if w.direction < 0.0:
+        shallow = max(shallow, BACKWARDS * w.touch[i])
     if m[i] * turn > 0.0 and abs(rate) * abs(rate / turn) <= 2.0 * shallow:
         return TOUCH
     return ROOT
@@ -168,49 +151,49 @@ def touch_or_root(i: int, length: float, m: Vector, w: Vector) -> int:
 
 @kernel
 def resolve_touch(
-    t: float, x: Vector, p: Vector, m: Vector, i: int, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:  # fmt: skip
     """GRAZING, or NONE where the other side leads away from surface i too: then the motion is not unique."""
-    if ROLE[i] == SWITCHING and WIDTH[i] == 0.0 and iw[I_PEERS + COMPONENT[i]] == 0:
+    if ROLE[i] == SWITCHING and WIDTH[i] == 0.0 and iw.peers[COMPONENT[i]] == 0:
         code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
         if code != 0:
             return -1
         # A rate that is a state itself has no scale of its own: what it came down from is one.
-        scale = max(scale, abs(w[W_START + 2 * i + 1]))
+        scale = max(scale, abs(w.start[2 * i + 1]))
         if m[i] * (minus if m[i] > 0.0 else plus) < -CLEAR_RATE * scale:
             return NONE
     return GRAZING
 
 
 @kernel
-def widen(zeno: Vector, w: Vector, iw: Indices) -> None:
+def widen(zeno: Rows[Laps], w: Scratch, iw: Integers) -> None:
     """Keep the largest difference of the rates on both sides of every sliding surface."""
-    for c in range(iw[I_SLIDING]):
-        i = iw[I_LIST + c]
-        mult, row = shift(w, W_MULT + i * COLUMNS), shift(zeno, ZENO_ROOM * i)
-        row[WIDEST] = max(row[WIDEST], abs(mult[RATE_MINUS] - mult[RATE_PLUS]))
+    for c in range(iw.sliding):
+        i = iw.listed[c]
+        mult, laps = w.mult[i], zeno[i]
+        laps.widest = max(laps.widest, abs(mult.rate_minus - mult.rate_plus))
 
 
 @kernel
 def resolve_exit(
-    m: Vector, order: Indices, cause: int, i: int, slope: float, lasted: float, w: Vector, iw: Indices
+    m: Vector, order: Indices, cause: int, i: int, slope: float, lasted: float, w: Scratch, iw: Integers
 ) -> int:
     """Mode after a multiplier reached an end of its set; NONE where another surface coupled to it slides.
 
     NONE too where the rates on both sides are about to vanish together, at a two-fold: near it rounding would
     decide. lasted: a time that the slide has lasted, or more.
     """
-    mult = shift(w, W_MULT + i * COLUMNS)
-    spread = w[W_ATTRACT + i] * (mult[RATE_MINUS] - mult[RATE_PLUS])
-    if iw[I_PEERS + COMPONENT[i]] != 1 or not (spread > 0.0) or not (slope < -CLEAR_RATE * spread):
+    mult = w.mult[i]
+    spread = w.attract[i] * (mult.rate_minus - mult.rate_plus)
+    if iw.peers[COMPONENT[i]] != 1 or not (spread > 0.0) or not (slope < -CLEAR_RATE * spread):
         return NONE
     if HELD[i] != 0:
         return NONE
-    if CONTACT[i] == 0 and spread <= NEAR_FOLD * lasted * w[W_FALL + i]:
+    if CONTACT[i] == 0 and spread <= NEAR_FOLD * lasted * w.fall[i]:
         return NONE
     side = 1.0 if cause == UPPER else -1.0
-    end = w[W_RADIUS + 2 * i + 1] if cause == UPPER else w[W_RADIUS + 2 * i]
-    if abs(mult[MULTIPLIER] - end) > 1e-6 * (1.0 + abs(end)):
+    end = w.radius[2 * i + 1] if cause == UPPER else w.radius[2 * i]
+    if abs(mult.value - end) > 1e-6 * (1.0 + abs(end)):
         return NONE
     m[i] = side
     # At the end of Filippov's own set the slip field starts tangent to the surface; beyond it, with a jump.

@@ -15,24 +15,13 @@ Both equal Filippov's where f is a constant plus a sum of terms in one sign each
 from filippov.kernel.language.primitives import Indices, Vector, kernel, shift, sqrt
 from filippov.kernel.loop.dense import solve_linear
 from filippov.kernel.loop.model import (
-    I_CALLS,
-    I_LIST,
-    I_SLIDING,
     SIDE,
-    W_G,
-    W_GT,
-    W_MAT,
-    W_MOMENTS,
-    W_MULT,
-    W_RATE,
-    W_S,
-    W_VEC,
-    W_VERT,
     N,
     rhs,
 )
 from filippov.kernel.loop.multiplier import track
-from filippov.kernel.tables.layout import COLUMNS, MOST_ENUMERATED, MULTIPLIER
+from filippov.kernel.loop.state import Integers, Scratch
+from filippov.kernel.tables.layout import MOST_ENUMERATED
 
 FILIPPOV, MOMENTS, UTKIN = 0, 1, 2
 DELTA, ENOUGH = 1e-6, 1e-14
@@ -40,33 +29,33 @@ DELTA, ENOUGH = 1e-6, 1e-14
 
 @kernel
 def slide_moments(
-    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """2**k vertex fields and one linear system for their weights."""
-    k = iw[I_SLIDING]
+    k = iw.sliding
     if k > MOST_ENUMERATED:
         return 2
     vertices = 1 << k
     for v in range(vertices):
         for c in range(k):
-            w[W_S + iw[I_LIST + c]] = 1.0 if (v >> c) & 1 else -1.0
-        if rhs(t, x, p, shift(w, W_S), m, shift(w, W_VERT + v * N), ctx) != 0:
+            w.s[iw.listed[c]] = 1.0 if (v >> c) & 1 else -1.0
+        if rhs(t, x, p, w.s, m, shift(w.vert, v * N), ctx) != 0:
             return 1
         for c in range(k):
-            i = iw[I_LIST + c]
-            total, size = w[W_GT + i], 0.0
+            i = iw.listed[c]
+            total, size = w.gt[i], 0.0
             for j in range(N):
-                total += w[W_G + i * N + j] * w[W_VERT + v * N + j]
-                size += w[W_G + i * N + j] ** 2
-            w[W_RATE + v * SIDE + c] = total / sqrt(size + 1e-300)
-    iw[I_CALLS] += vertices
-    a, weights = shift(w, W_MOMENTS), shift(w, W_MOMENTS + vertices * vertices)
+                total += w.g[i * N + j] * w.vert[v * N + j]
+                size += w.g[i * N + j] ** 2
+            w.rate[v * SIDE + c] = total / sqrt(size + 1e-300)
+    iw.calls += vertices
+    a, weights = w.moments, shift(w.moments, vertices * vertices)
     for chosen in range(vertices):
         for v in range(vertices):
             sign, square, count, rate = 1.0, 0.0, 0, 1.0
             for c in range(k):
                 if (chosen >> c) & 1 == 1:
-                    rate = w[W_RATE + v * SIDE + c]
+                    rate = w.rate[v * SIDE + c]
                     square += rate**2
                     sign *= 1.0 if (v >> c) & 1 else -1.0
                     count += 1
@@ -77,94 +66,102 @@ def slide_moments(
     for j in range(N):
         total = 0.0
         for v in range(vertices):
-            total += weights[v] * w[W_VERT + v * N + j]
+            total += weights[v] * w.vert[v * N + j]
         out[j] = total
     for c in range(k):
         value = 0.0
         for v in range(vertices):
             value += weights[v] if (v >> c) & 1 else -weights[v]
-        track(w, iw[I_LIST + c], value, value - 1.0, value + 1.0)
+        track(w, iw.listed[c], value, value - 1.0, value + 1.0)
     return 0
 
 
 @kernel
 def rates_at(
-    t: float, x: Vector, p: Vector, m: Vector, f: Vector, rates: Vector, w: Vector, iw: Indices, ctx: Indices
+    t: float,
+    x: Vector,
+    p: Vector,
+    m: Vector,
+    f: Vector,
+    rates: Vector,
+    w: Scratch,
+    iw: Integers,
+    ctx: Indices,
 ) -> int:
     """The field at the signs in the scratch, and with it the rates of the sliding surfaces."""
-    if rhs(t, x, p, shift(w, W_S), m, f, ctx) != 0:
+    if rhs(t, x, p, w.s, m, f, ctx) != 0:
         return 1
-    iw[I_CALLS] += 1
-    for c in range(iw[I_SLIDING]):
-        i = iw[I_LIST + c]
-        total = w[W_GT + i]
+    iw.calls += 1
+    for c in range(iw.sliding):
+        i = iw.listed[c]
+        total = w.gt[i]
         for j in range(N):
-            total += w[W_G + i * N + j] * f[j]
+            total += w.g[i * N + j] * f[j]
         rates[c] = total
     return 0
 
 
 @kernel
 def bisect(
-    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """A sign between -1 and 1 at which the rate of the only sliding surface vanishes: 2 if there is none."""
-    i, rate = iw[I_LIST], shift(w, W_VEC)
+    i, rate = iw.listed[0], w.vec
     low, high = -1.0, 1.0
-    w[W_S + i] = low
+    w.s[i] = low
     if rates_at(t, x, p, m, out, rate, w, iw, ctx) != 0:
         return 1
     at_low = rate[0]
-    w[W_S + i] = high
+    w.s[i] = high
     if rates_at(t, x, p, m, out, rate, w, iw, ctx) != 0:
         return 1
     if not (at_low * rate[0] < 0.0):
         return 2
     for _ in range(54):
-        w[W_S + i] = 0.5 * (low + high)
+        w.s[i] = 0.5 * (low + high)
         if rates_at(t, x, p, m, out, rate, w, iw, ctx) != 0:
             return 1
         if at_low * rate[0] > 0.0:
-            low = w[W_S + i]
+            low = w.s[i]
         else:
-            high = w[W_S + i]
+            high = w.s[i]
     return 0
 
 
 @kernel
 def slide_utkin(
-    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """Newton's method on the signs, slopes by differences, from the last ones; bisection for one surface."""
-    k = iw[I_SLIDING]
-    f, rate, moved = shift(w, W_VERT), shift(w, W_VEC), shift(w, W_RATE)
+    k = iw.sliding
+    f, rate, moved = w.vert, w.vec, w.rate
     for c in range(k):
-        i = iw[I_LIST + c]
-        w[W_S + i] = max(-1.0, min(1.0, w[W_MULT + i * COLUMNS + MULTIPLIER]))
+        i = iw.listed[c]
+        w.s[i] = max(-1.0, min(1.0, w.mult[i].value))
     done, last, bisected = False, 1e300, False
     for iteration in range(40):
         if rates_at(t, x, p, m, out, rate, w, iw, ctx) != 0:
             return 1
         for d in range(k):
-            i = iw[I_LIST + d]
-            held = w[W_S + i]
+            i = iw.listed[d]
+            held = w.s[i]
             delta = -DELTA if held > 0.0 else DELTA
-            w[W_S + i] = held + delta
+            w.s[i] = held + delta
             if rates_at(t, x, p, m, f, moved, w, iw, ctx) != 0:
                 return 1
-            w[W_S + i] = held
+            w.s[i] = held
             for c in range(k):
-                w[W_MAT + c * SIDE + d] = (moved[c] - rate[c]) / delta
+                w.mat[c * SIDE + d] = (moved[c] - rate[c]) / delta
         for c in range(k):
-            moved[SIDE + c] = w[W_MAT + c * SIDE + c]
+            moved[SIDE + c] = w.mat[c * SIDE + c]
             rate[c] = -rate[c]
         if done:
             break
         largest = 1e300
-        if solve_linear(shift(w, W_MAT), rate, k, SIDE):
+        if solve_linear(w.mat, rate, k, SIDE):
             largest = 0.0
             for c in range(k):
-                w[W_S + iw[I_LIST + c]] += rate[c]
+                w.s[iw.listed[c]] += rate[c]
                 largest = max(largest, abs(rate[c]))
         # Far off, or turning in circles: one surface has a bracket to fall back on.
         if not (largest < 1e3) or iteration == 30:
@@ -181,8 +178,8 @@ def slide_utkin(
     if not done:
         return 2
     for c in range(k):
-        i = iw[I_LIST + c]
-        value, slope = w[W_S + i], moved[SIDE + c]
+        i = iw.listed[c]
+        value, slope = w.s[i], moved[SIDE + c]
         if k == 1 and slope == 0.0:
             return 2
         track(w, i, value, slope * (1.0 - value), -slope * (1.0 + value))

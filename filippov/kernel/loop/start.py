@@ -1,18 +1,9 @@
 """The mode at an initial state, where it is simple: off all surfaces, or on one with rates that tell."""
 
-from filippov.kernel.language.primitives import Indices, Vector, kernel, shift
+from filippov.kernel.language.primitives import Indices, Vector, entry, kernel
 from filippov.kernel.loop.land import EPS, guard_scale
 from filippov.kernel.loop.model import (
-    I_KNOWN,
     ROLE,
-    W_DIRECTION,
-    W_F,
-    W_G,
-    W_GT,
-    W_H,
-    W_MULT,
-    W_RADIUS,
-    W_XM,
     WIDTH,
     M,
     N,
@@ -22,23 +13,23 @@ from filippov.kernel.loop.model import (
     rhs,
 )
 from filippov.kernel.loop.resolve import CLEAR_RATE, side_rates
+from filippov.kernel.loop.state import Integers, Scratch, Trajectory
 from filippov.kernel.tables.codes import GENERAL, REACHED, SWITCHING, USER_ERROR
-from filippov.kernel.tables.layout import COLUMNS, MULTIPLIER
 
 
 @kernel
 def second_rate(
-    t: float, x: Vector, p: Vector, m: Vector, i: int, side: float, w: Vector, iw: Indices, ctx: Indices
+    t: float, x: Vector, p: Vector, m: Vector, i: int, side: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> tuple[int, float]:
     """Sign of h_i'' along the field at s_i = side, where h_i' = 0: (code, -1, 0 or 1), 0 if not clear."""
-    f, y = shift(w, W_F), shift(w, W_XM)
+    f, y = w.f, w.xm
     size, speed = 0.0, 1e-300
     m[i] = side
     code = rhs(t, x, p, m, m, f, ctx)
     for j in range(N):
         size = max(size, abs(x[j]))
         speed = max(speed, abs(f[j]))
-    longest = w[W_DIRECTION] * 1e-6 * (size + 1e-6) / speed
+    longest = w.direction * 1e-6 * (size + 1e-6) / speed
     whole, half = 0.0, 0.0
     for part in range(2):
         length = longest if part == 0 else 0.5 * longest
@@ -74,15 +65,15 @@ def on_one_surface(
     order: Indices,
     lam: Vector,
     i: int,
-    w: Vector,
-    iw: Indices,
+    w: Scratch,
+    iw: Integers,
     ctx: Indices,
 ) -> int:
     """Mode on surface i alone: slide, leave, or leave along a tangency whose second derivative tells."""
     code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
-    if code != 0 or radii(t, x, p, shift(w, W_RADIUS), ctx) != 0:
+    if code != 0 or radii(t, x, p, w.radius, ctx) != 0:
         return USER_ERROR
-    lo, hi = w[W_RADIUS + 2 * i], w[W_RADIUS + 2 * i + 1]
+    lo, hi = w.radius[2 * i], w.radius[2 * i + 1]
     clear = CLEAR_RATE * scale
     at_hi = 0.5 * ((1.0 + hi) * plus + (1.0 - hi) * minus)
     at_lo = 0.5 * ((1.0 + lo) * plus + (1.0 - lo) * minus)
@@ -112,19 +103,18 @@ def on_one_surface(
         return GENERAL
     if m[i] == 0.0:
         lam[i] = -(plus + minus) / (plus - minus)
-        w[W_MULT + i * COLUMNS + MULTIPLIER] = lam[i]
+        w.mult[i].value = lam[i]
     return REACHED
 
 
+@entry
 @kernel
-def begin(
-    t: float, direction: float, x: Vector, p: Vector, m: Vector, order: Indices, lam: Vector, w: Vector,
-    iw: Indices, ctx: Indices,
-) -> int:  # fmt: skip
-    """Mode at (t, x): REACHED where it is found, GENERAL where the general path has to decide."""
-    h = shift(w, W_H)
-    w[W_DIRECTION] = direction
-    iw[I_KNOWN] = 0
+def begin(run: Trajectory) -> int:
+    """Mode at the start: REACHED where it is found, GENERAL where the general path has to decide."""
+    clock, x, p, m, order, lam, w, ctx = run.clock, run.x, run.p, run.m, run.order, run.lam, run.w, run.ctx
+    t, h = clock.t, w.h
+    w.direction = 1.0 if clock.t_end >= t else -1.0
+    run.iw.known = 0
     for i in range(M):
         m[i] = 1.0
         order[i] = 0
@@ -135,7 +125,7 @@ def begin(
             return USER_ERROR
         for i in range(M):
             m[i] = -1.0 if h[i] < 0.0 else 1.0
-    if gradients(t, x, p, m, shift(w, W_G), shift(w, W_GT), ctx) != 0:
+    if gradients(t, x, p, m, w.g, w.gt, ctx) != 0:
         return USER_ERROR
     met, total = -1, 0
     for i in range(M):
@@ -147,4 +137,4 @@ def begin(
         return REACHED
     if total > 1 or ROLE[met] != SWITCHING:
         return GENERAL
-    return on_one_surface(t, x, p, m, order, lam, met, w, iw, ctx)
+    return on_one_surface(t, x, p, m, order, lam, met, w, run.iw, ctx)

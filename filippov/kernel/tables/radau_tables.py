@@ -62,10 +62,6 @@ def dense_rows() -> tuple[tuple[float, ...], ...]:
     return ((0.0,) * 4, *inside, (0.0,) * 4)
 
 
-# Positions in the method's memory of earlier steps (W_MEMORY).
-LAST_END, LAST_STEP, PAST_END, PAST_STEP, FACTORED, RATE = 0, 1, 2, 3, 4, 5
-MEMORY = 6
-
 # What `newton` returns besides the codes of `field`.
 NOT_CONVERGED, UNDEFINED = 3, 4
 MOST_ITERATIONS = 10

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from filippov.base.status import EventKind
-from filippov.kernel.tables import codes
 from filippov.solving.resets.jumps import runs_onto
 from filippov.solving.resets.zeno import NEAR_REST, SAMPLES, WITHIN, Accumulation, bridge, holds_still, rest
 from filippov.solving.state.machine import Array
@@ -46,13 +45,13 @@ def rests_in_cycle(run: Run, i: int, limit: Accumulation | None = None) -> bool:
     """
     kept_t, kept_x = run.t, run.x.copy()
     if limit is not None:
-        run.clock[codes.T] = limit.t
+        run.clock.t = limit.t
     given = kept_x if limit is None else limit.x
     x = _at_rest(run, given, i)
     near = run.atol + run.options.rtol * np.abs(run.x) if limit is None else WITHIN * limit.x_error
     cycle = reset_cycle(run, x, i) if np.all(np.abs(x - given) <= near) else ()
     stays = bool(cycle) and _stays(run, cycle)
-    run.clock[codes.T] = kept_t
+    run.clock.t = kept_t
     if not stays:
         return False
     # All of them are the limit: the one next to the last state, so that the dense output has no jump.
@@ -119,7 +118,7 @@ def _at_rest(run: Run, x: Array, i: int) -> Array:
 def _stays(run: Run, cycle: tuple[Place, ...]) -> bool:
     """Whether the cycle's states do not move, now and until the run's end or the next time event."""
     machine = run.machine
-    for t in np.linspace(run.t, float(run.clock[codes.T_END]), SAMPLES):
+    for t in np.linspace(run.t, float(run.clock.t_end), SAMPLES):
         led = []
         for k, place in enumerate(cycle):
             mode = place.mode

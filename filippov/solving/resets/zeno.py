@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from filippov.base.status import EventKind
-from filippov.kernel.tables import codes
 from filippov.solving.resets.impact_law import hold
 from filippov.solving.state.events import Event
 from filippov.solving.state.machine import Array
@@ -111,9 +110,9 @@ def _at_rest(run: Run, limit: Accumulation) -> Accumulation:
         g = run.machine.gradients(limit.t, x, mode)[0][contacts]
         step, *_ = np.linalg.lstsq(g, h, rcond=None)
         x = np.ascontiguousarray(x - step)
-    now, run.clock[codes.T] = run.t, limit.t
+    now, run.clock.t = run.t, limit.t
     x = hold(run, x, mode, contacts)
-    run.clock[codes.T] = now
+    run.clock.t = now
     speed = float(np.max(np.abs(velocity(run, x, mode)), initial=0.0))
     x_error = float(np.max(run.atol + run.options.rtol * np.abs(x)) + speed * limit.error)
     return replace(limit, x=x, x_error=x_error, bend=bend)
@@ -137,9 +136,9 @@ def _between_impacts(run: Run, mode: Array, t: float) -> tuple[Array, Array]:
     now, dt = run.t, t - run.t
     slopes = [velocity(run, run.x, mode)]
     for part in (0.5, 0.5, 1.0):
-        run.clock[codes.T] = now + part * dt
+        run.clock.t = now + part * dt
         slopes.append(velocity(run, np.ascontiguousarray(run.x + part * dt * slopes[-1]), mode))
-    run.clock[codes.T] = now
+    run.clock.t = now
     mean = (slopes[0] + 2.0 * slopes[1] + 2.0 * slopes[2] + slopes[3]) / 6.0
     return np.ascontiguousarray(run.x + dt * mean), dt * (mean - slopes[0])
 
@@ -168,7 +167,7 @@ def accumulates(run: Run) -> bool:
     back = 2 * LONGEST_LAP + 1
     if len(run.events) < back:
         return False
-    elapsed = abs(run.t - float(run.clock[codes.T_START]))
+    elapsed = abs(run.t - float(run.clock.t_start))
     near = np.inf if _grainy(run) else NEAR_END * elapsed
     if abs(run.t - run.events[-back].t) > near:
         return False
@@ -188,7 +187,7 @@ def _grainy(run: Run) -> bool:
     speed = abs(float(gt[last.index]) + run.machine.rate(last.index, g, velocity))
     scale = float(np.sum(np.abs(g[last.index] * run.x)) + abs(gt[last.index] * run.t))
     known = run.options.rtol * scale + float(np.abs(g[last.index]) @ run.atol)
-    if run.clock[codes.RELATIVE] == -float(last.index + 1):
+    if run.clock.relative == -float(last.index + 1):
         known = 0.0
     return speed * abs(last.t - before.t) <= max(GRAINY * EPS * scale, FAINT * known)
 
@@ -224,12 +223,12 @@ def _limit(run: Run, ends: Sequence[Event], surfaces: tuple[int, ...]) -> Accumu
     ratio = float(ratios[-1])
     limits = np.cumsum(laps)[1:] + laps[1:] * ratios / (1.0 - ratios)
     moves = np.abs(np.diff(limits))
-    started = float(run.clock[codes.T_START])
+    started = float(run.clock.t_start)
     # By how much the law's answer moved in the last lap, which may agree by chance; rounding of the times,
     # which 1 - r enlarges; the tolerance of the run.
     error = MOVES * float(np.max(moves * ratio ** np.arange(len(moves))[::-1]))
     error += 8 * EPS * abs(times[-1]) / (1.0 - ratio) ** 2
-    steps = GLOBAL if run.clock[codes.RELATIVE] < 0.0 else 1.0
+    steps = GLOBAL if run.clock.relative < 0.0 else 1.0
     error += steps * run.options.rtol * abs(times[-1] - started)
     remaining = laps[-1] * ratio / (1.0 - ratio)
     t = float(times[-1] + run.direction * remaining)
@@ -290,8 +289,8 @@ def bridge(run: Run, limit: Accumulation) -> None:
             coef = np.zeros((1, *run.coef.shape[1:]))
             coef[0, 0], coef[0, 1], coef[0, 2] = run.x, limit.x - run.x - limit.bend, limit.bend
             run.steps.append((np.array([[run.t, length]]), coef))
-        run.clock[codes.T] = limit.t
-    run.zeno[:] = 0.0
+        run.clock.t = limit.t
+    run.zeno.array[:] = 0.0
 
 
 SAMPLES = 16
@@ -371,7 +370,7 @@ def rests(run: Run, surfaces: Sequence[int]) -> bool:
         return False
     mode = run.mode.copy()
     mode[list(surfaces)] = 0.0
-    for t in np.linspace(run.t, float(run.clock[codes.T_END]), SAMPLES):
+    for t in np.linspace(run.t, float(run.clock.t_end), SAMPLES):
         h = np.abs(run.machine.guards(float(t), run.x, mode))[switching]
         fields = []
         for signs in itertools.product((-1.0, 1.0), repeat=len(switching)):
@@ -395,9 +394,9 @@ def rest(run: Run, surfaces: Sequence[int]) -> None:
             x, note = run.x.copy(), "rest in the limit"
             run.add_event(run.t, i, EventKind.ENTRY, before, after, x, float("nan"), 0.0, note, together)
             together = True
-    end = float(run.clock[codes.T_END])
+    end = float(run.clock.t_end)
     if run.options.dense_output:
         coef = np.zeros((1, *run.coef.shape[1:]))
         coef[0, 0] = run.x
         run.steps.append((np.array([[run.t, end - run.t]]), coef))
-    run.clock[codes.T] = end
+    run.clock.t = end

@@ -11,7 +11,6 @@ import numpy as np
 
 from filippov.base.errors import UsageError
 from filippov.base.status import mode_text
-from filippov.kernel.tables import codes
 from filippov.solving.selection.modes import Successor, successors
 from filippov.solving.state.events import Mode
 from filippov.solving.state.leading import Terms, leading_term
@@ -205,13 +204,13 @@ LEAST_TRIAL = 1e-9
 
 def point_of(run: Run) -> Point:
     """The present point, with a trial step on the scale of the motion."""
-    t_end = float(run.clock[codes.T_END])
+    t_end = float(run.clock.t_end)
     _, field, _, _ = run.machine.probe(run.t, 0.0, run.x, run.mode, run.lam)
     size = float(np.max(np.abs(run.x), initial=0.0)) + 1e-3
     speed = float(np.max(np.abs(field), initial=0.0)) + 1e-300
     # Steps that shrank towards a rough point say nothing of the motion that follows.
-    least = LEAST_TRIAL * abs(run.t - float(run.clock[codes.T_START]))
-    hint = max(float(run.clock[codes.STEP]), least) or np.inf
+    least = LEAST_TRIAL * abs(run.t - float(run.clock.t_start))
+    hint = max(float(run.clock.step), least) or np.inf
     step = min(hint, 1e-2 * size / speed, abs(t_end - run.t) or np.inf, run.options.max_step)
     if not np.isfinite(step):
         step = 1e-3

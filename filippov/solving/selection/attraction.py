@@ -171,7 +171,7 @@ class Attraction:
         return self._step(run, mode)
 
     def _step(self, run: Run, mode: Mode) -> int:
-        start, t0, end = _Saved(run, len(run.steps)), run.t, float(run.clock[codes.T_END])
+        start, t0, end = _Saved(run, len(run.steps)), run.t, float(run.clock.t_end)
         code = run.advance(1)
         if run.t == t0 or code in (codes.USER_ERROR, codes.NOT_FINITE, codes.MIN_STEP):
             return code
@@ -188,7 +188,7 @@ class Attraction:
             return code
         low, high = t0, run.t
         for _ in range(BISECTIONS):
-            if abs(high - low) <= CLOSE * (abs(high) + abs(high - float(run.clock[codes.T_START]))):
+            if abs(high - low) <= CLOSE * (abs(high) + abs(high - float(run.clock.t_start))):
                 break
             middle = 0.5 * (low + high)
             self._go(run, start, middle, end)
@@ -200,10 +200,10 @@ class Attraction:
 
     def _go(self, run: Run, start: _Saved, t: float, end: float) -> None:
         start.restore(run)
-        run.clock[codes.T_END] = t
+        run.clock.t_end = t
         while run.advance(100) in (codes.CHUNK_DONE, codes.RECORDS_FULL, codes.EVENTS_FULL):
             pass
-        run.clock[codes.T_END] = end
+        run.clock.t_end = end
 
     def _one(self, run: Run, mode: Mode) -> bool:
         """Whether the slide is the only motion from here on; else `group` is the corner that tells."""
@@ -231,15 +231,15 @@ class _Saved:
     @staticmethod
     def _arrays(run: Run) -> list[npt.NDArray[Any]]:
         state: list[npt.NDArray[Any]] = [run.x, run.mode, run.order, run.hit, run.lam]
-        return [*state, run.clock, run.count, run.stop, run.zeno, run.machine.w, run.machine.iw]
+        records = (run.clock, run.count, run.zeno, run.machine.w, run.machine.iw)
+        return [*state, run.stop, *(record.array for record in records)]
 
     def restore(self, run: Run) -> None:
         """Put the run back; what it has done since counts as work."""
-        work = run.count.copy()
+        count, work = run.count, (run.count.field_calls, run.count.steps, run.count.rejected)
         for array, saved in zip(self._arrays(run), self.arrays, strict=True):
             array[:] = saved
-        for place in (codes.FIELD_CALLS, codes.STEPS, codes.REJECTED):
-            run.count[place] = work[place]
+        count.field_calls, count.steps, count.rejected = work
         run.steps[self.kept :] = self.steps
         run.events.__dict__.update({key: value.copy() for key, value in self.log.items()})
         run.events.__dict__["_waiting"] = self.waiting

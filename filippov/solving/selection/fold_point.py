@@ -90,7 +90,7 @@ def _back_to_tangency(run: Run, hit: Sequence[int] | None) -> None:
     if not can_slide(point, i):
         return
     signs = np.where(run.mode == 0.0, run.lam, run.mode)
-    elapsed = abs(run.t - float(run.clock[codes.T_START]))
+    elapsed = abs(run.t - float(run.clock.t_start))
     side, step = 0 if base[i] > 0 else 1, 0.1 * MOMENT * elapsed
     t, x = run.t, run.x.copy()
     for _ in range(2):
@@ -126,7 +126,7 @@ def _fold(
         found = _left(run, point, base, i, behind)
         if found is not None:
             return found
-    fold = two_fold(point, base, i, abs(float(run.clock[codes.T_END]) - run.t) or np.inf)
+    fold = two_fold(point, base, i, abs(float(run.clock.t_end) - run.t) or np.inf)
     return None if fold is None or np.any(np.abs(fold.rates) > fold.noise) else fold
 
 
@@ -178,12 +178,12 @@ def _slid(run: Run, i: int) -> float:
     for event in reversed(run.events):
         if event.after[i] == 0 != event.before[i]:
             return abs(run.t - event.t)
-    return abs(run.t - float(run.clock[codes.T_START]))
+    return abs(run.t - float(run.clock.t_start))
 
 
 def _distance(run: Run, fold: TwoFold) -> float:
     """The rates and their difference over the largest difference of the slide."""
-    widest = float(run.zeno[fold.surface, codes.WIDEST])
+    widest = float(run.zeno[fold.surface].widest)
     a, b = fold.rates.tolist()
     return max(abs(a), abs(b), abs(b - a)) / widest if widest > 0.0 else np.inf
 
@@ -245,13 +245,13 @@ def _continuations(point: Point, base: Mode, fold: TwoFold) -> list[Successor]:
 
 def _go_to(run: Run, t: float, x: Array) -> None:
     """Put the run on a point next to it, with its dense output up to there and no further."""
-    end = float(run.clock[codes.T_END])
+    end = float(run.clock.t_end)
     t = min(t, end) if run.direction > 0 else max(t, end)
     if (t - run.t) * run.direction > 0.0:
         _bridge(run, t, x, np.zeros(len(x)))
     else:
         run.cut(t)
-    run.clock[codes.T] = t
+    run.clock.t = t
     run.x[:] = x
 
 
@@ -272,7 +272,7 @@ def depart(run: Run, chosen: Successor) -> None:
 
 def _depart(run: Run, chosen: Successor, i: int) -> None:
     point = point_of(run)
-    left = abs(float(run.clock[codes.T_END]) - run.t)
+    left = abs(float(run.clock.t_end) - run.t)
     size, speed = float(np.max(np.abs(run.x), initial=0.0)) + 1e-3, float(np.max(np.abs(chosen.field)))
     span = min(left, _slid(run, i) or size / max(speed, 1e-300))
     fold = two_fold(point, chosen.mode, i, span or np.inf)
@@ -293,7 +293,7 @@ def _depart(run: Run, chosen: Successor, i: int) -> None:
     bend = 0.5 * (moment * run.direction * velocity - first)
     x = on_surface(point, chosen.mode, i, t, run.x + first + bend)
     _bridge(run, t, x, bend)
-    run.clock[codes.T] = t
+    run.clock.t = t
     run.x[:] = x
     run.taken = t, x
     if chosen.mode[i] == 0:

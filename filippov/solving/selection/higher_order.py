@@ -74,9 +74,9 @@ class HigherOrder:
         # A root of |h| in the rate of h: only what is small beside |h| itself leaves the motion as it is.
         rough = _rough(run.machine)
         if rough is not None:
-            run.clock[codes.RELATIVE] = -float(rough + 1)
-            run.clock[codes.ROUGH_FROM] = run.t
-            run.clock[codes.ROUGH_SPAN] = abs(run.clock[codes.T_END] - run.t)
+            run.clock.relative = -float(rough + 1)
+            run.clock.rough_from = run.t
+            run.clock.rough_span = abs(run.clock.t_end - run.t)
 
     # -- beginning -------------------------------------------------------------------------------------
 
@@ -149,8 +149,8 @@ class HigherOrder:
         run.x[:] = x
         mode_after = tuple(int(v) for v in mode)
         run.put(mode_after, (0,) * plain.m, tuple(lam.tolist()))
-        run.clock[codes.STEP] = 0.0
-        run.zeno[:] = 0.0
+        run.clock.step = 0.0
+        run.zeno.array[:] = 0.0
         return Begun(mode_after, found.multipliers(lam), f"{NOTE} {found.order}")
 
     def _pull(self, machine: Machine, found: Reduction, mode: Array, x: Array) -> float:
@@ -184,9 +184,9 @@ class HigherOrder:
         g, gt = self.plain.gradients(run.t, run.x, mode)
         terms = np.abs(g) @ np.abs(x) + np.abs(gt * run.t)
         known = run.options.rtol * terms + np.abs(g) @ run.atol
-        instant = INSTANT * np.finfo(float).eps * abs(run.t)
-        if run.clock[codes.RELATIVE] < 0.0:
-            lap = max(abs(run.t - run.clock[codes.ROUGH_FROM]), run.clock[codes.ROUGH_SPAN])
+        instant = float(INSTANT * np.finfo(float).eps * abs(run.t))
+        if run.clock.relative < 0.0:
+            lap = max(abs(run.t - run.clock.rough_from), run.clock.rough_span)
             instant = max(instant, UNSURE * run.options.rtol * lap)
             if np.any(run.hit[list(found.zero)] == codes.TOUCH):
                 instant = max(instant, TOUCHED * lap)

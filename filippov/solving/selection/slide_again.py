@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from filippov.kernel.tables import codes
 from filippov.solving.selection.two_fold import side_rates
 from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Array
@@ -48,9 +47,7 @@ class _TooLongError(Exception):
     """More calls than the slide is worth."""
 
 
-def slide_again(
-    run: Run, point: Point, base: Mode, i: int, attracts: float, left: float
-) -> Way | None:
+def slide_again(run: Run, point: Point, base: Mode, i: int, attracts: float, left: float) -> Way | None:
     """The end of the slide on surface i alone that the run is at the end of; None where it is not found.
 
     left: time that may be left to it.
@@ -63,7 +60,7 @@ def slide_again(
     sense, n = point.direction, len(x0)
     first, _ = side_rates(point, t0, x0, base, signs, i)
     begun = attracts * float(first[1] - first[0])
-    widest = max(begun, float(run.zeno[i, codes.WIDEST]))
+    widest = max(begun, float(run.zeno[i].widest))
     calls = 0
     if not begun > 0.0 or lasted == 0.0:
         return None

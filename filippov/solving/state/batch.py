@@ -12,7 +12,17 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.kernel.codegen.build import Compiled, build
-from filippov.kernel.codegen.entries import CALLED_BY_LANES
+from filippov.kernel.language.records import Rows
+from filippov.kernel.loop.state import (
+    Clock,
+    Count,
+    Entries,
+    Group,
+    Laps,
+    Tally,
+    Trajectories,
+    Trajectory,
+)
 from filippov.kernel.tables import codes
 from filippov.model.system import System
 from filippov.solving.state.events import Stop
@@ -30,7 +40,6 @@ _WAITING = 0.05
 _LOOKED_AT = 32
 _MOST_TAKEN, _PARTS = 64, 32
 UNFINISHED = -1
-_TALLIES = 4
 # Lanes of trajectories that do not slide, and of those that do.
 _GROUPS = 2
 
@@ -63,18 +72,18 @@ class Batch:
         self.values, self.x = values, states.copy()
         self.mode, self.lam = np.ones((k, m)), np.zeros((k, m))
         self.order, self.hit = np.zeros((k, m), dtype=np.int64), np.zeros((k, m), dtype=np.int64)
-        clock, count = np.zeros(codes.CLOCK_SIZE), np.zeros(codes.COUNT_SIZE, dtype=np.int64)
-        clock[codes.T] = clock[codes.T_START] = span[0]
-        clock[codes.T_END] = span[1]
-        clock[codes.RTOL], clock[codes.MAX_STEP] = options.rtol, options.max_step
-        clock[codes.STEP] = options.first_step or 0.0
-        count[codes.STEP_BUDGET], count[codes.EVENT_BUDGET] = options.max_steps, options.max_events
+        clock, count = Clock.new(), Count.new()
+        clock.t = clock.t_start = span[0]
+        clock.t_end = span[1]
+        clock.rtol, clock.max_step = options.rtol, options.max_step
+        clock.step = options.first_step or 0.0
+        count.step_budget, count.event_budget = options.max_steps, options.max_events
         stop = np.zeros((m, codes.STOPS), dtype=np.int64)
         for item in stops:
             place = machine.system.surface_index(item.surface), item.column
             stop[place] = min(stop[place], item.count) if stop[place] > 0 else item.count
-        self.clock, self.count, self.stop = _rows(k, clock), _rows(k, count), _rows(k, stop)
-        self.zeno = np.zeros((k, m, codes.ZENO_ROOM))
+        self.clock, self.count = Rows(Clock, _rows(k, clock.array)), Rows(Count, _rows(k, count.array))
+        self.stop, self.zeno = _rows(k, stop), Rows(Laps, np.zeros((k, m, Laps.size)))
         self.kinds = np.zeros((k, m * codes.KINDS + 2), dtype=np.int64)
         self.kinds[:, -2:] = -1
         self.code = np.full(k, UNFINISHED, dtype=np.int64)
@@ -85,10 +94,14 @@ class Batch:
         # What has been taken, the number of rows that are done, and how many are taken at a time: the
         # threads share them.
         self.queue = np.array([0, 0, 1])
+        self.rows = Trajectories.new()
+        self.rows.refer(
+            clocks=self.clock, counts=self.count, xs=self.x, ms=self.mode, orders=self.order, hits=self.hit,
+            lams=self.lam, ps=self.p, stops=self.stop, zenos=self.zeno, kinds=self.kinds, codes=self.code,
+            queue=self.queue,
+        )  # fmt: skip
 
-    def run(
-        self, threads: int, unit: Compiled | None, look: Callable[[int], None] | None = None
-    ) -> None:
+    def run(self, threads: int, unit: Compiled | None, look: Callable[[int], None] | None = None) -> None:
         """Carry every row to its end; `unit` runs them in lanes. `look` is told how many rows are done.
 
         What `look` raises, and KeyboardInterrupt, ends the work within the time of a chunk; rows that are
@@ -126,55 +139,65 @@ class _Room:
     """One thread's scratch: lanes, events and what a step needs, kept for the machine's next batch."""
 
     def __init__(self, machine: Machine, unit: Compiled | None) -> None:
-        n, m, place = machine.n, machine.m, machine.compiled.layout
-        width = int(machine.unit.constants["P"])  # type: ignore[arg-type]
+        n, m, events = machine.n, machine.m, _EVENT_ROOM + machine.m
         lanes = 1 if unit is None else unit.lanes
-        sizes = (codes.CLOCK_SIZE, _TALLIES, n, m, m, width, n, place.doubles) if unit else ()
-        stride, starts = 0, []
-        for size in sizes:
-            starts.append(stride)
-            stride += size * lanes
-        total = _GROUPS * stride
-        events = (_EVENT_ROOM + m) * machine.event_size
-        room = np.zeros(total + events + place.doubles + 8)
-        # Vectors must not lie across two cache lines.
-        first = (-room.ctypes.data // 8) % 8
-        self.doubles = room[first:]
-        base = self.doubles.ctypes.data
-        self.wide = [
-            [self.doubles[g * stride + start :][: size * lanes].reshape(size, lanes) for g in range(_GROUPS)]
-            for start, size in zip(starts, sizes, strict=True)
-        ]
-        marks = (_EVENT_ROOM + m) * (2 + 2 * m)
+        run = self.run = Trajectory.new()
+        run.refer(
+            w=machine.compiled.scratch(), iw=machine.compiled.integers(), ctx=machine.context,
+            events=np.zeros(events * machine.event_size),
+            marks=np.zeros(events * (2 + 2 * m), dtype=np.int64),
+        )  # fmt: skip
         # The rows under way, what is left of those that the thread has taken, and in lanes those that wait.
-        mine = 3 if unit is None else 4 + _GROUPS * lanes * (1 + 3 * (1 + m))
-        self.integers = np.zeros(mine + 2 * place.integers + marks, dtype=np.int64)
-        whole = self.integers.ctypes.data
-        self.rows = self.integers[:1] if unit is None else self.integers[4 : 4 + _GROUPS * lanes]
-        addresses = [machine.compiled.addresses[name] for name in CALLED_BY_LANES]
-        self.entries = np.array([*addresses, stride], dtype=np.int64)
-        inside = place.integers
-        # By the names of the entry point's arguments, where they begin.
-        self.places: dict[str, Any] = {
-            "events": base + 8 * total, "marks": whole + 8 * (mine + inside),
-            "w": base + 8 * (total + events), "iw": whole + 8 * (mine + inside + marks),
-            "ctx": machine.context, "mine" if unit is None else "rows": whole,
+        mine = np.zeros(3 if unit is None else 4 + _GROUPS * lanes * (1 + 3 * (1 + m)), dtype=np.int64)
+        self.rows = mine[:1] if unit is None else mine[4 : 4 + _GROUPS * lanes]
+        # By the names of the entry point's arguments.
+        self.places: dict[str, Any] = {"run": run, "mine" if unit is None else "rows": mine}
+        # What a batch starts with in zeros, and the lanes of each group by their names.
+        self.blank: list[npt.NDArray[Any]] = [run.w.array, run.iw.array, run.now.array, mine]
+        self.wide: list[dict[str, Array]] = []
+        if unit is None:
+            return
+        width, inside = int(machine.unit.constants["P"]), run.w.array.size  # type: ignore[arg-type]
+        sizes = {
+            "clock": Clock.size, "tally": Tally.size, "x": n, "m": m, "order": m, "p": width, "atol": n,
+            "w": inside,
         }  # fmt: skip
-        if unit is not None:
-            of_lanes = ("clock_l", "tally_l", "x_l", "m_l", "order_l", "p_l", "atol_l", "w_l")
-            self.places |= {name: base + 8 * start for name, start in zip(of_lanes, starts, strict=True)}
-            self.places |= {"entries": self.entries, "iw_l": whole + 8 * mine}
+        rows = Rows(Group, np.zeros((_GROUPS, Group.size), dtype=np.int64))
+        room, start = _aligned(_GROUPS * sum(sizes.values()) * lanes), 0
+        for number in range(_GROUPS):
+            parts = {}
+            for name, size in sizes.items():
+                parts[name] = room[start : start + size * lanes].reshape(size, lanes)
+                start += size * lanes
+            group = rows[number]
+            group.refer(**parts)
+            self.wide.append(parts)
+        self.blank.append(room)
+        entries = Entries.new()
+        for name in Entries.places:
+            setattr(entries, name, machine.compiled.addresses[name])
+        iw = machine.compiled.integers()
+        self.blank.append(iw.array)
+        self.places |= {"entries": entries, "groups": rows, "iw_l": iw}
 
     def clear(self, atol: Array) -> None:
         """As new: what a batch leaves behind must not reach the next."""
-        self.doubles[:] = 0.0
-        self.integers[:] = 0
+        self.run.refer(atol=atol)
+        for array in self.blank:
+            array[:] = 0
         self.rows[:] = -1
-        if self.wide:
-            for group in range(_GROUPS):
-                self.wide[0][group][[codes.RTOL, codes.TREND]] = 1.0
-                self.wide[3][group][:] = 1.0
-                self.wide[6][group][:] = atol[:, None]
+        for parts in self.wide:
+            for name in ("rtol", "trend"):
+                parts["clock"][Clock.places[name].offset] = 1.0
+            parts["m"][:] = 1.0
+            parts["atol"][:] = atol[:, None]
+
+
+def _aligned(size: int) -> Array:
+    """Doubles in zeros from a cache line on: vectors must not lie across two."""
+    room = np.zeros(size + 8)
+    first = (-room.ctypes.data // 8) % 8
+    return room[first : first + size]
 
 
 class _Chunks:
@@ -193,12 +216,7 @@ class _Chunks:
         except IndexError:
             self.room = _Room(machine, unit)
         self.room.clear(batch.atol)
-        values = {
-            "last": 0, "steps": 0, "queue": batch.queue, "clocks": batch.clock, "counts": batch.count,
-            "xs": batch.x, "ms": batch.mode, "orders": batch.order, "hits": batch.hit, "lams": batch.lam,
-            "ps": batch.p, "atol": batch.atol, "stops": batch.stop, "zenos": batch.zeno, "kinds": batch.kinds,
-            "codes": batch.code, **self.room.places,
-        }  # fmt: skip
+        values = {"last": 0, "steps": 0, "batch": batch.rows, **self.room.places}
         _, _, *self.arguments = compiled.arguments(name, values)
         self.row = 0
         self.more = True
@@ -215,7 +233,7 @@ class _Chunks:
             # One row a call: the parameters of plain functions are handed over before it.
             if self.room.rows[0] < 0:
                 machine.callbacks.parameters(self.batch.values[self.row])
-                names, start = machine.system.parameters.names, float(self.batch.clock[self.row, codes.T])
+                names, start = machine.system.parameters.names, float(self.batch.clock[self.row].t)
                 machine.callbacks.speed_up(names, start, self.batch.x[self.row])
                 self._look(self.row)
                 self.batch.queue[0] = self.row
@@ -238,7 +256,7 @@ class _Chunks:
         """Compare the gradients of functions with differences where a row begins or ends."""
         x = self.batch.x[row]
         if row < _LOOKED_AT and np.all(np.isfinite(x)):
-            check_gradients(self.batch.machine, float(self.batch.clock[row, codes.T]), x.copy())
+            check_gradients(self.batch.machine, float(self.batch.clock[row].t), x.copy())
 
 
 def _rows(k: int, row: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -43,9 +43,7 @@ def _generated(system: System, blended: bool) -> Generated:
 
 
 @lru_cache(maxsize=256)
-def _generated_with(
-    system: System, expressions: tuple[Any, ...], functions: int, blended: bool
-) -> Generated:
+def _generated_with(system: System, expressions: tuple[Any, ...], functions: int, blended: bool) -> Generated:
     """The unit with user events; one for any functions."""
     from filippov.kernel.codegen.generate_events import generate_with_events
 
@@ -97,8 +95,7 @@ class Machine:
             self.constants["AFFINE"] = False
         self.compiled: Compiled = build(unit.source, self.constants, method)
         self.p = self.derived(p)
-        self.w = np.zeros(self.compiled.layout.doubles)
-        self.iw = np.zeros(self.compiled.layout.integers, dtype=np.int64)
+        self.w, self.iw = self.compiled.scratch(), self.compiled.integers()
         self.event_size = int(unit.constants["EVENT_SIZE"])  # type: ignore[arg-type]
         self.affine = bool(self.constants["AFFINE"])
         # Surfaces whose signs do not act on each other's rates have different numbers.

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from filippov.kernel.loop.land import NO_RATE
-from filippov.kernel.tables import codes
 from filippov.solving.state.machine import Array
 from filippov.solving.state.run import Run
 
@@ -64,7 +63,7 @@ def rates_at(run: Run, x: Array, mode: Array, before: Rates | None = None) -> Ra
     field = np.where(np.isfinite(field := velocity(run, x, open_mode)), field, 0.0)
     finite = np.where(np.isfinite(g), g, 0.0)
     terms = np.abs(finite) @ np.abs(field) + np.abs(gt)
-    elapsed = max(abs(t), abs(t - float(run.clock[codes.T_START])))
+    elapsed = max(abs(t), abs(t - float(run.clock.t_start)))
     h_noise = 64 * EPS * (np.abs(finite) @ np.abs(x) + np.abs(gt * t) + elapsed * terms)
     rate_noise = NO_RATE * terms
     contacts = [i for i, side in enumerate(machine.contacts) if side]

@@ -7,6 +7,8 @@ import numpy.typing as npt
 
 from filippov.base.errors import ModelError
 from filippov.base.status import EventKind
+from filippov.kernel.language.records import Rows
+from filippov.kernel.loop.state import Clock, Count, Laps, Trajectory
 from filippov.kernel.tables import codes
 from filippov.solving.state.event_log import EventLog
 from filippov.solving.state.events import Mode, Stop
@@ -32,18 +34,17 @@ class Run:
         self.order = np.zeros(m, dtype=np.int64)
         self.hit = np.zeros(m, dtype=np.int64)
         self.lam = np.zeros(m)
-        self.clock = np.zeros(codes.CLOCK_SIZE)
-        self.clock[codes.T] = self.clock[codes.T_START] = span[0]
-        self.clock[codes.T_END] = span[1]
-        self.clock[codes.RTOL], self.clock[codes.MAX_STEP] = options.rtol, options.max_step
-        self.clock[codes.STEP] = options.first_step or 0.0
-        self.count = np.zeros(codes.COUNT_SIZE, dtype=np.int64)
-        self.count[codes.STORE] = int(options.dense_output)
-        self.count[codes.EVENT_ROOM], self.count[codes.RECORD_ROOM] = _EVENT_ROOM + m, _RECORD_ROOM
+        self.clock, self.count = Clock.new(), Count.new()
+        self.clock.t = self.clock.t_start = span[0]
+        self.clock.t_end = span[1]
+        self.clock.rtol, self.clock.max_step = options.rtol, options.max_step
+        self.clock.step = options.first_step or 0.0
+        self.count.store = int(options.dense_output)
+        self.count.event_room, self.count.record_room = _EVENT_ROOM + m, _RECORD_ROOM
         self.atol = options.tolerances(machine.system)
         self.stop = np.zeros((m, codes.STOPS), dtype=np.int64)
-        self.zeno = np.zeros((m, codes.ZENO_ROOM))
-        powers = machine.compiled.layout.powers
+        self.zeno = Rows(Laps, np.zeros((m, Laps.size)))
+        powers = machine.compiled.sizes.powers
         self.record = np.zeros((_RECORD_ROOM, 2))
         self.coef = np.zeros((_RECORD_ROOM, powers, n))
         self.found = np.zeros((_EVENT_ROOM + m, machine.event_size))
@@ -56,6 +57,12 @@ class Run:
         # Where the present mode was taken up.
         self.taken = span[0], self.x.copy()
         self.direction = 1.0 if span[1] >= span[0] else -1.0
+        self.trajectory = Trajectory.new()
+        self.trajectory.refer(
+            clock=self.clock, count=self.count, x=self.x, m=self.mode, order=self.order, hit=self.hit,
+            lam=self.lam, atol=self.atol, stop=self.stop, zeno=self.zeno, rec=self.record,
+            rec_coef=self.coef, events=self.found, marks=self.marks,
+        )  # fmt: skip
         self.attach(machine)
 
     def attach(self, machine: Machine) -> None:
@@ -63,24 +70,18 @@ class Run:
         last = getattr(self, "machine", machine)
         if last is not machine:
             machine.calls += last.calls
-            for name in ("I_JACOBIANS", "I_FACTORS"):
-                at, there = (m.compiled.layout.constants[name] for m in (machine, last))
-                machine.iw[at] += last.iw[there]
-                last.iw[there] = 0
+            machine.iw.jacobians += last.iw.jacobians
+            machine.iw.factors += last.iw.factors
+            last.iw.jacobians = last.iw.factors = 0
             last.calls = 0
         self.machine = machine
-        values = {
-            "clock": self.clock, "count": self.count, "x": self.x, "m": self.mode, "order": self.order,
-            "hit": self.hit, "lam": self.lam, "p": machine.p, "atol": self.atol, "stop": self.stop,
-            "zeno": self.zeno, "rec": self.record, "rec_coef": self.coef, "events": self.found,
-            "marks": self.marks, "w": machine.w, "iw": machine.iw, "ctx": machine.context,
-        }  # fmt: skip
-        self._arguments = machine.compiled.arguments("advance", values)
+        self.trajectory.refer(p=machine.p, w=machine.w, iw=machine.iw, ctx=machine.context)
+        self._arguments = machine.compiled.arguments("advance", {"run": self.trajectory})
 
     @property
     def t(self) -> float:
         """Time reached."""
-        return float(self.clock[codes.T])
+        return float(self.clock.t)
 
     @property
     def signs(self) -> Mode:
@@ -91,10 +92,7 @@ class Run:
         """Find the initial mode in compiled code; GENERAL where it is not simple."""
         machine = self.machine
         check_gradients(machine, self.t, self.x)
-        return machine.call(
-            "begin", t=self.t, direction=self.direction, x=self.x, p=machine.p, m=self.mode, order=self.order,
-            lam=self.lam, w=machine.w, iw=machine.iw, ctx=machine.context,
-        )  # fmt: skip
+        return machine.call("begin", run=self.trajectory)
 
     def watch(self, stops: tuple[Stop, ...]) -> None:
         """Set the events at which to stop."""
@@ -110,9 +108,9 @@ class Run:
 
     def advance(self, steps: int) -> int:
         """Run the compiled loop for at most so many steps; returns its code. User errors are raised."""
-        self.count[codes.STEP_BUDGET] = steps
+        self.count.step_budget = steps
         left = max(self.options.max_events - self.events.total, 1)
-        self.count[codes.EVENT_ROOM] = min(_EVENT_ROOM, left) + self.machine.m
+        self.count.event_room = min(_EVENT_ROOM, left) + self.machine.m
         if self.machine.callbacks is not None:
             self.machine.callbacks.speed_up(self.machine.system.parameters.names, self.t, self.x)
         code = int(self.machine.compiled.functions["advance"](*self._arguments))
@@ -124,14 +122,14 @@ class Run:
 
     def collect(self) -> None:
         """Move what the buffers hold to the lists."""
-        records, events = int(self.count[codes.RECORDS]), int(self.count[codes.EVENTS])
+        records, events = int(self.count.records), int(self.count.events)
         if records:
             self.steps.append((self.record[:records].copy(), self.coef[:records].copy()))
-            self.count[codes.RECORDS] = 0
+            self.count.records = 0
         if self.machine.callbacks is not None:
             self._check_continuous(events)
         self.events.add_rows(self.found[:events], self.marks[:events])
-        self.count[codes.EVENTS] = 0
+        self.count.events = 0
 
     def cut(self, t: float) -> None:
         """Let the dense output end at an earlier time."""
@@ -212,22 +210,21 @@ class Run:
         self.mode[:] = mode
         self.order[:] = order
         self.lam[:] = multipliers
-        self.clock[[codes.TREND, codes.GROW]] = 0.0
-        self.clock[codes.RELATIVE] = min(self.clock[codes.RELATIVE], 0.0)
+        self.clock.trend = self.clock.grow = 0.0
+        self.clock.relative = min(self.clock.relative, 0.0)
 
     @property
     def attempts(self) -> int:
         """Steps so far, the rejected ones included."""
-        return int(self.count[codes.STEPS] + self.count[codes.REJECTED])
+        return int(self.count.steps + self.count.rejected)
 
     def calls(self) -> int:
         """Field calls so far."""
-        return int(self.count[codes.FIELD_CALLS]) + self.machine.calls
+        return int(self.count.field_calls) + self.machine.calls
 
     def factorisations(self) -> tuple[int, int]:
         """Jacobians taken and LU factorisations made by an implicit method, as scipy counts them."""
-        place = self.machine.compiled.layout.constants
-        return int(self.machine.iw[place["I_JACOBIANS"]]), int(self.machine.iw[place["I_FACTORS"]])
+        return int(self.machine.iw.jacobians), int(self.machine.iw.factors)
 
     def scales(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """|h| and the size of its terms, for every surface at the present point."""

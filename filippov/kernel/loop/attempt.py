@@ -1,0 +1,141 @@
+"""A step of the loop: its length, its stages, and whether it stands."""
+
+from filippov.kernel.language.primitives import NAN, Vector, inline, kernel, shift, truncate
+from filippov.kernel.loop.control import (
+    at_rest,
+    error_norm,
+    finite,
+    go_straight,
+    guard_state,
+    least_step,
+    shrink_invalid,
+    step_factor,
+    uniform,
+)
+from filippov.kernel.loop.field import clear_ranges, field, project
+from filippov.kernel.loop.land import EPS
+from filippov.kernel.loop.model import END_IN_ERROR, IMPLICIT, STAGES, M, N, stages
+from filippov.kernel.loop.state import Trajectory
+from filippov.kernel.tables.codes import (
+    AGAIN,
+    ARRIVED,
+    GO_ON,
+    MIN_STEP,
+    NO_SLIDING,
+    NOT_FINITE,
+    NOTHING,
+    ROOT,
+    USER_ERROR,
+)
+from filippov.kernel.tables.radau_tables import NOT_CONVERGED
+
+
+@inline
+@kernel
+def choose_step(run: Trajectory) -> int:
+    """The step that control proposes, cut at the end of the run; MIN_STEP where t cannot take it."""
+    clock, now = run.clock, run.now
+    t, remaining = now.t, clock.t_end - now.t
+    step = run.w.direction * min(clock.step, clock.max_step)
+    last = abs(step) >= abs(remaining) * (1.0 - 1e-12)
+    if last:
+        step = remaining
+    elif abs(step) <= least_step(t, clock.t_start, clock.t_end):
+        if now.rested != 0 or not at_rest(run.w):
+            return MIN_STEP
+        # The equilibrium of a rough field was reached by ever shorter steps; to stay there needs none.
+        now.rested = 1
+        clock.step = max(1024.0 * EPS * abs(t), 1e-12 * abs(remaining))
+        return AGAIN
+    elif now.taken == 0.0:
+        # What is added to the state must be what is added to the time, also where t is large.
+        step = (t + step) - t
+    now.step, now.last = step, 1 if last else 0
+    now.t_end = clock.t_end if last else t + step
+    now.relative = truncate(abs(clock.relative)) - 1
+    now.kept = 1 if clock.relative < 0.0 else 0
+    now.slack = 1.0
+    if now.kept != 0:
+        now.slack = max(abs(t - clock.rough_from), clock.rough_span)
+    elif now.relative >= 0:
+        now.slack = max(1.0, clock.rough_span / abs(t + step - clock.rough_from))
+    return GO_ON
+
+
+@inline
+@kernel
+def error_of(run: Trajectory, step: float, y: Vector) -> float:
+    """The square of the error of a step from x to y."""
+    clock, now = run.clock, run.now
+    return error_norm(
+        run.x, y, step, clock.rtol, run.atol, now.relative, now.kept, now.slack, clock.rough_noise, run.w
+    )
+
+
+@kernel
+def reject(run: Trajectory, length: float, error: float) -> int:
+    """Take a shorter step than this one, which was too far off."""
+    clock = run.clock
+    run.count.rejected += 1
+    clock.step = abs(length) * max(0.2, step_factor(error))
+    clock.grow = 1.0
+    return AGAIN
+
+
+@inline
+@kernel
+def try_step(run: Trajectory) -> int:
+    """Stages of the step and, if it stands, field and guards at its end; a lane's step has been taken."""
+    x, m, p, w, iw, ctx, now = run.x, run.m, run.p, run.w, run.iw, run.ctx, run.now
+    t, step, te, y, last_k = now.t, now.step, now.t_end, w.y, shift(w.k, (STAGES - 1) * N)
+    failed, error, fresh = 0, now.taken, now.taken == 0.0
+    if fresh:
+        clear_ranges(w, iw)
+        failed = stages(t, x, p, m, step, y, w, iw, ctx)
+        error = NAN
+    line = failed == 0 and not IMPLICIT and uniform(w)
+    now.line = 1 if line else 0
+    if fresh and line:
+        go_straight(x, step, y, w)
+    if fresh and failed == 0 and END_IN_ERROR:
+        failed = field(t + step, y, p, m, last_k, w, iw, ctx)
+    if fresh and failed == 0:
+        error = error_of(run, step, y)
+    if error > 1.0 and error < 1e300:
+        return reject(run, step, error)
+    if fresh and error <= 1.0:
+        if iw.sliding > 0:
+            failed = project(te, y, p, m, w.h, w, iw, ctx)
+        if failed == 0 and (iw.sliding > 0 or not END_IN_ERROR):
+            failed = field(te, y, p, m, last_k, w, iw, ctx)
+        if failed == 0:
+            failed = guard_state(te, y, p, m, last_k, w.end, w, ctx)
+    now.taken, now.error = 0.0, error
+    now.cause, now.surface, now.theta, now.slope = NOTHING, -1, 2.0, 0.0
+    now.length, now.dense_length, now.residual = step, step, 0.0
+    if failed == 1:
+        return USER_ERROR
+    if failed == 0 and error <= 1.0 and finite(last_k, N) and finite(y, N) and finite(w.end, 2 * M):
+        return GO_ON
+    return shrink(run, failed)
+
+
+@kernel
+def shrink(run: Trajectory, failed: int) -> int:
+    """A shorter step after an invalid one; ARRIVED where a surface is one rounding away."""
+    clock, now = run.clock, run.now
+    run.count.rejected += 1
+    length, surface = shrink_invalid(clock, run.m, run.order, now.step, run.w)
+    clock.grow = 2.0
+    clock.step = length
+    if surface < 0:
+        if length > least_step(now.t, clock.t_start, clock.t_end):
+            return AGAIN
+        return NO_SLIDING if failed == 2 else MIN_STEP if failed == NOT_CONVERGED else NOT_FINITE
+    # The motion has arrived, without a step across.
+    now.cause, now.surface = ROOT, surface
+    clock.step = abs(now.step)
+    now.t_end = now.t
+    for j in range(N):
+        run.w.xe[j] = run.x[j]
+    return ARRIVED

@@ -1,0 +1,139 @@
+"""An event that has been reached: what else happens there, what it is, and how the trajectory goes on."""
+
+from filippov.kernel.language.primitives import NAN, inline, kernel, shift_indices
+from filippov.kernel.loop.control import guard_state, mark_hits
+from filippov.kernel.loop.field import field
+from filippov.kernel.loop.land import EPS
+from filippov.kernel.loop.lap import faint, zeno_horizon, zeno_remaining
+from filippov.kernel.loop.locate import BRUSH
+from filippov.kernel.loop.model import LINEAR, RESET_FROM, RESETS, ROLE, M, N, radii
+from filippov.kernel.loop.record import count_down, record_event
+from filippov.kernel.loop.reset import apply_reset, resets_from
+from filippov.kernel.loop.resolve import resolve_exit, resolve_root, resolve_touch, touch_or_root
+from filippov.kernel.loop.state import Trajectory
+from filippov.kernel.tables.codes import (
+    AGAIN,
+    EXIT_DOWN,
+    EXIT_UP,
+    GENERAL,
+    GRAZING,
+    NONE,
+    OBSERVER,
+    RESET,
+    ROOT,
+    STOPPED,
+    STOPS,
+    TOUCH,
+    USER_ERROR,
+    ZENO,
+)
+
+
+@inline
+@kernel
+def kind_of(run: Trajectory) -> int:
+    """The kind of an event on one surface, with the mode after it; NONE if not simple, -1 on failure."""
+    clock, x, m, order, p = run.clock, run.w.xe, run.m, run.order, run.p
+    w, iw, ctx, now = run.w, run.iw, run.ctx, run.now
+    te, surface, cause = now.t_end, now.surface, now.cause
+    # A reset at the instant of a clock is one set with it.
+    due = clock.same_instant > 0.0 and (clock.t_end - te) * w.direction <= clock.same_instant
+    # Of a guard that is followed relative to itself roots are known to a part of the last lap.
+    lap = max(abs(te - clock.rough_from), clock.rough_span) if clock.relative < 0.0 else 0.0
+    told = cause == ROOT or clock.relative < 0.0  # a touching is its own answer elsewhere
+    if told and faint(te, x, p, m, surface, te - now.t, clock.rtol * lap, w, iw, ctx):
+        return NONE
+    if cause == TOUCH:
+        return resolve_touch(te, x, p, m, surface, w, iw, ctx)
+    if cause == ROOT:
+        if RESETS and RESET_FROM[surface] != 0 and (w.direction < 0.0 or due):
+            return NONE
+        if RESETS and resets_from(surface, m[surface]):
+            return apply_reset(te, x, p, m, order, surface, w, iw, ctx)
+        rate = w.end[2 * surface + 1] * w.direction
+        return resolve_root(te, x, p, m, order, surface, rate, w, iw, ctx)
+    if now.residual <= BRUSH * (abs(w.row[surface]) + abs(w.row[M + surface])):
+        laps = run.zeno[surface]
+        lasted = abs(te - (laps.last if laps.interval[0] > 0.0 else clock.t_start))
+        return resolve_exit(m, order, cause, surface, now.slope, lasted, w, iw)
+    return NONE
+
+
+@kernel
+def leave_it(run: Trajectory) -> int:
+    """Hand the event to the general path."""
+    for i in range(M):
+        if run.hit[i] != 0:
+            run.w.grazed[i] = 1.0
+    return GENERAL
+
+
+@inline
+@kernel
+def decide(run: Trajectory) -> int:
+    """Decide an event on `now.surface` at (now.t_end, w.xe) where it is simple, else GENERAL."""
+    m, p, w, iw, ctx, now = run.m, run.p, run.w, run.iw, run.ctx, run.now
+    t, te, xe, surface = now.t, now.t_end, w.xe, now.surface
+    for i in range(M):
+        w.before[i] = m[i]
+    failed = field(te, xe, p, m, w.f, w, iw, ctx)
+    if (
+        failed == 1
+        or guard_state(te, xe, p, m, w.f, w.end, w, ctx) != 0
+        or radii(te, xe, p, w.radius, ctx) != 0
+    ):
+        return USER_ERROR
+    if now.cause == ROOT and m[surface] != 0.0 and te != t:
+        now.cause = touch_or_root(surface, te - t, m, w)
+    run.count.surface, run.count.cause = surface, now.cause
+    hits = mark_hits(te, xe, m, run.order, now.cause, surface, now.step, run.hit, w)
+    now.multiplier = w.mult[surface].value if m[surface] == 0.0 else NAN
+    kind = NONE
+    if failed == 0 and hits == 1:
+        kind = kind_of(run)
+    if kind == -1:
+        return USER_ERROR
+    run.clock.t = te
+    for j in range(N):
+        run.x[j] = xe[j]
+    return take(run, kind) if kind != NONE else leave_it(run)
+
+
+@inline
+@kernel
+def take(run: Trajectory, kind: int) -> int:
+    """Record a decided event and go on in the mode after it, as far as the run has not ended with it."""
+    clock, x, m, order, w, now = run.clock, run.x, run.m, run.order, run.w, run.now
+    t, te, surface = now.t, now.t_end, now.surface
+    for i in range(M):
+        if i != surface and m[i] != 0.0:
+            order[i] = 0
+    if kind == GRAZING:
+        order[surface] = 2
+        w.grazed[surface] = 1.0
+    if m[surface] == 0.0:
+        now.multiplier = w.mult[surface].value
+        run.zeno[surface].widest = 0.0
+    record_event(run, kind)
+    if kind == RESET:
+        for j in range(N):
+            x[j] = w.jump[j]
+    now.renew = 1
+    clock.trend = 1e-300
+    if kind == EXIT_UP or kind == EXIT_DOWN:  # noqa: PLR1714, SIM109 - the kernel language has no `in`
+        # The step of a slide says nothing about the motion that leaves it.
+        clock.step = 0.0
+    if LINEAR[surface] == 0 and abs(te - t) < 0.25 * abs(now.step):
+        # A guard that turns faster than the motion: the next event is about as far.
+        clock.step = min(clock.step, 4.0 * abs(te - t) + 1e3 * EPS * abs(te))
+    if clock.relative == -float(surface) - 1.0:
+        clock.rough_span, clock.rough_from = abs(te - clock.rough_from), te
+    clock.relative = min(clock.relative, 0.0)
+    if count_down(shift_indices(run.stop, STOPS * surface), kind) != 0:
+        return STOPPED
+    if ROLE[surface] != OBSERVER and kind != GRAZING:
+        laps = run.zeno[surface]
+        horizon = zeno_horizon(te, clock.t_start, w.xe, surface, laps, w)
+        if zeno_remaining(laps, te, horizon) >= 0.0:
+            return ZENO
+    return AGAIN

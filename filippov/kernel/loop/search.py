@@ -1,0 +1,210 @@
+"""A step that stands: the length of the next one, the first event in this one, and the way to it."""
+
+from filippov.kernel.language.primitives import Indices, Vector, inline, kernel, shift
+from filippov.kernel.loop.attempt import error_of, reject
+from filippov.kernel.loop.control import (
+    guard_state,
+    hides_order,
+    mark_grazed,
+    other_stages,
+    step_factor,
+    suspicious,
+)
+from filippov.kernel.loop.field import field
+from filippov.kernel.loop.land import land, reached_before
+from filippov.kernel.loop.locate import NOISY, locate
+from filippov.kernel.loop.model import CLAMPED, LINEAR, RESETS, STAGES, WIDTH, M, N
+from filippov.kernel.loop.record import store_step
+from filippov.kernel.loop.resolve import widen
+from filippov.kernel.loop.sampling import dense_output, guard_noise, straight
+from filippov.kernel.loop.state import Scratch, Trajectory
+from filippov.kernel.tables.codes import AGAIN, ARRIVED, GO_ON, LOST, NOTHING, ROOT, USER_ERROR
+from filippov.kernel.tables.radau_tables import NOT_CONVERGED
+
+SAME_END = 1e-11  # times so close to the end of the run, in parts of it, are the end
+# Pieces into which the guards of a step may split it for steps to go on growing.
+PIECES = 64
+
+
+@kernel
+def event_at_end(
+    t: float, x: Vector, p: Vector, start: float, m: Vector, order: Indices, w: Scratch, ctx: Indices
+) -> int:
+    """The surface whose guard vanishes within rounding after the end of the run, -1 if none: clause E4."""
+    for i in range(M):
+        rate = m[i] * w.end[2 * i + 1]
+        if rate < 0.0 and order[i] == 0:
+            wait = -(m[i] * w.end[2 * i] + WIDTH[i]) / rate
+            if wait <= 1e-12 * max(abs(t), abs(t - start)):
+                if LINEAR[i] == 0 and abs(w.end[2 * i]) <= NOISY * guard_noise(i, t, x, p, m, w, ctx):
+                    continue
+                return i
+    return -1
+
+
+@inline
+@kernel
+def propose(run: Trajectory) -> None:
+    """The next step, from the error of this one and of the one before."""
+    clock, now = run.clock, run.now
+    size = abs(now.step)
+    factor = 10.0 if now.error == 0.0 else step_factor(now.error)
+    # Gustafsson's prediction: an error that grows from step to step will go on growing.
+    predicted = factor * factor * size / clock.trend
+    clock.trend = size * min(factor, 3.0)
+    factor = min(clock.grow, factor, predicted)
+    proposal = size * max(0.2, factor)
+    clock.step = max(clock.step, proposal) if now.last != 0 else proposal
+    clock.grow = 10.0
+
+
+@inline
+@kernel
+def carry_on(run: Trajectory) -> int:
+    """Take over the end of a step without events."""
+    clock, m, order, w, now = run.clock, run.m, run.order, run.w, run.now
+    if run.count.store != 0:
+        store_step(run.count, now.t, now.step, run.rec, run.rec_coef, w)
+    widen(run.zeno, w, run.iw)
+    x, last_k = run.x, shift(w.k, (STAGES - 1) * N)
+    for j in range(N):
+        x[j] = w.y[j]
+        w.k[j] = last_k[j]
+    for i in range(M):
+        w.start[2 * i] = w.end[2 * i]
+        w.start[2 * i + 1] = w.end[2 * i + 1]
+        if m[i] != 0.0 or order[i] > 0:
+            order[i] = 0
+        elif order[i] <= -2:
+            order[i] = -1
+    # Away from the surface, or on the way back to one, the ordinary tolerance is the right one.
+    relative = now.relative
+    if relative >= 0 and now.kept == 0:
+        away = abs(now.t_end - clock.rough_from) > clock.rough_span
+        if away or m[relative] * w.end[2 * relative + 1] * w.direction <= 0.0:
+            clock.relative = 0.0
+    mark_grazed(m, False, w)
+    clock.t = now.t_end
+    return AGAIN
+
+
+@inline
+@kernel
+def search(run: Trajectory) -> int:
+    """The first event of the step; the step is carried on where it has none."""
+    clock, count, x, m, order, p = run.clock, run.count, run.x, run.m, run.order, run.p
+    w, iw, ctx, now = run.w, run.iw, run.ctx, run.now
+    t, step, te, failed = now.t, now.step, now.t_end, 0
+    propose(run)
+    count.steps += 1
+    look = suspicious(step, m, order, now.line != 0, w, iw)
+    if look or count.store != 0:
+        failed = other_stages(t, x, p, m, step, now.line != 0, w, iw, ctx)
+        if count.store != 0 or not straight(iw):
+            dense_output(x, step, w)
+        for j in range(N):
+            w.coef[j] = x[j]
+    cause, surface, theta, slope = NOTHING, -1, 2.0, 0.0
+    if look and failed == 0:
+        cause, surface, theta, slope = locate(t, p, m, order, step, w, iw, ctx)
+    if cause <= LOST:
+        # Multipliers without a value somewhere in the step have left their sets before that.
+        clock.grow = 1.0
+        return shorten(run, 0.125 * abs(step))
+    if failed == 1 or cause == -1:
+        return USER_ERROR
+    if look and iw.pieces > PIECES:
+        # Guards that turn faster than the motion: longer steps cost more and hide what happens.
+        clock.step = min(clock.step, abs(step) * float(PIECES) / float(iw.pieces))
+    if RESETS and cause == NOTHING:
+        surface, ago = reached_before(te, w.y, shift(w.k, (STAGES - 1) * N), m, -1, w)
+        if surface >= 0 and ago < abs(step):
+            cause, theta = ROOT, 1.0 - ago / abs(step)
+    if cause == NOTHING and now.last != 0:
+        surface = event_at_end(te, w.y, p, clock.t_start, m, order, w, ctx)
+        if surface >= 0:
+            cause, theta = ROOT, 1.0
+    if cause == NOTHING:
+        return carry_on(run)
+    if cause == ROOT and hides_order(t, theta * abs(step), abs(step)):
+        return shorten(run, 4.0 * theta * abs(step))
+    now.cause, now.surface, now.theta, now.slope = cause, surface, theta, slope
+    return GO_ON
+
+
+@kernel
+def shorten(run: Trajectory, length: float) -> int:
+    """Take another step instead of one that was accepted."""
+    run.count.rejected += 1
+    run.count.steps -= 1
+    run.clock.step = length
+    return AGAIN
+
+
+@inline
+@kernel
+def land_here(run: Trajectory, slope: float) -> int:
+    """Land on the event that was found."""
+    now = run.now
+    failed, now.length, now.dense_length, now.residual = land(
+        now.t, run.x, run.p, run.m, now.cause, now.surface, now.step, now.theta, slope, now.line != 0,
+        run.w.xe, run.w, run.iw, run.ctx,
+    )  # fmt: skip
+    return failed
+
+
+@inline
+@kernel
+def land_first(run: Trajectory) -> int:
+    """Land on the event, or on one that the way to it has passed; the code of `land`."""
+    p, m, w, iw, ctx, now = run.p, run.m, run.w, run.iw, run.ctx, run.now
+    failed = land_here(run, now.slope)
+    for _ in range(M if RESETS and M > 1 else 0):
+        t = now.t + now.length
+        if failed == 0:
+            failed = field(t, w.xe, p, m, w.f, w, iw, ctx)
+        if failed == 0:
+            failed = guard_state(t, w.xe, p, m, w.f, w.end, w, ctx)
+        first, ago = reached_before(t, w.xe, w.f, m, now.surface, w)
+        if failed != 0 or first < 0 or ago >= abs(now.length):
+            break
+        now.cause, now.surface, now.theta = ROOT, first, (now.length - w.direction * ago) / now.step
+        failed = land_here(run, 0.0)
+    return failed
+
+
+@inline
+@kernel
+def arrive(run: Trajectory) -> int:
+    """Land on the event, and keep the dense output of the way to it."""
+    clock, count, now, w = run.clock, run.count, run.now, run.w
+    t, step = now.t, now.step
+    failed = land_first(run)
+    if failed == 1:
+        return USER_ERROR
+    if failed == NOT_CONVERGED:
+        count.rejected += 1
+        clock.step = 0.25 * abs(step)
+        return AGAIN
+    length = now.length
+    if CLAMPED and now.cause == ROOT and failed == 0 and now.line == 0:
+        # In stages beyond the surface such a field stands still, and a step across may look exact.
+        error = error_of(run, length, w.xe)
+        if error > 1.0:
+            count.steps -= 1
+            return reject(run, length, error)
+    # What was missed at the end of the run may have been long before it.
+    there = abs(step - length) <= SAME_END * max(abs(clock.t_end), abs(step))
+    te = t + length
+    if (now.last != 0 and now.theta >= 1.0 and there) or (te - clock.t_end) * w.direction > 0.0:
+        te = clock.t_end
+    now.t_end = te
+    if now.dense_length == 0.0:
+        now.dense_length = length
+    if count.store != 0 and te != t:
+        dense, last_k = now.dense_length, shift(w.k, (STAGES - 1) * N)
+        field(t + dense, w.xe, run.p, run.m, last_k, w, run.iw, run.ctx)
+        other_stages(t, run.x, run.p, run.m, dense, now.line != 0, w, run.iw, run.ctx)
+        dense_output(run.x, dense, w)
+        store_step(count, t, dense, run.rec, run.rec_coef, w)
+    return ARRIVED

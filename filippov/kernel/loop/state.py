@@ -1,0 +1,339 @@
+"""The state of the event loop: every number it keeps, by name. Python reads and writes the same places.
+
+A trajectory is told by its `Clock`, its `Count`, its state and mode; its `Scratch` and `Integers` may be
+another's before and after. Lengths follow from the `Sizes` of a system and a method.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from filippov.kernel.language.primitives import Indices, Vector
+from filippov.kernel.language.records import Lanes, Record, Rows, part
+from filippov.kernel.tables.layout import CHECKS, LANES, MOST_ENUMERATED, SPLITS
+from filippov.kernel.tables.root_tables import DEPTH, NODES
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """What lengths depend on.
+
+    colours  field calls that give the derivatives by all signs
+    largest  surfaces in the largest component
+    powers   of the dense output
+    points   parameters of a field that is sampled in lanes (see `points`), None where it is not
+    """
+
+    n: int = 1
+    m: int = 1
+    affine: bool = True
+    colours: int = 1
+    largest: int = 1
+    moments: bool = False
+    points: int | None = None
+    stages: int = 13
+    extra: int = 3
+    powers: int = 8
+    implicit: bool = False
+
+    @property
+    def side(self) -> int:
+        """Rows of the largest matrix of sliding surfaces."""
+        return max(self.largest, 1) if self.affine else max(self.m, 1)
+
+    @property
+    def vertices(self) -> int:
+        """Vertex fields that are kept at a time."""
+        return max(self.colours + 1 if self.affine else 2 ** min(self.m, MOST_ENUMERATED) + 1, 2)
+
+    @property
+    def weights(self) -> int:
+        """Weights of the moments rule."""
+        return 2 ** min(self.m, MOST_ENUMERATED) if self.moments and not self.affine else 0
+
+    @property
+    def kept(self) -> int:
+        """States of which an implicit method keeps something from step to step."""
+        return self.n if self.implicit else 0
+
+
+class Clock(Record):
+    """What the loop reads and leaves behind about time, and its step control."""
+
+    t: float
+    t_end: float
+    step: float
+    rtol: float
+    max_step: float
+    t_start: float
+    # Surface + 1 whose guard is followed relative to its own change, negative where relative to itself.
+    relative: float
+    rough_from: float
+    rough_span: float
+    rough_noise: float
+    grow: float
+    trend: float
+    same_instant: float
+    # The square of its error where the next step stands in the scratch already, taken in a lane; else 0.
+    taken: float
+
+
+class Count(Record):
+    """Work done, room left in the buffers, and what stopped the loop."""
+
+    field_calls: int
+    steps: int
+    rejected: int
+    events: int
+    records: int
+    step_budget: int
+    event_budget: int
+    surface: int
+    cause: int
+    store: int
+    event_room: int
+    record_room: int
+
+
+class Laps(Record):
+    """Of a surface: its last event, the last three intervals, and for lags of 1, 2 and 3 events how many
+    intervals in a row were shorter than the one so many events before.
+    """
+
+    last: float
+    interval: Vector = part(3)
+    streak: Vector = part(3)
+    # The largest difference of the rates on both sides since sliding on the surface began.
+    widest: float
+
+
+class Multiplier(Record):
+    """Of a sliding surface: its multiplier, its range over a step, the rates at +1 and -1, their excess."""
+
+    value: float
+    least: float
+    most: float
+    rate_plus: float
+    rate_minus: float
+    slope: float
+
+
+class Memory(Record):
+    """What an implicit method remembers: of its LU factors, of Newton's iteration, of the steps before."""
+
+    factored: float
+    rate: float
+    last_end: float
+    last_step: float
+    past_end: float
+    past_step: float
+
+
+class Tally(Record):
+    """What every lane counts: steps it may still try, field calls, steps done and refused."""
+
+    left: float
+    calls: float
+    done: float
+    refused: float
+
+
+class Scratch(Record):
+    """Numbers that are made and used on the way; gt stands behind g for functions that write both."""
+
+    s: Vector = part(lambda of: of.m)
+    s2: Vector = part(lambda of: of.m)
+    g: Vector = part(lambda of: of.m * of.n)
+    gt: Vector = part(lambda of: of.m)
+    vert: Vector = part(lambda of: of.vertices * of.n)
+    rate: Vector = part(lambda of: 0 if of.affine else of.vertices * of.side)
+    mat: Vector = part(lambda of: 2 * of.side * of.side)
+    vec: Vector = part(lambda of: of.side)
+    moments: Vector = part(lambda of: of.weights * (of.weights + 1))
+    slope: Vector = part(lambda of: of.side)
+    residual: Vector = part(lambda of: of.m)
+    mult: Rows[Multiplier] = part(lambda of: of.m)
+    k: Vector = part(lambda of: (of.stages + of.extra) * of.n)
+    coef: Vector = part(lambda of: of.powers * of.n)
+    y: Vector = part(lambda of: of.n)
+    stage: Vector = part(lambda of: of.n)
+    xe: Vector = part(lambda of: of.n)
+    f: Vector = part(lambda of: of.n)
+    xm: Vector = part(lambda of: of.n)
+    h: Vector = part(lambda of: of.m)
+    before: Vector = part(lambda of: of.m)
+    row: Vector = part(lambda of: 2 * of.m)
+    # Guards and their rates, in turn, at both ends of the step.
+    start: Vector = part(lambda of: 2 * of.m)
+    end: Vector = part(lambda of: 2 * of.m)
+    radius: Vector = part(lambda of: 2 * of.m)
+    touch: Vector = part(lambda of: of.m)
+    grazed: Vector = part(lambda of: of.m)
+    fall: Vector = part(lambda of: of.m)
+    attract: Vector = part(lambda of: of.m)
+    direction: float
+    creep: Vector = part(lambda of: 6 * of.n)
+    jump: Vector = part(lambda of: of.n)
+    # Guards at the Chebyshev points of a piece and where it is checked: 2 m rows each.
+    node: Vector = part(lambda of: NODES * 2 * of.m)
+    check: Vector = part(lambda of: CHECKS * 2 * of.m)
+    c: Vector = part(NODES)
+    work: Vector = part(NODES)
+    stack: Vector = part((DEPTH + 3) * NODES)
+    bounds: Vector = part((DEPTH + 3) * 2)
+    pieces: Vector = part((4 * SPLITS + 8) * 3)
+    atol: Vector = part(lambda of: of.kept)
+    rtol: float
+    scale: Vector = part(lambda of: of.kept)
+    jac: Vector = part(lambda of: of.kept * of.n)
+    jac_x: Vector = part(lambda of: of.kept)
+    jac_mode: Vector = part(lambda of: of.m if of.implicit else 0)
+    lu: Vector = part(lambda of: of.kept * of.n)
+    real: Vector = part(lambda of: of.kept * of.n)
+    imag: Vector = part(lambda of: of.kept * of.n)
+    z: Vector = part(lambda of: 3 * of.kept)
+    zw: Vector = part(lambda of: 3 * of.kept)
+    past: Vector = part(lambda of: 3 * of.kept)
+    reached: Vector = part(lambda of: of.kept)
+    diff: Vector = part(lambda of: 3 * of.kept)
+    error: Vector = part(lambda of: of.kept)
+    memory: Memory = part()
+    # The last, since its length is not the same for all systems of a shape.
+    wide: Vector = part(
+        lambda of: 0 if of.points is None else LANES * (1 + 3 * of.n + of.points + 9 * of.m + of.m * of.n)
+    )
+
+
+class Integers(Record):
+    """The sliding surfaces component by component: how many, which, the end of each one's group in the list,
+    its place there, how many slide in every component; what is counted; the pivots of an implicit method.
+    """
+
+    sliding: int
+    listed: Indices = part(lambda of: of.m)
+    calls: int
+    jacobians: int
+    factors: int
+    known: int
+    pieces: int
+    unresolved: int
+    group: Indices = part(lambda of: of.m)
+    place: Indices = part(lambda of: of.m)
+    peers: Indices = part(lambda of: max(of.m, 1))
+    pivots: Indices = part(lambda of: of.kept)
+    twins: Indices = part(lambda of: of.kept)
+
+
+class Attempt(Record):
+    """The step under way, from its choice to its event.
+
+    cause, surface  what was found in it; theta: where, in parts of the step; slope: of a guard by theta
+    length, dense_length  the step to the event, and that of its dense output; residual: |guard| left there
+    """
+
+    t: float
+    step: float
+    t_end: float
+    error: float
+    slack: float
+    theta: float
+    slope: float
+    length: float
+    dense_length: float
+    residual: float
+    multiplier: float
+    # As in `Clock`: the error of a step that was taken in a lane.
+    taken: float
+    # The last step of the run; along a straight line; the surface of `Clock.relative`, -1 for none, and
+    # whether it is followed relative to itself.
+    last: int
+    line: int
+    relative: int
+    kept: int
+    cause: int
+    surface: int
+    # A segment is to be opened; the state of rest has been taken; steps left.
+    renew: int
+    rested: int
+    steps_left: int
+
+
+class Trajectory(Record):
+    """One trajectory: where what belongs to it lies, and the step under way.
+
+    x, mode m, multipliers lam of the sliding surfaces; order[i]: how often guard i vanishes at the start;
+    hit: the surfaces that are active where the general path is needed; stop: events until a terminal one, a
+    row of STOPS a surface; rec, rec_coef: steps with their dense output; events, marks: what is kept of
+    events; kinds: how many of each kind a surface had, where events are only counted; number: in its batch.
+    """
+
+    clock: Clock
+    count: Count
+    x: Vector
+    m: Vector
+    order: Indices
+    hit: Indices
+    lam: Vector
+    p: Vector
+    atol: Vector
+    stop: Indices
+    zeno: Rows[Laps]
+    rec: Vector
+    rec_coef: Vector
+    events: Vector
+    marks: Indices
+    kinds: Indices
+    w: Scratch
+    iw: Integers
+    ctx: Indices
+    number: int
+    now: Attempt = part()
+
+
+class Trajectories(Record):
+    """Trajectories by number: what a `Trajectory` names once stands here for each, one behind the other.
+
+    queue  what has been taken, how many are done, how many are taken at a time: threads share it
+    codes  how each ended
+    """
+
+    clocks: Rows[Clock]
+    counts: Rows[Count]
+    xs: Vector
+    ms: Vector
+    orders: Indices
+    hits: Indices
+    lams: Vector
+    ps: Vector
+    stops: Indices
+    zenos: Rows[Laps]
+    kinds: Indices
+    codes: Indices
+    queue: Indices
+
+
+class Entries(Record):
+    """Addresses of plain kernels, which belong to a unit of their own."""
+
+    launch: int
+    turn: int
+    open_segment: int
+
+
+class Group(Record):
+    """The lanes of trajectories that slide, or of those that do not."""
+
+    clock: Lanes[Clock]
+    tally: Lanes[Tally]
+    x: Vector
+    m: Vector
+    order: Vector
+    p: Vector
+    atol: Vector
+    w: Lanes[Scratch]
+
+
+RECORDS: tuple[type[Record], ...] = (
+    Clock, Count, Laps, Multiplier, Memory, Tally, Scratch, Integers, Attempt, Trajectory, Trajectories,
+    Entries, Group,
+)  # fmt: skip
