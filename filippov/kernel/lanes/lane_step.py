@@ -95,7 +95,7 @@ def may_vanish(step: float, m: Vector, order: Vector, w: Scratch, iw: Integers) 
 
 @lanes
 def ends_at_surface(t: float, start: float, m: Vector, order: Vector, w: Scratch) -> bool:
-    """Where a guard vanishes within rounding after the end of the run; see `advance.event_at_end`."""
+    """Where a guard vanishes within rounding after the end of the run; see `search.event_at_end`."""
     met = 0.0
     for i in range(M):
         rate = m[i] * w.end[2 * i + 1]

@@ -1,7 +1,7 @@
 """Guards of a motion that slides on one surface, at several points of a step side by side.
 
 The points of a sample do not wait for each other, so a vector takes as many as it holds: LANES of them. Only
-small symbolic fields are sampled like this (WIDE); `locate.sample` has the plain way.
+small symbolic fields are sampled like this (WIDE); `sampling.sample` has the plain way.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, anywhere, contract, kernel, lanes, shift
@@ -30,7 +30,7 @@ def rows_beside(
     times: Vector, x: Vector, p: Vector, m: Vector, i: int, attract: float, rows: Vector, room: Vector,
     ctx: Indices,
 ) -> int:  # fmt: skip
-    """As `locate.guard_rows`, of the only sliding surface i; 1 where its sign does not act on it anywhere."""
+    """As `sampling.guard_rows`, of the only sliding surface i; 1 where its sign does not act on it anywhere."""
     t = times[0]
     s, s2, h, ends = room, shift(room, M), shift(room, 2 * M), shift(room, 3 * M)
     gt, g = shift(room, 5 * M), shift(room, 6 * M)
