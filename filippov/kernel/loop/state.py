@@ -139,11 +139,11 @@ class Tally(Record):
 
 
 class Scratch(Record):
-    """Numbers that are made and used on the way; gt stands behind g for functions that write both."""
+    """Numbers that are made and used on the way; functions of the user write rates by t behind g."""
 
     s: Vector = part(lambda of: of.m)
     s2: Vector = part(lambda of: of.m)
-    g: Vector = part(lambda of: of.m * of.n)
+    g: Vector = part(lambda of: of.m * (of.n + 1))
     gt: Vector = part(lambda of: of.m)
     vert: Vector = part(lambda of: of.vertices * of.n)
     rate: Vector = part(lambda of: 0 if of.affine else of.vertices * of.side)
