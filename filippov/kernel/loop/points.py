@@ -30,7 +30,7 @@ def rows_beside(
     times: Vector, x: Vector, p: Vector, m: Vector, i: int, attract: float, rows: Vector, room: Vector,
     ctx: Indices,
 ) -> int:  # fmt: skip
-    """As `sampling.guard_rows`, of the only sliding surface i; 1 where its sign does not act on it anywhere."""
+    """As `sampling.guard_rows`, of the only sliding surface i; 1 where its sign acts on it nowhere."""
     t = times[0]
     s, s2, h, ends = room, shift(room, M), shift(room, 2 * M), shift(room, 3 * M)
     gt, g = shift(room, 5 * M), shift(room, 6 * M)
