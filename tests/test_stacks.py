@@ -122,3 +122,29 @@ def test_11_A_what_comes_just_before_a_limit_is_not_bridged(e: float, early: flo
         speed = np.sqrt(2) * e**k
         assert rung.x[:2] == pytest.approx([speed * into - into**2 / 2, speed - into], abs=1e-8)
     assert np.all(np.abs(run.x_end - [0, 0, 1 + early - when]) < 1e-9 + 2 * room)
+
+
+def test_11_A_a_body_that_arrives_next_to_the_limit_of_an_accumulation_is_not_passed() -> None:
+    """Where the limit lies behind the surface above by less than its own error, the laps are followed further.
+
+    The lower body, thrown up with v, would rest at t = 2 v/(g (1 - e0)); the upper one falls freely and is at
+    height d then, which is little or below 0.
+    """
+    random = np.random.default_rng(11)
+    ends = []
+    for k in range({"default": 20, "ci": 40}.get(PROFILE, 500)):
+        e, g, v = random.uniform(0.3, 0.8), 10.0, random.uniform(0.05, 0.5)
+        last = 2 * v / (g * (1 - e))
+        depth = float(random.choice([-1.0, 1.0]) * 10 ** random.uniform(-12, -6))
+        speed = random.uniform(0, 0.01)  # at the limit, downwards
+        start = np.array([0.0, depth + speed * last - g * last**2 / 2, v, g * last - speed])
+        if np.min(start[1] + start[3] * (s := np.linspace(0, 0.9 * last, 50)) - g * s**2 / 2) < v**2 / (2 * g):
+            # It is to come from above the other one.
+            start[1], start[3] = depth + last, g * last / 2 - 1.0
+        values = {"g": g, "a": 0.0, "c": 100.0, "e0": float(e), "e1": float(random.uniform(0, 1)), "e2": 0.5}
+        values |= {"m0": 1.0, "m1": float(np.exp(random.uniform(-1, 2)))}
+        run = solve(stack(2), start, (0, 3), parameters=values, zeno="continue", max_events=20_000)
+        ends.append(run.status)
+        assert run.success or run.status in NAMED, (k, run.message)
+        assert not faults(run, 2, values), (k, start, values)
+    assert sum(status is not Status.SUCCESS for status in ends) <= RARE * len(ends)
