@@ -205,7 +205,7 @@ def row_root(
         # At a two-fold (3) both rates vanish: their size at the start is rounding.
         spread = abs(w.node[i]) + abs(w.node[M + i]) if abs(order[i]) == 2 else 1e300
         degree = deflate(c, order_at_start(c, spread))
-    elif allowed > 0.0:
+    elif allowed > 0.0 or (m[i] != 0.0 and iw.sliding > 0):
         # A dip below 0 no deeper than rounding is a touching, not two crossings.
         if stands_still(low, high, allowed, step, i, w):
             return NO_ROOT, 2.0, degree

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -146,9 +147,11 @@ def clear_rates(
 
 
 def _balanced(point: Point, i: int, mode: Array, rate: float, scale: float) -> bool:
-    """Whether a rate may be what is left of larger terms that cancel."""
+    """Whether a rate may be what is left of larger terms that cancel, those that multipliers balance too."""
     part = abs(rate) / (scale + point.reach(i, mode))
-    return part <= BALANCED or (part <= PLAIN and abs(rate) <= BALANCED * point.terms(i, mode))
+    if part <= BALANCED or (part <= PLAIN and abs(rate) <= BALANCED * point.terms(i, mode)):
+        return True
+    return bool(np.any(mode == 0.0)) and abs(rate) <= ROUNDING * point.speed_terms(i, mode)
 
 
 def leaves(
@@ -173,14 +176,19 @@ def leaves(
         level = rate is not None and abs(rate) <= max(located * moved, ROUNDING * speed)
         # Where the motion of this very mode came back to its surface, rounding has decided; backwards the run
         # is put on the place where the rate vanishes.
-        same = i in point.back and np.array_equal(point.base, mode)
-        level = level and not (same and point.direction > 0)
+        same = i in point.back and i not in point.along and np.array_equal(point.base, mode)
+        came_back = level and same and point.direction > 0
         force, own = 0.0, None if rate is None else rate * mode[i]
         if i in point.resting:
             # What is left of the rate of a contact that rests is rounding of speeds long gone.
             level, force = True, point.terms(i, np.where(np.arange(len(mode)) == i, 0.0, mode))
+            came_back = False
         terms = Terms(size, speed, own, level, point.grain, point.fine, force)
         term = leading_term(point, mode, lam, partial(_row, 0, i), terms)
+        if came_back and (term is None or term[1] <= 0):
+            # The rate, however little it is, says where the motion goes first.
+            terms = replace(terms, tangent=False)
+            term = leading_term(point, mode, lam, partial(_row, 0, i), terms)
         if term is None or term[1] < 0:
             return None
         orders[i] = term[0]

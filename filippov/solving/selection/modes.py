@@ -109,15 +109,24 @@ def _consistent(point: Point, base: Mode, met: Sequence[int], hit: Sequence[int]
 
 
 def _along(point: Point, met: Sequence[int]) -> frozenset[int]:
-    """The surfaces met on which the motion stayed without sliding: contacts that others hold as well."""
+    """The surfaces met on which the motion stayed without sliding: held there by the others it slides on.
+
+    Contacts that others hold as well, and kinks that coincide with a surface slid on; that rounding had one of
+    these hit its surface says nothing.
+    """
     mode = np.array(point.base, dtype=float)
-    own = [i for i in met if mode[i] != 0.0 and i not in point.back]
+    idle = [i for i in met if point.machine.roles[i] != "switching"]
+    own = [i for i in met if mode[i] != 0.0 and (i in idle or i not in point.back)]
     if not own or np.all(mode != 0.0):
         return frozenset()
     code, velocity, _, _ = point.probe(0.0, mode, point.guess)
+    if code != 0:
+        return frozenset()
     g, gt = point.gradients(mode)
+    # Multipliers balance the fields: what is left of a velocity is rounding of all that they balance.
+    known = {i: max(point.terms(i, mode), point.speed_terms(i, mode)) for i in own}
     rates = {i: point.machine.rate(i, g, velocity) + float(gt[i]) for i in own}
-    return frozenset(i for i in own if code == 0 and abs(rates[i]) <= ROUNDING * point.terms(i, mode))
+    return frozenset(i for i in own if abs(rates[i]) <= ROUNDING * known[i])
 
 
 def _swept(

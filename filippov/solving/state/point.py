@@ -104,6 +104,12 @@ class Point:
             self.summed[key] = total
         return float(self.summed[key][i]) + self.reach(i, mode)
 
+    def speed_terms(self, i: int, mode: Array) -> float:
+        """Size of all that the field balances in the rate of surface i (see `field_terms`)."""
+        g, gt = self.gradients(mode)
+        slopes = np.where(np.isfinite(g[i]), np.abs(g[i]), 0.0)
+        return float(slopes @ self.field_terms(tuple(mode)) + abs(gt[i]))
+
     def field_terms(self, base: Mode) -> Array:
         """Size of the terms of each component of the field: what rounding in it is measured by.
 
