@@ -1,1 +1,1 @@
-"""The exact automaton of a system in other languages: its expressions as text, and their runtimes."""
+"""The exact automaton of a system in other languages: its equations as text, and their runtimes."""
