@@ -25,6 +25,7 @@ EXPORTS: dict[str, str] = {
     **dict.fromkeys(("Band", "Exact", "Hysteresis", "Karnopp", "Smooth", "Switch"), "model.comparator"),
     **dict.fromkeys(("Ensemble", "solve_many"), "solving.ensemble"),
     "EventKind": "base.status",
+    "export_system": "io.automaton.export",
     "Events": "solving.state.events",
     "Problem": "solving.state.problem",
     "Solution": "solving.solution",

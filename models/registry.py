@@ -71,6 +71,7 @@ BUILT_IN: dict[str, str] = {
     "impact_pair": "gallery.impact_pair",
     "neuron": "gallery.neuron",
     "sliding_observer": "gallery.observer",
+    "planar_friction": "gallery.planar_friction",
     "pll": "gallery.pll",
     "quantised_pi": "gallery.quantised",
     "rectifier": "gallery.rectifier",
@@ -80,6 +81,7 @@ BUILT_IN: dict[str, str] = {
     "stommel": "gallery.stommel",
     "violin": "gallery.violin",
     "welander": "gallery.welander",
+    "wiper": "gallery.wiper",
 }
 
 

@@ -14,10 +14,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 # What the tests need; linters, documentation and benchmarks stand beside the package.
-EXTRAS = ("plots", "report", "tables", "clusters", "control", "certificates", "progress", "tests")
+EXTRAS = ("plots", "report", "tables", "clusters", "control", "certificates", "fmu", "progress", "tests")
 SUBSET = (
-    "tests/test_complementarity.py", "tests/test_describing_function.py", "tests/test_graph.py",
-    "tests/test_hostile_text.py",
+    "tests/test_complementarity.py", "tests/test_describing_function.py", "tests/test_export.py",
+    "tests/test_graph.py", "tests/test_hostile_text.py",
     "tests/test_identification.py", "tests/test_lane_functions.py", "tests/test_lock.py",
     "tests/test_parameter.py", "tests/test_quadratic.py",
     "tests/test_plotting.py", "tests/test_routh_hurwitz.py", "tests/test_storage.py", "tests/test_sweep.py",

@@ -226,6 +226,38 @@ def test_16_6_drill_string_sticks_and_slips_as_two_linear_systems() -> None:
         assert [event.t, *event.x] == approx([time, *x], rel=1e-7, abs=1e-7)
 
 
+def test_16_6_wiper_sticks_until_the_static_friction_and_slips_as_scipy_says() -> None:
+    events = run("wiper").events
+
+    def pull(t: float, x: float, v: float) -> float:
+        return 500 * (0.3 * math.sin(4 * t) - x) + 1.2 * math.cos(4 * t) - v
+
+    first = brentq(lambda t: pull(t, 0.0, 0.0) - 5, 0.0, 0.1, xtol=1e-15)
+    assert (events[0].t, str(events[0].kind)) == (approx(first, rel=1e-10), "sliding exit")
+
+    def slip(t: float, x: Array) -> list[float]:
+        return [x[1], (pull(t, x[0], x[1]) - 2 - 3 / (1 + x[1] / 0.3)) / 0.1]
+
+    def caught(t: float, x: Array) -> float:
+        return x[1] if t > first + 1e-3 else 1.0
+
+    caught.terminal = True  # type: ignore[attr-defined]
+    free = solve_ivp(slip, (first, 1), [0.0, 0.0], events=caught, method="DOP853", rtol=1e-12, atol=1e-15)
+    assert [events[1].t, events[1].x[0]] == approx([free.t[-1], free.y[0, -1]], rel=1e-8)
+    held = [abs(pull(e.t, e.x[0], 0.0)) for e in events.of(kind="sliding exit")]
+    assert held == approx([5.0] * len(held), rel=1e-9)
+
+
+def test_16_6_planar_friction_is_a_parabola_then_the_belt() -> None:
+    solution, slip, a = run("planar_friction"), math.hypot(1.5, 1), 0.4 * 9.81
+    met = solution.events[0]
+    assert (met.t, str(met.kind)) == (approx(slip / a, rel=1e-12), "sliding entry")
+    # Both components of the slip velocity fall to 0 together, each at its share of mu g.
+    ends = [1.5 * slip / (2 * a), 1.0 * slip / (2 * a), 0.0]
+    assert [*met.x] == approx(ends, rel=1e-12, abs=1e-12)
+    assert [*solution.y[:, -1]] == approx([ends[0], ends[1] + 1.0 - slip / a, 0.0], rel=1e-12, abs=1e-12)
+
+
 def test_16_6_violin_tears_loose_at_the_static_friction() -> None:
     w, bow = 2 * math.pi * 440, 0.1
     loose = (0.5 / 1e-3 - 2 * 0.01 * w * bow) / w**2

@@ -393,6 +393,15 @@ _ALL = (
         EXAMPLES["graph"],
     ),
     Command(
+        "export", "the exact automaton of a model as one file: Python, C, Modelica or an FMU",
+        "filippov.app.export.command",
+        (MODEL, PARAMETERS, *START[:2],
+         _choice("to", "what is written; default: by the suffix of the file (.py, .c, .mo, .fmu)", "python",
+                 "c", "modelica", "fmu"),
+         Option("output", "the file", text, metavar="FILE", flags=("-o", "--output"))),
+        EXAMPLES["export"],
+    ),
+    Command(
         "bank", "run a file of cases with reference values, or put it to reference solvers", "bank",
         (Option("action", "run, compare with reference solvers, migrate an earlier form, print the schema",
                 one_of("run", "compare", "migrate", "schema"), metavar="{run,compare,migrate,schema}",

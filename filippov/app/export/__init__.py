@@ -1,0 +1,1 @@
+"""The command `filippov export`: a model as a program in another language."""

@@ -1,0 +1,198 @@
+"""What follows where a surface is reached, left or jumped onto: the rates of h on both sides decide it.
+
+Where they do not (corners of coupled surfaces, two-folds, touchings, accumulations), the run stops and says
+so by name: it never guesses.
+
+The text of this file is part of exported modules: it needs `math` alone, and the files before it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from filippov.io.automaton.method import EPS
+from filippov.io.automaton.values import CLEAR, NEAR_FOLD, NO_RATE, SHORTEST, AtState, Refusal, rate
+
+
+class Decisions(AtState):
+    """The mode at the start, and after every event."""
+
+    def start(self) -> None:
+        """The mode at the first state."""
+        for _ in range(2):  # sizes |h| inside other switching functions follow the signs found first
+            h = self.model.guards(self.t, self.x, self.p, self.m)
+            self.m = [-1 if value < 0 else 1 for value in h]
+        met = [
+            i for i, value in enumerate(h)
+            if self.model.WIDTH[i] == 0 and abs(value) <= self.noise(i, self.t, self.x)
+        ]  # fmt: skip
+        if any(self.model.RESET_FROM[i] for i in met):
+            raise Refusal("corner", f"the state starts on surface {self.named(met)}, which has a reset.")
+        self.decide_on(met)
+
+    def decide_on(self, met: Sequence[int]) -> None:
+        """The signs of surfaces that the state lies on, by the rates of h on both sides."""
+        parts = [self.model.COMPONENT[i] for i in met]
+        if len(set(parts)) < len(parts):
+            raise Refusal("corner", f"the state lies on coupled surfaces: {self.named(met)}.")
+        for i in met:
+            upper, lower, size = self.at_ends(i, self.t, self.x)
+            clear = CLEAR * size
+            slides = self.model.ROLE[i] == "switching" and self.model.WIDTH[i] == 0
+            if slides and upper < -clear and lower > clear:
+                self.enter(i)
+            elif min(upper, lower) > clear or max(upper, lower) < -clear:
+                self.m[i], self.order[i] = (1 if upper > 0 else -1), 1
+            else:
+                said = f"the state starts tangent to surface {self.named([i])}, or leaves it both ways."
+                raise Refusal("tangency", said)
+
+    def enter(self, i: int) -> None:
+        """Begin to slide on a surface."""
+        self.m[i], self.order[i], self.since[i] = 0, 0, self.t
+        self.project()
+        upper, lower, _ = self.at_ends(i, self.t, self.x)
+        self.widest[i] = abs(lower - upper)
+
+    def project(self) -> None:
+        """Put the state back on every surface that it slides on, along the gradient."""
+        for i in self.sliding():
+            for contact in ([self.model.CONTACT[i]] if self.model.CONTACT[i] else []) + [0]:
+                for _ in range(2):
+                    self.m[i] = contact  # off contact the function is h, in it dh/dt
+                    h = self.model.guards(self.t, self.x, self.p, self.m)[i]
+                    row = self.gradients(self.t, self.x)[i][:-1]
+                    self.m[i] = 0
+                    size = sum(g * g for g in row)
+                    if size > 0:
+                        self.x = [v - h / size * g for v, g in zip(self.x, row, strict=True)]
+
+    def after_jump(self, before: Sequence[int], but: int = -1) -> list[tuple[int, str]]:
+        """Signs after the state has jumped; gives the surfaces that were passed, entered or left by it.
+
+        but     a surface that has its sign already
+        """
+        h = self.model.guards(self.t, self.x, self.p, [sign or 1 for sign in before])
+        met = []
+        for i, sign in enumerate(before):
+            if i == but:
+                continue
+            width = self.model.WIDTH[i]
+            beyond = width > 0 and sign * h[i] + width <= 0
+            if width == 0 and abs(h[i]) <= self.noise(i, self.t, self.x):
+                if self.model.RESET_FROM[i]:
+                    raise Refusal(
+                        "corner", f"the state jumps on surface {self.named([i])}, which has a reset."
+                    )
+                met.append(i)
+            elif beyond or (width == 0 and (sign == 0 or sign * h[i] < 0)):
+                if self.model.RESET_FROM[i] != 0:
+                    raise Refusal(
+                        "corner", f"a jump leads across surface {self.named([i])}, which has a reset."
+                    )
+                self.m[i], self.order[i] = (1 if h[i] > 0 else -1), 0
+            else:
+                self.order[i] = 0
+        self.decide_on(met)
+        kinds = {True: "sliding exit", False: "crossing"}
+        return [
+            (i, "sliding entry" if self.m[i] == 0 else kinds[sign == 0])
+            for i, sign in enumerate(before) if i != but and self.m[i] != sign
+        ]  # fmt: skip
+
+    def reach(self, i: int) -> str:
+        """What follows where h_i = 0 is reached from the side of its sign: the kind of event."""
+        sign, model = self.m[i], self.model
+        if model.RESET_FROM[i] in (2, sign):
+            self.jump(i)
+            return "reset"
+        if model.ROLE[i] in ("switching", "reset") and self.coupled(i):
+            raise Refusal("corner", f"surface {self.named([i])} is reached while the motion slides on "
+                          f"{self.named(self.coupled(i))}.")  # fmt: skip
+        if model.ROLE[i] != "switching" or model.WIDTH[i] > 0:
+            row, f = self.gradients(self.t, self.x)[i], self.velocity(self.t, self.x)
+            size = abs(row[-1]) + sum(abs(g * v) for g, v in zip(row[:-1], f, strict=True))
+            if not -sign * rate(row, f) > CLEAR * size:
+                raise Refusal("tangency", f"the motion touches surface {self.named([i])}.")
+            self.m[i], self.order[i] = -sign, (0 if model.WIDTH[i] > 0 else 1)
+            return "crossing"
+        plus, minus, size = self.sides(i, self.t, self.x)
+        here, beyond = (plus, minus) if sign > 0 else (minus, plus)
+        upper, lower, _ = self.at_ends(i, self.t, self.x)
+        clear = CLEAR * size
+        if abs(plus - minus) <= 1e-15 * size and -sign * here > NO_RATE * size:
+            self.m[i], self.order[i] = -sign, 1  # the sign does not act on this rate
+            return "crossing"
+        if not -sign * here > clear or min(abs(upper), abs(lower), abs(beyond)) <= clear:
+            said = (
+                f"the motion reaches surface {self.named([i])} where the field on one side is tangent to it."
+            )
+            raise Refusal("tangency", said)
+        if upper < 0 < lower:
+            self.enter(i)
+            return "sliding entry"
+        if sign * beyond < 0:
+            self.m[i], self.order[i] = -sign, 1
+            return "crossing"
+        raise Refusal(
+            "non_unique", f"at surface {self.named([i])} the motion can go on in more than one way."
+        )
+
+    def leave(self, i: int, which: str, slope: float) -> str:
+        """What follows where the rate of h_i at an end of its set has come to 0: it is left there."""
+        upper, lower, _ = self.at_ends(i, self.t, self.x)
+        side = 1 if which == "upper" else -1
+        other = lower if side > 0 else -upper
+        if self.model.CONTACT[i] == 0:
+            lasted = self.t - self.since[i]
+            if not other > NEAR_FOLD * self.widest[i] or not -slope * lasted > CLEAR * other:
+                raise Refusal(
+                    "two-fold", f"the slide on surface {self.named([i])} ends where it attracts no more."
+                )
+        low, high = self.model.ends(self.t, self.x, self.p)[i]
+        end = high if side > 0 else low
+        self.m[i] = side
+        self.order[i] = 3 if self.model.CONTACT[i] else 2 if abs(end - side) <= 1e-12 else 1
+        return "sliding exit"
+
+    def jump(self, i: int) -> None:
+        """The reset of surface i, and the signs after it."""
+        before = tuple(self.m)
+        row, f = self.gradients(self.t, self.x)[i], self.velocity(self.t, self.x)
+        size = sum(abs(g * v) for g, v in zip(row[:-1], f, strict=True)) + abs(row[-1])
+        self.x = self.model.reset(i, self.t, self.x, self.p, self.m)
+        if not all(math.isfinite(v) for v in self.x):
+            raise Refusal("not_finite", f"the reset of surface {self.named([i])} gives no finite state.")
+        h = self.model.guards(self.t, self.x, self.p, self.m)[i]
+        if abs(h) > max(8 * self.noise(i, self.t, self.x), 64 * EPS * size):
+            self.m[i], self.order[i] = (1 if h > 0 else -1), 0
+        else:
+            self.bounce(i, before[i], size)
+        self.after_jump(before, but=i)
+
+    def bounce(self, i: int, sign: int, size: float) -> None:
+        """The sign of a surface that a reset has left the state on: off again, through, or at rest on it."""
+        if self.model.ROLE[i] == "switching":
+            self.decide_on([i])
+            return
+        contact = self.model.CONTACT[i] == sign
+        row, f = self.gradients(self.t, self.x)[i], self.model.field(self.t, self.x, self.p, self.m, self.m)
+        off = rate(row, f)
+        size += sum(abs(g * v) for g, v in zip(row[:-1], f, strict=True))
+        free, terms = 0.0, 0.0
+        if contact:
+            plus, minus, terms = self.sides(i, self.t, self.x)
+            free = sign * (plus if sign > 0 else minus)
+        if abs(off) <= NO_RATE * size:
+            if contact and free < -CLEAR * terms:
+                self.enter(i)
+                return
+            if contact and free > CLEAR * terms:
+                self.m[i], self.order[i] = sign, 2
+                return
+            raise Refusal("tangency", f"a reset leaves the state at rest on surface {self.named([i])}.")
+        low = off * off <= -2 * free * 1e2 * self.noise(i, self.t, self.x)
+        if contact and sign * off > 0 and (low or 2 * abs(off) <= -free * SHORTEST * abs(self.t)):
+            raise Refusal("zeno", f"resets accumulate at surface {self.named([i])}.")
+        self.m[i], self.order[i] = (1 if off > 0 else -1), 1

@@ -1,0 +1,120 @@
+"""What the exact automaton of a system is made of, as expressions that name the states, signs and modes.
+
+Signs s and modes m stand for what the runtime hands over: in a mode s_i = m_i = +1 or -1; on a surface that
+the motion slides on m_i = 0, and the runtime asks for the field at s_i = +1 and -1 and combines both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.base.errors import ModelError
+from filippov.kernel.codegen.generate import jointly_affine, structure
+from filippov.kernel.codegen.generate_resets import contact_field, contact_guards, contact_rows
+from filippov.model.symbolic import SymbolicForm
+from filippov.model.symbols import t
+from filippov.model.system import System
+
+_SIDES = {"+": 1, "-": -1, "both": 2}
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The expressions of a system by purpose, in t, states, parameters, signs s, sizes a = |h|, modes m.
+
+    modes       one symbol a surface: +1, -1 or 0
+    field       one a state; guards: one a surface, dh/dt where the state rests on it
+    gradients   a row a surface: by every state, then by t
+    ends        lower and upper end of the set of signs at h = 0
+    resets      per surface the states after its reset, or None; strikes: per time event likewise
+    component   the number of its group of coupled surfaces, for every surface
+    affine      the field is a constant plus a sum of terms in one sign each
+    """
+
+    system: System
+    form: SymbolicForm
+    modes: tuple[Symbol, ...]
+    field: tuple[Expr, ...]
+    guards: tuple[Expr, ...]
+    gradients: tuple[tuple[Expr, ...], ...]
+    ends: tuple[tuple[Expr, Expr], ...]
+    resets: tuple[tuple[Expr, ...] | None, ...]
+    strikes: tuple[tuple[Expr, ...] | None, ...]
+    component: tuple[int, ...]
+    affine: bool
+
+    @property
+    def widths(self) -> tuple[float, ...]:
+        """Half-width of the hysteresis of every surface, 0 for none."""
+        return tuple(float(q.width) for q in self.system.surfaces)
+
+    @property
+    def reset_from(self) -> tuple[int, ...]:
+        """The side from which a surface resets the state: +1, -1, 2 for both, 0 for none."""
+        return tuple(_SIDES[q.side] if q.reset is not None else 0 for q in self.system.surfaces)
+
+    @property
+    def contact(self) -> tuple[int, ...]:
+        """The side on which the state may rest on a surface, 0 for none."""
+        return tuple(_SIDES[q.side] if q.contact else 0 for q in self.system.surfaces)
+
+    def sizes(self, expressions: Iterable[Expr]) -> list[tuple[Symbol, Expr]]:
+        """(a_i, m_i h_i) for the sizes that stand in expressions, in an order to compute them in."""
+        used: set[Symbol] = set().union(*(e.free_symbols for e in expressions))
+        rows = list(zip(self.form.a, self.form.h, self.modes, strict=True))
+        needed = set(used)
+        for a, h, _ in reversed(rows):
+            if a in needed:
+                needed |= h.free_symbols & set(self.form.a)
+        return [(a, m * h) for a, h, m in rows if a in needed]
+
+
+def equations(system: System) -> Equations:
+    """The automaton of a system. Raises ModelError for one that has none that can be exported."""
+    form = system.symbolic
+    if form is None:
+        raise ModelError(
+            "the field is a plain function, expected expressions: only these can be written in another "
+            "language. Give the system as System({x: ...})."
+        )
+    for surface, held in zip(system.surfaces, form.held, strict=False):
+        if held:
+            raise ModelError(
+                f"surface {surface.name!r} is slid on by a derivative of its h (sliding of higher order), "
+                "which an exported automaton does not decide. Export a form of the model without it."
+            )
+    modes = tuple(sympy.Dummy(f"m{i}", real=True) for i in range(len(form.h)))
+    plain = _gradients(form, modes)
+    rows = contact_rows(form, plain, modes)
+    field = contact_field(form, modes)
+    none = (None,) * len(form.h)
+    return Equations(
+        system, form, modes, tuple(field), tuple(contact_guards(form, modes)),
+        tuple(tuple(row) for row in rows), form.radius, form.reset or none, form.time_reset,
+        tuple(structure(form, field, rows).components()), jointly_affine(form),
+    )  # fmt: skip
+
+
+def _gradients(form: SymbolicForm, modes: Sequence[Symbol]) -> list[list[Expr]]:
+    """dh/dx and dh/dt of every h, through the sizes of earlier surfaces: H = hx + ha diag(m) H."""
+    parts, n = form.partials, len(form.x)
+    rows: list[list[Expr]] = []
+    for i in range(len(form.h)):
+        row = [*(parts.hx[i, j] for j in range(n)), parts.ht[i, 0]]
+        for k in range(i):
+            if parts.ha[i, k] != 0:
+                row = [q + parts.ha[i, k] * modes[k] * inner for q, inner in zip(row, rows[k], strict=True)]
+        rows.append(row)
+    return rows
+
+
+def names_of(form: SymbolicForm, modes: Sequence[Symbol], first: int = 0) -> dict[Symbol, str]:
+    """What stands for a symbol in the text: x[0], p[0], s[0], m[0], a0; first: the number of the first."""
+    names: dict[Symbol, str] = {t: "t"}
+    for letter, symbols in (("x", form.x), ("p", form.p), ("s", form.s), ("m", modes)):
+        names |= {symbol: f"{letter}[{i + first}]" for i, symbol in enumerate(symbols)}
+    return names | {a: f"a{i}" for i, a in enumerate(form.a)}

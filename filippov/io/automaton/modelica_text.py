@@ -1,0 +1,221 @@
+"""The automaton of a system as Modelica: its equations as functions, its events as when-equations.
+
+The tool that runs it locates the events, so it is as exact as that tool's event search. What the
+when-equations do not decide (corners of coupled surfaces, ends of attraction, a surface passed without its
+event, accumulations) ends the run with a sentence. The mode and the start are those of one initial state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from sympy import Float
+
+from filippov.base.errors import ModelError
+from filippov.base.escape import printable
+from filippov.io.automaton.equations import Equations, names_of
+from filippov.io.automaton.fmu import check_plain
+from filippov.io.automaton.modelica_functions import (
+    HELPERS,
+    after_function,
+    function,
+    rates_function,
+    slides,
+    velocity_function,
+)
+from filippov.io.automaton.printers import ModelicaText
+from filippov.model.symbols import t as time_symbol
+
+# Words of the language, functions that are built in, and names that the model has of its own.
+_WORDS = (
+    "algorithm and annotation assert block break class connect connector constant constrainedby der "
+    "discrete each else elseif elsewhen encapsulated end enumeration equation expandable extends "
+    "external false final flow for function if import impure in initial inner input loop model not "
+    "operator or outer output package parameter partial protected public pure record redeclare "
+    "replaceable return stream then true type when while within time abs acos asin atan atan2 ceil cos "
+    "cosh cross delay div edge exp fill floor homotopy identity integer linspace log log10 matrix max "
+    "min mod noEvent ones pre product reinit rem sample sign sin sinh size skew smooth sqrt sum tan "
+    "tanh terminal terminate transpose vector zeros Real Integer Boolean String field guards gradients "
+    "ends velocity rates sign_of size_power change interval "
+)
+TAKEN = frozenset(_WORDS.split())
+
+
+def modelica_text(
+    eq: Equations, name: str, values: Sequence[float], x0: Sequence[float], t_span: Sequence[float],
+    mode: Sequence[int],
+) -> str:  # fmt: skip
+    """The text of the model; mode: the one at the start. Raises ModelError for what it cannot hold."""
+    system, form = eq.system, eq.form
+    n, m, k = len(form.x), len(form.h), len(form.p)
+    for word in (name, *system.states, *system.parameters.names):
+        check_plain(word, "Modelica")
+        if word in TAKEN:
+            raise ModelError(f"the name {word!r} is a word of Modelica or of the exported model. Rename it.")
+    if not m:
+        raise ModelError("the system has no surfaces, so there is no automaton to write in Modelica.")
+    if m > 1 and not eq.affine:
+        raise ModelError(
+            "the field holds products of signs, which the Modelica text has no sliding field for."
+        )
+    for event in system.time_events:
+        if event.times is not None:
+            raise ModelError(
+                f"time event {event.name!r} has a list of times, expected a period. Export to C."
+            )
+    end = "_"
+    while any(word.endswith(end) for word in (*system.states, *system.parameters.names)):
+        end += "_"
+    for surface, contact, sign in zip(system.surfaces, eq.contact, mode, strict=True):
+        if contact and sign == 0:
+            raise ModelError(
+                f"the state rests on surface {surface.name!r}, which the Modelica text does not hold."
+            )
+    here = f"{{{', '.join(system.states)}}}", f"{{{', '.join(system.parameters.names) or '0'}}}"
+    point = f"time, {here[0]}, {here[1]}"
+    modes = ", ".join(f"mode{i + 1}{end}" for i in range(m))
+    old = ", ".join(f"pre(mode{i + 1}{end})" for i in range(m))
+    state = f"input Real t; input Real x[{n}]; input Real p[{max(k, 1)}];"
+    lines = [f'model {name} "The exact automaton of a system, written by filippov export"']
+    lines += [
+        f"  parameter Real {q} = {float(v)!r};" for q, v in zip(system.parameters.names, values, strict=True)
+    ]
+    lines += [f'  parameter Real near{end} = 1e-6 "|h| up to which a state counts as on a surface";']
+    lines += [
+        f"  Real {q}(start = {float(v)!r}, fixed = true);" for q, v in zip(system.states, x0, strict=True)
+    ]
+    heights = _heights(eq, values, x0, float(t_span[0]))
+    for i, surface in enumerate(system.surfaces):
+        free = "true" if mode[i] and abs(heights[i]) > 1e-9 else "false"
+        lines.append(f"  Integer mode{i + 1}{end}(start = {mode[i]}, fixed = true) {_string(surface.name)};")
+        lines.append(f'  Boolean free{i + 1}{end}(start = {free}, fixed = true) "clear of the surface";')
+        lines.append(f"  Boolean hit{i + 1}{end}(start = false, fixed = true);")
+    lines += [f"  Real f{end}[{n}]; Real h{end}[{m}]; Real r{end}[{2 * m}];"]
+    jumps = list(_jumps(eq))
+    if jumps:
+        lines.append(f"  discrete Real x{end}[{n}]; discrete Real m{end}[{m}];")
+    for i in range(len(system.time_events)):
+        lines += [f"  Boolean clock{i + 1}{end};", f"  Integer count{i + 1}{end}(start = 0, fixed = true);"]
+    lines.append(HELPERS)
+    signs = f"{state} input Real s[{m}]; input Integer m[{m}]; output Real"
+    moded = f"{state} input Integer m[{m}]; output Real"
+    lines += function(eq, "field", f"{signs} y[{n}];", [(f"y[{j + 1}]", e) for j, e in enumerate(eq.field)])
+    lines += function(eq, "guards", f"{moded} y[{m}];", [(f"y[{i + 1}]", e) for i, e in enumerate(eq.guards)])
+    rows = [(f"y[{i + 1}, {j + 1}]", e) for i, row in enumerate(eq.gradients) for j, e in enumerate(row)]
+    lines += function(eq, "gradients", f"{moded} y[{m}, {n + 1}];", rows)
+    pairs = [(f"y[{i + 1}, {j + 1}]", e) for i, pair in enumerate(eq.ends) for j, e in enumerate(pair)]
+    lines += function(eq, "ends", f"{state} output Real y[{m}, 2];", pairs)
+    changed = dict(zip(form.s, eq.modes, strict=True))
+    for word, tables in (("reset", eq.resets), ("strike", eq.strikes)):
+        for i, after in enumerate(tables):
+            if after is not None:
+                targets = [(f"y[{j + 1}]", e.xreplace(changed)) for j, e in enumerate(after)]
+                lines += function(eq, f"{word}{i + 1}{end}", f"{moded} y[{n}];", targets)
+                lines += after_function(eq, f"{word}{i + 1}", end)
+    lines += [*velocity_function(n, m, k), *rates_function(n, m, k), "equation"]
+    lines += [f"  f{end} = velocity({point}, {{{modes}}});"]
+    lines += [f"  der({q}) = f{end}[{j + 1}];" for j, q in enumerate(system.states)]
+    lines += [f"  h{end} = guards({point}, {{{old}}});", f"  r{end} = rates({point}, {{{old}}});"]
+    clocks = names_of(form, eq.modes)
+    clocks |= dict(zip(form.p, system.parameters.names, strict=True))
+    printer = ModelicaText().name(clocks, form.a)
+    for i, event in enumerate(system.time_events):
+        begin, period = (repr(q) if isinstance(q, float) else printer(q) for q in event.instants)
+        t0 = repr(float(t_span[0]))
+        first = (
+            f"(if {begin} > {t0} then {begin} else {begin} + {period}*(floor(({t0} - {begin})/{period}) + 1))"
+        )
+        lines.append(f"  clock{i + 1}{end} = time >= {first} + pre(count{i + 1}{end})*{period};")
+        lines += _chain([(f"clock{i + 1}{end}", [f"count{i + 1}{end} = pre(count{i + 1}{end}) + 1;"])])
+    for i in range(m):
+        lines += _surface(eq, i, end, jumps)
+    held = f"time, {{{', '.join(f'pre({q})' for q in system.states)}}}, {here[1]}, {{{old}}}"
+    lines += _chain([
+        (_when(word, i, end),
+         [f"x{end} = {word}{i + 1}{end}({held});",
+          f"m{end} = {word}{i + 1}_sign{end}({held}, near{end});",
+          *(f"reinit({q}, x{end}[{j + 1}]);" for j, q in enumerate(system.states))])
+        for word, i in jumps
+    ])  # fmt: skip
+    start, stop = (float(q) for q in t_span)
+    lines += [
+        f"  annotation(experiment(StartTime = {start!r}, StopTime = {stop!r}, Tolerance = 1e-9));",
+        f"end {name};",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _jumps(eq: Equations) -> Iterator[tuple[str, int]]:
+    """What changes the state at once: ("strike", number of the clock), ("reset", number of the surface)."""
+    yield from (("strike", i) for i, after in enumerate(eq.strikes) if after is not None)
+    yield from (("reset", i) for i, after in enumerate(eq.resets) if after is not None)
+
+
+def _when(word: str, i: int, end: str) -> str:
+    return f"{'clock' if word == 'strike' else 'hit'}{i + 1}{end}"
+
+
+def _chain(parts: Sequence[tuple[str, Sequence[str]]]) -> list[str]:
+    """when ... elsewhen ... end when."""
+    lines = []
+    for k, (condition, body) in enumerate(parts):
+        lines += [f"  {'elsewhen' if k else 'when'} {condition} then", *(f"    {line}" for line in body)]
+    return [*lines, "  end when;"] if lines else []
+
+
+def _surface(eq: Equations, i: int, end: str, jumps: Sequence[tuple[str, int]]) -> list[str]:
+    """The when-equations of a surface, and what ends the run there."""
+    k, surface, width = i + 1, eq.system.surfaces[i], eq.widths[i]
+    mode, free, hit, h = f"mode{k}{end}", f"free{k}{end}", f"hit{k}{end}", f"h{end}[{k}]"
+    upper, lower, near = f"r{end}[{2 * k - 1}]", f"r{end}[{2 * k}]", f"near{end}"
+    side = f" and pre({mode}) == {eq.reset_from[i]}" if eq.reset_from[i] in (1, -1) else ""
+    reached = f"pre({free}) and pre({mode})*{h} + {width!r} < 0"
+    lines = [f"  {hit} = {reached}{side if eq.reset_from[i] else ''};"]
+    jumped = " or ".join(_when(word, j, end) for word, j in jumps)
+    chain = [(jumped, [f"{mode} = {_sign_of(f'm{end}[{k}]')};"])] if jumps else []
+    sliding = slides(eq, i)
+    if not eq.reset_from[i] or side:
+        where = f"{hit}" if not side else f"{reached} and not {hit}"
+        decided = f"if {upper} < 0 and {lower} > 0 then 0 else -pre({mode})" if sliding else f"-pre({mode})"
+        chain.append((where, [f"{mode} = {decided};"]))
+    if sliding:
+        chain += [(f"pre({mode}) == 0 and {upper} > 0", [f"{mode} = 1;"]),
+                  (f"pre({mode}) == 0 and {lower} < 0", [f"{mode} = -1;"])]  # fmt: skip
+    lines += _chain(chain)
+    clear = f"{mode}*{h} + {width!r} > {near}*1e-3"
+    lines += _chain(
+        [(f"{hit} or {mode} <> pre({mode})", [f"{free} = {clear};"]), (clear, [f"{free} = true;"])]
+    )
+    told = surface.name
+    behind = f"not pre({free}) and pre({mode})*{h} + {width!r} < -{near}"
+    lines += _ending(behind, f"surface {told} was passed unseen, or events accumulate there")
+    if sliding:
+        lines += _ending(
+            f"pre({mode}) == 0 and {lower} - {upper} < 0", f"two-fold: surface {told} attracts no more"
+        )
+        for j, part in enumerate(eq.component):
+            if part == eq.component[i] and j != i and eq.system.surfaces[j].kind == "switching":
+                met = f"{reached} and pre(mode{j + 1}{end}) == 0"
+                lines += _ending(met, f"corner: surface {told} is reached while a coupled one is slid on")
+    return lines
+
+
+def _sign_of(value: str) -> str:
+    return f"if {value} > 0.5 then 1 elseif {value} < -0.5 then -1 else 0"
+
+
+def _ending(condition: str, sentence: str) -> list[str]:
+    return [f"  when {condition} then", f"    terminate({_string(sentence)});", "  end when;"]
+
+
+def _string(text: str) -> str:
+    """A string of Modelica, in one line."""
+    plain = printable(text).replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{plain}"'
+
+
+def _heights(eq: Equations, values: Sequence[float], x0: Sequence[float], t0: float) -> list[float]:
+    """h of every surface at the start."""
+    at = {time_symbol: Float(t0)}
+    at |= {q: Float(float(v)) for q, v in zip((*eq.form.p, *eq.form.x), (*values, *x0), strict=True)}
+    return [float(h.xreplace(at)) for h in eq.form.plain_h()]
