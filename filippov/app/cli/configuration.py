@@ -165,7 +165,8 @@ def choice(name: str, help_text: str, *known: str, default: str | None = None) -
 class Command:
     """A command of the tool.
 
-    module, function   what does it: function(settings, console) -> exit code
+    module, function   what does it: function(settings, console) -> exit code; a module of this package by
+                       its short name
     needs              module without which it is not offered
     """
 
@@ -193,7 +194,8 @@ class Command:
 
     def load(self) -> Callable[..., int]:
         """Import what does it."""
-        function: Any = getattr(importlib.import_module(f"filippov.app.cli.{self.module}"), self.function)
+        module = self.module if "." in self.module else f"filippov.app.cli.{self.module}"
+        function: Any = getattr(importlib.import_module(module), self.function)
         return function  # type: ignore[no-any-return]
 
 
