@@ -7,11 +7,13 @@ window.dash_clientside.explorer = (() => {
     busy = true; sent = wanted; asked = performance.now();
     set("live", { data: JSON.parse(sent) });
   };
+  const echoes = {};  // what sync itself has set: no move of the user's
   const nothing = () => window.dash_clientside.no_update;
   return {
     gate: (...values) => {
       const held = {};
-      window.dash_clientside.callback_context.inputs_list.forEach((item, k) => { held[item.id] = values[k]; });
+      // An emptied box gives null, NaN or undefined: it is asked for as nothing, never left out.
+      window.dash_clientside.callback_context.inputs_list.forEach((item, k) => { held[item.id] = values[k] ?? null; });
       wanted = JSON.stringify(held);
       if (!busy && wanted !== sent) send();
       clearTimeout(timer);
@@ -40,8 +42,13 @@ window.dash_clientside.explorer = (() => {
       const moved = context.triggered.map((item) => item.prop_id.split(".")[0]);
       for (const id of moved) {
         const other = id.startsWith("range-") ? id.slice(6) : "range-" + id;
-        if (other in held && held[id] !== null && held[id] !== undefined && Number(held[other]) !== Number(held[id])) {
-          set(other, { value: Number(held[id]) });
+        // A slider that is given no number goes to its middle, so it is given none.
+        const value = held[id] === null || held[id] === "" ? NaN : Number(held[id]);
+        const echo = echoes[id] === value;
+        delete echoes[id];
+        if (other in held && !echo && Number.isFinite(value) && Number(held[other]) !== value) {
+          echoes[other] = value;
+          set(other, { value });
         }
       }
       if (moved.includes("over") && !moved.includes("low") && ranges[held["over"]]) {

@@ -99,5 +99,6 @@ def _row(item: Field, view: View) -> html.Div:
         slider = dcc.Input(
             id=f"range-{item.id}", type="range", value=view[item.key], min=low, max=high, step=step
         )
-        parts.append(html.Label([html.Span(f"slider of {name}", className="unseen"), slider], className="range"))
+        hint = html.Span(f"slider of {name}", className="unseen")
+        parts.append(html.Label([hint, slider], className="range"))
     return html.Div(parts, className="row")
