@@ -48,7 +48,7 @@ def explorer_of(loaded: Loaded, settings: dict[str, Any]) -> Explorer:
     UsageError.
     """
     system, start = loaded.system, loaded.x0
-    made = loaded.model
+    made: Any = loaded.model
     if made is None:
         start = [0.0] * system.dimension if start is None else start
         made = Problem(system, start, loaded.t_span or (0.0, 10.0), loaded.values(None))

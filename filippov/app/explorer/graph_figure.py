@@ -50,8 +50,10 @@ def graph_figure(solution: Solution) -> Figure:
         })  # fmt: skip
     corners = np.array(list(places.values()))
     (x0, y0), (x1, y1) = corners.min(axis=0) - 0.9, corners.max(axis=0) + 0.9
+    if any(a == b for a, b in graph.edges()):
+        y1 += 0.5
     hidden = {"visible": False, "fixedrange": True}
-    axes = {"x": {**hidden, "range": [x0, x1]}, "y": {**hidden, "range": [y0, y1]}}
+    axes = {"x": {**hidden, "range": [x0, x1]}, "y": {**hidden, "range": [y0, y1], "scaleanchor": "x"}}
     return figure(data, axes, height=LOW, margin={"l": 4, "r": 4, "t": 8, "b": 4}, hovermode="closest")
 
 
@@ -59,9 +61,9 @@ def _arc(start: Any, end: Any, repeat: int, kind: str, count: str, named: bool) 
     """A curve that bends to the left of its direction, an arrow at its end, a number in its middle."""
     s = np.linspace(0, 1, 25)[:, None]
     if np.array_equal(start, end):
-        angle = np.pi / 2 + (2 * s - 1) * 2.5
-        radius = 0.3 + 0.12 * repeat
-        middle = start + np.array([0.0, GAP + radius])
+        angle = np.pi / 2 + (2 * s - 1) * 2.4
+        radius = 0.25 + 0.1 * repeat
+        middle = start + np.array([0.0, GAP - 0.05 + radius])
         curve = middle + radius * np.hstack([np.cos(angle), np.sin(angle)])
     else:
         chord = end - start
