@@ -32,6 +32,7 @@ EXAMPLES: dict[str, str] = {
     "compare": "filippov compare hunting --widths 1e-2,1e-4,1e-6 -o results/comparison",
     "graph": "filippov graph hunting --kind observed --t-span 0 100 -o results/graph",
     "export": "filippov export hunting -p P=20 --to c -o hunting.c",
+    "explore": "filippov explore hunting -p P=20",
     "models": "filippov models describe hunting",
     "study": "filippov study hunting -o results/hunting",
 }

@@ -41,7 +41,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
         "filippov.analysis.gains", "filippov.analysis.harmonic", "filippov.analysis.estimation",
         "filippov.analysis.comparisons", "filippov.analysis.programs", "filippov.analysis",
     ),
-    ("filippov.app.bank", "filippov.app.report", "filippov.app.cli", "filippov.app"),
+    ("filippov.app.bank", "filippov.app.report", "filippov.app.cli", "filippov.app.explorer", "filippov.app"),
     ("filippov.__main__",),
 )  # fmt: skip
 ROOMS = tuple(room for rooms in FLOORS for room in rooms)

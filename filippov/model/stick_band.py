@@ -81,6 +81,8 @@ class StickBand:
     ) -> None:
         self.form, self.i, self.surface, self.own = form, i, surface, own
         self.s, self.a = form.s[i], form.a[i]
+        # Behind the equations a form may hold an expression that is to be read under this comparator.
+        self.equations = form.field[: len(form.x)]
         self.name = f"{type(own).__name__} of surface {surface.name!r}"
         self.width, self.alpha = (
             self._number(value, place == 0) for place, value in enumerate(numbers_of(own).values())
@@ -123,7 +125,7 @@ class StickBand:
     def _rate(self) -> Expr:
         """L(s), dh/dt within the band."""
         rate = self.h.diff(t)
-        for x, f in zip(self.form.x, self.form.field, strict=True):
+        for x, f in zip(self.form.x, self.equations, strict=True):
             slope = self.h.diff(x)
             if slope != 0:
                 rate += slope * convex(f, {self.s}).xreplace(self.at)
@@ -137,7 +139,7 @@ class StickBand:
                 f"velocity of a body. {OTHERS}"
             )
         x = self.form.x[self.state]
-        others = [f for k, f in enumerate(self.form.field) if k != self.state]
+        others = [f for k, f in enumerate(self.equations) if k != self.state]
         if any(f.has(self.s) for f in others):
             raise ModelError(
                 f"{self.name}: its sign acts on other equations than that of {x}, so there is no balance of "

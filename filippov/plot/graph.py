@@ -49,7 +49,7 @@ def plot_graph(
     """
     if not graph:
         raise UsageError("the graph has no modes, nothing can be drawn.")
-    places = _places(graph)
+    places = places_of(graph)
     edges = list(graph.edges(data=True))
     table = guards and 0 < len(edges) <= MOST_GUARDS
     with style():
@@ -82,7 +82,7 @@ def _text_inches(edges: list[Any]) -> float:
     return min(9.5, 0.6 + 0.068 * max(len(_line(a, b, values)) for a, b, values in edges))
 
 
-def _places(graph: nx.MultiDiGraph) -> dict[str, Point]:
+def places_of(graph: nx.MultiDiGraph) -> dict[str, Point]:
     """Where the modes stand: at their signs for one or two surfaces."""
     m = max(len(mode) for mode in graph)
     if m == 1:

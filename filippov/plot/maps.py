@@ -164,18 +164,22 @@ def _sampled(
     return d, np.asarray(image, dtype=float)
 
 
+def with_gaps(d: Array, image: Array) -> tuple[Array, Array]:
+    """The points of a map as a line with a gap where it jumps: a step far beyond its neighbours."""
+    if d.size <= 4:
+        return d, image
+    rise = np.abs(np.diff(image))
+    seen = rise[np.isfinite(rise)]
+    height = float(np.ptp(image[np.isfinite(image)])) if seen.size else 0.0
+    limit = max(30 * float(np.median(seen)), 0.04 * height) if seen.size else np.inf
+    at = np.flatnonzero(rise > limit) + 1
+    return np.insert(d, at, np.nan), np.insert(image, at, np.nan)
+
+
 def _curve(ax: Any, lo: float, hi: float, d: Array, image: Array) -> None:
-    """The map with the diagonal; a step far beyond its neighbours is a jump and leaves a gap."""
+    """The map with the diagonal."""
     ax.plot([lo, hi], [lo, hi], color=GREY, linewidth=0.8, linestyle=":", zorder=1, label="P(d) = d")
-    x, y = d, image
-    if d.size > 4:
-        rise = np.abs(np.diff(image))
-        seen = rise[np.isfinite(rise)]
-        height = float(np.ptp(image[np.isfinite(image)])) if seen.size else 0.0
-        limit = max(30 * float(np.median(seen)), 0.04 * height) if seen.size else np.inf
-        at = np.flatnonzero(rise > limit) + 1
-        x, y = np.insert(d, at, np.nan), np.insert(image, at, np.nan)
-    ax.plot(x, y, color=BLUE, zorder=2, label="P(d)")
+    ax.plot(*with_gaps(d, image), color=BLUE, zorder=2, label="P(d)")
 
 
 def _fixed(ax: Any, points: Iterable[Any]) -> None:

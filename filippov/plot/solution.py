@@ -6,7 +6,7 @@ Sliding phases are shaded or drawn thick, events are marked by kind. The functio
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from filippov.base.errors import ModelError, UsageError
 from filippov.base.escape import figure_text
 from filippov.base.names import check_known
 from filippov.plot.graph import plot_graph
+from filippov.plot.pieces import output_pieces, pieces_of
 from filippov.plot.style import (
     BLUE,
     GREY,
@@ -30,7 +31,7 @@ from filippov.plot.style import (
     new_figure,
     style,
 )
-from filippov.solving.reading import expression_of, values
+from filippov.solving.reading import expression_of
 from filippov.solving.segments import Segment
 from filippov.solving.solution import Solution
 
@@ -73,7 +74,7 @@ def plot_solution(
             raise UsageError(str(error)) from None
     own = solution.system.labels
     text = _labels(labels, ("t", *solution.system.states, *solution.system.outputs, *names, "multiplier"))
-    pieces = list(_pieces(solution, points))
+    pieces = list(pieces_of(solution, points))
     rows = len(names) + (multiplier is not None)
     with style():
         drawn = figure if figure is not None else new_figure(7.0, 1.0 + 1.55 * rows)
@@ -88,7 +89,7 @@ def plot_solution(
                 if events:
                     _mark(ax, solution, *at, k == 0)
             else:
-                ax.plot(*_output(solution, name, pieces), color=SERIES[1])
+                ax.plot(*output_pieces(solution, name, pieces), color=SERIES[1])
                 ax.margins(y=0.08)
             ax.set_ylabel(text.get(name, axis_label(solution.system, name)))
         if multiplier is not None:
@@ -137,7 +138,7 @@ def plot_phase(
                 ends[:, 0], ends[:, 1], color=GREY, linewidth=6, alpha=0.45, solid_capstyle="round", zorder=1,
                 marker="o" if len(ends) == 1 else "", markersize=8, markeredgewidth=0, label="equilibria",
             )  # fmt: skip
-        for sliding, group in groupby(_pieces(solution, points), key=lambda piece: 0 in piece[0].mode):
+        for sliding, group in groupby(pieces_of(solution, points), key=lambda piece: 0 in piece[0].mode):
             line = np.concatenate([values[[i, j]] for _, _, values in group], axis=1)
             ax.plot(
                 *line, color=SLIDING[0] if sliding else BLUE, linewidth=3.2 if sliding else 1.1,
@@ -157,21 +158,6 @@ def plot_phase(
 
 
 # -- pieces ----------------------------------------------------------------------------------------------
-
-
-def _pieces(solution: Solution, points: int) -> Iterator[tuple[Segment, Array, Array]]:
-    """(segment, times, states) along the run, each segment from its first to its last point."""
-    if points < 2:
-        raise UsageError(f"points is {points!r}, expected at least 2.")
-    span = abs(solution.t_end - solution.problem.t_span[0]) or 1.0
-    for segment in solution.segments:
-        if solution.sol is None:
-            low, high = sorted((segment.t0, segment.t1))
-            inside = (solution.t >= low) & (solution.t <= high)
-            yield segment, solution.t[inside], solution.y[:, inside]
-            continue
-        t = np.linspace(segment.t0, segment.t1, max(8, int(points * segment.dwell / span)))
-        yield segment, t, np.column_stack([solution.sol(t[:1], side="+"), solution.sol(t[1:])])
 
 
 def _shade(ax: Any, solution: Solution, named: bool) -> None:
@@ -200,23 +186,6 @@ def _mark(ax: Any, solution: Solution, a: Sequence[float], b: Sequence[float], n
                 [a[k] for k in chosen], [b[k] for k in chosen], marker, color=colour, markersize=5, zorder=4,
                 markeredgewidth=1.0 if marker == "x" else 0, label=str(kind) if named else None,
             )  # fmt: skip
-
-
-def _output(
-    solution: Solution, name: str, pieces: Sequence[tuple[Segment, Array, Array]]
-) -> tuple[Array, Array]:
-    """Times and values of an output or formula; a gap where it jumps from one mode to the next."""
-    times: list[Array] = []
-    found: list[Array] = []
-    for segment, t, x in pieces:
-        modes = np.tile(np.array(segment.mode, dtype=np.int64), (t.size, 1))
-        value = values(solution, name, t, x, modes, "+")
-        if found and value.size and not np.isclose(value[0], found[-1][-1], rtol=1e-6, atol=1e-12):
-            times.append(t[:1])
-            found.append(np.array([np.nan]))
-        times.append(t)
-        found.append(value)
-    return np.concatenate(times), np.concatenate(found)
 
 
 def _multiplier(

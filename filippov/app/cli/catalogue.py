@@ -402,6 +402,17 @@ _ALL = (
         EXAMPLES["export"],
     ),
     Command(
+        "explore", "a page on this machine with sliders for the parameters; with -o the files of its view: "
+        "view.py, motion.csv, events.csv, motion.png, phase.png, solution.npz, of a section map.csv, "
+        "diagram.csv", "filippov.app.explorer.command",
+        (MODEL, PARAMETERS, *START[:2],
+         Option("view", "a link of the page, or its part after the question mark: the view to begin with",
+                text, metavar="LINK"),
+         Option("port", "port of the page; default: any free one", whole_or_zero, metavar="N", default=0),
+         Option("open", "show it in a browser", switch, default=True)),
+        EXAMPLES["explore"],
+    ),
+    Command(
         "bank", "run a file of cases with reference values, or put it to reference solvers", "bank",
         (Option("action", "run, compare with reference solvers, migrate an earlier form, print the schema",
                 one_of("run", "compare", "migrate", "schema"), metavar="{run,compare,migrate,schema}",

@@ -1,0 +1,132 @@
+"""The files of a view: data, figures, the solution, and the Python that makes them."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from filippov.app.cli.solved import EVENT_COLUMNS, event_row
+from filippov.app.explorer.motion import ATOL, MOST_EVENTS, MOST_STEPS, RTOL, Motions
+from filippov.app.explorer.view import EXACT, View
+from filippov.base.csv_text import csv_text
+from filippov.base.errors import UsageError
+
+
+def motion_csv(motions: Motions, view: View) -> str:
+    """Time, states and outputs at the ends of the steps."""
+    solution, names = motions.exact(view), motions.subject.quantities
+    return csv_text(("t", *names), np.vstack([solution.t, *(solution[name] for name in names)]).T.tolist())
+
+
+def events_csv(motions: Motions, view: View) -> str:
+    """The events, as `filippov simulate` writes them."""
+    rows = (event_row(event) for event in motions.exact(view).events)
+    return csv_text((*EVENT_COLUMNS, *motions.subject.system.states), rows)
+
+
+def map_csv(motions: Motions, view: View) -> str:
+    """d and P(d) over the interval. Raises UsageError without a section."""
+    found = motions.map(view)
+    if found is None:
+        raise UsageError("the subject has no section, so it has no event map.")
+    return csv_text(("d", "P"), zip(found.d.tolist(), found.image.tolist(), strict=True))
+
+
+def diagram_csv(motions: Motions, view: View) -> str:
+    """Iterates over the diagram's parameter. Raises UsageError without a section."""
+    found = motions.diagram(view)
+    if found is None:
+        raise UsageError("the subject has no section, so it has no diagram.")
+    values, d = found
+    rows = ((value, each) for value, row in zip(values.tolist(), d.tolist(), strict=True) for each in row)
+    return csv_text((view["over"], "d"), rows)
+
+
+def motion_png(motions: Motions, view: View) -> bytes:
+    """The time response by matplotlib."""
+    solution = motions.exact(view)
+    return _picture(lambda figure: solution.plot(figure=figure), 1.0 + 1.55 * len(motions.subject.quantities))
+
+
+def phase_png(motions: Motions, view: View) -> bytes:
+    """The phase portrait by matplotlib. Raises UsageError for a system of one state."""
+    from filippov.plot.solution import plot_phase
+
+    solution = motions.exact(view)
+    return _picture(lambda figure: plot_phase(solution, view["x"], view["y"], figure=figure), 5.0)
+
+
+def solution_npz(motions: Motions, view: View) -> bytes:
+    """The solution with its system, for `Solution.load`."""
+    import tempfile
+    from pathlib import Path
+
+    with tempfile.TemporaryDirectory() as folder:
+        return motions.exact(view).save(Path(folder) / "solution.npz").read_bytes()
+
+
+def script(motions: Motions, view: View) -> str:
+    """Python that solves the view again and writes motion.csv and its pictures."""
+    subject = motions.subject
+    lines = [
+        f"# {subject.name!r}, as the explorer showed it: {view.query or 'nothing changed'}",
+        "import matplotlib", "import numpy as np", "", "from filippov import solve",
+        *subject.origin.split("\n"), "", 'matplotlib.use("Agg")', f"parameters = {view.parameters!r}",
+        f"budget = {{'max_steps': {MOST_STEPS}, 'max_events': {MOST_EVENTS}}}",
+        f"x0, t_span = {view.x0!r}, {view.t_span!r}",
+        "solution = solve(system, x0, t_span, parameters=parameters, **budget)", "print(solution.message)",
+        f"columns = {('t', *subject.quantities)!r}",
+        "rows = np.column_stack([solution[name] for name in columns])",
+        "np.savetxt('motion.csv', rows, fmt='%.17g', delimiter=',', header=','.join(columns), comments='')",
+        "solution.plot().savefig('motion.png')",
+    ]  # fmt: skip
+    if view["x"] != view["y"]:
+        lines += ["", "from filippov.plot import plot_phase", "",
+                  f"plot_phase(solution, {view['x']!r}, {view['y']!r}).savefig('phase.png')"]  # fmt: skip
+    if view["against"] != EXACT:
+        lines += [
+            "", f"from filippov import {view['against']}", "",
+            f"approximate = system.with_comparator({view['against']}({view['width']!r}))",
+            "other = solve(approximate, x0, t_span, parameters=parameters, **budget)", "print(other.message)",
+        ]  # fmt: skip
+    section = subject.section
+    lift = None if section is None else section.lift
+    if isinstance(lift, dict) and all(isinstance(text, str) for text in lift.values()):
+        lines += [
+            "", "from filippov.analysis import EventMap, Section", "", f"section = {section!r}",
+            f"turns = {{'order': {view['order']}, 'rtol': {RTOL!r}, 'atol': {ATOL!r}}}",
+            "event_map = EventMap(system, section, parameters=parameters, **turns)",
+            f"print(event_map.iterate({view['d']!r}, 24))",
+        ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+# What the page and `filippov explore -o DIR` offer: name -> (how it is made, its type).
+FILES: dict[str, tuple[Callable[[Motions, View], str | bytes], str]] = {
+    "view.py": (script, "text/x-python"), "motion.csv": (motion_csv, "text/csv"),
+    "events.csv": (events_csv, "text/csv"), "map.csv": (map_csv, "text/csv"),
+    "diagram.csv": (diagram_csv, "text/csv"), "motion.png": (motion_png, "image/png"),
+    "phase.png": (phase_png, "image/png"), "solution.npz": (solution_npz, "application/octet-stream"),
+}  # fmt: skip
+
+
+def offered(motions: Motions, view: View) -> list[str]:
+    """Names of the files that the view has."""
+    subject = motions.subject
+    without = set() if subject.section is not None else {"map.csv", "diagram.csv"}
+    without |= {"diagram.csv"} if "over" not in view.values else set()
+    without |= {"phase.png"} if view["x"] == view["y"] else set()
+    return [name for name in FILES if name not in without]
+
+
+def _picture(draw: Callable[[Any], object], height: float) -> bytes:
+    """What is drawn into a figure of no window, as PNG: any thread may do that."""
+    from matplotlib.figure import Figure
+
+    figure, out = Figure(figsize=(7.0, height), layout="constrained"), io.BytesIO()
+    draw(figure)
+    figure.savefig(out, format="png", dpi=160)
+    return out.getvalue()

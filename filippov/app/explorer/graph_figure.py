@@ -1,0 +1,83 @@
+"""The modes that the motion was in, at the place of their signs, and its transitions with their number."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from filippov.app.explorer.look import LOW, Figure, empty, figure, plain
+from filippov.app.explorer.time_figure import mode_words
+from filippov.base.status import EventKind
+from filippov.plot.graph import places_of
+from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, RED
+from filippov.solving.solution import Solution
+
+COLOURS = {str(EventKind.CROSSING): BLUE, str(EventKind.ENTRY): RED, str(EventKind.EXIT): GREEN,
+           str(EventKind.GRAZING): PURPLE}  # fmt: skip
+MOST_MODES = 40
+GAP = 0.26  # between a mode and the end of an arc, in the units of the picture
+
+
+def graph_figure(solution: Solution) -> Figure:
+    """Boxes are sliding modes; an arc is an event, thicker at its end, its number of times beside it."""
+    graph = solution.mode_graph()
+    if not graph or len(graph) > MOST_MODES:
+        what = "The system has no surfaces" if not graph else f"The motion goes through {len(graph)} modes"
+        return empty(f"{what}: there is no graph to draw.")
+    if not solution.system.surface_names:
+        return empty("The system has no surfaces: it has one mode.")
+    places = places_of(graph)
+    data: list[dict[str, Any]] = []
+    shown: set[str] = set()
+    used: dict[tuple[str, str], int] = {}
+    for a, b, values in graph.edges(data=True):
+        repeat = used[a, b] = used.get((a, b), -1) + 1
+        kind = str(values.get("kind", ""))
+        data.append(_arc(places[a], places[b], repeat, kind, str(values.get("count", "")), kind not in shown))
+        shown.add(kind)
+    surfaces, signs = solution.system.surface_names, {"+": 1, "0": 0, "-": -1}
+    for mode in graph:
+        sliding = "0" in mode
+        words = mode_words(surfaces, tuple(signs.get(c, 1) for c in mode))
+        data.append({
+            "type": "scatter", "mode": "markers+text", "x": [float(places[mode][0])],
+            "y": [float(places[mode][1])], "text": [plain(mode)], "showlegend": False,
+            "hovertext": [plain(words)], "hoverinfo": "text", "textfont": {"size": 15}, "marker": {
+                "symbol": "square" if sliding else "circle", "size": 34,
+                "color": "#fdebd0" if sliding else "white",
+                "line": {"width": 2, "color": ORANGE if sliding else GREY}},
+        })  # fmt: skip
+    corners = np.array(list(places.values()))
+    (x0, y0), (x1, y1) = corners.min(axis=0) - 0.9, corners.max(axis=0) + 0.9
+    if any(a == b for a, b in graph.edges()):
+        y1 += 0.5
+    hidden = {"visible": False, "fixedrange": True}
+    axes = {"x": {**hidden, "range": [x0, x1]}, "y": {**hidden, "range": [y0, y1], "scaleanchor": "x"}}
+    return figure(data, axes, height=LOW, margin={"l": 4, "r": 4, "t": 8, "b": 4}, hovermode="closest")
+
+
+def _arc(start: Any, end: Any, repeat: int, kind: str, count: str, named: bool) -> dict[str, Any]:
+    """A curve that bends to the left of its direction, an arrow at its end, a number in its middle."""
+    s = np.linspace(0, 1, 25)[:, None]
+    if np.array_equal(start, end):
+        angle = np.pi / 2 + (2 * s - 1) * 2.4
+        radius = 0.25 + 0.1 * repeat
+        middle = start + np.array([0.0, GAP - 0.05 + radius])
+        curve = middle + radius * np.hstack([np.cos(angle), np.sin(angle)])
+    else:
+        chord = end - start
+        middle = (start + end) / 2 + np.array([-chord[1], chord[0]]) * (0.22 + 0.18 * repeat)
+        curve = (1 - s) ** 2 * start + 2 * s * (1 - s) * middle + s**2 * end
+        far = [np.linalg.norm(curve - point, axis=1) > GAP for point in (start, end)]
+        curve = curve[far[0] & far[1]] if np.any(far[0] & far[1]) else curve
+    n, colour = len(curve), COLOURS.get(kind, INK)
+    symbols, sizes, texts = ["circle"] * n, [0] * n, [""] * n
+    symbols[-1], sizes[-1], texts[n // 2] = "arrow", 13, f"<b>{plain(count)}</b>"
+    return {
+        "type": "scatter", "mode": "lines+markers+text", "x": curve[:, 0].tolist(), "y": curve[:, 1].tolist(),
+        "line": {"color": colour, "width": 1.6}, "text": texts, "textposition": "top center",
+        "textfont": {"color": colour, "size": 13}, "name": plain(kind), "showlegend": named,
+        "hoverinfo": "name", "legendgroup": kind,
+        "marker": {"symbol": symbols, "size": sizes, "angleref": "previous", "color": colour},
+    }  # fmt: skip

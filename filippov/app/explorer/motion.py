@@ -1,0 +1,149 @@
+"""The motions and iterates behind a view, each within a budget, the last of each kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.app.explorer.subject import Subject
+from filippov.app.explorer.view import EXACT, View
+from filippov.base.errors import UsageError
+from filippov.model.comparator import NAMES
+from filippov.model.parameter import Parameter
+from filippov.model.parameter_symbol import parameters
+from filippov.model.system import System
+from filippov.solving.solution import Solution
+from filippov.solving.solver import solve
+
+T = TypeVar("T")
+Array = npt.NDArray[np.float64]
+# A slider never waits longer than for these; a motion that needs more ends early and says so.
+MOST_STEPS, MOST_EVENTS = 40_000, 2_000
+KEPT = 8
+MAP_POINTS, COBWEB, DIAGRAM_VALUES, TRANSIENT, KEEP = 121, 24, 41, 24, 12
+RTOL, ATOL = 1e-8, 1e-10  # of the turns of a map
+
+
+@dataclass(frozen=True)
+class MapData:
+    """The event map on an interval, iterates from a start, and those of them that show where it leads."""
+
+    d: Array
+    image: Array
+    orbit: Array
+    last: Array
+
+
+class Motions:
+    """What belongs to a view of one subject: solved when first asked for."""
+
+    def __init__(self, subject: Subject) -> None:
+        self.subject = subject
+        self._found: dict[Any, Any] = {}
+        self._systems: dict[str, tuple[System, str]] = {}
+        self._map: Any = None
+
+    def exact(self, view: View) -> Solution:
+        """The motion of the inclusion."""
+        key = ("exact", *self._motion_key(view))
+        return self._kept(key, lambda: self._solve(self.subject.system, view, {}))
+
+    def other(self, view: View) -> Solution | None:
+        """The motion of the comparator beside it, None for none. Raises ModelError where it does not fit."""
+        kind = view["against"]
+        if kind == EXACT:
+            return None
+        key = ("other", kind, view["width"], *self._motion_key(view))
+
+        def run() -> Solution:
+            system, width = self._system(kind)
+            return self._solve(system, view, {width: view["width"]})
+
+        return self._kept(key, run)
+
+    def map(self, view: View) -> MapData | None:
+        """The event map with a cobweb, None where the subject has no section."""
+        if self.subject.section is None or self.subject.interval is None:
+            return None
+        key = ("map", view["d"], view["order"], tuple(view.parameters.values()))
+        return self._kept(key, lambda: self._sampled(view))
+
+    def diagram(self, view: View) -> tuple[Array, Array] | None:
+        """Values of the parameter and iterates after a transient, (k,) and (k, KEEP); None without a section.
+
+        Raises UsageError, ModelError.
+        """
+        if self.subject.section is None or "over" not in view.values:
+            return None
+        over, low, high = view["over"], view["low"], view["high"]
+        for value in (low, high):
+            view.but({f"p.{over}": value})
+        rest = tuple(value for name, value in view.parameters.items() if name != over)
+        key = ("diagram", over, low, high, view["d"], view["order"], rest)
+        return self._kept(key, lambda: self._swept(view))
+
+    # -- work ---------------------------------------------------------------------------------------------
+
+    def _solve(self, system: System, view: View, more: dict[str, float]) -> Solution:
+        solution: Solution = solve(
+            system, view.x0, view.t_span, parameters={**view.parameters, **more}, max_steps=MOST_STEPS,
+            max_events=MOST_EVENTS,
+        )  # fmt: skip
+        return solution
+
+    def _system(self, kind: str) -> tuple[System, str]:
+        """The system under a comparator whose width is a parameter: made and compiled once."""
+        if kind not in self._systems:
+            name = "comparator_width"
+            while name in self.subject.system.parameters:
+                name += "_"
+            (width,) = parameters(**{name: Parameter(0.01, lower=np.finfo(float).tiny)})
+            comparator: Any = NAMES[kind]
+            self._systems[kind] = self.subject.system.with_comparator(comparator(width)), name
+        return self._systems[kind]
+
+    def _event_map(self, view: View) -> Any:
+        from filippov.analysis.maps.event_map import EventMap
+
+        if self._map is None:
+            assert self.subject.section is not None
+            self._map = EventMap(self.subject.system, self.subject.section, rtol=RTOL, atol=ATOL)
+        return self._map.remake(parameters=view.parameters, order=view["order"])
+
+    def _sampled(self, view: View) -> MapData:
+        event_map = self._event_map(view)
+        orbit = event_map.iterate(view["d"], TRANSIENT + KEEP)
+        assert self.subject.interval is not None
+        seen = [*self.subject.interval, *orbit[: COBWEB + 1][np.isfinite(orbit[: COBWEB + 1])]]
+        d = np.linspace(min(seen), max(seen), MAP_POINTS)
+        return MapData(d, event_map(d), orbit[: COBWEB + 1], orbit[-KEEP:])
+
+    def _swept(self, view: View) -> tuple[Array, Array]:
+        from filippov.analysis.diagrams.brute_force import brute_force
+
+        order = view["order"]
+        values = np.linspace(view["low"], view["high"], DIAGRAM_VALUES)
+        assert self.subject.section is not None
+        found = brute_force(
+            self.subject.system, self.subject.section, view["over"], values.tolist(), view["d"],
+            transient=TRANSIENT * order, keep=KEEP * order, parameters=view.parameters, threads=1,
+        )  # fmt: skip
+        if not found.complete:
+            raise UsageError("the diagram was interrupted.")
+        return found.values, found.d[:, order - 1 :: order]
+
+    def _motion_key(self, view: View) -> tuple[Any, ...]:
+        return (*view.parameters.values(), *view.x0, *view.t_span)
+
+    def _kept(self, key: Any, make: Callable[[], T]) -> T:
+        if key not in self._found:
+            made = make()
+            while len(self._found) >= KEPT:
+                del self._found[next(iter(self._found))]
+            self._found[key] = made
+        found: T = self._found[key]
+        return found

@@ -1,0 +1,136 @@
+"""The page as a server on this machine: what it asks for is answered here, and nothing goes elsewhere."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+from dash import ClientsideFunction, Dash, Input, Output, Patch, State, no_update
+from flask import Response, abort, request
+from werkzeug.serving import BaseWSGIServer, WSGIRequestHandler, make_server
+
+from filippov.app.explorer.export import FILES, offered
+from filippov.app.explorer.look import packed
+from filippov.app.explorer.motion import Motions
+from filippov.app.explorer.page import index, page
+from filippov.app.explorer.pictures import draw, draw_diagram, told
+from filippov.app.explorer.subject import Subject
+from filippov.app.explorer.view import View
+
+ADDRESS = "127.0.0.1"
+# Also what plotly and Dash might ask for elsewhere is refused by the browser.
+POLICY = (
+    "default-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; connect-src 'self'; frame-ancestors *"
+)
+LIVE = ("time", "phase", "graph", "map")
+
+
+def application(motions: Motions, start: View) -> Dash:
+    """The Dash application of a subject, at a view."""
+    # Runs of the solver share what they keep: one at a time.
+    lock = threading.Lock()
+    app = Dash(
+        __name__, serve_locally=True, include_assets_files=False, title=f"filippov: {start.subject.name}",
+        update_title="", index_string=index(), add_log_handler=False,
+        meta_tags=[{"name": "viewport", "content": "width=device-width, initial-scale=1"}],
+    )  # fmt: skip
+    app.layout = page(motions, start)
+    files = offered(motions, start)
+    items = list(start.fields.values())
+    sections = motions.subject.section is not None
+    sweeps = sections and "over" in start.values
+    live = [name for name in LIVE if name != "map" or sections]
+    keys = {item.id: item.key for item in items}
+
+    def named(held: dict[str, Any] | None) -> dict[str, Any]:
+        return {keys[name]: value for name, value in (held or {}).items() if name in keys}
+
+    shown = [Output("message", "children"), Output("message", "className"), Output("answer", "data")]
+    shown += [Output(f"figure-{name}", "figure") for name in live]
+    shown += [Output("figure-diagram", "figure", allow_duplicate=True)] if sweeps else []
+
+    def restore(search: str | None) -> list[Any]:
+        """The controls of a link; of one that cannot be read the subject's own, and the message says why."""
+        view, _ = read_link(motions.subject, search or "")
+        return [view[item.key] for item in items]
+
+    def redraw(held: dict[str, Any] | None, search: str | None) -> list[Any]:
+        if held is None:
+            return [no_update] * len(shown)
+        with lock:
+            made = draw(motions, named(held))
+        _, wrong = read_link(motions.subject, search or "")
+        # Of a link that was not taken the page tells until a setting is changed.
+        wrong = "" if made.query else wrong
+        point: Any = no_update
+        if made.here is not None:
+            point = Patch()
+            point["data"][0] = made.here
+        answer = {"query": made.query, "good": bool(made.figures), "files": files}
+        figures = [packed(made.figures[name]) if name in made.figures else no_update for name in live]
+        kind = "" if made.good and not wrong else "bad"
+        return [f"{wrong} {made.said}".strip(), kind, answer, *figures, *([point] if sweeps else [])]
+
+    def diagram(held: dict[str, Any] | None) -> Any:
+        with lock:
+            made = None if held is None else draw_diagram(motions, named(held))
+        return no_update if made is None else packed(made)
+
+    later = {"prevent_initial_call": True}
+    app.callback([Output(item.id, "value") for item in items], Input("url", "search"))(restore)
+    app.callback(shown, Input("live", "data"), State("url", "search"), **later)(redraw)
+    if sweeps:
+        app.callback(Output("figure-diagram", "figure"), Input("settled", "data"), **later)(diagram)
+    controls = [Input(item.id, "value") for item in items]
+    sliders = [Input(f"range-{item.id}", "value") for item in items if item.slider is not None]
+    sync = [*controls, *sliders, Input("ranges", "data")]
+    for function, inputs in (("gate", controls), ("sync", sync), ("done", [Input("answer", "data")])):
+        app.clientside_callback(ClientsideFunction("explorer", function), *inputs)
+    _routes(app.server, motions, lock)
+    return app
+
+
+def read_link(explored: Subject, search: str) -> tuple[View, str]:
+    """The view of a link and what is wrong with it; the subject's own where it cannot be read."""
+    try:
+        return View.from_query(explored, search), ""
+    except ValueError as error:
+        return View(explored), f"The link was not taken: {told(error)}"
+
+
+def _routes(flask: Any, motions: Motions, lock: threading.Lock) -> None:
+    def own_host() -> None:
+        """A page of another site that has its name point here is not answered."""
+        if request.host.partition(":")[0] not in {ADDRESS, "localhost"}:
+            abort(403)
+
+    def only_here(response: Response) -> Response:
+        response.headers["Content-Security-Policy"] = POLICY
+        return response
+
+    def export(name: str) -> Response:
+        if name not in FILES:
+            abort(404)
+        make, kind = FILES[name]
+        try:
+            view = View.from_query(motions.subject, request.query_string.decode("ascii", "replace"))
+            with lock:
+                content = make(motions, view)
+        except Exception as error:  # noqa: BLE001  # also a function of the user's
+            return Response(told(error), status=400, mimetype="text/plain")
+        headers = {"Content-Disposition": f"attachment; filename={name}"}
+        return Response(content, mimetype=kind, headers=headers)
+
+    flask.before_request(own_host)
+    flask.after_request(only_here)
+    flask.add_url_rule("/export/<name>", "export", export)
+
+
+class _Quiet(WSGIRequestHandler):
+    def log(self, type: str, message: str, *args: Any) -> None:  # noqa: A002  # its name there
+        """Say nothing of a request."""
+
+
+def listen(app: Dash, port: int = 0) -> BaseWSGIServer:
+    """A server at a port of this machine, any free one for 0. Raises OSError where the port is taken."""
+    return make_server(ADDRESS, port, app.server, threaded=True, request_handler=_Quiet)

@@ -1,0 +1,47 @@
+"""A motion in pieces for pictures: samples of every segment, outputs with gaps where they jump."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.base.errors import UsageError
+from filippov.solving.reading import values
+from filippov.solving.segments import Segment
+from filippov.solving.solution import Solution
+
+Array = npt.NDArray[np.float64]
+
+
+def pieces_of(solution: Solution, points: int) -> Iterator[tuple[Segment, Array, Array]]:
+    """(segment, times, states) along the run, each segment from its first to its last point."""
+    if points < 2:
+        raise UsageError(f"points is {points!r}, expected at least 2.")
+    span = abs(solution.t_end - solution.problem.t_span[0]) or 1.0
+    for segment in solution.segments:
+        if solution.sol is None:
+            low, high = sorted((segment.t0, segment.t1))
+            inside = (solution.t >= low) & (solution.t <= high)
+            yield segment, solution.t[inside], solution.y[:, inside]
+            continue
+        t = np.linspace(segment.t0, segment.t1, max(8, int(points * segment.dwell / span)))
+        yield segment, t, np.column_stack([solution.sol(t[:1], side="+"), solution.sol(t[1:])])
+
+
+def output_pieces(
+    solution: Solution, name: str, pieces: Sequence[tuple[Segment, Array, Array]]
+) -> tuple[Array, Array]:
+    """Times and values of an output or formula; a gap where it jumps from one mode to the next."""
+    times: list[Array] = []
+    found: list[Array] = []
+    for segment, t, x in pieces:
+        modes = np.tile(np.array(segment.mode, dtype=np.int64), (t.size, 1))
+        value = values(solution, name, t, x, modes, "+")
+        if found and value.size and not np.isclose(value[0], found[-1][-1], rtol=1e-6, atol=1e-12):
+            times.append(t[:1])
+            found.append(np.array([np.nan]))
+        times.append(t)
+        found.append(value)
+    return np.concatenate(times), np.concatenate(found)
