@@ -25,6 +25,7 @@ from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.set_slope import log_slope
+from filippov.analysis.maps.stroboscope import Stroboscope
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
 from filippov.model.system import System
@@ -107,11 +108,12 @@ class Diagram:
 
 def bifurcation(
     system: System,
-    section: Section,
+    section: Section | Stroboscope | None,
     *,
     parameter: str,
     values: Sequence[float],
-    interval: tuple[float, float],
+    interval: tuple[float, float] | None = None,
+    x0: Any = None,
     parameters: Mapping[str, float] | None = None,
     order: int = 2,
     points: int = 400,
@@ -123,6 +125,10 @@ def bifurcation(
     """Fixed points of the order-th iterate of the section's map over values of one parameter.
 
     interval    of the coordinate that is searched
+    x0          in place of an interval, where the section has no lift (None: it is found): a state whose
+                motion goes to an orbit, which is followed over the parameter together with the orbits that
+                branch off it (see `filippov.analysis.diagrams.orbit_diagram`); order, points, atol and engine
+                are of no meaning then
     points      of the grid on it
     engine      keywords of `filippov.sweep.run.run`, such as {"folder": ..., "jobs": 8, "resume": True}: the
                 values are computed by worker processes and kept in the folder; None: in this process
@@ -132,6 +138,17 @@ def bifurcation(
     """
     if parameter not in system.parameters:
         raise UsageError(unknown("parameter", parameter, system.parameters.names))
+    if x0 is not None:
+        from filippov.analysis.diagrams.orbit_diagram import orbit_diagram
+
+        return orbit_diagram(
+            system, section, parameter, values, x0, parameters=parameters, rtol=rtol, progress=progress
+        )
+    if not isinstance(section, Section) or interval is None:
+        raise UsageError(
+            "bifurcation needs a section with a lift and interval=(lo, hi), or x0=, the state of a motion that "
+            "goes to an orbit."
+        )
     base = EventMap(system, section, parameters=parameters, order=order, rtol=rtol, atol=atol)
     ordered = sorted(float(v) for v in values)
     found: list[tuple[FixedPoint, ...]] = []
