@@ -136,9 +136,8 @@ def _along_motions(
     complete = True
     try:
         for k, value in enumerate(grid.tolist()):
-            found = returns(
-                system, section, state, transient + keep, parameters={**parameters, parameter: value}, rtol=rtol
-            )
+            here = {**parameters, parameter: value}
+            found = returns(system, section, state, transient + keep, parameters=here, rtol=rtol)
             got = found.d[transient:]
             d[k, : len(got)] = got
             if found.rests:

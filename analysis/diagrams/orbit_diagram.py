@@ -17,7 +17,7 @@ import numpy.typing as npt
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
 from filippov.analysis.bifurcations.switch import SWITCHES, switch
-from filippov.analysis.diagrams.bifurcation import Branch, Diagram, Special
+from filippov.analysis.diagrams.diagram import Branch, Diagram, Special
 from filippov.analysis.diagrams.orbit_points import largest, read
 from filippov.analysis.maps.find_section import find_section
 from filippov.analysis.maps.fixed_points import FixedPoint
@@ -151,7 +151,8 @@ def _read(
     system: System, section: Section | Stroboscope, run: Continuation, point: BranchPoint
 ) -> list[FixedPoint]:
     """The orbit as the fixed points of the map, one for each event of the section in its period."""
-    x0, values = np.array(point.u)[: system.dimension], {**run.branch.parameters, run.branch.parameter: point.value}
+    x0 = np.array(point.u)[: system.dimension]
+    values = {**run.branch.parameters, run.branch.parameter: point.value}
     found = read(system, section, x0, point.phase * point.period, point.period, values)
     slope = largest(point.multipliers)
     return [

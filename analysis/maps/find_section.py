@@ -73,8 +73,9 @@ def find_section(
         if not run.success:
             break
     raise UsageError(
-        f"no section was found: along the motion from x0 = {start.tolist()} until t = {run.t_end:g} no kind of "
-        f"event on a surface ({', '.join(system.surface_names) or 'there is none'}) comes back again and again."
+        f"no section was found: along the motion from x0 = {start.tolist()} until t = {run.t_end:g} no kind "
+        f"of event on a surface ({', '.join(system.surface_names) or 'there is none'}) comes back again and "
+        "again."
         f"{said} Start from another state or other parameter values, or give a section: "
         "Section(surface, kind, coordinate); on the command line --surface, --event and --coordinate."
     )

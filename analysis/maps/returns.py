@@ -25,7 +25,7 @@ from filippov.solving.state.events import Event
 from filippov.solving.state.options import check_state
 
 Array = npt.NDArray[np.float64]
-# Times the motion is run again for twice the events, where some of them lead into other modes than are wanted.
+# Times the motion is run again for twice the events, where some lead into other modes than are wanted.
 _LONGER = 8
 # A motion rests where its last half after the last event moves by less than this part of its states' size.
 _STILL = 1e-9

@@ -73,7 +73,7 @@ def plot_returns(
     text = _labels(labels, {"d": "d", "P": "P(d)"})
     x, y = np.asarray(d, dtype=float), np.asarray(image, dtype=float)
     if x.shape != y.shape or x.size == 0:
-        raise UsageError(f"d and image have shapes {x.shape} and {y.shape}, expected (k,) with k > 0 for both.")
+        raise UsageError(f"d and image have shapes {x.shape} and {y.shape}, expected (k,), k > 0, for both.")
     both = np.concatenate([x, y])
     margin = 0.08 * (float(np.ptp(both)) or abs(float(both[0])) or 1.0)
     ends = [float(both.min()) - margin, float(both.max()) + margin]

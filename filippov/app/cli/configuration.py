@@ -226,7 +226,7 @@ VARY = (
 )  # fmt: skip
 OVER = (
     Option("over", "parameter that is varied, with its first and last value; as --parameter and --values",
-           named_ranges, metavar="NAME=LOW:HIGH", default={}),
+           named_ranges, metavar="NAME=LOW:HIGH", repeat=True, default={}),
     Option("parameter", "parameter that is varied", text, metavar="NAME"),
     Option("values", "its first and last value", pair, metavar=("LO", "HI"), count=2),
 )  # fmt: skip

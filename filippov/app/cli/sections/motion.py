@@ -1,4 +1,4 @@
-"""The section of a motion, and the parameter that is varied: what event-map, diagram and bifurcation share."""
+"""The section of a motion, and what is varied: shared by event-map, diagram and bifurcation."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ def motion_section(
     for name in WITH_LIFT:
         if settings.get(name) is not None:
             raise UsageError(
-                f"--{name} is a coordinate from which a lift starts, and there is none: leave it out, the motion "
-                "from --x0 is followed, or give --lift."
+                f"--{name} is a coordinate from which a lift starts, and there is none: leave it out, the "
+                "motion from --x0 is followed, or give --lift."
             )
     system, given = loaded.system, {k: settings.get(k) for k in ("surface", "event", "after", "t_max")}
     x0 = check_state(loaded.state(settings.get("x0")), system)
@@ -108,7 +108,8 @@ def flags(section: Any) -> str:
 def section_data(section: Any) -> dict[str, Any]:
     """A section as plain data."""
     if not hasattr(section, "kind"):
-        return {"once a period": section.period, "clock": section.clock, "coordinate": str(section.coordinate)}
+        read = str(section.coordinate)
+        return {"once a period": section.period, "clock": section.clock, "coordinate": read}
     return {"surface": section.surface, "kind": section.kind, "coordinate": section.coordinate,
             "after": section.after}  # fmt: skip
 
@@ -135,8 +136,8 @@ def suggestion(loaded: Loaded) -> str:
         return ""
     last = dict(zip(loaded.system.states, seen.x[-1].tolist(), strict=True))
     lift = ",".join(f"{n}={'d' if n == section.coordinate else f'{v:.6g}'}" for n, v in last.items())
-    reach = max(2.0 * float(np.max(np.abs(seen.d))), 1e-9)
-    low, high = (0.0, reach) if np.all(seen.d >= 0) else (-reach, 0.0) if np.all(seen.d <= 0) else (-reach, reach)
+    reach = 2.0 * float(np.max(np.abs(seen.d))) or 1.0
+    low, high = -reach * float(np.any(seen.d < 0)), reach * float(not np.all(seen.d < 0))
     words = ["--lift", lift, "--interval", f"{low:.3g}", f"{high:.3g}"]
     note = "" if loaded.system.dimension == 2 else " (the lift holds the other states: one choice of many)"
     return f"{flags(section)} {shlex.join(words)}{note}"
