@@ -24,7 +24,8 @@ OWN = """
 from filippov import Problem, System, parameters, sign, states
 x, v = states("x v")
 p = parameters(vb=0.2, F=0.4)
-belt = Problem(System({x: v, v: -x - p.F*sign(v - p.vb)/(1 + abs(v - p.vb))}, parameters=p), (1.0, 0.0), (0, 50))
+system = System({x: v, v: -x - p.F*sign(v - p.vb)/(1 + abs(v - p.vb))}, parameters=p)
+belt = Problem(system, (1.0, 0.0), (0, 50))
 """
 
 

@@ -77,8 +77,7 @@ def orbit_diagram(
     for point in [point for point in run.branch.special if point.special in SWITCHES]:
         try:
             # Both halves of what leaves at a period doubling are the same orbits.
-            way = {"direction": 1} if point.special == "period doubling" else {}
-            other = switch(run, point, **options, **way)
+            other = switch(run, point, direction=int(point.special == "period doubling"), **options)
             messages.append(f"{point.special} at {point.value:.9g}: {_followed(other, progress)}")
             runs.append(other)
         except (SolveError, ModelError, UsageError, ArithmeticError) as error:

@@ -64,7 +64,7 @@ def returns(
 
     An accumulation of events is passed (`solve(..., zeno="continue")`). Raises UsageError, ModelError.
     """
-    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+    if not count >= 1:
         raise UsageError(f"count is {count!r}, expected 1, 2, ...")
     options: dict[str, Any] = {
         "parameters": parameters, "rtol": rtol, "method": method, "zeno": "continue",

@@ -163,7 +163,7 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
         console.say(f"{place.kind} at {parameter} = {place.value:.12g}, d = {place.d:.12g}{note}")
     for message in getattr(diagram, "messages", ()):
         console.say(message)
-    console.say(f"{len(rows)} fixed points at {len(data['values'])} values of {parameter}")
+    console.say(f"{len(rows)} fixed points at {len(found_at)} values of {parameter}")
     folder.csv(
         "bifurcation.csv", (parameter, *POINT_COLUMNS), ([float(v), *point_data(p).values()] for v, p in rows)
     )
