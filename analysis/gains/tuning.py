@@ -225,7 +225,7 @@ class _Search:
         return found
 
     def free(self, u: Array) -> bool:
-        """Whether all points (k, g) are free of cycles; of what is not, only the first are looked at closely."""
+        """Whether all points (k, g) are free of cycles; if not, few of them are looked at closely."""
         if np.any(self.hunts(u)):
             return False
         first = 2 ** len(self.names)

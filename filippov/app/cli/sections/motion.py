@@ -63,6 +63,12 @@ def motion_section(
                 "motion from --x0 is followed, or give --lift."
             )
     system, given = loaded.system, {k: settings.get(k) for k in ("surface", "event", "after", "t_max")}
+    if loaded.x0 is None and settings.get("x0") is None:
+        raise UsageError(
+            f"{loaded.name} proposes no section, and has no initial state to find one from. Give --x0 "
+            f"{','.join(f'{name}=...' for name in system.states)}: what recurs along the motion is the "
+            "section; or give --surface, --event, --coordinate, --lift and --interval."
+        )
     x0 = check_state(loaded.state(settings.get("x0")), system)
     if given["surface"] is None and given["event"] is None and given["after"] is None:
         if over is None:
@@ -124,7 +130,7 @@ def suggestion(loaded: Loaded) -> str:
     from filippov.analysis.maps.returns import returns
 
     if loaded.x0 is None:
-        return ""
+        return "(name a Problem, with an initial state, and one is looked for along its motion)"
     try:
         section = find_section(loaded.system, loaded.x0, parameters=dict(loaded.parameters))
         if not hasattr(section, "kind"):
