@@ -24,11 +24,16 @@ def varied(loaded: Loaded, settings: dict[str, Any]) -> tuple[str, float, float]
         raise UsageError("--over says what --parameter and --values say; give one or the other.")
     if len(over) > 1:
         raise UsageError(f"--over takes one parameter, given {', '.join(over)}.")
-    if not over and (parameter is None or values is None):
-        raise UsageError("over which values of which parameter? give --over NAME=LOW:HIGH.")
-    name, (low, high) = next(iter(over.items())) if over else (parameter, values)
+    name = next(iter(over), parameter)
+    if name is None:
+        raise UsageError(
+            "which parameter? give --over NAME=LOW:HIGH, or --parameter NAME and --values LO HI."
+        )
     if name not in loaded.system.parameters:
         raise UsageError(unknown("parameter", name, loaded.system.parameters))
+    if not over and values is None:
+        raise UsageError(f"over which values of {name}? give --over {name}=LOW:HIGH, or --values LO HI.")
+    low, high = over.get(name, values)
     for value in (low, high):
         loaded.values({name: value})
     return name, low, high
@@ -40,8 +45,10 @@ def by_motion(loaded: Loaded, settings: dict[str, Any]) -> bool:
         if settings.get("x0") is not None:
             raise UsageError("--lift says where a turn starts, and so does --x0; give one of them.")
         return False
-    own = getattr(loaded.model, "section", None)
-    return settings.get("x0") is not None or own is None
+    if settings.get("x0") is not None:
+        return True
+    asked = any(settings.get(name) is not None for name in WITH_LIFT)
+    return getattr(loaded.model, "section", None) is None and not asked
 
 
 def motion_section(
