@@ -42,6 +42,7 @@ from filippov import (
     states,
     t,
 )  # fmt: skip
+from filippov.analysis import EventMap, Section, Stroboscope, find_section, returns
 from filippov.app.cli.main import main
 
 x, v = states("x v")
@@ -80,6 +81,8 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "math.sin": (lambda: math.sin(x), "expression", "sin, cos, exp"),
     "math.exp": (lambda: math.exp(-x), "expression", "not those of math"),
     "float": (lambda: float(x), "expression", "from filippov"),
+    "round": (lambda: round(x), "round", "Surface('name', sin(pi*u))"),
+    "int": (lambda: int(x), "int", "TimeEvent('clock'"),
     "np.floor": (lambda: np.floor(x), "np.floor", "Piecewise"),
     "np.interp": (lambda: np.interp(x, [0, 1], [1, 2]), "np.interp", "System(field=f, ...)"),
     "np.mod": (lambda: np.mod(x, 2), "np.remainder", "Heaviside"),
@@ -254,6 +257,10 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "plot ax": (lambda: RUN.plot(ax=None), "ax", "figure=fig"),
     "plot label": (lambda: RUN.plot(labels={"q": "a"}), "'q'", "known: t, x, v"),
     "load": (lambda: Solution.load("nowhere.npz"), "nowhere.npz", "No such file"),
+    "save": (lambda: RUN.save("no/such/folder.npz"), "'no/such/folder.npz'", "cannot be written"),
+    "no section": (lambda: find_section(LINEAR, (1.0,)), "there is none", "--surface, --event"),
+    "no lift": (lambda: EventMap(S, Section("v", "crossing", "x"))(0.1), "no lift", "returns(system"),
+    "nothing forces": (lambda: returns(S, Stroboscope("x"), START, 2), "no clock ticks", "find_section("),
     "film": (lambda: RUN.animate("film.avi"), "film.avi", ".gif or .mp4"),
     "jacobian": (lambda: S.jacobian("++"), "'++'", "expected 1 entries"),
     "output name": (lambda: System({x: v, v: 1}, outputs={"x": v}), "'x'", "Rename the output"),

@@ -37,6 +37,8 @@ _SHRUNK = 1e-5
 _JOINS, _SLACK, _FAR = 1e-3, 100.0, 0.1
 # An event this near to the state that a forced orbit begins with, in parts of the motion, moves the state.
 _CLOSE = 0.03
+# Jets of a map that are kept: a curve asks for those of neighbours, and again with another border.
+_KEPT = 64
 _SWITCHES = (EventKind.CROSSING, EventKind.ENTRY, EventKind.EXIT, EventKind.RESET, EventKind.TIME)
 
 
@@ -77,13 +79,13 @@ class MapProblem:
         if self.half:
             self.event_map = event_map.remake(order=1)
         self.start = np.array([np.log(start) if self.rests else start])
-        self._last: tuple[float, float, Array] | None = None
+        self._jets: dict[tuple[float, float, bytes], Array] = {}
 
     def with_parameter(self, name: str, value: float) -> MapProblem:
-        """The same at another value of another parameter."""
+        """The same at another value of another parameter; jets are kept for both."""
         other = object.__new__(MapProblem)
         other.__dict__.update(self.__dict__)
-        other.event_map, other._last = self.event_map.remake(parameters={name: value}), None
+        other.event_map = self.event_map.remake(parameters={name: value})
         return other
 
     def doubled(self) -> MapProblem:
@@ -91,7 +93,7 @@ class MapProblem:
         other = object.__new__(MapProblem)
         other.__dict__.update(self.__dict__)
         other.event_map = self.event_map.remake(order=2 * self.event_map.order)
-        other.half, other._last = False, None
+        other.half, other._jets = False, {}
         return other
 
     def _odd(self, start: float) -> bool:
@@ -107,13 +109,17 @@ class MapProblem:
         return float(np.exp(u[0]) if self.rests else u[0])
 
     def jet(self, u: Array, value: float) -> Array:
-        """P(d), dP/dd, dP/dparameter; those of the last call are kept."""
-        if self._last is None or self._last[:2] != (float(u[0]), value):
-            jet = self.event_map.remake(parameters={self.parameter: value}).jet(self.d(u), self.names)
+        """P(d), dP/dd, dP/dparameter; those of the last calls are kept."""
+        event_map = self.event_map.remake(parameters={self.parameter: value})
+        key = float(u[0]), value, event_map.p.tobytes()
+        if key not in self._jets:
+            jet = event_map.jet(self.d(u), self.names)
             if not np.all(np.isfinite(jet)):
                 raise NoConvergenceError(f"the map does not return at d = {self.d(u):.6g}.")
-            self._last = (float(u[0]), value, -jet if self.half else jet)
-        return self._last[2]
+            while len(self._jets) >= _KEPT:
+                del self._jets[next(iter(self._jets))]
+            self._jets[key] = -jet if self.half else jet
+        return self._jets[key]
 
     def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
         """See `BranchProblem`."""

@@ -9,109 +9,40 @@ stability, the root of |slope| = 1 at the set. None is read off the values.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import continuation
 from filippov.analysis.bifurcations.corrector import FAILURES
 from filippov.analysis.diagrams.cell_work import DiagramWork, fixed_points_of
+from filippov.analysis.diagrams.diagram import Branch, Diagram, Special
+from filippov.analysis.diagrams.orbit_diagram import orbit_diagram
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.set_slope import log_slope
+from filippov.analysis.maps.stroboscope import Stroboscope
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
 from filippov.model.system import System
 from filippov.sweep.run import run
 
-Array = npt.NDArray[np.float64]
 # Points of a curve of fixed points between two neighbouring values.
 MOST_POINTS = 100
 
 
-@dataclass(frozen=True)
-class Special:
-    """A place where the diagram changes.
-
-    kind   "fold", "set stability change" or "period doubling"
-    value  of the parameter; d: coordinate; residual: what is left of the equations that define it
-    """
-
-    kind: str
-    value: float
-    d: float
-    residual: float
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class Branch:
-    """Fixed points that belong together: parameter values and points, in order."""
-
-    values: tuple[float, ...]
-    points: tuple[FixedPoint, ...]
-
-    @property
-    def d(self) -> Array:
-        """Coordinates along the branch."""
-        return np.array([point.d for point in self.points])
-
-    @property
-    def stable(self) -> npt.NDArray[np.bool_]:
-        """Stability along the branch."""
-        return np.array([point.stable for point in self.points])
-
-    @property
-    def kind(self) -> str:
-        """What its points are."""
-        return self.points[0].kind
-
-
-@dataclass(frozen=True)
-class Diagram:
-    """A bifurcation diagram.
-
-    parameter, values  what was varied
-    points             fixed points of each value
-    branches           the same, joined; special: folds and changes of stability
-    """
-
-    parameter: str
-    values: tuple[float, ...]
-    points: tuple[tuple[FixedPoint, ...], ...]
-    branches: tuple[Branch, ...]
-    special: tuple[Special, ...] = field(default=())
-
-    @property
-    def folds(self) -> list[tuple[float, float]]:
-        """(value, d) of every fold."""
-        return [(s.value, s.d) for s in self.special if s.kind == "fold"]
-
-    @property
-    def stability_changes(self) -> list[float]:
-        """Values at which the equilibrium set changes stability."""
-        return [s.value for s in self.special if s.kind == "set stability change"]
-
-    def cycles(self, value: float) -> list[FixedPoint]:
-        """Limit cycles at one of the values."""
-        if value not in self.values:
-            raise UsageError(f"the diagram has no value {value}; it has {list(self.values)}.")
-        return [point for point in self.points[self.values.index(value)] if point.kind == "limit cycle"]
-
-
 def bifurcation(
     system: System,
-    section: Section,
+    section: Section | Stroboscope | None,
     *,
     parameter: str,
     values: Sequence[float],
-    interval: tuple[float, float],
+    interval: tuple[float, float] | None = None,
+    x0: Any = None,
     parameters: Mapping[str, float] | None = None,
     order: int = 2,
     points: int = 400,
@@ -123,6 +54,10 @@ def bifurcation(
     """Fixed points of the order-th iterate of the section's map over values of one parameter.
 
     interval    of the coordinate that is searched
+    x0          in place of an interval, where the section has no lift (None: it is found): a state whose
+                motion goes to an orbit, which is followed over the parameter together with the orbits that
+                branch off it (see `filippov.analysis.diagrams.orbit_diagram`); order, points, atol and engine
+                are of no meaning then
     points      of the grid on it
     engine      keywords of `filippov.sweep.run.run`, such as {"folder": ..., "jobs": 8, "resume": True}: the
                 values are computed by worker processes and kept in the folder; None: in this process
@@ -132,6 +67,15 @@ def bifurcation(
     """
     if parameter not in system.parameters:
         raise UsageError(unknown("parameter", parameter, system.parameters.names))
+    if x0 is not None:
+        return orbit_diagram(
+            system, section, parameter, values, x0, parameters=parameters, rtol=rtol, progress=progress
+        )
+    if not isinstance(section, Section) or interval is None:
+        raise UsageError(
+            "bifurcation needs a section with a lift and interval=(lo, hi), or x0=, the state of a motion "
+            "that goes to an orbit."
+        )
     base = EventMap(system, section, parameters=parameters, order=order, rtol=rtol, atol=atol)
     ordered = sorted(float(v) for v in values)
     found: list[tuple[FixedPoint, ...]] = []

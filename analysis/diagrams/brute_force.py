@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.maps.find_section import find_section
 from filippov.analysis.maps.map_rows import MapRows
+from filippov.analysis.maps.returns import coordinate_of, returns
 from filippov.analysis.maps.section import Section
+from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
+from filippov.analysis.steady.forcing import is_forced
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
 from filippov.model.system import System
@@ -23,9 +28,11 @@ class BruteForce:
     """Iterates of the map after a transient.
 
     parameter, values   what is varied, (k,)
-    d        iterates kept, (k, keep); NaN after a motion that does not return
+    d        iterates kept, (k, keep); NaN after a motion that does not return; where a motion without a lift
+             comes to rest, the coordinate at which it does
     period   least p with d[i + p] = d[i] to 1e-6 of the range of d, 0 where there is none up to half of keep
     complete False where it was interrupted
+    notes    for each value, of a motion without a lift, why it did not return so often; "" where it did
     """
 
     parameter: str
@@ -33,14 +40,15 @@ class BruteForce:
     d: Array
     period: npt.NDArray[np.int64]
     complete: bool = True
+    notes: tuple[str, ...] = ()
 
 
 def brute_force(
     system: System,
-    section: Section,
+    section: Section | Stroboscope | None,
     parameter: str,
     values: Sequence[float],
-    start: float,
+    start: Any,
     *,
     transient: int = 200,
     keep: int = 64,
@@ -52,9 +60,13 @@ def brute_force(
 ) -> BruteForce:
     """Iterate the event map from `start` for every value of a parameter, all values side by side.
 
+    section          where the map is taken; without a lift (or a `Stroboscope`) one motion is followed from
+                     event to event at each value; None: found (`filippov.analysis.maps.find_section`)
+    start            the first coordinate; without a lift the initial state, in order or by name
     transient, keep  iterates that are dropped, and those that are kept
     follow           start each value at the last iterate of the one before it: branches are followed, one
                      value after the other
+    rtol             of a turn; threads: of all values side by side
 
     An excursion below 1e-8 of the start is taken for rest. Ctrl-C returns what there is. Raises UsageError.
     """
@@ -62,6 +74,12 @@ def brute_force(
         raise UsageError(unknown("parameter", parameter, system.parameters))
     if transient < 0 or keep < 1:
         raise UsageError(f"transient {transient}, keep {keep}: expected at least 0 and 1.")
+    if not isinstance(section, Section) or section.lift is None:
+        chosen = section or first_section(system, start, parameter, values, parameters)
+        return _along_motions(
+            system, chosen, parameter, np.asarray(values, dtype=float), start, transient, keep,
+            dict(parameters or {}), follow, rtol, progress,
+        )  # fmt: skip
     turns = MapRows(system, section, rtol=rtol, threads=threads)
     grid = np.asarray(values, dtype=float)
     rows = turns.rows({parameter: grid}, parameters)
@@ -85,6 +103,70 @@ def brute_force(
     except KeyboardInterrupt:
         complete = False
     return BruteForce(parameter, grid, d, _periods(d), complete)
+
+
+def first_section(
+    system: System, x0: Any, parameter: str, values: Sequence[float], parameters: Mapping[str, float] | None,
+    coordinate: Any = None,
+) -> Section | Stroboscope:  # fmt: skip
+    """The section found at the first of a parameter's values (both ends, the middle) where one is.
+
+    Raises UsageError where nothing recurs at any of them.
+    """
+    ordered = sorted(float(v) for v in values)
+    for number, value in enumerate((ordered[0], ordered[-1], ordered[len(ordered) // 2])):
+        try:
+            here = {**(parameters or {}), parameter: value}
+            return find_section(system, x0, parameters=here, coordinate=coordinate)
+        except UsageError as error:
+            if number == 2:
+                raise UsageError(f"{parameter} = {value:g}: {error}") from None
+    raise AssertionError
+
+
+def _along_motions(
+    system: System, section: Section | Stroboscope, parameter: str, grid: Array, x0: Any, transient: int,
+    keep: int, parameters: dict[str, float], follow: bool, rtol: float,
+    progress: Callable[[int, int], None] | None,
+) -> BruteForce:  # fmt: skip
+    """The iterates of one motion at each value: where it goes from event to event, no lift is needed."""
+    if follow:
+        _same_phase(system, section, [{**parameters, parameter: value} for value in grid.tolist()])
+    d, notes, state = np.full((grid.size, keep), np.nan), [""] * grid.size, x0
+    complete = True
+    try:
+        for k, value in enumerate(grid.tolist()):
+            here = {**parameters, parameter: value}
+            found = returns(system, section, state, transient + keep, parameters=here, rtol=rtol)
+            got = found.d[transient:]
+            d[k, : len(got)] = got
+            if found.rests:
+                d[k, len(got) :] = coordinate_of(section, system).read(found.x_end[None])[0]
+            notes[k] = found.message
+            if follow and (len(got) or found.rests):
+                state = found.x[-1] if len(got) else found.x_end
+            if progress is not None:
+                progress(k + 1, grid.size)
+    except KeyboardInterrupt:
+        complete = False
+    return BruteForce(parameter, grid, d, _periods(d), complete, tuple(notes))
+
+
+def _same_phase(
+    system: System, section: Section | Stroboscope, parameters: Sequence[Mapping[str, float]]
+) -> None:
+    """Refuse to begin at t = 0 where another ended, unless the forcing stands there as it does at t = 0."""
+    fits = not is_forced(system) or (isinstance(section, Stroboscope) and not section.clock)
+    fits = fits and (not system.clocked or not isinstance(section, Stroboscope))
+    if isinstance(section, Stroboscope) and section.clock:
+        times = [clock_times(system, section.clock, system.parameters.resolve(p)) for p in parameters]
+        fits = all(abs(start / period - round(start / period)) <= 1e-9 for start, period in times)
+    if not fits:
+        raise UsageError(
+            "follow=True starts a value at t = 0 from where the one before it ended, which needs a forcing "
+            "that stands there as at t = 0: a Stroboscope, after a clock that ticks at t = k T where there "
+            "are clocks. Leave follow out, or take another section."
+        )
 
 
 def _periods(d: Array) -> npt.NDArray[np.int64]:

@@ -33,7 +33,7 @@ _NUMBERS = ("d", "slope", "residual", "period")
 
 
 def _fields(system: System, section: Section, **others: Any) -> dict[str, str]:
-    lift = _depends(section.lift).digest if callable(section.lift) else str(dict(section.lift))
+    lift = _depends(section.lift).digest if callable(section.lift) else str(dict(section.lift or {}))
     said = {
         "filippov": f"{package_version()} {own_sources()}", **toolchain(),
         "model": system.digest or _model(system).digest,

@@ -51,13 +51,14 @@ def contraction(
     parameters: Mapping[str, float] | None = None,
     points: int = 48,
     rtol: float = 1e-7,
+    least: float = CLOSEST,
     threads: int | None = None,
 ) -> Contraction:
     """The largest ratio of successive amplitudes for k parameter sets.
 
     values      arrays (k,) by parameter name; parameters: the same for all
     interval    (0, hi), or (lo, hi) with lo < 0 for a loop without symmetry: d is taken up to its ends from
-                1e-6 of them on, evenly in its logarithm and evenly
+                `least` of them on, evenly in its logarithm and evenly
     points      number of d on each side
 
     A motion that comes to rest before the next event counts as ratio 0; one that is still on its way after
@@ -66,11 +67,11 @@ def contraction(
     lo, hi = interval
     if not (lo <= 0.0 < hi and points >= 4):
         raise UsageError(f"interval is {interval}, points {points}; expected lo <= 0 < hi and at least 4.")
-    least = CLOSEST * max(hi, -lo)
-    d = coordinates(0.0, hi, points, CLOSEST)
+    nearest_d = least * max(hi, -lo)
+    d = coordinates(0.0, hi, points, least)
     if lo < 0.0:
-        d = np.concatenate((-coordinates(0.0, -lo, points, CLOSEST)[::-1], d))
-    turns = MapRows(system, section, rtol=rtol, atol=1e-3 * rtol * least, threads=threads)
+        d = np.concatenate((-coordinates(0.0, -lo, points, least)[::-1], d))
+    turns = MapRows(system, section, rtol=rtol, atol=1e-3 * rtol * nearest_d, threads=threads)
     rows = turns.rows(values, parameters)
     count = len(rows)
     grid = np.broadcast_to(d, (count, d.size))
@@ -91,7 +92,7 @@ def contraction(
         peak = elementwise.find_minimum(smallness, (d[k - 1], d[k], d[k + 1]), args=(close,), maxiter=STEPS)
         found = -peak.f_x > largest[close]
         at[close[found]], largest[close[found]] = peak.x[found], -peak.f_x[found]
-    nearest = np.max(ratio[:, np.abs(d) < 2 * least], axis=1)
+    nearest = np.max(ratio[:, np.abs(d) < 2 * nearest_d], axis=1)
     return Contraction(
         np.where(largest < 0, np.inf, largest), at, nearest, np.mean(np.isnan(ratio), axis=1)
     )

@@ -26,6 +26,8 @@ Array = npt.NDArray[np.float64]
 CANDIDATES, ROUNDS, BISECTIONS, SHELL = 3, 3, 8, 16
 FARTHEST = float(np.log(5.0))
 STEEP = 10.0
+# What hunts is mostly seen by a few excursions that are not small; small ones ask for many decisions.
+FEW, NOT_SMALL = 12, 1e-3
 
 
 @dataclass(frozen=True)
@@ -207,6 +209,35 @@ class _Search:
             store.append(value)
         return worst
 
+    def hunts(self, u: Array) -> npt.NDArray[np.bool_]:
+        """Points (k, g) of which a few excursions already tell that they are not free of cycles."""
+        found = np.zeros(len(u), dtype=bool)
+        for item in self.band:
+            left = np.flatnonzero(~found)
+            if not left.size:
+                break
+            gains = np.exp(u[left])
+            seen = contraction(
+                self.system, self.section, {n: gains[:, k] for k, n in enumerate(self.names)}, self.interval,
+                parameters={**self.parameters, **item}, points=FEW, least=NOT_SMALL,
+            )  # fmt: skip
+            found[left] = (seen.lost > 0) | (seen.ratio >= 1)
+        return found
+
+    def free(self, u: Array) -> bool:
+        """Whether all points (k, g) are free of cycles; if not, few of them are looked at closely."""
+        if np.any(self.hunts(u)):
+            return False
+        first = 2 ** len(self.names)
+        return all(bool(np.all(self.ratios(part) < 1)) for part in (u[:first], u[first:]) if len(part))
+
+    def first(self, line: Array) -> int:
+        """The first of the points (k, g) on a line that is not free of cycles; k where all are."""
+        seen = np.flatnonzero(self.hunts(line))
+        end = int(seen[0]) if seen.size else len(line)
+        growing = np.flatnonzero(self.ratios(line[:end]) >= 1) if end else seen
+        return int(growing[0]) if end and growing.size else end
+
     def best(self, random: np.random.Generator) -> tuple[Array | None, float]:
         """The point with the largest verified box around it: candidates far from what hunts, then moves."""
         u, ratio = self.known()
@@ -232,7 +263,7 @@ class _Search:
         shell = self._shell(random)
 
         def free(reach: float) -> bool:
-            return bool(np.all(self.ratios(center + reach * shell) < 1))
+            return self.free(center + reach * shell)
 
         if not free(max(least, 1e-3)):
             return 0.0
@@ -260,17 +291,18 @@ class _Search:
             steps = np.linspace(0.0, FARTHEST, 41)
             line = np.repeat(center[None, :], steps.size, axis=0)
             line[:, k] += side * steps
-            growing = np.nonzero(self.ratios(line) >= 1)[0]
-            if not growing.size or growing[0] == 0:
+            beyond = self.first(line)
+            if beyond in (0, steps.size):
                 ends.append(None)
                 continue
-            low, high = steps[growing[0] - 1], steps[growing[0]]
+            low, high = steps[beyond - 1], steps[beyond]
             while high - low > 1e-6:
                 probes = np.linspace(low, high, 9)
                 line = np.repeat(center[None, :], probes.size, axis=0)
                 line[:, k] += side * probes
-                first = int(np.argmax(self.ratios(line) >= 1))
-                low, high = probes[max(first - 1, 0)], probes[max(first, 1)]
+                # The last one is known to lie beyond the border.
+                beyond = max(1, min(self.first(line[:-1]), probes.size - 1))
+                low, high = probes[beyond - 1], probes[beyond]
             ends.append(float(np.exp(center[k] + side * 0.5 * (low + high))))
         return GainLimit(self.names[k], ends[0], ends[1])
 

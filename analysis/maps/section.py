@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
+from filippov.analysis.maps.coordinate import Coordinate
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import unknown
 from filippov.model.expression import parse_expression
@@ -29,7 +30,8 @@ class Section:
                    A surface is named, or given by the formula of its h, written either way round
     coordinate     what is read there: the name of a state, or a formula in states (sympy or text)
     lift           where a turn starts for a coordinate d: an expression a state (sympy or text) in `d` and
-                   the parameters, or a function (d, p) -> x0 with p by name
+                   the parameters, or a function (d, p) -> x0 with p by name; None: the motion itself, from
+                   one initial state (see `filippov.analysis.maps.returns`)
     t_max          longest time of a turn; a motion that takes longer does not return
     after          mode after the event, such as "0" or "+0" with * for any sign, one a surface of the system:
                    other events do not end a turn; "": any. For systems that do not depend on time
@@ -40,7 +42,7 @@ class Section:
     surface: str
     kind: str
     coordinate: str
-    lift: Mapping[str, Any] | Callable[..., Any] = field(hash=False)
+    lift: Mapping[str, Any] | Callable[..., Any] | None = field(default=None, hash=False)
     t_max: float = 100.0
     after: str = ""
 
@@ -104,20 +106,15 @@ class BoundSection:
     def __init__(self, section: Section, system: System) -> None:
         self.section, self.system = section, system
         self.surfaces = [system.surface_index(name) for name in section.surfaces]
-        self._read = None if section.coordinate in system.states else self._formula(section.coordinate)
+        self._coordinate = Coordinate(section.coordinate, system)
         self._functions: tuple[Callable[..., Any], Callable[..., Any]] | None = None
-        if not callable(section.lift):
+        if section.lift is not None and not callable(section.lift):
             self._functions = self._compile(section.lift)
 
     @property
     def index(self) -> int:
         """Place of the state that is the coordinate. Raises UsageError where it is a formula."""
-        if self._read is not None:
-            raise UsageError(
-                f"the section's coordinate is the formula {self.section.coordinate!r}; expected one state, "
-                f"of {', '.join(self.system.states)}."
-            )
-        return self.system.state_index(self.section.coordinate)
+        return self._coordinate.index
 
     @property
     def surface(self) -> int:
@@ -136,27 +133,11 @@ class BoundSection:
 
     def read(self, x: Array) -> Array:
         """The coordinate of states (k, n): (k,)."""
-        if self._read is None:
-            return np.array(x[:, self.index])
-        return np.array(np.broadcast_to(self._read[0](*x.T), len(x)), dtype=float)
+        return self._coordinate.read(x)
 
     def slope(self, x: Array) -> Array:
         """Derivative of the coordinate by the states at x (n,): (n,)."""
-        if self._read is None:
-            return np.asarray(np.eye(len(x))[self.index])
-        return np.array([float(v) for v in self._read[1](*x)])
-
-    def _formula(self, text: Any) -> tuple[Callable[..., Any], Callable[..., Any]]:
-        names = {name: sympy.Symbol(name, real=True) for name in self.system.states}
-        try:
-            formula = parse_expression(text, names) if isinstance(text, str) else sympy.S(text)
-        except ModelError as error:
-            raise UsageError(
-                f"the section's coordinate is {text!r}, expected a state or a formula in states: {error}"
-            ) from None
-        symbols = list(names.values())
-        slopes = [formula.diff(q) for q in symbols]
-        return sympy.lambdify(symbols, formula, "numpy"), sympy.lambdify(symbols, slopes, "numpy")
+        return self._coordinate.slope(x)
 
     def _compile(self, lift: Mapping[str, Any]) -> tuple[Callable[..., Any], Callable[..., Any]]:
         symbols: dict[str, sympy.Symbol] = {
@@ -192,6 +173,12 @@ class BoundSection:
 
     def start(self, d: Array, p: Array) -> Array:
         """Initial states for coordinates d (k,) and parameter rows p (k, P) or (P,): (k, n)."""
+        if self.section.lift is None:
+            raise UsageError(
+                "the section has no lift, so no motion starts from a coordinate. Give Section(..., lift={"
+                f"{', '.join(f'{name!r}: ...' for name in self.system.states)}}}), or start from a state: "
+                "returns(system, section, x0, count), brute_force(..., start=x0), bifurcation(..., x0=x0)."
+            )
         values = np.atleast_1d(np.asarray(d, dtype=float))
         if self._functions is not None:
             return self._stack(self._functions[0], values, p)

@@ -72,7 +72,8 @@ class Progress:
     def _text(self) -> str:
         spent = time.monotonic() - self.started
         note = f" - {self.note}" if self.note else ""
-        return f"{self.title}: {100 * self.fraction:3.0f} %, {spent:.0f} s{note}"
+        left = f", about {spent / self.fraction - spent:.0f} s left" if 0.0 < self.fraction < 1.0 else ""
+        return f"{self.title}: {100 * self.fraction:3.0f} %, {spent:.0f} s{left}{note}"
 
     def _draw(self, now: float) -> None:
         if self._bar is None and not self._line:
@@ -90,12 +91,19 @@ class Progress:
         """A running bar of rich, None where rich is not installed."""
         try:
             from rich.console import Console
-            from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+            from rich.progress import (
+                BarColumn,
+                TaskProgressColumn,
+                TextColumn,
+                TimeElapsedColumn,
+                TimeRemainingColumn,
+            )
             from rich.progress import Progress as Bar
         except ImportError:
             return None
         label = TextColumn("{task.description}", markup=False)
-        columns = (label, BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+        times = (TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+        columns = (label, BarColumn(), TaskProgressColumn(), *times)
         bar = Bar(*columns, console=Console(file=sys.stderr), transient=True)
         self._task = bar.add_task(self._label(), total=1.0)
         bar.start()

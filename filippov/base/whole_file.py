@@ -37,7 +37,10 @@ def write_whole(path: str | Path, content: Content) -> Path:
             _fill(stream, content)
         return target
     temporary = target.parent / f".{target.name[:_LONGEST]}.{secrets.token_hex(8)}.tmp"
-    handle = os.open(temporary, _NEW, 0o666)
+    try:
+        handle = os.open(temporary, _NEW, 0o666)
+    except OSError as error:  # told of the path that was given
+        raise OSError(error.errno, f"cannot be written: {error.strerror}", str(path)) from None
     try:
         with os.fdopen(handle, "wb") as file:
             _fill(file, content)

@@ -127,10 +127,10 @@ def _as_arrays(value: Any) -> Any:
     return _boxed(value) if isinstance(value, Expr | Boolean) else value
 
 
-def _with_advice(method: Callable[[Any], Any], advice: str) -> Callable[[Any], Any]:
-    def asked(self: Any) -> Any:
+def _with_advice(method: Callable[..., Any], advice: str) -> Callable[..., Any]:
+    def asked(self: Any, *more: Any) -> Any:
         try:
-            return method(self)
+            return method(self, *more)
         except TypeError as error:
             raise TypeError(f"{error}. {advice}") from None
 
@@ -152,3 +152,8 @@ def install() -> None:
     Relational.__bool__ = _with_advice(Relational.__bool__, IN_AN_EQUATION)
     advice = "In an equation use sin, cos, exp, ... from filippov (or numpy), not those of math."
     Expr.__float__ = _with_advice(Expr.__float__, advice)
+    steps = (
+        "It jumps infinitely often: a quantiser has a Surface('name', sin(pi*u)), a sampled value is a state "
+        "that a TimeEvent('clock', period=...) resets."
+    )
+    Expr.__int__, Expr.__round__ = (_with_advice(f, steps) for f in (Expr.__int__, Expr.__round__))

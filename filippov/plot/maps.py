@@ -61,6 +61,35 @@ def plot_event_map(
     return drawn
 
 
+def plot_returns(
+    d: Any, image: Any, *, fixed: Iterable[Any] = (), labels: Mapping[str, str] | None = None,
+    title: str = "", figure: Figure | None = None,
+) -> Figure:  # fmt: skip
+    """The pairs (d_k, d_k+1) of one motion with the diagonal and fixed points; later pairs are darker.
+
+    d, image  coordinates at events of a section and at the events that are set against them
+    fixed, labels  as in `plot_event_map`
+    """
+    text = _labels(labels, {"d": "d", "P": "P(d)"})
+    x, y = np.asarray(d, dtype=float), np.asarray(image, dtype=float)
+    if x.shape != y.shape or x.size == 0:
+        raise UsageError(f"d and image have shapes {x.shape} and {y.shape}, expected (k,), k > 0, for both.")
+    both = np.concatenate([x, y])
+    margin = 0.08 * (float(np.ptp(both)) or abs(float(both[0])) or 1.0)
+    ends = [float(both.min()) - margin, float(both.max()) + margin]
+    with style():
+        drawn = figure if figure is not None else new_figure(4.8, 4.4)
+        ax = drawn.subplots()
+        ax.plot(ends, ends, color=GREY, linewidth=0.8, linestyle=":", zorder=1, label="P(d) = d")
+        half = x.size // 2
+        ax.plot(x[:half], y[:half], ".", color=PALE, markersize=5, zorder=2, label="first half of the motion")
+        ax.plot(x[half:], y[half:], ".", color=BLUE, markersize=5, zorder=3, label="second half")
+        _fixed(ax, fixed)
+        ax.set(xlim=ends, ylim=ends, xlabel=text["d"], ylabel=text["P"])
+        _finish(ax, title)
+    return drawn
+
+
 def plot_iterates(
     event_map: Any,
     start: float,

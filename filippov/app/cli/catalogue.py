@@ -7,6 +7,7 @@ from filippov.app.cli.configuration import (
     CELLS,
     ENGINE,
     INTERVAL,
+    OVER,
     SECTION,
     VARY,
     X_AXIS,
@@ -129,7 +130,7 @@ _ALL = (
     Command(
         "event-map", "the event map of a section and its fixed points: map.csv, fixed_points.json, map.png",
         "maps",
-        (MODEL, PARAMETERS, INTERVAL, *SECTION, *TOLERANCES,
+        (MODEL, PARAMETERS, START[0], INTERVAL, *SECTION, *TOLERANCES,
          Option("points", "samples of the map", whole, metavar="N", default=400),
          Option("order", "iterate of the map that is taken", whole, metavar="K", default=1),
          Option("start", "coordinate where an orbit starts", number, metavar="D"),
@@ -139,9 +140,7 @@ _ALL = (
     ),
     Command(
         "bifurcation", "fixed points over a parameter: bifurcation.csv, .json, .png", "maps",
-        (MODEL, PARAMETERS,
-         Option("parameter", "parameter that is varied", text, metavar="NAME"),
-         Option("values", "its first and last value", pair, metavar=("LO", "HI"), count=2),
+        (MODEL, PARAMETERS, *OVER, START[0],
          Option("count", "number of its values", whole, metavar="N", default=22),
          Option("points", "points of the search at each value", whole, metavar="N", default=400),
          Option("order", "iterate of the map that is taken", whole, metavar="K", default=2),
@@ -310,9 +309,7 @@ _ALL = (
     Command(
         "diagram", "iterates of the event map over a parameter, chaos included: diagram.json, .csv, .png",
         "chaos",
-        (MODEL, PARAMETERS,
-         Option("parameter", "parameter that is varied", text, metavar="NAME"),
-         Option("values", "its first and last value", pair, metavar=("LO", "HI"), count=2),
+        (MODEL, PARAMETERS, *OVER, START[0],
          Option("count", "number of its values", whole, metavar="N", default=200),
          Option("start", "coordinate of the first turn; default: the middle of the interval", number,
                 metavar="D"),

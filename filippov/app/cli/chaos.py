@@ -10,8 +10,8 @@ from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.maps import interval_of, section_of
 from filippov.app.cli.model import load_model
+from filippov.app.cli.sections.motion import by_motion, motion_section, section_data, told, varied
 from filippov.base.errors import UsageError
-from filippov.base.names import unknown
 from filippov.plot.lyapunov import plot_brute_force, plot_lyapunov
 
 
@@ -52,16 +52,12 @@ def run_diagram(settings: dict[str, Any], console: Console) -> int:
     """Write the iterates at every value of the parameter and their picture."""
     loaded = load_model(settings["model"])
     values = loaded.values(settings["parameters"])
-    parameter = settings["parameter"]
-    if parameter is None or settings["values"] is None:
-        raise UsageError("over which values of which parameter? give --parameter NAME --values LO HI.")
-    if parameter not in loaded.system.parameters:
-        raise UsageError(unknown("parameter", parameter, loaded.system.parameters))
-    low, high = settings["values"]
-    section = section_of(loaded, settings)
-    start = settings["start"]
-    if start is None:
-        start = 0.5 * sum(interval_of(loaded, settings))
+    parameter, low, high = varied(loaded, settings)
+    if by_motion(loaded, settings):
+        section, start = motion_section(loaded, settings, values, console, (parameter, low, high))
+    else:
+        section, start = section_of(loaded, settings), settings["start"]
+        start = 0.5 * sum(interval_of(loaded, settings)) if start is None else start
     folder = Folder(settings["output"], console)
     from filippov.analysis.diagrams import brute_force as module
 
@@ -76,17 +72,20 @@ def run_diagram(settings: dict[str, Any], console: Console) -> int:
     data = {
         "model": loaded.name, "parameter": parameter, "values": found.values.tolist(),
         "d": found.d.tolist(), "period": found.period.tolist(), "complete": found.complete,
+        "section": section_data(section), "notes": list(found.notes),
     }  # fmt: skip
     console.result(data)
     periods, counts = np.unique(found.period, return_counts=True)
     for period, count in zip(periods.tolist(), counts.tolist(), strict=True):
         what = f"period {period}" if period else "no period found"
         console.say(f"{count} of {found.period.size} values: {what}")
+    for value, note in [(v, n) for v, n in zip(found.values.tolist(), found.notes, strict=False) if n][:5]:
+        console.say(f"{parameter} = {value:.6g}: {note}")
     folder.json("diagram.json", data)
     rows = zip(found.values.tolist(), found.period.tolist(), *found.d.T.tolist(), strict=True)
     folder.csv("diagram.csv", (parameter, "period", *(f"d{k}" for k in range(found.d.shape[1]))), rows)
     shown = loaded.labels(parameter, section.coordinate)
-    labels = {"parameter": shown[parameter], "d": f"{shown[section.coordinate]} at the event"}
+    labels = {"parameter": shown[parameter], "d": f"{shown[section.coordinate]}, {told(section)}"}
     folder.picture("diagram.png", lambda: plot_brute_force(found, labels=labels, title=loaded.title))
     folder.report()
     return 0 if found.complete else 130

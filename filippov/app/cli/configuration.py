@@ -226,6 +226,12 @@ VARY = (
     Option("n", "number of points that are drawn", whole, metavar="N", flags=("-n", "--n")),
     Option("seed", "seed of points that are drawn", whole_or_zero, metavar="N", default=0),
 )  # fmt: skip
+OVER = (
+    Option("over", "parameter that is varied, with its first and last value; as --parameter and --values",
+           named_ranges, metavar="NAME=LOW:HIGH", repeat=True, default={}),
+    Option("parameter", "parameter that is varied", text, metavar="NAME"),
+    Option("values", "its first and last value", pair, metavar=("LO", "HI"), count=2),
+)  # fmt: skip
 ENGINE = (
     Option("jobs", "worker processes; default: all cores", whole, metavar="N", flags=("-j", "--jobs")),
     choice("executor", "where points are computed", "processes", "dask", default="processes"),

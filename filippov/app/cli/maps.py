@@ -10,9 +10,10 @@ import numpy as np
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded, load_model
+from filippov.app.cli.sections.motion import by_motion, motion_section, suggestion, varied
+from filippov.app.cli.sections.motion_map import run_motion_map
 from filippov.app.cli.sweep import engine
 from filippov.base.errors import ModelError, UsageError
-from filippov.base.names import unknown
 from filippov.plot.maps import plot_diagram, plot_event_map
 
 PARTS = ("surface", "event", "coordinate", "lift")
@@ -30,7 +31,9 @@ def section_of(loaded: Loaded, settings: dict[str, Any]) -> Any:
     own = getattr(loaded.model, "section", None)
     if own is None and len(given) < len(PARTS):
         missing = ", ".join(f"--{name}" for name in PARTS if name not in given)
-        raise UsageError(f"{loaded.name} proposes no section; give {missing}.")
+        seen = suggestion(loaded)
+        hint = f" From a short motion: {seen}" if seen else ""
+        raise UsageError(f"{loaded.name} proposes no section; give {missing}.{hint}")
     if settings.get(CONDITION) is not None:
         given[CONDITION] = settings[CONDITION]
     base = {} if own is None else {
@@ -64,6 +67,8 @@ def interval_of(loaded: Loaded, settings: dict[str, Any]) -> tuple[float, float]
 def run_event_map(settings: dict[str, Any], console: Console) -> int:
     """Sample the map, find its fixed points, follow an orbit; after Ctrl-C write the samples there are."""
     loaded = load_model(settings["model"])
+    if by_motion(loaded, settings):
+        return run_motion_map(loaded, settings, console)
     values = loaded.values(settings["parameters"])
     section, (lo, hi) = section_of(loaded, settings), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)
@@ -117,17 +122,12 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
     """Fixed points over a parameter, folds, changes of stability."""
     loaded = load_model(settings["model"])
     values = loaded.values(settings["parameters"])
-    parameter = settings["parameter"]
-    if parameter is None:
-        raise UsageError("which parameter? give --parameter NAME and --values LO HI.")
-    if parameter not in loaded.system.parameters:
-        raise UsageError(unknown("parameter", parameter, loaded.system.parameters))
-    if settings["values"] is None:
-        raise UsageError(f"over which values of {parameter}? give --values LO HI [--count N].")
-    low, high = settings["values"]
-    for value in (low, high):
-        loaded.values({parameter: value})
-    section, interval = section_of(loaded, settings), interval_of(loaded, settings)
+    parameter, low, high = varied(loaded, settings)
+    x0 = interval = None
+    if by_motion(loaded, settings):
+        section, x0 = motion_section(loaded, settings, values, console, (parameter, low, high))
+    else:
+        section, interval = section_of(loaded, settings), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)
     from filippov.analysis.diagrams import bifurcation as module
 
@@ -136,8 +136,8 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
         diagram = module.bifurcation(
             loaded.system, section, parameter=parameter,
             values=np.linspace(low, high, settings["count"]).tolist(),
-            interval=interval, parameters={k: v for k, v in values.items() if k != parameter},
-            engine=engine(settings, folder), progress=progress, **options,
+            interval=interval, x0=x0, parameters={k: v for k, v in values.items() if k != parameter},
+            engine=None if x0 is not None else engine(settings, folder), progress=progress, **options,
         )  # fmt: skip
     found_at = list(zip(diagram.values, diagram.points, strict=True))
     rows = [(value, point) for value, found in found_at for point in found]
@@ -157,7 +157,13 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
         console.say(f"fold at {parameter} = {value:.12g}, d = {d:.12g}")
     for value in diagram.stability_changes:
         console.say(f"the equilibrium set changes stability at {parameter} = {value:.12g}")
-    console.say(f"{len(rows)} fixed points at {len(data['values'])} values of {parameter}")
+    told = ("fold", "set stability change")
+    for place in (place for place in diagram.special if place.kind not in told):
+        note = f" ({place.note})" if place.note else ""
+        console.say(f"{place.kind} at {parameter} = {place.value:.12g}, d = {place.d:.12g}{note}")
+    for message in getattr(diagram, "messages", ()):
+        console.say(message)
+    console.say(f"{len(rows)} fixed points at {len(found_at)} values of {parameter}")
     folder.csv(
         "bifurcation.csv", (parameter, *POINT_COLUMNS), ([float(v), *point_data(p).values()] for v, p in rows)
     )

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.comparisons.independent import Orbits
-from filippov.analysis.diagrams.bifurcation import Diagram, bifurcation
+from filippov.analysis.diagrams.bifurcation import bifurcation
+from filippov.analysis.diagrams.diagram import Diagram
 from filippov.analysis.local_stability.stability import stability_report
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint

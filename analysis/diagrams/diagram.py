@@ -1,0 +1,83 @@
+"""A bifurcation diagram: branches of fixed points over a parameter, and the places where they change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.maps.fixed_points import FixedPoint
+from filippov.base.errors import UsageError
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Special:
+    """A place where the diagram changes.
+
+    kind   "fold", "set stability change" or "period doubling"
+    value  of the parameter; d: coordinate; residual: what is left of the equations that define it
+    """
+
+    kind: str
+    value: float
+    d: float
+    residual: float
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Fixed points that belong together: parameter values and points, in order."""
+
+    values: tuple[float, ...]
+    points: tuple[FixedPoint, ...]
+
+    @property
+    def d(self) -> Array:
+        """Coordinates along the branch."""
+        return np.array([point.d for point in self.points])
+
+    @property
+    def stable(self) -> npt.NDArray[np.bool_]:
+        """Stability along the branch."""
+        return np.array([point.stable for point in self.points])
+
+    @property
+    def kind(self) -> str:
+        """What its points are."""
+        return self.points[0].kind
+
+
+@dataclass(frozen=True)
+class Diagram:
+    """A bifurcation diagram.
+
+    parameter, values  what was varied
+    points             fixed points of each value
+    branches           the same, joined; special: folds and changes of stability
+    """
+
+    parameter: str
+    values: tuple[float, ...]
+    points: tuple[tuple[FixedPoint, ...], ...]
+    branches: tuple[Branch, ...]
+    special: tuple[Special, ...] = field(default=())
+
+    @property
+    def folds(self) -> list[tuple[float, float]]:
+        """(value, d) of every fold."""
+        return [(s.value, s.d) for s in self.special if s.kind == "fold"]
+
+    @property
+    def stability_changes(self) -> list[float]:
+        """Values at which the equilibrium set changes stability."""
+        return [s.value for s in self.special if s.kind == "set stability change"]
+
+    def cycles(self, value: float) -> list[FixedPoint]:
+        """Limit cycles at one of the values."""
+        if value not in self.values:
+            raise UsageError(f"the diagram has no value {value}; it has {list(self.values)}.")
+        return [point for point in self.points[self.values.index(value)] if point.kind == "limit cycle"]

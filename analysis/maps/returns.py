@@ -1,0 +1,153 @@
+"""A section without a lift: the states at its events along one motion.
+
+The motion goes from one event of the section to the next, so its own states are where the turns start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from filippov.analysis.maps.coordinate import Coordinate
+from filippov.analysis.maps.section import BoundSection, Section
+from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
+from filippov.analysis.maps.turn import MOST_STEPS
+from filippov.base.errors import UsageError
+from filippov.base.status import Status
+from filippov.model.system import System
+from filippov.solving.solution import Solution
+from filippov.solving.solver import solve
+from filippov.solving.state.events import Event
+from filippov.solving.state.options import check_state
+
+Array = npt.NDArray[np.float64]
+# Times the motion is run again for twice the events, where some lead into other modes than are wanted.
+_LONGER = 8
+# A motion rests where its last half after the last event moves by less than this part of its states' size.
+_STILL = 1e-9
+
+
+@dataclass(frozen=True)
+class Returns:
+    """The section's events along a motion.
+
+    t, x     time and state after each, (k,) and (k, n); k less than was asked for where the motion ends
+    d        the coordinate there, (k,)
+    t_end, x_end  where the motion ended
+    message  why there are less than were asked for; "" where there are not
+    rests    whether the motion came to rest after the last of them, at x_end
+    """
+
+    t: Array
+    x: Array
+    d: Array
+    t_end: float
+    x_end: Array
+    message: str = ""
+    rests: bool = False
+
+
+def returns(
+    system: System, section: Section | Stroboscope, x0: Any, count: int, *,
+    parameters: Mapping[str, float] | None = None, t0: float = 0.0, rtol: float = 1e-10, atol: Any = None,
+    method: str = "DOP853",
+) -> Returns:  # fmt: skip
+    """The next `count` events of a section along the motion from x0 at t0; its lift is not asked for.
+
+    x0           a state, in order or by name
+    parameters   values by name
+    rtol, atol   of the motion, as in `solve`
+
+    An accumulation of events is passed (`solve(..., zeno="continue")`). Raises UsageError, ModelError.
+    """
+    if not count >= 1:
+        raise UsageError(f"count is {count!r}, expected 1, 2, ...")
+    options: dict[str, Any] = {
+        "parameters": parameters, "rtol": rtol, "method": method, "zeno": "continue",
+        "max_events": 1_000_000, **({} if atol is None else {"atol": atol}),
+    }  # fmt: skip
+    start = check_state(x0, system)
+    if isinstance(section, Stroboscope):
+        return _strobed(system, section, start, count, float(t0), options)
+    return _of_events(section.bind(system), start, count, float(t0), options)
+
+
+def coordinate_of(section: Section | Stroboscope, system: System) -> Coordinate:
+    """What is read on a section of a system."""
+    return Coordinate(section.coordinate, system)
+
+
+def events_of(bound: BoundSection, motion: Solution) -> list[Event]:
+    """The section's events in a motion."""
+    return [e for e in motion.events if e.index in bound.surfaces and _is(bound.section.kind, e)
+            and bound.wanted(e.after)]  # fmt: skip
+
+
+def _is(kind: str, event: Event) -> bool:
+    way = {1: " up", -1: " down"}.get(event.direction, "")
+    return kind in (str(event.kind), f"{event.kind}{way}")
+
+
+def after(event: Event) -> Array:
+    """The state from which the motion goes on."""
+    return event.x if event.x_after is None else event.x_after
+
+
+def _of_events(bound: BoundSection, x0: Array, count: int, t0: float, options: dict[str, Any]) -> Returns:
+    section, asked = bound.section, count
+    for _ in range(_LONGER):
+        run = solve(
+            bound.system, x0, (t0, t0 + count * section.t_max), dense_output=False,
+            stop=[stop.counted(asked) for stop in section.stops], max_steps=MOST_STEPS, **options,
+        )  # fmt: skip
+        found = [e for e in events_of(bound, run) if e.t > t0][:count]
+        if run.status is not Status.STOPPED or len(found) == count:
+            break
+        asked *= 2
+    t = np.array([e.t for e in found])
+    late = np.flatnonzero(np.diff(np.append(t0, t)) > section.t_max)
+    kept = int(late[0]) if late.size else len(found)
+    x = np.array([after(e) for e in found[:kept]]).reshape(-1, bound.system.dimension)
+    rests = kept == len(found) < count and _rests(run, t[-1] if kept else t0)
+    message = ""
+    if kept < count:
+        where = f"after {kept} of {count} events of the section"
+        message = f"{where} the next one did not come within {section.t_max:g}"
+        if rests:
+            message = f"{where} the motion rests"
+        elif not run.success:
+            message = f"{where} the motion ended: {run.message}"
+    return Returns(t[:kept], x, bound.read(x), float(run.t_end), run.x_end, message, rests)
+
+
+def _strobed(
+    system: System, section: Stroboscope, x0: Array, count: int, t0: float, options: dict[str, Any]
+) -> Returns:
+    values = system.parameters.resolve(options["parameters"])
+    period, read = section.period_on(system)(values), coordinate_of(section, system)
+    ticks = np.floor(t0 / period * (1 + 1e-14)) + 1 + np.arange(count)
+    if section.clock:
+        begin = max(t0, clock_times(system, section.clock, values)[0])
+        run = solve(system, x0, (t0, begin + (count + 0.5) * period), dense_output=False, **options)
+        found = [e for e in run.events if e.surface == section.clock and e.t > t0][:count]
+        t, x = np.array([e.t for e in found]), np.array([after(e) for e in found])
+    else:
+        run = solve(system, x0, (t0, ticks[-1] * period), t_eval=ticks * period, **options)
+        t, x = run.t, run.y.T
+    x = x.reshape(-1, system.dimension)
+    message = "" if len(t) == count else f"after {len(t)} of {count} periods the motion ended: {run.message}"
+    return Returns(t, x, read.read(x), float(run.t_end), run.x_end, message)
+
+
+def _rests(run: Solution, since: float) -> bool:
+    """Whether nothing moves in the last half of the time after the last event."""
+    if run.status is not Status.SUCCESS:
+        return False
+    late = run.y[:, run.t >= 0.5 * (since + run.t_end)]
+    last = run.y[:, -2:] if late.shape[1] < 2 else late
+    size = 1.0 + np.max(np.abs(run.y), axis=1)
+    return bool(np.all(np.ptp(last, axis=1) <= _STILL * size))

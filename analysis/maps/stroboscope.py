@@ -1,0 +1,62 @@
+"""The section of a forced or clocked system: its states once a period of the forcing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import sympy
+
+from filippov.analysis.steady.forcing import Period, is_forced
+from filippov.base.errors import UsageError
+from filippov.base.names import unknown
+from filippov.model.system import System
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stroboscope:
+    """States at t = k T, or after every tick of a clock.
+
+    coordinate  what is read there: the name of a state, or a formula in states (sympy or text)
+    period      T > 0: a number, a formula in the parameters such as "2*pi/omega", a function of the
+                parameters; None: read off the sines and cosines of t and the clocks
+    clock       name of the time event after whose ticks states are read, with its reset; "": at t = k T
+
+    Raises UsageError.
+    """
+
+    coordinate: Any
+    period: Any = None
+    clock: str = ""
+
+    def period_on(self, system: System) -> Period:
+        """T with its derivatives by parameters. Raises UsageError where nothing forces the system."""
+        if self.period is None and not is_forced(system):
+            raise UsageError(
+                "nothing forces the system: t stands nowhere and no clock ticks, so there is no period to "
+                "look at it once in. Take a Section on one of its surfaces: find_section(system, x0)."
+            )
+        names = [event.name for event in system.time_events]
+        if self.clock and self.clock not in names:
+            raise UsageError(unknown("time event", self.clock, names))
+        return Period(system, self.period)
+
+    def __str__(self) -> str:
+        return f"once a period{f', after {self.clock!r}' if self.clock else ''}"
+
+
+def clock_times(system: System, name: str, values: Array) -> tuple[float, float]:
+    """First tick and period of a clock at resolved parameter values."""
+    event = next(e for e in system.time_events if e.name == name)
+    named = dict(zip(system.parameters.names, values.tolist(), strict=True))
+
+    def number(given: Any) -> float:
+        if isinstance(given, sympy.Expr):
+            return float(given.xreplace({s: sympy.Float(named[s.name], 17) for s in given.free_symbols}))
+        return float(given(system.parameters.record(values)) if callable(given) else given)
+
+    return number(event.start), number(event.period)

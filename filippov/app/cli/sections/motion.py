@@ -1,0 +1,156 @@
+"""The section of a motion, and what is varied: shared by event-map, diagram and bifurcation."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+import numpy as np
+
+from filippov.app.cli.console import Console
+from filippov.app.cli.model import Loaded
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.names import unknown
+from filippov.solving.state.options import check_state
+
+# Settings that speak of a section with a lift.
+WITH_LIFT = ("interval", "start")
+
+
+def varied(loaded: Loaded, settings: dict[str, Any]) -> tuple[str, float, float]:
+    """The parameter of --over NAME=LOW:HIGH, or of --parameter and --values. Raises UsageError."""
+    over, parameter, values = settings["over"], settings["parameter"], settings["values"]
+    if over and (parameter is not None or values is not None):
+        raise UsageError("--over says what --parameter and --values say; give one or the other.")
+    if len(over) > 1:
+        raise UsageError(f"--over takes one parameter, given {', '.join(over)}.")
+    name = next(iter(over), parameter)
+    if name is None:
+        raise UsageError(
+            "which parameter? give --over NAME=LOW:HIGH, or --parameter NAME and --values LO HI."
+        )
+    if name not in loaded.system.parameters:
+        raise UsageError(unknown("parameter", name, loaded.system.parameters))
+    if not over and values is None:
+        raise UsageError(f"over which values of {name}? give --over {name}=LOW:HIGH, or --values LO HI.")
+    low, high = over.get(name, values)
+    for value in (low, high):
+        loaded.values({name: value})
+    return name, low, high
+
+
+def by_motion(loaded: Loaded, settings: dict[str, Any]) -> bool:
+    """Whether the motion from one state stands for the lift: none is known, or a state is given."""
+    if settings.get("lift") is not None:
+        if settings.get("x0") is not None:
+            raise UsageError("--lift says where a turn starts, and so does --x0; give one of them.")
+        return False
+    if settings.get("x0") is not None:
+        return True
+    asked = any(settings.get(name) is not None for name in WITH_LIFT)
+    return getattr(loaded.model, "section", None) is None and not asked
+
+
+def motion_section(
+    loaded: Loaded, settings: dict[str, Any], values: dict[str, float], console: Console,
+    over: tuple[str, float, float] | None = None,
+) -> tuple[Any, Any]:  # fmt: skip
+    """(section, initial state): the section of the flags, else one found along the motion; says which.
+
+    over: where the section is looked for at several values of a parameter. Raises UsageError.
+    """
+    from filippov.analysis.diagrams.brute_force import first_section
+    from filippov.analysis.maps.find_section import find_section
+    from filippov.analysis.maps.section import Section
+
+    for name in WITH_LIFT:
+        if settings.get(name) is not None:
+            raise UsageError(
+                f"--{name} is a coordinate from which a lift starts, and there is none: leave it out, the "
+                "motion from --x0 is followed, or give --lift."
+            )
+    system, given = loaded.system, {k: settings.get(k) for k in ("surface", "event", "after", "t_max")}
+    if loaded.x0 is None and settings.get("x0") is None:
+        raise UsageError(
+            f"{loaded.name} proposes no section, and has no initial state to find one from. Give --x0 "
+            f"{','.join(f'{name}=...' for name in system.states)}: what recurs along the motion is the "
+            "section; or give --surface, --event, --coordinate, --lift and --interval."
+        )
+    x0 = check_state(loaded.state(settings.get("x0")), system)
+    if given["surface"] is None and given["event"] is None and given["after"] is None:
+        if over is None:
+            found = find_section(system, x0, parameters=values, coordinate=settings.get("coordinate"))
+        else:
+            name, low, high = over
+            fixed = {key: value for key, value in values.items() if key != name}
+            between = [low, 0.5 * (low + high), high]
+            found = first_section(system, x0, name, between, fixed, settings.get("coordinate"))
+    elif given["surface"] is None or given["event"] is None or settings.get("coordinate") is None:
+        raise UsageError(
+            "a section is given by --surface, --event and --coordinate together; without any of them it is "
+            "found along the motion."
+        )
+    else:
+        t_max = 100.0 if given["t_max"] is None else given["t_max"]
+        found = Section(
+            given["surface"], given["event"], settings["coordinate"], None, t_max, given["after"] or ""
+        )
+        try:
+            found.bind(system)
+        except ModelError as error:
+            raise UsageError(str(error)) from None
+        return found, x0
+    console.say(f"section: {told(found)}, read: {found.coordinate}")
+    if isinstance(found, Section):
+        console.say(f"the same by flags: {flags(found)} --x0={','.join(f'{v:.12g}' for v in x0)}")
+    return found, x0
+
+
+def told(section: Any) -> str:
+    """A section in words."""
+    return f"{section.kind} on '{section.surface}'" if hasattr(section, "kind") else str(section)
+
+
+def flags(section: Any) -> str:
+    """A section as flags of the command line."""
+    words = ["--surface", section.surface, "--event", section.kind, "--coordinate", str(section.coordinate),
+             "--t-max", f"{section.t_max:.6g}"]  # fmt: skip
+    return shlex.join(words)
+
+
+def section_data(section: Any) -> dict[str, Any]:
+    """A section as plain data."""
+    if not hasattr(section, "kind"):
+        read = str(section.coordinate)
+        return {"once a period": section.period, "clock": section.clock, "coordinate": read}
+    return {"surface": section.surface, "kind": section.kind, "coordinate": section.coordinate,
+            "after": section.after}  # fmt: skip
+
+
+def suggestion(loaded: Loaded) -> str:
+    """Flags of a section with a lift, from a short motion of the model; "" where none is seen.
+
+    Of two states the lift is exact: the section is a line. Of more it holds the others where they were at one
+    event, which is one choice of many.
+    """
+    from filippov.analysis.maps.find_section import find_section
+    from filippov.analysis.maps.returns import returns
+
+    if loaded.x0 is None:
+        return "(name a Problem, with an initial state, and one is looked for along its motion)"
+    try:
+        section = find_section(loaded.system, loaded.x0, parameters=dict(loaded.parameters))
+        if not hasattr(section, "kind"):
+            return ""
+        seen = returns(loaded.system, section, loaded.x0, 4, parameters=dict(loaded.parameters))
+    except (UsageError, ModelError):
+        return ""
+    if not seen.d.size:
+        return ""
+    last = dict(zip(loaded.system.states, seen.x[-1].tolist(), strict=True))
+    lift = ",".join(f"{n}={'d' if n == section.coordinate else f'{v:.6g}'}" for n, v in last.items())
+    reach = 2.0 * float(np.max(np.abs(seen.d))) or 1.0
+    low, high = -reach * float(np.any(seen.d < 0)), reach * float(not np.all(seen.d < 0))
+    words = ["--lift", lift, "--interval", f"{low:.3g}", f"{high:.3g}"]
+    note = "" if loaded.system.dimension == 2 else " (the lift holds the other states: one choice of many)"
+    return f"{flags(section)} {shlex.join(words)}{note}"
