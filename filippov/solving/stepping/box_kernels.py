@@ -100,11 +100,29 @@ def fits(
         return False
     for i in range(k):
         if z[i] == 0.0:
-            if s[i] > high[i] + ON_SIGN or s[i] < low[i] - ON_SIGN or a[i * k + i] > 0.0:
+            if s[i] > high[i] + ON_SIGN or s[i] < low[i] - ON_SIGN:
                 return False
         elif z[i] * rest_of(i, q, a, s, k) < -small[i] or (z[i] < 0.0 and low[i] < -OPEN):
             return False
     return True
+
+
+@kernel
+def numbered(number: int, z: Vector, k: int) -> None:
+    """The sets by their number, 0 to 3**k - 1."""
+    left = number
+    for i in range(k):
+        z[i] = float(left % 3 - 1)
+        left = left // 3
+
+
+@kernel
+def sets_of(k: int) -> int:
+    """How many there are to go through, 0 for many surfaces."""
+    total = 1
+    for i in range(k):
+        total *= 3
+    return total if k <= MOST_ENUMERATED else 0
 
 
 @kernel
@@ -113,21 +131,45 @@ def enumeration(
     iw: Indices,
 ) -> bool:  # fmt: skip
     """All sets of a few surfaces in turn; a sign at its end with nothing left over counts as held."""
-    if k > MOST_ENUMERATED:
-        return False
-    total = 1
-    for i in range(k):
-        total *= 3
-    for number in range(total):
-        left = number
-        for i in range(k):
-            z[i] = float(left % 3 - 1)
-            left = left // 3
+    for number in range(sets_of(k)):
+        numbered(number, z, k)
         if fits(q, a, low, high, small, s, z, k, w, iw):
             for i in range(k):
                 if z[i] != 0.0 and abs(rest_of(i, q, a, s, k)) <= small[i]:
                     z[i] = 0.0
             return True
+    return False
+
+
+@kernel
+def another(
+    q: Vector, a: Vector, low: Vector, high: Vector, small: Vector, s: Vector, z: Vector, k: int, w: Vector,
+    iw: Indices,
+) -> bool:  # fmt: skip
+    """Whether other sets of a few surfaces end the step elsewhere; of many the signs of the diagonal tell.
+
+    Leaving a static set wider than [-1, 1] is no alternative to resting on it.
+    """
+    if sets_of(k) == 0:
+        for i in range(k):
+            if z[i] == 0.0 and a[i * k + i] > 0.0:
+                return True
+        return False
+    trial, sets, inner = shift(w, 0), shift(w, k), shift(w, 2 * k)
+    for number in range(sets_of(k)):
+        numbered(number, sets, k)
+        asked, left, taken = False, False, False
+        for i in range(k):
+            asked = asked or sets[i] != z[i]
+            taken = taken or (sets[i] == 0.0 and z[i] != 0.0)
+            wide = low[i] < -1.0 - ON_SIGN or high[i] > 1.0 + ON_SIGN
+            left = left or (sets[i] != 0.0 and z[i] == 0.0 and wide and -OPEN < low[i] and high[i] < OPEN)
+        if left and not taken:
+            asked = False
+        if asked and fits(q, a, low, high, small, trial, sets, k, inner, iw):
+            for i in range(k):
+                if abs(rest_of(i, q, a, trial, k) - rest_of(i, q, a, s, k)) > 100.0 * small[i]:
+                    return True
     return False
 
 
@@ -166,12 +208,16 @@ def complementarity(
 
     A static set wider than [-1, 1] holds what comes to rest and what rests; a surface left has s = +-1.
     """
-    if not pivoting(q, a, low, high, small, s, z, k, w, iw):
-        if enumeration(q, a, low, high, small, s, z, k, w, iw):
-            return 0
-        if not relaxation(q, a, low, high, small, s, z, k):
-            return NO_SOLUTION
+    changes, held, sets = 0, 0, shift(w, k * k + 4 * k)
     for i in range(k):
-        if z[i] == 0.0 and a[i * k + i] > 0.0:
-            return SEVERAL
+        sets[i] = z[i]
+    if not pivoting(q, a, low, high, small, s, z, k, w, iw):
+        if not enumeration(q, a, low, high, small, s, z, k, w, iw):
+            if not relaxation(q, a, low, high, small, s, z, k):
+                return NO_SOLUTION
+    for i in range(k):
+        changes += 1 if sets[i] != z[i] else 0
+        held += 1 if z[i] == 0.0 and a[i * k + i] > 0.0 else 0
+    if changes + held > 0 and another(q, a, low, high, small, s, z, k, w, iw):
+        return SEVERAL
     return 0

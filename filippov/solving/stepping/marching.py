@@ -34,8 +34,8 @@ _ENDS = {
     ),
     box_kernels.SEVERAL: (
         Status.NON_UNIQUE,
-        "the state is on a surface that drives it away, and staying on it and leaving it both solve the step; "
-        "start beside it, or take a method that finds events, with its nonunique=...",
+        "several sets of signs solve this step, each with another motion; a method that finds events tells "
+        "them apart, and goes on with nonunique=...",
     ),
     step_kernels.NO_CONVERGENCE: (
         Status.MIN_STEP, "the equations of this step do not converge; a smaller dt makes them less nonlinear"
@@ -85,7 +85,7 @@ class March:
         self.p[: problem.p.size] = problem.p
         self.kernels("derive", self.p)
         self.ctx = np.zeros(8, dtype=np.int64)
-        inner = n + 2 * m + 4 * n * (m + 2) + m * m
+        inner = n + 12 * m + 4 * n * (m + 2) + m * m
         self.w = np.zeros(12 * m + 4 * n + 4 * n * m + m * m + inner + 64)
         self.iw = np.zeros(step_kernels.K_LIST + 4 * m + n + 8, dtype=np.int64)
         self.x, self.scale, self.lu = np.array(problem.x0), np.abs(problem.x0), np.zeros(n * n)
