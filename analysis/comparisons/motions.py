@@ -46,7 +46,7 @@ def compare_motions(
     """Compare a motion of the inclusion with the same under approximations, over the widths.
 
     system      the inclusion; x0, t_span: as for `solve`
-    against     names ("switch", "karnopp", "band", "tanh", "arctan", "sqrt", "hysteresis"; "lugre", "dahl",
+    against     names ("moreau", whose width is its step; "switch", "karnopp", "band", "tanh", "arctan", "sqrt", "hysteresis"; "lugre", "dahl",
                 "memory", "bengisu-akay", see `filippov.model.friction_model`), a mapping {name: width ->
                 System}, or Approximations; default: the first four, where they fit the system
     widths      half-widths in the units of h; default: five decades below the largest |h| of the motion
@@ -78,8 +78,9 @@ def compare_motions(
     names = list(exact.reader.readers)
     for model in models:
         left += [f"{model.name} leaves {surface!r} exact: {why}" for surface, why in model.without.items()]
-        motion, spent = ModelMotion(exact, model, sizes[-1]), ""
         own: list[dict[str, Any]] = []
+        sizes = chosen_widths(exact, widths, DECADES, model.timed)
+        motion, spent = ModelMotion(exact, model, sizes[-1]), ""
         for width in sizes:
             if progress is not None:
                 progress(len(rows), total, f"{model.name} {width:g}")
