@@ -100,11 +100,17 @@ def _one(exact: System, item: Any, alpha: float) -> Approximation:
 
 
 def with_friction(exact: System, name: str) -> Approximation:
-    """The system with a friction model of the literature; UsageError where it does not fit."""
+    """The system with a friction model of the literature on every switching surface, one after the other.
+
+    Raises UsageError where it does not fit.
+    """
     word = _fresh("width", exact)
     width = parameters(**{word: Parameter(1e-3, lower=SMALLEST, description=f"width of {name}")})[word]
+    surfaces = [q.name for q in exact.surfaces if q.kind == "switching"]
     try:
-        made = with_friction_model(exact, name, width)
+        made = with_friction_model(exact, name, width, surface=surfaces[0] if surfaces else None)
+        for surface in surfaces[1:]:
+            made = with_friction_model(made, name, width, surface=surface)
     except ModelError as error:
         raise UsageError(f"{name} does not fit this system. {error}") from None
     sticks = name not in ("dahl", "lugre")

@@ -105,7 +105,7 @@ class ExactMotion:
         own, exact = (
             sorted(event for read in each for event in read.events(self.span)) for each in (reads, self.reads)
         )
-        same = [event[1:] for event in own] == [event[1:] for event in exact]
+        same = bool(self.reads) and [event[1:] for event in own] == [event[1:] for event in exact]
         gaps = [abs(a[0] - b[0]) for a, b in zip(own, exact, strict=True)] if same else []
         last = ending(solution, n, self.extent)
         found = {

@@ -8,6 +8,7 @@ from typing import Any
 import sympy
 
 from filippov.base.errors import UsageError
+from filippov.model.size import cancelled
 from filippov.model.surface import Surface
 from filippov.model.symbolic import Contact, SymbolicForm
 from filippov.model.system import System
@@ -82,4 +83,4 @@ def _newtonian(form: SymbolicForm, contact: Contact, after: tuple[sympy.Expr, ..
 
 
 def _zero(e: sympy.Expr) -> bool:
-    return bool(e == 0) or bool(vanishes(e))
+    return bool(vanishes(cancelled(e)))

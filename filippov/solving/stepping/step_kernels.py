@@ -143,16 +143,23 @@ def take_part(
             m[i] = 1.0 if gap[i] > 0.0 else -1.0
             rested[i] = m[i]
     code += guards(t, x, p, m, gap, ctx) + guards(t, x, p, rested, rates, ctx)
-    iw[K_ACTIVE] = 0
+    impacts = 0
     for i in range(surfaces):
         target[i] = 0.0
+        side = float(CONTACT[i])
+        if side != 0.0 and side * (gap[i] + 0.5 * step * rates[i]) <= 0.0 and side * rates[i] < 0.0:
+            code += resets(i, t, x, p, m, landed, ctx) + guards(t, landed, p, rested, after, ctx)
+            target[i] = after[i]
+            impacts += 1 if side * after[i] > 0.0 else 0
+    iw[K_ACTIVE] = 0
+    for i in range(surfaces):
         takes = ROLE[i] == SWITCHING
         if CONTACT[i] != 0:
             side = float(CONTACT[i])
             takes = side * (gap[i] + 0.5 * step * rates[i]) <= 0.0
-            if takes and side * rates[i] < 0.0:
-                code += resets(i, t, x, p, m, landed, ctx) + guards(t, landed, p, rested, after, ctx)
-                target[i] = after[i]
+            # Held to it, what separates would be thrown by the impact of another contact and gain energy.
+            if impacts > 0 and side * rates[i] > 0.0:
+                takes = False
         if takes:
             iw[K_LIST + iw[K_ACTIVE]] = i
             iw[K_ACTIVE] += 1
