@@ -211,6 +211,8 @@ def complementarity(
     changes, held, sets = 0, 0, shift(w, k * k + 4 * k)
     for i in range(k):
         sets[i] = z[i]
+        if z[i] != 0.0:
+            s[i] = z[i]
     if not pivoting(q, a, low, high, small, s, z, k, w, iw):
         if not enumeration(q, a, low, high, small, s, z, k, w, iw):
             if not relaxation(q, a, low, high, small, s, z, k):
