@@ -87,7 +87,8 @@ def _one(exact: System, item: Any, alpha: float) -> Approximation:
     if isinstance(item, Approximation):
         return item
     if not isinstance(item, str):
-        raise UsageError(f"against holds {item!r}, expected a name of {', '.join(NAMES)} or an Approximation.")
+        known = ", ".join(NAMES)
+        raise UsageError(f"against holds {item!r}, expected a name of {known} or an Approximation.")
     name = "tanh" if item == "smooth" else item
     if name in FRICTION:
         return with_friction(exact, name)

@@ -34,7 +34,14 @@ from filippov.solving.state.option_types import (
     Together,
     Tolerance,
 )
-from filippov.solving.state.options import STEPPING, Options, check_priority, check_stops, check_times, given_options
+from filippov.solving.state.options import (
+    STEPPING,
+    Options,
+    check_priority,
+    check_stops,
+    check_times,
+    given_options,
+)
 from filippov.solving.state.problem import Problem
 from filippov.solving.stepping.stepped import stepped
 
@@ -119,8 +126,8 @@ def solve(
                 expressions, or UserEvent(g, terminal=..., direction=...). The last lists of t_events
     throw       raise SolveError (carrying the partial solution) where the run ends early
     progress    called now and then with (t, t1)
-    method      "DOP853" (order 8), "DP5" (order 5), or "Radau" (order 5, implicit) for stiff fields; "Moreau":
-                time stepping, which looks for no events (see `filippov.solving.stepping`)
+    method      "DOP853" (order 8), "DP5" (order 5), or "Radau" (order 5, implicit) for stiff fields;
+                "Moreau": time stepping, which looks for no events (see `filippov.solving.stepping`)
     dt, theta   with "Moreau": the length of its steps, and 0.5 (order 2 between events, the default) to 1
                 (implicit Euler)
     rtol, atol  relative and absolute tolerance of a step; atol may be one number a state. Default of atol:

@@ -1,4 +1,4 @@
-"""Write the table of approximations of docs/comparison.md: python tests/benchmarks/approximations.py [CSV]."""
+"""Write the table of docs/comparison.md: python tests/benchmarks/approximations.py [CSV]."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ def cell(value: object) -> object:
 def main(path: Path) -> None:
     """All plants under all models."""
     rows = table_of_approximations(progress=print)
-    path.write_text(csv_text(COLUMNS, ([cell(row[name]) for name in COLUMNS] for row in rows)), encoding="utf-8")
+    text = csv_text(COLUMNS, ([cell(row[name]) for name in COLUMNS] for row in rows))
+    path.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

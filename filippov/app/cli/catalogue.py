@@ -89,8 +89,8 @@ _ALL = (
         "simulate", "solve a model: events.csv, trajectory.csv, solution.npz, summary.json, response.png",
         "simulate",
         (MODEL, PARAMETERS, *START, *TOLERANCES[:2],
-         _choice("method", "order 8 (the default), order 5, order 5 for stiff fields, or time stepping without "
-                 "events", *METHODS, "Moreau"),
+         _choice("method", "order 8 (the default), order 5, order 5 for stiff fields, or time stepping "
+                 "without events", *METHODS, "Moreau"),
          Option("dt", "with --method Moreau: the length of its steps", number, metavar="DT",
                 flags=("--dt", "--step")),
          Option("theta", "with --method Moreau: 0.5 (order 2 between events, the default) to 1", number,

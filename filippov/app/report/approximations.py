@@ -7,81 +7,25 @@ beside the one that theory gives.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
 from typing import Any
-
-from sympy import cos
 
 from filippov.analysis.comparisons.approximation import STEPS, approximations
 from filippov.analysis.comparisons.motion_result import MotionComparison
 from filippov.analysis.comparisons.motions import compare_motions
 from filippov.base.errors import UsageError
 from filippov.base.names import check_known
-from filippov.model.parameter import Parameter
-from filippov.model.parameter_symbol import parameters
-from filippov.model.symbols import states, t
-from filippov.model.system import System
-from filippov.models.belt import belt
-from filippov.models.chain import chain
-from filippov.models.friction import FrictionLaw
-from filippov.models.laws import Stribeck
-from filippov.models.registry import get
+from filippov.models.approximated import PLANTS
 
 BANDS, BRISTLES = ("switch", "karnopp", "band", "tanh"), ("lugre", "dahl")
 MODELS = (*BANDS, *BRISTLES, STEPS)
 # The power of the width with which the error of the states goes to 0: what moves on a spring of stiffness
 # 1/width when it stops has a period that goes with the root of the width.
 THEORY = dict.fromkeys((*BANDS, STEPS), 1.0) | dict.fromkeys(BRISTLES, 0.5)
-LAW = Stribeck(Fs=1, Fc=0.5, vs=0.1, beta=1, b=0.05)
 COLUMNS = (
     "plant", "model", "method", "width", "error_state", "error_final", "error_times", "drift", "calls_ratio",
     "order", "theory", "said",
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Plant:
-    """One motion of the table: a system, where it starts, its span, and the widths that are tried.
-
-    widths   of bands, in the units of h; deflections: of bristles, in those of its integral; steps: of time
-    """
-
-    title: str
-    build: Callable[[], System]
-    x0: Sequence[float]
-    t_span: tuple[float, float]
-    widths: Sequence[float] = (1e-3, 1e-4, 1e-5)
-    deflections: Sequence[float] = (1e-3, 1e-4, 1e-5)
-    steps: Sequence[float] = (1e-2, 1e-3, 1e-4)
-
-
-def drive(law: FrictionLaw = LAW) -> System:
-    """Two masses on a spring with friction on both, the first pushed to and fro."""
-    p = parameters(
-        **law.parameters(), k=Parameter(4, "N/m"), d=Parameter(0.1, "N s/m"), F=Parameter(2.2, "N")
-    )
-    x1, v1, x2, v2 = states("x1 v1 x2 v2")
-    pull = p.k * (x1 - x2) + p.d * (v1 - v2)
-    return System(
-        {x1: v1, v1: p.F * cos(t) - pull - law.force(v1, p), x2: v2, v2: pull - law.force(v2, p)},
-        surfaces=[*law.surfaces(v1, p, "motor"), *law.surfaces(v2, p, "load")], parameters=p,
-    )  # fmt: skip
-
-
-PLANTS: dict[str, Plant] = {
-    "hunting": Plant("The hunting loop", lambda: get("hunting").build(), (0.1, 0, 0), (0, 10)),
-    "belt": Plant("A block on a belt", lambda: belt(LAW), (0, 0), (0, 20)),
-    "relay": Plant("A relay loop that slides", lambda: get("relay").build(), (0, 0.5, 0), (0, 15)),
-    "drive": Plant("Two masses, friction on both", drive, (0, 0, 0, 0), (0, 20)),
-    "chain": Plant(
-        "A chain of ten blocks", lambda: chain(10, LAW),
-        [q for i in range(10) for q in (0.1 * (3 * i % 7 - 3), 0.0)], (0, 10),
-    ),
-    "ball": Plant(
-        "A bouncing ball", lambda: get("bouncing_ball").build(), (1, 0), (0, 4), steps=(1e-3, 1e-4, 1e-5)
-    ),
-}  # fmt: skip
 
 
 def table_of_approximations(
@@ -128,7 +72,7 @@ def _summary(plant: str, model: str, found: MotionComparison) -> dict[str, Any]:
     if not done:
         return _row(plant, found.of(model)[-1], found.of(model)[-1]["note"])
     # Where the state jumps, the largest error is the jump itself for as long as the times differ.
-    quantity = "error_final" if plant == "ball" else "error_state"
+    quantity = "error_final" if PLANTS[plant].jumps else "error_state"
     trend, theory = found.trend(model, quantity), THEORY[model]
     said = list(found.faults)
     if trend.order is not None and trend.order < theory - 0.25:

@@ -96,8 +96,8 @@ class Options:
         for name in ("dt", "theta"):
             if getattr(self, name) is not None and self.method != STEPPING:
                 raise UsageError(
-                    f"{name} is of method={STEPPING!r}, which takes steps of one length; {self.method} chooses "
-                    "its steps: max_step is their bound, rtol and atol their error."
+                    f"{name} is of method={STEPPING!r}, which takes steps of one length; {self.method} "
+                    "chooses its steps: max_step is their bound, rtol and atol their error."
                 )
         if self.method != STEPPING:
             return
@@ -113,8 +113,9 @@ class Options:
         for name in ("first_step", "max_step", "dt"):
             value = getattr(self, name)
             if value is not None and math.isfinite(value) and 0.0 < span * (1.0 + 1e-12) < value:
+                hint = "" if name == "dt" else " Leave it out."
                 raise UsageError(
-                    f"{name} is {value:g}, longer than t_span, {span:g}: expected at most that.{'' if name == 'dt' else ' Leave it out.'}"
+                    f"{name} is {value:g}, longer than t_span, {span:g}: expected at most that.{hint}"
                 )
 
     def check_system(self, system: System) -> None:

@@ -2,10 +2,10 @@
 
     h = q + a s,   h_i > 0 and s_i = 1, or h_i < 0 and s_i = -1, or h_i = 0 and low_i <= s_i <= high_i
 
-First by exchanging the sets of the surfaces that do not fit (principal pivoting, which a P-matrix -a lets end:
-Cottle, Pang, Stone 1992, section 4.2), from the sets of the step before; where the matrix is singular or
-that goes round, all sets of a few surfaces in turn, then projected Gauss-Seidel sweeps (section 5.2 there).
-What is returned has been checked.
+First by exchanging the sets of the surfaces that do not fit (principal pivoting: Cottle, Pang & Stone 1992,
+section 4.2), from the sets of the step before; where the matrix is singular or that goes round, all sets of
+a few surfaces in turn, then projected Gauss-Seidel sweeps (section 5.2 there). What is returned has been
+checked.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel, shift
@@ -22,7 +22,7 @@ def rest_of(i: int, q: Vector, a: Vector, s: Vector, k: int) -> float:
     total = q[i]
     for j in range(k):
         total += a[i * k + j] * s[j]
-    return total
+    return float(total)
 
 
 @kernel
@@ -120,7 +120,7 @@ def numbered(number: int, z: Vector, k: int) -> None:
 def sets_of(k: int) -> int:
     """How many there are to go through, 0 for many surfaces."""
     total = 1
-    for i in range(k):
+    for _ in range(k):
         total *= 3
     return total if k <= MOST_ENUMERATED else 0
 
@@ -151,10 +151,10 @@ def another(
     Leaving a static set wider than [-1, 1] is no alternative to resting on it.
     """
     if sets_of(k) == 0:
+        driven = 0
         for i in range(k):
-            if z[i] == 0.0 and a[i * k + i] > 0.0:
-                return True
-        return False
+            driven += 1 if z[i] == 0.0 and a[i * k + i] > 0.0 else 0
+        return driven > 0
     trial, sets, inner = shift(w, 0), shift(w, k), shift(w, 2 * k)
     for number in range(sets_of(k)):
         numbered(number, sets, k)
@@ -163,7 +163,7 @@ def another(
             asked = asked or sets[i] != z[i]
             taken = taken or (sets[i] == 0.0 and z[i] != 0.0)
             wide = low[i] < -1.0 - ON_SIGN or high[i] > 1.0 + ON_SIGN
-            left = left or (sets[i] != 0.0 and z[i] == 0.0 and wide and -OPEN < low[i] and high[i] < OPEN)
+            left = left or (sets[i] != 0.0 and z[i] == 0.0 and wide and low[i] > -OPEN and high[i] < OPEN)
         if left and not taken:
             asked = False
         if asked and fits(q, a, low, high, small, trial, sets, k, inner, iw):
@@ -182,7 +182,7 @@ def relaxation(
         if not (a[i * k + i] < 0.0):
             return False
         s[i] = min(max(s[i], low[i]), high[i])
-    for sweep in range(MOST_SWEEPS):
+    for _ in range(MOST_SWEEPS):
         change = 0.0
         for i in range(k):
             now = s[i] - rest_of(i, q, a, s, k) / a[i * k + i]
@@ -213,10 +213,13 @@ def complementarity(
         sets[i] = z[i]
         if z[i] != 0.0:
             s[i] = z[i]
-    if not pivoting(q, a, low, high, small, s, z, k, w, iw):
-        if not enumeration(q, a, low, high, small, s, z, k, w, iw):
-            if not relaxation(q, a, low, high, small, s, z, k):
-                return NO_SOLUTION
+    found = pivoting(q, a, low, high, small, s, z, k, w, iw)
+    if not found:
+        found = enumeration(q, a, low, high, small, s, z, k, w, iw)
+    if not found:
+        found = relaxation(q, a, low, high, small, s, z, k)
+    if not found:
+        return NO_SOLUTION
     for i in range(k):
         changes += 1 if sets[i] != z[i] else 0
         held += 1 if z[i] == 0.0 and a[i * k + i] > 0.0 else 0

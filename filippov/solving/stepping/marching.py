@@ -1,4 +1,4 @@
-"""From a problem to its solution in steps of one length: chunks of compiled steps, read as modes and events."""
+"""From a problem to its solution in steps of one length: chunks of them, read as modes and events."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from filippov.base.status import EventKind, Status, mode_text
-from filippov.kernel.tables import codes
 from filippov.solving.solution import Solution
 from filippov.solving.state.event_log import EventLog
 from filippov.solving.state.events import Mode
@@ -30,12 +28,12 @@ NOTE = "known to within a step"
 AT_START = 1e-14
 _ENDS = {
     box_kernels.NO_SOLUTION: (
-        Status.NO_CONTINUATION, "no signs were found that solve the complementarity problem of this step; a smaller dt may have some"
+        Status.NO_CONTINUATION,
+        "no signs were found that solve the complementarity problem of this step; a smaller dt may have some",
     ),
     box_kernels.SEVERAL: (
         Status.NON_UNIQUE,
-        "several sets of signs solve this step, each with another motion; a method that finds events tells "
-        "them apart, and goes on with nonunique=...",
+        "several sets of signs solve this step, each with another motion; DOP853 tells which, with nonunique",
     ),
     step_kernels.NO_CONVERGENCE: (
         Status.MIN_STEP, "the equations of this step do not converge; a smaller dt makes them less nonlinear"
@@ -130,8 +128,9 @@ class March:
         signs, hits = np.empty((count, m)), np.zeros((count, m))
         before, start = self.z.copy(), self.x.copy()
         code = self.kernels(
-            "march", self.done, self.done + count, self.problem.t_span[0], self.step, self.theta, self.x, self.z,
-            self.s, self.p, self.scale, self.lu, states, modes, signs, hits, self.w, self.iw, self.ctx,
+            "march", self.done, self.done + count, self.problem.t_span[0], self.step, self.theta, self.x,
+            self.z, self.s, self.p, self.scale, self.lu, states, modes, signs, hits, self.w, self.iw,
+            self.ctx,
         )  # fmt: skip
         done = int(self.iw[step_kernels.K_LIST + 3 * m + n])
         rows = Rows(self.done, start, states[:done], modes[:done], signs[:done], hits[:done])
@@ -232,7 +231,7 @@ def finished(run: March, status: Status, why: str, t_eval: Array | None) -> Solu
     log.place_of, log.states, log.names = system.surface_place, system.states, system.surface_names
     t0, end_mode = problem.t_span[0], _mode(run.z)
     dense = options.dense_output
-    times = t0 + run.step * np.arange(run.done + 1)
+    times: Array = np.asarray(t0 + run.step * np.arange(run.done + 1), dtype=np.float64)
     times[-1] = run.t
     sol, y = None, np.concatenate(run.states).T
     if dense:

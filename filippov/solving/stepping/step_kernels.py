@@ -1,7 +1,7 @@
 """Steps of the theta scheme of `filippov.solving.stepping`, in the kernel language: see there for the scheme.
 
-z_i is the set of surface i: +1 and -1 off it (its sign is the same), 0 where the step ends on it. Matrices are
-flat, row by row; b is (N, M). Scratch is handed on from kernel to kernel, behind what the caller uses.
+z_i is the set of surface i: +1 and -1 off it (its sign is the same), 0 where the step ends on it. Matrices
+are flat, row by row; b is (N, M). Scratch is handed on from kernel to kernel, behind what the caller uses.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel, shift, shift_indices
@@ -23,7 +23,7 @@ from filippov.solving.stepping.box_kernels import complementarity
 NO_CONVERGENCE, NOT_DEFINED = 12, 14
 MOST_ITERATIONS, SLOW, SETTLED, ROUNDED, ON_SURFACE = 60, 0.05, 1e-13, 1e-9, 1e-13
 SWITCHING = 0
-# Numbers of states, surfaces and colours of signs: tables of the system, so that these kernels serve all of them.
+# Numbers of states, surfaces and colours of signs: a table of the system, so that these kernels serve all.
 SIZES: list[int] = [1, 1, 1]
 # Places in the integers: how many surfaces are solved for, counters, then their list and the pivots.
 K_ACTIVE, K_CALLS, K_JACOBIANS, K_FACTORS, K_KNOWN, K_ITERATIONS, K_LIST = 0, 1, 2, 3, 4, 5, 6
@@ -133,7 +133,8 @@ def take_part(
     A contact takes part where its rate closes it within half a step (Acary & Brogliato 2008, section 10.1).
     """
     surfaces = SIZES[1]
-    gap, rates, after, rested, landed = shift(w, 0), shift(w, surfaces), shift(w, 2 * surfaces), shift(w, 3 * surfaces), shift(w, 4 * surfaces)
+    gap, rates, after = shift(w, 0), shift(w, surfaces), shift(w, 2 * surfaces)
+    rested, landed = shift(w, 3 * surfaces), shift(w, 4 * surfaces)
     for i in range(surfaces):
         m[i] = float(CONTACT[i]) if CONTACT[i] != 0 else z[i]
         rested[i] = 0.0 if CONTACT[i] != 0 else m[i]
@@ -212,7 +213,8 @@ def step_once(
     n, surfaces = SIZES[0], SIZES[1]
     end = t + step
     m, target, low, high = shift(w, 0), shift(w, surfaces), shift(w, 2 * surfaces), shift(w, 3 * surfaces)
-    q, small, own, sets = shift(w, 4 * surfaces), shift(w, 5 * surfaces), shift(w, 6 * surfaces), shift(w, 7 * surfaces)
+    q, small = shift(w, 4 * surfaces), shift(w, 5 * surfaces)
+    own, sets = shift(w, 6 * surfaces), shift(w, 7 * surfaces)
     h, gt, ends = shift(w, 8 * surfaces), shift(w, 9 * surfaces), shift(w, 10 * surfaces)
     at = shift(w, 12 * surfaces)
     start, f, d = shift(at, n), shift(at, 2 * n), shift(at, 3 * n)
@@ -267,7 +269,8 @@ def step_once(
             for j in range(n):
                 size += abs(g[i * n + j]) * scale[j]
             small[k] = ON_SURFACE * size
-        code = complementarity(q, a, low, high, small, own, sets, count, inner, shift_indices(iw, K_LIST + surfaces + n))
+        places = shift_indices(iw, K_LIST + surfaces + n)
+        code = complementarity(q, a, low, high, small, own, sets, count, inner, places)
         if code != 0:
             return code
         size = 0.0
@@ -326,18 +329,18 @@ def finish(
 @kernel
 def march(
     first: int, last: int, t0: float, step: float, theta: float, x: Vector, z: Vector, s: Vector, p: Vector,
-    scale: Vector, lu: Vector, states: Vector, modes: Vector, signs: Vector, hits: Vector, w: Vector, iw: Indices,
-    ctx: Indices,
+    scale: Vector, lu: Vector, states: Vector, modes: Vector, signs: Vector, hits: Vector, w: Vector,
+    iw: Indices, ctx: Indices,
 ) -> int:  # fmt: skip
-    """Steps first to last - 1 of equal length, a row each; the number of those done in iw behind the lists."""
+    """Steps first to last - 1 of equal length, a row each; how many were done is put behind the lists."""
     n, surfaces = SIZES[0], SIZES[1]
     done = K_LIST + 3 * surfaces + n
     iw[done] = 0
     for number in range(first, last):
-        row = number - first
+        row, t = number - first, t0 + float(number) * step
         code = step_once(
-            t0 + float(number) * step, step, theta, x, z, s, p, scale, lu, shift(hits, row * surfaces), w, iw, ctx
-        )
+            t, step, theta, x, z, s, p, scale, lu, shift(hits, row * surfaces), w, iw, ctx
+        )  # fmt: skip
         if code != 0:
             return code
         for j in range(n):

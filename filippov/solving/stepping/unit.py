@@ -1,4 +1,4 @@
-"""The compiled steps of a system: its generated field with the kernels of this package, kept as any unit is."""
+"""The compiled steps of a system: its generated field and the kernels of this package, kept in the cache."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ _ARGUMENTS = {"march": "iiddd" + "v" * 11 + "kk", "derive": "v", "guards": "dvvv
 # What the steps take of the unit of a system: kernels and tables.
 _FOREIGN = ("rhs", "guards", "gradients", "radii", "resets", "derive")
 _TABLES = ("COLOUR", "OWNER", "ROLE", "CONTACT", "SIZES")
-_KINDS = {"d": ctypes.c_double, "i": ctypes.c_int64, "v": ctypes.c_void_p, "k": ctypes.c_void_p}
+_KINDS: dict[str, Any] = {"d": ctypes.c_double, "i": ctypes.c_int64}
+_KINDS |= dict.fromkeys("vk", ctypes.c_void_p)
 _made: dict[tuple[str, bool], Steps] = {}
 
 
