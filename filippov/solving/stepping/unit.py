@@ -14,11 +14,12 @@ import numpy as np
 
 from filippov.kernel.codegen import cache as kept
 from filippov.kernel.codegen import interpreted
-from filippov.kernel.codegen.build import address, generation
+from filippov.kernel.codegen.build import generation
 from filippov.kernel.codegen.generate import generate
 from filippov.kernel.codegen.generated import Generated
 from filippov.kernel.files import kernel_file
 from filippov.kernel.language.compiler import compile_unit, load_objects
+from filippov.kernel.language.records import address_of
 from filippov.kernel.language.unit import Constant, Unit, add_kernels
 from filippov.kernel.tables import root_tables
 from filippov.model.system import System
@@ -46,7 +47,7 @@ class Steps:
         """Call an entry point with numbers and arrays."""
         given = values
         if self.engine is not None:
-            given = tuple(address(v) if isinstance(v, np.ndarray) else v for v in values)
+            given = tuple(address_of(v) if isinstance(v, np.ndarray) else v for v in values)
         return int(self.functions[name](*given))
 
 
