@@ -95,6 +95,6 @@ ENDS_ONLY = {
     name: f"{name} is for solve: solve_many keeps the ends only. Use solve for the way of one trajectory."
     for name in (
         "t_eval", "events", "dense_output", "save_events", "on_graze", "max_time", "backend", "throw",
-        "dt", "theta",
+        "theta",
     )
 }
