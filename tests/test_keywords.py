@@ -20,8 +20,8 @@ DEFAULTS = {f.name: None if f.name == "atol" else f.default for f in fields(Opti
 # What has no meaning for ends and tables.
 LESS = {
     solve: set(),
-    solve_many: {"max_time", "on_graze", "dense_output", "save_events", "backend"},
-    Sweep: {"max_time", "dense_output", "save_events", "compile", "backend"},
+    solve_many: {"max_time", "on_graze", "dense_output", "save_events", "backend", "dt", "theta"},
+    Sweep: {"max_time", "dense_output", "save_events", "compile", "backend", "dt", "theta"},
 }
 
 

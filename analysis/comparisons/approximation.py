@@ -16,6 +16,8 @@ from filippov.model.friction_model import with_friction_model
 from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import parameters
 from filippov.model.system import System
+from filippov.solving.state.options import STEPPING
+from filippov.solving.stepping.plan import check_fits
 
 Built = System | tuple[System, Mapping[str, float]]
 ALPHA = 100.0
@@ -30,6 +32,9 @@ KINDS: dict[str, tuple[Callable[[Any, Any], Comparator], bool]] = {
     "sqrt": (lambda width, _: Smooth(width, "sqrt"), True),
     "hysteresis": (lambda width, _: Hysteresis(width), False),
 }
+# Time stepping of the exact system: its width is the step.
+STEPS = "moreau"
+NAMES = (*KINDS, *FRICTION, STEPS)
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,7 @@ class Approximation:
     stick    how its stays in stick on a surface are read; by default the layer |h| <= width
     sticks   whether stays in stick can be told at all: bristles only swing to rest
     without  surfaces that it leaves exact, each with the reason
+    timed    whether its width is a step of time
     """
 
     name: str
@@ -55,6 +61,7 @@ class Approximation:
     stick: Callable[[str], BandModel] | None = field(default=None, hash=False)
     sticks: bool = True
     without: Mapping[str, str] = field(default_factory=dict, hash=False)
+    timed: bool = False
 
     def band_model(self, surface: str) -> BandModel:
         """How its stays in stick on a surface are read."""
@@ -63,7 +70,7 @@ class Approximation:
 
 def approximations(exact: System, against: Any, alpha: float = ALPHA) -> list[Approximation]:
     """The approximations that are asked for: names of KINDS ("smooth" is "tanh") and of friction
-    models, a mapping from names to
+    models, "moreau", a mapping from names to
     builds, Approximations, or several of these. Raises UsageError.
     """
     items = [against] if isinstance(against, str | Approximation) else against
@@ -80,22 +87,31 @@ def _one(exact: System, item: Any, alpha: float) -> Approximation:
     if isinstance(item, Approximation):
         return item
     if not isinstance(item, str):
-        known = ", ".join((*KINDS, *FRICTION))
+        known = ", ".join(NAMES)
         raise UsageError(f"against holds {item!r}, expected a name of {known} or an Approximation.")
     name = "tanh" if item == "smooth" else item
     if name in FRICTION:
         return with_friction(exact, name)
+    if name == STEPS:
+        check_fits(exact)
+        return Approximation(name, lambda _: exact, method=STEPPING, timed=True)
     if name not in KINDS:
-        raise UsageError(unknown("approximation", item, (*KINDS, *FRICTION)))
+        raise UsageError(unknown("approximation", item, NAMES))
     return under(exact, name, alpha)
 
 
 def with_friction(exact: System, name: str) -> Approximation:
-    """The system with a friction model of the literature; UsageError where it does not fit."""
+    """The system with a friction model of the literature on every switching surface, one after the other.
+
+    Raises UsageError where it does not fit.
+    """
     word = _fresh("width", exact)
     width = parameters(**{word: Parameter(1e-3, lower=SMALLEST, description=f"width of {name}")})[word]
+    surfaces = [q.name for q in exact.surfaces if q.kind == "switching"]
     try:
-        made = with_friction_model(exact, name, width)
+        made = with_friction_model(exact, name, width, surface=surfaces[0] if surfaces else None)
+        for surface in surfaces[1:]:
+            made = with_friction_model(made, name, width, surface=surface)
     except ModelError as error:
         raise UsageError(f"{name} does not fit this system. {error}") from None
     sticks = name not in ("dahl", "lugre")

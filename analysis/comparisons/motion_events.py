@@ -16,8 +16,10 @@ from filippov.analysis.comparisons.band_model import Reader, Stay
 from filippov.base.status import EventKind
 from filippov.model.system import System
 from filippov.solving.solution import Solution
+from filippov.solving.state.options import STEPPING
 
 Array = npt.NDArray[np.float64]
+MOST_NODES = 4000
 # Gauss points a step for the way covered in stick.
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)
 
@@ -104,7 +106,7 @@ class EventReader:
         """Zeros of h between |h| > edge on one side and on the other, without a stay in between."""
         sol = solution.sol
         assert sol is not None
-        t = np.unique(np.concatenate([solution.t, solution.events.t]))
+        t = np.unique(np.concatenate([_nodes(solution), solution.events.t]))
         h = np.array([reader.height(float(q), sol(float(q))) for q in t])
         kept = np.flatnonzero(np.abs(h) > edge)
         found = []
@@ -117,8 +119,9 @@ class EventReader:
         """The way slipped in stick: of the place where a state is one, else the integral of h."""
         sol, worst, reader, place = solution.sol, 0.0, self.readers[name], self.places[name]
         assert sol is not None
+        ends = _nodes(solution)
         for stay in stays:
-            inner = solution.t[(solution.t > stay.t0) & (solution.t < stay.t1)]
+            inner = ends[(ends > stay.t0) & (ends < stay.t1)]
             nodes = np.concatenate([[stay.t0], inner, [stay.t1]])
             half = 0.5 * np.diff(nodes)[:, None]
             t = (0.5 * (nodes[1:] + nodes[:-1])[:, None] + half * POINTS).ravel()
@@ -133,6 +136,14 @@ class EventReader:
                 way = at[1:] - at[0] - moving
             worst = max(worst, float(np.max(np.abs(way), initial=0.0)))
         return worst
+
+
+def _nodes(solution: Solution) -> Array:
+    """Ends of steps; of the very many of time stepping, some thousand."""
+    every = solution.t.size // MOST_NODES
+    if solution.options.method != STEPPING or every < 2:
+        return solution.t
+    return np.append(solution.t[::every], solution.t[-1])
 
 
 def _place(system: System, surface: str) -> tuple[int, int, float] | None:

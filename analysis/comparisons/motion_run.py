@@ -24,6 +24,8 @@ Array = npt.NDArray[np.float64]
 GRID, TAIL, TIGHT = 2001, 0.25, 3e-14
 # An explicit method takes about rate * span / 6 steps for stability: beyond so many the implicit one is taken
 STIFF_STEPS = 2000.0
+# Steps of time below the span by so many decades take longer than they tell.
+MOST_DECADES = 6
 EXPLICIT, IMPLICIT = "DOP853", "Radau"
 ERRORS = ("error_state", "error_final", "error_times", "drift")
 TOO_MANY = {Status.MAX_STEPS: "steps", Status.MAX_EVENTS: "events"}
@@ -71,7 +73,9 @@ class ExactMotion:
 
     def _solved(self, tolerances: Mapping[str, float]) -> Solution:
         options = {**self.options, **tolerances}
-        solution: Solution = solve(self.system, self.x0, self.t_span, parameters=self.given, **options)
+        solution: Solution = solve(
+            self.system, self.x0, self.t_span, parameters=self.given, zeno="continue", **options
+        )
         if solution.status is not Status.SUCCESS:
             raise UsageError(
                 f"the exact motion ends at t = {solution.t_end:.6g}, so nothing can be compared with it: "
@@ -81,7 +85,8 @@ class ExactMotion:
 
     def _row(self) -> dict[str, Any]:
         row = self.measured(self.coarse, self.reads_of(self.coarse))
-        seconds = self.clock(self.system, self.x0, self.given, EXPLICIT)
+        given = {"parameters": self.given, "zeno": "continue", **self.options}
+        seconds = self.clock(self.system, self.x0, given)
         return blank_row("exact", None) | row | {
             "method": EXPLICIT, "drift": max(read.drift for read in self.reads) if self.reads else None,
             "calls_ratio": 1.0, "seconds": seconds, "note": "errors: difference between two tolerances",
@@ -100,7 +105,7 @@ class ExactMotion:
         own, exact = (
             sorted(event for read in each for event in read.events(self.span)) for each in (reads, self.reads)
         )
-        same = [event[1:] for event in own] == [event[1:] for event in exact]
+        same = bool(self.reads) and [event[1:] for event in own] == [event[1:] for event in exact]
         gaps = [abs(a[0] - b[0]) for a, b in zip(own, exact, strict=True)] if same else []
         last = ending(solution, n, self.extent)
         found = {
@@ -130,12 +135,12 @@ class ExactMotion:
             found |= dict(zip(measure.columns(self.system), values, strict=True))
         return {name: value if value is None or np.isfinite(value) else None for name, value in found.items()}
 
-    def clock(self, system: System, x0: Any, given: Mapping[str, float], method: str) -> float:
+    def clock(self, system: System, x0: Any, options: Mapping[str, Any]) -> float:
         """Median seconds of one run, compiled before."""
         spent = []
         for _ in range(self.repeats):
             begun = time.perf_counter()
-            solve(system, x0, self.t_span, parameters=given, method=method, **self.options)
+            solve(system, x0, self.t_span, **options)
             spent.append(time.perf_counter() - begun)
         return statistics.median(spent)
 
@@ -156,8 +161,8 @@ class ModelMotion:
         steepest = max(exact.reader.jump(exact.fine, name) for name in exact.reader.readers)
         return IMPLICIT if steepest / narrowest * exact.span / 6.0 > STIFF_STEPS else EXPLICIT
 
-    def solve(self, width: float) -> tuple[Solution, System, Array, dict[str, float]]:
-        """The motion, what was solved, from where and with which parameters."""
+    def solve(self, width: float) -> tuple[Solution, System, Array, dict[str, Any]]:
+        """The motion, what was solved, from where and with which options."""
         exact, model = self.exact, self.model
         built = model.build(width)
         system, own = built if isinstance(built, tuple) else (built, {})
@@ -174,16 +179,15 @@ class ModelMotion:
         extra = list(model.start)[: system.dimension - n]
         start[n : n + len(extra)] = extra
         shared = {name: v for name, v in exact.given.items() if name in system.parameters}
-        given = {**shared, **own}
-        solution = solve(
-            system, start, exact.t_span, parameters=given, method=self.method, **exact.options
-        )
-        return solution, system, start, given
+        options: dict[str, Any] = {"parameters": {**shared, **own}, "method": self.method, **exact.options}
+        if model.timed:
+            options = {k: v for k, v in options.items() if k not in ("rtol", "atol")} | {"dt": width}
+        return solve(system, start, exact.t_span, **options), system, start, options
 
     def row(self, width: float) -> dict[str, Any]:
         """Everything that is compared; a note, and no errors, where the run did not reach the end."""
         exact = self.exact
-        solution, system, start, given = self.solve(width)
+        solution, system, start, options = self.solve(width)
         blank = blank_row(self.model.name, width) | {"method": self.method}
         if solution.status is not Status.SUCCESS:
             what = TOO_MANY.get(solution.status)
@@ -198,15 +202,19 @@ class ModelMotion:
         if not self.model.sticks:
             row |= {"error_times": None, "drift": None, "stick": None, "entries": [None] * len(reads)}
         row["calls_ratio"] = solution.nfev / max(exact.coarse.nfev, 1)
-        row["seconds"] = exact.clock(system, start, given, self.method)
+        row["seconds"] = exact.clock(system, start, options)
         return blank | row
 
 
-def chosen_widths(exact: ExactMotion, given: Sequence[float] | None, decades: Sequence[int]) -> list[float]:
-    """The widths from the widest on; by default decades of the largest |h| of the motion.
+def chosen_widths(
+    exact: ExactMotion, given: Sequence[float] | None, decades: Sequence[int], timed: bool = False
+) -> list[float]:
+    """The widths from the widest on; by default decades of the largest |h| of the motion, or of its span.
 
     Raises UsageError.
     """
+    if given is None and timed:
+        return [exact.span * 10.0**-k for k in decades if k < MOST_DECADES]
     if given is None:
         sizes = [exact.reader.size(exact.fine, name) for name in exact.reader.readers]
         scale = 10.0 ** round(np.log10(min((q for q in sizes if q > 0), default=1.0)))

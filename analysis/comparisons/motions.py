@@ -47,8 +47,9 @@ def compare_motions(
 
     system      the inclusion; x0, t_span: as for `solve`
     against     names ("switch", "karnopp", "band", "tanh", "arctan", "sqrt", "hysteresis"; "lugre", "dahl",
-                "memory", "bengisu-akay", see `filippov.model.friction_model`), a mapping {name: width ->
-                System}, or Approximations; default: the first four, where they fit the system
+                "memory", "bengisu-akay", see `filippov.model.friction_model`; "moreau": time stepping, whose
+                width is its step), a mapping {name: width -> System}, or Approximations; default: the first
+                four, where they fit the system
     widths      half-widths in the units of h; default: five decades below the largest |h| of the motion
     measures    further numbers of each run, as in sweeps: "amplitude(x)", a function of the Solution
     parameters  values by name, for the exact system and every approximation that has them
@@ -78,8 +79,9 @@ def compare_motions(
     names = list(exact.reader.readers)
     for model in models:
         left += [f"{model.name} leaves {surface!r} exact: {why}" for surface, why in model.without.items()]
-        motion, spent = ModelMotion(exact, model, sizes[-1]), ""
         own: list[dict[str, Any]] = []
+        sizes = chosen_widths(exact, widths, DECADES, model.timed)
+        motion, spent = ModelMotion(exact, model, sizes[-1]), ""
         for width in sizes:
             if progress is not None:
                 progress(len(rows), total, f"{model.name} {width:g}")

@@ -59,7 +59,9 @@ _STATUS = {
 }
 # The same as a table over all codes, from UNFINISHED on; None where `solve` has to decide.
 _OF_CODE = np.array([_STATUS.get(code) for code in range(UNFINISHED, codes.NO_SLIDING + 1)], dtype=object)
-_OPTIONS = options_but("max_time", "on_graze", "stop", "dense_output", "save_events", "backend")
+_OPTIONS = options_but(
+    "max_time", "on_graze", "stop", "dense_output", "save_events", "backend", "dt", "theta"
+)  # fmt: skip
 # Methods whose stages are written out one after the other, as lanes need them.
 _IN_LANES = ("DOP853", "DP5")
 # Fewer rows than this do not repay the compilation of lanes.

@@ -34,8 +34,16 @@ from filippov.solving.state.option_types import (
     Together,
     Tolerance,
 )
-from filippov.solving.state.options import Options, check_priority, check_stops, check_times, given_options
+from filippov.solving.state.options import (
+    STEPPING,
+    Options,
+    check_priority,
+    check_stops,
+    check_times,
+    given_options,
+)
 from filippov.solving.state.problem import Problem
+from filippov.solving.stepping.stepped import stepped
 
 
 @overload
@@ -101,6 +109,8 @@ def solve(
     save_events: Kept = "all",
     compile: bool | None = None,  # noqa: A002 (the word for it)
     backend: Backend = "compiled",
+    dt: float | None = None,
+    theta: float | None = None,
 ) -> Solution | SolutionTree:
     """Solve x' in { f(t, x, s; p) : s_i in Sgn(h_i) } from x0 over t_span.
 
@@ -116,7 +126,10 @@ def solve(
                 expressions, or UserEvent(g, terminal=..., direction=...). The last lists of t_events
     throw       raise SolveError (carrying the partial solution) where the run ends early
     progress    called now and then with (t, t1)
-    method      "DOP853" (order 8), "DP5" (order 5), or "Radau" (order 5, implicit) for stiff fields
+    method      "DOP853" (order 8), "DP5" (order 5), or "Radau" (order 5, implicit) for stiff fields;
+                "Moreau": time stepping, which looks for no events (see `filippov.solving.stepping`)
+    dt, theta   with "Moreau": the length of its steps, and 0.5 (order 2 between events, the default) to 1
+                (implicit Euler)
     rtol, atol  relative and absolute tolerance of a step; atol may be one number a state. Default of atol:
                 1e-12, less where the whole motion is small (see `filippov.solving.scale`)
     first_step, max_step         bounds of the step, at most the span
@@ -147,6 +160,11 @@ def solve(
     and Dieci & Lopez 2012; see the page on the event loop.
     """
     options = given_options(locals())
+    if method == STEPPING:
+        rest = {"max_branches": max_branches, "max_depth": max_depth, "release_times": release_times}
+        options |= {name: value for name, value in rest.items() if value is not None}
+        problem = _problem(system, x0, t_span, parameters, backward)
+        return stepped(problem, options, events, t_eval, throw, progress)
     of_tree = {"max_branches": max_branches, "max_depth": max_depth, "release_times": release_times}
     of_tree = {name: value for name, value in of_tree.items() if value is not None}
     problem = _problem(system, x0, t_span, parameters, backward)

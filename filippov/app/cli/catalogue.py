@@ -89,7 +89,13 @@ _ALL = (
     Command(
         "simulate", "solve a model: events.csv, trajectory.csv, solution.npz, summary.json, response.png",
         "simulate",
-        (MODEL, PARAMETERS, *START, *TOLERANCES,
+        (MODEL, PARAMETERS, *START, *TOLERANCES[:2],
+         _choice("method", "order 8 (the default), order 5, order 5 for stiff fields, or time stepping "
+                 "without events", *METHODS, "Moreau"),
+         Option("dt", "with --method Moreau: the length of its steps", number, metavar="DT",
+                flags=("--dt", "--step")),
+         Option("theta", "with --method Moreau: 0.5 (order 2 between events, the default) to 1", number,
+                metavar="THETA"),
          Option("points", "equally spaced rows of trajectory.csv; default: the ends of the steps", whole,
                 metavar="N"),
          Option("events", "roots to watch: FORMULA, FORMULA:up, down or both, or FORMULA:up:N to end at the "

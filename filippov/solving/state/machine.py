@@ -63,6 +63,8 @@ class Machine:
         self, system: System, method: str, p: Array, events: tuple[Surface, ...] = (),
         sliding: str = "filippov", compiled: bool | None = None,
     ) -> None:  # fmt: skip
+        # What time stepping has found is looked at with the kernels of the loop.
+        method = method if method in TABLEAUS else "DOP853"
         self.system, self.events = system, events
         self.n, self.m = system.dimension, len(system.surface_names) + len(events)
         self.callbacks: Callbacks | None = None

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from filippov.solving.state.events import Stop
 
 # RK45 is what scipy calls DP5 (Dormand & Prince 1980).
-MethodName = Literal["DOP853", "DP5", "Radau", "RK45"]
+MethodName = Literal["DOP853", "DP5", "Radau", "RK45", "Moreau"]
 # A list and a tuple, no sequence: a text is one as well, and "branch" gives another result.
 Policy = Literal["raise", "stick", "slip"] | list[str] | tuple[str, ...] | Callable[..., Any]
 OnGraze = Literal["continue", "error"]
@@ -49,6 +49,8 @@ class RunOptions(BranchOptions, total=False):
     """The options of `solve` for one solution."""
 
     nonunique: Policy
+    dt: float | None
+    theta: float | None
 
 
 SAME_AS: Mapping[str, str] = {"y0": "x0", "tspan": "t_span"}
@@ -81,7 +83,8 @@ ANSWERS: dict[str, str] = {
     "abstol": "abstol is atol here.",
     "params": "params is parameters here: parameters={'m': 2.0}.",
     "t": "t is t_span=(t0, t1) here; times at which the solution is wanted are t_eval.",
-    "dt": "dt is max_step here, a bound of the step; times at which the solution is wanted are t_eval.",
+    "dt": "dt is of solve(..., method='Moreau'), which takes steps of one length; max_step is a bound of the "
+    "others' steps; times at which the solution is wanted are t_eval.",
     "h0": "h0 is first_step here.",
     "hmax": "hmax is max_step here.",
     "tfirst": "tfirst is not needed: the time goes first in every function, f(t, x, p, s).",
@@ -92,5 +95,6 @@ ENDS_ONLY = {
     name: f"{name} is for solve: solve_many keeps the ends only. Use solve for the way of one trajectory."
     for name in (
         "t_eval", "events", "dense_output", "save_events", "on_graze", "max_time", "backend", "throw",
+        "theta",
     )
 }

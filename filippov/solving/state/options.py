@@ -20,7 +20,9 @@ from filippov.model.system import System
 from filippov.solving.state.events import Stop
 from filippov.solving.state.option_types import METHODS_OF_OTHERS
 
-METHODS = tuple(TABLEAUS)
+# The method that takes steps of one length (see `filippov.solving.stepping`).
+STEPPING = "Moreau"
+METHODS = (*TABLEAUS, STEPPING)
 POLICIES = ("raise", "stick", "slip", "branch")
 # Where none is given; see `filippov.solving.scale` for motions that are small.
 LARGEST_ATOL = 1e-12
@@ -49,6 +51,8 @@ class Options:
     save_events: str = "all"
     compile: bool | None = None
     backend: str = "compiled"
+    dt: float | None = None
+    theta: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "method", method_of(self.method))
@@ -62,6 +66,7 @@ class Options:
             good = bool(np.all(np.isfinite(atol)) and not np.any(atol < 0))
         if not good:
             raise UsageError(f"atol is {self.atol}, expected numbers >= 0.")
+        self._check_stepping()
         if self.first_step is not None:
             positive("first_step", self.first_step)
         positive("max_step", self.max_step, infinite=True)
@@ -86,14 +91,31 @@ class Options:
                     f"stop holds {item!r}, expected Stop(surface, kind, count): stop=Stop('v', 'crossing')."
                 )
 
+    def _check_stepping(self) -> None:
+        """dt and theta go with the method that takes steps of one length, and it with dt."""
+        for name in ("dt", "theta"):
+            if getattr(self, name) is not None and self.method != STEPPING:
+                raise UsageError(
+                    f"{name} is of method={STEPPING!r}, which takes steps of one length; {self.method} "
+                    "chooses its steps: max_step is their bound, rtol and atol their error."
+                )
+        if self.method != STEPPING:
+            return
+        if self.dt is None:
+            raise UsageError(f"method {STEPPING!r} needs dt, the length of its steps: solve(..., dt=1e-3).")
+        positive("dt", self.dt)
+        if self.theta is not None and not 0.5 <= positive("theta", self.theta) <= 1.0:
+            raise UsageError(f"theta is {self.theta}, expected 0.5 (order 2) to 1 (implicit Euler).")
+
     def check_span(self, t_span: tuple[float, float]) -> None:
         """Refuse steps longer than the span: nothing could come of them."""
         span = abs(t_span[1] - t_span[0])
-        for name in ("first_step", "max_step"):
+        for name in ("first_step", "max_step", "dt"):
             value = getattr(self, name)
             if value is not None and math.isfinite(value) and 0.0 < span * (1.0 + 1e-12) < value:
+                hint = "" if name == "dt" else " Leave it out."
                 raise UsageError(
-                    f"{name} is {value:g}, longer than t_span, {span:g}: expected at most that. Leave it out."
+                    f"{name} is {value:g}, longer than t_span, {span:g}: expected at most that.{hint}"
                 )
 
     def check_system(self, system: System) -> None:
@@ -137,7 +159,7 @@ def method_of(name: object) -> str:
         return "DP5"
     if isinstance(name, str) and name in METHODS_OF_OTHERS:
         raise UsageError(f"method {name!r} is not among {', '.join(METHODS)}: use {METHODS_OF_OTHERS[name]}.")
-    if not isinstance(name, str) or name not in TABLEAUS:
+    if not isinstance(name, str) or name not in METHODS:
         raise UsageError(unknown("method", name, METHODS))
     return name
 

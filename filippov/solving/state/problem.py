@@ -16,7 +16,7 @@ from filippov.solving.state.options import as_pair, check_span, check_state, fal
 
 _OF_SOLVE = {
     name: f"{name} is an option of the run: solve(problem, {name}=...)."
-    for name in (*BranchOptions.__annotations__, "nonunique", "t_eval", "events", "throw")
+    for name in (*BranchOptions.__annotations__, "nonunique", "theta", "t_eval", "events", "throw")
 }
 
 
