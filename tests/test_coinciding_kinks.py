@@ -13,7 +13,9 @@ END = 4.0
 x, y, z = states("x y z")
 NAMES = [f"a{i}{j}" for i in range(3) for j in range(3)]
 p = parameters(
-    **dict.fromkeys(NAMES, 0.0), b=0.0, c=0.0, k=0.0, d=0.0, off=0.0, u0=1.0, u1=0.0, u2=0.0, v0=0.0, v1=1.0, v2=0.0
+    **dict.fromkeys(NAMES, 0.0),
+    **dict.fromkeys(("b", "c", "k", "d", "off", "u1", "u2", "v0", "v2"), 0.0),
+    u0=1.0, v1=1.0,
 )  # fmt: skip
 
 
@@ -36,7 +38,8 @@ SYSTEM = _system()
 
 def _draw(random: np.random.Generator) -> tuple[dict[str, float], np.ndarray]:
     values = {name: float(random.normal()) for name in NAMES}
-    values |= {name: float(random.normal() * random.integers(2)) for name in "b c k d u1 u2 v0 v2".split()}
+    some = ("b", "c", "k", "d", "u1", "u2", "v0", "v2")
+    values |= {name: float(random.normal() * random.integers(2)) for name in some}
     values |= {"u0": float(random.uniform(0.5, 3)), "v1": float(random.uniform(0.5, 3))}
     return values, random.normal(size=3)
 
@@ -54,7 +57,8 @@ def _regularised(v: dict[str, float], start: np.ndarray, eps: float) -> np.ndarr
         out[2] += v["u2"] * one + v["v2"] * two - s[2] ** 3 + abs(s[0])
         return out
 
-    run = solve_ivp(field, (0, END), start, method="LSODA", rtol=1e-9, atol=1e-11, t_eval=np.linspace(0, END, 21))
+    times = np.linspace(0, END, 21)
+    run = solve_ivp(field, (0, END), start, method="LSODA", rtol=1e-9, atol=1e-11, t_eval=times)
     return run.y if run.success else None
 
 
@@ -64,9 +68,11 @@ def test_11_B_a_kink_on_a_surface_slid_on_neither_stops_the_motion_nor_stays_beh
     for k in range(DRAWS):
         random = np.random.default_rng(k)
         values, start = _draw(random)
-        run = solve(SYSTEM, start, (0, END), parameters=values, rtol=rtol, atol=rtol / 100, max_steps=20_000)
+        options = {"rtol": rtol, "atol": rtol / 100, "max_steps": 20_000}
+        run = solve(SYSTEM, start, (0, END), parameters=values, **options)
         # Fields of cubes may run away; where sliding repels, there is more than one solution.
-        if run.status in (Status.MAX_STEPS, Status.NON_UNIQUE, Status.NOT_FINITE) or np.max(np.abs(run.y)) > 50:
+        away = run.status in (Status.MAX_STEPS, Status.NON_UNIQUE, Status.NOT_FINITE)
+        if away or np.max(np.abs(run.y)) > 50:
             continue
         assert run.success, (k, run.message)
         if rtol > 1e-9:

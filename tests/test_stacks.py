@@ -125,7 +125,7 @@ def test_11_A_what_comes_just_before_a_limit_is_not_bridged(e: float, early: flo
 
 
 def test_11_A_a_body_that_arrives_next_to_the_limit_of_an_accumulation_is_not_passed() -> None:
-    """Where the limit lies behind the surface above by less than its own error, the laps are followed further.
+    """Where the limit lies behind the surface above by less than its error, the laps are followed further.
 
     The lower body, thrown up with v, would rest at t = 2 v/(g (1 - e0)); the upper one falls freely and is at
     height d then, which is little or below 0.
@@ -138,7 +138,8 @@ def test_11_A_a_body_that_arrives_next_to_the_limit_of_an_accumulation_is_not_pa
         depth = float(random.choice([-1.0, 1.0]) * 10 ** random.uniform(-12, -6))
         speed = random.uniform(0, 0.01)  # at the limit, downwards
         start = np.array([0.0, depth + speed * last - g * last**2 / 2, v, g * last - speed])
-        if np.min(start[1] + start[3] * (s := np.linspace(0, 0.9 * last, 50)) - g * s**2 / 2) < v**2 / (2 * g):
+        s = np.linspace(0, 0.9 * last, 50)
+        if np.min(start[1] + start[3] * s - g * s**2 / 2) < v**2 / (2 * g):
             # It is to come from above the other one.
             start[1], start[3] = depth + last, g * last / 2 - 1.0
         values = {"g": g, "a": 0.0, "c": 100.0, "e0": float(e), "e1": float(random.uniform(0, 1)), "e2": 0.5}

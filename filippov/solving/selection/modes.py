@@ -111,8 +111,8 @@ def _consistent(point: Point, base: Mode, met: Sequence[int], hit: Sequence[int]
 def _along(point: Point, met: Sequence[int]) -> frozenset[int]:
     """The surfaces met on which the motion stayed without sliding: held there by the others it slides on.
 
-    Contacts that others hold as well, and kinks that coincide with a surface slid on; that rounding had one of
-    these hit its surface says nothing.
+    Contacts that others hold as well, and kinks that coincide with a surface slid on; that rounding had one
+    of these hit its surface says nothing.
     """
     mode = np.array(point.base, dtype=float)
     idle = [i for i in met if point.machine.roles[i] != "switching"]
