@@ -103,12 +103,14 @@ _ALL = (
          Option("evaluate", "a formula in t, states, parameters and outputs that is written and drawn beside "
                 "the states; a sign in it is the multiplier while it slides; can be repeated", texts,
                 metavar="FORMULA", repeat=True),
-         Option("animate", "a film of the motion in the folder: NAME.gif or NAME.mp4", text, metavar="NAME"),
+         Option("animate", "a film of the solution in the folder: NAME.gif or NAME.mp4", text, metavar="NAME"),
          _choice("backend", "what runs the event loop: machine code, or Python from the same sources (slow; "
                  "for a debugger)", "compiled", "python"),
-         _choice("on_graze", "at a touching of a surface: go on, or end", "continue", "error"),
+         _choice("on_graze", "where a surface is grazed: go on, or end", "continue", "error"),
          _choice("save_events", "keep every event, or count them: memory does not grow, the tables have the "
                  "last few only", "all", "count"),
+         Option("tuned", "tuning.json of `filippov tune`: its best gains, for the parameters it was made for",
+                text, metavar="FILE"),
          *TREE),
         EXAMPLES["simulate"],
     ),
