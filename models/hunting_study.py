@@ -81,7 +81,7 @@ def slip_cycles(values: Mapping[str, float]) -> tuple[float, ...]:
 
 SYMBOLS = (
     ("t", "time", "s"),
-    ("x, v, z", "position error, velocity, integral of the error: x' = v, z' = x", "m, m/s, m s"),
+    ("x, v, z", "position error, velocity, integral of the error", "m, m/s, m s"),
     ("u", "force of the controller, P (x + D v + I z); it acts as -u", "N"),
     ("F(v)", "friction force: g(|v|) sgn v + b v in slip, any value in [-Fs, Fs] at v = 0", "N"),
     ("g(|v|)", "Stribeck curve, Fc + (Fs - Fc) exp(-(|v|/vs)^beta)", "N"),
@@ -90,7 +90,7 @@ SYMBOLS = (
     ("R(d)", "next rest position after d: the event map; R(R(d)) its second iterate", "m"),
     ("T", "period of a cycle", "s"),
     ("equilibrium set", "x = v = 0, |z| ≤ Fs/(P I): where the mass can stay at rest at the target", "-"),
-    ("η, α", "half-width of the stick band of the Switch model (width), and its rate in the band", "m/s, 1/s"),
+    ("η, α", "half-width of the stick band of the Switch model, and its rate in the band", "m/s, 1/s"),
 )
 STICK = {"band upper": "-", "band lower": "+", "effort upper": "-", "effort lower": "+"}
 SET, CYCLE, TUNED = "equilibrium set", "limit cycle", "hunting can be tuned away"

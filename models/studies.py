@@ -161,7 +161,8 @@ class Study:
     order              the iterate of the model's event map whose fixed points are studied
     symmetry           of the cycles, as in `find_orbit`
     labels             axis labels with units, by name of state, "t", "d", "image" and "iterate" (of d under the
-                       map and its iterate), "fixed points", "parameter", "curve x", "curve y", "multiplier", "plane", "ending"
+                       map and its iterate), "fixed points", "parameter", "curve x", "curve y", "multiplier",
+                       "plane", "ending"
                        (the second parameters), "fold", "amplitude", "input", "width"
     mode_names         words for modes
     curve              parameter values -> the constitutive curve; curve_title: file name, title of the figure

@@ -316,8 +316,8 @@ class _Ends:
                 if jump > EDGE:
                     text = (
                         "the set at h = 0 is wider than the one-sided limits: at break-away dh/dt jumps from "
-                        f"0 to {jump:.6g} (side {side}), so solutions from arbitrarily near leave by a finite "
-                        "distance"
+                        f"0 to {jump:.6g} (side {side}), so solutions from arbitrarily near leave by a "
+                        "finite distance"
                     )
                     return [Statement(text)]
             if slip.singular is not None and not self._vanishes(slip):

@@ -72,7 +72,7 @@ _ADVICE = {
     ),
     Status.MIN_STEP: (
         "The step fell below the spacing of t, or far below the times of the run. Common causes: a field "
-        "that is discontinuous where no surface is declared, a singularity, or a large t with a fast solution "
+        "that is discontinuous where no surface is declared, a singularity, or a large t with fast changes "
         "(shift the origin of time)."
     ),
     Status.GRAZING: "The solution touches a surface and on_graze='error' was asked for.",

@@ -200,10 +200,12 @@ def _magnified(ax: Any, diagram: Any) -> None:
         return
     near = [v for v in diagram.stability_changes if min(abs(v - w) for w, _ in small) < 2]
     values = [*(v for v, _ in small), *near]
-    own, high = ax.inset_axes((0.56, 0.4, 0.4, 0.52)), 1.25 * max(d for _, d in small)
+    own = ax.inset_axes((0.56, 0.4, 0.4, 0.52))
+    low, high = min(0.0, *(d for _, d in small)), max(0.0, *(d for _, d in small))
     _diagram(own, diagram)
     pad = 0.15 * (max(values) - min(values) or 1.0)
-    own.set(xlim=(min(values) - pad, max(values) + pad), ylim=(min(-0.12 * high, min(d for _, d in small)), high))
+    edge = 0.2 * (high - low)
+    own.set(xlim=(min(values) - pad, max(values) + pad), ylim=(low - edge, high + edge))
     own.tick_params(labelsize=7.5)
     own.ticklabel_format(axis="y", scilimits=(-2, 2), useMathText=True)
     own.yaxis.get_offset_text().set_fontsize(7.5)

@@ -46,7 +46,8 @@ def plot_regions(
             if hatch:
                 ax.pcolor(
                     result.x, result.y, np.ma.masked_not_equal(kinds, number), shading="nearest",
-                    cmap=ListedColormap(["none"]), hatch=hatch, edgecolors=HATCHED, linewidth=0, rasterized=True,
+                    cmap=ListedColormap(["none"]), hatch=hatch, edgecolors=HATCHED, linewidth=0,
+                    rasterized=True,
                 )  # fmt: skip
         handles: list[Any] = [
             Patch(facecolor=c, edgecolor=HATCHED, linewidth=0, hatch=h, label=n)

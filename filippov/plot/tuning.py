@@ -67,4 +67,5 @@ def _mark(ax: Any, item: Any, tuning: Any) -> None:
     s = tuning.margin
     ax.plot([a], [b], "*", color=INK, markersize=10, clip_on=False, linestyle="none", label="best gains")
     box = [(a / s, b / s), (a * s, b / s), (a * s, b * s), (a / s, b * s), (a / s, b / s)]
-    ax.plot(*zip(*box, strict=True), color=INK, linewidth=0.9, linestyle="--", label=f"margin, factor {s:.3g}")
+    name = f"margin, factor {s:.3g}"
+    ax.plot(*zip(*box, strict=True), color=INK, linewidth=0.9, linestyle="--", label=name)

@@ -76,7 +76,8 @@ def _one(found: Local, q: Symbol, v: Symbol, j: int) -> Certificate | None:
         return Certificate("stable", "the energy is positive definite and kept", ENERGY, tuple(checked))
     if max(powers) <= 0:
         checked += [*impacts, "the power v G is nowhere positive and vanishes on no solution but the rest"]
-        return Certificate("asymptotically stable", "the energy falls along solutions", LASALLE, tuple(checked))
+        text = "the energy falls along solutions"
+        return Certificate("asymptotically stable", text, LASALLE, tuple(checked))
     if min(powers) >= 0:
         checked += [*impacts, "the power v G is nowhere negative and vanishes on no solution but the rest"]
         return Certificate("unstable", "the energy grows along solutions", KRASOVSKII, tuple(checked))

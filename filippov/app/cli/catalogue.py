@@ -103,7 +103,8 @@ _ALL = (
          Option("evaluate", "a formula in t, states, parameters and outputs that is written and drawn beside "
                 "the states; a sign in it is the multiplier while it slides; can be repeated", texts,
                 metavar="FORMULA", repeat=True),
-         Option("animate", "a film of the solution in the folder: NAME.gif or NAME.mp4", text, metavar="NAME"),
+         Option("animate", "a film of the solution in the folder: NAME.gif or NAME.mp4", text,
+                metavar="NAME"),
          _choice("backend", "what runs the event loop: machine code, or Python from the same sources (slow; "
                  "for a debugger)", "compiled", "python"),
          _choice("on_graze", "where a surface is grazed: go on, or end", "continue", "error"),
@@ -270,8 +271,8 @@ _ALL = (
                 metavar="T"),
          Option("step", "of an autonomous system: time between looks", number, metavar="DT"),
          Option("cells", "cells of the grid along each edge of the box", whole, metavar="N", default=60),
-         Option("recurrences", "iterates in a row on cells visited before, after which a solution is looked at",
-                whole, metavar="N", default=40),
+         Option("recurrences", "iterates in a row on cells visited before, after which a solution is "
+                "looked at", whole, metavar="N", default=40),
          Option("most", "iterates, after which the rest is undecided", whole, metavar="N", default=2000),
          Option("reach", "distance from an attractor, in parts of the box, that makes a solution its own",
                 number, metavar="R", default=1e-3),
@@ -302,7 +303,8 @@ _ALL = (
         function="run_manifold", needs="filippov.analysis.invariant_sets.manifold",
     ),
     Command(
-        "lyapunov", "Lyapunov exponents of a solution, through its events: exponents.json, .csv, .png", "chaos",
+        "lyapunov", "Lyapunov exponents of a solution, through its events: exponents.json, .csv, .png",
+        "chaos",
         (MODEL, PARAMETERS, START[0],
          Option("duration", "time over which they are taken", number, metavar="T"),
          Option("stretch", "time between two decompositions; of a forced system a multiple of the period",
@@ -365,8 +367,8 @@ _ALL = (
         needs="filippov.analysis.estimation.identification",
     ),
     Command(
-        "compare", "the exact inclusion against its approximations, over a section or along a solution (--x0, "
-        "--t-span, --against): comparison.csv, .json, .txt, .png", "compare",
+        "compare", "the exact inclusion against its approximations, over a section or along a solution "
+        "(--x0, --t-span, --against): comparison.csv, .json, .txt, .png", "compare",
         (MODEL, PARAMETERS, *APPROXIMATIONS, *START[:2], *TOLERANCES[:2], *SECTION),
         EXAMPLES["compare"],
         needs="filippov.analysis.comparisons.comparison",

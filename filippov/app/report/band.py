@@ -45,13 +45,13 @@ def comparison(run: Run) -> Section:
     source = f"filippov.analysis.comparisons.comparison, rtol {found.rtol:g}; comparison.csv."
     table = Table(
         "Band models beside the inclusion",
-        ("model", *names, run.label("width", "half-width"), f"Δ{study.letter}(d) [{unit}]", "Δt [s]", f"Δd* [{unit}]",
-         f"drift [{unit}]", "field calls", "ms", "time ratio"),
+        ("model", *names, run.label("width", "half-width"), f"Δ{study.letter}(d) [{unit}]", "Δt [s]",
+         f"Δd* [{unit}]", f"drift [{unit}]", "field calls", "ms", "time ratio"),
         tuple(rows),
-        f"Largest differences from the inclusion: of {study.letter}(d) at d = {where} {unit}, of the event times of "
-        "the response, of the fixed points; drift: of the position during the stay in the band. Field calls "
-        "and median times of the same solutions; ratio to the inclusion run beside it. Row exact: how far two "
-        "tolerances of the inclusion differ. " + " ".join(notes),
+        f"Largest differences from the inclusion: of {study.letter}(d) at d = {where} {unit}, of the event "
+        "times of the response, of the fixed points; drift: of the position during the stay in the band. Field calls "
+        "and median times of the same solutions; ratio to the inclusion run beside it. Row exact: how far "
+        "two tolerances of the inclusion differ. " + " ".join(notes),
         source, "comparison", long=True,
     )  # fmt: skip
     letter = study.letter
@@ -60,8 +60,8 @@ def comparison(run: Run) -> Section:
     columns: Sequence[str] = tuple(dict.fromkeys(key for row in found.rows for key in row))
     return Section(
         "comparison", "Comparison with band models",
-        [Picture("comparison", "Band models against the inclusion", source, lambda: found.plot(labels=labels)),
-         table,
+        [Picture("comparison", "Band models against the inclusion", source,
+                 lambda: found.plot(labels=labels)), table,
          Words("p", "How the differences go with the width of the band:"),
          Words("pre", run.lettered("\n".join(t.sentence for t in found.trends)))],
         _facts(found.rows),

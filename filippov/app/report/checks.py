@@ -33,8 +33,8 @@ def classification(run: Run) -> Section:
     table = Table(
         "Classification", ("regime", "what", "computed", "paper", "same"), tuple(rows),
         f"Computed from the diagrams at {run.study.parameter} = {', '.join(f'{v:g}' for v in values)}, one "
-        f"case a regime. The stability report, at the parameters of [[table parameters]], says of the {subject}: "
-        f"{'; '.join(proofs)}.",
+        f"case a regime. The stability report, at the parameters of [[table parameters]], says of the "
+        f"{subject}: {'; '.join(proofs)}.",
         f"bifurcation_*.csv, read by {__name__}.classification.", "classification",
     )  # fmt: skip
     return Section("classification", "Classification", [table], summary={"classification": found})
@@ -121,7 +121,7 @@ def _exactness(run: Run) -> Table:
         rows,
         "Twenty points of each sliding segment. Response - iterates: largest distance between the positions "
         "at the events of the section in the response and the iterates of the event map from the first of "
-        "them; the map starts each passage anew from its coordinate alone, so this tests the section as well. "
+        "them; the map starts each return anew from its coordinate alone, so this tests the section as well. "
         "Mode word: the modes that the end of the response repeats.",
         f"`filippov simulate {run.model.name} -p ...`.", "exactness",
     )  # fmt: skip

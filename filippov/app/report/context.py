@@ -63,7 +63,8 @@ class Context:
         """The axis label of something."""
         unit, x = self.study.unit, self.section.coordinate
         own = {"d": f"{x} [{unit}]", "image": f"{self.study.letter}(d) [{unit}]",
-               "iterate": f"{self.iterate} [{unit}]", "fixed points": f"fixed points {x} [{unit}]", "parameter": self.study.parameter}  # fmt: skip
+               "iterate": f"{self.iterate} [{unit}]", "fixed points": f"fixed points {x} [{unit}]",
+               "parameter": self.study.parameter}  # fmt: skip
         return self.study.labels.get(name, default or own.get(name, name))
 
     @property

@@ -56,7 +56,8 @@ def orbits(run: Run) -> Section:
         ("case", "stable", "period [s]", *(f"amplitude {name}" for name in states[:2]), "multipliers",
          "mode word", "margins", "speed"),
         tuple(rows),
-        "At the parameters of [[table parameters]]. Floquet multipliers without the trivial one; 0 belongs to stick, which forgets how it was entered. "
+        "At the parameters of [[table parameters]]. Floquet multipliers without the trivial one; 0 belongs "
+        "to stick, which forgets how it was entered. "
         "Margins: least distance from the surface where the cycle turns back from it, ∞ where it nowhere "
         "does: then nothing grazes; and the same for the multiplier of the sliding mode. "
         "Speed: least speed at which the surface is reached, relative to |grad h| |f|, 0 at grazing.",
@@ -103,7 +104,8 @@ def branches(run: Run) -> Section:
                   "The digits are the fewest over all cycles and special points, rtol 1e-12 against 1e-13.",
                   f"{command}; branches.csv.", "special"),
             Table(f"All cycles: d* [{unit}] over {name}", (name, *(c.label for c in run.cases)), tuple(rows),
-                  "Solved for at each value on the branch.", f"{command}; branches.csv.", "branches", long=True),
+                  "Solved for at each value on the branch.", f"{command}; branches.csv.", "branches",
+                  long=True),
         ] if shown else [],
         summary={"branches": {
             c.case.case.key: {
@@ -155,7 +157,8 @@ def fold_curve(run: Run) -> Section:
             line.set_linestyle("-" if len(line.get_xdata()) > 1 else "none")
         for text in ax.texts[:]:
             text.remove()
-        ax.plot(points[least].value, height[least], "o", color=INK, markersize=4.5, label="least", linestyle="none")
+        ax.plot(points[least].value, height[least], "o", color=INK, markersize=4.5, label="least",
+                linestyle="none")  # fmt: skip
         for point in (points[least], *ending.special):
             text = f"({point.value:.4g}, {point.coordinates[name]:.11g})"
             label_beside(ax, point.value, point.coordinates[name], text, INK)

@@ -157,7 +157,7 @@ def _points_table(run: Run, ordinal: str) -> Table:
          "time [s]"),
         tuple(rows),
         f"Slope: of the {ordinal} iterate at the point, from saltation matrices, at the set its limit for "
-        "d → 0+; stable means |slope| < 1. Time: of the passages of one orbit, from the start of each to its "
+        "d → 0+; stable means |slope| < 1. Time: of the returns of one orbit, from the start of each to its "
         "end on the section. " + " ".join(notes),
         f"`filippov event-map {run.model.name} --order {study.order} -p ...`, fixed_points.csv.",
         "points",

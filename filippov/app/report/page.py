@@ -87,7 +87,8 @@ def _prepared(
     if isinstance(part, Table):
         number, place = numbers[f"table {part.label}"]
         return {"kind": "table", "content": part, "number": number.capitalize(), "place": place}
-    own = " ".join(text for _, text in numbers.told(texts.get(f"figure {part.label or part.name}", ()), facts))
+    said = texts.get(f"figure {part.label or part.name}", ())
+    own = " ".join(text for _, text in numbers.told(said, facts))
     svg = inline_svg(drawings[part.name], f"f-{part.name}", part.title)
     caption = " ".join(filter(None, (own, part.caption)))
     number = numbers[f"figure {part.name}"][0].capitalize()

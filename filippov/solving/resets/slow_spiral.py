@@ -48,8 +48,8 @@ class SlowSpiral:
         """What a run says that went on in the corner."""
         return (
             f" From t = {self.t:.9g} on this is the solution in a corner, from which the true one is "
-            f"{self.distance:.2g} away there, and half as far every {self.half_life:.3g} later: event cycles shrink "
-            f"as n**-{self.power:.2g}. A larger max_events goes on longer event by event."
+            f"{self.distance:.2g} away there, and half as far every {self.half_life:.3g} later: event cycles "
+            f"shrink as n**-{self.power:.2g}. A larger max_events goes on longer event by event."
         )
 
 
