@@ -160,9 +160,9 @@ class Study:
     x0, t_span         of the time response, those of the model by default
     order              the iterate of the model's event map whose fixed points are studied
     symmetry           of the cycles, as in `find_orbit`
-    labels             axis labels with units, by name of state, "t", "d", "image" and "iterate" (of d under the
-                       map and its iterate), "fixed points", "parameter", "curve x", "curve y", "multiplier",
-                       "plane", "ending"
+    labels             axis labels with units, by name of state, "t", "d", "image" and "iterate" (of d, under
+                       the map and its iterate), "fixed points", "parameter", "curve x", "curve y",
+                       "multiplier", "plane", "ending"
                        (the second parameters), "fold", "amplitude", "input", "width"
     mode_names         words for modes
     curve              parameter values -> the constitutive curve; curve_title: file name, title of the figure

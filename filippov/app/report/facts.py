@@ -22,8 +22,8 @@ class Facts(dict[str, float]):
     return map; bound_<case> of Routh-Hurwitz; jump_<case> of the map at 0; end_value, end_parameter,
     least_value, least_parameter of the fold curve; relative_fold_<case> of the smoother model; ratio_<k>,
     algebra_<k> of the k-th law; best_<k>_<setting>, margin_<k> of the settings for the k-th law; width,
-    drift, lost of the widest band and narrow, narrow_error of the narrowest; safe: the border for every end of
-    the experiment's intervals
+    drift, lost of the widest band and narrow, narrow_error of the narrowest; safe: the border for every end
+    of the experiment's intervals
     """
 
     def __missing__(self, key: str) -> _Unknown:
