@@ -50,8 +50,8 @@ def comparison(run: Run) -> Section:
         tuple(rows),
         f"Largest differences from the inclusion: of {study.letter}(d) at d = {where} {unit}, of the event "
         "times of the response, of the fixed points; drift: of the position during the stay in the band. "
-        "Field calls and median times of the same solutions; ratio to the inclusion run beside it. Row exact: "
-        "how far two tolerances of the inclusion differ. " + " ".join(notes),
+        "Field calls and median times of the same solutions; ratio to the inclusion run beside it. Row "
+        "exact: how far two tolerances of the inclusion differ. " + " ".join(notes),
         source, "comparison", long=True,
     )  # fmt: skip
     letter = study.letter

@@ -152,11 +152,10 @@ def fold_curve(run: Run) -> Section:
         labels = {"parameter": run.label("ending", second), "coordinate": run.label("fold", name)}
         figure = plot_branches([ending], coordinate=name, labels=labels)
         ax = figure.axes[0]
-        ax.lines[0].set_linestyle("-")  # the cycle of a fold is neither stable nor unstable
-        for line in ax.lines[1:]:
-            line.set_linestyle("-" if len(line.get_xdata()) > 1 else "none")
-        for text in ax.texts[:]:
-            text.remove()
+        for line in ax.lines:  # the cycle of a fold is neither stable nor unstable
+            line.set_linestyle("-" if line.get_linestyle() == "--" else line.get_linestyle())
+        for label in ax.texts[:]:
+            label.remove()
         ax.plot(points[least].value, height[least], "o", color=INK, markersize=4.5, label="least",
                 linestyle="none")  # fmt: skip
         for point in (points[least], *ending.special):
@@ -242,7 +241,7 @@ def _limit(run: Run, ending: Branch, second: str, bounds: tuple[float, float]) -
     if not found:
         return None
     value = min(found, key=lambda v: abs(v - point.coordinates[name]))
-    return replace(point, value=bound, coordinates=point.coordinates | {name: value, own: 0.0})
+    return replace(point, value=bound, coordinates={**point.coordinates, name: value, own: 0.0})
 
 
 def _change(
@@ -280,7 +279,7 @@ def _portraits(run: Run) -> Figure:
                 assert once.sol is not None
                 x = once.sol(np.linspace(once.problem.t_span[0], once.t_end, 2000))
                 word = "stable" if orbit.stable else "unstable"
-                look = {"linestyle": "-" if orbit.stable else "--", "color": SERIES[k]}
+                look: dict[str, Any] = {"linestyle": "-" if orbit.stable else "--", "color": SERIES[k]}
                 ax.plot(x[0], x[1], **look, label=f"{found.case.label}, {word}, period {orbit.period:.4g} s")
                 shown.append((float(np.max(np.abs(x[0]))), x, look))
         small = [item for item in shown if item[0] < SMALL * max(size for size, _, _ in shown)]
