@@ -328,7 +328,7 @@ def test_16_10_one_letter_is_one_thing(page, folder):
 @pytest.mark.parametrize("what", ["Figure", "Table", "Table A"])
 def test_16_10_figures_and_tables_are_numbered_in_order(page, what):
     place = "figcaption" if what == "Figure" else "caption"
-    found = re.findall(rf"<{place}><b>{what} ?(\d+)\.", page.replace("Table A", "Table A "))
+    found = re.findall(rf"<{place}><b>{what} ?(\d+)\.", page)
     assert [int(k) for k in found] == list(range(1, len(found) + 1))
     assert len(found) >= 3
 

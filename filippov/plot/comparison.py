@@ -97,9 +97,10 @@ def _reference(ax: Any, exact: Any, quantity: str) -> None:
     if value:
         ax.axhline(value, color=GREY, linestyle="--", linewidth=0.9, zorder=1)
         text = "exact" if quantity == "field_calls" else "exact: two tolerances differ"
+        at, side = (0.98, "right") if quantity == "field_calls" else (0.02, "left")
         ax.annotate(
-            text, (0.02, value), xycoords=("axes fraction", "data"), xytext=(0, 3), color=INK, fontsize=7.5,
-            textcoords="offset points",
+            text, (at, value), xycoords=("axes fraction", "data"), xytext=(0, 3), color=INK, fontsize=7.5,
+            textcoords="offset points", ha=side,
         )  # fmt: skip
     elif quantity == "drift":
         ax.text(0.02, 0.02, "exact: 0", transform=ax.transAxes, color=INK, fontsize=7.5)

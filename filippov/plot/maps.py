@@ -209,7 +209,8 @@ def _magnified(ax: Any, diagram: Any) -> None:
     own.tick_params(labelsize=7.5)
     own.ticklabel_format(axis="y", scilimits=(-2, 2), useMathText=True)
     own.yaxis.get_offset_text().set_fontsize(7.5)
-    own.set_title("magnified, same units", loc="right", fontsize=7.5, color=GREY)
+    own.set_title("magnified, same units", loc="right", fontsize=7.5, color=GREY,
+                  bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0})  # fmt: skip
     ax.indicate_inset_zoom(own, edgecolor=GREY)
 
 

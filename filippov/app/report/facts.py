@@ -30,6 +30,11 @@ class Facts(dict[str, float]):
         return _Unknown()
 
 
+def begun(number: str) -> str:
+    """A number as a sentence begins with it: Table A1."""
+    return number[0].upper() + number[1:]
+
+
 class _Unknown:
     def __format__(self, spec: str) -> str:
         return "(not computed)"
@@ -69,7 +74,7 @@ class Numbers(dict[str, tuple[str, str]]):
 
         def link(found: re.Match[str]) -> str:
             number, place = self[found[1].lower()]
-            return f'<a href="#{place}">{number.capitalize() if found[1][0].isupper() else number}</a>'
+            return f'<a href="#{place}">{begun(number) if found[1][0].isupper() else number}</a>'
 
         parts = [_PLACE.sub(link, str(escape(part))) for part in printable(text, LINES).split("`")]
         return Markup("".join(f"<code>{p}</code>" if k % 2 else p for k, p in enumerate(parts)))  # noqa: S704

@@ -13,7 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from filippov.app.report.facts import Facts, Numbers
+from filippov.app.report.facts import Facts, Numbers, begun
 from filippov.app.report.part import Picture, Section, Table, Words
 from filippov.base.escape import LINES, markup, printable
 
@@ -86,12 +86,12 @@ def _prepared(
         return {"kind": part.kind, "content": part.content}
     if isinstance(part, Table):
         number, place = numbers[f"table {part.label}"]
-        return {"kind": "table", "content": part, "number": number.capitalize(), "place": place}
+        return {"kind": "table", "content": part, "number": begun(number), "place": place}
     said = texts.get(f"figure {part.label or part.name}", ())
     own = " ".join(text for _, text in numbers.told(said, facts))
     svg = inline_svg(drawings[part.name], f"f-{part.name}", part.title)
     caption = " ".join(filter(None, (own, part.caption)))
-    number = numbers[f"figure {part.name}"][0].capitalize()
+    number = begun(numbers[f"figure {part.name}"][0])
     return {"kind": "figure", "content": part, "caption": caption, "svg": svg, "number": number}
 
 
