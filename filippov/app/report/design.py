@@ -85,8 +85,8 @@ def settings(run: Run) -> Section:
         "Settings without cycles",
         ("law", "best settings", "margin", "ratio", "share", "borders, or why there are none"), tuple(rows),
         f"Searched in {ranges}. Margin: the factor by which every setting may change at once, in any "
-        f"combination, up or down. Ratio: the largest |{study.letter}(d)/d| at the best settings. Share: of the "
-        "samples that have no cycle.", f"{command}.", "settings",
+        f"combination, up or down. Ratio: the largest |{study.letter}(d)/d| at the best settings. Share: "
+        "of the samples that have no cycle.", f"{command}.", "settings",
     )], facts, {"settings": {asked.label: t.to_dict() for asked, t in found}})  # fmt: skip
 
 
