@@ -306,7 +306,7 @@ def words_of(page, section):
 def test_16_10_the_answer_comes_first_with_every_digit(page):
     answer = words_of(page, "summary")
     assert page.index('<section id="summary">') < page.index('<section id="model">')
-    for question in ("Does it hunt?", "Which gains never hunt?", "What margin?", "stick band", "LuGre"):
+    for question in ("Does it hunt?", "Which gains never hunt?", "What margin?", "stick band", "harmonic"):
         assert question in answer
     for text in ("21.014979770", "26.601949038", "0.0033558345", "P = 40", "factor of 2."):
         assert text in answer

@@ -60,10 +60,11 @@ def test_16_10_texts_name_figures_and_tables_by_their_numbers():
     tables = [Table("one", ("a",), (), label="one"), Table("two", ("a",), (), label="two")]
     numbers = Numbers([Section("first", "First", tables)], [Section("more", "More", tables[:1])])
     assert numbers["table two"] == ("table 2", "table-two")
-    shown = str(numbers.linked("[[Table two]] < `x`"))
+    shown = str(numbers.coded("[[Table two]] < `x`"))
     assert shown == '<a href="#table-two">Table 2</a> &lt; <code>x</code>'
     assert ">Table A1</a>" in str(Numbers([], [Section("more", "More", tables)]).linked("[[Table one]]"))
     assert numbers["section more"] == ("appendix A", "more")
+    assert str(numbers.linked("[[table none]] `x`")) == "[[table none]] `x`"
     texts = ("", "see [[table two]]"), ("", "see [[figure none]]"), ("", "P = {fold_2:.2f}")
     told = numbers.told(texts, Facts())
     assert told == [("", "see [[table two]]")]

@@ -69,12 +69,20 @@ class Numbers(dict[str, tuple[str, str]]):
         ]  # fmt: skip
 
     def linked(self, text: str) -> Markup:
-        """Escaped text with `code`, and with [[figure NAME]] as its number and a link."""
+        """Escaped text with [[figure NAME]] as its number and a link; what names nothing stays as it is."""
         from markupsafe import Markup, escape
 
         def link(found: re.Match[str]) -> str:
+            if found[1].lower() not in self:
+                return found[0]
             number, place = self[found[1].lower()]
             return f'<a href="#{place}">{begun(number) if found[1][0].isupper() else number}</a>'
 
-        parts = [_PLACE.sub(link, str(escape(part))) for part in printable(text, LINES).split("`")]
+        return Markup(_PLACE.sub(link, str(escape(printable(text, LINES)))))  # noqa: S704
+
+    def coded(self, text: str) -> Markup:
+        """`linked`, with `code` as such."""
+        from markupsafe import Markup
+
+        parts = [str(self.linked(part)) for part in text.split("`")]
         return Markup("".join(f"<code>{p}</code>" if k % 2 else p for k, p in enumerate(parts)))  # noqa: S704

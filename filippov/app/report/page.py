@@ -45,8 +45,8 @@ def environment() -> Environment:
 
 
 def document(
-    title: str, subtitle: str, sections: Sequence[Section], appendix: Sequence[Section],
-    texts: Mapping[str, Any], drawings: Mapping[str, str],
+    title: str, subtitle: str, sections: Sequence[Section], texts: Mapping[str, Any],
+    drawings: Mapping[str, str], appendix: Sequence[Section] = (),
 ) -> str:  # fmt: skip
     """The whole page: the sections that have something to show, each after its own paragraphs of `texts`.
 
@@ -73,7 +73,7 @@ def document(
     folder = resources.files("filippov.app.report")
     page, style = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("page.html", "page.css"))
     made = environment()
-    made.filters["linked"] = numbers.linked
+    made.filters |= {"linked": numbers.linked, "coded": numbers.coded}
     return made.from_string(page).render(title=title, subtitle=subtitle, sections=shown, style=style)
 
 

@@ -91,7 +91,7 @@ def run_study(
     write(folder / "summary.json", json_text(finite))
     known = {section.anchor: section for section in [*sections, *_frame(run)]}
     main, appendix = ([known[name] for name in names if name in known] for names in (ORDER, APPENDIX))
-    page = document(asked.title, f"After {asked.source}", main, appendix, asked.texts, drawings)
+    page = document(asked.title, f"After {asked.source}", main, asked.texts, drawings, appendix)
     write(folder / "report.html", page)
     run.tell(1.0, "done")
     return finite
