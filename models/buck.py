@@ -39,7 +39,7 @@ def buck(
         C=Parameter(C, "F", 1e-12, description="capacitance"),
         R=Parameter(R, "ohm", 1e-12, description="load"),
         Vref=Parameter(Vref, "V", 0, description="wanted voltage"),
-        c=Parameter(c, "1/s", 0, description="rate of the sliding motion"),
+        c=Parameter(c, "1/s", 0, description="rate of the sliding solution"),
     )
     y, i = states("y i")
     slope = (i - y / p.R) / p.C

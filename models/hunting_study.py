@@ -79,6 +79,19 @@ def slip_cycles(values: Mapping[str, float]) -> tuple[float, ...]:
     return tuple(c.d for c in static_cycles(**{name: values[name] for name in (*SLIP, "Fs", "Fc")}))
 
 
+SYMBOLS = (
+    ("t", "time", "s"),
+    ("x, v, z", "position error, velocity, integral of the error", "m, m/s, m s"),
+    ("u", "force of the controller, P (x + D v + I z); it acts as -u", "N"),
+    ("F(v)", "friction force: g(|v|) sgn v + b v in slip, any value in [-Fs, Fs] at v = 0", "N"),
+    ("g(|v|)", "Stribeck curve, Fc + (Fs - Fc) exp(-(|v|/vs)^beta)", "N"),
+    ("β", "the exponent beta of the Stribeck curve: how it falls beside v = 0", "1"),
+    ("d", "rest position: x where the mass comes to stick; d* of a cycle", "m"),
+    ("R(d)", "next rest position after d: the event map; R(R(d)) its second iterate", "m"),
+    ("T", "period of a cycle", "s"),
+    ("equilibrium set", "x = v = 0, |z| ≤ Fs/(P I): where the mass can stay at rest at the target", "-"),
+    ("η, α", "half-width of the stick band of the Switch model, and its rate in the band", "m/s, 1/s"),
+)
 STICK = {"band upper": "-", "band lower": "+", "effort upper": "-", "effort lower": "+"}
 SET, CYCLE, TUNED = "equilibrium set", "limit cycle", "hunting can be tuned away"
 
@@ -117,12 +130,12 @@ STUDY = register_study(Study(
         StudyCase("0.5", {"beta": 0.5}, "β = 0.5", "0 < beta < 1", 0.002),
     ),
     parameter="P", values=tuple(float(P) for P in range(10, 32)), beyond=(50.0, 100.0),
-    texts=read_texts("hunting.md"), order=2, symmetry="odd",
+    texts=read_texts("hunting.md"), symbols=SYMBOLS, letter="R", order=2, symmetry="odd",
     labels={
         "t": "time t [s]", "x": "position error x [m]", "v": "velocity v [m/s]", "z": "integral z [m s]",
         "multiplier": "dry friction / g(|v|) [-]", "d": "rest position d [m]",
-        "P(d)": "next rest position P(d) [m]", "P(P(d))": "P(P(d)) [m]",
-        "fixed points": "fixed points d* of P(P(d)) [m]", "parameter": "controller gain P [N/m]",
+        "image": "next rest position R(d) [m]", "iterate": "R(R(d)) [m]",
+        "fixed points": "fixed points d* of R(R(d)) [m]", "parameter": "controller gain P [N/m]",
         "plane": "integral rate I [1/s]", "ending": "exponent β [-]",
         "fold": "controller gain P at the fold [N/m]", "amplitude": "amplitude of x: rest position [m]",
         "input": "amplitude of the velocity [m/s]", "curve x": "velocity v [m/s]",

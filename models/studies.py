@@ -152,13 +152,17 @@ class Study:
     cases              sets of parameter values; the first is shown in most detail
     parameter, values  of the bifurcation diagrams; `beyond`: further values, for the classification only
     texts              (title, paragraph) by section, before its figures and tables: "summary", "differences"
-                       and the anchors of the report; "figure NAME": a caption. {fold_2:.8f} and the like
-                       stand for computed values (see `filippov.app.report.page.facts`)
+                       and the anchors of the report; "figure NAME": a caption. {fold_2:.9f} and the like
+                       stand for computed values (see `filippov.app.report.page.Facts`), [[regions]] for the
+                       number of a figure (its file), a table (its label) or a section (its anchor)
+    symbols            (symbol, what it is, unit) of everything but parameters that the texts speak of
+    letter             of the event map in words and labels, where P means something else
     x0, t_span         of the time response, those of the model by default
     order              the iterate of the model's event map whose fixed points are studied
     symmetry           of the cycles, as in `find_orbit`
-    labels             axis labels with units, by name of state, "t", "d", "P(d)", "P(P(d))" (the iterate),
-                       "fixed points", "parameter", "curve x", "curve y", "multiplier", "plane", "ending"
+    labels             axis labels with units, by name of state, "t", "d", "image" and "iterate" (of d, under
+                       the map and its iterate), "fixed points", "parameter", "curve x", "curve y",
+                       "multiplier", "plane", "ending"
                        (the second parameters), "fold", "amplitude", "input", "width"
     mode_names         words for modes
     curve              parameter values -> the constitutive curve; curve_title: file name, title of the figure
@@ -179,6 +183,8 @@ class Study:
     parameter: str
     values: tuple[float, ...]
     texts: Texts = field(default_factory=dict)
+    symbols: tuple[tuple[str, str, str], ...] = ()
+    letter: str = "P"
     x0: tuple[float, ...] = ()
     t_span: tuple[float, ...] = ()
     order: int = 1

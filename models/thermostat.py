@@ -43,7 +43,7 @@ MODEL = register(
         thermostat,
         (15.0,),
         (0.0, 20.0),
-        "Thermostat with hysteresis: a periodic motion of period 4.1689.",
+        "Thermostat with hysteresis: a periodic solution of period 4.1689.",
         "Calvo, Montijano, Randez 2016",
     )
 )

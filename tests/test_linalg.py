@@ -45,7 +45,7 @@ def test_13_4_what_is_singular_is_named() -> None:
 
 def test_13_4_no_cycle_beyond_the_fold_of_hunting_is_told() -> None:
     """The excursions shrink to rest, where the map has no slope; the fold is at P = 21.0149797699."""
-    with pytest.raises(SolveError, match="NO_RETURN: the motion does not come back"):
+    with pytest.raises(SolveError, match="NO_RETURN: the solution does not come back"):
         find_orbit(hunting(), (0.1, 0, 0), parameters={"P": 22}, t_max=60)
 
 

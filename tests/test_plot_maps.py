@@ -10,6 +10,8 @@ import pytest
 
 from filippov.base.errors import UsageError
 from filippov.plot.maps import plot_diagram, plot_event_map, plot_iterates
+from filippov.plot.place import label_beside
+from filippov.plot.style import new_figure, style
 
 mpl.use("Agg")
 
@@ -95,3 +97,33 @@ def test_wrong_arguments_are_refused() -> None:
         plot_iterates(Halving(), 0.4, 0)
     with pytest.raises(UsageError, match="did you mean 'd'"):
         plot_event_map(Halving(), 0, 1, labels={"D": "x"})
+
+
+def test_16_10_a_label_lies_on_no_line_and_on_no_other_label() -> None:
+    with style():
+        figure = new_figure(5.0, 4.0)
+        ax = figure.subplots()
+        x = np.linspace(0, 1, 200)
+        for rise in (0.0, 0.3, 0.6):
+            ax.plot(x, 0.5 + rise * (x - 0.5))
+        for word in ("21.015", "26.6019"):
+            label_beside(ax, 0.5, 0.5, word, "black")
+        figure.draw_without_rendering()
+        boxes = [text.get_window_extent() for text in ax.texts]
+    for box in boxes:
+        for entry in ax.lines:
+            assert not any(box.contains(*p) for p in entry.get_transform().transform(entry.get_xydata()))
+    assert not boxes[0].overlaps(boxes[1])
+
+
+def test_16_10_small_cycles_are_magnified_in_an_inset() -> None:
+    diagram = SimpleNamespace(
+        parameter="P", values=(1.0, 2.0), folds=[], stability_changes=[2.1], special=[], branches=[],
+        points=((point(0.3),), (point(0.001),)),
+    )  # fmt: skip
+    (inner,) = plot_diagram(diagram, inset=True).axes[0].child_axes
+    low, high = inner.get_xlim()
+    assert 1.5 < low < 2.0
+    assert 2.1 < high < 2.5
+    assert 0.001 < inner.get_ylim()[1] < 0.002
+    assert not plot_diagram(diagram).axes[0].child_axes

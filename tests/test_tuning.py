@@ -128,5 +128,15 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert ends == pytest.approx([0.1 - 0.00195996, 0.1 + 0.00195996], abs=1e-8)
     assert {p.name for p in out.iterdir()} == {"tuning.json", "samples.csv", "tuning.png"}
     assert main(["tune", "hunting"]) == 2
+    # 16.10: the gains that were found, for the law that was identified; -p goes before both.
+    again = ["simulate", "hunting", "--tuned", str(out / "tuning.json"), "--t-span", "0", "1", "-p", "m=2"]
+    found = summary(capsys, *again)
+    wanted = {**data["parameters"], **data["best"], "m": 2.0}
+    assert found["parameters"] == wanted
+    never = tmp_path / "never.json"
+    never.write_text(json.dumps({"parameters": {}, "best": None, "reason": "it hunts"}), encoding="utf-8")
+    for wrong, why in ((never, "none were found: it hunts"), (file, "is no tuning.json")):
+        assert main(["simulate", "hunting", "--tuned", str(wrong)]) == 2
+        assert why in capsys.readouterr().err
     file.write_text("[1, 2", encoding="utf-8")
     assert main([*words, "--identified", str(file)]) == 2

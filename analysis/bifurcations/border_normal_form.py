@@ -93,7 +93,7 @@ def touched(problem: Any, point: BranchPoint) -> tuple[int, int]:
     system = problem.shooting.system
     names = [k for k, surface in enumerate(system.surfaces) if f"surface {surface.name!r}" in point.note]
     if not names:
-        raise UsageError("the point does not say which surface is touched.")
+        raise UsageError("the point does not say which surface is grazed.")
     time = {1: 0.0, -1: 0.0, 0: 0.0}
     for motion in problem.motions(np.array(point.u), point.value):
         for segment in motion.segments:
@@ -104,7 +104,7 @@ def touched(problem: Any, point: BranchPoint) -> tuple[int, int]:
 def _mode(motions: Sequence[Solution], t: float) -> tuple[int, ...]:
     inside = [m for m in motions if min(m.problem.t_span) <= t <= max(m.problem.t_span)]
     if not inside:
-        raise UsageError("the touching lies beyond the motions of the orbit.")
+        raise UsageError("the grazing lies beyond the solutions of the orbit.")
     return tuple(inside[0].mode_at(t, "-"))
 
 
@@ -138,7 +138,7 @@ class _Free:
             ), rtol=shooting.rtol, atol=shooting.atol, method=shooting.method,
         )  # fmt: skip
         if not motion.success:
-            raise SolveError(f"the motion on beyond the touching ended early: {motion.message}", motion)
+            raise SolveError(f"the solution on beyond the grazing ended early: {motion.message}", motion)
         self.M = derivative_by_all(motion)[:n, :n]
         self.reduced = self.M
         if self.autonomous:
@@ -218,7 +218,7 @@ def _square_root(
     out |= {"e1": rows[0], "sum e": total, "multiplier": float(np.abs(largest))}
     # sqrt(z) = -H_free/sum per unit of the parameter.
     out["root per value"] = abs(rate / total) if total else float("inf")
-    one = f"an unstable orbit with one touching for {beyond if total > 0 else before}"
+    one = f"an unstable orbit with one contact for {beyond if total > 0 else before}"
     if abs(largest) >= 1:
         return f"the grazing orbit is unstable; {one}"
     size = max(abs(v) for v in rows)

@@ -151,7 +151,7 @@ class BoundaryEquilibrium:
             return ""
         found = self.cycle()
         if found is None:
-            raise UsageError("the motion from the tangency does not come back within a turn and a half.")
+            raise UsageError("the solution from the tangency does not come back within a turn and a half.")
         back, pseudo = found
         out["return"] = abs(back)
         if inverse > 0:

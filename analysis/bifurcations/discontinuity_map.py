@@ -65,9 +65,9 @@ class _Touch:
     def __init__(self, system: System, mode: tuple[int, ...], i: int, side: int) -> None:
         form = system.symbolic
         if form is None:
-            raise UsageError("the coefficients of a touching need a system written in expressions.")
+            raise UsageError("the coefficients of a grazing need a system written in expressions.")
         if any(sign == 0 for k, sign in enumerate(mode) if k != i):
-            raise UsageError("another surface is slid on at the touching; its coefficients are not known.")
+            raise UsageError("another surface is slid on at the grazing; its coefficients are not known.")
         names = system.surfaces
         low, high = form.radius[i]
         self.wide = (low + 1).is_zero is not True or (high - 1).is_zero is not True
@@ -154,7 +154,7 @@ def discontinuity_map(
     jump, v2 = f1 - f2, at.number("v2", t, x, p)
     v1, a2 = at.number("v1", t, x, p), at.number("a2", t, x, p)
     if not v2 - v1 > _ZERO * max(sizes):
-        raise UsageError(f"the motion arrives at surface {name!r} without speed: no leading term is known.")
+        raise UsageError(f"the solution arrives at surface {name!r} without speed: no leading term is known.")
     if kind == "crossing-sliding":
         return DiscontinuityMap(kind, 2.0, jump / (v2 - v1) / (2 * abs(a2)), slope, a2)
     w = at.value("w", t, x, p).ravel()[:-1]
@@ -163,7 +163,7 @@ def discontinuity_map(
     if kind == "adding-sliding":
         a3 = at.number("a3", t, x, p)
         return DiscontinuityMap(kind, 2.0, -4.5 * w / a3, slope, a3)
-    raise UsageError(f"no touching is called {kind!r}.")
+    raise UsageError(f"no grazing is called {kind!r}.")
 
 
 def second_rate(
@@ -176,7 +176,7 @@ def second_rate(
 def _grazing(at: _Touch, here: Any, f1: Array, f2: Array, slope: Array, size: float) -> DiscontinuityMap:
     a1, v2 = at.number("a1", *here), at.number("v2", *here)
     if not a1 > 0:
-        raise UsageError("the motion touches the surface to higher order (L_F1^2 H = 0): degenerate.")
+        raise UsageError("the solution touches the surface to higher order (L_F1^2 H = 0): degenerate.")
     if at.reset:
         x = here[1]
         scale = 1.0 + float(np.max(np.abs(x)))
@@ -197,4 +197,4 @@ def _grazing(at: _Touch, here: Any, f1: Array, f2: Array, slope: Array, size: fl
     if abs(v2) <= _ZERO * size and a2 > 0 and mixed > 0:
         factor = 2 * np.sqrt(2 / a1) * mixed / a2
         return DiscontinuityMap("jump of the field", 0.5, factor * jump, slope, a1)
-    raise UsageError("beyond the surface the motion is carried away from it: it changes by a jump.")
+    raise UsageError("beyond the surface the solution is carried away from it: it changes by a jump.")

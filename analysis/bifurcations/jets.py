@@ -63,7 +63,7 @@ class Jets:
                 for k in (1, 2)
             )
             return first * size / reach, second * (size / reach) ** 2
-        raise OutsideError("neighbouring motions meet other events: the return has no higher derivatives.")
+        raise OutsideError("neighbouring solutions meet other events: the return has no higher derivatives.")
 
     def pair(self, value: complex) -> tuple[Complex, Complex]:
         """q and p to the eigenvalue nearest to a value, |q| = 1, <p, q> = 1."""

@@ -88,7 +88,7 @@ class _Return:
                 break
             u[-1] -= late * shooting.turns
         else:
-            raise NoConvergenceError("the motion does not come back to the plane across the orbit.")
+            raise NoConvergenceError("the solution does not come back to the plane across the orbit.")
         self._same(motion)
         by = derivative_by_all(motion, False, (), shooting.jacobian)[:n, :n]
         on = np.eye(n) - np.outer(f, self.normal) / float(self.normal @ f)

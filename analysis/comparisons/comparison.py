@@ -118,7 +118,7 @@ def compare_sections(
                         row |= BandRun(run, model, width, options).row()
                     except OverBudgetError:
                         spent = width
-                        row["note"] = f"not computed: a motion takes more than {max_steps} steps"
+                        row["note"] = f"not computed: a solution takes more than {max_steps} steps"
                 else:
                     row["note"] = f"not computed: {max_steps} steps were not enough at width {spent:g}"
                 rows.append(row)

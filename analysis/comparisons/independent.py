@@ -91,7 +91,7 @@ class Orbits:
             if rate > 1e-9 or (abs(rate) <= 1e-9 and later > 1e-12):
                 return side
         raise UsageError(
-            f"the motion does not leave the surface at x = {x}; independent orbits need a lift where it does."
+            f"the solution does not leave the surface at x = {x}; independent orbits need a start that does."
         )
 
     # -- shooting ----------------------------------------------------------------------------------------

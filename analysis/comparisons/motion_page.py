@@ -15,7 +15,7 @@ STYLE = (
 )
 
 
-def page(comparison: Any, title: str = "Exact motion and approximations") -> str:
+def page(comparison: Any, title: str = "Exact solution and approximations") -> str:
     """The page as text. The picture is left out where matplotlib is missing."""
     rows = [
         "<tr>" + "".join(f"<td>{markup(cell)}</td>" for cell in line) + "</tr>" for line in comparison.cells

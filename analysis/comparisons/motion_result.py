@@ -211,19 +211,19 @@ def faults(
         if have is not None and have != want:
             what = "loses" if have < want else "invents"
             out.append(
-                f"{where} {what} stick on {surface!r}: {have} entries into it, where the exact motion has "
+                f"{where} {what} stick on {surface!r}: {have} entries into it, where the exact solution has "
                 f"{want}."
             )
     was, now = exact["ending"], row["ending"]
     if was == "rest" and now != "rest":
         out.append(
-            f"{where} loses the rest state: where the exact motion rests, {states[last['state']]} "
+            f"{where} loses the rest state: where the exact solution rests, {states[last['state']]} "
             + (f"goes on in a cycle of amplitude {row['amplitude']:.3g}." if now == "cycle"
                else f"goes to and fro within {last['chatter']:.2g} of its extent." if last["chatter"]
                else f"creeps on at {last['speed']:.2g} of its extent in a unit of time.")
         )  # fmt: skip
     if was != "rest" and now == "rest":
-        out.append(f"{where} invents a state of rest: the exact motion goes on.")
+        out.append(f"{where} invents a state of rest: the exact solution goes on.")
     if was == "cycle" and now == "motion":
         out.append(f"{where} loses the cycle of amplitude {exact['amplitude']:.4g}.")
     return out

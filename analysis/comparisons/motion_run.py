@@ -78,7 +78,7 @@ class ExactMotion:
         )
         if solution.status is not Status.SUCCESS:
             raise UsageError(
-                f"the exact motion ends at t = {solution.t_end:.6g}, so nothing can be compared with it: "
+                f"the exact solution ends at t = {solution.t_end:.6g}, so nothing can be compared with it: "
                 f"{solution.message} Compare over a shorter span, or from another state."
             )
         return solution

@@ -74,7 +74,7 @@ def refusal(fit: Fit, tests: Sequence[Test], measured: Array) -> str:
     left = np.std(measured - np.concatenate([m.x for m in fit.linear.motions]))
     if left > EXPLAINED * np.std(measured):
         return (
-            f"refused: the residuals are {100 * left / np.std(measured):.0f} % of the motion, so the fit "
+            f"refused: the residuals are {100 * left / np.std(measured):.0f} % of the solution, so the fit "
             "explains nothing. Start nearer to the values, or take another law."
         )
     worst = min(tests, key=lambda q: q.p)

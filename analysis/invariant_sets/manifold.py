@@ -141,7 +141,7 @@ def manifold(
         value, branches = _of_map(returns, side, length, gap, offset, most)
         return Manifold(system, returns.parameters, side, "orbit", returns.x, value, branches)
     if section is not None:
-        raise UsageError("a section is for orbits; the manifold of an equilibrium is a motion.")
+        raise UsageError("a section is for orbits; the manifold of an equilibrium is a solution.")
     point = at if isinstance(at, Saddle) else saddle(system, at, parameters=parameters, mode=mode)
     size = point.dimension(side)
     if size != 1:
@@ -212,15 +212,15 @@ def _motion(
         if gained < 0.02 * length:
             span *= 2.0
     else:
-        ended = "the budget of stretches is used up"
+        ended = "the budget of segments is used up"
     return Branch(np.vstack(parts), total, ended)
 
 
 def _why(run: Solution, back: bool) -> str:
     at = ", ".join(f"{v:.6g}" for v in run.x_end)
     if back and run.status is Status.NON_UNIQUE:
-        return f"backwards in time the motion is not unique from ({at}) on, where it meets sliding"
-    return f"the motion ends at ({at}): {run.message}"
+        return f"backwards in time the solution is not unique from ({at}) on, where it meets sliding"
+    return f"the solution ends at ({at}): {run.message}"
 
 
 def _points(run: Solution, gap: float) -> tuple[Array, Array]:

@@ -76,7 +76,7 @@ def grow(
         if gained < 0.9 * before and gained < 1e-5 * length:
             return Growth(_joined(curve), total, "it draws together at an attractor")
         before = gained
-    return Growth(_joined(curve), total, f"{LEVELS} turns are used up")
+    return Growth(_joined(curve), total, f"{LEVELS} returns are used up")
 
 
 def _refined(
@@ -146,5 +146,5 @@ def _joined(curve: list[Array]) -> Array:
 def _why(returns: ReturnMap, side: Side) -> str:
     said = ", ".join(f"{name} ({n})" for name, n in sorted(returns.reasons.items()))
     if side == "stable" and Status.NON_UNIQUE.value in returns.reasons:
-        return f"backwards in time motions are not unique where they meet sliding: {said}"
-    return f"motions do not come back: {said}"
+        return f"backwards in time solutions are not unique where they meet sliding: {said}"
+    return f"solutions do not come back: {said}"

@@ -52,7 +52,7 @@ class StateMap:
     ) -> None:  # fmt: skip
         if any(surface.width != 0 for surface in system.surfaces):
             raise UsageError(
-                "a surface has hysteresis: where a motion goes on depends on its sign, which is not in the "
+                "a surface has hysteresis: where a solution goes on depends on its sign, which is not in the "
                 "state. Make the sign a state, or sample the system by an event map (EventMap)."
             )
         given = [

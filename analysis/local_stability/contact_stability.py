@@ -64,7 +64,7 @@ def contact_stability(context: Context, point: EquilibriumPoint) -> EquilibriumS
         statements.append(Statement(f"bounces end in finite time{after}", SOURCE))
     elif _stays(context, point, linear.sliding.matrix):
         answer = "stable"
-        text = "bounces end in finite time; the field on the surface is linear and its motions stay near"
+        text = "bounces end in finite time; the field on the surface is linear and its solutions stay near"
         statements.append(Statement(text, SOURCE))
     else:
         statements.append(Statement("the linear part of the field on the surface does not decide", SOURCE))

@@ -104,7 +104,7 @@ def _number(context: Context, e: Expr, found: EquilibriumSet) -> float:
 def _decided(found: Cone, rest: Array | None, where: str) -> tuple[Answer, Statement]:
     n = found.rows.shape[1]
     if found.leaves():
-        return "unstable", Statement(f"{where}: on one of its sides a motion leads straight away")
+        return "unstable", Statement(f"{where}: on one of its sides a solution leads straight away")
     if n == 1:
         rates = [float(matrix[0, 0]) for matrix in found.sides.values()]
         if max(rates) < 0:
@@ -112,6 +112,6 @@ def _decided(found: Cone, rest: Array | None, where: str) -> tuple[Answer, State
     elif n == 2:
         decided = planar_cone(found.at, rest)
         if decided is not None:
-            text = "motions beside it come back" if decided else "motions beside it grow"
+            text = "solutions beside it come back" if decided else "solutions beside it grow"
             return ("asymptotically stable" if decided else "unstable"), Statement(f"{where}: {text}", PLANE)
     return "undecided", Statement(f"{where}: the Jacobian is that of one side, and all sides together decide")

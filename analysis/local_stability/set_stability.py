@@ -144,7 +144,7 @@ def _interior(
         )
         return "undecided", [Statement(text + ends)]
     if zeros == found.dimension and verdict is Verdict.ASYMPTOTICALLY_STABLE and attracts == "stable":
-        text = "each inner point is stable, motions near it come to rest at a point of the set"
+        text = "each inner point is stable, solutions near it come to rest at a point of the set"
         return "stable", [Statement(text)]
     return "undecided", [Statement("the linear part of the sliding field does not decide for inner points")]
 
@@ -301,7 +301,7 @@ class _Ends:
                 text = (
                     f"the exponent {e:g} is near 1: the neglected slope falls to a tenth of its value at "
                     f"|h| = {c:g} only below "
-                    f"|h| = {tenth:.3g}; above it exponent 1 describes the motion"
+                    f"|h| = {tenth:.3g}; above it exponent 1 describes the solution"
                 )
                 out.append(Statement(text))
         return out
@@ -316,8 +316,8 @@ class _Ends:
                 if jump > EDGE:
                     text = (
                         "the set at h = 0 is wider than the one-sided limits: at break-away dh/dt jumps from "
-                        f"0 to {jump:.6g} (side {side}), so motions from arbitrarily near leave by a finite "
-                        "distance"
+                        f"0 to {jump:.6g} (side {side}), so solutions from arbitrarily near leave by a "
+                        "finite distance"
                     )
                     return [Statement(text)]
             if slip.singular is not None and not self._vanishes(slip):
@@ -326,7 +326,7 @@ class _Ends:
                     e, formula = slip.singular[0], self._normal(side, slip.singular[1])
                     text = (
                         f"d|h|/dt contains C |h|**{e if e.is_Symbol else f'({e})'} with C = {formula} > 0 "
-                        "and an exponent below 1: no linear part, and motions that break away leave by a "
+                        "and an exponent below 1: no linear part, and solutions that break away leave by a "
                         "finite distance in a time that does not depend on how near to the set they were"
                     )
                     return [Statement(text, "proved: h' >= C h**e gives h >= (C (1 - e) t)**(1/(1 - e))")]

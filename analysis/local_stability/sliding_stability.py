@@ -80,7 +80,7 @@ def attraction(
         if normal[0, 0] < 0:
             return [Statement(f"{head} < 0: the surface attracts from both sides", PSEUDO)], "stable"
         if normal[0, 0] > 0:
-            text = f"{head} > 0: the surface repels, motions leave it at once on either side"
+            text = f"{head} > 0: the surface repels, solutions leave it at once on either side"
             return [Statement(text, PSEUDO)], "unstable"
         return [Statement(f"{head}: attraction is not decided by first derivatives")], "undecided"
     if _nodal(context, mode, [e.subs(free) for e in x]):

@@ -55,9 +55,9 @@ def _interior(
         if bounded is not None:
             answer, method = ("stable" if bounded else "unstable"), "the mode's field is linear"
     if answer == "stable":
-        text = "roots on the imaginary axis, with as many eigenvectors: motions stay near"
+        text = "roots on the imaginary axis, with as many eigenvectors: solutions stay near"
     elif answer == "unstable" and hurwitz is not Verdict.UNSTABLE:
-        text = "a repeated root on the imaginary axis with too few eigenvectors: motions grow like t"
+        text = "a repeated root on the imaginary axis with too few eigenvectors: solutions grow like t"
     elif isinstance(found, EquilibriumPoint) and found.kind == "boundary equilibrium":
         where = "in the left half plane" if answer == "asymptotically stable" else "not all on the left"
         text = f"the roots of the linear part on this side lie {where}"

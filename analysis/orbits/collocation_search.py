@@ -125,7 +125,7 @@ def collocated_from(
             zeno="continue", nonunique="stick",
         )  # fmt: skip
         if out.status is not Status.SUCCESS:
-            raise SolveError(f"the motion from the guess ended early: {out.message}", out)
+            raise SolveError(f"the solution from the guess ended early: {out.message}", out)
         return out
 
     search = CollocationSearch(base, p, float(np.max(orbit.high - orbit.low)), motion)

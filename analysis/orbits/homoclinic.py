@@ -189,7 +189,7 @@ class _Search:
                 found.append((best[0], way, best[1]))
         if not found:
             raise ReturnError(
-                f"the motion from the saddle {saddle.x.tolist()} does not come back near to it within "
+                f"the solution from the saddle {saddle.x.tolist()} does not come back near to it within "
                 f"t_max = {t_max:g}. Give parameters nearer to those of a homoclinic orbit.", None, t_max,
             )  # fmt: skip
         return [(way, arcs) for _, way, arcs in sorted(found, key=lambda item: item[0])]
@@ -323,12 +323,12 @@ class _Search:
                 rtol=self.rtol, atol=self.atol, zeno="continue", nonunique="stick",
             )  # fmt: skip
             if piece.status is not Status.SUCCESS:
-                raise SolveError(f"the motion along the orbit ended early: {piece.message}", piece)
+                raise SolveError(f"the solution along the orbit ended early: {piece.message}", piece)
             gap = max(gap, float(np.max(np.abs(piece.x_end - found.at(t1)[0]))) / self.size)
             pieces.append(piece)
         if gap > _MISSED:
             raise NoConvergenceError(
-                f"collocation found an orbit that the exact motions miss by {gap:.3g} of its size.", gap
+                f"collocation found an orbit that the exact solutions miss by {gap:.3g} of its size.", gap
             )
         saddle = self.saddle_at(p)
         modes = tuple(map(mode_text, found.problem.modes))

@@ -260,7 +260,7 @@ def _whole(problem: Shooting, x0: Array, period: float, p: Array) -> Solution:
         method=problem.method, zeno="continue", nonunique="stick",
     )  # fmt: skip
     if not motion.success:
-        raise SolveError(f"the motion along the orbit ended early: {motion.message}", motion)
+        raise SolveError(f"the solution along the orbit ended early: {motion.message}", motion)
     return motion
 
 

@@ -227,13 +227,13 @@ def polished(found: Collocated) -> tuple[Shooting, Array, float]:
         refined, left = shoot(problem, u, found.p)
     except NoConvergenceError as error:
         raise NoConvergenceError(
-            f"collocation found an orbit that the exact motions do not confirm: {error}", error.residual
+            f"collocation found an orbit that the exact solutions do not confirm: {error}", error.residual
         ) from None
     sizes = np.tile(found.problem.size, len(times))
     moved = float(np.max(np.abs(refined - u)[: sizes.size] / sizes))
     if moved > _MOVED:
         raise NoConvergenceError(
-            f"collocation found an orbit that the exact motions move by {moved:.3g} of its size."
+            f"collocation found an orbit that the exact solutions move by {moved:.3g} of its size."
         )
     return problem, refined, left
 

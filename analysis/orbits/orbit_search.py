@@ -171,7 +171,7 @@ class _Search:
             method=base.method, zeno="continue", nonunique="stick", dense_output=dense,
         )  # fmt: skip
         if out.status is not Status.SUCCESS:
-            raise SolveError(f"the motion from the guess ended early: {out.message}", out)
+            raise SolveError(f"the solution from the guess ended early: {out.message}", out)
         return out
 
     def state(self, motion: Solution, t: float) -> Array:
@@ -427,7 +427,7 @@ class _Search:
             self.size = max(self.size, extent([motion]))
             if rests(motion) or extent([motion]) <= 1e-8 * self.size:
                 raise ReturnError(
-                    f"the motion comes to rest at state {np.array2string(motion.x_end, precision=6)}; t "
+                    f"the solution comes to rest at state {np.array2string(motion.x_end, precision=6)}; t "
                     f"reached {now + motion.t_end:.6g}.", motion, now + motion.t_end,
                 )  # fmt: skip
             for share in (0.0, 0.5):
@@ -442,7 +442,7 @@ class _Search:
             self.tell(now, "looking for a return")
             span *= 1.6
         raise ReturnError(
-            f"the motion does not come back to where it was within t = {now:.6g} (t_max = {self.t_max:g})."
+            f"the solution does not come back to where it was within t = {now:.6g} (t_max = {self.t_max:g})."
             f"{failed}", motion, now,
         )  # fmt: skip
 

@@ -130,7 +130,7 @@ class Shooting:
                 method=self.method, max_steps=MOST_STEPS, zeno="continue", nonunique="stick",
             )  # fmt: skip
             if motion.status is not Status.SUCCESS:
-                raise SolveError(f"the motion along the orbit ended early: {motion.message}", motion)
+                raise SolveError(f"the solution along the orbit ended early: {motion.message}", motion)
             out.append(motion)
             t = end
         return out

@@ -115,7 +115,7 @@ def lyapunov(
     except KeyboardInterrupt:
         message = f"interrupted at t = {t:.9g}"
     if not logs:
-        raise UsageError(f"no stretch could be used: {message or 'all of them touch a surface'}")
+        raise UsageError(f"no time slice could be used: {message or 'all of them touch a surface'}")
     settling = len(logs) // 10
     table, times = np.array(logs[settling:]), times[settling:]
     spans = np.diff(times)

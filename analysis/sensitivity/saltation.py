@@ -237,7 +237,7 @@ class Together:
         ]
         for event in switching:
             if event.kind is EventKind.GRAZING:
-                raise self.refused(f"the motion grazes surface {event.surface!r}")
+                raise self.refused(f"the solution grazes surface {event.surface!r}")
         reached = [e for e in switching if self.leads(e)]
         if not reached:
             if self.before == self.after or not switching:
@@ -312,7 +312,7 @@ class Together:
         names = ", ".join(repr(event.surface) for event in reached)
         return self.refused(
             f"the surfaces {names} are met at once ({mode_text(self.before)} -> {mode_text(self.after)}), "
-            "and neighbouring motions depend on the order in which they meet them"
+            "and neighbouring solutions depend on the order in which they meet them"
         )
 
 

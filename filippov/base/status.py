@@ -44,7 +44,7 @@ _ADVICE = {
         "tolerance below what double precision can give. Raise max_steps, or loosen rtol."
     ),
     Status.MAX_EVENTS: (
-        "The budget of events is used up. Common causes: a fast periodic motion over a long span. Raise "
+        "The budget of events is used up. Common causes: a fast periodic solution over a long span. Raise "
         "max_events."
     ),
     Status.TIMEOUT: "The time allowed by max_time is used up. Raise it, or shorten t_span.",
@@ -63,7 +63,7 @@ _ADVICE = {
         "classification resolves, or a field that is discontinuous where no surface is declared."
     ),
     Status.NO_SLIDING: (
-        "No multipliers hold the motion on its surfaces. Common causes: surfaces that the signs do not act "
+        "No multipliers hold the solution on its surfaces. Common causes: surfaces that the signs do not act "
         "on, or two surfaces whose gradients are parallel here."
     ),
     Status.NOT_FINITE: (
@@ -72,13 +72,13 @@ _ADVICE = {
     ),
     Status.MIN_STEP: (
         "The step fell below the spacing of t, or far below the times of the run. Common causes: a field "
-        "that is discontinuous where no surface is declared, a singularity, or a large t with a fast motion "
+        "that is discontinuous where no surface is declared, a singularity, or a large t with fast changes "
         "(shift the origin of time)."
     ),
-    Status.GRAZING: "The motion touches a surface and on_graze='error' was asked for.",
+    Status.GRAZING: "The solution touches a surface and on_graze='error' was asked for.",
     Status.NO_RETURN: (
-        "The motion does not come back to the section. Common causes: it comes to rest, it goes elsewhere, "
-        "or its turn takes longer than t_max. Raise t_max, or start nearer to the orbit."
+        "The solution does not come back to the section. Common causes: it comes to rest, it goes elsewhere, "
+        "or its return takes longer than t_max. Raise t_max, or start nearer to the orbit."
     ),
     Status.BRANCHES: (
         "The tree of solutions is cut: some of its branches are not followed to the end. Raise "

@@ -112,7 +112,7 @@ def reduction(
     rows, constraints, orders = found
     for k in kinks:
         if not _implied(form.h[k].xreplace(gone), constraints, form.x, at):
-            return f"the motion on the surfaces leaves {_name(form, k)}"
+            return f"the solution on the surfaces leaves {_name(form, k)}"
     chosen = _pivots(form, zero, rows, at)
     if isinstance(chosen, str):
         return chosen

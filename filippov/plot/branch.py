@@ -9,6 +9,7 @@ import numpy as np
 
 from filippov.base.errors import UsageError
 from filippov.base.names import check_known
+from filippov.plot.place import label_beside
 from filippov.plot.style import GREEN, INK, ORANGE, PURPLE, RED, SERIES, SKY, new_figure, style
 
 if TYPE_CHECKING:
@@ -53,18 +54,21 @@ def plot_branches(
     wanted = coordinate or next(iter(filled[0].points[0].coordinates))
     text = {"parameter": filled[0].parameter, "coordinate": wanted} | dict(labels or {})
     seen: set[str] = set()
+    named: list[tuple[float, float, str, str]] = []
     with style():
         drawn = figure if figure is not None else new_figure(6.4, 4.2)
         ax = drawn.subplots()
         for k, branch in enumerate(branches):
             if branch.points:
-                _branch(ax, branch, wanted, SERIES[k % len(SERIES)], names[k] if names else "", seen)
+                _branch(ax, branch, wanted, SERIES[k % len(SERIES)], names[k] if names else "", seen, named)
         ax.set(xlabel=text["parameter"], ylabel=text["coordinate"])
         ax.margins(0.04)
         if title:
             ax.set_title(title, loc="left", fontsize=10.5)
         if ax.get_legend_handles_labels()[0]:
             ax.legend()
+        for label in named:
+            label_beside(ax, *label)
     return drawn
 
 
@@ -75,7 +79,11 @@ def _mark(special: str) -> tuple[str, str]:
     return next((mark for part, mark in _MEETINGS if part in special), ("v", INK))
 
 
-def _branch(ax: Any, branch: Any, wanted: str, colour: str, name: str, seen: set[str]) -> None:
+def _branch(
+    ax: Any, branch: Any, wanted: str, colour: str, name: str, seen: set[str],
+    named: list[tuple[float, float, str, str]],
+) -> None:  # fmt: skip
+    """The line of one branch and the marks of its special points; `named` takes their labels."""
     points = [point for point in branch.points if wanted in point.coordinates]
     value = np.array([point.value for point in points])
     height = np.array([point.coordinates[wanted] for point in points])
@@ -83,7 +91,7 @@ def _branch(ax: Any, branch: Any, wanted: str, colour: str, name: str, seen: set
     # On a curve of special points stability is marginal; what is dashed there is no such point.
     stable = np.array([point.note != "neutral saddle" if curve else point.stable for point in points])
     for kind, line in ((True, "-"), (False, "--")):
-        # A stretch between two points is drawn as its first one is, so that no gap is left.
+        # What lies between two points is drawn as the first one is, so that no gap is left.
         part = np.where((stable == kind) | np.append(False, stable[:-1] == kind), height, np.nan)
         label = name if kind == bool(stable[0]) and name else None
         ax.plot(value, part, line, color=colour, linewidth=1.4, label=label)
@@ -102,7 +110,4 @@ def _branch(ax: Any, branch: Any, wanted: str, colour: str, name: str, seen: set
                 continue
             if curve:
                 seen.add(again)
-            ax.annotate(
-                text, (point.value, point.coordinates[wanted]), xytext=(7, 4),
-                textcoords="offset points", fontsize=8, color=shade,
-            )  # fmt: skip
+            named.append((point.value, point.coordinates[wanted], text, shade))

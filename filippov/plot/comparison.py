@@ -7,10 +7,13 @@ label).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from filippov.base.errors import UsageError
+from filippov.base.names import check_known
 from filippov.plot.style import GREY, INK, SERIES, new_figure, style
 
 if TYPE_CHECKING:
@@ -20,12 +23,19 @@ _MARKS = "osD^v<>P"
 _PANELS = (("error_P", "error of P(d)"), ("drift", "drift during stick"), ("field_calls", "field calls"))
 
 
-def plot_comparison(comparison: Any, *, title: str = "", figure: Figure | None = None) -> Figure:
+def plot_comparison(
+    comparison: Any, *, labels: Mapping[str, str] | None = None, title: str = "", figure: Figure | None = None
+) -> Figure:
     """Error of P and drift in stick with their orders, and field calls, against the width: log-log.
 
     One colour a model, one mark a combination of its options; the exact system's own uncertainty and work are
     dashed lines.
+
+    labels  {"width": ..., "error_P": ..., "drift": ..., "field_calls": ...} of the axes, with units
     """
+    text = {"width": "half-width of the band", **dict(_PANELS)}
+    check_known("label", labels or {}, text, UsageError)
+    text |= labels or {}
     trends = list(comparison.trends)
     families = list(dict.fromkeys((trend.label, trend.model) for trend in trends))
     models = list(dict.fromkeys(model for _, model in families))
@@ -33,14 +43,14 @@ def plot_comparison(comparison: Any, *, title: str = "", figure: Figure | None =
     with style():
         drawn = figure if figure is not None else new_figure(10.5, 4.2)
         axes = drawn.subplots(1, len(_PANELS))
-        for ax, (quantity, what) in zip(axes, _PANELS, strict=True):
+        for ax, (quantity, _) in zip(axes, _PANELS, strict=True):
             for label, model in families:
                 own = [q for q in trends if q.label == label]
                 exponent = next((q.order for q in own if q.quantity == quantity), None)
                 look = _look(label, model, families, models)
                 _line(ax, comparison.rows, own[0], quantity, look, exponent, models.index(model))
             _reference(ax, exact, quantity)
-            ax.set(xscale="log", yscale="log", xlabel="half-width of the band", ylabel=what)
+            ax.set(xscale="log", yscale="log", xlabel=text["width"], ylabel=text[quantity])
             ax.invert_xaxis()
         _legend(drawn, axes, len(families))
         if title:
@@ -78,7 +88,7 @@ def _line(
         at = max(0, len(points) // 2 - place % 2)  # models in turn, not above each other
         ax.annotate(
             f"{exponent:.2f}", points[at], xytext=(7, 4), textcoords="offset points", color=look["color"],
-            fontsize=7.5,
+            fontsize=7.5, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4},
         )  # fmt: skip
 
 
@@ -87,9 +97,10 @@ def _reference(ax: Any, exact: Any, quantity: str) -> None:
     if value:
         ax.axhline(value, color=GREY, linestyle="--", linewidth=0.9, zorder=1)
         text = "exact" if quantity == "field_calls" else "exact: two tolerances differ"
+        at, side = (0.98, "right") if quantity == "field_calls" else (0.02, "left")
         ax.annotate(
-            text, (0.02, value), xycoords=("axes fraction", "data"), xytext=(0, 3), color=INK, fontsize=7.5,
-            textcoords="offset points",
+            text, (at, value), xycoords=("axes fraction", "data"), xytext=(0, 3), color=INK, fontsize=7.5,
+            textcoords="offset points", ha=side,
         )  # fmt: skip
     elif quantity == "drift":
         ax.text(0.02, 0.02, "exact: 0", transform=ax.transAxes, color=INK, fontsize=7.5)

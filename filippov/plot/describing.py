@@ -39,8 +39,8 @@ def plot_describing_function(
         drawn = figure if figure is not None else new_figure(5.2, 4.6)
         top, bottom = column(drawn, 2)
         top.axhline(0, color=PALE, linewidth=0.8)
-        top.semilogx(prediction.amplitude, prediction.growth, color=BLUE)
-        bottom.loglog(prediction.amplitude, prediction.frequency, color=BLUE)
+        top.semilogx(prediction.amplitude, prediction.growth, color=BLUE, label="harmonic balance")
+        bottom.loglog(prediction.amplitude, prediction.frequency, color=BLUE, label="harmonic balance")
         for cycle in prediction.cycles:
             face = BLUE if cycle.stable else "white"
             style_of = {"color": BLUE, "markerfacecolor": face, "linestyle": "none", "marker": "o"}

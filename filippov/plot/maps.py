@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = npt.NDArray[np.float64]
+# Part of the largest fixed point below which a cycle is magnified.
+SMALL = 0.025
 _BOUNDS = (RED, PURPLE, ORANGE, GREEN)
 
 
@@ -42,16 +44,16 @@ def plot_event_map(
     samples    (d, P(d)) where they are known already
     fixed      objects with d, kind and stable
     orbit      successive d of a motion
-    labels     {"d": "x at the stick [m]", "P": "next x"}
+    labels     {"d": "x at the stick [m]", "P": "next x", "map": "R(d)", its name in the legend}
 
     The line is broken where the map has no value, and where it jumps. Raises UsageError.
     """
-    text = _labels(labels, {"d": "d", "P": "P(d)"})
+    text = _labels(labels, {"d": "d", "P": "P(d)", "map": "P(d)"})
     d, image = _sampled(event_map, lo, hi, points, samples)
     with style():
         drawn = figure if figure is not None else new_figure(4.8, 4.4)
         ax = drawn.subplots()
-        _curve(ax, lo, hi, d, image)
+        _curve(ax, lo, hi, d, image, text["map"])
         if orbit is not None:
             steps = np.asarray(orbit, dtype=float)
             ax.plot(steps[:-1], steps[1:], "o", color=ORANGE, markersize=3.6, zorder=3, label="orbit")
@@ -107,7 +109,7 @@ def plot_iterates(
 
     event_map  as in `plot_event_map`, with iterate(d, n)
     """
-    text = _labels(labels, {"d": "d", "P": "P(d)"})
+    text = _labels(labels, {"d": "d", "P": "P(d)", "map": "P(d)"})
     if n < 1:
         raise UsageError(f"n is {n!r}, expected at least 1 iterate.")
     orbit = np.asarray(event_map.iterate(start, n), dtype=float)
@@ -119,7 +121,7 @@ def plot_iterates(
     with style():
         drawn = figure if figure is not None else new_figure(4.8, 4.4)
         ax = drawn.subplots()
-        _curve(ax, low, high, d, image)
+        _curve(ax, low, high, d, image, text["map"])
         x = np.repeat(orbit, 2)[:-1]
         y = np.concatenate([[orbit[0]], np.repeat(orbit[1:], 2)])
         ax.plot(x, y, color=ORANGE, linewidth=0.9, zorder=3, label=f"{n} iterates")
@@ -136,6 +138,7 @@ def plot_diagram(
     bounds: Mapping[str, float] | None = None,
     labels: Mapping[str, str] | None = None,
     title: str = "",
+    inset: bool = False,
     figure: Figure | None = None,
 ) -> Figure:
     """Fixed points over a parameter: stable filled, unstable open; folds and changes of stability marked.
@@ -145,28 +148,17 @@ def plot_diagram(
              as crosses, where it has them
     bounds   values of the parameter to draw as vertical lines, by what they are: {"Routh-Hurwitz": 29}
     labels   {"parameter": "P", "d": "x at the stick [m]"}
+    inset    magnify, in the upper right, cycles that the scale of the others puts onto d = 0
     """
     text = _labels(labels, {"parameter": str(diagram.parameter), "d": "fixed points d"})
     with style():
         drawn = figure if figure is not None else new_figure(6.4, 4.0)
         ax = drawn.subplots()
-        for branch in getattr(diagram, "branches", ()):
-            _branch(ax, branch)
-        flat = [(float(v), q) for v, found in zip(diagram.values, diagram.points, strict=True) for q in found]
-        _scatter(ax, [(value, float(q.d), q) for value, q in flat])
-        for k, (value, d) in enumerate(diagram.folds):
-            ax.plot(value, d, "D", color=RED, markersize=6, zorder=6, label=None if k else "fold")
+        _diagram(ax, diagram)
+        for value, d in diagram.folds:
             ax.annotate(
                 f"{value:.5g}", (value, d), xytext=(7, 0), textcoords="offset points", color=RED, fontsize=8,
                 va="center",
-            )  # fmt: skip
-        doubled = [(q.value, q.d) for q in getattr(diagram, "special", ()) if q.kind == "period doubling"]
-        if doubled:
-            ax.plot(*np.array(doubled).T, "X", color=GREEN, markersize=7, zorder=6, label="period doubling")
-        for k, value in enumerate(diagram.stability_changes):
-            ax.plot(
-                value, 0.0, "*", color=PURPLE, markersize=11, zorder=6,
-                label=None if k else "set changes stability",
             )  # fmt: skip
         for k, (name, value) in enumerate((bounds or {}).items()):
             colour = _BOUNDS[k % len(_BOUNDS)]
@@ -174,11 +166,52 @@ def plot_diagram(
             ax.axvline(value, color=colour, linewidth=1.0, linestyle="-.", zorder=1, label=label)
         ax.set(xlabel=text["parameter"], ylabel=text["d"])
         ax.margins(0.04)
+        if inset:
+            _magnified(ax, diagram)
         _finish(ax, title)
     return drawn
 
 
 # -- pieces ----------------------------------------------------------------------------------------------
+
+
+def _diagram(ax: Any, diagram: Any) -> None:
+    """Branches, fixed points and special points."""
+    for branch in getattr(diagram, "branches", ()):
+        _branch(ax, branch)
+    flat = [(float(v), q) for v, found in zip(diagram.values, diagram.points, strict=True) for q in found]
+    _scatter(ax, [(value, float(q.d), q) for value, q in flat])
+    for k, (value, d) in enumerate(diagram.folds):
+        ax.plot(value, d, "D", color=RED, markersize=6, zorder=6, label=None if k else "fold")
+    doubled = [(q.value, q.d) for q in getattr(diagram, "special", ()) if q.kind == "period doubling"]
+    if doubled:
+        ax.plot(*np.array(doubled).T, "X", color=GREEN, markersize=7, zorder=6, label="period doubling")
+    for k, value in enumerate(diagram.stability_changes):
+        name = None if k else "set changes stability"
+        ax.plot(value, 0.0, "*", color=PURPLE, markersize=11, zorder=6, label=name)
+
+
+def _magnified(ax: Any, diagram: Any) -> None:
+    """An inset with the cycles below a fortieth of the largest; none where there are none."""
+    flat = [(v, q.d) for v, found in zip(diagram.values, diagram.points, strict=True) for q in found]
+    highest = max((abs(d) for _, d in flat), default=0.0)
+    small = [(v, d) for v, d in flat if 0 < abs(d) < SMALL * highest]
+    if not small:
+        return
+    near = [v for v in diagram.stability_changes if min(abs(v - w) for w, _ in small) < 2]
+    values = [*(v for v, _ in small), *near]
+    own = ax.inset_axes((0.56, 0.4, 0.4, 0.52))
+    low, high = min(0.0, *(d for _, d in small)), max(0.0, *(d for _, d in small))
+    _diagram(own, diagram)
+    pad = 0.15 * (max(values) - min(values) or 1.0)
+    edge = 0.2 * (high - low)
+    own.set(xlim=(min(values) - pad, max(values) + pad), ylim=(low - edge, high + edge))
+    own.tick_params(labelsize=7.5)
+    own.ticklabel_format(axis="y", scilimits=(-2, 2), useMathText=True)
+    own.yaxis.get_offset_text().set_fontsize(7.5)
+    own.set_title("magnified, same units", loc="right", fontsize=7.5, color=GREY,
+                  bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0})  # fmt: skip
+    ax.indicate_inset_zoom(own, edgecolor=GREY)
 
 
 def _sampled(
@@ -205,10 +238,10 @@ def with_gaps(d: Array, image: Array) -> tuple[Array, Array]:
     return np.insert(d, at, np.nan), np.insert(image, at, np.nan)
 
 
-def _curve(ax: Any, lo: float, hi: float, d: Array, image: Array) -> None:
+def _curve(ax: Any, lo: float, hi: float, d: Array, image: Array, name: str) -> None:
     """The map with the diagonal."""
-    ax.plot([lo, hi], [lo, hi], color=GREY, linewidth=0.8, linestyle=":", zorder=1, label="P(d) = d")
-    ax.plot(*with_gaps(d, image), color=BLUE, zorder=2, label="P(d)")
+    ax.plot([lo, hi], [lo, hi], color=GREY, linewidth=0.8, linestyle=":", zorder=1, label=f"{name} = d")
+    ax.plot(*with_gaps(d, image), color=BLUE, zorder=2, label=name)
 
 
 def _fixed(ax: Any, points: Iterable[Any]) -> None:

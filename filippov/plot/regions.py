@@ -14,8 +14,11 @@ from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, RE
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-CALM = ("#e4f2e9", "#bcdff5", "#7fb8de", "#4a90c2")
-ROUGH = ("#fbe3d6", "#f3b79b", "#e08a66", "#c85f3d")
+RESTING = ("#e4f2e9", "#bcdff5", "#7fb8de", "#4a90c2")
+# For readers and printers without colours.
+HATCHES = {True: ("", "..", "xx", "++"), False: ("//", "\\\\", "||", "--")}
+REPELLING = ("#fbe3d6", "#f3b79b", "#e08a66", "#c85f3d")
+HATCHED = "#9a9a9a"
 BASINS = (SKY, ORANGE, GREEN, PURPLE, BLUE, RED)
 LINES = (INK, RED, PURPLE, GREEN)
 
@@ -34,12 +37,22 @@ def plot_regions(
     with style():
         drawn = figure if figure is not None else new_figure(6.4, 4.2)
         ax = drawn.subplots()
-        kinds, names, colors = _kinds(result)
+        kinds, names, colors, hatches = _kinds(result)
         ax.pcolormesh(
             result.x, result.y, kinds, cmap=ListedColormap(colors), vmin=-0.5, vmax=len(colors) - 0.5,
             shading="nearest", rasterized=True,
         )  # fmt: skip
-        handles: list[Any] = [Patch(color=c, label=n) for c, n in zip(colors, names, strict=True)]
+        for number, hatch in enumerate(hatches):
+            if hatch:
+                ax.pcolor(
+                    result.x, result.y, np.ma.masked_not_equal(kinds, number), shading="nearest",
+                    cmap=ListedColormap(["none"]), hatch=hatch, edgecolors=HATCHED, linewidth=0,
+                    rasterized=True,
+                )  # fmt: skip
+        handles: list[Any] = [
+            Patch(facecolor=c, edgecolor=HATCHED, linewidth=0, hatch=h, label=n)
+            for c, n, h in zip(colors, names, hatches, strict=True)
+        ]
         for k, (name, points) in enumerate(result.borders):
             (line,) = ax.plot(points[:, 0], points[:, 1], color=LINES[k % len(LINES)], label=name)
             handles.append(line)
@@ -56,25 +69,28 @@ def _name_axes(ax: Any, names: Sequence[str], labels: Mapping[str, str] | None) 
     ax.set(xlabel=text[names[0]], ylabel=text[names[1]])
 
 
-def _kinds(result: Any) -> tuple[Any, list[str], list[str]]:
+def _kinds(result: Any) -> tuple[Any, list[str], list[str], list[str]]:
     kinds = np.zeros(result.cycles.shape, dtype=int)
     names: list[str] = []
     colors: list[str] = []
+    hatches: list[str] = []
     cells = zip(result.cycles.ravel(), result.stable.ravel(), result.set_stable.ravel(), strict=True)
     keys = sorted({(int(a), int(b), bool(c)) for a, b, c in cells})
-    for number, (cycles, stable, calm) in enumerate(keys):
-        same = (result.cycles == cycles) & (result.stable == stable) & (result.set_stable == calm)
+    for number, (cycles, stable, attracts) in enumerate(keys):
+        same = (result.cycles == cycles) & (result.stable == stable) & (result.set_stable == attracts)
         kinds[same] = number
         if cycles < 0:
             names.append("not computed")
             colors.append(PALE)
+            hatches.append("")
             continue
         word = "cycle" if cycles == 1 else "cycles"
         what = "no cycle" if cycles == 0 else f"{cycles} {word}, {stable} stable"
-        names.append(f"{what}; rest {'attracts' if calm else 'repels'}")
-        palette = CALM if calm else ROUGH
+        names.append(f"{what}; rest {'attracts' if attracts else 'repels'}")
+        palette = RESTING if attracts else REPELLING
         colors.append(palette[min(cycles, len(palette) - 1)])
-    return kinds, names, colors
+        hatches.append(HATCHES[attracts][min(cycles, len(palette) - 1)])
+    return kinds, names, colors, hatches
 
 
 def plot_basin(

@@ -137,6 +137,7 @@ def plot_phase(
             ax.plot(
                 ends[:, 0], ends[:, 1], color=GREY, linewidth=6, alpha=0.45, solid_capstyle="round", zorder=1,
                 marker="o" if len(ends) == 1 else "", markersize=8, markeredgewidth=0, label="equilibria",
+                linestyle="none" if len(ends) == 1 else "-",
             )  # fmt: skip
         for sliding, group in groupby(pieces_of(solution, points), key=lambda piece: 0 in piece[0].mode):
             line = np.concatenate([values[[i, j]] for _, _, values in group], axis=1)

@@ -24,7 +24,8 @@ MARKS = {
 _RC: dict[str, Any] = {
     "axes.axisbelow": True, "axes.edgecolor": GREY, "axes.grid": False, "axes.labelcolor": INK,
     "axes.linewidth": 0.7, "axes.spines.right": False, "axes.spines.top": False, "figure.dpi": 110,
-    "font.size": 9.5, "legend.fontsize": 8.5, "legend.frameon": False, "lines.linewidth": 1.3,
+    "font.size": 9.5, "hatch.color": "#9a9a9a", "hatch.linewidth": 0.6,
+    "legend.fontsize": 8.5, "legend.frameon": False, "lines.linewidth": 1.3,
     "savefig.bbox": "tight", "savefig.dpi": 160, "svg.fonttype": "none", "svg.hashsalt": "filippov",
     "xtick.color": GREY, "xtick.labelcolor": INK, "ytick.color": GREY, "ytick.labelcolor": INK,
 }  # fmt: skip

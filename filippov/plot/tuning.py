@@ -43,7 +43,8 @@ def plot_gain_maps(
         colors = colormaps["Blues_r"].with_extremes(over=GROWING)
         for ax, item in zip(axes, maps, strict=True):
             ratio = np.where(np.isfinite(item.ratio), item.ratio, 1e3)
-            filled = ax.contourf(item.x, item.y, ratio, levels=LEVELS, cmap=colors, extend="max")
+            filled = ax.contourf(item.x, item.y, ratio, levels=LEVELS, cmap=colors, extend="max",
+                                 hatches=(*[None] * (len(LEVELS) - 1), "//"))  # fmt: skip
             if np.min(ratio) < 1 < np.max(ratio):
                 ax.contour(item.x, item.y, ratio, levels=[1.0], colors=[ORANGE], linewidths=1.6)
             if tuning is not None and tuning.best is not None:
@@ -51,6 +52,8 @@ def plot_gain_maps(
             across, up = item.names
             ax.set(xlabel=text.get(across, across), ylabel=text.get(up, up))
             ax.set(xlim=item.x[[0, -1]], ylim=item.y[[0, -1]])
+        if tuning is not None and tuning.best is not None:
+            drawn.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
         if filled is not None:
             bar = drawn.colorbar(filled, ax=list(axes), ticks=LEVELS)
             bar.set_label("largest |next stick / stick|;\nabove 1 (line): excursions grow")
@@ -62,6 +65,7 @@ def plot_gain_maps(
 def _mark(ax: Any, item: Any, tuning: Any) -> None:
     a, b = (tuning.best[name] for name in item.names)
     s = tuning.margin
-    ax.plot([a], [b], "*", color=INK, markersize=10, clip_on=False)
+    ax.plot([a], [b], "*", color=INK, markersize=10, clip_on=False, linestyle="none", label="best gains")
     box = [(a / s, b / s), (a * s, b / s), (a * s, b * s), (a / s, b * s), (a / s, b / s)]
-    ax.plot(*zip(*box, strict=True), color=INK, linewidth=0.9, linestyle="--")
+    name = f"margin, factor {s:.3g}"
+    ax.plot(*zip(*box, strict=True), color=INK, linewidth=0.9, linestyle="--", label=name)

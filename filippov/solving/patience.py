@@ -42,7 +42,7 @@ class Patience:
             limit = accumulations[-1]
             return Status.ZENO, (
                 f"events go on accumulating at t = {limit.t:.12g}, state {state_text(run)}, where the "
-                "motion was to go on: it follows none of the modes, nor sliding of higher order "
+                "solution was to go on: it follows none of the modes, nor sliding of higher order "
                 f"({self.why})."
             )
         self.slow = False

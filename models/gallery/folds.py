@@ -63,7 +63,7 @@ TEIXEIRA = register(
         partial(folds, a1=1.0, b1=-0.98, a2=1.0, b2=-0.98),
         (0.0, -0.1, 0.001),
         (0.0, 12.0),
-        "Teixeira's invisible two-fold: the motion winds about it through the plane, then slides.",
+        "Teixeira's invisible two-fold: the solution winds about it through the plane, then slides.",
         "Teixeira 1990; Jeffrey & Colombo 2009; numbers chosen here",
     )
 )

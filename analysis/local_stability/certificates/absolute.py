@@ -122,7 +122,7 @@ def _by_sector(
                 "the zeros of G lie on the left" + (", but for one at 0 along the set" if dimension else "")
             )
         name = "circle criterion" if a == 0 else "Popov criterion"
-        where = "all motions come" if reach == "global" else "motions beside it come"
+        where = "all solutions come" if reach == "global" else "solutions beside it come"
         text = f"{name}: {where} to the {'equilibria' if dimension else 'equilibrium'}"
         return Certificate(
             "asymptotically stable", text, (CIRCLE if a == 0 else POPOV) + (JUMPS if jumps else ""),

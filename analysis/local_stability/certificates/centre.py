@@ -137,9 +137,9 @@ def _by_power(order: int, a: Expr) -> Certificate:
     )
     if order % 2 and a < 0:
         return Certificate(
-            "asymptotically stable", "the motion on the centre manifold comes to it", CARR, told
+            "asymptotically stable", "the solution on the centre manifold comes to it", CARR, told
         )
-    return Certificate("unstable", "the motion on the centre manifold leaves it", CARR, told)
+    return Certificate("unstable", "the solution on the centre manifold leaves it", CARR, told)
 
 
 def _pair(x: Sequence[Symbol], field: Sequence[Expr], A: sympy.Matrix, w: float) -> Certificate | None:

@@ -29,5 +29,5 @@ class Certificate:
 
     def statements(self) -> list[Statement]:
         """The certificate as lines of a report."""
-        head = self.theorem + (", for all motions" if self.reach == "global" else "")
+        head = self.theorem + (", for all solutions" if self.reach == "global" else "")
         return [Statement(head, self.source), *(Statement(f"checked: {text}") for text in self.checked)]

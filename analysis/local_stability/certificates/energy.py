@@ -75,11 +75,12 @@ def _one(found: Local, q: Symbol, v: Symbol, j: int) -> Certificate | None:
         checked += [*impacts, "no power is lost or gained"]
         return Certificate("stable", "the energy is positive definite and kept", ENERGY, tuple(checked))
     if max(powers) <= 0:
-        checked += [*impacts, "the power v G is nowhere positive and vanishes on no motion but the rest"]
-        return Certificate("asymptotically stable", "the energy falls along motions", LASALLE, tuple(checked))
+        checked += [*impacts, "the power v G is nowhere positive and vanishes on no solution but the rest"]
+        text = "the energy falls along solutions"
+        return Certificate("asymptotically stable", text, LASALLE, tuple(checked))
     if min(powers) >= 0:
-        checked += [*impacts, "the power v G is nowhere negative and vanishes on no motion but the rest"]
-        return Certificate("unstable", "the energy grows along motions", KRASOVSKII, tuple(checked))
+        checked += [*impacts, "the power v G is nowhere negative and vanishes on no solution but the rest"]
+        return Certificate("unstable", "the energy grows along solutions", KRASOVSKII, tuple(checked))
     return None
 
 

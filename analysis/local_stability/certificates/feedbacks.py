@@ -103,7 +103,7 @@ def feedbacks(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Cer
         if positive_definite(-whole.extract(kept, kept)):
             return Certificate(
                 "asymptotically stable",
-                "a quadratic function with the integrals of the feedbacks falls along all motions",
+                "a quadratic function with the integrals of the feedbacks falls along all solutions",
                 SOURCE,
                 (
                     f"the field is linear but for {m} signs and kinks of affine inputs",

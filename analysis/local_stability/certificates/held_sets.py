@@ -70,7 +70,7 @@ def held_sets(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Cer
         if not (at * parts.B + parts.C.T * by).is_zero_matrix or not (S * D).is_zero_matrix:
             continue
         if positive_definite(at) and positive_definite(by) and positive_definite(-M.T * S * M):
-            text = "a quadratic function around every equilibrium falls: all motions come to the set"
+            text = "a quadratic function around every equilibrium falls: all solutions come to the set"
             told = (
                 f"the field is linear but for {m} signs of affine inputs",
                 f"P = {at.tolist()}, T = {list(by.diagonal())}",

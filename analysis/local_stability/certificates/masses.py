@@ -81,14 +81,15 @@ def _held(parts: Masses, said: list[str]) -> Certificate:
         rows = sympy.Matrix.vstack(*[C * N * A**k for k in range(N.cols)])
         rank = rows.rank()
         said.append(
-            f"motions without slip have {N.cols} degrees of freedom, of which {rank} are seen by the dampers"
+            f"solutions without slip have {N.cols} degrees of freedom, of which {rank} are seen by the "
+            "dampers"
         )
         if rank < N.cols:
             text = f"{every}; where all contacts hold, {N.cols - rank} degrees of freedom swing for ever"
             return Certificate("stable", text, SOURCE, tuple(said))
     else:
-        said.append("no motion is without slip in some contact")
-    text = f"{every}, and the energy falls on all motions but the equilibria"
+        said.append("no solution is without slip in some contact")
+    text = f"{every}, and the energy falls on all solutions but the equilibria"
     return Certificate("asymptotically stable", text, SOURCE, tuple(said), "global")
 
 
@@ -119,7 +120,7 @@ def _buckled(parts: Masses, said: list[str]) -> Certificate | None:
     if not real:
         return None
     said.append(f"the springs push apart: root {max(real):.6g} of lambda^2 M + lambda C + K")
-    text = "from the end of the set at which the contacts slip along this root's direction motions lead away"
+    text = "from the end of the set at which contacts slip along this root's direction solutions lead away"
     return Certificate("unstable", text, SOURCE, tuple(said))
 
 

@@ -158,13 +158,13 @@ def _decided(found: Local, part: Leading) -> Certificate:
     if abs(growth) <= TURN or math.isnan(growth):
         if not blocked and _reversible(found):
             return Certificate(
-                "stable", "motions turn round it and the field is reversible: orbits beside it are closed",
+                "stable", "solutions turn round it and the field is reversible: orbits beside it are closed",
                 REVERSIBLE,
                 (head, "no ray is invariant", "a reflection turns the field into its negative"),
             )  # fmt: skip
         raise _UnclearError
     ratio = "0" if growth == -math.inf else f"{math.exp(min(growth, 700.0)):.6g}"
-    text = "motions turn round it and come nearer" if growth < 0 else "motions turn round it and go away"
+    text = "solutions turn round it and come nearer" if growth < 0 else "solutions turn round it and go away"
     return Certificate(
         "asymptotically stable" if growth < 0 else "unstable",
         f"{text}: a turn multiplies the distance by {ratio}",
@@ -226,7 +226,7 @@ def _edges(arcs: list[Arc], size: float) -> list[tuple[float, bool]]:
 def _by_rays(rays: list[tuple[float, bool]], size: float, head: str) -> Certificate:
     largest = max(k for k, _ in rays)
     if largest < -CLEAR * size:
-        text = f"all {len(rays)} invariant rays lead to it, and every motion comes along one of them"
+        text = f"all {len(rays)} invariant rays lead to it, and every solution comes along one of them"
         return Certificate("asymptotically stable", text, FILIPPOV, (head, f"largest rate {largest:.6g} < 0"))
     away = max((k for k, simple in rays if simple), default=0.0)
     if away > CLEAR * size:

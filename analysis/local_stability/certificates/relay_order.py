@@ -73,11 +73,11 @@ def relay_order(found: Local) -> Certificate | None:
     if len(roots):
         told.append(f"roots of the field on h = h' = 0: real parts up to {max(roots.real):.6g}")
     if len(roots) and max(roots.real) > CLEAR:
-        return Certificate("unstable", "motions in h = h' = 0 lead away", ON, tuple(told))
+        return Certificate("unstable", "solutions in h = h' = 0 lead away", ON, tuple(told))
     if float(d) > CLEAR:
         return Certificate("unstable", "the switching about h = h' = 0 grows", ANOSOV, tuple(told))
     if float(d) < -CLEAR and (not len(roots) or max(roots.real) < -CLEAR):
-        text = "the switching about h = h' = 0 dies out, and motions in it come to the point"
+        text = "the switching about h = h' = 0 dies out, and solutions in it come to the point"
         return Certificate("asymptotically stable", text, ANOSOV, tuple(told))
     return None
 

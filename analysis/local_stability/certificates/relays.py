@@ -111,7 +111,7 @@ def _outwards(M: sympy.Matrix, s0: sympy.Matrix) -> Certificate | None:
         return None
     told = ("h' = r + M s to first order, M = " + str(M.tolist()), "M + M^T is positive definite")
     del k, s0
-    text = "sum |h_i| - s0_i h_i grows on all motions off the surfaces"
+    text = "sum |h_i| - s0_i h_i grows on all solutions off the surfaces"
     return Certificate("unstable", text, "Filippov 1988", told)
 
 

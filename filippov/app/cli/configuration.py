@@ -203,14 +203,14 @@ class Command:
 SECTION = (
     Option("surface", "surface of the section, where the model proposes none; several with commas", text,
            metavar="NAME"),
-    Option("event", "kind of event that ends a turn, such as 'sliding entry'", text, metavar="KIND"),
+    Option("event", "kind of event that completes a return, such as 'sliding entry'", text, metavar="KIND"),
     Option("after", "mode after the event, such as 0 or +0, with * for any sign: other events do not end a "
            "turn", text, metavar="MODE"),
     Option("coordinate", "what is read on the section: a state or a formula in states", text,
            metavar="STATE"),
-    Option("lift", "where a turn starts, a formula in d and parameters for each state: x=d,v=0", formulas,
+    Option("lift", "where a return starts, a formula in d and parameters for each state: x=d,v=0", formulas,
            metavar="FORMULAS"),
-    Option("t_max", "longest time of a turn", number, metavar="T"),
+    Option("t_max", "longest time of a return", number, metavar="T"),
 )  # fmt: skip
 X_AXIS = Option("x", "horizontal axis: name with its first and last value", named_ranges,
                 metavar="NAME=LOW:HIGH", default={})  # fmt: skip

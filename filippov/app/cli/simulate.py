@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,6 +26,8 @@ MOST_ROWS = 200_000
 def run(settings: dict[str, Any], console: Console) -> int:
     """Solve, write what there is, also of a run that ended early."""
     loaded = load_model(settings["model"])
+    if settings["tuned"] is not None:
+        settings = settings | {"parameters": tuned_values(settings["tuned"]) | (settings["parameters"] or {})}
     problem = loaded.problem(settings)
     folder = Folder(settings["output"], console)
     if settings.get("nonunique") == "branch":
@@ -72,6 +76,21 @@ def run(settings: dict[str, Any], console: Console) -> int:
             folder.file(settings["animate"], lambda path: solution.animate(path, shown, title=loaded.title))
     folder.report()
     return exit_code(solution)
+
+
+def tuned_values(path: str) -> dict[str, float]:
+    """The best gains out of the tuning.json of `filippov tune`, with the parameters they were found for."""
+    try:
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        best, reason = data["best"], str(data["reason"])
+        values = {str(k): float(v) for k, v in {**data["parameters"], **(best or {})}.items()}
+    except (OSError, RecursionError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(
+            f"{path} is no tuning.json of `filippov tune` ({type(error).__name__}: {error})."
+        ) from None
+    if best is None:
+        raise UsageError(f"{path} holds no gains, for none were found: {reason}")
+    return values
 
 
 def summarise(name: str, solution: Solution) -> dict[str, Any]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from filippov.analysis.comparisons.band_model import BandModel
 from filippov.analysis.comparisons.comparison import compare
@@ -44,21 +45,26 @@ def comparison(run: Run) -> Section:
     source = f"filippov.analysis.comparisons.comparison, rtol {found.rtol:g}; comparison.csv."
     table = Table(
         "Band models beside the inclusion",
-        ("model", *names, run.label("width", "half-width"), f"ΔP(d) [{unit}]", "Δt [s]", f"Δd* [{unit}]",
-         f"drift [{unit}]", "field calls", "ms", "time ratio"),
+        ("model", *names, run.label("width", "half-width"), f"Δ{study.letter}(d) [{unit}]", "Δt [s]",
+         f"Δd* [{unit}]", f"drift [{unit}]", "field calls", "ms", "time ratio"),
         tuple(rows),
-        f"Largest differences from the inclusion: of P(d) at d = {where} {unit}, of the event times of the "
-        "response, of the fixed points; drift: of the position during the stay in the band. Field calls and "
-        "median times of the same motions; ratio to the inclusion run beside it. Row exact: how far two "
-        "tolerances of the inclusion differ. " + " ".join(notes),
-        source,
+        f"Largest differences from the inclusion: of {study.letter}(d) at d = {where} {unit}, of the event "
+        "times of the response, of the fixed points; drift: of the position during the stay in the band. "
+        "Field calls and median times of the same solutions; ratio to the inclusion run beside it. Row "
+        "exact: how far two tolerances of the inclusion differ. " + " ".join(notes),
+        source, "comparison", long=True,
     )  # fmt: skip
+    letter = study.letter
+    labels = {"width": run.label("width", "half-width"), "error_P": f"error of {letter}(d) [{unit}]",
+              "drift": f"drift during stick [{unit}]", "field_calls": "calls of the field [-]"}  # fmt: skip
     columns: Sequence[str] = tuple(dict.fromkeys(key for row in found.rows for key in row))
     return Section(
         "comparison", "Comparison with band models",
-        [Picture("comparison", "Band models against the inclusion", source, found.plot), table,
+        [Picture("comparison", "Band models against the inclusion", source,
+                 lambda: found.plot(labels=labels)), table,
          Words("p", "How the differences go with the width of the band:"),
-         Words("pre", "\n".join(t.sentence for t in found.trends))],
+         Words("pre", run.lettered("\n".join(t.sentence for t in found.trends)))],
+        _facts(found.rows),
         summary={"comparison": [
             {"model": row["model"], "eta": row["width"], "alpha": row.get("alpha")}
             | {name: value for name, value in row.items() if name not in {"model", "width", "alpha"}}
@@ -66,6 +72,21 @@ def comparison(run: Run) -> Section:
         ]},
         files=[("comparison.csv", columns, [[row.get(name) for name in columns] for row in found.rows])],
     )  # fmt: skip
+
+
+def _facts(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """What the widest and the narrowest band get wrong at most."""
+    bands = [row for row in rows if row["width"] is not None]
+    wide, narrow = max(row["width"] for row in bands), min(row["width"] for row in bands)
+    lost = [row for row in bands if row["width"] == wide and "is lost" in row["note"]]
+    errors = [size(row["error_fixed_points"]) for row in bands if row["width"] == narrow]
+    known = [error for error in errors if error is not None]
+    drift = max((row["drift"] or 0.0 for row in bands if row["width"] == wide), default=0.0)
+    return {
+        "width": wide, "drift": drift, "narrow": narrow,
+        **({"lost": float(len(lost))} if len(lost) == sum(row["width"] == wide for row in bands) else {}),
+        **({"narrow_error": max(known)} if known else {}),
+    }  # fmt: skip
 
 
 def _scientific(value: float | None) -> str:

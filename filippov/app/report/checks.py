@@ -9,7 +9,7 @@ from filippov.app.report.run import Run
 
 
 def classification(run: Run) -> Section:
-    """Table 4: what the diagrams say of each regime, over all values that were computed."""
+    """What the diagrams say of each regime, over all values that were computed."""
     said = run.study.stated.classification if run.study.stated else {}
     found, rows = {}, []
     for c in run.cases:
@@ -31,11 +31,11 @@ def classification(run: Run) -> Section:
     proofs = [f"{c.case.regime or c.label}: {c.stability.items[0].answer}"
               for c in run.cases if c.stability.items]  # fmt: skip
     table = Table(
-        "Table 4. Classification", ("regime", "what", "computed", "paper", "same"), tuple(rows),
+        "Classification", ("regime", "what", "computed", "paper", "same"), tuple(rows),
         f"Computed from the diagrams at {run.study.parameter} = {', '.join(f'{v:g}' for v in values)}, one "
-        f"case a regime. The stability report, at the parameters of table 1, says of the {subject}: "
-        f"{'; '.join(proofs)}.",
-        f"bifurcation_*.csv, read by {__name__}.classification.",
+        f"case a regime. The stability report, at the parameters of [[table parameters]], says of the "
+        f"{subject}: {'; '.join(proofs)}.",
+        f"bifurcation_*.csv, read by {__name__}.classification.", "classification",
     )  # fmt: skip
     return Section("classification", "Classification", [table], summary={"classification": found})
 
@@ -102,7 +102,7 @@ def _agreements(run: Run) -> Table:
         "is scipy's, with an event on the surface. Where the slope of the field at the surface is infinite "
         "an explicit method loses digits as it leaves the surface; that is why solve_ivp shares fewer there."
         + why,
-        "filippov.analysis.comparisons.independent; checks.csv.",
+        "filippov.analysis.comparisons.independent; checks.csv.", "agreements",
     )  # fmt: skip
 
 
@@ -115,13 +115,13 @@ def _exactness(run: Run) -> Table:
         for c in run.cases
     )  # fmt: skip
     return Table(
-        "The responses as motions of an inclusion",
+        "The responses as solutions of an inclusion",
         ("case", f"largest |{run.section.surface}| while sliding", *(f"spread of {n}" for n in names),
          "rests", f"response - iterates [{run.study.unit}]", "mode word"),
         rows,
         "Twenty points of each sliding segment. Response - iterates: largest distance between the positions "
         "at the events of the section in the response and the iterates of the event map from the first of "
-        "them; the map starts each turn anew at its lift, so this tests the lift as well. Mode word: the "
-        "modes that the end of the response repeats.",
-        f"`filippov simulate {run.model.name} -p ...`.",
+        "them; the map starts each return anew from its coordinate alone, so this tests the section as well. "
+        "Mode word: the modes that the end of the response repeats.",
+        f"`filippov simulate {run.model.name} -p ...`.", "exactness",
     )  # fmt: skip

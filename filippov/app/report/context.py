@@ -62,9 +62,20 @@ class Context:
     def label(self, name: str, default: str = "") -> str:
         """The axis label of something."""
         unit, x = self.study.unit, self.section.coordinate
-        own = {"d": f"{x} [{unit}]", "P(d)": f"P(d) [{unit}]", "P(P(d))": f"P(d) [{unit}]",
-               "fixed points": f"fixed points {x} [{unit}]", "parameter": self.study.parameter}  # fmt: skip
+        own = {"d": f"{x} [{unit}]", "image": f"{self.study.letter}(d) [{unit}]",
+               "iterate": f"{self.iterate} [{unit}]", "fixed points": f"fixed points {x} [{unit}]",
+               "parameter": self.study.parameter}  # fmt: skip
         return self.study.labels.get(name, default or own.get(name, name))
+
+    @property
+    def iterate(self) -> str:
+        """The iterate of the map that is studied, as it is written."""
+        letter, order = self.study.letter, self.study.order
+        return {1: f"{letter}(d)", 2: f"{letter}({letter}(d))"}.get(order, f"{letter}^{order}(d)")
+
+    def lettered(self, text: str) -> str:
+        """A text of an analysis, which calls the map P, with the letter of the study."""
+        return text.replace("P(d)", f"{self.study.letter}(d)").replace("P(0+)", f"{self.study.letter}(0+)")
 
     def given(self, case: StudyCase, *words: str) -> str:
         """The command's words for the model and a case's parameters."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import sympy
 
-from filippov.analysis.bifurcations.branch import Branch
+from filippov.analysis.bifurcations.branch import Branch, BranchPoint
 from filippov.analysis.bifurcations.curve import curve
 from filippov.analysis.diagrams.regions import regions
 from filippov.analysis.orbits.orbit import Orbit
@@ -18,8 +19,9 @@ from filippov.app.report.case_cycles import CaseCycles
 from filippov.app.report.part import NONE, Picture, Section, Table, first, number, yes
 from filippov.app.report.run import Run
 from filippov.plot.branch import plot_branches
+from filippov.plot.place import label_beside
 from filippov.plot.regions import plot_regions
-from filippov.plot.style import SERIES, new_figure, style
+from filippov.plot.style import GREY, INK, SERIES, new_figure, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,6 +29,9 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 # Points of the border at which the set changes stability, and of the scan for each.
 BORDER, SCAN = 25, 40
+# Part of its range within which the end of a fold curve is at the bound; part of the largest cycle below
+# which another is magnified.
+NEAR, SMALL = 1e-4, 0.1
 
 
 def orbits(run: Run) -> Section:
@@ -47,15 +52,16 @@ def orbits(run: Run) -> Section:
         ))  # fmt: skip
     command = f"`filippov orbit {run.model.name} --x0 ...`"
     table = Table(
-        "Limit cycles at the parameters of table 1",
+        "The limit cycles",
         ("case", "stable", "period [s]", *(f"amplitude {name}" for name in states[:2]), "multipliers",
          "mode word", "margins", "speed"),
         tuple(rows),
-        "Floquet multipliers without the trivial one; 0 belongs to stick, which forgets how it was entered. "
+        "At the parameters of [[table parameters]]. Floquet multipliers without the trivial one; 0 belongs "
+        "to stick, which forgets how it was entered. "
         "Margins: least distance from the surface where the cycle turns back from it, ∞ where it nowhere "
         "does: then nothing grazes; and the same for the multiplier of the sliding mode. "
-        "Speed: least speed at which the surface is met, relative to |grad h| |f|, 0 at grazing.",
-        f"{command}; cycles.csv.",
+        "Speed: least speed at which the surface is reached, relative to |grad h| |f|, 0 at grazing.",
+        f"{command}; cycles.csv.", "cycles",
     )  # fmt: skip
     columns = ("case", "stable", "period", *(f"amplitude {s}" for s in states), "largest multiplier", "word")
     return Section(
@@ -96,9 +102,10 @@ def branches(run: Run) -> Section:
             Picture("branches", f"Cycles over {name}, followed through the fold", command, draw),
             Table("Where the branches turn and end", ("case", "what", name, f"d [{unit}]"), tuple(special),
                   "The digits are the fewest over all cycles and special points, rtol 1e-12 against 1e-13.",
-                  f"{command}; branches.csv."),
+                  f"{command}; branches.csv.", "special"),
             Table(f"All cycles: d* [{unit}] over {name}", (name, *(c.label for c in run.cases)), tuple(rows),
-                  "Solved for at each value on the branch.", f"{command}; branches.csv."),
+                  "Solved for at each value on the branch.", f"{command}; branches.csv.", "branches",
+                  long=True),
         ] if shown else [],
         summary={"branches": {
             c.case.case.key: {
@@ -123,7 +130,12 @@ def fold_curve(run: Run) -> Section:
     title = f"The fold over {second}"
     if ending is None or not ending.points:
         return Section("fold-curve", title)
-    height, points, source = ending.coordinate(name), ending.points, "filippov.analysis.bifurcations.curve"
+    source, limit = "filippov.analysis.bifurcations.curve", _limit(run, ending, second, bounds)
+    message = ending.message + (f"; its limit is at {second} = {limit.value:g}" if limit else "")
+    if limit is not None:
+        last = replace(ending.points.pop(), special="")
+        ending.points += [last, limit]
+    height, points = ending.coordinate(name), ending.points
     least, count = int(np.argmin(height)), len(points)
     chosen = sorted({*range(0, count, max(1, count // 12)), least, count - 1})
     (other, *_) = [key for key in points[0].coordinates if key != name]
@@ -131,7 +143,9 @@ def fold_curve(run: Run) -> Section:
         "The fold curve", (second, name, f"{other} at the fold"),
         tuple((f"{p.value:.8f}", f"{p.coordinates[name]:.8f}", f"{p.coordinates[other]:.8f}")
               for p in (points[k] for k in chosen)),
-        f"{count} points; {ending.message}.", f"{source}; fold_curve.csv.",
+        f"{count} points; {message}. The limit: the fold's cycle has shrunk into the equilibrium set, which "
+        f"changes stability there by the linearised return map ([[table places]])." if limit else
+        f"{count} points; {message}.", f"{source}; fold_curve.csv.", "fold-curve",
     )  # fmt: skip
 
     def draw() -> Figure:
@@ -139,9 +153,15 @@ def fold_curve(run: Run) -> Section:
         figure = plot_branches([ending], coordinate=name, labels=labels)
         ax = figure.axes[0]
         for line in ax.lines:  # the cycle of a fold is neither stable nor unstable
-            line.set_linestyle("-")
-        for text, point in zip(ax.texts, ending.special, strict=True):
-            text.set_text(f"({point.value:.4g}, {point.coordinates[name]:.6g})")
+            line.set_linestyle("-" if line.get_linestyle() == "--" else line.get_linestyle())
+        for label in ax.texts[:]:
+            label.remove()
+        ax.plot(points[least].value, height[least], "o", color=INK, markersize=4.5, label="least",
+                linestyle="none")  # fmt: skip
+        for point in (points[least], *ending.special):
+            text = f"({point.value:.4g}, {point.coordinates[name]:.11g})"
+            label_beside(ax, point.value, point.coordinates[name], text, INK)
+        ax.legend(frameon=False)
         ax.set_ylim(float(height.min()) - 0.08 * float(np.ptp(height)), None)
         return figure
 
@@ -150,7 +170,7 @@ def fold_curve(run: Run) -> Section:
         "fold-curve", title, [picture, table],
         {"end_value": float(height[-1]), "end_parameter": float(ending.values[-1]),
          "least_value": float(height[least]), "least_parameter": float(ending.values[least])},
-        {"fold_curve": {second: ending.values.tolist(), name: height.tolist(), "end": ending.message}},
+        {"fold_curve": {second: ending.values.tolist(), name: height.tolist(), "end": message}},
         [("fold_curve.csv", (second, name, "d"),
           [(p.value, p.coordinates[name], p.coordinates[run.section.coordinate]) for p in points])],
     )  # fmt: skip
@@ -208,6 +228,22 @@ def _fold_curve(
     return curve(found, found.branch.folds[0], parameter=parameter, bounds=bounds, direction=way).run()
 
 
+def _limit(run: Run, ending: Branch, second: str, bounds: tuple[float, float]) -> BranchPoint | None:
+    """Where a fold curve goes whose cycle shrinks into the equilibrium set at a bound; None elsewhere.
+
+    There the set changes stability, in the case whose value is the bound, at the value nearest to the curve.
+    """
+    point, name, own = ending.points[-1], run.study.parameter, run.section.coordinate
+    bound = min(bounds, key=lambda end: abs(end - point.value))
+    if "shrinks" not in point.special or abs(bound - point.value) > NEAR * (bounds[1] - bounds[0]):
+        return None
+    found = [v for c in run.cases if c.parameters[second] == bound for v in c.thresholds]
+    if not found:
+        return None
+    value = min(found, key=lambda v: abs(v - point.coordinates[name]))
+    return replace(point, value=bound, coordinates={**point.coordinates, name: value, own: 0.0})
+
+
 def _change(
     case: Case, across: str, up: str, low_high: tuple[float, float], span: tuple[float, float]
 ) -> Array | None:
@@ -236,17 +272,26 @@ def _portraits(run: Run) -> Figure:
     labels, (x_name, y_name) = run.study.labels, run.system.states[:2]
     with style():
         figure = new_figure(6.0, 4.2)
-        ax = figure.subplots()
+        ax, shown = figure.subplots(), []
         for k, found in enumerate(run.cycles):
             for orbit in found.orbits:
-                motion = orbit.solution()
-                assert motion.sol is not None
-                x = motion.sol(np.linspace(motion.problem.t_span[0], motion.t_end, 2000))
+                once = orbit.solution()
+                assert once.sol is not None
+                x = once.sol(np.linspace(once.problem.t_span[0], once.t_end, 2000))
                 word = "stable" if orbit.stable else "unstable"
-                ax.plot(
-                    x[0], x[1], "-" if orbit.stable else "--", color=SERIES[k],
-                    label=f"{found.case.label}, {word}, period {orbit.period:.4g} s",
-                )  # fmt: skip
+                look: dict[str, Any] = {"linestyle": "-" if orbit.stable else "--", "color": SERIES[k]}
+                ax.plot(x[0], x[1], **look, label=f"{found.case.label}, {word}, period {orbit.period:.4g} s")
+                shown.append((float(np.max(np.abs(x[0]))), x, look))
+        small = [item for item in shown if item[0] < SMALL * max(size for size, _, _ in shown)]
+        if small:
+            inner = ax.inset_axes((0.37, 0.36, 0.28, 0.3))
+            for _, x, look in small:
+                inner.plot(x[0], x[1], **look)
+            inner.margins(0.15)
+            inner.locator_params(nbins=4)
+            inner.tick_params(labelsize=7)
+            inner.set_title("the centre magnified, same units", fontsize=7.5, color=GREY)
+            ax.indicate_inset_zoom(inner, edgecolor=GREY)
         ax.set(xlabel=labels.get(x_name, x_name), ylabel=labels.get(y_name, y_name))
         ax.margins(0.06)
         ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=2)

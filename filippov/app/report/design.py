@@ -70,6 +70,8 @@ def settings(run: Run) -> Section:
             asked.label, best, f"{t.margin:.3f}", f"{t.best_ratio:.3f}", f"{100 * t.share:.1f} %",
             f"alone, the others at the best: {lower}" if lower else "",
         ))  # fmt: skip
+    facts = {f"margin_{k}": t.margin for k, (_, t) in enumerate(found) if t.best}
+    facts |= {f"best_{k}_{n}": v for k, (_, t) in enumerate(found) for n, v in (t.best or {}).items()}
     ranges = ", ".join(f"{n} = {a:g} ... {b:g}" for n, (a, b) in study.ranges.items())
     command = f"`filippov tune {run.model.name} --ranges ...`"
 
@@ -83,9 +85,9 @@ def settings(run: Run) -> Section:
         "Settings without cycles",
         ("law", "best settings", "margin", "ratio", "share", "borders, or why there are none"), tuple(rows),
         f"Searched in {ranges}. Margin: the factor by which every setting may change at once, in any "
-        "combination, up or down. Ratio: the largest |P(d)/d| at the best settings. Share: of the samples "
-        "that have no cycle.", f"{command}.",
-    )], summary={"settings": {asked.label: t.to_dict() for asked, t in found}})  # fmt: skip
+        f"combination, up or down. Ratio: the largest |{study.letter}(d)/d| at the best settings. Share: "
+        "of the samples that have no cycle.", f"{command}.", "settings",
+    )], facts, {"settings": {asked.label: t.to_dict() for asked, t in found}})  # fmt: skip
 
 
 class Prediction(NamedTuple):
@@ -155,7 +157,7 @@ def prediction(run: Run) -> Section:
             "What is predicted, and what there is",
             ("law", "harmonic balance", "algebra of the slip", f"event map: d [{run.study.unit}]",
              "harmonic balance right"),
-            tuple(rows), "", f"{source}.",
+            tuple(rows), "", f"{source}.", "prediction",
         ),
     ], facts, {"predictions": {
         p.law.label: {
@@ -222,6 +224,7 @@ def experiment(run: Run) -> Section:
             f"degrees of freedom. No cycles above {name} = {number(limit, 7)} for the estimate, above "
             f"{number(safe, 7)} for the ends of every interval as well.",
             "filippov.analysis.estimation.identification; `filippov identify record.csv ...`; record.csv.",
+            "experiment",
         ),
     ], {} if safe is None else {"safe": safe},
     {"experiment": found.to_dict() | {"truth": truth, "limit": limit, "safe": safe}},

@@ -22,13 +22,13 @@ SPECIAL = ("kind", "value", "d", "residual", "note")
 
 def fixed_points(run: Run) -> Section:
     """The iterate of every case, its fixed points and their basins."""
-    iterate = {1: "P(d)", 2: "P(P(d))"}.get(run.study.order, f"P^{run.study.order}(d)")
+    iterate = run.iterate
     ordinal = {1: "first", 2: "second"}.get(run.study.order, f"{run.study.order}th")
     pictures = [
         Picture(
             f"second_{c.slug}", f"{iterate}, {c.label}",
             f"`filippov event-map {run.given(c.case)} --order {run.study.order}`",
-            lambda c=c: _iterate(run, c, iterate), _in_words(c),  # type: ignore[misc]
+            lambda c=c: _iterate(run, c), run.lettered(_in_words(c)),  # type: ignore[misc]
         )
         for c in run.cases
     ]  # fmt: skip
@@ -85,7 +85,7 @@ def bifurcation(run: Run) -> Section:
     return Section("bifurcation", f"Bifurcation in {name}", [*pictures, _places(run)], facts, summary, files)
 
 
-def _iterate(run: Run, case: Case, iterate: str) -> Figure:
+def _iterate(run: Run, case: Case) -> Figure:
     """The iterate with its fixed points, whole and with the origin magnified."""
     shown = [(case.wide, "whole"), (case.small, "origin magnified")] if case.small else [(case.wide, "")]
     with style():
@@ -93,7 +93,7 @@ def _iterate(run: Run, case: Case, iterate: str) -> Figure:
         for part, (samples, title) in zip(parts, shown, strict=True):
             _panel(run, case, part, samples)
             part.axes[0].set_title(title, loc="left", fontsize=TITLE, color=GREY)
-        common_legend(top, parts, {"P(d) = d": "diagonal", "P(d)": iterate})
+        common_legend(top, parts)
     return figure
 
 
@@ -102,7 +102,7 @@ def _panel(run: Run, case: Case, figure: Any, samples: Samples) -> None:
     shown = [q for q in case.fixed if low <= q.d <= high]
     plot_event_map(
         case.power, low, high, samples=(samples.d, samples.power), fixed=shown, figure=figure,
-        labels={"d": run.label("d"), "P": run.label("P(P(d))")},
+        labels={"d": run.label("d"), "P": run.label("iterate"), "map": run.iterate},
     )  # fmt: skip
     # A margin below the origin, so that marks on the axes are whole.
     margin, axes = 0.03 * (high - low), figure.axes[0]
@@ -115,7 +115,7 @@ def _diagram(run: Run, case: Case) -> Figure:
     bound, values = case.bound, case.diagram.values
     shown = {} if bound is None or not values[0] <= bound <= values[-1] else {"Routh-Hurwitz bound": bound}
     labels = {"parameter": run.label("parameter"), "d": run.label("fixed points")}
-    return plot_diagram(case.diagram, bounds=shown, labels=labels)
+    return plot_diagram(case.diagram, bounds=shown, labels=labels, inset=True)
 
 
 def _in_words(case: Case) -> str:
@@ -138,7 +138,7 @@ def _bound_in_words(name: str, case: Case) -> str:
 
 
 def _points_table(run: Run, ordinal: str) -> Table:
-    """Table 2: fixed points of the iterate beside the source's."""
+    """Fixed points of the iterate beside the source's."""
     study, unit, rows = run.study, run.study.unit, []
     for c in run.cases:
         said: Sequence[Any] = study.stated.points.get(c.case.key, ()) if study.stated else ()
@@ -150,16 +150,17 @@ def _points_table(run: Run, ordinal: str) -> Table:
                 NONE if s is None else yes(s.stable), number(q.slope, 8),
                 NONE if q.period == 0 else f"{q.period:.8f}",
             ))  # fmt: skip
-    notes = [f"{c.label}: {q.note}." for c in run.cases for q in c.fixed if q.note]
+    notes = [run.lettered(f"{c.label}: {q.note}.") for c in run.cases for q in c.fixed if q.note]
     return Table(
-        f"Table 2. Fixed points of the {ordinal} iterate and their stability",
+        f"Fixed points of the {ordinal} iterate and their stability",
         ("case", f"d* here [{unit}]", f"paper (reference) [{unit}]", "kind", "stable", "paper", "slope",
          "time [s]"),
         tuple(rows),
         f"Slope: of the {ordinal} iterate at the point, from saltation matrices, at the set its limit for "
-        "d → 0+; stable means |slope| < 1. Time: of the turns of one orbit, from the start of each to its "
+        "d → 0+; stable means |slope| < 1. Time: of the returns of one orbit, from the start of each to its "
         "end on the section. " + " ".join(notes),
         f"`filippov event-map {run.model.name} --order {study.order} -p ...`, fixed_points.csv.",
+        "points",
     )  # fmt: skip
 
 
@@ -174,11 +175,12 @@ def _basins(run: Run) -> Table:
     return Table(
         "Basins on the interval", ("case", run.label("d"), "goes to"), tuple(rows),
         "Borders are the unstable fixed points; the middle of each interval was iterated until it arrived.",
+        label="basins",
     )  # fmt: skip
 
 
 def _places(run: Run) -> Table:
-    """Table 3: folds, changes of stability and bounds beside the source's."""
+    """Folds, changes of stability and bounds beside the source's."""
     name, stated, rows = run.study.parameter, run.study.stated, []
     for c in run.cases:
         fold, change = stated.places.get(c.case.key, (NONE, NONE)) if stated else (NONE, NONE)
@@ -194,14 +196,13 @@ def _places(run: Run) -> Table:
             (c.label, "Routh-Hurwitz (sufficient)", bound, said),
         ]
     worst = max((s.residual for c in run.cases for s in c.diagram.special), default=0.0)
-    iterate = "P(P(d))" if run.study.order == 2 else "the iterate"
     return Table(
-        "Table 3. Where the diagrams change", ("case", "what", "here", "paper"), tuple(rows),
-        f"Roots of {iterate} = d with slope 1 (fold) and of |slope| = 1 at the set, in the parameter; "
+        "Where the diagrams change", ("case", "what", "here", "paper"), tuple(rows),
+        f"Roots of {run.iterate} = d with slope 1 (fold) and of |slope| = 1 at the set, in the parameter; "
         f"largest residual {worst:.1g}. The linearised return map takes the whole line of {name}, the "
         "diagrams only its range.",
         f"`filippov bifurcation {run.model.name} --parameter {name} ...`, `filippov stability "
-        f"{run.model.name} --solve-for {name} ...`.",
+        f"{run.model.name} --solve-for {name} ...`.", "places",
     )  # fmt: skip
 
 

@@ -6,12 +6,14 @@ import os
 import platform
 import re
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib import resources
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from filippov.app.report.facts import Facts, Numbers, begun
 from filippov.app.report.part import Picture, Section, Table, Words
 from filippov.base.escape import LINES, markup, printable
 
@@ -21,31 +23,9 @@ if TYPE_CHECKING:
 _DROP = re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>|<!--.*?-->", re.DOTALL)
 _SPACES = re.compile(r'\s+(?:xmlns(?::\w+)?|version)="[^"]*"')
 _NUMBER = re.compile(r"[-+−]?(\d[\d.,]*([eE][-+]?\d+)?|∞)|—|")
+# Sections that may be text only.
+ALONE = {"differences"}
 PACKAGES = ("filippov", "numpy", "scipy", "sympy", "networkx", "llvmlite", "matplotlib")
-
-
-class Facts(dict[str, float]):
-    """Values by name, for format_map; what was not computed says so.
-
-    cycle_<case>_<k>, fold_<case>; change_<case> of the set's stability, change_rest_<case> by the linearised
-    return map; bound_<case> of Routh-Hurwitz; jump_<case> of the map at 0; end_value, end_parameter,
-    least_value, least_parameter of the fold curve; relative_fold_<case> of the smoother model; ratio_<k>,
-    algebra_<k> of the k-th law; safe: the border for every end of the experiment's intervals
-    """
-
-    def __missing__(self, key: str) -> _Unknown:
-        return _Unknown()
-
-
-class _Unknown:
-    def __format__(self, spec: str) -> str:
-        return "(not computed)"
-
-
-def told(texts: Iterable[tuple[str, str]], facts: Facts) -> list[tuple[str, str]]:
-    """(title, paragraph) with the facts put in; a quick study does not compute all that one may speak of."""
-    made = [(title, text.format_map(facts)) for title, text in texts]
-    return [(title, text) for title, text in made if "(not computed)" not in text]
 
 
 def environment() -> Environment:
@@ -66,35 +46,53 @@ def environment() -> Environment:
 
 def document(
     title: str, subtitle: str, sections: Sequence[Section], texts: Mapping[str, Any],
-    drawings: Mapping[str, str],
+    drawings: Mapping[str, str], appendix: Sequence[Section] = (),
 ) -> str:  # fmt: skip
-    """The whole page: those of the sections that have parts, each after its own paragraphs of `texts`.
+    """The whole page: the sections that have something to show, each after its own paragraphs of `texts`.
 
     texts     (title, paragraph) by anchor, and by "figure NAME" the captions; drawings: SVG by name
+
+    Sections, figures and tables are numbered as they follow each other; long tables go to the appendix.
     """
     facts = Facts({name: value for section in sections for name, value in section.facts.items()})
+    tables = [part for section in sections for part in section.parts if isinstance(part, Table) and part.long]
+    short = [replace(s, parts=[part for part in s.parts if part not in tables]) for s in sections]
+    main = [s for s in short if s.parts or s.anchor in ALONE & set(texts)]
+    behind = [*([Section("tables", "Long tables", tables)] if tables else []), *appendix]
+    numbers, shown = Numbers(main, behind), []
+    for section in (*main, *behind):
+        told = numbers.told(texts.get(section.anchor, ()), facts)
+        titled = [words for words in told if words[0]]
+        parts = [*(Words("p", text) for title, text in told if not title),
+                 *([Words("dl", titled)] if titled else []), *section.parts]  # fmt: skip
+        number = numbers[f"section {section.anchor}"][0].split()[-1]
+        shown.append({
+            "anchor": section.anchor, "title": section.title, "number": number,
+            "parts": [_prepared(part, texts, facts, numbers, drawings) for part in parts],
+        })  # fmt: skip
     folder = resources.files("filippov.app.report")
     page, style = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("page.html", "page.css"))
-    shown = []
-    for section in sections:
-        words = [Words("p", text) for title, text in told(texts.get(section.anchor, ()), facts) if not title]
-        parts = [_prepared(part, texts, facts, drawings) for part in (*words, *section.parts)]
-        shown += [{"anchor": section.anchor, "title": section.title, "parts": parts}] if section.parts else []
-    template = environment().from_string(page)
-    return template.render(title=title, subtitle=subtitle, sections=shown, style=style)
+    made = environment()
+    made.filters |= {"linked": numbers.linked, "coded": numbers.coded}
+    return made.from_string(page).render(title=title, subtitle=subtitle, sections=shown, style=style)
 
 
 def _prepared(
-    part: Table | Picture | Words, texts: Mapping[str, Any], facts: Facts, drawings: Mapping[str, str]
-) -> dict[str, Any]:
+    part: Table | Picture | Words, texts: Mapping[str, Any], facts: Facts, numbers: Numbers,
+    drawings: Mapping[str, str],
+) -> dict[str, Any]:  # fmt: skip
     """What the template shows of a part."""
     if isinstance(part, Words):
         return {"kind": part.kind, "content": part.content}
     if isinstance(part, Table):
-        return {"kind": "table", "content": part}
-    own = " ".join(text for _, text in told(texts.get(f"figure {part.label}", ()), facts))
+        number, place = numbers[f"table {part.label}"]
+        return {"kind": "table", "content": part, "number": begun(number), "place": place}
+    said = texts.get(f"figure {part.label or part.name}", ())
+    own = " ".join(text for _, text in numbers.told(said, facts))
     svg = inline_svg(drawings[part.name], f"f-{part.name}", part.title)
-    return {"kind": "figure", "content": part, "caption": part.caption or own, "svg": svg}
+    caption = " ".join(filter(None, (own, part.caption)))
+    number = begun(numbers[f"figure {part.name}"][0])
+    return {"kind": "figure", "content": part, "caption": caption, "svg": svg, "number": number}
 
 
 def inline_svg(svg: str, name: str, label: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -17,19 +17,24 @@ File = tuple[str, Sequence[str], Iterable[Iterable[Any]]]
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text under columns, with a note and the command or method that gives them."""
+    """Rows of text under columns, with a note and the command or method that gives them.
+
+    label   by which texts speak of it: [[label]]; long: it stands in the appendix
+    """
 
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
     source: str = ""
+    label: str = ""
+    long: bool = False
 
     def unstated(self) -> Table:
         """The same table without the columns of what a source states."""
         kept = [k for k, name in enumerate(self.columns) if name != "same" and not name.startswith("paper")]
         rows = tuple(tuple(row[k] for k in kept) for row in self.rows)
-        return Table(self.title, tuple(self.columns[k] for k in kept), rows, self.note, self.source)
+        return replace(self, columns=tuple(self.columns[k] for k in kept), rows=rows)
 
 
 @dataclass(frozen=True)

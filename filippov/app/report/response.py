@@ -24,24 +24,27 @@ TITLE = 10.5
 
 
 def model(run: Run) -> Section:
-    """Table 1 and the constitutive curves."""
+    """Symbols, parameters and the constitutive curves."""
     said = run.study.stated.parameters if run.study.stated else {}
     rows = []
     for name in run.system.parameters:
         p, given = run.system.parameters[name], said.get(name, NONE)
         same = NONE if given == NONE else yes(float(given) == p.default)
         rows.append((name, p.description, number(p.default), given, p.unit or "1", same))
-    parts: list[Any] = [Table(
-        "Table 1. Parameters", ("symbol", "what it is", "here", "paper", "unit", "same"), tuple(rows),
-        source=f"the model's own defaults, `filippov models describe {run.model.name}`.",
-    )]  # fmt: skip
+    symbols = run.study.symbols
+    parts: list[Any] = [
+        *([Table("Symbols", ("symbol", "what it is", "unit"), symbols, label="symbols")] if symbols else []),
+        Table("Parameters and their values", ("symbol", "what it is", "here", "paper", "unit", "same"),
+              tuple(rows), source=f"the model's own defaults, `filippov models describe {run.model.name}`.",
+              label="parameters"),
+    ]  # fmt: skip
     (name, title), made = run.study.curve_title, run.study.curve
     if made is not None:
         source = f"{made.__module__}.{made.__name__}, curve_*.csv."
         parts.append(Picture(name, title, source, lambda: _curves(run), label=name))
     curves = [(c.slug, c.curve) for c in run.cases if c.curve is not None]
     files = [(f"curve_{slug}.csv", ("x", "y"), zip(c.x, c.y, strict=True)) for slug, c in curves]
-    return Section("model", "The model", parts, files=files)
+    return Section("model", "The model and its symbols", parts, files=files)
 
 
 def response(run: Run) -> Section:
@@ -70,8 +73,8 @@ def event_map(run: Run) -> Section:
     main, proposed = run.main, run.proposed
     lift = ", ".join(f"{k} = {v}" for k, v in proposed.lift.items())
     parts: list[Any] = [Words("p", (
-        f"P(d) is the {proposed.coordinate} of the next {proposed.kind} of a motion that starts on the "
-        f"section at d: {lift}."
+        f"{run.study.letter}(d) is the {proposed.coordinate} of the next {proposed.kind} of a solution that "
+        f"starts on the section at d: {lift}."
     ))]  # fmt: skip
     if len(main.orbit):
         caption = (
@@ -87,7 +90,7 @@ def event_map(run: Run) -> Section:
         both = [c.wide] if c.small is None else [c.wide, c.small]
         d, once, power = (np.concatenate([getattr(s, n) for s in both]) for n in ("d", "once", "power"))
         order = np.argsort(d, kind="stable")
-        columns = ("d", "P(d)", "P(P(d))") if run.study.order == 2 else ("d", "P(d)", "iterate")
+        columns = ("d", f"{run.study.letter}(d)", run.iterate if run.study.order > 1 else "iterate")
         rows = zip(d[order], once[order], power[order], strict=True)
         files += [(f"map_{c.slug}.csv", columns, rows)]
         files += [(f"iterates_{c.slug}.csv", ("k", "d"), enumerate(c.orbit.tolist()))]
@@ -99,7 +102,8 @@ def modes(run: Run) -> Section:
     main, names = run.main, run.study.mode_names
     with run.stage("possible transitions", run.until):
         possible = possible_graph(run.system)
-    word = f"Mode word of the end of the response: {main.word}." if main.word else ""
+    word = "In a mode: how often it was entered, and the mean time [s] that it lasted."
+    word += f" Mode word of the end of the response: {main.word}." if main.word else ""
     return Section("graph", "Modes and transitions", [
         Picture("graph", "Transitions that the system can make, with their guards",
                 f"`filippov graph {run.model.name}`", lambda: plot_graph(possible, names=names)),
@@ -176,7 +180,7 @@ def _iterates(run: Run, case: Case) -> Figure:
     reach = 1.15 * float(np.max(np.abs(case.orbit)))
     return plot_iterates(
         case.event_map, float(case.orbit[0]), len(case.orbit) - 1, lo=-reach, hi=reach, points=600,
-        labels={"d": run.label("d"), "P": run.label("P(d)")},
+        labels={"d": run.label("d"), "P": run.label("image"), "map": f"{run.study.letter}(d)"},
     )  # fmt: skip
 
 

@@ -54,7 +54,7 @@ def followed(study: Study, effort: Effort, k: int) -> Followed:
 
 
 class Smoother:
-    """The smoother model of a study, and its motions, orbits and branches."""
+    """The smoother model of a study, and its solutions, orbits and branches."""
 
     def __init__(self, study: Study, effort: Effort) -> None:
         assert study.relative is not None
@@ -74,27 +74,27 @@ class Smoother:
             beyond = self.branch(far, max(study.beyond), 1)
         return Followed(branch, beyond, tuple((a, self.rests(own, a)) for a in asked.small))
 
-    def motion(self, values: Mapping[str, float], x0: Sequence[float], time: float) -> Solution:
-        """A motion of so long."""
+    def solution(self, values: Mapping[str, float], x0: Sequence[float], time: float) -> Solution:
+        """A solution of so long."""
         run = solve(
             self.system, x0, (0.0, time), parameters=values, method=self.asked.method, rtol=1e-8, atol=1e-10
         )
         if not run.success:
-            raise SolveError(f"the motion of {self.asked.name} ended early: {run.message}", run)
+            raise SolveError(f"the solution of {self.asked.name} ended early: {run.message}", run)
         return run
 
     def orbit(self, values: Mapping[str, float], x0: Sequence[float]) -> Orbit:
-        """The orbit that a motion goes to."""
-        end = self.motion(values, x0, self.asked.transient).x_end
+        """The orbit that a solution goes to."""
+        end = self.solution(values, x0, self.asked.transient).x_end
         return find_orbit(
             self.system, end, symmetry=self.study.symmetry, method=self.asked.method, rtol=RTOL,
             atol=1e-2 * RTOL, parameters=values,
         )  # fmt: skip
 
     def rests(self, values: Mapping[str, float], start: float) -> bool:
-        """Whether a motion from near rest is at rest in the last tenth of the time it is given."""
+        """Whether a solution from near rest is at rest in the last tenth of the time it is given."""
         end = self.asked.settle
-        run = self.motion(values, (start, *(0.0 for _ in self.system.states[1:])), end)
+        run = self.solution(values, (start, *(0.0 for _ in self.system.states[1:])), end)
         assert run.sol is not None
         return bool(np.max(np.abs(run.sol(np.linspace(0.9 * end, end, 2001))[1])) < self.asked.threshold)
 
@@ -183,8 +183,8 @@ def relative(run: Run) -> Section:
         ("case", f"amplitude, inclusion [{unit}]", f"{asked.name} [{unit}]", "change",
          "cycles end, inclusion", f"cycles end, {asked.name}", "rest, inclusion", f"rest, {asked.name}"),
         tuple(rows),
-        f"Amplitudes at {name} = {run.study.values[0]:g}. Rest of {asked.name}: motions from {starts} {unit} "
-        f"at this value, {asked.settle:g} s long.", f"{source}, relative.csv.",
+        f"Amplitudes at {name} = {run.study.values[0]:g}. Rest of {asked.name}: solutions from {starts} "
+        f"{unit} at this value, {asked.settle:g} s long.", f"{source}, relative.csv.", "relative",
     )  # fmt: skip
     picture = Picture(
         "relative", f"Cycles of {asked.name} over those of the inclusion", source,
@@ -223,7 +223,7 @@ def _branches(run: Run, name: str, size: str, found: list[Followed]) -> Figure:
 
 
 def _line(ax: Any, branch: Branch, height: Any, colour: str, name: str, width: float, alpha: float) -> None:
-    """A branch: stable solid, unstable dashed; a stretch is drawn as its first point is."""
+    """A branch: stable solid, unstable dashed; what lies between two points is drawn as the first one."""
     stable = branch.stable
     for kind, line in ((True, "-"), (False, "--")):
         part = np.where((stable == kind) | np.append(False, stable[:-1] == kind), height, np.nan)

@@ -16,7 +16,7 @@ from filippov.app.report.case import Case, diagrams
 from filippov.app.report.context import Progress
 from filippov.app.report.effort import Effort
 from filippov.app.report.files import save_figure, write, write_csv
-from filippov.app.report.page import Facts, document, environment, machine, told
+from filippov.app.report.page import document, environment, machine
 from filippov.app.report.part import Picture, Section, Table, Words
 from filippov.app.report.run import Run
 from filippov.base.json_text import json_text
@@ -36,12 +36,13 @@ SECTIONS: tuple[tuple[Callable[[Run], Section], str, float], ...] = (
     (cycles.region_map, "plane", 0.08), (design.settings, "tuned", 0.15), (design.prediction, "laws", 0.05),
     (design.experiment, "experiment", 0.05), (smoother.relative, "relative", 0.3), (checks.checks, "", 0),
 )  # fmt: skip
-# The order of the sections in the report.
+# The order of the sections in the report, and those of the appendix.
 ORDER = (
-    "summary", "model", "response", "map", "fixed-points", "bifurcation", "cycles", "branches", "fold-curve",
-    "regions", "classification", "stability", "graph", "comparison", "relative", "settings", "prediction",
-    "experiment", "checks", "differences", "versions",
+    "summary", "model", "checks", "settings", "comparison", "relative", "prediction", "experiment",
+    "response", "map", "fixed-points", "bifurcation", "cycles", "branches", "fold-curve", "regions",
+    "classification", "graph", "differences",
 )  # fmt: skip
+APPENDIX = ("stability", "versions")
 
 
 def run_study(
@@ -88,10 +89,10 @@ def run_study(
     summary["timing"] = {name: round(seconds, 4) for name, seconds in run.timing.items()}
     finite: dict[str, Any] = _finite(summary)
     write(folder / "summary.json", json_text(finite))
-    shown = sorted([*sections, *_frame(run, sections)], key=lambda section: ORDER.index(section.anchor))
-    write(folder / "report.html", document(
-        asked.title, f"After {asked.source}", shown, asked.texts, drawings
-    ))  # fmt: skip
+    known = {section.anchor: section for section in [*sections, *_frame(run)]}
+    main, appendix = ([known[name] for name in names if name in known] for names in (ORDER, APPENDIX))
+    page = document(asked.title, f"After {asked.source}", main, asked.texts, drawings, appendix)
+    write(folder / "report.html", page)
     run.tell(1.0, "done")
     return finite
 
@@ -115,22 +116,19 @@ def _unstated(section: Section) -> Section:
     return replace(section, parts=parts)
 
 
-def _frame(run: Run, sections: list[Section]) -> list[Section]:
+def _frame(run: Run) -> list[Section]:
     """The sections around the computed ones: what was found, what differs from the source, versions."""
-    facts = Facts({name: value for section in sections for name, value in section.facts.items()})
     files = Words("source", (
         f"Source of everything on this page: `filippov study {run.study.name}`. The figures are beside it as "
         "SVG and PNG, the numbers as CSV and in summary.json."
     ))  # fmt: skip
-    differences = told(run.study.texts.get("differences", ()), facts)
     seconds = tuple((name, f"{value:.2f}") for name, value in run.timing.items())
     return [
-        Section("summary", "Summary", [files]),
-        Section("differences", "What differs from the paper, and why",
-                [Words("dl", differences)] if differences else []),
+        Section("summary", "The answer", [files]),
+        Section("differences", "What differs from the paper, and why"),
         Section("versions", "Versions, machine, time", [
-            Table("Versions and machine", ("what", "value"), tuple(machine().items())),
-            Table("Time", ("stage", "seconds"), seconds),
+            Table("Versions and machine", ("what", "value"), tuple(machine().items()), label="machine"),
+            Table("Time", ("stage", "seconds"), seconds, label="time"),
         ]),
     ]  # fmt: skip
 

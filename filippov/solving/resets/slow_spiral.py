@@ -39,7 +39,7 @@ class SlowSpiral:
 
     def __str__(self) -> str:
         return (
-            f"laps around a corner shrink as n**-{self.power:.2g}: infinitely many events, while the "
+            f"event cycles around a corner shrink as n**-{self.power:.2g}: infinitely many events, while the "
             f"distance from the corner halves every {self.half_life:.3g} and is {self.distance:.2g} now"
         )
 
@@ -47,9 +47,9 @@ class SlowSpiral:
     def followed(self) -> str:
         """What a run says that went on in the corner."""
         return (
-            f" From t = {self.t:.9g} on this is the motion in a corner, from which the true one is "
-            f"{self.distance:.2g} away there, and half as far every {self.half_life:.3g} later: laps shrink "
-            f"as n**-{self.power:.2g}. A larger max_events goes on longer lap by lap."
+            f" From t = {self.t:.9g} on this is the solution in a corner, from which the true one is "
+            f"{self.distance:.2g} away there, and half as far every {self.half_life:.3g} later: event cycles "
+            f"shrink as n**-{self.power:.2g}. A larger max_events goes on longer event by event."
         )
 
 

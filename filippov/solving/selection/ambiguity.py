@@ -65,7 +65,7 @@ def listing(candidates: Sequence[Successor]) -> str:
 def noted(point: Point, name: str, chosen: Successor) -> str:
     """The note of an event that goes on in one way: the point's name, and multipliers that are not unique."""
     names = ", ".join(repr(point.machine.surfaces[i].name) for i in chosen.undetermined)
-    shared = f"the multipliers of {names} are not unique, the motion is" if names else ""
+    shared = f"the multipliers of {names} are not unique, the solution is" if names else ""
     return "; ".join(text for text in (name, shared) if text)
 
 

@@ -133,7 +133,7 @@ class HigherOrder:
         mode[list(found.zero)], mode[list(found.kinks)] = 0.0, 1.0
         code, velocity, lam, _ = machine.probe(run.t, 0.0, x, mode, np.zeros(plain.m))
         if code != 0 or not np.all(np.isfinite(velocity)) or not np.all(np.isfinite(lam)):
-            return "no multipliers hold the motion there"
+            return "no multipliers hold the solution there"
         radii = machine.radii(run.t, x)
         for i in found.pivots:
             low, high = radii[i]
@@ -141,7 +141,7 @@ class HigherOrder:
                 return f"the sign of {plain.surfaces[i].name!r} would have to be {lam[i]:.6g}"
         pull = self._pull(machine, found, mode, x)
         if pull <= 0.0 or (slack is None and not self._is_faint(machine, found, mode, x, pull)):
-            return "the motion does not settle there" if pull > 0.0 else "the signs push off the surfaces"
+            return "the solution does not settle there" if pull > 0.0 else "the signs push off the surfaces"
         if slack is not None and np.any(np.abs(x - run.x) > slack):
             return "the state is not close enough to it"
         self.active = found
@@ -229,7 +229,7 @@ class HigherOrder:
         points = [(*self.start, self.run.mode), *elsewhere]
         came_down = now <= CAME_DOWN * max(abs(self._rate(i, *p)) for p in points)
         if not came_down and not _noise([*speeds, now]):
-            return "the motion has not settled"
+            return "the solution has not settled"
         return self.begin([i], None)
 
     def across(self, i: int) -> Left | None:
