@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from filippov import UsageError
-from filippov.app.report.approximations import COLUMNS, MODELS, table_of_approximations
+from filippov.app.approximations import COLUMNS, MODELS, table_of_approximations
 from filippov.models.approximated import PLANTS
 
 TABLE = Path(__file__).resolve().parent.parent / "docs" / "_static" / "approximations.csv"

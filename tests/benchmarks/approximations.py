@@ -8,7 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT)]
 
-from filippov.app.report.approximations import COLUMNS, table_of_approximations  # noqa: E402
+from filippov.app.approximations import COLUMNS, table_of_approximations  # noqa: E402
 from filippov.base.csv_text import csv_text  # noqa: E402
 
 
