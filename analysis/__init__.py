@@ -25,7 +25,7 @@ EXPORTS: dict[str, str] = {
     **dict.fromkeys(("Curve", "Record", "read_record"), "estimation.record"),
     "gain_map": "gains.gain_map",
     "tune": "gains.tuning",
-    "relay_loop": "harmonic.control_link",
+    **dict.fromkeys(("linear_mode", "relay_loop"), "harmonic.control_link"),
     "describing_function": "harmonic.describing_function",
     **dict.fromkeys(("certify", "stability_report"), "local_stability.stability"),
     "attractors": "invariant_sets.attractors",

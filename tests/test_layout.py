@@ -30,7 +30,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
         "filippov.kernel.lanes", "filippov.kernel.codegen",
     ),
     ("filippov.solving.state", "filippov.solving.selection", "filippov.solving.resets", "filippov.solving"),
-    ("filippov.graphs", "filippov.io", "filippov.plot"),
+    ("filippov.graphs", "filippov.interop", "filippov.io", "filippov.plot"),
     ("filippov.sweep",),
     ("filippov",),
     ("filippov.models",),

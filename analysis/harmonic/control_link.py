@@ -5,16 +5,23 @@ Needs the extra `filippov[control]`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import sympy
 
 from filippov.analysis.harmonic.quasi_linear import lure
-from filippov.base.errors import ModelError
+from filippov.analysis.sensitivity.variation import mode_field
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.names import unknown
 from filippov.model.surface import Surface
+from filippov.model.symbolic import convex
 from filippov.model.symbols import sign, states
+from filippov.model.symbols import t as time
 from filippov.model.system import System
+from filippov.solving.reading import expression_of
+from filippov.solving.state.options import check_state
 
 
 def _control() -> Any:
@@ -65,6 +72,65 @@ def relay_loop(plant: Any) -> System:
         },
         surfaces=[Surface("output", output)],
     )
+
+
+def linear_mode(
+    system: System, mode: Any, x: Any, *, t: float = 0.0, parameters: Mapping[str, float] | None = None,
+    inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,
+) -> Any:  # fmt: skip
+    """The field of one mode, linearised at a state, as a StateSpace.
+
+    mode     signs such as "+0": while sliding the multipliers follow the state
+    x        one number a state, in order or by name; t: the time
+    inputs   parameters by which the field is moved; default: all
+    outputs  states or outputs of the system; default: all
+             states
+
+    x' - f = A (x - x0) + B (p - p0), y - y0 = C (x - x0) + D (p - p0). Raises ModelError, UsageError.
+    """
+    control, form = _control(), system.symbolic
+    if form is None:
+        raise ModelError("linear_mode is for systems in expressions; this has functions.")
+    signs, names = form.signs(mode), tuple(system.parameters.names if inputs is None else inputs)
+    if not names:
+        raise ModelError("the system has no parameter that could be the input of a StateSpace. Add one.")
+    field = mode_field(system, signs, names)
+    n, wanted = system.dimension, list(system.states if outputs is None else outputs)
+    values, times = system.parameters.resolve(parameters), np.array([float(t)])
+    state = check_state(x, system)[None, :]
+    s = field.multipliers(times, state, values)
+    whole = field.matrix(times, state, s, values)[0, :n]
+    slopes = np.zeros((0, field.size))
+    if field.sliding:
+        slopes = field.multiplier_slope(times, state, s, values)[0]
+    at = dict(zip((time, *form.x, *form.p, *form.s), (t, *state[0], *values, *s[0]), strict=True))
+    numbers = {q: sympy.Float(float(v), 17) for q, v in at.items()}
+    by = [*form.x, *(q for name in names for q in form.p if q.name == name)]
+    rows = []
+    for name in wanted:
+        e = _in_mode(system, name, signs)
+        row = np.array([float(e.diff(q).xreplace(numbers)) for q in by])
+        through = [float(e.diff(form.s[i]).xreplace(numbers)) for i in field.sliding]
+        rows.append(row + np.array(through) @ slopes[:, : len(by)])
+    c = np.array(rows).reshape(len(wanted), len(by))
+    return control.ss(
+        whole[:, :n], whole[:, n : n + len(names)], c[:, :n], c[:, n:],
+        inputs=list(names), outputs=wanted, states=list(system.states),
+    )  # fmt: skip
+
+
+def _in_mode(system: System, name: str, signs: tuple[int, ...]) -> sympy.Expr:
+    """A state or output in a mode, with multipliers as symbols where it slides."""
+    form = system.symbolic
+    assert form is not None
+    if name not in system.states and name not in system.outputs:
+        raise UsageError(unknown("output", name, (*system.states, *system.outputs)))
+    if name in system.states:
+        return form.x[system.states.index(name)]
+    fixed = {s: sympy.Integer(m) for s, m in zip(form.s, signs, strict=True) if m}
+    free = {s for s, m in zip(form.s, signs, strict=True) if not m}
+    sizes = {sympy.Abs(h): m * h for h, m in zip(form.plain_h(), signs, strict=True)}
+    return convex(expression_of(system, name).xreplace(fixed), free).xreplace(sizes)
 
 
 def linear_plant(system: System, surface: str, parameters: Mapping[str, float] | None = None) -> Any:

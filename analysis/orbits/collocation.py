@@ -25,7 +25,7 @@ from filippov.analysis.orbits.arcs import Arc, Ending
 from filippov.analysis.orbits.gauss_step import Steps, gauss_steps
 from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.analysis.sensitivity.variation import mode_field
-from filippov.base.errors import ModelError, SolveError
+from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.model.system import System
 from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Machine
@@ -101,6 +101,11 @@ class BoundaryProblem:
         boundary: Callable[[Array, Array, float, Array], Boundary], size: Array, *,
         names: tuple[str, ...] = (), jacobian: Any = None, origin: Array | None = None,
     ) -> None:  # fmt: skip
+        if system.inputs:
+            raise UsageError(
+                "collocation takes the field of an arc for smooth, and inputs have knots. Use the method "
+                "'shooting', whose motions meet the knots."
+            )
         self.origin = origin
         self.system, self.modes, self.endings, self.values = system, tuple(modes), tuple(endings), values
         self.boundary, self.size, self.names, self.jacobian = boundary, size, names, jacobian

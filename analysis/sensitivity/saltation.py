@@ -29,7 +29,7 @@ import numpy.typing as npt
 from filippov.analysis.sensitivity.reset_slopes import instant_slopes, reset_slopes
 from filippov.analysis.sensitivity.variation import ModeField, mode_field, transition
 from filippov.base.errors import UsageError
-from filippov.base.status import JUMPED_OVER, EventKind, mode_text
+from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, mode_text
 from filippov.model.system import System
 from filippov.solving.selection.modes import successors
 from filippov.solving.solution import Solution
@@ -223,6 +223,8 @@ class Together:
     def saltation(self) -> Array:
         """(N, N). Raises NotDifferentiableError."""
         identity = np.eye(self.system.dimension + len(self.names) + 1)
+        if any(e.note == AT_KNOT and e.x_after is not None for e in self.events):
+            raise self.refused("a knot of an input sets off a reset")
         events = [e for e in self.events if not passive(e)]
         if any(e.x_after is not None for e in events):
             return self._reset(events)
@@ -319,7 +321,7 @@ class Together:
 def passive(event: Event) -> bool:
     """Whether an event leaves the flow as it is: a user's, a time event alone, a surface jumped over."""
     still = event.kind is EventKind.TIME and event.x_after is None
-    return event.kind is EventKind.USER or still or event.note == JUMPED_OVER
+    return event.kind is EventKind.USER or still or event.note in (JUMPED_OVER, AT_KNOT)
 
 
 def onto_section(solution: Solution, event: Event, change: Array, names: tuple[str, ...] = ()) -> Array:

@@ -13,6 +13,7 @@ import sympy
 from filippov.analysis.algebra.polynomial import exact
 from filippov.base.errors import UsageError
 from filippov.model.expression import parse_expression
+from filippov.model.signals.input import Sampled
 from filippov.model.symbols import t as time
 from filippov.model.system import System
 
@@ -50,7 +51,12 @@ def forcing_period(system: System) -> sympy.Expr | None:
     rates = {2 * sympy.pi / exact(q) for q in clocks}
     if form is None:
         return _common(rates) if not depends_on_time(system) else None
-    for expression in form.expressions():
+    for whole in form.expressions():
+        signals = whole.atoms(Sampled)
+        if any(node.samples.period is None for node in signals):
+            return None
+        rates |= {2 * sympy.pi / exact(node.samples.period) for node in signals}
+        expression = whole.xreplace({node: sympy.Dummy() for node in signals})
         waves = expression.atoms(sympy.sin, sympy.cos, sympy.tan)
         hidden = {wave: sympy.Dummy() for wave in waves if time in wave.free_symbols}
         if time in expression.xreplace(hidden).free_symbols:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -15,6 +16,8 @@ from filippov.model.comparator import NAMES, Comparator, PerSurface, numbers_of
 from filippov.model.output import check_outputs
 from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import ParameterSymbol
+from filippov.model.signals.input import input_of, inputs_in
+from filippov.model.signals.samples import ROOM, Samples
 from filippov.model.surface import Surface
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
@@ -30,10 +33,11 @@ def system_data(system: System) -> dict[str, Any] | None:
     base = system.exact.symbolic
     if base is None:
         return None
-    writer = Writer(_symbols(base))
+    writer = Writer({**_symbols(base), "u": _signals(_inputs(system))})
     try:
         data = {
             "states": list(system.states),
+            "inputs": [_input_data(samples) for samples in _inputs(system)],
             "parameters": [
                 {"name": q.name, "position": q.position} | {k: getattr(q.parameter, k) for k in _PARAMETER}
                 for q in base.p
@@ -74,6 +78,23 @@ def system_of(data: Any) -> System:
 
 def _symbols(form: SymbolicForm) -> Symbols:
     return {"x": form.x, "p": form.p, "s": form.s, "a": form.a}
+
+
+def _inputs(system: System) -> tuple[Samples, ...]:
+    """The inputs of the equations and of the outputs."""
+    base = system.exact.symbolic
+    assert base is not None
+    return inputs_in([*base.expressions(), *system.outputs.values()])
+
+
+def _signals(inputs: Sequence[Samples]) -> list[Any]:
+    """Every input with its derivatives."""
+    return [input_of(samples, order) for samples in inputs for order in range(ROOM)]
+
+
+def _input_data(samples: Samples) -> list[Any]:
+    name, t, values, *rest = samples.arguments()
+    return [name, t.tolist(), values.tolist(), *rest]
 
 
 def _surface_data(surface: Surface, writer: Writer) -> dict[str, Any]:
@@ -118,7 +139,9 @@ def _base(data: Any) -> System:
         ParameterSymbol(item["name"], Parameter(**{k: item[k] for k in _PARAMETER}), int(item["position"]))
         for item in data["parameters"]
     )
+    inputs = [Samples(*item) for item in data.get("inputs", ())]
     symbols: Symbols = {
+        "u": _signals(inputs),
         "x": tuple(Symbol(name, real=True) for name in names),
         "p": p,
         "s": tuple(Symbol(f"_s{i}", real=True) for i in range(m)),

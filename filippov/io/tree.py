@@ -2,6 +2,7 @@
 
     ["int", "3"]  ["rational", "1", "10"]  ["float", [sign, mantissa, exponent, bits], precision]
     ["t"]  ["x", 0]  ["p", 2]  ["s", 0]  ["a", 0]     time, state, parameter, sign and size by number
+    ["u", 4]                                          input, or derivative of one
     ["constant", "pi"]      ["Add", tree, tree, ...]  and the other functions of HEADS
 
 Text such as "0.1*x" would be shorter, but it does not tell 1/10 from 0.1 or s*(a + b) from s*a + s*b. Nothing

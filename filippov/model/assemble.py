@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import sympy
 from sympy import Expr, Symbol
@@ -16,6 +17,7 @@ from filippov.model.extract import Extractor
 from filippov.model.hysteresis import normalised
 from filippov.model.kinds import kind_of
 from filippov.model.parameter_symbol import ParameterNamespace, ParameterSymbol
+from filippov.model.signals.input import InputSymbol, as_symbols, inputs_in
 from filippov.model.spelling import surface_name
 from filippov.model.surface import Surface
 from filippov.model.symbolic import Contact, SymbolicForm
@@ -42,9 +44,17 @@ def assemble(
     for symbol, f in equations.items():
         check_size(f, f"the equation of {symbol.name!r}")
     given = tuple(_checked(surface, x) for surface in surfaces)
+    clocks = [e for event in time_events for e in event.expressions()]
+    inputs = as_symbols([*equations.values(), *_expressions(given), *clocks, *outputs])
+    if inputs:
+        # While surfaces are told apart an input may have any value, whatever its samples are.
+        equations = {symbol: f.xreplace(inputs) for symbol, f in equations.items()}
+        given = tuple(_replaced(surface, inputs) for surface in given)
+        time_events = [_replaced(event, inputs) for event in time_events]
+        outputs = [e.xreplace(inputs) for e in outputs]
+        clocks = [e.xreplace(inputs) for e in clocks]
     _check_names(given)
     _check_resets((*given, *time_events), x)
-    clocks = [e for event in time_events for e in event.expressions()]
     p = _parameters([*equations.values(), *_expressions(given), *clocks, *outputs], parameters, x)
     extractor = Extractor()
     extractor.note(equations.values())
@@ -91,7 +101,50 @@ def assemble(
                 "stands on it. Leave the radius out, or write the jump with sign(...)."
             )
         out.append(replace(declared, kind=kind))
+    if inputs:
+        signals = {symbol: node for node, symbol in inputs.items()}
+        form = _with_inputs(form, signals)
+        out = [_replaced(surface, signals) for surface in out]
+        _check_inputs([*inputs], (*x, *p))
     return with_contacts(*normalised(form, out))
+
+
+def _with_inputs(form: SymbolicForm, values: Mapping[Expr, Expr]) -> SymbolicForm:
+    """The form with the functions of time that its symbols stand for."""
+
+    def put(row: Sequence[Expr] | None) -> Any:
+        return None if row is None else tuple(e.xreplace(values) for e in row)
+
+    return replace(
+        form, field=put(form.field), h=put(form.h), radius=tuple(map(put, form.radius)),
+        reset=tuple(map(put, form.reset)), time_reset=tuple(map(put, form.time_reset)),
+    )
+
+
+def _check_inputs(nodes: Sequence[Expr], others: Sequence[Symbol]) -> None:
+    taken = {q.name for q in others}
+    for samples in inputs_in(nodes):
+        if samples.name in taken:
+            raise ModelError(
+                f"{samples.name!r} is both an input and a state or parameter. Rename one of them."
+            )
+
+
+def _replaced(source: Any, values: Mapping[Expr, Expr]) -> Any:
+    """A surface or time event with other expressions in its function and reset."""
+
+    def put(e: Any) -> Any:
+        return e.xreplace(values) if isinstance(e, Expr) else e
+
+    after = source.reset
+    moved: dict[str, Any] = {}
+    if isinstance(after, tuple):
+        moved["reset"] = tuple((k, put(e)) for k, e in after)
+    if isinstance(source, TimeEvent):
+        return replace(source, **moved)
+    return replace(
+        source, h=put(source.h), radius=tuple(map(put, source.radius)), width=put(source.width), **moved
+    )
 
 
 def with_contacts(
@@ -169,7 +222,7 @@ def _parameters(
     """Return the parameter symbols in order of declaration; refuse every other symbol that is no state."""
     free = set().union(*(e.free_symbols for e in expressions)) if expressions else set()
     strange = sorted(
-        (q for q in free - {t, *x} if not isinstance(q, ParameterSymbol)), key=lambda q: q.name
+        (q for q in free - {t, *x} if not isinstance(q, ParameterSymbol | InputSymbol)), key=lambda q: q.name
     )
     for symbol in strange:
         raise ModelError(_strange(symbol, x))

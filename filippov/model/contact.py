@@ -17,6 +17,7 @@ from collections.abc import Sequence
 import sympy
 from sympy import Expr, Float, Symbol
 
+from filippov.model.signals.input import as_symbols
 from filippov.model.size import cancelled, expanded
 from filippov.model.symbolic import Contact, SymbolicForm
 from filippov.model.symbols import t
@@ -63,6 +64,10 @@ def _rests(form: SymbolicForm, h: Expr, rate: Expr, after: Sequence[Expr], along
 
     What else the reset changes, a counter or the speed along the surface, it changes once at each impact.
     """
+    # As long as it holds for any value of an input, and of its slope.
+    inputs = as_symbols([h, rate, along, *after])
+    if inputs:
+        h, rate, along, *after = (e.xreplace(inputs) for e in (h, rate, along, *after))
     symbols: set[Symbol] = set().union(*(e.free_symbols for e in (h, rate, along, *after))) | {*form.x, t}
     found = 0
     for point in samples(symbols, TRIALS, seed=random.Random(7).randint(1, 99)):  # noqa: S311

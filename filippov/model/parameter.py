@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from filippov.base.errors import ModelError
 from filippov.base.names import check_name, unknown
+from filippov.base.quantity import is_quantity, plain
 from filippov.base.symbolic_value import is_expression, is_symbol
 
 
@@ -51,6 +52,9 @@ class Parameter:
     description: str = ""
 
     def __post_init__(self) -> None:
+        for name in ("default", "lower", "upper"):
+            value = plain(getattr(self, name), self.unit, f"the {name} of a parameter")
+            object.__setattr__(self, name, value)
         object.__setattr__(self, "default", as_number(self.default, "the default of a parameter"))
         for side in ("lower", "upper"):
             bound = getattr(self, side)
@@ -69,8 +73,11 @@ class Parameter:
         self.check(self.default, "the default of a parameter")
 
     def check(self, value: object, what: str) -> float:
-        """Return `value` as a float within the bounds, or raise ModelError naming `what`."""
-        number = as_number(value, what)
+        """Return `value` as a float within the bounds, or raise ModelError naming `what`.
+
+        A quantity of pint is converted to the unit of the parameter.
+        """
+        number = as_number(plain(value, self.unit, what), what)
         if (self.lower is not None and number < self.lower) or (
             self.upper is not None and number > self.upper
         ):
@@ -89,9 +96,15 @@ class Declaration:
 
 
 def as_parameter(name: str, value: object) -> Parameter:
-    """A default (a finite real number) or a Parameter, as a Parameter. Raises ModelError."""
+    """A default (a finite real number, or a quantity of pint) or a Parameter, as a Parameter.
+
+    Raises ModelError.
+    """
     if isinstance(value, Parameter):
         return value
+    if is_quantity(value):
+        given: Any = value
+        return Parameter(given.magnitude, f"{given.units:~}")
     return Parameter(as_number(value, f"the default of parameter {name!r}"))
 
 

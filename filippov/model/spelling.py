@@ -33,7 +33,7 @@ def place_of(form: SymbolicForm, names: Sequence[str], text: str) -> tuple[int, 
     if text in names:
         return names.index(text), 1
     try:
-        asked = decimal(parse_expression(text, {q.name: q for q in (*form.x, *form.p)}))
+        asked = decimal(parse_expression(text, form.names()))
     except ModelError:
         return None
     for i, h in enumerate(form.plain_h()):

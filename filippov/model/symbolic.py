@@ -17,6 +17,7 @@ from sympy import Expr, Symbol
 
 from filippov.base.errors import UsageError
 from filippov.model.parameter_symbol import ParameterSymbol
+from filippov.model.signals.samples import Samples
 from filippov.model.size import expanded
 from filippov.model.symbols import t
 
@@ -253,6 +254,20 @@ class SymbolicForm:
             sizes[a] = sympy.Abs(out[-1])
         return tuple(out)
 
+    def names(self) -> dict[str, Expr]:
+        """What names in a formula mean: states, parameters and inputs."""
+        from filippov.model.signals.input import input_of
+
+        named: dict[str, Expr] = {q.name: q for q in (*self.x, *self.p)}
+        return named | {samples.name: input_of(samples) for samples in self.inputs}
+
+    @cached_property
+    def inputs(self) -> tuple[Samples, ...]:
+        """The samples of the inputs in it, by name."""
+        from filippov.model.signals.input import inputs_in
+
+        return inputs_in(self.expressions())
+
     def expressions(self) -> Iterator[Expr]:
         """Every expression of the form, in a fixed order."""
         yield from self.field
@@ -264,7 +279,7 @@ class SymbolicForm:
             yield from after or ()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k != "partials"}
+        return {k: v for k, v in self.__dict__.items() if k not in ("partials", "inputs")}
 
 
 def convex(f: Expr, free: set[Symbol]) -> Expr:

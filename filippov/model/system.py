@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from sympy import Expr, Symbol
 
     from filippov.model.parameter_symbol import ParameterNamespace
+    from filippov.model.signals.samples import Samples
     from filippov.model.symbolic import SymbolicForm
 
 Field = Callable[..., Any]
@@ -232,13 +233,9 @@ class System:
                 check_signature(surface.reset, ("t", "x", "p"), f"{where}: reset", "the state after it")
         _check_clock_names(clocks, tuple(seen.values()))
         self._set(
-            states=names,
-            parameters=values,
-            surfaces=tuple(seen.values()),
-            time_events=clocks,
-            symbolic=None,
-            field=field,
-        )
+            states=names, parameters=values, surfaces=tuple(seen.values()), time_events=clocks,
+            symbolic=None, field=field,
+        )  # fmt: skip
 
     def _name(self, outputs: Mapping[str, Any], labels: Any) -> None:
         """Give it outputs and the labels of axes."""
@@ -259,13 +256,13 @@ class System:
         for name, value in {**content, "_named": (written, tuple((labels or {}).items()))}.items():
             object.__setattr__(self, name, value)
 
-    def _set(self, **content: Any) -> None:
+    def _set(self, *, symbolic: SymbolicForm | None, **content: Any) -> None:
         rest: dict[str, Any] = {
             "comparator": Exact(), "_base": None, "_digest": None, "_packed": None, "units": {},
-            "surface_names": tuple(surface.name for surface in content["surfaces"]),
-            "clocked": bool(content["time_events"]), "compile": None, "_named": ((), ()),
-            "outputs": {}, "labels": {},
-            "variable_widths": content["symbolic"] is not None and bool(content["symbolic"].widths),
+            "surface_names": tuple(surface.name for surface in content["surfaces"]), "compile": None,
+            "clocked": bool(content["time_events"] or (symbolic and symbolic.inputs)), "_named": ((), ()),
+            "outputs": {}, "labels": {}, "symbolic": symbolic,
+            "variable_widths": bool(symbolic and symbolic.widths),
         }  # fmt: skip
         for name, value in {**rest, **content}.items():
             object.__setattr__(self, name, value)
@@ -282,6 +279,11 @@ class System:
     def dimension(self) -> int:
         """The number n of states."""
         return len(self.states)
+
+    @property
+    def inputs(self) -> tuple[Samples, ...]:
+        """The samples of the inputs in the equations."""
+        return () if self.symbolic is None else self.symbolic.inputs
 
     @property
     def exact(self) -> System:

@@ -11,6 +11,7 @@ from sympy import Expr, Rational, S, Symbol
 
 from filippov.base.errors import ModelError
 from filippov.model.parameter_symbol import ParameterSymbol
+from filippov.model.signals.input import as_symbols
 from filippov.model.size import MOST_TERMS, cancelled, terms
 from filippov.model.surface import Surface
 
@@ -182,7 +183,7 @@ def vanishes(e: Expr) -> bool:
     """Whether an expression is 0: multiplied out, or, where that has too many terms, at exact points."""
     if terms(e) <= MOST_TERMS:
         return bool(sympy.expand(e).is_zero)
-    seen = False
+    seen, e = False, e.xreplace(as_symbols([e]))
     for point in samples(e.free_symbols, 4):
         parts = [number(part, point) for part in sympy.Add.make_args(e)]
         found = [part for part in parts if part is not None]

@@ -15,6 +15,7 @@ from filippov.base.errors import ModelError, UsageError
 from filippov.base.failure import failure
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known, unknown
+from filippov.base.quantity import is_quantity, plain
 from filippov.base.status import Status
 from filippov.kernel.codegen.build import widest
 from filippov.kernel.tables import codes
@@ -167,8 +168,8 @@ def solve_many(
     stop        terminal events, as in `solve`
     threads     default: all cores (1 for systems of plain Python functions)
     lanes       trajectories side by side in vector instructions: 16, 8 or 1; default: where the system is
-                symbolic with switching functions linear in (t, x), and there are 64 trajectories or more, 16
-                on processors with AVX-512 and 8 on others
+                symbolic with switching functions linear in (t, x), without inputs, and there are 64
+                trajectories or more, 16 on processors with AVX-512 and 8 on others
     measure     function of the Ensemble of a block of trajectories (up to 65,536, in order) that returns an
                 array with a row for each; the blocks' results, joined, are `measured`
     progress    called with (trajectories done, k) now and then
@@ -201,6 +202,8 @@ class Prepared:
         check_known("option", options, _OPTIONS, UsageError)
         self.system, self.options = system, options
         self.span, self.stops = check_span(t_span, backward), check_stops(stop, system)
+        for samples in system.inputs:
+            samples.check_span(self.span)
         self.checked = Options(dense_output=False, **options)
         self.checked.check_system(system)
         self.threads, self.lanes = threads, lanes
@@ -219,7 +222,8 @@ class Prepared:
         machine = self.machine or Machine(
             system, checked.method, values[0], sliding=checked.sliding, compiled=checked.compile
         )
-        width = 1 if machine.compiled.plain else _lanes(self.lanes, machine, checked.method, count)
+        alone = machine.compiled.plain or bool(system.inputs)
+        width = 1 if alone else _lanes(self.lanes, machine, checked.method, count)
         unit = _lane_unit(machine, checked.method, width) if width > 1 else None
         workers = system_threads(system, self.threads, count, _ROWS_EACH[width > 1])
         parts: list[Ensemble] = []
@@ -312,6 +316,8 @@ def _lanes(lanes: int | None, machine: Machine, method: str, count: int) -> int:
 
 
 def _points(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Array, Array]:
+    if is_quantity(x0):
+        raise UsageError("x0 is a quantity with a unit, expected numbers in the units of the states.")
     states = np.array(x0, dtype=float, ndmin=2)
     if states.ndim != 2 or states.shape[1] != system.dimension:
         raise UsageError(
@@ -323,8 +329,10 @@ def _points(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
         raise UsageError(
             f"x0[{row}]: state {system.states[column]!r} is {states[row, column]}, expected a number."
         )
-    single, columns = dict(parameters), {}
-    for name, value in parameters.items():
+    units = {name: system.parameters[name].unit for name in system.parameters.names}
+    given = {k: plain(q, units.get(k, ""), f"parameter {k!r}") for k, q in parameters.items()}
+    single, columns = dict(given), {}
+    for name, value in given.items():
         if not isinstance(value, float) and np.ndim(value) != 0:
             columns[name] = np.asarray(single.pop(name), dtype=float)
     lengths = {len(column) for column in columns.values()} | {len(states)}

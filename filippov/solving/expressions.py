@@ -16,6 +16,7 @@ from sympy import Expr, Symbol
 from filippov.model.comparator import Exact, by_surface
 from filippov.model.extract import Extractor
 from filippov.model.regularize import regularize_symbolic
+from filippov.model.signals.input import as_symbols, sampled_in
 from filippov.model.symbolic import SymbolicForm, convex
 from filippov.model.system import System
 
@@ -29,19 +30,22 @@ def read_with_signs(system: System, expr: Expr) -> Expr:
     form = system.exact.symbolic
     assert form is not None
     extractor = Extractor()
+    # As in assembling: while surfaces are told apart an input may have any value.
+    inputs = as_symbols([expr, *form.h])
+    signals = {symbol: node for node, symbol in inputs.items()}
     own: list[Any] = []
     sizes: dict[Symbol, Expr] = {}
     for h, a in zip(form.h, form.a, strict=True):
-        own.append(extractor.table.register(h.xreplace(sizes))[0])
+        own.append(extractor.table.register(h.xreplace(inputs).xreplace(sizes))[0])
         sizes[a] = own[-1].a
-    out = extractor.field(expr, f"the expression {expr}")
+    out = extractor.field(expr.xreplace(inputs), f"the expression {expr}")
     values: dict[Symbol, Expr] = {entry.s: s for entry, s in zip(own, form.s, strict=True)}
     for entry, h in zip(own, form.plain_h(), strict=True):
         values[entry.a] = sympy.Abs(h)
     for entry in extractor.table.entries[len(own) :]:
         h = entry.h.xreplace(values)
         values[entry.s], values[entry.a] = sympy.sign(h), sympy.Abs(h)
-    out = out.xreplace(values)
+    out = out.xreplace(values).xreplace(signals)
     return out if isinstance(system.comparator, Exact) else _compared(system, form, out)
 
 
@@ -55,7 +59,10 @@ def _compared(system: System, form: SymbolicForm, out: Expr) -> Expr:
 
 @lru_cache(maxsize=1024)
 def in_mode(system: System, expr: Expr, mode: tuple[int, ...]) -> Callable[..., Any]:
-    """The function (t, x, p, s) -> values of an expression, arrays of times last, in one mode."""
+    """The function (t, x, p, s, u) -> values of an expression, arrays of times last, in one mode.
+
+    u   the values of its inputs, in the order of `sampled_in`
+    """
     form = system.symbolic
     assert form is not None
     fixed = {s: sympy.Integer(m) for s, m in zip(form.s, mode, strict=True) if m}
@@ -65,6 +72,8 @@ def in_mode(system: System, expr: Expr, mode: tuple[int, ...]) -> Callable[..., 
     names = [s for part in symbols[1:] for s in part]
     short = {s: sympy.Dummy(f"q{k}", real=True) for k, s in enumerate(names)}
     order = [tuple(short[s] for s in part) for part in symbols[1:]]
-    plain = plain.xreplace(short)
-    function: Callable[..., Any] = sympy.lambdify([symbols[0], *order], plain, ["scipy", "numpy"])
+    signals = {node: sympy.Dummy(f"u{k}", real=True) for k, node in enumerate(sampled_in(expr))}
+    plain = plain.xreplace(signals).xreplace(short)
+    arguments = [symbols[0], *order, tuple(signals.values())]
+    function: Callable[..., Any] = sympy.lambdify(arguments, plain, ["scipy", "numpy"])
     return function

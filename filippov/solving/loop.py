@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from filippov.base.status import JUMPED_OVER, EventKind, Status, mode_text
+from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, Status, mode_text
 from filippov.kernel.tables import codes
 from filippov.model.user_event import UserEvent
 from filippov.solving.diagnosis import close_call, suspect
@@ -31,6 +31,7 @@ from filippov.solving.solution import Solution
 from filippov.solving.state.change import Jump, change_of
 from filippov.solving.state.clocks import Clocks
 from filippov.solving.state.events import Mode
+from filippov.solving.state.knot import goes_on
 from filippov.solving.state.machine import Array, Machine
 from filippov.solving.state.options import Options
 from filippov.solving.state.problem import Problem
@@ -245,6 +246,8 @@ class _Loop(Settling):
         if not self.clocks:
             return
         run, clocks = self.run, self.clocks
+        if run.machine.pieces is not None:
+            run.machine.pieces.hold(clocks.pieces(run.t, run.direction))
         at = clocks.same(run.t) * 2
         if run.direction > 0:
             instant, self.due = clocks.following(run.t)
@@ -264,15 +267,29 @@ class _Loop(Settling):
         if not self.due:
             return self._end(Status.SUCCESS)
         run.clock.t = run.clock.t_end
+        # What is due behind the time events is a knot of an input, at which the state stays as it is.
+        due, clocks = self.due, len(machine.system.time_events)
+        knots = [machine.m + i for i in due if i >= clocks]
+        due = [i for i in due if i < clocks]
         together = bool(run.events) and abs(run.events[-1].t - run.t) <= run.clock.same_instant
-        jump = Jump(run.signs, run.x.copy(), (), tuple(self.due), together)
-        resets = [machine.m + i for i in self.due if machine.system.time_events[i].reset is not None]
+        jump = Jump(run.signs, run.x.copy(), (), tuple(due), together)
+        resets = [machine.m + i for i in due if machine.system.time_events[i].reset is not None]
+        held = [] if machine.pieces is None else list(machine.pieces.now)
         self._aim()
         if resets and run.direction < 0:
             return self._back_over(resets)
-        if resets or machine.callbacks is not None:
+        if knots and not due:
+            inputs = [machine.system.inputs[i - machine.m - clocks] for i in knots]
+            if goes_on(run, all(samples.kind != "hold" for samples in inputs)):
+                return self._end(Status.SUCCESS) if run.t == self.t_end else self._budgets()
+        if knots and machine.pieces is not None:
+            now = list(machine.pieces.now)
+            machine.pieces.hold(held)
+            jump = replace(jump, knot=tuple(self._near()))
+            machine.pieces.hold(now)
+        if resets or knots or machine.callbacks is not None:
             # What is reached at the very instant of a clock is one set with it (E5).
-            ended = self._reset([*pending(run, touching(run)), *resets], (), jump)
+            ended = self._reset([*pending(run, touching(run)), *resets, *knots], (), jump)
         else:
             ended = self._record(run.signs, run.lam, (), "", jump)
         if ended is None and run.t == self.t_end:
@@ -432,6 +449,8 @@ class _Loop(Settling):
                 continue
             multiplier = float(multipliers[i]) if after[i] == 0 else float("nan")
             over = kind is EventKind.CROSSING and i not in hit and bool(jump.by or jump.clocks)
+            met = i in hit or (jump.knot is not None and i in jump.knot and before[i] != 0)
+            caused = jump.knot is not None and not met
             root = kind in (EventKind.CROSSING, EventKind.ENTRY) and i in hit and run.hit[i] == codes.ROOT
             # Of a contact that is rested on the residual is that of its rate.
             root = root and not (after[i] == 0 and run.machine.contacts[i])
@@ -446,7 +465,7 @@ class _Loop(Settling):
                 jump.x.copy(),
                 multiplier,
                 float(residual[i]),
-                JUMPED_OVER if over else note,
+                AT_KNOT if caused else JUMPED_OVER if over else note,
                 together,
                 run.x.copy() if jump.by else None,
             )

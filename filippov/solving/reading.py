@@ -35,14 +35,15 @@ def series(solution: Solution, name: Any) -> Array:
         return solution.t
     if key in solution.system.states:
         return np.asarray(solution.y[solution.system.states.index(key)])
-    if isinstance(key, str) and key not in solution.system.outputs and key.isidentifier():
-        known = ("t", *solution.system.states, *solution.system.outputs)
+    named = (*solution.system.outputs, *(samples.name for samples in solution.system.inputs))
+    if isinstance(key, str) and key not in named and key.isidentifier():
+        known = ("t", *solution.system.states, *named)
         raise UsageError(f"{unknown('name', key, known)}. Formulas: solution.evaluate('x - v', t).")
     again = np.append(False, np.diff(solution.t) == 0)
     out = values(solution, key, solution.t, solution.y, _modes(solution, solution.t, "-"))
     if np.any(again):
         t, y = solution.t[again], solution.y[:, again]
-        out[again] = values(solution, key, t, y, _modes(solution, t, "+"))
+        out[again] = values(solution, key, t, y, _modes(solution, t, "+"), "+")
     return out
 
 
@@ -99,6 +100,7 @@ def values(
         return np.array([float(what(time, state.copy(), record, s)) for time, state, s in rows])
     expr, form = expression_of(system, what), system.symbolic
     assert form is not None
+    from filippov.model.signals.input import sampled_in
     from filippov.solving.expressions import in_mode
 
     place = [i for i, s in enumerate(form.s) if s in expr.free_symbols]
@@ -107,11 +109,13 @@ def values(
     kept = np.zeros(modes.shape, dtype=np.int64)
     kept[:, place] = modes[:, place]
     out = np.empty(t.size)
+    at_knots = "-" if (side == "-") != solution.problem.backward else "+"
     for mode in np.unique(kept, axis=0):
         rows_in = np.all(kept == mode, axis=1)
         function = in_mode(system, expr, tuple(mode.tolist()))
+        signals = [node.samples.at(t[rows_in], node.order, at_knots) for node in sampled_in(expr)]
         with np.errstate(all="ignore"):
-            out[rows_in] = function(t[rows_in], x[:, rows_in], solution.problem.p, signs[rows_in].T)
+            out[rows_in] = function(t[rows_in], x[:, rows_in], solution.problem.p, signs[rows_in].T, signals)
     return out
 
 
@@ -131,7 +135,7 @@ def expression_of(system: System, what: Any) -> Expr:
 
     if isinstance(what, str):
         what = system.outputs.get(what, what)
-    symbols = {q.name: q for q in (*form.x, *form.p)}
+    symbols = form.names()
     if isinstance(what, str):
         outputs = {name: e for name, e in system.outputs.items() if name not in symbols}
         expr = parse_expression(what, {**symbols, **outputs})
@@ -167,6 +171,7 @@ def _signs(
         return out
     options = solution.options
     machine = Machine(solution.system, options.method, solution.problem.p, sliding=options.sliding)
+    machine.side = "-" if (side == "-") != solution.problem.backward else "+"
     for k in rows.tolist():
         time, mode, state = float(t[k]), out[k].copy(), np.ascontiguousarray(x[:, k])
         held = multipliers(machine, time, state, mode)

@@ -51,6 +51,11 @@ def export_system(
     if not isinstance(system, System):
         raise UsageError(f"system is {system!r}, expected a System or a Problem.")
     target = _target(to, Path(path))
+    if system.inputs:
+        raise ModelError(
+            f"the system holds the input {system.inputs[0].name!r}, whose samples are not written into the "
+            "file. Put a formula in t, or a state that a clock resets, in its place."
+        )
     values = [float(v) for v in system.parameters.resolve(parameters)]
     start = None if x0 is None else [float(v) for v in check_state(x0, system)]
     span = None if t_span is None else _span(t_span)

@@ -20,7 +20,9 @@ from filippov.kernel.codegen.generate_resets import (
 )
 from filippov.kernel.codegen.generated import PAIR, TWICE, Generated, unit_constants
 from filippov.kernel.codegen.hoist import Hoisted
+from filippov.kernel.codegen.input_slots import input_text, places
 from filippov.kernel.codegen.structure import Structure
+from filippov.model.signals.input import Sampled
 from filippov.model.size import expanded
 from filippov.model.surface import Surface
 from filippov.model.symbolic import SymbolicForm, convex
@@ -39,8 +41,14 @@ class _Printer(StrPrinter):
     def __init__(self, names: dict[Symbol, str], sizes: set[Symbol]) -> None:
         super().__init__()
         self.names, self.sizes = names, set(sizes)
+        self.inputs: dict[str, int] = {}
         # Signs between -1 and 1 reach the field, where a branch becomes the mean of both.
         self.blended = False
+
+    def _print(self, e: Any, **options: Any) -> str:
+        if isinstance(e, Sampled):
+            return input_text(self.inputs[e.samples.name], e.samples.kind, e.order)
+        return str(super()._print(e, **options))
 
     def _print_Symbol(self, e: Symbol) -> str:
         return str(self.names.get(e, e.name))
@@ -268,7 +276,7 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     n, m = len(form.x), len(form.h)
     modes = tuple(sympy.Dummy(f"m{i}") for i in range(m))
     printer = _Printer(_names(form) | {q: f"m[{i}]" for i, q in enumerate(modes)}, set(form.a))
-    printer.blended = blended
+    printer.blended, printer.inputs = blended, places(form.inputs)
     plain_rows = _gradients(form, modes)
     rows, radius = contact_rows(form, plain_rows, modes), contact_radii(form)
     hoisted = Hoisted(form.p)
@@ -315,7 +323,7 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
         n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), rough(form), pattern,
         moving=[any(e.free_symbols & varying for e in ends) for ends in form.radius],
         straight=[straight_rate(form, i, plain_rows[i], linear) for i in range(m)],
-        wide=lines[0] == "@inline" and m > 0, held=form.held,
+        wide=lines[0] == "@inline" and m > 0 and not form.inputs, held=form.held,
     )  # fmt: skip
     return Generated("\n".join(lines), constants)
 

@@ -74,10 +74,10 @@ class _State:
 
 
 def source_name(run: Run, i: int) -> str:
-    """Name of a surface, or of a time event: they follow the surfaces."""
+    """Name of a surface, of a time event (they follow the surfaces), or of an input, which follow these."""
     machine = run.machine
-    m = len(machine.surfaces)
-    return machine.surfaces[i].name if i < m else machine.system.time_events[i - m].name
+    names = [*(q.name for q in machine.surfaces), *(q.name for q in machine.system.time_events)]
+    return [*names, *(q.name for q in machine.system.inputs)][i]
 
 
 def state_text(run: Run) -> str:

@@ -14,6 +14,7 @@ class Jump:
     """Mode and state before the events of one instant, the surfaces that reset, the time events.
 
     together: they belong to the set of the event before.
+    knot: the surfaces that the state was on before a knot of an input; None where there is no knot.
     """
 
     before: Mode
@@ -21,6 +22,7 @@ class Jump:
     by: tuple[int, ...] = ()
     clocks: tuple[int, ...] = ()
     together: bool = False
+    knot: tuple[int, ...] | None = None
 
 
 def change_of(before: int, after: int, hit: bool) -> EventKind | None:

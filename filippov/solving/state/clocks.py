@@ -1,4 +1,4 @@
-"""The next instant at which the time events of a system are due."""
+"""The next instant at which the time events of a system are due, or a knot of its inputs."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ SAME = 1e-12
 
 
 class Clocks:
-    """The time events of one run, with numbers for their instants."""
+    """The time events of one run, with numbers for their instants; behind them its inputs, with their knots.
+    """
 
     def __init__(
         self, system: System, p: Any, values: Mapping[str, float], span: tuple[float, float]
     ) -> None:
-        self.events = system.time_events
+        self.events, self.inputs = system.time_events, system.inputs
         self.numbers = [event.numbers(p, values) for event in self.events]
         self.span = span
 
     def __bool__(self) -> bool:
-        return bool(self.events)
+        return bool(self.events) or bool(self.inputs)
 
     def same(self, t: float) -> float:
         """How close to t an instant counts as t."""
@@ -32,7 +33,9 @@ class Clocks:
 
     def following(self, t: float) -> tuple[float, list[int]]:
         """The first instant after t, and the time events due there; (inf, []) if there is none."""
-        due = [self._next(i, t + self.same(t)) for i in range(len(self.events))]
+        late = t + self.same(t)
+        due = [self._next(i, late) for i in range(len(self.events))]
+        due += [samples.neighbours(late)[1] for samples in self.inputs]
         first = min(due, default=math.inf)
         if first == math.inf:
             return first, []
@@ -40,11 +43,19 @@ class Clocks:
 
     def before(self, t: float) -> tuple[float, list[int]]:
         """The last instant before t, and the time events due there; (-inf, []) if there is none."""
-        due = [self._last(i, t - self.same(t)) for i in range(len(self.events))]
+        early = t - self.same(t)
+        due = [self._last(i, early) for i in range(len(self.events))]
+        due += [samples.neighbours(math.nextafter(early, -math.inf))[0] for samples in self.inputs]
         last = max(due, default=-math.inf)
         if last == -math.inf:
             return last, []
         return last, [i for i, q in enumerate(due) if last - q <= self.same(last)]
+
+    def pieces(self, t: float, direction: float) -> list[tuple[float, float]]:
+        """The knots around the piece of each input that a motion from t on runs through."""
+        ahead = math.nextafter(t + direction * self.same(t), direction * math.inf)
+        ahead = t + self.same(t) if direction > 0 else ahead
+        return [samples.neighbours(ahead) for samples in self.inputs]
 
     def _next(self, i: int, t: float) -> float:
         if self.events[i].times is not None:

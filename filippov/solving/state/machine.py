@@ -12,11 +12,13 @@ from filippov.base.errors import ModelError
 from filippov.kernel.codegen.build import Compiled, build, generation
 from filippov.kernel.codegen.callback import Callbacks, EventCallbacks, callback_unit, new_context
 from filippov.kernel.codegen.generated import Generated
+from filippov.kernel.codegen.input_slots import EACH
 from filippov.kernel.tables.layout import RULES
 from filippov.kernel.tables.root_tables import NODES
 from filippov.kernel.tables.tableaus import TABLEAUS, Collocation
 from filippov.model.surface import Surface
 from filippov.model.system import System
+from filippov.solving.state.pieces import Pieces
 
 Array = npt.NDArray[np.float64]
 _SIDES: dict[str, tuple[int, ...]] = {"+": (1,), "-": (-1,), "both": (1, -1)}
@@ -90,6 +92,13 @@ class Machine:
             )  # fmt: skip
             self.callbacks.parameters(p)
             self.context = self.callbacks.context
+        self.pieces: Pieces | None = None
+        if system.inputs:
+            # Behind what the context holds already, if anything.
+            self.context = np.append(self.context, np.zeros(EACH * len(system.inputs), dtype=np.int64))
+            self.pieces = Pieces(system.inputs, self.context)
+            if self.callbacks is not None:
+                self.callbacks.context = self.context
         self.unit = unit
         self.constants = unit.constants | {"RULE": RULES.index(sliding)}
         if sliding == "utkin" and system.field is not None:
@@ -104,6 +113,8 @@ class Machine:
         component: Any = unit.constants["COMPONENT"]
         self.component: tuple[int, ...] = tuple(component[: self.m])
         self.calls = 0
+        # Of a knot of an input, where no run holds its pieces.
+        self.side = "+"
         self.values, self.method, self.sliding = p, method, sliding
         # Scratch of batches by their lanes that waits for the next one (see `batch`).
         self.rooms: dict[int, list[Any]] = {}
@@ -141,6 +152,7 @@ class Machine:
         other = Machine(self.system, "DOP853", self.values, self.events, self.sliding)
         # The same functions, parameters and times: only the method differs.
         other.callbacks, other.context, other.p = self.callbacks, self.context, self.p
+        other.pieces = self.pieces
         return other
 
     def derived(self, values: Array) -> Array:
@@ -162,6 +174,8 @@ class Machine:
 
     def call(self, name: str, **values: Any) -> int:
         """Call a compiled function with values by name. Raises what user code raised."""
+        if self.pieces is not None and "t" in values:
+            self.pieces.at(values["t"], self.side)
         if self.callbacks is not None:
             self.callbacks.look()
         code = int(self.compiled.functions[name](*self.compiled.arguments(name, values)))

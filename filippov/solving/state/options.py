@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import unknown
+from filippov.base.quantity import is_quantity, plain, unit_of_label
 from filippov.base.symbolic_value import single
 from filippov.kernel.codegen.interpreted import BACKENDS
 from filippov.kernel.tables.layout import RULES
@@ -214,6 +215,12 @@ def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
             )
         values = dict(zip(names, x0.values(), strict=True))
         x0 = [values[name] for name in system.states]
+    if isinstance(x0, list | tuple) and any(map(is_quantity, x0)) and len(x0) == system.dimension:
+        units = [unit_of_label(system.labels.get(name, "")) for name in system.states]
+        names = [f"x0: state {name!r}" for name in system.states]
+        x0 = [plain(q, unit, name) for q, unit, name in zip(x0, units, names, strict=True)]
+    elif is_quantity(x0):
+        raise UsageError(f"x0 is the quantity {x0}, expected one quantity or number a state: x0=(q1, q2).")
     array = number_array("x0", x0)
     if array.shape != (system.dimension,):
         raise UsageError(
@@ -270,6 +277,8 @@ def check_span(t_span: Any, backward: bool = False, x0: Any = None) -> tuple[flo
 
 def as_pair(value: Any) -> tuple[float, float] | None:
     """Two plain numbers, None for anything else."""
+    if is_quantity(value) or (isinstance(value, list | tuple) and any(map(is_quantity, value))):
+        return None
     try:
         array = np.asarray(value)
     except ValueError:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
+from filippov.base.quantity import is_quantity, plain, unit_of_label
 from filippov.model.system import System
 from filippov.solving.state.option_types import ANSWERS, SAME_AS, BranchOptions
 from filippov.solving.state.options import as_pair, check_span, check_state, falls
@@ -51,7 +52,11 @@ class Problem:
             )
         _check_order(x0, t_span, system)
         state = check_state(x0, system)
+        if isinstance(t_span, list | tuple) and any(map(is_quantity, t_span)):
+            t_span = [plain(q, unit_of_label(system.labels.get("t", "")), "t_span") for q in t_span]
         state.flags.writeable = False
+        for samples in system.inputs:
+            samples.check_span(check_span(t_span, backward, x0))
         p = system.parameters.resolve(parameters)
         p.flags.writeable = False
         values = {

@@ -68,6 +68,8 @@ class Run:
     def attach(self, machine: Machine) -> None:
         """Go on with another machine of the same states, surfaces and method; what was counted goes along."""
         last = getattr(self, "machine", machine)
+        if machine.pieces is not None and last.pieces is not None and last is not machine:
+            machine.pieces.like(last.pieces)
         if last is not machine:
             machine.calls += last.calls
             machine.iw.jacobians += last.iw.jacobians

@@ -47,6 +47,8 @@ def check_fits(system: System) -> None:
             "method 'Moreau' needs a field that is affine in its signs; here signs multiply each other or "
             f"stand inside a function (a step would have several solutions). Write it as a sum, or {_EVENTS}"
         )
+    if system.inputs:
+        raise UsageError(f"method 'Moreau' knows no inputs ({system.inputs[0].name!r}): {_EVENTS}")
     if system.time_events:
         raise UsageError(f"method 'Moreau' knows no time events ({system.time_events[0].name!r}): {_EVENTS}")
     for i, surface in enumerate(system.surfaces):

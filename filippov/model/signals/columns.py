@@ -1,0 +1,45 @@
+"""Columns of numbers from a file of text."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+from filippov.base.errors import ModelError
+from filippov.base.names import unknown
+
+
+def read_columns(path: Path, wanted: Sequence[str | int]) -> list[list[float]]:
+    """The columns wanted, by title or number, of a file of values separated by commas.
+
+    The first line may hold titles. Raises ModelError for what is no such file.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ModelError(f"{path}: cannot be read as text in columns: {error}.") from None
+    if not rows:
+        raise ModelError(f"{path}: the file is empty, expected lines such as 0.0,1.5.")
+    titles = [] if _numbers(rows[0]) is not None else [title.strip() for title in rows.pop(0)]
+    places = []
+    for column in wanted:
+        if isinstance(column, str) and column not in titles:
+            raise ModelError(f"{path}: {unknown('column', column, titles)}")
+        places.append(titles.index(column) if isinstance(column, str) else column)
+    out: list[list[float]] = [[] for _ in wanted]
+    for line, row in enumerate(rows, 2 if titles else 1):
+        values = _numbers([row[k] for k in places]) if max(places) < len(row) else None
+        if values is None:
+            raise ModelError(f"{path}, line {line}: {','.join(row)[:60]!r} has no numbers in these columns.")
+        for numbers, value in zip(out, values, strict=True):
+            numbers.append(value)
+    return out
+
+
+def _numbers(row: Sequence[str]) -> list[float] | None:
+    try:
+        return [float(text) for text in row]
+    except ValueError:
+        return None

@@ -1,0 +1,100 @@
+"""Lookup tables of a state: measured curves whose knots are kinks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import sympy
+from sympy import Expr
+
+from filippov.base.errors import ModelError
+from filippov.base.keywords import keywords
+from filippov.model.check import as_expression
+from filippov.model.table import dynamic
+
+# Each inner knot is a surface of the system.
+MOST_KNOTS = 64
+OUTSIDE = ("hold", "extend")
+
+
+class Table:
+    """A curve y(x) through measured points, straight between them: force = Table(v_data, F_data); force(v).
+
+    x, y      increasing places and the values there, finite numbers, at most 64 of them
+    outside   beyond the first and the last point: "hold" its value, or "extend" the last straight line
+
+    In an expression it is a + b u + sum_k c_k |u - x_k|, so that every knot at which the slope changes is a
+    kink: a surface that steps end on, at which nothing can slide. A jump of the curve, as of dry friction at
+    v = 0, is written with sign(v) beside it. Raises ModelError.
+    """
+
+    __slots__ = ("outside", "x", "y")
+    x: npt.NDArray[np.float64]
+    y: npt.NDArray[np.float64]
+    outside: str
+
+    @keywords("keyword", error=ModelError)
+    def __init__(self, x: Any, y: Any, *, outside: str = "hold") -> None:
+        if outside not in OUTSIDE:
+            raise ModelError(f"table: outside is {outside!r}, expected one of {', '.join(OUTSIDE)}.")
+        try:
+            places, values = np.array(x, dtype=float), np.array(y, dtype=float)
+        except (TypeError, ValueError):
+            raise ModelError("table: x and y are lists of numbers: Table([0, 1, 2], [0, 3, 4]).") from None
+        if places.ndim != 1 or places.shape != values.shape or len(places) < 2:
+            raise ModelError(
+                f"table: x has shape {places.shape} and y {values.shape}, expected two lists of one length, "
+                "at least 2."
+            )
+        if not (np.all(np.isfinite(places)) and np.all(np.isfinite(values))):
+            raise ModelError("table: it holds a number that is not finite.")
+        if np.any(np.diff(places) <= 0):
+            k = int(np.argmax(np.diff(places) <= 0))
+            raise ModelError(
+                f"table: x[{k}] = {places[k]:g} is followed by {places[k + 1]:g}, expected increasing "
+                "places. A jump of the curve is a term with sign(...)."
+            )
+        if len(places) > MOST_KNOTS:
+            raise ModelError(
+                f"table: it has {len(places)} points, expected at most {MOST_KNOTS}: each is a surface. Thin "
+                "it out, fit a formula, or use System(field=f) with np.interp."
+            )
+        self.x, self.y, self.outside = places, values, outside
+
+    def __call__(self, u: Any) -> Expr:
+        """The curve at an expression in states, parameters and time; a number at a number."""
+        at = as_expression(u, "the argument of a table")
+        slopes = np.diff(self.y) / np.diff(self.x)
+        if self.outside == "hold":
+            slopes = np.concatenate(([0.0], slopes, [0.0]))
+            knots = self.x
+        else:
+            knots = self.x[1:-1]
+        if not dynamic(at) and at.is_number:
+            return sympy.Float(self.values(float(at)))
+        bends = 0.5 * np.diff(slopes)
+        # y = c + b u + sum of bends |u - x_k|, with c from the middle point.
+        mean = 0.5 * (slopes[0] + slopes[-1])
+        x0, y0 = float(self.x[0]), float(self.y[0])
+        constant = y0 - mean * x0 - float(np.sum(bends * np.abs(x0 - knots)))
+        terms = [
+            float(bend) * sympy.Abs(at - float(knot))
+            for bend, knot in zip(bends, knots, strict=True)
+            if bend != 0.0
+        ]
+        return sympy.Add(sympy.Float(constant), sympy.Float(mean) * at if mean != 0.0 else 0, *terms)
+
+    def values(self, u: Any) -> Any:
+        """The curve at numbers, as an array like u."""
+        u = np.asarray(u, dtype=float)
+        out = np.interp(u, self.x, self.y)
+        if self.outside == "extend":
+            first, last = np.diff(self.y)[[0, -1]] / np.diff(self.x)[[0, -1]]
+            out = np.where(u < self.x[0], self.y[0] + first * (u - self.x[0]), out)
+            out = np.where(u > self.x[-1], self.y[-1] + last * (u - self.x[-1]), out)
+        return out if out.ndim else float(out)
+
+    def __repr__(self) -> str:
+        return f"Table({len(self.x)} points on [{self.x[0]:g}, {self.x[-1]:g}], outside={self.outside!r})"
