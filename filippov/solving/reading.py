@@ -166,7 +166,7 @@ def _signs(
     if not rows.size:
         return out
     options = solution.options
-    machine = Machine(solution.system, options.method, solution.problem.p, sliding=options.sliding)
+    machine = Machine(solution.system, options.stepper, solution.problem.p, sliding=options.sliding)
     for k in rows.tolist():
         time, mode, state = float(t[k]), out[k].copy(), np.ascontiguousarray(x[:, k])
         held = multipliers(machine, time, state, mode)
