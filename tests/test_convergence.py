@@ -32,7 +32,7 @@ CASES: dict[str, tuple[dict[str, float], tuple[float, ...], float, str]] = {
     "entry": ({"K": 1, "c": 0.5}, (1, 0, 3), 6.0, "+0"),
     "exit": ({"K": 0.8}, (1, 0, 0), 7.0, "0+"),
 }
-ORDERS = {"DP5": 5, "DOP853": 8, "Radau": 5}
+ORDERS = {"DP5": 5, "DOP853": 8, "Radau": 5, "Taylor": 8}
 STEPS = np.unique(np.round(np.geomspace(8, 150, 60)).astype(int))
 LARGEST, LEAST = 1e-5, 4e-13
 

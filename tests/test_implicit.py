@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 import filippov.solving.loop
 from filippov import Problem, Surface, System, UsageError, cos, sign, solve, sqrt, states, t
-from filippov.kernel.loop import dense_lu
+from filippov.kernel.methods import dense_lu
 from filippov.kernel.tables import radau_tables
 from filippov.models.lugre import hunting_lugre
 from filippov.models.mass import hunting

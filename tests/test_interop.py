@@ -196,7 +196,8 @@ def test_16_9_a_mode_is_linearised_for_python_control() -> None:
 
 
 def test_16_9_quantities_are_converted_at_the_border() -> None:
-    pint = pytest.importorskip("pint")
+    import pint
+
     unit = pint.UnitRegistry()
     spring, damper = Parameter(8 * unit("N/m"), unit="kg/s**2"), Parameter(0.1, unit="kg/s")
     p = parameters(m=2000 * unit.gram, k=spring, c=damper)

@@ -27,7 +27,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("filippov.model",),
     (
         "filippov.kernel", "filippov.kernel.tables", "filippov.kernel.language", "filippov.kernel.loop",
-        "filippov.kernel.lanes", "filippov.kernel.codegen",
+        "filippov.kernel.methods", "filippov.kernel.lanes", "filippov.kernel.codegen",
     ),
     ("filippov.solving.state", "filippov.solving.selection", "filippov.solving.resets", "filippov.solving"),
     ("filippov.graphs", "filippov.interop", "filippov.io", "filippov.plot"),

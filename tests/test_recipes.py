@@ -189,3 +189,71 @@ def test_13_8_a_method(fresh: Callable[[], Copy]) -> None:
         print(2.7 < np.log2(errors[0] / errors[1]) < 3.6)
     """
     assert own.python("-c", code) == "True\n"
+
+
+def test_13_8_a_kernel(fresh: Callable[[], Copy]) -> None:
+    """A number that the loop keeps, the kernel that keeps it, and one that Python calls: the longest step."""
+    own = fresh()
+    own.put("filippov/kernel/loop/state.py", "    # The square of its error", "    longest: float\n")
+    own.put("filippov/kernel/loop/search.py", "@inline\n@kernel\ndef carry_on(", '''@kernel
+def note_length(run: Trajectory) -> None:
+    """Keep the longest step."""
+    run.clock.longest = max(run.clock.longest, abs(run.now.step))
+
+
+''')
+    own.put("filippov/kernel/loop/search.py", "    clock, m, order, w, now =", "    note_length(run)\n")
+    own.put("filippov/kernel/loop/probe.py", "Integers, Scratch\n", "Trajectory, ")
+    own.put("filippov/kernel/loop/probe.py", "@entry\n@kernel\ndef probe(", '''@entry
+@kernel
+def longest_step(run: Trajectory, out: Vector) -> int:
+    """The longest step so far."""
+    out[0] = run.clock.longest
+    return 0
+
+
+''')
+    code = """if True:
+        import numpy as np
+        from filippov import System, solve, states
+        from filippov.solving.state.run import Run
+        x, v = states("x v")
+        collect, out = Run.collect, np.zeros(1)
+        def collected(run):
+            run.machine.call("longest_step", run=run.trajectory, out=out)
+            assert out[0] == run.clock.longest
+            collect(run)
+        Run.collect = collected
+        for backend in ("compiled", "python"):
+            run = solve(System({x: v, v: -x}), (1, 0), (0, 3), backend=backend)
+            print(abs(out[0] - np.diff(run.t).max()) < 1e-14)
+    """
+    assert own.python("-c", code) == "True\nTrue\n"
+
+
+def test_13_8_a_stop_in_a_kernel(fresh: Callable[[], Copy]) -> None:
+    """Python stops there and shows names; compiled it is refused with file and line."""
+    own = fresh()
+    own.put("filippov/kernel/loop/advance.py", "    take_up(run)\n    code = AGAIN", "    breakpoint()\n")
+    own.add("seen.py", '''"""What a debugger shows."""
+
+import sys
+
+
+def show() -> None:
+    """The time of the trajectory."""
+    frame = sys._getframe(1)
+    print(frame.f_code.co_name, float(frame.f_locals["run"].clock.t))
+''')
+    code = """if True:
+        from filippov import System, solve, states
+        x, v = states("x v")
+        try:
+            solve(System({x: v, v: -x}), (1, 0), (0.25, 1))
+        except Exception as error:
+            print(error)
+    """
+    assert own.python("-c", code, FILIPPOV_PYTHON="1", PYTHONBREAKPOINT="seen.show") == "advance 0.25\n"
+    lines = (own.folder / "filippov/kernel/loop/advance.py").read_text(encoding="utf-8").splitlines()
+    place = f"advance.py:{lines.index('    breakpoint()') + 1}"
+    assert place in own.python("-c", code)

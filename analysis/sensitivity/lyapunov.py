@@ -128,7 +128,7 @@ def _along(run: Solution, basis: Array) -> Array:
     sliding = [i for i, sign in enumerate(run.start_mode) if sign == 0]
     if not sliding:
         return basis
-    machine = Machine(run.problem.system, run.options.method, run.problem.p)
+    machine = Machine(run.problem.system, run.options.stepper, run.problem.p)
     gradients, _ = machine.gradients(
         run.problem.t_span[0], run.problem.x0, np.array(run.start_mode, dtype=float)
     )

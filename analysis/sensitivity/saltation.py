@@ -288,7 +288,7 @@ class Together:
 
     def _several(self, reached: Sequence[Event]) -> Array:
         """The product over each order in which neighbouring motions meet the surfaces, if all agree."""
-        machine = Machine(self.system, self.solution.options.method, self.p)
+        machine = Machine(self.system, self.solution.options.stepper, self.p)
         direction = float(self.events[0].sense)
         found: list[Array] = []
         for order in itertools.permutations(reached):

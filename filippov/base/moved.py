@@ -57,9 +57,10 @@ _MOVED: dict[tuple[str, str], str] = {
         "compiler language>primitives operand translate unit"
     ),
     ("filippov._kernels", "filippov.kernel.loop"): (
-        "advance bernstein control dense dense_lu elementary ensemble field land lap locate model "
-        "multiplier points probe radau record reset resolve rules segment start turn"
+        "advance bernstein control dense elementary ensemble field land lap locate model "
+        "multiplier points probe record reset resolve rules segment start turn"
     ),
+    ("filippov._kernels", "filippov.kernel.methods"): ("dense_lu radau"),
     ("filippov._kernels", "filippov.kernel.tables"): (
         "codes layout radau_tables tableaus tables>root_tables"
     ),

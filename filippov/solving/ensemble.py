@@ -209,7 +209,7 @@ class Prepared:
         self.threads, self.lanes = threads, lanes
         self.machine: Machine | None = None
         if system.field is None:
-            self.machine = _machine(system, self.checked.method, self.checked.sliding)
+            self.machine = _machine(system, self.checked.stepper, self.checked.sliding)
             # An equal system may have been here before: what was made of it is this one's as well.
             system.units.update(self.machine.system.units)
 
@@ -220,7 +220,7 @@ class Prepared:
         """The ends of trajectories from states (k, n) with rows of parameters (k, P)."""
         count, system, checked, span = len(states), self.system, self.checked, self.span
         machine = self.machine or Machine(
-            system, checked.method, values[0], sliding=checked.sliding, compiled=checked.compile
+            system, checked.stepper, values[0], sliding=checked.sliding, compiled=checked.compile
         )
         alone = machine.compiled.plain or bool(system.inputs)
         width = 1 if alone else _lanes(self.lanes, machine, checked.method, count)

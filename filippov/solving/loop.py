@@ -76,7 +76,7 @@ def follow(
     system = problem.system
     watch = Watch(users, len(system.surfaces), len(system.time_events))
     events = tuple(users[k].surface for k in watch.order)
-    machine = Machine(system, options.method, problem.p, events, options.sliding, options.compile)
+    machine = Machine(system, options.stepper, problem.p, events, options.sliding, options.compile)
     record = None if machine.callbacks is None else machine.callbacks.p
     clocks = Clocks(system, record, problem.parameters, problem.t_span)
     run = Run(machine, problem.x0, problem.t_span, options)

@@ -170,7 +170,7 @@ def _signs(
     if not rows.size:
         return out
     options = solution.options
-    machine = Machine(solution.system, options.method, solution.problem.p, sliding=options.sliding)
+    machine = Machine(solution.system, options.stepper, solution.problem.p, sliding=options.sliding)
     machine.side = "-" if (side == "-") != solution.problem.backward else "+"
     for k in rows.tolist():
         time, mode, state = float(t[k]), out[k].copy(), np.ascontiguousarray(x[:, k])

@@ -61,7 +61,7 @@ def _fields(
             return [f.astype(float) for f in found if f.dtype.kind in "fiu"]
         except (Exception, SystemExit):  # noqa: BLE001  # what a function of the user's raises, the run says
             return []
-    machine = Machine(system, options.method, p, sliding=options.sliding)
+    machine = Machine(system, options.stepper, p, sliding=options.sliding)
     mode = np.ones(machine.m)
     return [
         machine.rhs(t, x0, signs, signs)

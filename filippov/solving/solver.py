@@ -126,7 +126,8 @@ def solve(
                 expressions, or UserEvent(g, terminal=..., direction=...). The last lists of t_events
     throw       raise SolveError (carrying the partial solution) where the run ends early
     progress    called now and then with (t, t1)
-    method      "DOP853" (order 8), "DP5" (order 5), or "Radau" (order 5, implicit) for stiff fields;
+    method      "DOP853" (order 8), "DP5" (order 5), "Radau" (order 5, implicit) for stiff fields, or "Taylor"
+                (order 8 to 20 by rtol) for accurate runs of systems given as expressions;
                 "Moreau": time stepping, which looks for no events (see `filippov.solving.stepping`)
     dt, theta   with "Moreau": the length of its steps, and 0.5 (order 2 between events, the default) to 1
                 (implicit Euler)

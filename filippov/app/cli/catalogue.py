@@ -41,7 +41,7 @@ from filippov.models.offered import EXAMPLES, LAW, LAWS
 from filippov.models.studies import study_names
 
 # As in `filippov.solving.state.options`, which is not imported for a help text.
-METHODS = ("DOP853", "DP5", "Radau")
+METHODS = ("DOP853", "DP5", "Radau", "Taylor")
 RULES = ("filippov", "moments", "utkin")
 # As in `filippov.analysis.programs.naive_run`, likewise.
 SCIPY_METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
@@ -57,7 +57,7 @@ PARAMETERS = Option(
 TOLERANCES = (
     Option("rtol", "relative tolerance of a step", number, metavar="R"),
     Option("atol", "absolute tolerance: one number, or one a state with commas", tolerance, metavar="A"),
-    _choice("method", "order 8 (the default), order 5, or order 5 for stiff fields", *METHODS),
+    _choice("method", "order 8 (the default), order 5, order 5 for stiff fields, or Taylor series", *METHODS),
 )
 START = (
     Option("x0", "initial state: x=0.1,v=0 (the others as in the model) or all in order: 0.1,0,0", state,

@@ -181,7 +181,7 @@ class Case:
         solution, system, invariants = self.solution, self.run.system, self.run.model.invariants
         p, sol = solution.problem.p, solution.sol
         assert sol is not None
-        machine = Machine(system, solution.options.method, p, sliding=solution.options.sliding)
+        machine = Machine(system, solution.options.stepper, p, sliding=solution.options.sliding)
         mode, record = np.zeros(len(system.surfaces)), system.parameters.record(p)
         height, spreads = 0.0, dict.fromkeys((i.name for i in invariants), 0.0)
         for segment in solution.segments:

@@ -32,12 +32,12 @@ from filippov.kernel.loop.state import RECORDS, Entries, Integers, Scratch, Size
 from filippov.kernel.tables import codes, layout, radau_tables
 from filippov.kernel.tables import root_tables as tables
 from filippov.kernel.tables.layout import LANES, MOST_LANES
-from filippov.kernel.tables.tableaus import TABLEAUS, Collocation
+from filippov.kernel.tables.tableaus import TABLEAUS, Collocation, Series
 
 _FILES = (
-    "elementary", "bernstein", "dense", "multiplier", "rules", "field", "points", "sampling", "land",
-    "locate", "control", "resolve", "lap", "reset", "record", "segment", "attempt", "search", "decide",
-    "advance", "probe", "start", "turn", "ensemble",
+    "elementary", "recurrences", "series", "bernstein", "dense", "multiplier", "rules", "field", "points",
+    "sampling", "land", "locate", "control", "resolve", "lap", "reset", "record", "segment", "attempt",
+    "search", "decide", "advance", "probe", "start", "turn", "ensemble",
 )  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
 _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_seat", "lane_run")
@@ -48,6 +48,7 @@ _OF_SYSTEM = (
     "field", "project", "guard_state", "land",
 )  # fmt: skip
 _STAGES = ("stages", "extra_stages")
+_OF_SERIES = ("take_jets",)
 _OF_SYSTEM_IN_LANES = ("pair", "guards", "gradients", "radii")
 _lock = threading.Lock()
 # Units by what was asked for: a digest of it, as files are named, takes longer than a short run.
@@ -169,7 +170,9 @@ def _tables(constants: Mapping[str, Constant]) -> dict[str, Sequence[float]]:
 
 
 def _interface(method: str) -> tuple[str, ...]:
-    return (*_OF_SYSTEM, *(() if isinstance(TABLEAUS[method], Collocation) else _STAGES))
+    tableau = TABLEAUS[method]
+    of_series = _OF_SERIES if isinstance(tableau, Series) else ()
+    return (*_OF_SYSTEM, *(() if isinstance(tableau, Collocation) else _STAGES), *of_series)
 
 
 def _compile_loop(source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes) -> bytes:
@@ -219,11 +222,11 @@ def _fixed(value: Constant) -> Any:
 def _sizes(constants: Mapping[str, Constant], method: str) -> Sizes:
     n, m, points = (int(constants[name]) for name in ("N", "M", "P"))  # type: ignore[arg-type]
     colours, largest = int(constants["COLOURS"]), int(constants["LARGEST"])  # type: ignore[arg-type]
-    tableau = TABLEAUS[method]
+    tableau, room = TABLEAUS[method], int(constants.get("JET_ROOM", 0))  # type: ignore[arg-type]
     return Sizes(
         n, m, bool(constants["AFFINE"]), colours, largest, constants["RULE"] == MOMENTS,
         points if constants["WIDE"] else None, tableau.stages, len(tableau.extra), len(tableau.dense[0]),
-        isinstance(tableau, Collocation),
+        isinstance(tableau, Collocation), isinstance(tableau, Series), room,
     )  # fmt: skip
 
 

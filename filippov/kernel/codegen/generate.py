@@ -35,7 +35,7 @@ _FUNCTIONS = {getattr(sympy, f.symbolic): f.library for f in ELEMENTARY}
 _FUNCTIONS |= {sympy.Abs: "fabs", sympy.sign: "sign_of"}
 
 
-class _Printer(StrPrinter):
+class KernelPrinter(StrPrinter):
     """Expressions in the kernel language, powers by the cheapest means."""
 
     def __init__(self, names: dict[Symbol, str], sizes: set[Symbol]) -> None:
@@ -142,7 +142,7 @@ def _joined(operator: str, parts: Sequence[str]) -> str:
     return f"({operator.join(parts)})"
 
 
-def _shallow(printer: _Printer, e: Expr, prefix: str, lines: list[str]) -> tuple[Expr, int]:
+def _shallow(printer: KernelPrinter, e: Expr, prefix: str, lines: list[str]) -> tuple[Expr, int]:
     """The expression with its parts at every DEEPEST-th level named in lines of their own, and its depth."""
     if not e.args:
         return e, 0
@@ -165,7 +165,7 @@ def _shallow(printer: _Printer, e: Expr, prefix: str, lines: list[str]) -> tuple
     return e.func(*(part for part, _ in parts)), 1 + max(depth for _, depth in parts)
 
 
-def _assign(printer: _Printer, results: Sequence[tuple[str, Expr]], prefix: str) -> list[str]:
+def _assign(printer: KernelPrinter, results: Sequence[tuple[str, Expr]], prefix: str) -> list[str]:
     """Statements that store the expressions, their common parts named once."""
     names = sympy.numbered_symbols(prefix, cls=sympy.Dummy)
     shared, reduced = sympy.cse([e for _, e in results], symbols=names)
@@ -182,7 +182,8 @@ def _assign(printer: _Printer, results: Sequence[tuple[str, Expr]], prefix: str)
     return lines
 
 
-def _names(form: SymbolicForm) -> dict[Symbol, str]:
+def symbol_names(form: SymbolicForm) -> dict[Symbol, str]:
+    """What the symbols of a system are called in its kernels."""
     names: dict[Symbol, str] = {t: "t"}
     names |= {x: f"x[{i}]" for i, x in enumerate(form.x)}
     names |= {p: f"p[{i}]" for i, p in enumerate(form.p)}
@@ -191,7 +192,7 @@ def _names(form: SymbolicForm) -> dict[Symbol, str]:
     return names
 
 
-def _sizes(form: SymbolicForm, printer: _Printer, used: set[Symbol]) -> list[str]:
+def _sizes(form: SymbolicForm, printer: KernelPrinter, used: set[Symbol]) -> list[str]:
     """|h_i| = mode_i h_i of the surfaces whose size is used: smooth across the surface, 0 while sliding."""
     needed = set(used)
     for a, h in reversed(list(zip(form.a, form.h, strict=True))):
@@ -204,7 +205,7 @@ def _sizes(form: SymbolicForm, printer: _Printer, used: set[Symbol]) -> list[str
     ]
 
 
-def _gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[Expr]]:
+def total_gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[Expr]]:
     """Total derivatives of each h by the states and by t, through the sizes of earlier surfaces."""
     by = (*form.x, t)
     rows: list[list[Expr]] = []
@@ -275,9 +276,9 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     """
     n, m = len(form.x), len(form.h)
     modes = tuple(sympy.Dummy(f"m{i}") for i in range(m))
-    printer = _Printer(_names(form) | {q: f"m[{i}]" for i, q in enumerate(modes)}, set(form.a))
+    printer = KernelPrinter(symbol_names(form) | {q: f"m[{i}]" for i, q in enumerate(modes)}, set(form.a))
     printer.blended, printer.inputs = blended, places(form.inputs)
-    plain_rows = _gradients(form, modes)
+    plain_rows = total_gradients(form, modes)
     rows, radius = contact_rows(form, plain_rows, modes), contact_radii(form)
     hoisted = Hoisted(form.p)
     field = [hoisted(f) for f in contact_field(form, modes)]
@@ -329,7 +330,7 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
 
 
 def field_source(
-    printer: _Printer, form: SymbolicForm, field: Sequence[Expr], sizes: Sequence[str]
+    printer: KernelPrinter, form: SymbolicForm, field: Sequence[Expr], sizes: Sequence[str]
 ) -> list[str]:
     """The kernels `rhs` and `pair` of a field."""
     single = [

@@ -5,8 +5,8 @@ Those of an explicit method are its tableau written out; those of an implicit on
 
 from filippov.kernel.files import kernel_file
 from filippov.kernel.language.unit import Constant
-from filippov.kernel.tables.root_tables import to_bernstein
-from filippov.kernel.tables.tableaus import Collocation, Method, Row, Tableau
+from filippov.kernel.tables.root_tables import DEGREE, by_degree, to_bernstein
+from filippov.kernel.tables.tableaus import DOP853, Collocation, Method, Row, Series, Tableau
 
 _IMPLICIT = ("dense_lu", "radau")
 _SIGNATURE = "t: float, x: Vector, p: Vector, m: Vector"
@@ -48,6 +48,8 @@ def method_source(method: Method) -> str:
     """
     if isinstance(method, Collocation):
         return "\n\n".join(kernel_file(name).read_text(encoding="utf-8") for name in _IMPLICIT)
+    if isinstance(method, Series):
+        return kernel_file("taylor").read_text(encoding="utf-8") + _stand_in()
     return _explicit_source(method)
 
 
@@ -78,23 +80,46 @@ def _explicit_source(tableau: Tableau) -> str:
     return "\n".join(lines)
 
 
+def _stand_in() -> str:
+    """The stages of DOP853 under names of their own, for modes that have no jets."""
+    text = _explicit_source(DOP853).replace("w.k", "w.rk")
+    for name in ("stages", "extra_stages", "error_terms"):
+        text = text.replace(f"def {name}(", f"def explicit_{name}(")
+    return "\n\n" + text
+
+
 def method_constants(tableau: Method) -> dict[str, Constant]:
     """The constants of the interface in `model` that belong to the method."""
-    return {
+    series = isinstance(tableau, Series)
+    degree = tableau.order if series else DEGREE
+    constants: dict[str, Constant] = {
         "STAGES": tableau.stages,
         "EXTRA": len(tableau.extra),
         "DEGREE_DENSE": len(tableau.dense[0]) - 1,
         "PER_NODE": _per_node(tableau),
-        "ORDER": tableau.error_order if isinstance(tableau, Collocation) else tableau.order,
+        "ORDER": _error_order(tableau),
         "IMPLICIT": isinstance(tableau, Collocation),
+        "SERIES": series,
         "END_IN_ERROR": tableau.end_in_error,
         "DENSE": [value for row in tableau.dense for value in row],
-        "DENSE_BERNSTEIN": to_bernstein(tableau.dense),
+        "DENSE_BERNSTEIN": to_bernstein(tableau.dense, degree),
     }
+    if series:
+        stand_in = [value for row in DOP853.dense for value in row]
+        constants |= {**by_degree(degree), "STAND_IN": stand_in, "STAND_IN_STAGES": len(DOP853.dense)}
+        constants["PER_POWER"] = [1.0 / (k + 1) for k in range(degree)]
+    return constants
+
+
+def _error_order(method: Method) -> int:
+    """The power of the step that the error estimate goes with."""
+    if isinstance(method, Collocation):
+        return method.error_order
+    return method.order + 1 if isinstance(method, Series) else method.order
 
 
 def _per_node(method: Method) -> list[float]:
     """1 / theta of every main stage, 1 at the start of the step."""
-    if isinstance(method, Collocation):
+    if isinstance(method, Collocation | Series):
         return [1.0] * method.stages
     return [1.0, *[1.0 / node for node in method.main_nodes], 1.0]

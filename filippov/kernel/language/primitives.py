@@ -52,6 +52,11 @@ def inline(function: Function) -> Function:
     return function
 
 
+def apart(function: Function) -> Function:
+    """Mark a kernel that stays a function of its own, however often it is called (besides `kernel` ...)."""
+    return function
+
+
 def contract(function: Function) -> Function:
     """Mark a kernel whose products may be fused with the sums they go into: faster, and one rounding less."""
     return function

@@ -153,6 +153,8 @@ def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
     if unit.lane_texts:
         # Vectors put aside on the stack must not lie across two cache lines.
         function.attributes.alignstack = 64
+    if "apart" in said:
+        function.attributes.add("noinline")
     if "inline" in said:
         function.attributes.add("alwaysinline")
     for argument, value in zip(node.args.args, function.args, strict=True):

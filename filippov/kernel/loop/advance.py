@@ -12,9 +12,10 @@ from filippov.kernel.language.primitives import entry, inline, kernel
 from filippov.kernel.loop.attempt import choose_step, try_step
 from filippov.kernel.loop.decide import decide
 from filippov.kernel.loop.field import set_mode
-from filippov.kernel.loop.model import IMPLICIT, M, N
+from filippov.kernel.loop.model import IMPLICIT, SERIES, M, N
 from filippov.kernel.loop.search import arrive, search
 from filippov.kernel.loop.segment import first_length, open_segment
+from filippov.kernel.loop.series import series_step
 from filippov.kernel.loop.state import Trajectory
 from filippov.kernel.tables.codes import (
     AGAIN,
@@ -79,6 +80,8 @@ def make_ready(run: Trajectory) -> int:
         now.renew = 1 if code == AGAIN else 0
     elif clock.step <= 0.0:
         code = first_length(run)
+    if SERIES and code == GO_ON:
+        clock.step = series_step(now.t, run.x, run.p, run.m, clock.rtol, run.atol, clock.step, run.w, run.iw)
     return code
 
 

@@ -29,6 +29,16 @@ def bernstein_value(c: Vector, degree: int, u: float, work: Vector) -> float:
 
 
 @kernel
+def coefficient_range(c: Vector) -> tuple[float, float]:
+    """Least and largest Bernstein coefficient: the guard stays between them."""
+    least, most = float(c[0]), float(c[0])
+    for a in range(1, NODES):
+        least = min(least, c[a])
+        most = max(most, c[a])
+    return least, most
+
+
+@kernel
 def deflate(c: Vector, order: int) -> int:
     """Divide out a root of the given order at 0, in place; returns the degree that is left."""
     degree = DEGREE - order

@@ -13,6 +13,7 @@ from filippov.kernel.loop.model import (
     PER_NODE,
     RESET_FROM,
     RESETS,
+    SERIES,
     STAGES,
     STRAIGHT,
     WIDTH,
@@ -24,6 +25,7 @@ from filippov.kernel.loop.model import (
     guards,
     rhs,
 )
+from filippov.kernel.loop.series import constant_series, series_clear
 from filippov.kernel.loop.state import Clock, Integers, Scratch
 from filippov.kernel.tables.codes import LOWER, ROOT, UPPER
 from filippov.kernel.tables.root_tables import GAUSS_A, GAUSS_B, GAUSS_C
@@ -44,7 +46,7 @@ def combine(square5: float, square3: float, step: float, n: float, rtol: float) 
     over a large e3. What either may be by itself in an accepted step grows as the tolerance falls, like the
     powers of a step between its order and theirs: 10 rtol**(-1/4) and 10 rtol**(-1/2).
     """
-    if ORDER == 8:
+    if ORDER == 8 and not SERIES:
         both = step * step * square5 * square5 / (square5 + 0.01 * square3 + 1e-300)
         alone = step * step * 0.01 * max(sqrt(rtol) * square5, rtol * square3)
         return max(both, min(alone, LARGEST_ERROR)) / n
@@ -151,6 +153,8 @@ def at_rest(w: Scratch) -> bool:
 @kernel
 def uniform(w: Scratch) -> bool:
     """Whether all stages met the same field: then the step is a straight line."""
+    if SERIES:
+        return constant_series(w)
     for a in range(N, (STAGES - 1) * N):  # noqa: SIM110 - the kernel language has no `all`
         if w.k[a] != w.k[a % N]:
             return False
@@ -225,6 +229,8 @@ def suspicious(step: float, m: Vector, order: Indices, line: bool, w: Scratch, i
     holds a motion on a surface may turn faster than the motion, which then takes steps as long as it likes.
     On a straight line it can always do so, unless the rates are straight too.
     """
+    if SERIES:
+        return not series_clear(step, m, order, w, iw)
     for i in range(M):
         if m[i] == 0.0:
             if IMPLICIT or MOVING[i] != 0 or (line and iw.sliding > 1):

@@ -10,7 +10,7 @@ A guard that needs this in many places asks for a shorter step.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, inline, kernel, shift
-from filippov.kernel.loop.bernstein import bernstein_value, deflate, first_root
+from filippov.kernel.loop.bernstein import bernstein_value, coefficient_range, deflate, first_root
 from filippov.kernel.loop.model import (
     AFFINE,
     COLOURS,
@@ -41,16 +41,6 @@ LEAVES = 16
 # Of the rates on both sides of a sliding surface: an excess of the multiplier that is rounding.
 BRUSH = 1e-10
 EPS = 2.220446049250313e-16
-
-
-@kernel
-def coefficient_range(c: Vector) -> tuple[float, float]:
-    """Least and largest Bernstein coefficient: the guard stays between them."""
-    least, most = float(c[0]), float(c[0])
-    for a in range(1, NODES):
-        least = min(least, c[a])
-        most = max(most, c[a])
-    return least, most
 
 
 @kernel

@@ -14,7 +14,7 @@ RESET_FROM[i]: the side from which surface i resets the state, 2 for both, 0 for
 which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are any. EVENT_SIZE: doubles of an
 event. HELD[i]: guard i is a derivative of h_i, and only the general path leaves it.
 RULE: which of the rules of sliding in `rules`. ORDER: power of the step that the error estimate goes with.
-IMPLICIT: the stages are solved for.
+IMPLICIT: the stages are solved for. SERIES: they are the coefficients of a series (see `taylor`).
 PER_NODE: 1 / theta of every main stage.
 DENSE: powers of the dense output, a row a stage; DENSE_BERNSTEIN: the same in Bernstein form.
 """
@@ -28,7 +28,9 @@ N, M, P = 1, 1, 1
 AFFINE, ROUGH, CLAMPED, ALL_LINEAR, WIDE = True, False, False, True, False
 STAGES, EXTRA, DEGREE_DENSE = 13, 3, 7
 RULE = 0
-ORDER, END_IN_ERROR, IMPLICIT = 8, False, False
+ORDER, END_IN_ERROR, IMPLICIT, SERIES = 8, False, False, False
+# Of Taylor's method: coefficients of an order (field, two rows a surface), and the interpolant of DOP853.
+JETS, STAND_IN_STAGES = 3, 16
 ROLE: list[int] = [0]
 LINEAR: list[int] = [1]
 MOVING: list[int] = [0]
@@ -40,6 +42,8 @@ HELD: list[int] = [0]
 RESETS, CONTACTS, EVENT_SIZE = False, False, 4
 PER_NODE: list[float] = [1.0, *[1.0 / node for node in DOP853.main_nodes], 1.0]
 DENSE: list[float] = [value for row in DOP853.dense for value in row]
+PER_POWER: list[float] = [1.0]
+STAND_IN: list[float] = DENSE
 DENSE_BERNSTEIN: list[float] = to_bernstein(DOP853.dense)
 # Structure: nonzero columns of every gradient, components of coupled surfaces, colours of signs and their
 # owners (see `structure`).
@@ -151,3 +155,50 @@ def extra_stages(
 def error_terms(i: int, w: Scratch) -> tuple[float, float]:
     """The two embedded error estimates of component i, before the factor of the step."""
     return 0.0, 0.0
+
+@kernel
+def jets(t: float, x: Vector, p: Vector, m: Vector, work: Vector, out: Vector, iw: Integers) -> int:
+    """Taylor coefficients along the motion, JETS of each order: field, guards; nonzero where there are none.
+
+    Row N + i: h_i, and row N + M + i nothing. Of a sliding surface the rates of its two guards, as
+    `sliding_guards` has them.
+    """
+    return 1
+
+
+@kernel
+def series_end(step: float, x: Vector, jet: Vector, k: Vector, y: Vector, rate: Vector) -> None:
+    """Coefficients of the field times powers of the step in k, the polynomial's end in y, its rate there."""
+
+
+@kernel
+def explicit_stages(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Scratch, iw: Integers, ctx: Indices
+) -> int:
+    """The stages of DOP853, for modes without coefficients."""
+    return 0
+
+
+@kernel
+def explicit_extra_stages(
+    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
+) -> int:
+    """Those that only its dense output needs."""
+    return 0
+
+
+@kernel
+def explicit_error_terms(i: int, w: Scratch) -> tuple[float, float]:
+    """Its error estimates."""
+    return 0.0, 0.0
+
+
+@kernel
+def taken_here(t: float, x: Vector, m: Vector, w: Scratch) -> bool:
+    """Whether the coefficients in the scratch are those at (t, x) in mode m."""
+    return False
+
+
+@kernel
+def take_jets(t: float, x: Vector, p: Vector, m: Vector, w: Scratch, iw: Integers) -> None:
+    """The coefficients at (t, x), unless they are there already; notes whether there are any."""

@@ -21,6 +21,7 @@ from filippov.kernel.loop.model import (
     G_FIRST,
     IMPLICIT,
     RULE,
+    SERIES,
     STAGES,
     WIDE,
     WIDTH,
@@ -31,6 +32,7 @@ from filippov.kernel.loop.model import (
 )
 from filippov.kernel.loop.points import place_point, point_rows, prepare_points, take_rows
 from filippov.kernel.loop.rules import UTKIN
+from filippov.kernel.loop.series import has_series, series_dense, series_sample, series_value
 from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.tables.layout import CHECKS, LANES
 from filippov.kernel.tables.root_tables import DEGREE, NODES, POSITION
@@ -38,11 +40,16 @@ from filippov.kernel.tables.root_tables import DEGREE, NODES, POSITION
 CHECK_FIRST, CHECK_APART = 0.3137, 0.4218
 NEIGHBOUR = 1.2345e-10
 OPEN = 1e299
+# What the series of a guard may miss it by, in parts of its size.
+HOLDS = 1e-7
 
 
 @kernel
 def dense_output(x: Vector, step: float, w: Scratch) -> None:
     """x(theta) = sum_j coef[j] theta**j on the step, theta in [0, 1], from the stages in the scratch."""
+    if SERIES:
+        series_dense(x, step, w)
+        return
     for i in range(N):
         w.coef[i] = x[i]
     for j in range(1, DEGREE_DENSE + 1):
@@ -171,6 +178,25 @@ def sample_in_lanes(
 
 
 @kernel
+def series_holds(
+    t: float, step: float, p: Vector, m: Vector, w: Scratch, iw: Integers, ctx: Indices
+) -> bool:
+    """Whether the series of the guards give what these are at the end of the step, and inside it."""
+    x, row = w.xm, w.row
+    for q in range(2):
+        theta = 1.0 if q == 0 else CHECK_FIRST + CHECK_APART
+        dense_value(theta, x, w)
+        if guard_rows(t + theta * step, x, p, m, row, w, iw, ctx) != 0:
+            return False
+        for r in range(2 * M):
+            known = HOLDS * max(abs(row[r]), abs(series_value(r, 0.0, m, w)))
+            known += w.touch[r if r < M else r - M]
+            if not (abs(row[r] - series_value(r, theta * step, m, w)) <= known):
+                return False
+    return True
+
+
+@kernel
 def sample(
     t: float,
     step: float,
@@ -183,6 +209,10 @@ def sample(
     ctx: Indices,
 ) -> int:
     """Guards on one piece of the step: at the Chebyshev points, and where they are to be checked."""
+    if SERIES and lo == 0.0 and width == 1.0 and has_series(m, w):  # noqa: SIM102 - as below
+        if series_holds(t, step, p, m, w, iw, ctx):
+            series_sample(step, CHECK_FIRST, CHECK_APART, m, w)
+            return 0
     if WIDE:  # noqa: SIM102 - told apart when the unit is made
         if iw.sliding == 1 and CONTACT[only_sliding(iw)] == 0 and (AFFINE or RULE != UTKIN):
             return sample_in_lanes(t, step, lo, width, p, m, w, iw, ctx)

@@ -1,6 +1,6 @@
 """The start of a segment: field, guards and tolerances there, a rough field crept off, the first step."""
 
-from filippov.kernel.language.primitives import Indices, Vector, entry, kernel, truncate
+from filippov.kernel.language.primitives import NAN, Indices, Vector, entry, kernel, truncate
 from filippov.kernel.loop.control import creep_off, finite, first_step, guard_state, is_rough, mark_grazed
 from filippov.kernel.loop.field import field, set_mode
 from filippov.kernel.loop.land import EPS, guard_scale
@@ -9,6 +9,7 @@ from filippov.kernel.loop.model import (
     G_FIRST,
     ROLE,
     ROUGH,
+    SERIES,
     WIDTH,
     M,
     N,
@@ -37,6 +38,8 @@ def renew_state(
 ) -> int:  # fmt: skip
     """Field, guards and radii at the start of a segment; a code of `advance`, REACHED where all is well."""
     set_mode(m, iw)
+    if SERIES:
+        w.origin.t = NAN
     code = field(t, x, p, m, w.k, w, iw, ctx)
     if code == 0:
         code = guard_state(t, x, p, m, w.k, w.start, w, ctx)

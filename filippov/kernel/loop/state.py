@@ -12,6 +12,7 @@ from filippov.kernel.language.primitives import Indices, Vector
 from filippov.kernel.language.records import Lanes, Record, Rows, part
 from filippov.kernel.tables.layout import CHECKS, LANES, MOST_ENUMERATED, SPLITS
 from filippov.kernel.tables.root_tables import DEPTH, NODES
+from filippov.kernel.tables.tableaus import DOP853
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,7 @@ class Sizes:
     colours  field calls that give the derivatives by all signs
     largest  surfaces in the largest component
     powers   of the dense output
+    jet_room scratch of the recurrences of Taylor's method
     points   parameters of a field that is sampled in lanes (see `points`), None where it is not
     """
 
@@ -35,6 +37,8 @@ class Sizes:
     extra: int = 3
     powers: int = 8
     implicit: bool = False
+    series: bool = False
+    jet_room: int = 0
 
     @property
     def side(self) -> int:
@@ -55,6 +59,11 @@ class Sizes:
     def kept(self) -> int:
         """States of which an implicit method keeps something from step to step."""
         return self.n if self.implicit else 0
+
+    @property
+    def nodes(self) -> int:
+        """Samples of a guard, one more than the degree that it is taken for."""
+        return self.powers if self.series else NODES
 
 
 class Clock(Record):
@@ -129,6 +138,14 @@ class Memory(Record):
     past_step: float
 
 
+class Origin(Record):
+    """Where Taylor coefficients were taken: t is no number where there are none."""
+
+    t: float
+    x: Vector = part(lambda of: of.n if of.series else 0)
+    m: Vector = part(lambda of: of.m if of.series else 0)
+
+
 class Tally(Record):
     """What every lane counts: steps it may still try, field calls, steps done and refused."""
 
@@ -175,11 +192,11 @@ class Scratch(Record):
     creep: Vector = part(lambda of: 6 * of.n)
     jump: Vector = part(lambda of: of.n)
     # Guards at the Chebyshev points of a piece and where it is checked: 2 m rows each.
-    node: Vector = part(lambda of: NODES * 2 * of.m)
+    node: Vector = part(lambda of: of.nodes * 2 * of.m)
     check: Vector = part(lambda of: CHECKS * 2 * of.m)
-    c: Vector = part(NODES)
-    work: Vector = part(NODES)
-    stack: Vector = part((DEPTH + 3) * NODES)
+    c: Vector = part(lambda of: of.nodes)
+    work: Vector = part(lambda of: of.nodes)
+    stack: Vector = part(lambda of: (DEPTH + 3) * of.nodes)
     bounds: Vector = part((DEPTH + 3) * 2)
     pieces: Vector = part((4 * SPLITS + 8) * 3)
     atol: Vector = part(lambda of: of.kept)
@@ -198,6 +215,17 @@ class Scratch(Record):
     diff: Vector = part(lambda of: 3 * of.kept)
     error: Vector = part(lambda of: of.kept)
     memory: Memory = part()
+    # Of Taylor's method: coefficients and where they were taken, the polynomial's rate at the end of the
+    # step, what it misses the field by inside of it, in a step of which length; whether there are none, and
+    # the stages that stand in for them.
+    jet: Vector = part(lambda of: of.stages * (of.n + 2 * of.m) if of.series else 0)
+    origin: Origin = part()
+    jet_end: Vector = part(lambda of: of.n if of.series else 0)
+    miss: Vector = part(lambda of: of.n if of.series else 0)
+    checked: float
+    explicit: float
+    rk: Vector = part(lambda of: (DOP853.stages + len(DOP853.extra)) * of.n if of.series else 0)
+    jet_room: Vector = part(lambda of: of.jet_room)
     # The last, since its length is not the same for all systems of a shape.
     wide: Vector = part(
         lambda of: 0 if of.points is None else LANES * (1 + 3 * of.n + of.points + 9 * of.m + of.m * of.n)
@@ -334,6 +362,6 @@ class Group(Record):
 
 
 RECORDS: tuple[type[Record], ...] = (
-    Clock, Count, Laps, Multiplier, Memory, Tally, Scratch, Integers, Attempt, Trajectory, Trajectories,
-    Entries, Group,
+    Clock, Count, Laps, Multiplier, Memory, Origin, Tally, Scratch, Integers, Attempt, Trajectory,
+    Trajectories, Entries, Group,
 )  # fmt: skip

@@ -19,30 +19,42 @@ def _binomial(n: int, k: int) -> float:
     return value
 
 
-def _positions() -> npt.NDArray[np.float64]:
+def _positions(degree: int) -> npt.NDArray[np.float64]:
     """Chebyshev-Lobatto points on [0, 1]."""
-    return np.asarray(0.5 * (1.0 - np.cos(np.pi * np.arange(NODES) / DEGREE)), dtype=np.float64)
+    return np.asarray(0.5 * (1.0 - np.cos(np.pi * np.arange(degree + 1) / degree)), dtype=np.float64)
 
 
-def _values_to_bernstein() -> npt.NDArray[np.float64]:
-    theta = _positions()
-    basis = np.empty((NODES, NODES))
-    for j in range(NODES):
-        basis[:, j] = _binomial(DEGREE, j) * theta**j * (1.0 - theta) ** (DEGREE - j)
+def _values_to_bernstein(degree: int) -> npt.NDArray[np.float64]:
+    theta = _positions(degree)
+    basis = np.empty((degree + 1, degree + 1))
+    for j in range(degree + 1):
+        basis[:, j] = _binomial(degree, j) * theta**j * (1.0 - theta) ** (degree - j)
     return np.asarray(np.linalg.inv(basis), dtype=np.float64)
 
 
-def to_bernstein(rows: Sequence[Sequence[float]]) -> list[float]:
-    """Polynomials by their powers, one a row, as Bernstein coefficients of degree DEGREE, row by row."""
+def to_bernstein(rows: Sequence[Sequence[float]], degree: int = DEGREE) -> list[float]:
+    """Polynomials by their powers, one a row, as Bernstein coefficients of a degree, row by row."""
     return [
-        sum(row[j] * _binomial(a, j) / _binomial(DEGREE, j) for j in range(min(a + 1, len(row))))
+        sum(row[j] * _binomial(a, j) / _binomial(degree, j) for j in range(min(a + 1, len(row))))
         for row in rows
-        for a in range(NODES)
+        for a in range(degree + 1)
     ]
 
 
-POSITION: list[float] = _positions().tolist()
-TO_BERNSTEIN: list[float] = _values_to_bernstein().ravel().tolist()
+def by_degree(degree: int) -> dict[str, int | list[float]]:
+    """The tables that go with a degree, by their names here."""
+    size = degree + 1
+    return {
+        "DEGREE": degree,
+        "NODES": size,
+        "POSITION": _positions(degree).tolist(),
+        "TO_BERNSTEIN": _values_to_bernstein(degree).ravel().tolist(),
+        "BINOMIAL": [_binomial(n, k) for n in range(size) for k in range(size)],
+    }
+
+
+POSITION: list[float] = _positions(DEGREE).tolist()
+TO_BERNSTEIN: list[float] = _values_to_bernstein(DEGREE).ravel().tolist()
 BINOMIAL: list[float] = [_binomial(n, k) for n in range(NODES) for k in range(NODES)]
 # Gauss collocation with 3 nodes: matrix, nodes, weights.
 _ROOT = 15.0**0.5

@@ -8,6 +8,7 @@ order 4) with the quartic interpolant of Shampine 1986. Radau: Radau IIA with th
 Stage numbers count from 0; the last of the main stages is the field at the end of the step.
 """
 
+import math
 from dataclasses import dataclass
 
 from filippov.kernel.tables.radau_tables import dense_rows
@@ -258,6 +259,47 @@ class Collocation:
         return len(self.dense)
 
 
+@dataclass(frozen=True)
+class Series:
+    """Taylor's method: row j of its dense output is coefficient j of the field, times step**j; the last is 0.
+
+    The last stage is the field at the end of the step, with which the polynomial's rate there is compared.
+    """
+
+    name: str
+    order: int
+    extra: tuple[Row, ...] = ()
+    end_in_error: bool = True
+
+    @property
+    def stages(self) -> int:
+        """Coefficients of the field, and the field at the end of the step."""
+        return self.order + 1
+
+    @property
+    def dense(self) -> tuple[tuple[float, ...], ...]:
+        """1 / (j + 1) for theta**(j + 1) in row j."""
+        rows = [[0.0] * (self.order + 1) for _ in range(self.stages)]
+        for j in range(self.order):
+            rows[j][j + 1] = 1.0 / (j + 1)
+        return tuple(tuple(row) for row in rows)
+
+
 RADAU = Collocation("Radau", 5, 4, dense_rows())
-Method = Tableau | Collocation
+Method = Tableau | Collocation | Series
 TABLEAUS: dict[str, Method] = {method.name: method for method in (DOP853, DP5, RADAU)}
+# What a user may choose.
+INTEGRATORS = (*TABLEAUS, "Taylor")
+# Orders of Taylor's method that are made, so that tolerances share units.
+SERIES_ORDERS = (8, 10, 12, 14, 16, 18, 20)
+TABLEAUS |= {f"Taylor{order}": Series(f"Taylor{order}", order) for order in SERIES_ORDERS}
+# For what is asked of a system without a tolerance.
+TABLEAUS["Taylor"] = Series("Taylor", 14)
+
+
+def for_tolerance(method: str, rtol: float) -> str:
+    """The name under which a method runs at a tolerance: Taylor's of an order of about 4 - log10(rtol)."""
+    if method != "Taylor":
+        return method
+    wanted = 4.0 - math.log10(rtol)
+    return f"Taylor{next((order for order in SERIES_ORDERS if order >= wanted - 0.5), SERIES_ORDERS[-1])}"

@@ -225,7 +225,7 @@ def ambiguity_at(
     problem: Problem, options: Options, t: float, x: Array, mode: Mode, multipliers: Array
 ) -> Ambiguity | None:
     """What can follow at a point of sliding, where that is more than to go on sliding."""
-    machine = Machine(problem.system, options.method, problem.p, sliding=options.sliding)
+    machine = Machine(problem.system, options.stepper, problem.p, sliding=options.sliding)
     run = Run(machine, x, (t, problem.t_span[1]), options)
     run.put(mode, (0,) * len(mode), tuple(multipliers.tolist()))
     point, met = point_of(run), [i for i, sign in enumerate(mode) if sign == 0]

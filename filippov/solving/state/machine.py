@@ -15,7 +15,7 @@ from filippov.kernel.codegen.generated import Generated
 from filippov.kernel.codegen.input_slots import EACH
 from filippov.kernel.tables.layout import RULES
 from filippov.kernel.tables.root_tables import NODES
-from filippov.kernel.tables.tableaus import TABLEAUS, Collocation
+from filippov.kernel.tables.tableaus import TABLEAUS, Collocation, Series
 from filippov.model.surface import Surface
 from filippov.model.system import System
 from filippov.solving.state.pieces import Pieces
@@ -52,6 +52,14 @@ def _generated_with(system: System, expressions: tuple[Any, ...], functions: int
     assert system.symbolic is not None
     events = [Surface("event", e, kind="observer") for e in (*expressions, *[_placeholder] * functions)]
     return generate_with_events(system.symbolic, system.surfaces, tuple(events), blended)
+
+
+@lru_cache(maxsize=256)
+def _jets(system: System, surfaces: int, order: int, free_only: bool) -> Generated:
+    from filippov.kernel.codegen.system_jets import system_jets
+
+    assert system.symbolic is not None
+    return system_jets(system.symbolic, system.surfaces, surfaces, order, free_only)
 
 
 def _placeholder(t: float, x: Any, p: Any) -> float:
@@ -104,7 +112,12 @@ class Machine:
         if sliding == "utkin" and system.field is not None:
             # One surface: two vertices say all for Filippov, nothing of what lies between them.
             self.constants["AFFINE"] = False
-        self.compiled: Compiled = build(unit.source, self.constants, method)
+        source, tableau = unit.source, TABLEAUS[method]
+        if isinstance(tableau, Series):
+            assert system.symbolic is not None
+            jets = _jets(system, self.m, tableau.order, sliding == "utkin" and not self.constants["AFFINE"])
+            source, self.constants = source + jets.source, self.constants | jets.constants
+        self.compiled: Compiled = build(source, self.constants, method)
         self.p = self.derived(p)
         self.w, self.iw = self.compiled.scratch(), self.compiled.integers()
         self.event_size = int(unit.constants["EVENT_SIZE"])  # type: ignore[arg-type]
@@ -146,8 +159,8 @@ class Machine:
 
     @cached_property
     def local(self) -> Machine:
-        """The machine for trial steps as short as one likes: an explicit one in place of an implicit."""
-        if not isinstance(TABLEAUS[self.method], Collocation):
+        """The machine for trial steps as short as one likes: one of stages, none solved for."""
+        if not isinstance(TABLEAUS[self.method], Collocation | Series):
             return self
         other = Machine(self.system, "DOP853", self.values, self.events, self.sliding)
         # The same functions, parameters and times: only the method differs.

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from filippov.solving.state.events import Stop
 
 # RK45 is what scipy calls DP5 (Dormand & Prince 1980).
-MethodName = Literal["DOP853", "DP5", "Radau", "RK45", "Moreau"]
+MethodName = Literal["DOP853", "DP5", "Radau", "Taylor", "RK45", "Moreau"]
 # A list and a tuple, no sequence: a text is one as well, and "branch" gives another result.
 Policy = Literal["raise", "stick", "slip"] | list[str] | tuple[str, ...] | Callable[..., Any]
 OnGraze = Literal["continue", "error"]

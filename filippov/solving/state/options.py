@@ -16,14 +16,14 @@ from filippov.base.quantity import is_quantity, plain, unit_of_label
 from filippov.base.symbolic_value import single
 from filippov.kernel.codegen.interpreted import BACKENDS
 from filippov.kernel.tables.layout import RULES
-from filippov.kernel.tables.tableaus import TABLEAUS
+from filippov.kernel.tables.tableaus import INTEGRATORS, for_tolerance
 from filippov.model.system import System
 from filippov.solving.state.events import Stop
 from filippov.solving.state.option_types import METHODS_OF_OTHERS
 
 # The method that takes steps of one length (see `filippov.solving.stepping`).
 STEPPING = "Moreau"
-METHODS = (*TABLEAUS, STEPPING)
+METHODS = (*INTEGRATORS, STEPPING)
 POLICIES = ("raise", "stick", "slip", "branch")
 # Where none is given; see `filippov.solving.scale` for motions that are small.
 LARGEST_ATOL = 1e-12
@@ -92,6 +92,11 @@ class Options:
                     f"stop holds {item!r}, expected Stop(surface, kind, count): stop=Stop('v', 'crossing')."
                 )
 
+    @property
+    def stepper(self) -> str:
+        """The method with its order at this tolerance, where it has several."""
+        return for_tolerance(self.method, self.rtol)
+
     def _check_stepping(self) -> None:
         """dt and theta go with the method that takes steps of one length, and it with dt."""
         for name in ("dt", "theta"):
@@ -120,7 +125,17 @@ class Options:
                 )
 
     def check_system(self, system: System) -> None:
-        """Refuse compile=False for a system that runs in no other way."""
+        """Refuse compile=False for a system that runs in no other way, and Taylor's method for functions."""
+        if self.method == "Taylor" and system.field is not None:
+            raise UsageError(
+                "method is 'Taylor', which needs the field as expressions, but the system is given as plain "
+                "functions. Leave method out (DOP853), or give the system as expressions: System({x: ...})."
+            )
+        if self.method == "Taylor" and system.inputs:
+            raise UsageError(
+                f"method is 'Taylor', whose series know no inputs, but the equations name input "
+                f"{system.inputs[0].name!r}. Leave method out (DOP853)."
+            )
         if self.compile is False and system.field is None:
             raise UsageError(
                 "compile is False, but the system is given by expressions, which run compiled only. Leave "

@@ -9,7 +9,7 @@ checked.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel, shift
-from filippov.kernel.loop.dense_lu import factor, substitute
+from filippov.kernel.methods.dense_lu import factor, substitute
 
 NO_SOLUTION, SEVERAL = 11, 13
 ON_SIGN, SINGULAR, OPEN = 1e-11, 1e-13, 1e200

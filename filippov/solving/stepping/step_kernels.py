@@ -5,7 +5,6 @@ are flat, row by row; b is (N, M). Scratch is handed on from kernel to kernel, b
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel, shift, shift_indices
-from filippov.kernel.loop.dense_lu import factor, substitute
 from filippov.kernel.loop.model import (
     COLOUR,
     CONTACT,
@@ -17,6 +16,7 @@ from filippov.kernel.loop.model import (
     resets,
     rhs,
 )
+from filippov.kernel.methods.dense_lu import factor, substitute
 from filippov.solving.stepping.box_kernels import complementarity
 
 # What a step can end with, besides 0 and the codes of `complementarity` and of user code.

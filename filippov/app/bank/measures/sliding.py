@@ -107,7 +107,7 @@ class VertexWeights(Measure, quantity="moments_weights"):
 
 def _vertices(run: Solution, on: list[int]) -> tuple[Array, Array, Array, Array]:
     """Signs and fields of the vertices at the end of a run, gradients and time derivatives of surfaces."""
-    machine = Machine(run.problem.system, run.options.method, run.problem.p)
+    machine = Machine(run.problem.system, run.options.stepper, run.problem.p)
     mode = np.array(run.end_mode, dtype=float)
     signs = np.array(list(itertools.product((-1.0, 1.0), repeat=len(on))))
     fields = []

@@ -14,7 +14,6 @@ on it. Where rounding ends it earlier, what the tolerance asks for is enough.
 """
 
 from filippov.kernel.language.primitives import NAN, Indices, Vector, kernel, shift, sqrt
-from filippov.kernel.loop.dense_lu import factor, factor_complex, substitute, substitute_complex
 from filippov.kernel.loop.field import clear_ranges, field
 from filippov.kernel.loop.model import (
     M,
@@ -22,6 +21,7 @@ from filippov.kernel.loop.model import (
     rhs,
 )
 from filippov.kernel.loop.state import Integers, Scratch
+from filippov.kernel.methods.dense_lu import factor, factor_complex, substitute, substitute_complex
 from filippov.kernel.tables.radau_tables import (
     A_INVERSE,
     ERROR_Z,

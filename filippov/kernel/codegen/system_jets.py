@@ -1,0 +1,161 @@
+"""The kernel `jets` of a symbolic system: Taylor coefficients of field and guards, mode by mode.
+
+Off all sliding surfaces the signs are constants. On one surface the field is c + s d, c and d half the sum
+and half the difference of the fields on both sides, and s = -(rate of c) / (rate of d) is one more quotient
+of the graph, so that field and multiplier come as series together. Several sliding at once have none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import sympy
+from sympy import Expr, Symbol
+
+from filippov.kernel.codegen.generate import KernelPrinter, symbol_names, total_gradients
+from filippov.kernel.codegen.generated import Generated
+from filippov.kernel.codegen.jet_graph import JetGraph
+from filippov.kernel.codegen.jets import heavy, jet_lines
+from filippov.model.size import expanded
+from filippov.model.surface import Surface
+from filippov.model.symbolic import SymbolicForm, convex
+from filippov.model.symbols import t
+
+_ARGUMENTS = "t: float, x: Vector, p: Vector, s: Vector, m: Vector, work: Vector, out: Vector"
+# Surfaces whose sliding has coefficients: each is a kernel of its own.
+MOST_SLIDING = 6
+# Coefficients of the state whose sums are written out.
+WRITTEN_OUT = 200
+
+
+def system_jets(
+    form: SymbolicForm, surfaces: Sequence[Surface], rows: int, order: int, free_only: bool = False
+) -> Generated:
+    """Source and constants of `jets` (see `filippov.kernel.loop.model`) for a series of this order.
+
+    rows: surfaces with user events, of which there is no series.
+    """
+    can = [i for i, q in enumerate(surfaces) if (q.kind == "switching" and not q.width) or q.contact]
+    sliding = [] if free_only else [i for i in can if i < len(form.h)][:MOST_SLIDING]
+    lines: list[str] = []
+    room = 0
+    for i in (-1, *sliding):
+        graph, results = _graph(form, i, rows)
+        name = "free_jets" if i < 0 else f"sliding_jets_{i}"
+        lines += ["", "@contract"]
+        lines += [f"def {name}({_ARGUMENTS}) -> int:"]
+        lines += jet_lines(graph, results, order)
+        lines += ["    return 0", ""]
+        if heavy(graph, order):
+            room = max(room, len(graph.nodes) * order)
+    lines += [
+        "", "@kernel",
+        "def jets(",
+        "    t: float, x: Vector, p: Vector, m: Vector, work: Vector, out: Vector, iw: Integers",
+        ") -> int:",
+        "    if iw.sliding == 0:",
+        "        return free_jets(t, x, p, m, m, work, out)",
+        "    if iw.sliding == 1:",
+        "        i = iw.listed[0]",
+    ]  # fmt: skip
+    for i in sliding:
+        lines += [f"        if i == {i}:", f"            return sliding_jets_{i}(t, x, p, m, m, work, out)"]
+    lines += ["        return 1", "    return 1", "", *_end_lines(len(form.x), len(form.x) + 2 * rows, order)]
+    return Generated("\n".join(lines), {"JETS": len(form.x) + 2 * rows, "JET_ROOM": room})
+
+
+def _end_lines(n: int, width: int, order: int) -> list[str]:
+    """The kernel `series_end`: written out for few states, so that its sums do not wait for each other."""
+    lines = [
+        "@contract",
+        "def series_end(step: float, x: Vector, jet: Vector, k: Vector, y: Vector, rate: Vector) -> None:",
+        "    h1 = step",
+    ]
+    lines += [f"    h{j} = h{j // 2} * h{j - j // 2}" for j in range(2, order)]
+    if n * order > WRITTEN_OUT:
+        for j in range(1, order):
+            lines += [f"    for i in range({n}):", f"        k[{j * n} + i] = jet[{j * width} + i] * h{j}"]
+        lines += [f"    for i in range({n}):", ""]
+        lines[-1:] = [f"        r = k[{(order - 1) * n} + i]", f"        s = r * {1.0 / order!r}"]
+        for j in range(order - 2, -1, -1):
+            lines += [f"        s += k[{j * n} + i] * {1.0 / (j + 1)!r}", f"        r += k[{j * n} + i]"]
+        return [*lines, "        y[i] = x[i] + step * s", "        rate[i] = r", ""]
+    for i in range(n):
+        lines.append(f"    c0_{i} = k[{i}]")
+        lines += [f"    c{j}_{i} = jet[{j * width + i}] * h{j}" for j in range(1, order)]
+    for i in range(n):
+        lines += [f"    k[{j * n + i}] = c{j}_{i}" for j in range(1, order)]
+        # Two chains of half the length each, the small terms of both first.
+        for name, weights in (("s", [1.0 / (j + 1) for j in range(order)]), ("r", [1.0] * order)):
+            for part in (0, 1):
+                terms = [j for j in range(order) if j % 2 == part]
+                text = f"c{terms[-1]}_{i} * {weights[terms[-1]]!r}"
+                for j in reversed(terms[:-1]):
+                    text = f"({text}) + c{j}_{i} * {weights[j]!r}"
+                lines.append(f"    {name}{part}_{i} = {text}")
+        lines += [f"    y[{i}] = x[{i}] + step * (s0_{i} + s1_{i})", f"    rate[{i}] = r0_{i} + r1_{i}"]
+    return [*lines, ""]
+
+
+def _graph(form: SymbolicForm, sliding: int, rows: int) -> tuple[JetGraph, list[int]]:
+    """The graph of a mode, and its results: the field, h of every surface, and the guards of what slides."""
+    printer = KernelPrinter(symbol_names(form), set(form.a))
+    scaled: dict[Symbol, tuple[str, Expr]] = {
+        a: (f"m[{i}]", h) for i, (a, h) in enumerate(zip(form.a, form.h, strict=True)) if i != sliding
+    }
+    given: dict[Symbol, Expr] = {} if sliding < 0 else {form.a[sliding]: sympy.S.Zero}
+    graph = JetGraph(printer._print, {x: i for i, x in enumerate(form.x)}, t, given, scaled)
+    zero = graph.number(0.0)
+    second = [zero] * rows
+    first = [graph(h) for h in form.h] + [zero] * (rows - len(form.h))
+    if sliding < 0:
+        return graph, [*(graph(f) for f in form.field), *first, *second]
+    middle, half = _halves(form, sliding)
+    rate_c, rate_d = (_rate(form, sliding, f) for f in (middle, half))
+    rate_c += _gradient(form, sliding)[-1]
+    weight = graph(-rate_c / rate_d) if rate_d != 0 else zero
+    field = [
+        graph(c) if d == 0 else graph.total([("1.0", graph(c)), ("1.0", graph.times([weight, graph(d)]))])
+        for c, d in zip(middle, half, strict=True)
+    ]
+    low, high = form.radius[sliding]
+    contact = bool(form.contact) and form.contact[sliding] is not None
+    if not contact:
+        first[sliding] = graph(-(rate_c + high * rate_d))
+        second[sliding] = graph(rate_c + low * rate_d)
+    return graph, [*field, *first, *second]
+
+
+def _halves(form: SymbolicForm, i: int) -> tuple[list[Expr], list[Expr]]:
+    """Half the sum and half the difference of the fields at s_i = 1 and -1."""
+    s, field = form.s[i], [f.xreplace({form.a[i]: sympy.S.Zero}) for f in form.field]
+    contact = form.contact[i] if form.contact else None
+    if contact is not None:
+        field = [f + q for f, q in zip(field, contact.pushed(s), strict=True)]
+    middle, half = [], []
+    for f in field:
+        whole = convex(f, {s})
+        slope = whole.diff(s) if s in whole.free_symbols else sympy.S.Zero
+        if s in slope.free_symbols and s not in expanded(slope).free_symbols:
+            slope = expanded(slope)
+        if s not in slope.free_symbols:
+            middle.append(whole.xreplace({s: sympy.S.Zero}))
+            half.append(slope)
+            continue
+        up, down = (f.xreplace({s: sympy.Integer(side)}) for side in (1, -1))
+        middle.append((up + down) / 2)
+        half.append((up - down) / 2)
+    return middle, half
+
+
+def _gradient(form: SymbolicForm, i: int) -> list[Expr]:
+    """Derivatives of h_i by the states and by t; of a contact those of its rate."""
+    modes = tuple(sympy.Dummy(f"m{k}") for k in range(len(form.h)))
+    contact = form.contact[i] if form.contact else None
+    if contact is not None:
+        return [contact.rate.diff(q) for q in (*form.x, t)]
+    return [e.xreplace(dict.fromkeys(modes, sympy.S.Zero)) for e in total_gradients(form, modes)[i]]
+
+
+def _rate(form: SymbolicForm, i: int, field: Sequence[Expr]) -> Expr:
+    return sympy.Add(*(g * f for g, f in zip(_gradient(form, i), field, strict=False)))

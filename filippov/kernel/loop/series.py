@@ -1,0 +1,171 @@
+"""Taylor's method: the step, its error and its guards from the coefficients of field and guards at its start.
+
+x(t + step) = sum_k x_k step**k, the x_k by recurrences that are written for the system (`jets`). Steps are
+those of Jorba & Zou 2005 (Experimental Mathematics 14, section 3): the last two coefficients are as large as
+the tolerance. What coefficients cannot show, a wall beyond which the field is another, shows at the end of
+the step, where the polynomial's rate is compared with the field; the difference is the next coefficient.
+
+Coefficients are kept with the place where they were taken, so that a shorter step from there and the landing
+on an event cost none. Where there are none (several surfaces slide together, a power has its root there),
+DOP853 takes the step, and its interpolant is written as a polynomial like the others.
+"""
+
+from filippov.kernel.language.primitives import Indices, Vector, from_bits, inline, kernel, to_bits
+from filippov.kernel.loop.model import (
+    CONTACT,
+    CONTACTS,
+    DEGREE_DENSE,
+    JETS,
+    STAGES,
+    WIDTH,
+    M,
+    N,
+    take_jets,
+    taken_here,
+)
+from filippov.kernel.loop.state import Integers, Scratch
+from filippov.kernel.tables.layout import CHECKS
+from filippov.kernel.tables.root_tables import NODES, POSITION
+
+# Bits of 1.0, moved by the mean error of reading a mantissa as a logarithm.
+ONE_BITS = 4606988764016040477
+GROWTH = 10.0
+# What a guard's series may miss the guard by at the end of a step, in parts of its terms.
+SERIES_MISS = 1e-9
+
+
+@inline
+@kernel
+def root_of_inverse(value: float, order: int) -> float:
+    """value**(-1/order) to about a percent, by a division of the bits (see `step_factor`)."""
+    return from_bits(ONE_BITS - (to_bits(value) - ONE_BITS) // order)
+
+
+@kernel
+def series_step(
+    t: float, x: Vector, p: Vector, m: Vector, rtol: float, atol: Vector, before: float, w: Scratch,
+    iw: Integers,
+) -> float:  # fmt: skip
+    """A step that suits the coefficients at (t, x), or `before` where this one was tried or there are none.
+
+    What the coefficients cannot show makes it no more than `GROWTH` times what the last step would suggest.
+    """
+    if taken_here(t, x, m, w):
+        return before
+    take_jets(t, x, p, m, w, iw)
+    if w.explicit != 0.0:
+        return before
+    last, earlier = 0.0, 0.0
+    top, under = (STAGES - 2) * JETS, (STAGES - 3) * JETS
+    for j in range(N):
+        scale = atol[j] + rtol * abs(x[j]) + 1e-300
+        last = max(last, abs(w.jet[top + j]) / scale)
+        earlier = max(earlier, abs(w.jet[under + j]) / scale)
+    length = 1e300
+    if last > 0.0:
+        length = min(length, root_of_inverse(last / float(STAGES - 1), STAGES - 1))
+    if earlier > 0.0:
+        length = min(length, root_of_inverse(earlier / float(STAGES - 2), STAGES - 2))
+    return min(length, GROWTH * before)
+
+
+@kernel
+def constant_series(w: Scratch) -> bool:
+    """Whether the field does not change along the step, as far as its coefficients say."""
+    if w.explicit != 0.0:
+        return False
+    for a in range(N, (STAGES - 1) * N):  # noqa: SIM110 - the kernel language has no `all`
+        if w.k[a] != 0.0:
+            return False
+    return True
+
+
+@kernel
+def series_dense(x: Vector, step: float, w: Scratch) -> None:
+    """x(theta) = sum_k coef[k] theta**k on the step."""
+    for i in range(N):
+        w.coef[i] = x[i]
+    for k in range(1, DEGREE_DENSE + 1):
+        for i in range(N):
+            w.coef[k * N + i] = step * w.k[(k - 1) * N + i] / float(k)
+
+
+@kernel
+def has_series(m: Vector, w: Scratch) -> bool:
+    """Whether the coefficients of the guards are those of this mode: a contact has but one end."""
+    if w.explicit != 0.0:
+        return False
+    for i in range(M):  # noqa: SIM110 - the kernel language has no `all`
+        if CONTACTS and m[i] == 0.0 and CONTACT[i] != 0:
+            return False
+    return True
+
+
+@kernel
+def guard_side(row: int, m: Vector, w: Scratch) -> float:
+    """What the series of a row of `jets` is to be multiplied by to be positive while the mode lasts."""
+    i = row if row < M else row - M
+    if m[i] != 0.0:
+        return float(m[i])
+    return float(w.attract[i])
+
+
+@kernel
+def series_value(row: int, time: float, m: Vector, w: Scratch) -> float:
+    """The guard of a row, a time after the place of the coefficients; 1 where the row stands for none."""
+    i = row if row < M else row - M
+    if row >= M and m[i] != 0.0:
+        return 1.0
+    total = 0.0
+    for k in range(STAGES - 2, -1, -1):
+        total = total * time + w.jet[k * JETS + N + row]
+    total *= guard_side(row, m, w)
+    return total + WIDTH[i] if m[i] != 0.0 else total
+
+
+@kernel
+def series_sample(step: float, first: float, apart: float, m: Vector, w: Scratch) -> None:
+    """The guards' series where `sample` evaluates the guards."""
+    for row in range(2 * M):
+        for q in range(NODES):
+            w.node[q * 2 * M + row] = series_value(row, POSITION[q] * step, m, w)
+        for q in range(CHECKS):
+            w.check[q * 2 * M + row] = series_value(row, (first + apart * q) * step, m, w)
+
+
+@kernel
+def series_clear(step: float, m: Vector, order: Indices, w: Scratch, iw: Integers) -> bool:
+    """Whether no guard can vanish in the step: its first coefficient outweighs all later ones together.
+
+    One that vanishes at the start is divided by the time as often as it does. A series that does not give
+    the guard at the end of the step says nothing.
+    """
+    if not has_series(m, w):
+        return False
+    for row in range(2 * M):
+        i = row if row < M else row - M
+        if row >= M and m[i] != 0.0:
+            continue
+        if order[i] < 0 or (m[i] == 0.0 and order[i] != 0):
+            return False
+        side = guard_side(row, m, w)
+        from_here = order[i]
+        total, rest, factor, size = 0.0, 0.0, 1.0, 0.0
+        first = 0.0
+        for k in range(STAGES - 1):
+            term = side * w.jet[k * JETS + N + row] * factor
+            if k == 0 and m[i] != 0.0:
+                term += WIDTH[i]
+            total += term
+            size += abs(term)
+            if k == from_here:
+                first = term
+            elif k > from_here:
+                rest += abs(term)
+            factor *= step
+        slack = w.touch[i] if m[i] != 0.0 and from_here == 0 else 0.0
+        if not (first > rest + slack):
+            return False
+        if m[i] != 0.0 and abs(total - (side * w.end[2 * i] + WIDTH[i])) > SERIES_MISS * size:
+            return False
+    return True

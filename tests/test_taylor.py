@@ -1,0 +1,169 @@
+"""method="Taylor": closed forms, events to rounding, sliding in series, and the same motions as DOP853."""
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import ellipj, ellipk
+
+from filippov import (
+    Stop,
+    Surface,
+    System,
+    UsageError,
+    exp,
+    models,
+    parameters,
+    sign,
+    sin,
+    solve,
+    states,
+    t,
+    tanh,
+)
+from filippov.app.cli.main import main
+from filippov.kernel.codegen import jets
+from filippov.kernel.tables.tableaus import SERIES_ORDERS, for_tolerance
+
+x, v, y = states("x v y")
+q = parameters(c=0.9, g=9.81)
+at = parameters(c=2.0, w=0.1)
+PENDULUM = System({x: v, v: -sin(x)})
+BOUNCE = System({x: v, v: -sign(x)})
+
+
+def taylor(system: System, x0: Any, end: float, **options: Any) -> Any:
+    run = solve(system, x0, (0, end), method="Taylor", **options)
+    assert run.success, run.message
+    return run
+
+
+def test_14_2_orders_go_with_the_tolerance() -> None:
+    assert [for_tolerance("Taylor", r) for r in (1e6, 1e-4, 1e-9, 1e-10, 1e-13)] == [
+        "Taylor8", "Taylor8", "Taylor14", "Taylor14", "Taylor18"
+    ]  # fmt: skip
+    assert for_tolerance("DP5", 1e-9) == "DP5"
+    assert all(f"Taylor{order}" == for_tolerance("Taylor", 10.0 ** (4 - order)) for order in SERIES_ORDERS)
+
+
+def test_14_2_a_pendulum_by_elliptic_functions() -> None:
+    k, end, rtol = math.sin(0.5), 20.0, 1e-10
+    run = taylor(PENDULUM, (1.0, 0.0), end, rtol=rtol, atol=rtol)
+    sn = ellipj(ellipk(k * k) - np.asarray(run.t), k * k)[0]
+    assert np.max(abs(run.sol(run.t)[0] - 2 * np.arcsin(k * sn))) < 40 * rtol
+    # The dense output is the step's own polynomial, as accurate as its end.
+    times = np.linspace(0, end, 301)
+    sn = ellipj(ellipk(k * k) - times, k * k)[0]
+    assert np.max(abs(run.sol(times)[0] - 2 * np.arcsin(k * sn))) < 40 * rtol
+
+
+def test_14_2_crossings_of_parabolas_to_rounding() -> None:
+    run = taylor(BOUNCE, (1, 0), 100, rtol=1e-10)
+    times = math.sqrt(2) * (1 + 2 * np.arange(len(run.events)))
+    assert len(run.events) == 35
+    assert max(abs(run.events.t - times)) < 1e-12
+
+
+def test_14_2_impacts_of_a_ball() -> None:
+    ball = System(
+        {x: v, v: -q.g},
+        surfaces=[Surface("floor", x, kind="reset", side="+", reset={v: -q.c * v})],
+    )
+    first = math.sqrt(2 / 9.81)
+    laps = 2 * first * 0.9 ** np.arange(1, 40)
+    times = first + np.concatenate([[0], np.cumsum(laps)])
+    run = taylor(ball, (1, 0), times[-1] + 1e-4, rtol=1e-10)
+    assert max(abs(run.events.t - times)) < 1e-12
+
+
+def test_14_2_a_slide_down_a_moving_ramp_and_off_it() -> None:
+    moving = System({x: 0 * x - sign(x - 1 + t**2)}, surfaces=[Surface("ramp", x - 1 + t**2)])
+    run = taylor(moving, (0.5,), 2)
+    assert max(abs(run.events.t - [(math.sqrt(3) - 1) / 2, 0.5])) < 1e-12
+    assert abs(run.x_end[0] + 0.75) < 1e-12
+
+
+def test_14_2_the_sliding_field_is_a_series_of_its_own() -> None:
+    # Off y = 0 the field is (1, -x) above and (0, 1) below; on it x' = 1/(1 + x).
+    upper = (1 + sign(y)) / 2
+    fold = System({x: upper, y: 1 - upper - x * upper}, surfaces=[Surface("y", y)])
+    run = taylor(fold, (0, 0), 1, rtol=1e-10)
+    assert run.modes == ("0",)
+    assert abs(run.x_end[0] - (math.sqrt(3) - 1)) < 1e-11
+    assert run.steps < 12
+    assert max(abs(run.sol(s)[0] - (math.sqrt(1 + 2 * s) - 1)) for s in np.linspace(0, 1, 33)) < 1e-11
+
+
+def test_14_2_what_the_series_does_not_show_shows_at_the_end_of_the_step() -> None:
+    # A wall at x = 2 of width 1e-3, of which nothing is left in the series at 0; then the same with a peak.
+    wall = System({x: 1 + 0 * x, y: tanh(1000 * (x - 2))})
+    run = taylor(wall, (0, 0), 5, rtol=1e-10)
+    assert abs(run.x_end[1] - 1) < 1e-8
+    assert run.rejected > 0
+
+
+def test_14_2_peaks_that_no_coefficient_knows_of() -> None:
+    """Wider than the eight points of a step are apart: none is missed, wherever it is and however wide."""
+    peak = System({x: 1 + 0 * x, y: exp(-(((x - at.c) / at.w) ** 2))})
+    draw = np.random.default_rng(14)
+    for c, w in [(2.0, 0.1), *draw.uniform((0.8, 0.1), (4.0, 0.4), (60, 2)).tolist()]:
+        run = taylor(peak, (0, 0), 5, rtol=1e-10, parameters={"c": c, "w": w})
+        area = math.sqrt(math.pi) * w / 2 * (math.erf(c / w) + math.erf((5 - c) / w))
+        assert abs(run.x_end[1] - area) < 1e-8, (c, w)
+
+
+@cache
+def reference(name: str, rtol: float) -> Any:
+    model = models.get(name)
+    return solve(model.build(), model.x0, model.t_span, rtol=rtol, atol=rtol * 1e-3)
+
+
+# Two surfaces that slide together; impacts and rest.
+@pytest.mark.parametrize("name", ["two_blocks", "impact_oscillator"])
+def test_14_2_the_same_motions_as_dop853(name: str) -> None:
+    model, other = models.get(name), reference(name, 1e-12)
+    run = solve(model.build(), model.x0, model.t_span, method="Taylor", rtol=1e-12, atol=1e-15)
+    assert run.status is other.status
+    assert [(e.kind, e.surface) for e in run.events] == [(e.kind, e.surface) for e in other.events]
+    size = 1 + np.max(abs(other.sol(other.t)))
+    assert np.max(abs(run.events.t - other.events.t)) < 1e-8 * size
+    np.testing.assert_allclose(run.x_end, other.x_end, rtol=0, atol=1e-8 * size)
+
+
+def test_14_2_large_fields_run_in_loops(monkeypatch: pytest.MonkeyPatch) -> None:
+    written = taylor(PENDULUM, (1.0, 0.3), 10, rtol=1e-10)
+    monkeypatch.setattr(jets, "WRITTEN_OUT", 0)
+    loops = taylor(System({x: v, v: -sin(x) * 1.0, y: 0 * y}), (1.0, 0.3, 0.0), 10, rtol=1e-10)
+    np.testing.assert_allclose(loops.x_end[:2], written.x_end, rtol=0, atol=1e-12)
+
+
+def test_14_2_both_backends_take_the_same_steps() -> None:
+    runs = [
+        solve(BOUNCE, (1, 0), (0, 8), method="Taylor", rtol=1e-10, backend=b) for b in ("compiled", "python")
+    ]
+    assert runs[0].steps == runs[1].steps
+    np.testing.assert_allclose(runs[0].events.t, runs[1].events.t, rtol=1e-14)
+
+
+def test_14_2_backwards_and_stops() -> None:
+    forth = taylor(PENDULUM, (1.0, 0.3), 10, rtol=1e-10)
+    back = solve(PENDULUM, forth.x_end, (10, 0), backward=True, method="Taylor", rtol=1e-10)
+    np.testing.assert_allclose(back.x_end, (1.0, 0.3), atol=1e-8)
+    few = solve(BOUNCE, (1, 0), (0, 100), method="Taylor", stop=Stop("x", count=3), rtol=1e-10)
+    assert few.t_end == pytest.approx(5 * math.sqrt(2), abs=1e-13)
+
+
+def test_14_2_functions_are_refused_by_name() -> None:
+    plain = System(field=lambda t, x, p, s: [-x[0]], states="x")
+    with pytest.raises(UsageError, match="'Taylor', which needs the field as expressions"):
+        solve(plain, (1,), (0, 1), method="Taylor")
+
+
+def test_14_2_from_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["simulate", "relay", "--t-span", "0", "1", "--method", "Taylor", "--rtol", "1e-10"]
+    assert main(words) == 0
+    assert "sliding exit on 'output'" in capsys.readouterr().err
+    with pytest.raises(UsageError, match="'Tailor'; did you mean 'Taylor'"):
+        solve(PENDULUM, (1, 0), (0, 1), method="Tailor")
