@@ -1,6 +1,10 @@
 """Profiles of the property tests by FILIPPOV_PROFILE: "ci" as in .ci/run, "nightly" for many more."""
 
+import gc
 import os
+
+# A worker holds hundreds of systems and modules by the end: looked through 20 times less often.
+gc.set_threshold(50_000, 20, 50)
 
 # Matrices here are small: threads of the linear algebra only wait for each other. Read as numpy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
