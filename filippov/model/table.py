@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import sympy
 from sympy import Expr, Rational, S, Symbol
@@ -43,6 +44,12 @@ class SizeSymbol(Symbol):
 def dynamic(expr: Expr) -> bool:
     """Whether expr varies along a solution: it holds anything but parameters and numbers."""
     return any(not isinstance(symbol, ParameterSymbol) for symbol in expr.free_symbols)
+
+
+@lru_cache(maxsize=4096)
+def _moving(expr: Expr) -> frozenset[Symbol]:
+    """What varies in an expression along a solution."""
+    return frozenset(symbol for symbol in expr.free_symbols if dynamic(symbol))
 
 
 class Table:
@@ -124,6 +131,8 @@ class Table:
 
     def plain(self, h: Expr) -> Expr:
         """Return h with the sizes written out as Abs."""
+        if not any(isinstance(q, SizeSymbol) for q in h.free_symbols):
+            return h
         sizes: dict[Symbol, Expr] = {}
         for entry in self.entries:
             sizes[entry.a] = sympy.Abs(entry.h.xreplace(sizes))
@@ -141,10 +150,11 @@ class Table:
         """Return h/k if it is a constant that is not 0, else None."""
         if h == k:
             return S.One
+        if _moving(h) != _moving(k):  # told at once: every surface is compared with every other
+            return None
         if h == -k:
             return S.NegativeOne
-        moving = {s for s in h.free_symbols if dynamic(s)}
-        if not moving or moving != {s for s in k.free_symbols if dynamic(s)}:
+        if not _moving(h):
             return None
         # Decimal fractions are taken as exact: two thresholds may differ in their last digit only.
         h, k = decimal(h), decimal(k)

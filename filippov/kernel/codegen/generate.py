@@ -185,10 +185,12 @@ def _names(form: SymbolicForm) -> dict[Symbol, str]:
 
 def _sizes(form: SymbolicForm, printer: _Printer, used: set[Symbol]) -> list[str]:
     """|h_i| = mode_i h_i of the surfaces whose size is used: smooth across the surface, 0 while sliding."""
-    needed = set(used)
+    if not used:
+        return []
+    needed, every = set(used), set(form.a)
     for a, h in reversed(list(zip(form.a, form.h, strict=True))):
         if a in needed:
-            needed |= h.free_symbols & set(form.a)
+            needed |= h.free_symbols & every
     return [
         f"    a{i} = m[{i}] * {printer._print(h)}"
         for i, (a, h) in enumerate(zip(form.a, form.h, strict=True))
@@ -198,11 +200,13 @@ def _sizes(form: SymbolicForm, printer: _Printer, used: set[Symbol]) -> list[str
 
 def _gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[Expr]]:
     """Total derivatives of each h by the states and by t, through the sizes of earlier surfaces."""
-    by = (*form.x, t)
+    place = {q: j for j, q in enumerate((*form.x, t))}
     rows: list[list[Expr]] = []
     for i, h in enumerate(form.h):
         inside = h.free_symbols
-        row = [h.diff(q) if q in inside else sympy.S.Zero for q in by]
+        row = [sympy.S.Zero] * len(place)
+        for q in inside & place.keys():
+            row[place[q]] = h.diff(q)
         for k in (k for k in range(i) if form.a[k] in inside):
             slope = h.diff(form.a[k]) * modes[k]
             row = [total + slope * inner for total, inner in zip(row, rows[k], strict=True)]
@@ -224,21 +228,32 @@ def jointly_affine(form: SymbolicForm) -> bool:
 
 def rough(form: SymbolicForm) -> bool:
     """Whether the field holds a power of a size |h| that may lie below 1."""
+    sizes = set(form.a)
     for f in form.field:
         for power in f.atoms(sympy.Pow):
             whole = power.exp.is_Integer or (power.exp.is_number and power.exp >= 1)
-            if power.base.free_symbols & set(form.a) and not whole:
+            if power.base.free_symbols & sizes and not whole:
                 return True
     return False
 
 
-def straight_rate(form: SymbolicForm, i: int, row: Sequence[Expr], linear: Sequence[bool]) -> bool:
-    """Whether the rate of surface i is affine in t and x while the motion slides on it."""
-    rate = row[-1] + sum(slope * f for slope, f in zip(row, form.field, strict=False) if slope != 0)
-    rate = rate.subs(form.a[i], 0)
-    varying = {t, *form.x, *form.a}
-    sizes = (linear[k] for k, a in enumerate(form.a) if a in rate.free_symbols)
-    return linear[i] and all(sizes) and _affine(rate, varying)
+def straight_rate(
+    form: SymbolicForm, i: int, row: Sequence[Expr], linear: Sequence[bool], varying: set[Symbol]
+) -> bool:
+    """Whether the rate of surface i is affine in what varies while the motion slides on it."""
+    if not linear[i]:
+        return False
+    rate = row[-1] + sum(slope * f for slope, f in zip(row, form.field, strict=False) if _counts(slope))
+    if form.a[i] in rate.free_symbols:
+        rate = rate.subs(form.a[i], 0)
+    free = rate.free_symbols
+    sizes = (linear[k] for k, a in enumerate(form.a) if a in free)
+    return all(sizes) and _affine(rate, varying)
+
+
+def _counts(e: Expr) -> bool:
+    """Whether an expression is not 0, told at once of the zeros of which a row is full."""
+    return e is not sympy.S.Zero and e != 0
 
 
 def _affine(e: Expr, varying: set[Symbol]) -> bool:
@@ -254,7 +269,7 @@ def structure(form: SymbolicForm, field: Sequence[Expr], rows: Sequence[Sequence
     """Which gradients, field components and signs have to do with each other."""
     sign, size = {s: i for i, s in enumerate(form.s)}, {a: i for i, a in enumerate(form.a)}
     return Structure(
-        tuple(tuple(j for j in range(len(form.x)) if row[j] != 0) for row in rows),
+        tuple(tuple(j for j in range(len(form.x)) if _counts(row[j])) for row in rows),
         tuple(frozenset(sign[s] for s in f.free_symbols if s in sign) for f in field),
         tuple(frozenset(size[a] for a in h.free_symbols if a in size) for h in form.h),
     )
@@ -285,7 +300,8 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     lines += ["    return 0", "", "@kernel"]
     arguments = "t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices"
     lines += [f"def gradients({arguments}) -> int:"]
-    slopes = {a for row in rows for e in row for a in e.free_symbols & set(form.a)}
+    sizes = set(form.a)
+    slopes = {a for row in rows for e in row if _counts(e) for a in e.free_symbols & sizes}
     lines += _sizes(form, printer, slopes)
     # The other entries are zero from the start and stay so.
     pattern = structure(form, field, rows)
@@ -310,11 +326,11 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
         form, lambda used: _sizes(form, printer, used), lambda pairs: _assign(printer, pairs, "c")
     )
     varying = {t, *form.x, *form.a}
-    linear = [not any(e.free_symbols & varying for e in row) for row in plain_rows]
+    linear = [not any(e.free_symbols & varying for e in row if _counts(e)) for row in plain_rows]
     constants = unit_constants(
         n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), rough(form), pattern,
         moving=[any(e.free_symbols & varying for e in ends) for ends in form.radius],
-        straight=[straight_rate(form, i, plain_rows[i], linear) for i in range(m)],
+        straight=[straight_rate(form, i, plain_rows[i], linear, varying) for i in range(m)],
         wide=lines[0] == "@inline" and m > 0, held=form.held,
     )  # fmt: skip
     return Generated("\n".join(lines), constants)
