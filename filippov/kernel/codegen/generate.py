@@ -20,6 +20,7 @@ from filippov.kernel.codegen.generate_resets import (
 )
 from filippov.kernel.codegen.generated import PAIR, TWICE, Generated, unit_constants
 from filippov.kernel.codegen.hoist import Hoisted
+from filippov.kernel.codegen.pieces import pieces
 from filippov.kernel.codegen.structure import Structure
 from filippov.model.size import expanded
 from filippov.model.surface import Surface
@@ -292,32 +293,23 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     printer.names |= {symbol: f"p[{len(form.p) + k}]" for k, (_, symbol) in enumerate(derived)}
     used: set[Symbol] = set().union(*(f.free_symbols for f in form.field)) & set(form.a)
     lines = field_source(printer, form, field, _sizes(form, printer, used))
-    lines += ["", "@kernel"]
-    lines += ["def guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:"]
     inside: set[Symbol] = set().union(*(h.free_symbols for h in form.h)) & set(form.a) if m else set()
-    lines += _sizes(form, printer, inside)
-    lines += _assign(printer, [(f"out[{i}]", h) for i, h in enumerate(contact_guards(form, modes))], "c")
-    lines += ["    return 0", "", "@kernel"]
-    arguments = "t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices"
-    lines += [f"def gradients({arguments}) -> int:"]
+    targets = [(f"out[{i}]", h) for i, h in enumerate(contact_guards(form, modes))]
+    head = "guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices)"
+    lines += ["", *_kernel(printer, "@kernel", head, _sizes(form, printer, inside), targets)]
     sizes = set(form.a)
     slopes = {a for row in rows for e in row if _counts(e) for a in e.free_symbols & sizes}
-    lines += _sizes(form, printer, slopes)
     # The other entries are zero from the start and stay so.
     pattern = structure(form, field, rows)
     targets = [(f"g[{i * n + j}]", rows[i][j]) for i in range(m) for j in pattern.columns[i]]
-    lines += _assign(printer, targets + [(f"gt[{i}]", rows[i][n]) for i in range(m)], "c")
-    lines += [
-        "    return 0",
-        "",
-        "@kernel",
-        "def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:",
-    ]
-    ends = [
-        (f"out[{2 * i + side}]", radius[i][side]) for i in range(m) for side in (0, 1)
-    ]
-    lines += _assign(printer, ends, "c")
-    lines += ["    return 0", "", "@kernel", "def derive(p: Vector) -> int:"]
+    targets += [(f"gt[{i}]", rows[i][n]) for i in range(m)]
+    head = "gradients(t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices)"
+    lines += _kernel(printer, "@kernel", head, _sizes(form, printer, slopes), targets)
+    ends = [(f"out[{2 * i + side}]", radius[i][side]) for i in range(m) for side in (0, 1)]
+    lines += _kernel(
+        printer, "@kernel", "radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices)", [], ends
+    )
+    lines += ["@kernel", "def derive(p: Vector) -> int:"]
     targets = [(f"p[{len(form.p) + k}]", e) for k, (e, _) in enumerate(derived)]
     lines += [*_assign(printer, targets, "c"), "    return 0", ""]
     # A reset takes the signs before it.
@@ -336,24 +328,35 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     return Generated("\n".join(lines), constants)
 
 
+def _kernel(
+    printer: _Printer, mark: str, head: str, sizes: Sequence[str], results: Sequence[tuple[str, Expr]]
+) -> list[str]:
+    """A kernel that stores the expressions; a long one calls its parts, each a kernel of its own."""
+    name, _, arguments = head.removesuffix(")").partition("(")
+    parts = pieces(results)
+    if len(parts) == 1:
+        return [mark, f"def {head} -> int:", *sizes, *_assign(printer, results, "c"), "    return 0", ""]
+    lines = []
+    for k, part in enumerate(parts):
+        lines += [mark, f"def {name}{k}({arguments}) -> int:", *sizes, *_assign(printer, part, "c")]
+        lines += ["    return 0", ""]
+    given = ", ".join(argument.partition(":")[0] for argument in arguments.split(", "))
+    calls = [f"    {name}{k}({given})" for k in range(len(parts))]
+    return [*lines, mark, f"def {head} -> int:", *calls, "    return 0", ""]
+
+
 def field_source(
     printer: _Printer, form: SymbolicForm, field: Sequence[Expr], sizes: Sequence[str]
 ) -> list[str]:
     """The kernels `rhs` and `pair` of a field."""
-    single = [
-        "@contract",
-        "def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:",
-        *sizes,
-        *_assign(printer, [(f"out[{i}]", f) for i, f in enumerate(field)], "c"),
-        "    return 0",
-        "",
-    ]
+    arguments = "t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices"
+    results = [(f"out[{i}]", f) for i, f in enumerate(field)]
+    single = _kernel(printer, "@contract", f"rhs({arguments})", sizes, results)
     # Small fields go into every stage, which spares the way through memory; large ones would bloat the unit.
     if sum(map(len, single)) >= INLINED:
         return [*single, "@contract", *TWICE]
     others = {s: sympy.Dummy(f"s{i}", real=True) for i, s in enumerate(form.s)}
     printer.names |= {other: f"s2[{i}]" for i, other in enumerate(others.values())}
-    results = [(f"out[{i}]", f) for i, f in enumerate(field)]
     results += [(f"out2[{i}]", f.xreplace(others)) for i, f in enumerate(field)]
     both = ["@contract", PAIR, *sizes, *_assign(printer, results, "c"), "    return 0"]
     return ["@inline", *single, "@inline", *both]

@@ -16,6 +16,8 @@ from filippov.kernel.language.unit import Constant, Unit
 # Kernels with more operations than this are not copied into their callers in a unit that is linked with
 # another: the optimiser's time grows faster than the size of a function, and what every stage does is there.
 WHOLE = 150
+# The same in the unit of a system, whose field is copied into every stage where it is no larger than this.
+PART = 1_000
 
 
 def compile_unit(
@@ -33,7 +35,7 @@ def compile_unit(
         module = _module(unit, constants, exported, in_lanes, given)
     machine = target_machine()
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
-    # Level 3 takes a quarter longer and its code is no faster: measured on the registered models.
+    # Level 3 takes a quarter longer, and what it makes of the event loop is no faster.
     options = binding.create_pipeline_tuning_options(speed_level=2)
     options.slp_vectorization, options.loop_vectorization = True, False
     builder = binding.create_pass_builder(machine, options)
@@ -43,7 +45,7 @@ def compile_unit(
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Without the collector of cycles: a module is one, alive until it is a text, and looked through in vain."""
+    """Without the collector of cycles, which would look through a growing module again and again in vain."""
     was = gc.isenabled()
     gc.disable()
     try:
@@ -70,9 +72,10 @@ def _module(
     for name, values in (given or {}).items():
         unit.table(name, values)
         unit.tables[name].linkage = ""
-    for kernel in unit.kernels.values() if unit.foreign else ():
+    for kernel in unit.kernels.values():
+        most = WHOLE if unit.foreign and not kernel.flags else PART
         written = sum(len(block.instructions) for block in kernel.function.blocks)
-        if written > WHOLE and not kernel.flags and "alwaysinline" not in kernel.function.attributes:
+        if written > most and "alwaysinline" not in kernel.function.attributes:
             kernel.function.attributes.add("noinline")
     module = binding.parse_assembly(str(unit.module))
     module.verify()
