@@ -74,7 +74,7 @@ def test_14_5_a_contact_is_the_same_among_many_others(count: int) -> None:
     y = states([f"y{i}" for i in range(count)])
     w = states([f"w{i}" for i in range(count)])
     p = parameters(g=9.81, e=0.7)
-    equations = {y[i]: w[i] for i in range(count)} | {q: -p.g for q in w}
+    equations = {y[i]: w[i] for i in range(count)} | dict.fromkeys(w, -p.g)
     floors = [Surface(f"floor{i}", y[i], reset={w[i]: -p.e * w[i]}) for i in range(count)]
     form = System(equations, surfaces=floors).symbolic
     for i, contact in enumerate(form.contact):
