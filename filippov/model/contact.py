@@ -32,7 +32,8 @@ def contact_of(form: SymbolicForm, i: int, after: Sequence[Expr], side: int) -> 
     h, n = form.h[i], len(form.x)
     if not h.free_symbols.isdisjoint(form.a):
         return "h has a kink"
-    steps = ((j, h.diff(x)) for j, x in enumerate(form.x) if x in h.free_symbols)
+    inside = h.free_symbols
+    steps = ((j, h.diff(x)) for j, x in enumerate(form.x) if x in inside)
     rate = expanded(h.diff(t) + sum(g * form.field[j] for j, g in steps))
     if not rate.free_symbols.isdisjoint((*form.s, *form.a)):
         return "the field jumps along its gradient"
@@ -40,7 +41,7 @@ def contact_of(form: SymbolicForm, i: int, after: Sequence[Expr], side: int) -> 
     if not set().union(*(e.free_symbols for e in moved.values())).isdisjoint((*form.s, *form.a)):
         return "the reset depends on signs"
     # Of many states few have to do with one surface: those that it, its rate and its reset name.
-    near = h.free_symbols | rate.free_symbols | moved.keys()
+    near = inside | rate.free_symbols | moved.keys()
     places = [j for j, x in enumerate(form.x) if x in near]
     x = [form.x[j] for j in places]
     slope, across = (sympy.Matrix([e.diff(q) for q in x]) for e in (h, rate))

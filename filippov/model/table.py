@@ -67,8 +67,8 @@ class Table:
 
     def signs_in(self, expr: Expr) -> list[Symbol]:
         """Return the signs that expr holds, in the order of the table."""
-        free = expr.free_symbols
-        return [entry.s for entry in self.entries if entry.s in free]
+        free = expr.free_symbols & self._by_sign.keys()
+        return [entry.s for entry in self.entries if entry.s in free] if free else []
 
     def declare(self, surface: Surface, h: Expr) -> Entry:
         """Enter a surface of the user; ModelError if it cannot switch or equals one declared before."""
