@@ -1,11 +1,15 @@
 """Profiles of the property tests by FILIPPOV_PROFILE: "ci" as in .ci/run, "nightly" for many more."""
 
+import gc
 import os
 
 # Matrices here are small: threads of the linear algebra only wait for each other. Read as numpy is imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from hypothesis import HealthCheck, settings
+
+# A worker holds hundreds of systems by the end; the collector of cycles looks through them less often.
+gc.set_threshold(50_000, 20, 50)
 
 settings.register_profile(
     "default", max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow]

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -72,11 +73,18 @@ def module_name(path: Path) -> str:
 
 
 SOURCES = {module_name(path): path for folder in FOLDERS.values() for path in (ROOT / folder).rglob("*.py")}
-TREES = {name: ast.parse(path.read_text(encoding="utf-8"), str(path)) for name, path in SOURCES.items()}
-EVERY_MODULE = pytest.mark.parametrize("module", sorted(SOURCES))
-
-
 PACKAGES = sorted(name for name, path in SOURCES.items() if path.name == "__init__.py")
+
+
+@cache
+def tree(module: str) -> ast.Module:
+    return ast.parse(SOURCES[module].read_text(encoding="utf-8"), str(SOURCES[module]))
+
+
+@cache
+def nodes(module: str) -> tuple[ast.AST, ...]:
+    """Every node of a file: read once for all rules, and when a rule asks."""
+    return tuple(ast.walk(tree(module)))
 
 
 def room(module: str) -> int:
@@ -88,16 +96,17 @@ def room(module: str) -> int:
     return ROOMS.index(name)
 
 
+@cache
 def imported(module: str) -> list[tuple[str, int, bool]]:
     """(project module, line, inside a function) for every import in the file."""
     late = {
         id(inner)
-        for outer in ast.walk(TREES[module])
+        for outer in nodes(module)
         if isinstance(outer, ast.FunctionDef | ast.AsyncFunctionDef)
         for inner in ast.walk(outer)
     }
     found = []
-    for node in ast.walk(TREES[module]):
+    for node in nodes(module):
         names: list[str] = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -116,19 +125,20 @@ def imported(module: str) -> list[tuple[str, int, bool]]:
     return found
 
 
-@EVERY_MODULE
-def test_13_1_imports_point_downwards(module: str) -> None:
-    for name, line, _ in imported(module):
-        where = f"{module}:{line} in room {ROOMS[room(module)]}"
-        assert room(name) <= room(module), f"{where} imports {name} from above"
+def test_13_1_imports_point_downwards() -> None:
+    assert not [
+        f"{module}:{line} in room {ROOMS[room(module)]} imports {name} from above"
+        for module in SOURCES
+        for name, line, _ in imported(module)
+        if room(name) > room(module)
+    ]
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_13_1_a_room_says_what_it_holds_and_is_not_crowded(package: str) -> None:
-    told = ast.get_docstring(TREES[package]) or ""
-    assert len(told.split()) >= 5, f"{package} does not say what it holds"
-    modules = [path for path in SOURCES[package].parent.glob("*.py") if path.name != "__init__.py"]
-    assert len(modules) <= MOST_MODULES, f"{package} holds {len(modules)} modules; divide it"
+def test_13_1_a_room_says_what_it_holds_and_is_not_crowded() -> None:
+    silent = [name for name in PACKAGES if len((ast.get_docstring(tree(name)) or "").split()) < 5]
+    assert not silent, "these do not say what they hold"
+    held = {name: len(list(SOURCES[name].parent.glob("*.py"))) - 1 for name in PACKAGES}
+    assert not {name: count for name, count in held.items() if count > MOST_MODULES}, "divide these"
 
 
 def test_13_1_old_paths_name_modules_that_are_there() -> None:
@@ -182,22 +192,26 @@ def test_13_1_a_short_name_outlives_an_old_path_that_ends_like_it() -> None:
     assert filippov.analysis.lyapunov is lyapunov is module.lyapunov
 
 
-@EVERY_MODULE
-def test_models_and_analysis_know_only_filippov(module: str) -> None:
-    own = next((p for p in ("filippov.models", "filippov.analysis") if module.startswith(p)), None)
-    other = {"filippov.models": "filippov.analysis", "filippov.analysis": "filippov.models"}
-    for name, line, _ in imported(module) if own else []:
-        assert not name.startswith(other[own or ""]), f"{module}:{line} imports {name}"
+def test_models_and_analysis_know_only_filippov() -> None:
+    one, other = "filippov.models", "filippov.analysis"
+    assert not [
+        f"{module}:{line} imports {name}"
+        for own, foreign in ((one, other), (other, one))
+        for module in SOURCES
+        if module.startswith(own)
+        for name, line, _ in imported(module)
+        if name.startswith(foreign)
+    ]
 
 
 def test_13_1_no_model_is_named_outside_models() -> None:
     """Names that are words of their own (a belt, a chain) stand for a model only as a whole text."""
     names = set(models.registry.BUILT_IN) - {"relay"}  # also a kind of comparator
     telling = {name for name in names if "_" in name and name != "sliding_mode"} | {"hunting"}
-    for module, tree in TREES.items():
+    for module in SOURCES:
         if module.startswith(("filippov.models", "filippov.app.bank")):
             continue
-        for node in ast.walk(tree):
+        for node in nodes(module):
             told = node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
             words = set(re.findall(r"\w+", told.lower()))
             where = f"{module}:{getattr(node, 'lineno', 0)}"
@@ -229,8 +243,8 @@ def test_no_file_over_500_lines(folder: str) -> None:
 
 
 def test_13_3_no_function_of_the_kernel_is_long() -> None:
-    for module, tree in TREES.items():
-        for node in ast.walk(tree) if module.startswith("filippov.kernel") else ():
+    for module in SOURCES:
+        for node in nodes(module) if module.startswith("filippov.kernel") else ():
             if isinstance(node, ast.FunctionDef):
                 lines = (node.end_lineno or 0) - node.lineno + 1
                 assert lines <= 100, f"{module}:{node.lineno} {node.name} has {lines} lines; do one thing"
@@ -243,13 +257,15 @@ def test_a_delegated_method_has_its_function(method: str) -> None:
     assert delegate(method).__module__ == filippov.METHODS[method].partition(":")[0]
 
 
-@EVERY_MODULE
-def test_modules_are_not_imported_by_text(module: str) -> None:
-    for node in ast.walk(TREES[module]):
-        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
-            text = ast.unparse(node.args[0]).strip("f'\"")
-            named = text.startswith("filippov.") or not isinstance(node.args[0], ast.Constant)
-            assert not named or module in BY_TEXT, f"{module}:{node.lineno} imports {text}; write an import"
+def test_modules_are_not_imported_by_text() -> None:
+    found = []
+    for module in SOURCES.keys() - BY_TEXT:
+        for node in nodes(module):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+                name = node.args[0]
+                if not isinstance(name, ast.Constant) or str(name.value).startswith("filippov"):
+                    found.append(f"{module}:{node.lineno} imports {ast.unparse(name)}; write an import")
+    assert not found
 
 
 def evaluators(node: ast.AST) -> list[str]:
@@ -272,37 +288,45 @@ MATRICES += ["null_space"]
 RAW = {"np.roots", *(f"{library}.linalg.{name}" for library in ("np", "scipy") for name in MATRICES)}
 
 
-@EVERY_MODULE
-def test_13_4_matrices_of_the_analysis_fail_by_name(module: str) -> None:
-    if module.startswith("filippov.analysis.") and module != "filippov.analysis.algebra.linalg":
-        used = {ast.unparse(node) for node in ast.walk(TREES[module]) if isinstance(node, ast.Attribute)}
-        assert not used & RAW, f"{module}: take {used & RAW} from filippov.analysis.algebra.linalg"
+def test_13_4_matrices_of_the_analysis_fail_by_name() -> None:
+    found = []
+    for module in SOURCES:
+        if module.startswith("filippov.analysis.") and module != "filippov.analysis.algebra.linalg":
+            used = {ast.unparse(node) for node in nodes(module) if isinstance(node, ast.Attribute)}
+            found += [f"{module}: take {name} from filippov.analysis.algebra.linalg" for name in used & RAW]
+    assert not found
 
 
 WRITERS = {"mkstemp", "NamedTemporaryFile", "write_text", "write_bytes"}
 OWN_WRITING = {"filippov.base.whole_file", "filippov.kernel.codegen.cache"}
 
 
-@EVERY_MODULE
-def test_13_4_files_are_written_whole_by_one_function(module: str) -> None:
-    for node in ast.walk(TREES[module]) if module not in OWN_WRITING else ():
-        if not isinstance(node, ast.Call):
-            continue
+def test_13_4_files_are_written_whole_by_one_function() -> None:
+    calls = (
+        (module, node)
+        for module in SOURCES.keys() - OWN_WRITING
+        for node in nodes(module)
+        if isinstance(node, ast.Call)
+    )
+    found = []
+    for module, node in calls:
         called = ast.unparse(node.func).rpartition(".")[2]
         texts = {value.value for value in (*node.args, *(k.value for k in node.keywords))
                  if isinstance(value, ast.Constant) and isinstance(value.value, str)}  # fmt: skip
         modes = called == "open" and bool(texts & {"w", "wb", "a", "ab", "x", "xb", "r+", "r+b", "w+b"})
-        where = f"{module}:{node.lineno}"
-        assert called not in WRITERS, f"{where} calls {called}; write by filippov.base.whole_file"
-        assert not modes or ast.unparse(node.func) == "archive.open", f"{where} opens a file to write"
+        if called in WRITERS or (modes and ast.unparse(node.func) != "archive.open"):
+            found.append(f"{module}:{node.lineno} calls {called}; write by filippov.base.whole_file")
+    assert not found
 
 
-@EVERY_MODULE
-def test_nothing_evaluates_text_as_code(module: str) -> None:
-    for node in ast.walk(TREES[module]):
-        for name in evaluators(node):
-            line = getattr(node, "lineno", 0)
-            assert (module, name) in EXCEPTIONS, f"{module}:{line} uses {name}: text is never evaluated"
+def test_nothing_evaluates_text_as_code() -> None:
+    assert not [
+        f"{module}:{getattr(node, 'lineno', 0)} uses {name}: text is never evaluated"
+        for module in SOURCES
+        for node in nodes(module)
+        for name in evaluators(node)
+        if (module, name) not in EXCEPTIONS
+    ]
 
 
 def test_packages_listed_are_the_folders() -> None:

@@ -15,14 +15,14 @@ from filippov.model.check import as_expression, check_size
 from filippov.model.contact import contact_of
 from filippov.model.extract import Extractor
 from filippov.model.hysteresis import normalised
-from filippov.model.kinds import kind_of
+from filippov.model.kinds import Kinds
 from filippov.model.parameter_symbol import ParameterNamespace, ParameterSymbol
 from filippov.model.signals.input import InputSymbol, as_symbols, inputs_in
 from filippov.model.spelling import surface_name
 from filippov.model.surface import Surface
 from filippov.model.symbolic import Contact, SymbolicForm
 from filippov.model.symbols import t
-from filippov.model.table import Entry
+from filippov.model.table import Entry, SizeSymbol
 from filippov.model.time_event import TimeEvent
 
 ROUNDING = 1e-12
@@ -89,11 +89,11 @@ def assemble(
         time_reset=tuple(None if row is None else tuple(e.xreplace(rename) for e in row) for row in ticks),
     )
     opaque = [extractor.opaque(f).xreplace(rename) for f in equations.values()]
-    plain = form.plain_h()
+    kinds = Kinds(form, opaque)
     out = []
     for i, entry in enumerate(entries):
-        declared = entry.declared or Surface(names[i], plain[i])
-        kind = kind_of(form, i, declared, opaque)
+        declared = entry.declared or Surface(names[i], kinds.h[i])
+        kind = kinds.kind(i, declared)
         if kind != "switching" and declared.wide:
             raise ModelError(
                 f"surface {names[i]!r}: radius is {declared.radius}, but the equations do not jump across "
@@ -306,8 +306,9 @@ def _ordered(entries: Sequence[Entry], declared: Sequence[str]) -> list[Entry]:
 
     def place(entry: Entry) -> None:
         if entry not in out:
-            for other in wanted:
-                if other.a in entry.h.free_symbols:
+            inside = entry.h.free_symbols
+            for other in wanted if any(isinstance(q, SizeSymbol) for q in inside) else ():
+                if other.a in inside:
                     place(other)
             out.append(entry)
 
@@ -353,7 +354,7 @@ def _radius(extractor: Extractor, surface: Surface) -> tuple[Expr, Expr]:
     for bound, outward in zip(surface.radius, (-1, 1), strict=True):
         expr = extractor.continuous(as_expression(_exact(bound), where), where)
         expr = expr.xreplace({entry.a: sympy.S.Zero})  # |h| is 0 where the set stands
-        if any(e.a in expr.free_symbols for e in extractor.table.entries):
+        if any(isinstance(q, SizeSymbol) for q in expr.free_symbols):
             raise ModelError(f"{where}: {bound} has a kink on another surface, expected a smooth expression.")
         defaults = {
             q: sympy.Float(q.parameter.default, 30)

@@ -31,36 +31,44 @@ TRIALS = 6
 def contact_of(form: SymbolicForm, i: int, after: Sequence[Expr], side: int) -> Contact | str:
     """The contact on surface i whose reset gives `after`, or the reason why there is none."""
     h, n = form.h[i], len(form.x)
-    signs = set(form.s) | set(form.a)
-    if h.free_symbols & set(form.a):
+    if not h.free_symbols.isdisjoint(form.a):
         return "h has a kink"
-    slope = sympy.Matrix([h.diff(x) for x in form.x])
-    rate = expanded(h.diff(t) + sum(g * f for g, f in zip(slope, form.field, strict=True)))
-    if rate.free_symbols & signs:
+    inside = h.free_symbols
+    steps = ((j, h.diff(x)) for j, x in enumerate(form.x) if x in inside)
+    rate = expanded(h.diff(t) + sum(g * form.field[j] for j, g in steps))
+    if not rate.free_symbols.isdisjoint((*form.s, *form.a)):
         return "the field jumps along its gradient"
-    if any(e.free_symbols & signs for e in after):
+    moved = {x: e for x, e in zip(form.x, after, strict=True) if e is not x and e != x}
+    if not set().union(*(e.free_symbols for e in moved.values())).isdisjoint((*form.s, *form.a)):
         return "the reset depends on signs"
-    across = sympy.Matrix([rate.diff(x) for x in form.x])
+    # Of many states few have to do with one surface: those that it, its rate and its reset name.
+    near = inside | rate.free_symbols | moved.keys()
+    places = [j for j, x in enumerate(form.x) if x in near]
+    x = [form.x[j] for j in places]
+    slope, across = (sympy.Matrix([e.diff(q) for q in x]) for e in (h, rate))
     if slope.norm() == 0 or across.norm() == 0:
         return "dh/dt does not depend on the state"
     # A direction across L = 0 that keeps h: what the reset does along it is the push of the surface.
     probe = across - slope * (across.dot(slope) / slope.dot(slope))
-    jump = sympy.Matrix([e - x for e, x in zip(after, form.x, strict=True)])
-    push = jump.jacobian(form.x) * probe
+    jump = sympy.Matrix([after[j] - q for j, q in zip(places, x, strict=True)])
+    push = jump.jacobian(x) * probe
     along = cancelled(across.dot(push)) if n < 9 else across.dot(push)
     if along == 0 or vanishes(along):
         return "the reset does not act on dh/dt"
-    direction = tuple(cancelled(e / along) for e in push)
+    direction = [sympy.S.Zero] * n
+    for j, e in zip(places, push, strict=True):
+        direction[j] = cancelled(e / along)
     if any(e.has(sympy.nan, sympy.zoo) for e in direction):
         return "the reset does not act on dh/dt"
-    moved = dict(zip(form.x, after, strict=True))
-    if not _rests(form, h, rate, [e.subs(moved, simultaneous=True) for e in (h, rate)], along):
+    if not _rests(x, h, rate, [e.subs(moved, simultaneous=True) for e in (h, rate)], along):
         return "the reset changes h or dh/dt where both are 0"
-    return Contact(side, rate, direction)
+    return Contact(side, rate, tuple(direction))
 
 
-def _rests(form: SymbolicForm, h: Expr, rate: Expr, after: Sequence[Expr], along: Expr) -> bool:
+def _rests(x: Sequence[Symbol], h: Expr, rate: Expr, after: Sequence[Expr], along: Expr) -> bool:
     """Whether h = dh/dt = 0 holds after the reset (`after`) where it did before, at points Newton finds.
+
+    x: the states on which they depend.
 
     What else the reset changes, a counter or the speed along the surface, it changes once at each impact.
     """
@@ -68,10 +76,10 @@ def _rests(form: SymbolicForm, h: Expr, rate: Expr, after: Sequence[Expr], along
     inputs = as_symbols([h, rate, along, *after])
     if inputs:
         h, rate, along, *after = (e.xreplace(inputs) for e in (h, rate, along, *after))
-    symbols: set[Symbol] = set().union(*(e.free_symbols for e in (h, rate, along, *after))) | {*form.x, t}
+    symbols: set[Symbol] = set().union(*(e.free_symbols for e in (h, rate, along, *after))) | {*x, t}
     found = 0
     for point in samples(symbols, TRIALS, seed=random.Random(7).randint(1, 99)):  # noqa: S311
-        at = _solved({q: Float(v, DIGITS) for q, v in point.items()}, form.x, sympy.Matrix([h, rate]))
+        at = _solved({q: Float(v, DIGITS) for q, v in point.items()}, x, sympy.Matrix([h, rate]))
         if at is None:
             continue
         values = [e.xreplace(at).evalf(DIGITS) for e in (*after, along)]

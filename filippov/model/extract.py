@@ -58,8 +58,7 @@ class Extractor:
 
     def declare(self, surfaces: tuple[Surface, ...]) -> None:
         """Enter the surfaces given by the user: smooth ones first, so that nested ones may refer to them."""
-        smooth = [surface for surface in surfaces if not surface.h.has(*NONSMOOTH)]
-        for surface in [*smooth, *(s for s in surfaces if s not in smooth)]:
+        for surface in sorted(surfaces, key=lambda surface: bool(surface.h.has(*NONSMOOTH))):
             self._where = f"surface {surface.name!r}"
             check_expression(surface.h, self._where)
             h = self.convert(surface.h, "h") if surface.h.has(*NONSMOOTH) else surface.h

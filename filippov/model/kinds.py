@@ -21,60 +21,68 @@ ROUNDING = 1e-12
 MARGIN = 1e-9
 
 
-def kind_of(form: SymbolicForm, i: int, surface: Surface, opaque: Sequence[Expr]) -> Kind:
-    """Return the kind of surface i; ModelError if the declared one contradicts the equations."""
-    own = {form.s[i], form.a[i]}
-    used = any(own & e.free_symbols for e in (*form.field, *form.h))
-    if surface.kind == "observer" and not used:
-        return "observer"
-    jumps = _jumps(form, i, opaque)
-    if jumps and surface.kind not in ("switching", "reset"):
-        raise ModelError(
-            f"surface {surface.name!r} is declared as {surface.kind!r}, but the equations jump across it. "
-            "Leave the kind out."
-        )
-    if surface.reset is not None and not jumps:
-        return "reset"
-    return "switching" if jumps else "kink"
-
-
-def _jumps(form: SymbolicForm, i: int, opaque: Sequence[Expr]) -> bool:
-    """Whether f differs on the two sides of surface i; where no point of it is found, it is taken to.
+class Kinds:
+    """What the equations say of every surface; what holds its sign is looked up once for all of them.
 
     `opaque` is the field with signs where it jumps, and with its continuous functions left as they are.
     """
-    h = form.plain_h()
-    own = {sympy.Abs(h[i]): sympy.S.Zero, sympy.Abs(-h[i]): sympy.S.Zero}
-    jumps = []
-    for f in (decimal(f) for f in opaque if form.s[i] in f.free_symbols):
-        if f.has(form.s[i]):
-            plus, minus = (f.xreplace({form.s[i]: Integer(m)}).xreplace(own) for m in (1, -1))
+
+    def __init__(self, form: SymbolicForm, opaque: Sequence[Expr]) -> None:
+        self.form = form
+        self.h = form.plain_h()
+        self._used = set().union(*(e.free_symbols for e in (*form.field, *form.h)))
+        self._number = {s: i for i, s in enumerate(form.s)}
+        self._across: list[list[Expr]] = [[] for _ in form.s]
+        for f in opaque:
+            for s in f.free_symbols & self._number.keys():
+                self._across[self._number[s]].append(f)
+
+    def kind(self, i: int, surface: Surface) -> Kind:
+        """The kind of surface i; ModelError if the declared one contradicts the equations."""
+        used = self.form.s[i] in self._used or self.form.a[i] in self._used
+        if surface.kind == "observer" and not used:
+            return "observer"
+        jumps = self._jumps(i)
+        if jumps and surface.kind not in ("switching", "reset"):
+            raise ModelError(
+                f"surface {surface.name!r} is declared as {surface.kind!r}, but the equations jump across "
+                "it. Leave the kind out."
+            )
+        if surface.reset is not None and not jumps:
+            return "reset"
+        return "switching" if jumps else "kink"
+
+    def _jumps(self, i: int) -> bool:
+        """Whether f differs on the two sides of surface i; where no point of it is found, it is taken to."""
+        s, h = self.form.s[i], self.h[i]
+        own = {sympy.Abs(h): sympy.S.Zero, sympy.Abs(-h): sympy.S.Zero}
+        jumps = []
+        for f in map(decimal, self._across[i]):
+            plus, minus = (f.xreplace({s: Integer(m)}).xreplace(own) for m in (1, -1))
             if plus != minus:
                 jumps.append(plus - minus)
-    if not jumps:
-        return False
-    seen = False
-    for point in _points_on(decimal(h[i]), set().union(*(j.free_symbols for j in jumps)) - set(form.s)):
-        if any(_jumps_at(form, jump, point) for jump in jumps):
-            return True
-        search = _Search(form, i, point)
-        if any(search.found(jump, {}) for jump in jumps):
-            return True
-        seen = seen or search.evaluated
-    return not seen
+        if not jumps:
+            return False
+        seen = False
+        for point in _points_on(decimal(h), set().union(*(j.free_symbols for j in jumps)) - {*self._number}):
+            if any(self._jumps_at(jump, point) for jump in jumps):
+                return True
+            search = _Search(self.form, i, point)
+            if any(search.found(jump, {}) for jump in jumps):
+                return True
+            seen = seen or search.evaluated
+        return not seen
 
-
-def _jumps_at(form: SymbolicForm, jump: Expr, point: dict[Symbol, Expr]) -> bool:
-    """Whether a jump is not 0 with the signs that the other surfaces have at the point itself."""
-    signs: dict[Symbol, Expr] = {}
-    for s, h in zip(form.s, form.plain_h(), strict=True):
-        if s in jump.free_symbols:
-            value = number(decimal(h), point)
+    def _jumps_at(self, jump: Expr, point: dict[Symbol, Expr]) -> bool:
+        """Whether a jump is not 0 with the signs that the other surfaces have at the point itself."""
+        signs: dict[Symbol, Expr] = {}
+        for s in jump.free_symbols & self._number.keys():
+            value = number(decimal(self.h[self._number[s]]), point)
             if value is None or not value.is_real or not abs(value) > ROUNDING:
                 return False
             signs[s] = Integer(1 if value > 0 else -1)
-    size = _size(jump.xreplace(signs), point)
-    return size is not None and bool(size > ROUNDING)
+        size = _size(jump.xreplace(signs), point)
+        return size is not None and bool(size > ROUNDING)
 
 
 class _Search:
@@ -92,7 +100,8 @@ class _Search:
         if jump.is_zero:
             self.evaluated = True
             return False
-        signs = [s for s in self.form.s if s in jump.free_symbols]
+        free = jump.free_symbols
+        signs = [s for s in self.form.s if s in free]
         if signs:
             s = signs[0]
             return any(self.found(jump.xreplace({s: Integer(m)}), {**mode, s: m}) for m in (1, -1))

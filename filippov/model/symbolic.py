@@ -126,7 +126,8 @@ class Contact:
 
     def pushed(self, s: Expr) -> tuple[Expr, ...]:
         """What is added to the field in contact: side (1 - side s)/2 D."""
-        return tuple(self.side * (1 - self.side * s) / 2 * d for d in self.direction)
+        push = self.side * (1 - self.side * s) / 2
+        return tuple(push * d if d is not sympy.S.Zero else d for d in self.direction)
 
 
 @dataclass(frozen=True)

@@ -308,7 +308,9 @@ class System:
         ]
         for event in self.time_events:
             lines.append(f"{event.name!r} {sympy.srepr(sympy.Tuple(*event.instants))} {event.times is None}")
-        return lines + [sympy.srepr(e) for e in form.expressions()]
+        # A reset names every state, of which it moves few.
+        known = {x: sympy.srepr(x) for x in form.x}
+        return lines + [known.get(e) or sympy.srepr(e) for e in form.expressions()]
 
     def surface_index(self, name: str) -> int:
         """Return the place of a surface; ModelError with a suggestion if there is none of this name."""

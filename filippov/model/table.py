@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import sympy
 from sympy import Expr, Rational, S, Symbol
@@ -46,6 +47,12 @@ def dynamic(expr: Expr) -> bool:
     return any(not isinstance(symbol, ParameterSymbol) for symbol in expr.free_symbols)
 
 
+@lru_cache(maxsize=4096)
+def _moving(expr: Expr) -> frozenset[Symbol]:
+    """What varies in an expression along a solution."""
+    return frozenset(symbol for symbol in expr.free_symbols if dynamic(symbol))
+
+
 class Table:
     """Surfaces in the order in which they were entered."""
 
@@ -61,8 +68,8 @@ class Table:
 
     def signs_in(self, expr: Expr) -> list[Symbol]:
         """Return the signs that expr holds, in the order of the table."""
-        free = expr.free_symbols
-        return [entry.s for entry in self.entries if entry.s in free]
+        free = expr.free_symbols & self._by_sign.keys()
+        return [entry.s for entry in self.entries if entry.s in free] if free else []
 
     def declare(self, surface: Surface, h: Expr) -> Entry:
         """Enter a surface of the user; ModelError if it cannot switch or equals one declared before."""
@@ -125,6 +132,8 @@ class Table:
 
     def plain(self, h: Expr) -> Expr:
         """Return h with the sizes written out as Abs."""
+        if not any(isinstance(q, SizeSymbol) for q in h.free_symbols):
+            return h
         sizes: dict[Symbol, Expr] = {}
         for entry in self.entries:
             sizes[entry.a] = sympy.Abs(entry.h.xreplace(sizes))
@@ -142,10 +151,11 @@ class Table:
         """Return h/k if it is a constant that is not 0, else None."""
         if h == k:
             return S.One
+        if _moving(h) != _moving(k):  # told at once: every surface is compared with every other
+            return None
         if h == -k:
             return S.NegativeOne
-        moving = {s for s in h.free_symbols if dynamic(s)}
-        if not moving or moving != {s for s in k.free_symbols if dynamic(s)}:
+        if not _moving(h):
             return None
         # Decimal fractions are taken as exact: two thresholds may differ in their last digit only.
         h, k = decimal(h), decimal(k)

@@ -21,6 +21,7 @@ from filippov.kernel.codegen.generate_resets import (
 from filippov.kernel.codegen.generated import PAIR, TWICE, Generated, unit_constants
 from filippov.kernel.codegen.hoist import Hoisted
 from filippov.kernel.codegen.input_slots import input_text, places
+from filippov.kernel.codegen.pieces import pieces
 from filippov.kernel.codegen.structure import Structure
 from filippov.model.signals.input import Sampled
 from filippov.model.size import expanded
@@ -194,10 +195,12 @@ def symbol_names(form: SymbolicForm) -> dict[Symbol, str]:
 
 def _sizes(form: SymbolicForm, printer: KernelPrinter, used: set[Symbol]) -> list[str]:
     """|h_i| = mode_i h_i of the surfaces whose size is used: smooth across the surface, 0 while sliding."""
-    needed = set(used)
+    if not used:
+        return []
+    needed, every = set(used), set(form.a)
     for a, h in reversed(list(zip(form.a, form.h, strict=True))):
         if a in needed:
-            needed |= h.free_symbols & set(form.a)
+            needed |= h.free_symbols & every
     return [
         f"    a{i} = m[{i}] * {printer._print(h)}"
         for i, (a, h) in enumerate(zip(form.a, form.h, strict=True))
@@ -207,11 +210,13 @@ def _sizes(form: SymbolicForm, printer: KernelPrinter, used: set[Symbol]) -> lis
 
 def total_gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[Expr]]:
     """Total derivatives of each h by the states and by t, through the sizes of earlier surfaces."""
-    by = (*form.x, t)
+    place = {q: j for j, q in enumerate((*form.x, t))}
     rows: list[list[Expr]] = []
     for i, h in enumerate(form.h):
         inside = h.free_symbols
-        row = [h.diff(q) if q in inside else sympy.S.Zero for q in by]
+        row = [sympy.S.Zero] * len(place)
+        for q in inside & place.keys():
+            row[place[q]] = h.diff(q)
         for k in (k for k in range(i) if form.a[k] in inside):
             slope = h.diff(form.a[k]) * modes[k]
             row = [total + slope * inner for total, inner in zip(row, rows[k], strict=True)]
@@ -233,21 +238,32 @@ def jointly_affine(form: SymbolicForm) -> bool:
 
 def rough(form: SymbolicForm) -> bool:
     """Whether the field holds a power of a size |h| that may lie below 1."""
+    sizes = set(form.a)
     for f in form.field:
         for power in f.atoms(sympy.Pow):
             whole = power.exp.is_Integer or (power.exp.is_number and power.exp >= 1)
-            if power.base.free_symbols & set(form.a) and not whole:
+            if power.base.free_symbols & sizes and not whole:
                 return True
     return False
 
 
-def straight_rate(form: SymbolicForm, i: int, row: Sequence[Expr], linear: Sequence[bool]) -> bool:
-    """Whether the rate of surface i is affine in t and x while the motion slides on it."""
-    rate = row[-1] + sum(slope * f for slope, f in zip(row, form.field, strict=False) if slope != 0)
-    rate = rate.subs(form.a[i], 0)
-    varying = {t, *form.x, *form.a}
-    sizes = (linear[k] for k, a in enumerate(form.a) if a in rate.free_symbols)
-    return linear[i] and all(sizes) and _affine(rate, varying)
+def straight_rate(
+    form: SymbolicForm, i: int, row: Sequence[Expr], linear: Sequence[bool], varying: set[Symbol]
+) -> bool:
+    """Whether the rate of surface i is affine in what varies while the motion slides on it."""
+    if not linear[i]:
+        return False
+    rate = row[-1] + sum(slope * f for slope, f in zip(row, form.field, strict=False) if _counts(slope))
+    if form.a[i] in rate.free_symbols:
+        rate = rate.subs(form.a[i], 0)
+    free = rate.free_symbols
+    sizes = (linear[k] for k, a in enumerate(form.a) if a in free)
+    return all(sizes) and _affine(rate, varying)
+
+
+def _counts(e: Expr) -> bool:
+    """Whether an expression is not 0, told at once of the zeros of which a row is full."""
+    return e is not sympy.S.Zero and e != 0
 
 
 def _affine(e: Expr, varying: set[Symbol]) -> bool:
@@ -263,7 +279,7 @@ def structure(form: SymbolicForm, field: Sequence[Expr], rows: Sequence[Sequence
     """Which gradients, field components and signs have to do with each other."""
     sign, size = {s: i for i, s in enumerate(form.s)}, {a: i for i, a in enumerate(form.a)}
     return Structure(
-        tuple(tuple(j for j in range(len(form.x)) if row[j] != 0) for row in rows),
+        tuple(tuple(j for j in range(len(form.x)) if _counts(row[j])) for row in rows),
         tuple(frozenset(sign[s] for s in f.free_symbols if s in sign) for f in field),
         tuple(frozenset(size[a] for a in h.free_symbols if a in size) for h in form.h),
     )
@@ -286,31 +302,23 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     printer.names |= {symbol: f"p[{len(form.p) + k}]" for k, (_, symbol) in enumerate(derived)}
     used: set[Symbol] = set().union(*(f.free_symbols for f in form.field)) & set(form.a)
     lines = field_source(printer, form, field, _sizes(form, printer, used))
-    lines += ["", "@kernel"]
-    lines += ["def guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:"]
     inside: set[Symbol] = set().union(*(h.free_symbols for h in form.h)) & set(form.a) if m else set()
-    lines += _sizes(form, printer, inside)
-    lines += _assign(printer, [(f"out[{i}]", h) for i, h in enumerate(contact_guards(form, modes))], "c")
-    lines += ["    return 0", "", "@kernel"]
-    arguments = "t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices"
-    lines += [f"def gradients({arguments}) -> int:"]
-    slopes = {a for row in rows for e in row for a in e.free_symbols & set(form.a)}
-    lines += _sizes(form, printer, slopes)
+    targets = [(f"out[{i}]", h) for i, h in enumerate(contact_guards(form, modes))]
+    head = "guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices)"
+    lines += ["", *_kernel(printer, "@kernel", head, _sizes(form, printer, inside), targets)]
+    sizes = set(form.a)
+    slopes = {a for row in rows for e in row if _counts(e) for a in e.free_symbols & sizes}
     # The other entries are zero from the start and stay so.
     pattern = structure(form, field, rows)
     targets = [(f"g[{i * n + j}]", rows[i][j]) for i in range(m) for j in pattern.columns[i]]
-    lines += _assign(printer, targets + [(f"gt[{i}]", rows[i][n]) for i in range(m)], "c")
-    lines += [
-        "    return 0",
-        "",
-        "@kernel",
-        "def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:",
-    ]
-    ends = [
-        (f"out[{2 * i + side}]", radius[i][side]) for i in range(m) for side in (0, 1)
-    ]
-    lines += _assign(printer, ends, "c")
-    lines += ["    return 0", "", "@kernel", "def derive(p: Vector) -> int:"]
+    targets += [(f"gt[{i}]", rows[i][n]) for i in range(m)]
+    head = "gradients(t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices)"
+    lines += _kernel(printer, "@kernel", head, _sizes(form, printer, slopes), targets)
+    ends = [(f"out[{2 * i + side}]", radius[i][side]) for i in range(m) for side in (0, 1)]
+    lines += _kernel(
+        printer, "@kernel", "radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices)", [], ends
+    )
+    lines += ["@kernel", "def derive(p: Vector) -> int:"]
     targets = [(f"p[{len(form.p) + k}]", e) for k, (e, _) in enumerate(derived)]
     lines += [*_assign(printer, targets, "c"), "    return 0", ""]
     # A reset takes the signs before it.
@@ -319,34 +327,45 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
         form, lambda used: _sizes(form, printer, used), lambda pairs: _assign(printer, pairs, "c")
     )
     varying = {t, *form.x, *form.a}
-    linear = [not any(e.free_symbols & varying for e in row) for row in plain_rows]
+    linear = [not any(e.free_symbols & varying for e in row if _counts(e)) for row in plain_rows]
     constants = unit_constants(
         n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), rough(form), pattern,
         moving=[any(e.free_symbols & varying for e in ends) for ends in form.radius],
-        straight=[straight_rate(form, i, plain_rows[i], linear) for i in range(m)],
+        straight=[straight_rate(form, i, plain_rows[i], linear, varying) for i in range(m)],
         wide=lines[0] == "@inline" and m > 0 and not form.inputs, held=form.held,
     )  # fmt: skip
     return Generated("\n".join(lines), constants)
+
+
+def _kernel(
+    printer: KernelPrinter, mark: str, head: str, sizes: Sequence[str], results: Sequence[tuple[str, Expr]]
+) -> list[str]:
+    """A kernel that stores the expressions; a long one calls its parts, each a kernel of its own."""
+    name, _, arguments = head.removesuffix(")").partition("(")
+    parts = pieces(results)
+    if len(parts) == 1:
+        return [mark, f"def {head} -> int:", *sizes, *_assign(printer, results, "c"), "    return 0", ""]
+    lines = []
+    for k, part in enumerate(parts):
+        lines += [mark, f"def {name}{k}({arguments}) -> int:", *sizes, *_assign(printer, part, "c")]
+        lines += ["    return 0", ""]
+    given = ", ".join(argument.partition(":")[0] for argument in arguments.split(", "))
+    calls = [f"    {name}{k}({given})" for k in range(len(parts))]
+    return [*lines, mark, f"def {head} -> int:", *calls, "    return 0", ""]
 
 
 def field_source(
     printer: KernelPrinter, form: SymbolicForm, field: Sequence[Expr], sizes: Sequence[str]
 ) -> list[str]:
     """The kernels `rhs` and `pair` of a field."""
-    single = [
-        "@contract",
-        "def rhs(t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices) -> int:",
-        *sizes,
-        *_assign(printer, [(f"out[{i}]", f) for i, f in enumerate(field)], "c"),
-        "    return 0",
-        "",
-    ]
+    arguments = "t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices"
+    results = [(f"out[{i}]", f) for i, f in enumerate(field)]
+    single = _kernel(printer, "@contract", f"rhs({arguments})", sizes, results)
     # Small fields go into every stage, which spares the way through memory; large ones would bloat the unit.
     if sum(map(len, single)) >= INLINED:
         return [*single, "@contract", *TWICE]
     others = {s: sympy.Dummy(f"s{i}", real=True) for i, s in enumerate(form.s)}
     printer.names |= {other: f"s2[{i}]" for i, other in enumerate(others.values())}
-    results = [(f"out[{i}]", f) for i, f in enumerate(field)]
     results += [(f"out2[{i}]", f.xreplace(others)) for i, f in enumerate(field)]
     both = ["@contract", PAIR, *sizes, *_assign(printer, results, "c"), "    return 0"]
     return ["@inline", *single, "@inline", *both]

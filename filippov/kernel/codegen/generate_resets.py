@@ -24,7 +24,7 @@ def contact_field(form: SymbolicForm, modes: Sequence[Symbol]) -> list[Expr]:
     for i, contact in enumerate(form.contact):
         if contact is not None:
             for j, push in enumerate(contact.pushed(form.s[i])):
-                if push != 0:
+                if push is not sympy.S.Zero and push != 0:
                     field[j] += _resting(modes[i], push, sympy.S.Zero)
     return field
 
@@ -43,8 +43,10 @@ def contact_rows(form: SymbolicForm, rows: list[list[Expr]], modes: Sequence[Sym
     out = [list(row) for row in rows]
     for i, contact in enumerate(form.contact):
         if contact is not None:
-            slopes = [contact.rate.diff(q) for q in (*form.x, t)]
-            out[i] = [_resting(modes[i], a, b) for a, b in zip(slopes, rows[i], strict=True)]
+            inside = contact.rate.free_symbols
+            for j, q in enumerate((*form.x, t)):
+                if q in inside or rows[i][j] is not sympy.S.Zero:
+                    out[i][j] = _resting(modes[i], contact.rate.diff(q), rows[i][j])
     return out
 
 
@@ -70,11 +72,13 @@ def reset_source(
         "        out[j] = x[j]",
     ]
     none = (None,) * len(form.h)
+    every = set(form.a)
     for i, after in enumerate((*(form.reset or none), *form.time_reset)):
         if after is None:
             continue
-        used: set[Symbol] = set().union(*(e.free_symbols for e in after)) & set(form.a)
-        targets = [(f"out[{j}]", e) for j, (x, e) in enumerate(zip(form.x, after, strict=True)) if e != x]
+        moved = [(j, e) for j, (x, e) in enumerate(zip(form.x, after, strict=True)) if e is not x and e != x]
+        used: set[Symbol] = set().union(*(e.free_symbols for _, e in moved)) & every
+        targets = [(f"out[{j}]", e) for j, e in moved]
         if not targets:  # the state stays as it is
             continue
         lines.append(f"    if i == {i}:")

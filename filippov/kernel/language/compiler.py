@@ -4,7 +4,9 @@ One module for a model and its stages lets LLVM inline the model into them. A ge
 takes twenty times as long, because types are annotated here and arrays are bare pointers.
 """
 
-from collections.abc import Mapping, Sequence
+import gc
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
 from llvmlite import binding
 
@@ -14,6 +16,8 @@ from filippov.kernel.language.unit import Constant, Unit
 # Kernels with more operations than this are not copied into their callers in a unit that is linked with
 # another: the optimiser's time grows faster than the size of a function, and what every stage does is there.
 WHOLE = 150
+# The same in the unit of a system, whose field is copied into every stage where it is no larger than this.
+PART = 1_000
 
 
 def compile_unit(
@@ -27,6 +31,35 @@ def compile_unit(
 
     in_lanes: kernels that are exported widened, as `name.lanes`; given: tables of constants for other units
     """
+    with _uncollected():
+        module = _module(unit, constants, exported, in_lanes, given)
+    machine = target_machine()
+    module.triple, module.data_layout = machine.triple, str(machine.target_data)
+    # Level 3 takes a quarter longer, and what it makes of the event loop is no faster.
+    options = binding.create_pipeline_tuning_options(speed_level=2)
+    options.slp_vectorization, options.loop_vectorization = True, False
+    builder = binding.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    return bytes(machine.emit_object(module))
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Without the collector of cycles, which would look through a growing module again and again in vain."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
+
+
+def _module(
+    unit: Unit, constants: Mapping[str, Constant], exported: Sequence[str], in_lanes: Sequence[str],
+    given: Mapping[str, Sequence[float]] | None,
+) -> binding.ModuleRef:  # fmt: skip
+    """The kernels of a unit in LLVM's own representation, checked and not yet optimised."""
     unit.constants.update(constants)
     for name in exported or unit.texts:
         unit.plain(name)
@@ -39,19 +72,14 @@ def compile_unit(
     for name, values in (given or {}).items():
         unit.table(name, values)
         unit.tables[name].linkage = ""
-    for kernel in unit.kernels.values() if unit.foreign else ():
+    for kernel in unit.kernels.values():
+        most = WHOLE if unit.foreign and not kernel.flags else PART
         written = sum(len(block.instructions) for block in kernel.function.blocks)
-        if written > WHOLE and not kernel.flags and "alwaysinline" not in kernel.function.attributes:
+        if written > most and "alwaysinline" not in kernel.function.attributes:
             kernel.function.attributes.add("noinline")
-    machine = target_machine()
     module = binding.parse_assembly(str(unit.module))
     module.verify()
-    module.triple, module.data_layout = machine.triple, str(machine.target_data)
-    options = binding.create_pipeline_tuning_options(speed_level=3)
-    options.slp_vectorization, options.loop_vectorization = True, False
-    builder = binding.create_pass_builder(machine, options)
-    builder.getModulePassManager().run(module, builder)
-    return bytes(machine.emit_object(module))
+    return module
 
 
 def target_machine() -> binding.TargetMachine:
