@@ -62,9 +62,9 @@ class System:
     """
 
     __slots__ = (
-        "_base", "_digest", "_named", "_packed", "clocked", "comparator", "compile", "field", "labels",
-        "outputs", "parameters", "states", "surface_names", "surfaces", "symbolic", "time_events", "units",
-        "variable_widths",
+        "_base", "_digest", "_named", "_packed", "clocked", "comparator", "compile", "field", "inputs",
+        "labels", "outputs", "parameters", "states", "surface_names", "surfaces", "symbolic", "time_events",
+        "units", "variable_widths",
     )  # fmt: skip
 
     states: tuple[str, ...]
@@ -72,6 +72,8 @@ class System:
     surfaces: tuple[Surface, ...]
     surface_names: tuple[str, ...]
     time_events: tuple[TimeEvent, ...]
+    # The samples of the inputs in the equations.
+    inputs: tuple[Samples, ...]
     clocked: bool
     variable_widths: bool
     comparator: Comparator | PerSurface
@@ -261,7 +263,7 @@ class System:
             "comparator": Exact(), "_base": None, "_digest": None, "_packed": None, "units": {},
             "surface_names": tuple(surface.name for surface in content["surfaces"]), "compile": None,
             "clocked": bool(content["time_events"] or (symbolic and symbolic.inputs)), "_named": ((), ()),
-            "outputs": {}, "labels": {}, "symbolic": symbolic,
+            "inputs": symbolic.inputs if symbolic else (), "outputs": {}, "labels": {}, "symbolic": symbolic,
             "variable_widths": bool(symbolic and symbolic.widths),
         }  # fmt: skip
         for name, value in {**rest, **content}.items():
@@ -279,11 +281,6 @@ class System:
     def dimension(self) -> int:
         """The number n of states."""
         return len(self.states)
-
-    @property
-    def inputs(self) -> tuple[Samples, ...]:
-        """The samples of the inputs in the equations."""
-        return () if self.symbolic is None else self.symbolic.inputs
 
     @property
     def exact(self) -> System:

@@ -43,7 +43,6 @@ from filippov.solving.state.options import (
     given_options,
 )
 from filippov.solving.state.problem import Problem
-from filippov.solving.stepping.stepped import stepped
 
 
 @overload
@@ -165,6 +164,9 @@ def solve(
         rest = {"max_branches": max_branches, "max_depth": max_depth, "release_times": release_times}
         options |= {name: value for name, value in rest.items() if value is not None}
         problem = _problem(system, x0, t_span, parameters, backward)
+        # It writes kernels for the system, and so needs sympy, which functions do without.
+        from filippov.solving.stepping.stepped import stepped
+
         return stepped(problem, options, events, t_eval, throw, progress)
     of_tree = {"max_branches": max_branches, "max_depth": max_depth, "release_times": release_times}
     of_tree = {name: value for name, value in of_tree.items() if value is not None}
