@@ -247,7 +247,7 @@ def test_12_13_square_root_of_grazing_impacts(w: float, c: float, e: float) -> N
     speed = sqrt(2 * found["bend"]) * found["root per value"]
     assert abs(speed / abs(exact) - 1) < 1e-4
     # It is there beyond the grazing where its speed grows with a.
-    one = point.predicts.rpartition("one touching for a ")[2][0]
+    one = point.predicts.rpartition("one contact for a ")[2][0]
     assert one == (">" if exact > 0 else "<")
 
 

@@ -131,7 +131,6 @@ def test_11_A_a_body_that_arrives_next_to_the_limit_of_an_accumulation_is_not_pa
     height d then, which is little or below 0.
     """
     random = np.random.default_rng(11)
-    ends = []
     for k in range({"default": 20, "ci": 40}.get(PROFILE, 500)):
         e, g, v = random.uniform(0.3, 0.8), 10.0, random.uniform(0.05, 0.5)
         last = 2 * v / (g * (1 - e))
@@ -145,7 +144,6 @@ def test_11_A_a_body_that_arrives_next_to_the_limit_of_an_accumulation_is_not_pa
         values = {"g": g, "a": 0.0, "c": 100.0, "e0": float(e), "e1": float(random.uniform(0, 1)), "e2": 0.5}
         values |= {"m0": 1.0, "m1": float(np.exp(random.uniform(-1, 2)))}
         run = solve(stack(2), start, (0, 3), parameters=values, zeno="continue", max_events=20_000)
-        ends.append(run.status)
-        assert run.success or run.status in NAMED, (k, run.message)
+        # Nearer than that to each other rounding decides the order of impacts at the limit.
+        assert run.success or (run.status in NAMED and abs(depth) < 1e-9), (k, depth, run.message)
         assert not faults(run, 2, values), (k, start, values)
-    assert sum(status is not Status.SUCCESS for status in ends) <= RARE * len(ends)

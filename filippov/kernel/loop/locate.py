@@ -11,6 +11,7 @@ A guard that needs this in many places asks for a shorter step.
 
 from filippov.kernel.language.primitives import Indices, Vector, inline, kernel, shift
 from filippov.kernel.loop.bernstein import bernstein_value, coefficient_range, deflate, first_root
+from filippov.kernel.loop.land import guard_scale
 from filippov.kernel.loop.model import (
     AFFINE,
     COLOURS,
@@ -142,9 +143,13 @@ def stands_still(least: float, most: float, touch: float, step: float, i: int, w
 def noise_in(
     i: int, t: float, step: float, theta: float, p: Vector, m: Vector, w: Scratch, ctx: Indices
 ) -> float:
-    """The noise of guard i at theta of the step."""
+    """The noise of guard i at theta of the step.
+
+    Never less than the rounding of its terms: differences may happen to be exact, as those of y - y are.
+    """
     dense_value(theta, w.xm, w)
-    return guard_noise(i, t + theta * step, w.xm, p, m, w, ctx)
+    now = t + theta * step
+    return max(guard_noise(i, now, w.xm, p, m, w, ctx), EPS * guard_scale(i, now, w.xm, w))
 
 
 @inline
