@@ -71,7 +71,7 @@ class KernelPrinter(StrPrinter):
     _print_Pi = _print_Exp1 = _print_NumberSymbol
 
     def _print_Add(self, e: Expr, order: str | None = None) -> str:
-        return _joined(" + ", [self._print(a) for a in e.as_ordered_terms()])
+        return joined(" + ", [self._print(a) for a in e.as_ordered_terms()])
 
     def _print_Mul(self, e: Expr) -> str:
         above, below = [], []
@@ -82,8 +82,8 @@ class KernelPrinter(StrPrinter):
                 below.append(self._print(sympy.sqrt(factor.base)))
             else:
                 above.append(self._print(factor))
-        text = _joined(" * ", above or ["1.0"])
-        return f"({text} / {_joined(' * ', below)})" if below else text
+        text = joined(" * ", above or ["1.0"])
+        return f"({text} / {joined(' * ', below)})" if below else text
 
     def _print_Pow(self, e: Expr) -> str:
         base, exponent = self._print(e.base), e.exp
@@ -135,7 +135,7 @@ class KernelPrinter(StrPrinter):
         raise AttributeError(name)
 
 
-def _joined(operator: str, parts: Sequence[str]) -> str:
+def joined(operator: str, parts: Sequence[str]) -> str:
     """Operands with an operator between them, in groups: a long row would be nested as deep as it is long."""
     while len(parts) > LONGEST_ROW:
         groups = [parts[k : k + LONGEST_ROW] for k in range(0, len(parts), LONGEST_ROW)]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from filippov.kernel.codegen.generate import joined
 from filippov.kernel.codegen.jet_graph import JetGraph, Node
 
 # Products of coefficients in a kernel that is written out.
@@ -86,7 +87,8 @@ class _WrittenOut:
 
     def _coefficient(self, number: int, node: Node, k: int) -> str | None:
         if k == 0:
-            return self._start(number, node)
+            known = {n: self.value.get((n, 0)) or "0.0" for n in (*node.operands, *node.asked)}
+            return _first(node, [known[n] for n in node.operands], [known[n] for n in node.asked])
         u, v = (*node.operands, -1, -1)[:2]
         if node.kind in ("constant", "step"):
             return None
@@ -151,25 +153,6 @@ class _WrittenOut:
         square, itself = self._product(u, u, k) or "0.0", self.value[u, k] or "0.0"
         return f"(({square}) if {exponent} == 2.0 else ({itself} if {exponent} == 1.0 else {said or '0.0'}))"
 
-    def _start(self, number: int, node: Node) -> str | None:
-        values = [self.value.get((n, 0)) or "0.0" for n in node.operands]
-        u, v = (*values, "", "")[:2]
-        if node.kind == "leaf":
-            return f"x[{node.place}]"
-        if node.kind == "time":
-            return "t"
-        if node.kind == "sum":
-            return " + ".join(f"{f} * {a}" for f, a in zip(node.texts, values, strict=True))
-        if node.kind in ("product", "quotient"):
-            return f"{u} {'*' if node.kind == 'product' else '/'} {v}"
-        if node.kind == "root":
-            return f"sqrt({u})"
-        if node.kind == "power":
-            return f"{node.texts[1]}({u}, {node.texts[0]})"
-        if node.kind == "choice":
-            return self._choice(node, 0) or "0.0"
-        return node.texts[0].format(*(self.value[n, 0] or "0.0" for n in node.asked))
-
 
 @dataclass
 class _Loops:
@@ -198,22 +181,7 @@ class _Loops:
 
     def _start(self, node: Node) -> str:
         values = [self._at(n, "0") if n in self.place else "" for n in node.operands]
-        u, v = (*values, "", "")[:2]
-        if node.kind == "leaf":
-            return f"x[{node.place}]"
-        if node.kind == "time":
-            return "t"
-        if node.kind == "sum":
-            return _joined([f"{f} * {a}" for f, a in zip(node.texts, values, strict=True)])
-        if node.kind in ("product", "quotient"):
-            return f"{u} {'*' if node.kind == 'product' else '/'} {v}"
-        if node.kind == "root":
-            return f"sqrt({u})"
-        if node.kind == "power":
-            return f"{node.texts[1]}({u}, {node.texts[0]})"
-        if node.kind == "choice":
-            return f"({u} if {self._asked(node)} else {v})"
-        return self._asked(node)
+        return _first(node, values, [self._at(n, "0") for n in node.asked])
 
     def _asked(self, node: Node) -> str:
         return node.texts[0].format(*(self._at(n, "0") for n in node.asked))
@@ -232,7 +200,7 @@ class _Loops:
                 for f, n in zip(node.texts, node.operands, strict=True)
                 if self.graph.nodes[n].kind != "constant"
             ]
-            return _joined(terms) if terms else "0.0"
+            return joined(" + ", terms) if terms else "0.0"
         if node.kind == "choice":
             return f"({self._at(u, 'k')} if {self._asked(node)} else {self._at(v, 'k')})"
         if node.kind == "product":
@@ -254,14 +222,29 @@ class _Loops:
         return f"{sign}integral_term(k, {self._row(u)}, {self._row(v)})"
 
 
+def _first(node: Node, values: Sequence[str], asked: Sequence[str]) -> str:
+    """The value of a node, by those of its operands and of what it asks for."""
+    u, v = (*values, "", "")[:2]
+    if node.kind == "leaf":
+        return f"x[{node.place}]"
+    if node.kind == "time":
+        return "t"
+    if node.kind == "sum":
+        return joined(" + ", [f"{f} * {a}" for f, a in zip(node.texts, values, strict=True)])
+    if node.kind in ("product", "quotient"):
+        return f"{u} {'*' if node.kind == 'product' else '/'} {v}"
+    if node.kind == "root":
+        return f"sqrt({u})"
+    if node.kind == "power":
+        return f"{node.texts[1]}({u}, {node.texts[0]})"
+    said = node.texts[0].format(*asked)
+    if node.kind == "choice":
+        return u if u == v else f"({u} if {said} else {v})"
+    return said
+
+
 def _in_two(terms: Sequence[str]) -> str | None:
     """The sum as two that do not wait for each other, the terms with the newest coefficients last."""
     if len(terms) < 4:
         return " + ".join(terms) or None
     return f"({' + '.join(terms[::2])}) + ({' + '.join(terms[1::2])})"
-
-
-def _joined(terms: Sequence[str]) -> str:
-    while len(terms) > 40:
-        terms = [f"({' + '.join(terms[a : a + 40])})" for a in range(0, len(terms), 40)]
-    return " + ".join(terms)

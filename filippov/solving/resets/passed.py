@@ -7,7 +7,7 @@ import numpy as np
 from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Array
 from filippov.solving.state.rates import off_contact
-from filippov.solving.state.run import Run
+from filippov.solving.state.run import Run, guard_terms
 
 # Of the terms of h: deeper than that behind its surface a state has not got by rounding.
 DEPTH = 1e-7
@@ -37,8 +37,7 @@ def _places(run: Run) -> tuple[Array, Array, Array]:
     """h of every surface, contacts open, the size of its terms, and its gradient."""
     mode = off_contact(run, run.mode)
     g, gt = run.machine.gradients(run.t, run.x, mode)
-    terms = np.sum(np.abs(g * run.x), axis=1) + np.abs(gt * run.t)
-    return run.machine.guards(run.t, run.x, mode), terms, g
+    return run.machine.guards(run.t, run.x, mode), guard_terms(g, gt, run.t, run.x), g
 
 
 def slipped(run: Run, before: Mode) -> str:

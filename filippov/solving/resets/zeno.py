@@ -13,7 +13,7 @@ from filippov.solving.resets.impact_law import hold
 from filippov.solving.state.events import Event
 from filippov.solving.state.machine import Array
 from filippov.solving.state.rates import off_contact, velocity
-from filippov.solving.state.run import Run
+from filippov.solving.state.run import Run, guard_terms
 
 LARGEST_CORNER = 6
 NEAR_REST = 1e-7
@@ -131,7 +131,7 @@ def interrupted(run: Run, limit: Accumulation) -> bool:
     if all(run.machine.contacts[i] for i in limit.surfaces):
         start = mode * run.machine.guards(run.t, run.x, mode) + run.machine.widths
         length = abs(limit.t - run.t) + EPS * abs(limit.t)
-        terms = np.abs(g * x).sum(axis=1) + np.abs(gt * limit.t)
+        terms = guard_terms(g, gt, limit.t, x)
         known = np.minimum(known, 16.0 * EPS * (terms + np.abs(h - start) * abs(limit.t) / length))
     others = [i for i in range(run.machine.m) if i not in limit.surfaces and run.mode[i] != 0.0]
     return any(h[i] < -CHOSEN * known[i] for i in others)

@@ -19,7 +19,7 @@ from filippov.solving.selection.modes import Successor
 from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Array, Machine
 from filippov.solving.state.options import Options
-from filippov.solving.state.run import Run
+from filippov.solving.state.run import Run, guard_terms
 
 if TYPE_CHECKING:
     from sympy import Symbol
@@ -304,7 +304,7 @@ class HigherOrder:
         mode[[*found.zero, *found.kinks]] = 0.0
         h = np.abs(plain.guards(run.t, x, mode))
         g, gt = plain.gradients(run.t, x, mode)
-        scale = np.sum(np.abs(g * x), axis=1) + np.abs(gt * run.t)
+        scale = guard_terms(g, gt, run.t, x)
         known = {*found.zero, *found.kinks}
         return [i for i in range(plain.m) if i not in known and h[i] <= ON * np.finfo(float).eps * scale[i]]
 

@@ -23,6 +23,11 @@ _KEPT = 64
 _LOOKED_AT = 32
 
 
+def guard_terms(g: Array, gt: Array, t: float, x: Array) -> Array:
+    """The size of the terms of every h, sum_k |x_k dh/dx_k| + |t dh/dt|: what rounding in it is part of."""
+    return np.asarray(np.sum(np.abs(g * x), axis=1) + np.abs(gt * t))
+
+
 class Run:
     """State and buffers of one trajectory; `advance` moves it on and collects what came out."""
 
@@ -233,4 +238,4 @@ class Run:
         machine = self.machine
         h = np.abs(machine.guards(self.t, self.x, self.mode))
         g, gt = machine.gradients(self.t, self.x, self.mode)
-        return h, np.sum(np.abs(g * self.x), axis=1) + np.abs(gt * self.t)
+        return h, guard_terms(g, gt, self.t, self.x)
