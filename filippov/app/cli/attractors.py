@@ -6,8 +6,8 @@ from typing import Any
 
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
-from filippov.app.cli.maps import CONDITION, PARTS, section_of
 from filippov.app.cli.model import Loaded, load_model
+from filippov.app.cli.sections.maps import CONDITION, PARTS, section_of
 from filippov.base.errors import UsageError
 from filippov.base.escape import printable
 from filippov.plot.attractors import plot_attractors

@@ -138,7 +138,7 @@ _ALL = (
     ),
     Command(
         "event-map", "the event map of a section and its fixed points: map.csv, fixed_points.json, map.png",
-        "maps",
+        "filippov.app.cli.sections.maps",
         (MODEL, PARAMETERS, START[0], INTERVAL, *SECTION, *TOLERANCES,
          Option("points", "samples of the map", whole, metavar="N", default=400),
          Option("order", "iterate of the map that is taken", whole, metavar="K", default=1),
@@ -148,7 +148,8 @@ _ALL = (
         function="run_event_map", needs="filippov.analysis.maps.event_map",
     ),
     Command(
-        "bifurcation", "fixed points over a parameter: bifurcation.csv, .json, .png", "maps",
+        "bifurcation", "fixed points over a parameter: bifurcation.csv, .json, .png",
+        "filippov.app.cli.sections.maps",
         (MODEL, PARAMETERS, *OVER, START[0],
          Option("count", "number of its values", whole, metavar="N", default=22),
          Option("points", "points of the search at each value", whole, metavar="N", default=400),

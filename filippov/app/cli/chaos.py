@@ -8,8 +8,8 @@ import numpy as np
 
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
-from filippov.app.cli.maps import interval_of, section_of
 from filippov.app.cli.model import load_model
+from filippov.app.cli.sections.maps import interval_of, section_of
 from filippov.app.cli.sections.motion import by_motion, motion_section, section_data, told, varied
 from filippov.base.errors import UsageError
 from filippov.plot.lyapunov import plot_brute_force, plot_lyapunov

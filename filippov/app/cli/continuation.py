@@ -9,8 +9,8 @@ from typing import Any
 
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
-from filippov.app.cli.maps import section_of
 from filippov.app.cli.model import Loaded, load_model
+from filippov.app.cli.sections.maps import section_of
 from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.base.names import unknown
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
-from filippov.app.cli.maps import interval_of, section_of
 from filippov.app.cli.model import load_model
+from filippov.app.cli.sections.maps import interval_of, section_of
 from filippov.app.cli.sweep import engine
 from filippov.base.errors import UsageError
 from filippov.plot.regions import plot_basin, plot_regions

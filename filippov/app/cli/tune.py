@@ -13,8 +13,8 @@ from scipy.stats import chi2
 
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
-from filippov.app.cli.maps import interval_of, section_of
 from filippov.app.cli.model import load_model
+from filippov.app.cli.sections.maps import interval_of, section_of
 from filippov.base.errors import UsageError
 from filippov.plot.tuning import plot_gain_maps
 
