@@ -6,7 +6,7 @@ Those of an explicit method are its tableau written out; those of an implicit on
 from filippov.kernel.files import kernel_file
 from filippov.kernel.language.unit import Constant
 from filippov.kernel.tables.root_tables import DEGREE, by_degree, to_bernstein
-from filippov.kernel.tables.tableaus import DOP853, Collocation, Method, Row, Series, Tableau
+from filippov.kernel.tables.tableaus import DOP853, Collocation, Method, Row, Series, Tableau, weighted
 
 _IMPLICIT = ("dense_lu", "radau")
 _SIGNATURE = "t: float, x: Vector, p: Vector, m: Vector"
@@ -103,6 +103,8 @@ def method_constants(tableau: Method) -> dict[str, Constant]:
         "END_IN_ERROR": tableau.end_in_error,
         "DENSE": [value for row in tableau.dense for value in row],
         "DENSE_BERNSTEIN": to_bernstein(tableau.dense, degree),
+        "WEIGHTED": weighted(tableau.dense),
+        "WEIGHTED_STAGES": len(weighted(tableau.dense)),
     }
     if series:
         stand_in = [value for row in DOP853.dense for value in row]

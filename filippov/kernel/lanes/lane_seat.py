@@ -83,11 +83,14 @@ def enter(lane: int, run: Trajectory, group: Group, rows: Indices) -> None:
     spread_out(lane, M, run.m, group.m)
     for i in range(M):
         group.order[i * LANES + lane] = float(run.order[i])
-    for other in range(LANES):
-        # Empty lanes get numbers that the field is at ease with.
-        if other == lane or rows[other] < 0:
-            spread_out(other, N, run.x, group.x)
-            spread_out(other, P, run.p, group.p)
+    spread_out(lane, N, run.x, group.x)
+    if rows[lane] != run.number:
+        spread_out(lane, P, run.p, group.p)
+        for other in range(LANES):
+            # Empty lanes get numbers that the field is at ease with.
+            if rows[other] < 0:
+                spread_out(other, N, run.x, group.x)
+                spread_out(other, P, run.p, group.p)
     tally.left[lane] = float(run.count.step_budget)
     tally.calls[lane], tally.done[lane], tally.refused[lane] = 0.0, 0.0, 0.0
     spread_out(lane, N, w.k, w_l.k)

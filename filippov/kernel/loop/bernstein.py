@@ -48,35 +48,45 @@ def deflate(c: Vector, order: int) -> int:
 
 
 @kernel
-def newton_step(c: Vector, degree: int, u: float) -> tuple[float, float, float]:
+def newton_step(b: Vector, degree: int, u: float) -> tuple[float, float, float]:
     """p and p' at u in [0, 1], both up to positive factors, and p / p' there (0 where p' is).
 
-    p = (1 - u)**n sum a_j q**j with q = u / (1 - u) where u is below 1/2, from the other end above (Schumaker
-    & Volk 1986): as stable as de Casteljau, at a fraction of the work.
+    p = (1 - u)**n sum b_j q**j with q = u / (1 - u) where u is below 1/2, from the other end above (Schumaker
+    & Volk 1986): as stable as de Casteljau, at a fraction of the work. b: the coefficients times binomials.
+    Even and odd powers are summed apart, so that one half need not wait for the other.
     """
     forward = u <= 0.5
     near = u if forward else 1.0 - u
     far = 1.0 - u if forward else u
     q = near / far
-    value, slope = 0.0, 0.0
-    for k in range(degree + 1):
-        j = degree - k if forward else k
-        slope = slope * q + value
-        value = value * q + BINOMIAL[degree * NODES + j] * c[j]
-    change = slope / far - float(degree) * value
+    square = q * q
+    even, odd, even_slope, odd_slope = 0.0, 0.0, 0.0, 0.0
+    for k in range(degree // 2 + 1):
+        j = 2 * (degree // 2 - k)
+        above = 0.0
+        if j < degree:
+            above = b[j + 1 if forward else degree - j - 1]
+        even_slope, odd_slope = even_slope * square + even, odd_slope * square + odd
+        even, odd = even * square + b[j if forward else degree - j], odd * square + above
+    value = even + q * odd
+    slope = 2.0 * q * (even_slope + q * odd_slope) + odd
+    # p' up to the factor far, by which it is no less than 1/2 of itself
+    change = slope - float(degree) * far * value
     change = change if forward else -change
-    return value, change, (value * far / change if change != 0.0 else 0.0)
+    return value, change, (value * far * far / change if change != 0.0 else 0.0)
 
 
 @kernel
-def bracketed_root(c: Vector, degree: int) -> float:
+def bracketed_root(c: Vector, degree: int, work: Vector) -> float:
     """The one root of c in [0, 1], c[0] > 0 >= c[degree]: Newton's steps, bisection where they leave it."""
     lo, hi = 0.0, 1.0
     if c[degree] == 0.0:
         return 1.0
+    for j in range(degree + 1):
+        work[j] = BINOMIAL[degree * NODES + j] * c[j]
     u, before = float(c[0] / (c[0] - c[degree])), 0.0
     for iteration in range(80):
-        value, slope, step = newton_step(c, degree, u)
+        value, slope, step = newton_step(work, degree, u)
         if value > 0.0:
             lo = u
         elif value < 0.0:
@@ -144,7 +154,7 @@ def first_root(
             return SIMPLE_ROOT, lo
         # Where the end is 0 exactly, one change of sign does not say that the root is there.
         if changes == 1 and (row[degree] < 0.0 or least >= 0.0):
-            return SIMPLE_ROOT, lo + width * bracketed_root(row, degree)
+            return SIMPLE_ROOT, lo + width * bracketed_root(row, degree, work)
         if least > 0.0 and width <= RESOLUTION:
             # No root here; a least value inside the piece, or on the seam to the one before, is a touching.
             falls, rises = row[1] < row[0], row[degree] > row[degree - 1]

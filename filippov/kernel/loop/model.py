@@ -16,13 +16,14 @@ event. HELD[i]: guard i is a derivative of h_i, and only the general path leaves
 RULE: which of the rules of sliding in `rules`. ORDER: power of the step that the error estimate goes with.
 IMPLICIT: the stages are solved for. SERIES: they are the coefficients of a series (see `taylor`).
 PER_NODE: 1 / theta of every main stage.
-DENSE: powers of the dense output, a row a stage; DENSE_BERNSTEIN: the same in Bernstein form.
+DENSE: powers of the dense output, a row a stage; DENSE_BERNSTEIN: the same in Bernstein form; WEIGHTED: the
+stages that have weights there.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, entry, kernel
 from filippov.kernel.loop.state import Integers, Scratch, Sizes
 from filippov.kernel.tables.root_tables import to_bernstein
-from filippov.kernel.tables.tableaus import DOP853
+from filippov.kernel.tables.tableaus import DOP853, weighted
 
 N, M, P = 1, 1, 1
 AFFINE, ROUGH, CLAMPED, ALL_LINEAR, WIDE = True, False, False, True, False
@@ -45,6 +46,8 @@ DENSE: list[float] = [value for row in DOP853.dense for value in row]
 PER_POWER: list[float] = [1.0]
 STAND_IN: list[float] = DENSE
 DENSE_BERNSTEIN: list[float] = to_bernstein(DOP853.dense)
+WEIGHTED: list[int] = weighted(DOP853.dense)
+WEIGHTED_STAGES = len(WEIGHTED)
 # Structure: nonzero columns of every gradient, components of coupled surfaces, colours of signs and their
 # owners (see `structure`).
 G_FIRST: list[int] = [0, 1]

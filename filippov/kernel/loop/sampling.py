@@ -16,13 +16,13 @@ from filippov.kernel.loop.model import (
     DEGREE_DENSE,
     DENSE,
     DENSE_BERNSTEIN,
-    EXTRA,
     G_COLUMN,
     G_FIRST,
     IMPLICIT,
     RULE,
     SERIES,
-    STAGES,
+    WEIGHTED,
+    WEIGHTED_STAGES,
     WIDE,
     WIDTH,
     M,
@@ -55,7 +55,8 @@ def dense_output(x: Vector, step: float, w: Scratch) -> None:
     for j in range(1, DEGREE_DENSE + 1):
         for i in range(N):
             total = 0.0
-            for r in range(STAGES + EXTRA):
+            for q in range(WEIGHTED_STAGES):
+                r = WEIGHTED[q]
                 total += DENSE[r * (DEGREE_DENSE + 1) + j] * w.k[r * N + i]
             w.coef[j * N + i] = step * total
 
@@ -72,8 +73,8 @@ def guard_polynomial(i: int, step: float, m: Vector, w: Scratch) -> None:
     c = w.c
     for a in range(NODES):
         c[a] = 0.0
-    for r in range(STAGES + EXTRA):
-        rate = 0.0
+    for q in range(WEIGHTED_STAGES):
+        r, rate = WEIGHTED[q], 0.0
         for b in range(G_FIRST[i], G_FIRST[i + 1]):
             rate += w.g[i * N + G_COLUMN[b]] * w.k[r * N + G_COLUMN[b]]
         for a in range(1, DEGREE):

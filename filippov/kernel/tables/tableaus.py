@@ -9,6 +9,7 @@ Stage numbers count from 0; the last of the main stages is the field at the end 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from filippov.kernel.tables.radau_tables import dense_rows
@@ -295,6 +296,11 @@ SERIES_ORDERS = (8, 10, 12, 14, 16, 18, 20)
 TABLEAUS |= {f"Taylor{order}": Series(f"Taylor{order}", order) for order in SERIES_ORDERS}
 # For what is asked of a system without a tolerance.
 TABLEAUS["Taylor"] = Series("Taylor", 14)
+
+
+def weighted(rows: Sequence[Sequence[float]]) -> list[int]:
+    """The stages that have weights in a dense output, a row a stage."""
+    return [stage for stage, row in enumerate(rows) if any(row)]
 
 
 def for_tolerance(method: str, rtol: float) -> str:
