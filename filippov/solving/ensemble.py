@@ -237,8 +237,9 @@ class Prepared:
             def carried(x: Array, p: Array, used: Options) -> Ensemble:
                 batch, complete = Batch(machine, x, p, span, self.stops, used), True
                 try:
-                    if system.clocked or machine.compiled.plain:
-                        # The driver of `solve` stops at the instants, and runs kernels in Python.
+                    if not batch.ticking or machine.compiled.plain:
+                        # The driver of `solve` stops at knots and at what else the loop does not look after,
+                        # and runs kernels in Python.
                         batch.code[:] = codes.GENERAL
                     else:
                         batch.run(workers, unit, look)

@@ -30,7 +30,7 @@ from filippov.solving.settling import Ended, Settling
 from filippov.solving.solution import Solution
 from filippov.solving.state.change import Jump, change_of
 from filippov.solving.state.clocks import Clocks
-from filippov.solving.state.events import Mode
+from filippov.solving.state.events import Event, Mode
 from filippov.solving.state.knot import goes_on
 from filippov.solving.state.machine import Array, Machine
 from filippov.solving.state.options import Options
@@ -78,13 +78,14 @@ def follow(
     events = tuple(users[k].surface for k in watch.order)
     machine = Machine(system, options.stepper, problem.p, events, options.sliding, options.compile)
     record = None if machine.callbacks is None else machine.callbacks.p
-    clocks = Clocks(system, record, problem.parameters, problem.t_span)
     run = Run(machine, problem.x0, problem.t_span, options)
     run.watch(options.stop)
     if stop is not None:
         run.stop[:] = stop
     if origin is not None:
         run.clock.t_start = origin
+    clocks = Clocks(system, record, problem.parameters, float(run.clock.t_start))
+    run.tick(clocks)
     loop = _Loop(run, clocks, watch, progress, turn)
     status, message = loop.go()
     solution = finished(
@@ -103,7 +104,6 @@ class _Loop(Settling):
     ) -> None:  # fmt: skip
         self.run, self.clocks, self.watch, self.progress, self.turn = run, clocks, watch, progress, turn
         self.t_end = float(run.clock.t_end)
-        self.due: list[int] = []
         self.ambiguity: Ambiguity | None = None
         self.accumulations: list[Accumulation] = []
         self.higher = HigherOrder(run)
@@ -184,7 +184,8 @@ class _Loop(Settling):
         if code == codes.STOPPED:
             if options.on_graze == "error" and run.events[-1].kind is EventKind.GRAZING:
                 return self._end(Status.GRAZING, f"{run.events[-1]}.")
-            return self._stopped()
+            surface = int(run.count.surface)
+            return self._stopped(next(event for event in reversed(run.events) if event.index == surface))
         if code in (codes.RECORDS_FULL, codes.EVENTS_FULL, codes.CHUNK_DONE):
             return self._budgets()
         if code == LOST:
@@ -218,8 +219,7 @@ class _Loop(Settling):
             "there is no limit state to go on with.",
         )
 
-    def _stopped(self) -> tuple[Status, str] | None:
-        event = self.run.events[-1]
+    def _stopped(self, event: Event) -> tuple[Status, str] | None:
         if not self.watch.ends(self.run, event):
             return self._budgets()
         return self._end(Status.STOPPED, f"Stopped at t = {self.run.t:.12g}: {self.watch.shown(event)}.")
@@ -250,25 +250,28 @@ class _Loop(Settling):
             run.machine.pieces.hold(clocks.pieces(run.t, run.direction))
         at = clocks.same(run.t) * 2
         if run.direction > 0:
-            instant, self.due = clocks.following(run.t)
+            instant, due = clocks.following(run.t)
             run.machine.between(clocks.before(run.t + at)[0], instant)
         else:
-            instant, self.due = clocks.before(run.t)
+            instant, due = clocks.before(run.t)
             run.machine.between(instant, clocks.following(run.t - at)[0])
         if (instant - self.t_end) * run.direction > clocks.same(self.t_end):
-            self.due = []
+            due = []
         beyond = (instant - self.t_end) * run.direction > 0
+        clocks.due, run.count.due = due, len(due)
         run.clock.t_end = self.t_end if beyond else instant
-        run.clock.same_instant = clocks.same(instant) if self.due else 0.0
+        run.clock.instant = run.clock.t_end if due else np.nan
+        run.clock.same_instant = clocks.same(instant) if due else 0.0
 
     def _reached(self) -> tuple[Status, str] | None:
         """At the end, or at an instant of time events: reset, look where the motion goes, and go on."""
         run, machine = self.run, self.run.machine
-        if not self.due:
+        due = self.clocks.due
+        if not due:
             return self._end(Status.SUCCESS)
         run.clock.t = run.clock.t_end
         # What is due behind the time events is a knot of an input, at which the state stays as it is.
-        due, clocks = self.due, len(machine.system.time_events)
+        clocks = len(machine.system.time_events)
         knots = [machine.m + i for i in due if i >= clocks]
         due = [i for i in due if i < clocks]
         together = bool(run.events) and abs(run.events[-1].t - run.t) <= run.clock.same_instant
@@ -312,7 +315,7 @@ class _Loop(Settling):
         roots = [i for i in hit if run.hit[i] == codes.ROOT]
         ended = self._back_over(roots)
         active = pending(run, roots)
-        if active and self.due and abs(run.t - run.clock.t_end) <= run.clock.same_instant:
+        if active and self.clocks.due and abs(run.t - run.clock.t_end) <= run.clock.same_instant:
             return self._reached()
         if ended is None:
             ended = self._decided(active, met, hit)
@@ -471,7 +474,7 @@ class _Loop(Settling):
             )
             together = True
             if run.count_down(i, kind, run.events[-1].direction):
-                ended = self._stopped() or ended
+                ended = self._stopped(run.events[-1]) or ended
             if kind is EventKind.GRAZING and self.options.on_graze == "error":
                 ended = self._end(Status.GRAZING, f"{run.events[-1]}.")
         for i in jump.clocks:

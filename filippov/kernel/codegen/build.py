@@ -37,7 +37,7 @@ from filippov.kernel.tables.tableaus import TABLEAUS, Collocation, Series
 _FILES = (
     "elementary", "recurrences", "series", "bernstein", "dense", "multiplier", "rules", "field", "points",
     "sampling", "land", "locate", "control", "resolve", "lap", "reset", "record", "segment", "attempt",
-    "search", "decide", "advance", "probe", "start", "turn", "ensemble",
+    "search", "decide", "ticks", "advance", "probe", "start", "turn", "ensemble",
 )  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
 _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_seat", "lane_run")

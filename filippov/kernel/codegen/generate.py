@@ -332,7 +332,7 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
         n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), rough(form), pattern,
         moving=[any(e.free_symbols & varying for e in ends) for ends in form.radius],
         straight=[straight_rate(form, i, plain_rows[i], linear, varying) for i in range(m)],
-        wide=lines[0] == "@inline" and m > 0 and not form.inputs, held=form.held,
+        wide=lines[0] == "@inline" and m > 0 and not form.inputs, held=form.held, ticks=form.time_reset,
     )  # fmt: skip
     return Generated("\n".join(lines), constants)
 

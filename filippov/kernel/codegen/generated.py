@@ -46,8 +46,12 @@ def unit_constants(
     wide: bool = False,
     held: Sequence[bool] = (),
     clamped: bool = True,
+    ticks: Sequence[object] = (),
 ) -> dict[str, Constant]:
-    """The constants of `filippov.kernel.loop.model` that belong to the system."""
+    """The constants of `filippov.kernel.loop.model` that belong to the system.
+
+    ticks: of every time event that the loop looks after its reset, or None
+    """
     own: dict[str, Constant] = {
         "N": n,
         "M": len(surfaces),
@@ -63,13 +67,13 @@ def unit_constants(
         "STRAIGHT": [int(flag) for flag in straight] or [0],
         "ALL_LINEAR": all(linear),
         "HELD": [int(flag) for flag in held] or [0] * max(len(surfaces), 1),
-        **_reset_constants(n, surfaces),
+        **_reset_constants(n, surfaces, ticks),
     }
     return own | pattern.constants(n)
 
 
-def _reset_constants(n: int, surfaces: Sequence[Surface]) -> dict[str, Any]:
-    """The constants of `filippov.kernel.loop.model` that say which surfaces reset the state."""
+def _reset_constants(n: int, surfaces: Sequence[Surface], ticks: Sequence[object]) -> dict[str, Any]:
+    """The constants of `filippov.kernel.loop.model` that say what resets the state."""
     sides = {"+": 1, "-": -1, "both": 2}
     come = [sides[q.side] if q.reset is not None else 0 for q in surfaces]
     contact = [sides[q.side] if q.contact else 0 for q in surfaces]
@@ -79,5 +83,6 @@ def _reset_constants(n: int, surfaces: Sequence[Surface]) -> dict[str, Any]:
         "CONTACT": contact or [0],
         "RESETS": resets,
         "CONTACTS": any(contact),
-        "EVENT_SIZE": 3 + 2 * n if resets else 3 + n,
+        "TICKS": len(ticks) > 0,
+        "EVENT_SIZE": 3 + 2 * n if resets or any(row is not None for row in ticks) else 3 + n,
     }

@@ -20,7 +20,7 @@ from filippov.kernel.language.primitives import (
 )
 from filippov.kernel.language.records import Rows
 from filippov.kernel.loop.ensemble import another, take_row
-from filippov.kernel.loop.model import M
+from filippov.kernel.loop.model import TICKS, M
 from filippov.kernel.loop.state import Entries, Group, Integers, Trajectories, Trajectory
 from filippov.kernel.tables.codes import GO_ON, REACHED
 from filippov.kernel.tables.layout import LANES
@@ -169,7 +169,8 @@ def put_off(
         take_row(q, batch, run)
         leave(lane, run, lanes_of)
         code, next_group = REACHED, group
-        if not finished:
+        # At an instant of time events the plain loop goes on.
+        if not finished or (TICKS and run.count.due > 0):
             code = drive(False, entries, run)
             if code == -1:
                 next_group = slides(run.m)

@@ -12,11 +12,12 @@ from filippov.kernel.language.primitives import entry, inline, kernel
 from filippov.kernel.loop.attempt import choose_step, try_step
 from filippov.kernel.loop.decide import decide
 from filippov.kernel.loop.field import set_mode
-from filippov.kernel.loop.model import IMPLICIT, SERIES, M, N
+from filippov.kernel.loop.model import IMPLICIT, SERIES, TICKS, M, N
 from filippov.kernel.loop.search import arrive, search
 from filippov.kernel.loop.segment import first_length, open_segment
 from filippov.kernel.loop.series import series_step
 from filippov.kernel.loop.state import Trajectory
+from filippov.kernel.loop.ticks import tick
 from filippov.kernel.tables.codes import (
     AGAIN,
     ARRIVED,
@@ -66,6 +67,8 @@ def make_ready(run: Trajectory) -> int:
     clock, count, now = run.clock, run.count, run.now
     now.t = clock.t
     if (clock.t_end - now.t) * run.w.direction <= clock.same_instant:
+        if TICKS and count.ticks > 0 and clock.instant == clock.t_end:
+            return tick(run)
         return REACHED
     if count.events + M >= count.event_room:
         return EVENTS_FULL

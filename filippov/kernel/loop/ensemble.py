@@ -2,9 +2,10 @@
 
 from filippov.kernel.language.primitives import Indices, claim, entry, kernel, shift, shift_indices
 from filippov.kernel.language.records import shift_rows
-from filippov.kernel.loop.model import M, N, P, derive
+from filippov.kernel.loop.model import TICKS, M, N, P, derive
 from filippov.kernel.loop.start import begin
 from filippov.kernel.loop.state import Trajectories, Trajectory
+from filippov.kernel.loop.ticks import aim
 from filippov.kernel.loop.turn import turn
 from filippov.kernel.tables.codes import KINDS, REACHED, STOPS
 
@@ -26,13 +27,17 @@ def take_row(q: int, batch: Trajectories, run: Trajectory) -> None:
     )
     run.stop, run.zeno = shift_indices(batch.stops, q * M * STOPS), shift_rows(batch.zenos, q * M)
     run.kinds = shift_indices(batch.kinds, q * (M * KINDS + 2))
+    if TICKS:
+        run.ticks = shift_rows(batch.ticks, q * run.count.ticks)
 
 
 @entry
 @kernel
 def launch(run: Trajectory) -> int:
-    """What the field takes from the parameters, and the mode at the start of a trajectory."""
+    """What the field takes from the parameters, the first instant, and the mode at the start."""
     derive(run.p)
+    if TICKS:
+        aim(run)
     return begin(run)
 
 

@@ -11,8 +11,8 @@ both sides are affine in t and x on it.
 AFFINE: the field is jointly affine in the signs. ROUGH: it may hold a power of |h| below 1; CLAMPED: one that
 stands still in stages beyond its surface. WIDE: it is small enough to be sampled in lanes.
 RESET_FROM[i]: the side from which surface i resets the state, 2 for both, 0 for none; CONTACT[i]: the side on
-which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are any. EVENT_SIZE: doubles of an
-event. HELD[i]: guard i is a derivative of h_i, and only the general path leaves it.
+which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are any; TICKS: whether there are
+time events. EVENT_SIZE: doubles of an event. HELD[i]: guard i is a derivative of h_i, and only the general path leaves it.
 RULE: which of the rules of sliding in `rules`. ORDER: power of the step that the error estimate goes with.
 IMPLICIT: the stages are solved for. SERIES: they are the coefficients of a series (see `taylor`).
 PER_NODE: 1 / theta of every main stage.
@@ -40,7 +40,7 @@ WIDTH: list[float] = [0.0]
 RESET_FROM: list[int] = [0]
 CONTACT: list[int] = [0]
 HELD: list[int] = [0]
-RESETS, CONTACTS, EVENT_SIZE = False, False, 4
+RESETS, CONTACTS, TICKS, EVENT_SIZE = False, False, False, 4
 PER_NODE: list[float] = [1.0, *[1.0 / node for node in DOP853.main_nodes], 1.0]
 DENSE: list[float] = [value for row in DOP853.dense for value in row]
 PER_POWER: list[float] = [1.0]

@@ -1,7 +1,7 @@
 """What the event loop leaves behind: events, and the dense output of accepted steps."""
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel, shift, shift_indices, truncate
-from filippov.kernel.loop.model import DEGREE_DENSE, EVENT_SIZE, RESETS, M, N
+from filippov.kernel.loop.model import DEGREE_DENSE, EVENT_SIZE, M, N
 from filippov.kernel.loop.state import Count, Scratch, Trajectory
 from filippov.kernel.tables.codes import (
     CROSSING_DOWN,
@@ -11,25 +11,32 @@ from filippov.kernel.tables.codes import (
     EXIT_EITHER,
     EXIT_UP,
     RESET,
+    TIME_RESET,
 )
 
 
 @kernel
 def record_event(run: Trajectory, kind: int) -> None:
-    """Append an event: floats (t, multiplier, |h|, x, x after) and integers (surface, kind, both modes)."""
+    """Append an event: floats (t, multiplier, |h|, x, x after) and integers (surface, kind, both modes, 0).
+
+    The last is 1 for one of the set of the event before.
+    """
     count, m, w, now = run.count, run.m, run.w, run.now
     event = shift(run.events, count.events * EVENT_SIZE)
-    mark = shift_indices(run.marks, count.events * (2 + 2 * M))
+    mark = shift_indices(run.marks, count.events * (3 + 2 * M))
     event[0], event[1], event[2] = now.t_end, now.multiplier, now.residual
     for j in range(N):
         event[3 + j] = run.x[j]
-    if RESETS:
+    if EVENT_SIZE > 3 + N:
+        jumps = kind == RESET or kind == TIME_RESET  # noqa: PLR1714, SIM109 - the kernel language has no `in`
         for j in range(N):
-            event[3 + N + j] = w.jump[j] if kind == RESET else run.x[j]
+            event[3 + N + j] = w.jump[j] if jumps else run.x[j]
     mark[0], mark[1] = now.surface, kind
     for j in range(M):
         mark[2 + j] = truncate(w.before[j])
         mark[2 + M + j] = truncate(m[j])
+    mark[2 + 2 * M] = 0
+    run.clock.event_t = now.t_end
     count.events += 1
 
 

@@ -83,6 +83,11 @@ class Clock(Record):
     grow: float
     trend: float
     same_instant: float
+    # The end of the run, where `t_end` is the next instant of a time event; that instant, no number where
+    # nothing is due; the time of the last event.
+    t_final: float
+    instant: float
+    event_t: float
     # The square of its error where the next step stands in the scratch already, taken in a lane; else 0.
     taken: float
 
@@ -102,6 +107,24 @@ class Count(Record):
     store: int
     event_room: int
     record_room: int
+    # Time events that the loop looks after, and how many of them are due at the next instant.
+    ticks: int
+    due: int
+
+
+class Tick(Record):
+    """A time event: start and period, or so many listed instants from the first on; its next instant.
+
+    moves: whether it has a reset; due: whether it is due at the instant that the run is led to.
+    """
+
+    start: float
+    period: float
+    next: float
+    first: int
+    listed: int
+    moves: int
+    due: int
 
 
 class Laps(Record):
@@ -291,7 +314,7 @@ class Trajectory(Record):
 
     x, mode m, multipliers lam of the sliding surfaces; order[i]: how often guard i vanishes at the start;
     hit: the surfaces that are active where the general path is needed; stop: events until a terminal one, a
-    row of STOPS a surface; rec, rec_coef: steps with their dense output; events, marks: what is kept of
+    row of STOPS a surface; ticks, instants: time events, with the times of those that list them; rec, rec_coef: steps with their dense output; events, marks: what is kept of
     events; kinds: how many of each kind a surface had, where events are only counted; number: in its batch.
     """
 
@@ -306,6 +329,8 @@ class Trajectory(Record):
     atol: Vector
     stop: Indices
     zeno: Rows[Laps]
+    ticks: Rows[Tick]
+    instants: Vector
     rec: Vector
     rec_coef: Vector
     events: Vector
@@ -335,6 +360,7 @@ class Trajectories(Record):
     ps: Vector
     stops: Indices
     zenos: Rows[Laps]
+    ticks: Rows[Tick]
     kinds: Indices
     codes: Indices
     queue: Indices
@@ -362,6 +388,6 @@ class Group(Record):
 
 
 RECORDS: tuple[type[Record], ...] = (
-    Clock, Count, Laps, Multiplier, Memory, Origin, Tally, Scratch, Integers, Attempt, Trajectory,
+    Clock, Count, Tick, Laps, Multiplier, Memory, Origin, Tally, Scratch, Integers, Attempt, Trajectory,
     Trajectories, Entries, Group,
 )  # fmt: skip

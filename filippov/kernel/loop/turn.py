@@ -2,9 +2,18 @@
 
 from filippov.kernel.language.primitives import entry, kernel
 from filippov.kernel.loop.advance import advance
-from filippov.kernel.loop.model import M
+from filippov.kernel.loop.model import TICKS, M
 from filippov.kernel.loop.state import Trajectory
-from filippov.kernel.tables.codes import CHUNK_DONE, EVENTS_FULL, KINDS
+from filippov.kernel.tables.codes import (
+    CHUNK_DONE,
+    CROSSING_DOWN,
+    CROSSING_UP,
+    EVENTS_FULL,
+    GENERAL,
+    KINDS,
+    OVER_UP,
+    REACHED,
+)
 
 # Events that fit into the buffer of one call.
 MOST_EVENTS = 64
@@ -18,7 +27,11 @@ def count_events(run: Trajectory) -> None:
     """
     count, kinds, marks = run.count, run.kinds, run.marks
     for q in range(count.events):
-        surface, kind = marks[q * (2 + 2 * M)], marks[q * (2 + 2 * M) + 1]
+        surface, kind = marks[q * (3 + 2 * M)], marks[q * (3 + 2 * M) + 1]
+        if TICKS and kind >= KINDS:
+            if surface >= M:
+                continue
+            kind = CROSSING_UP if kind == OVER_UP else CROSSING_DOWN
         kinds[surface * KINDS + kind] += 1
         kinds[M * KINDS], kinds[M * KINDS + 1] = surface, kind
     count.event_budget -= count.events
@@ -43,4 +56,6 @@ def turn(steps: int, run: Trajectory) -> int:
         count_events(run)
         if not full or count.event_budget <= 0:
             break
+    if TICKS and code == REACHED and count.due > 0:
+        return GENERAL
     return -1 if code == CHUNK_DONE and left > 0 else code

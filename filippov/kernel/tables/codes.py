@@ -19,6 +19,8 @@ NONE, CROSSING_UP, CROSSING_DOWN, ENTRY, EXIT_UP, EXIT_DOWN, GRAZING, RESET = 0,
 KINDS = 8
 CROSSING_EITHER, EXIT_EITHER = 8, 9
 STOPS = 10
+# Kinds that only marks of events have: a time event without and with a reset, a surface jumped over.
+TIME, TIME_RESET, OVER_UP, OVER_DOWN = 10, 11, 12, 13
 
 # What `locate` found: the guard itself, the upper or lower bound of a multiplier, a touching of the surface.
 # A step that is too long to tell: for its guards, or as multipliers have no value in it.

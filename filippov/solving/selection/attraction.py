@@ -168,7 +168,12 @@ class Attraction:
             # Where a slide begins, all that may follow has been looked at.
             self.mode = mode
             self.given_up = None if self._one(run, mode) else mode
-        return self._step(run, mode)
+        # A step that is looked at once more must not lead over an instant of time events.
+        ticks, run.count.ticks = run.count.ticks, 0
+        try:
+            return self._step(run, mode)
+        finally:
+            run.count.ticks = ticks
 
     def _step(self, run: Run, mode: Mode) -> int:
         start, t0, end = _Saved(run, len(run.steps)), run.t, float(run.clock.t_end)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
@@ -20,11 +20,14 @@ from filippov.kernel.loop.state import (
     Group,
     Laps,
     Tally,
+    Tick,
     Trajectories,
     Trajectory,
 )
 from filippov.kernel.tables import codes
 from filippov.model.system import System
+from filippov.model.time_event import TimeEvent
+from filippov.solving.state.clocks import tick_rows
 from filippov.solving.state.events import Stop
 from filippov.solving.state.gradients import check_gradients
 from filippov.solving.state.machine import Array, Machine
@@ -74,10 +77,15 @@ class Batch:
         self.order, self.hit = np.zeros((k, m), dtype=np.int64), np.zeros((k, m), dtype=np.int64)
         clock, count = Clock.new(), Count.new()
         clock.t = clock.t_start = span[0]
-        clock.t_end = span[1]
+        clock.t_end = clock.t_final = span[1]
+        clock.instant = clock.event_t = np.nan
         clock.rtol, clock.max_step = options.rtol, options.max_step
         clock.step = options.first_step or 0.0
         count.step_budget, count.event_budget = options.max_steps, options.max_events
+        events = machine.system.time_events if machine.ticking and span[1] > span[0] else ()
+        # Whether the compiled loop stops wherever the field is to change.
+        self.ticking = bool(events) or not machine.system.clocked
+        count.ticks = len(events)
         stop = np.zeros((m, codes.STOPS), dtype=np.int64)
         for item in stops:
             place = machine.system.surface_index(item.surface), item.column
@@ -91,6 +99,7 @@ class Batch:
         self.raised: dict[int, BaseException] = {}
         self.atol = options.tolerances(machine.system)
         self.p = machine.derived(values)
+        self.ticks, self.instants = _ticks(events, machine.system.parameters.names, values)
         # What has been taken, the number of rows that are done, and how many are taken at a time: the
         # threads share them.
         self.queue = np.array([0, 0, 1])
@@ -98,7 +107,7 @@ class Batch:
         self.rows.refer(
             clocks=self.clock, counts=self.count, xs=self.x, ms=self.mode, orders=self.order, hits=self.hit,
             lams=self.lam, ps=self.p, stops=self.stop, zenos=self.zeno, kinds=self.kinds, codes=self.code,
-            queue=self.queue,
+            queue=self.queue, ticks=self.ticks,
         )  # fmt: skip
 
     def run(self, threads: int, unit: Compiled | None, look: Callable[[int], None] | None = None) -> None:
@@ -139,13 +148,14 @@ class _Room:
     """One thread's scratch: lanes, events and what a step needs, kept for the machine's next batch."""
 
     def __init__(self, machine: Machine, unit: Compiled | None) -> None:
-        n, m, events = machine.n, machine.m, _EVENT_ROOM + machine.m
+        n, m = machine.n, machine.m
+        events = _EVENT_ROOM + m + len(machine.system.time_events)
         lanes = 1 if unit is None else unit.lanes
         run = self.run = Trajectory.new()
         run.refer(
             w=machine.compiled.scratch(), iw=machine.compiled.integers(), ctx=machine.context,
             events=np.zeros(events * machine.event_size),
-            marks=np.zeros(events * (2 + 2 * m), dtype=np.int64),
+            marks=np.zeros(events * (3 + 2 * m), dtype=np.int64),
         )  # fmt: skip
         # The rows under way, what is left of those that the thread has taken, and in lanes those that wait.
         mine = np.zeros(3 if unit is None else 4 + _GROUPS * lanes * (1 + 3 * (1 + m)), dtype=np.int64)
@@ -180,9 +190,9 @@ class _Room:
         self.blank.append(iw.array)
         self.places |= {"entries": entries, "groups": rows, "iw_l": iw}
 
-    def clear(self, atol: Array) -> None:
+    def clear(self, atol: Array, instants: Array) -> None:
         """As new: what a batch leaves behind must not reach the next."""
-        self.run.refer(atol=atol)
+        self.run.refer(atol=atol, instants=instants)
         for array in self.blank:
             array[:] = 0
         self.rows[:] = -1
@@ -215,7 +225,7 @@ class _Chunks:
             self.room = self.rooms.pop()
         except IndexError:
             self.room = _Room(machine, unit)
-        self.room.clear(batch.atol)
+        self.room.clear(batch.atol, batch.instants)
         values = {"last": 0, "steps": 0, "batch": batch.rows, **self.room.places}
         _, _, *self.arguments = compiled.arguments(name, values)
         self.row = 0
@@ -257,6 +267,21 @@ class _Chunks:
         x = self.batch.x[row]
         if row < _LOOKED_AT and np.all(np.isfinite(x)):
             check_gradients(self.batch.machine, float(self.batch.clock[row].t), x.copy())
+
+
+def _ticks(
+    events: Sequence[TimeEvent], names: Sequence[str], values: Array
+) -> tuple[Rows[Tick], Array]:
+    """The time events of each trajectory, by its parameters (k, P)."""
+    if not events:
+        return tick_rows((), [])
+    # Of many parameters few stand in instants.
+    inside = {s.name for event in events for e in event.expressions() for s in e.free_symbols}
+    places = [i for i, name in enumerate(names) if name in inside]
+    _, first, of = np.unique(values[:, places], axis=0, return_index=True, return_inverse=True)
+    named = [dict(zip(names, row, strict=True)) for row in values[first].tolist()]
+    numbers = [[event.numbers(None, known) for event in events] for known in named]
+    return tick_rows(events, [numbers[k] for k in of.reshape(-1).tolist()])
 
 
 def _rows(k: int, row: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -2,39 +2,80 @@
 
 from __future__ import annotations
 
-import bisect
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from filippov.model.system import System
+import numpy as np
 
-# Instants closer than this part of the time run are one.
-SAME = 1e-12
+from filippov.kernel.language.records import Rows
+from filippov.kernel.loop.state import Tick
+from filippov.kernel.loop.ticks import following, preceding, same_time
+from filippov.model.system import System
+from filippov.model.time_event import TimeEvent
+from filippov.solving.state.machine import Array
+
+
+def tick_rows(
+    events: Sequence[TimeEvent], numbers: Sequence[Sequence[Sequence[float]]], more: int = 0
+) -> tuple[Rows[Tick], Array]:
+    """The records of time events, with the times that they list.
+
+    numbers  for every trajectory those of each event, see `TimeEvent.numbers`
+    more     empty records behind those of a trajectory
+    """
+    each = len(events) + more
+    rows = Rows(Tick, np.zeros((each * len(numbers), Tick.size), dtype=np.int64))
+    listed: list[float] = []
+    known: dict[tuple[float, ...], int] = {}
+    for k, row in enumerate(numbers):
+        for i, (event, values) in enumerate(zip(events, row, strict=True)):
+            tick = rows[k * each + i]
+            tick.moves = int(event.reset is not None)
+            if event.times is None:
+                tick.start, tick.period = values
+                continue
+            times = tuple(values)
+            if times not in known:
+                known[times] = len(listed)
+                listed += times
+            tick.first, tick.listed = known[times], len(times)
+    return rows, np.array(listed)
 
 
 class Clocks:
     """The time events of one run, with numbers for their instants; behind them its inputs, with their knots.
+
+    start: the time at which the run began
     """
 
-    def __init__(
-        self, system: System, p: Any, values: Mapping[str, float], span: tuple[float, float]
-    ) -> None:
-        self.events, self.inputs = system.time_events, system.inputs
-        self.numbers = [event.numbers(p, values) for event in self.events]
-        self.span = span
+    def __init__(self, system: System, p: Any, values: Mapping[str, float], start: float) -> None:
+        self.events, self.inputs, self.start = system.time_events, system.inputs, start
+        numbers = [event.numbers(p, values) for event in self.events]
+        self.ticks, self.instants = tick_rows(self.events, [numbers], len(self.inputs))
 
     def __bool__(self) -> bool:
         return bool(self.events) or bool(self.inputs)
 
+    @property
+    def due(self) -> list[int]:
+        """What is due at the instant that the run is led to."""
+        return np.flatnonzero(self.ticks.column("due")).tolist() if self else []
+
+    @due.setter
+    def due(self, numbers: Sequence[int]) -> None:
+        flags = self.ticks.column("due")
+        flags[:] = 0
+        flags[list(numbers)] = 1
+
     def same(self, t: float) -> float:
         """How close to t an instant counts as t."""
-        return SAME * max(abs(t), abs(t - self.span[0]))
+        return same_time(t, self.start)
 
     def following(self, t: float) -> tuple[float, list[int]]:
         """The first instant after t, and the time events due there; (inf, []) if there is none."""
         late = t + self.same(t)
-        due = [self._next(i, late) for i in range(len(self.events))]
+        due = [following(self.ticks[i], self.instants, late) for i in range(len(self.events))]
         due += [samples.neighbours(late)[1] for samples in self.inputs]
         first = min(due, default=math.inf)
         if first == math.inf:
@@ -44,7 +85,7 @@ class Clocks:
     def before(self, t: float) -> tuple[float, list[int]]:
         """The last instant before t, and the time events due there; (-inf, []) if there is none."""
         early = t - self.same(t)
-        due = [self._last(i, early) for i in range(len(self.events))]
+        due = [preceding(self.ticks[i], self.instants, early) for i in range(len(self.events))]
         due += [samples.neighbours(math.nextafter(early, -math.inf))[0] for samples in self.inputs]
         last = max(due, default=-math.inf)
         if last == -math.inf:
@@ -56,23 +97,3 @@ class Clocks:
         ahead = math.nextafter(t + direction * self.same(t), direction * math.inf)
         ahead = t + self.same(t) if direction > 0 else ahead
         return [samples.neighbours(ahead) for samples in self.inputs]
-
-    def _next(self, i: int, t: float) -> float:
-        if self.events[i].times is not None:
-            place = bisect.bisect_right(self.numbers[i], t)
-            return self.numbers[i][place] if place < len(self.numbers[i]) else math.inf
-        start, period = self.numbers[i]
-        k = max(math.floor((t - start) / period) - 1, 0)
-        while start + k * period <= t:
-            k += 1
-        return start + k * period
-
-    def _last(self, i: int, t: float) -> float:
-        if self.events[i].times is not None:
-            place = bisect.bisect_left(self.numbers[i], t)
-            return self.numbers[i][place - 1] if place > 0 else -math.inf
-        start, period = self.numbers[i]
-        k = math.ceil((t - start) / period) + 1
-        while k >= 0 and start + k * period >= t:
-            k -= 1
-        return start + k * period if k >= 0 else -math.inf

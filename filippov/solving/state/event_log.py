@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.base.status import EventKind
+from filippov.base.status import JUMPED_OVER, EventKind
 from filippov.kernel.tables import codes
 from filippov.solving.state.events import Event, Events, Mode
 
@@ -24,7 +24,12 @@ _KINDS = {
     codes.EXIT_DOWN: EventKind.EXIT,
     codes.GRAZING: EventKind.GRAZING,
     codes.RESET: EventKind.RESET,
+    codes.TIME: EventKind.TIME,
+    codes.TIME_RESET: EventKind.TIME,
+    codes.OVER_UP: EventKind.CROSSING,
+    codes.OVER_DOWN: EventKind.CROSSING,
 }
+_JUMPS, _OVER = (codes.RESET, codes.TIME_RESET), (codes.OVER_UP, codes.OVER_DOWN)
 
 
 class EventLog(Events):
@@ -44,14 +49,17 @@ class EventLog(Events):
     @property
     def _items(self) -> list[Event]:
         for floats, marks in self._raw:
-            m = (marks.shape[1] - 2) // 2
+            m = (marks.shape[1] - 3) // 2
             floats.flags.writeable = False
             states, jumped = floats[:, 3 : 3 + self.n], floats[:, 3 + self.n :]
             for k, (row, mark) in enumerate(zip(floats[:, :3].tolist(), marks.tolist(), strict=True)):
-                before, after = tuple(mark[2 : 2 + m]), tuple(mark[2 + m :])
-                x_after = jumped[k] if mark[1] == codes.RESET else None
-                kind = _KINDS[mark[1]]
-                self._append(row[0], mark[0], kind, before, after, states[k], row[1], row[2], x_after=x_after)
+                before, after = tuple(mark[2 : 2 + m]), tuple(mark[2 + m : -1])
+                x_after = jumped[k] if mark[1] in _JUMPS else None
+                note = JUMPED_OVER if mark[1] in _OVER else ""
+                self._append(
+                    row[0], mark[0], _KINDS[mark[1]], before, after, states[k], row[1], row[2], note,
+                    mark[-1] != 0, x_after,
+                )  # fmt: skip
         self._raw, self._waiting = [], 0
         return self._made
 

@@ -168,6 +168,11 @@ class Machine:
         other.pieces = self.pieces
         return other
 
+    @property
+    def ticking(self) -> bool:
+        """Whether the compiled loop can look after the time events: no knots, and no functions of the user."""
+        return self.callbacks is None and not self.system.inputs
+
     def derived(self, values: Array) -> Array:
         """Parameters, one row a set, with room for what the field derives from them; one set is derived.
 

@@ -10,6 +10,7 @@ from filippov.base.status import EventKind
 from filippov.kernel.language.records import Rows
 from filippov.kernel.loop.state import Clock, Count, Laps, Trajectory
 from filippov.kernel.tables import codes
+from filippov.solving.state.clocks import Clocks
 from filippov.solving.state.event_log import EventLog
 from filippov.solving.state.events import Mode, Stop
 from filippov.solving.state.gradients import check_gradients
@@ -41,7 +42,8 @@ class Run:
         self.lam = np.zeros(m)
         self.clock, self.count = Clock.new(), Count.new()
         self.clock.t = self.clock.t_start = span[0]
-        self.clock.t_end = span[1]
+        self.clock.t_end = self.clock.t_final = span[1]
+        self.clock.instant = self.clock.event_t = np.nan
         self.clock.rtol, self.clock.max_step = options.rtol, options.max_step
         self.clock.step = options.first_step or 0.0
         self.count.store = int(options.dense_output)
@@ -52,8 +54,9 @@ class Run:
         powers = machine.compiled.sizes.powers
         self.record = np.zeros((_RECORD_ROOM, 2))
         self.coef = np.zeros((_RECORD_ROOM, powers, n))
-        self.found = np.zeros((_EVENT_ROOM + m, machine.event_size))
-        self.marks = np.zeros((_EVENT_ROOM + m, 2 + 2 * m), dtype=np.int64)
+        room = _EVENT_ROOM + m + len(machine.system.time_events)
+        self.found = np.zeros((room, machine.event_size))
+        self.marks = np.zeros((room, 3 + 2 * m), dtype=np.int64)
         names = tuple(q.name for q in machine.surfaces) + tuple(q.name for q in machine.system.time_events)
         keep = None if options.save_events == "all" else _KEPT
         users = range(len(machine.system.surfaces), m)
@@ -84,6 +87,11 @@ class Run:
         self.machine = machine
         self.trajectory.refer(p=machine.p, w=machine.w, iw=machine.iw, ctx=machine.context)
         self._arguments = machine.compiled.arguments("advance", {"run": self.trajectory})
+
+    def tick(self, clocks: Clocks) -> None:
+        """Let the compiled loop look after the time events, where they are all that is due at instants."""
+        self.trajectory.refer(ticks=clocks.ticks, instants=clocks.instants)
+        self.count.ticks = len(clocks.events) if self.machine.ticking and self.direction > 0 else 0
 
     @property
     def t(self) -> float:
@@ -188,6 +196,7 @@ class Run:
     ) -> None:  # fmt: skip
         """Append an event; `together` puts it into the set of the one before."""
         x.flags.writeable = False
+        self.clock.event_t = t
         self.events.add(t, index, kind, before, after, x, multiplier, residual, note, together, x_after)
 
     def count_down(self, index: int, kind: EventKind, direction: int) -> bool:
