@@ -2,7 +2,8 @@
 
 Simple: one surface, nothing slides, and after the jump every other surface is clear of 0 on the side it was.
 Where the motion goes from x+ is told by h there and, on the surface itself, by its rate: back to the side it
-came from, through, or, with no rate left, into a resting contact. All else is the general path's.
+came from, through, or, with no rate left, into a resting contact; where the field jumps at the surface, by the
+rates on both sides. All else is the general path's.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel
@@ -18,12 +19,13 @@ from filippov.kernel.loop.model import (
     N,
     gradients,
     guards,
+    radii,
     resets,
     rhs,
 )
 from filippov.kernel.loop.resolve import CLEAR_RATE, side_rates
 from filippov.kernel.loop.state import Integers, Scratch
-from filippov.kernel.tables.codes import NONE, RESET, RESETTING
+from filippov.kernel.tables.codes import NONE, RESET, RESETTING, SWITCHING
 
 # The error of the time of an event, over |t|.
 INSTANT = 1.42e-14
@@ -64,6 +66,27 @@ def rest(
 
 
 @kernel
+def goes_off(
+    t: float, y: Vector, p: Vector, m: Vector, order: Indices, i: int, w: Scratch, iw: Integers, ctx: Indices
+) -> int:
+    """The mode off surface i, at which the field jumps, where the rates on both sides lead to one of them."""
+    code, plus, minus, scale = side_rates(t, y, p, m, i, w, iw, ctx)
+    if code != 0 or radii(t, y, p, w.radius, ctx) != 0:
+        return -1
+    lo, hi = w.radius[2 * i], w.radius[2 * i + 1]
+    at_hi = 0.5 * ((1.0 + hi) * plus + (1.0 - hi) * minus)
+    at_lo = 0.5 * ((1.0 + lo) * plus + (1.0 - lo) * minus)
+    if min(plus, minus, at_hi, at_lo) > CLEAR_RATE * scale:
+        m[i] = 1.0
+    elif max(plus, minus, at_hi, at_lo) < -CLEAR_RATE * scale:
+        m[i] = -1.0
+    else:
+        return NONE
+    order[i] = 1
+    return RESET
+
+
+@kernel
 def apply_reset(
     t: float, x: Vector, p: Vector, m: Vector, order: Indices, i: int, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
@@ -72,7 +95,8 @@ def apply_reset(
     -1: the user's code failed.
     """
     y, h, f = w.jump, w.h, w.f
-    if iw.sliding > 0 or ROLE[i] != RESETTING:
+    jumps = ROLE[i] == SWITCHING and WIDTH[i] == 0.0
+    if iw.sliding > 0 or not (jumps or ROLE[i] == RESETTING):
         return NONE
     size = abs(w.gt[i])
     for j in range(N):
@@ -92,9 +116,13 @@ def apply_reset(
     side = m[i]
     # What the location left of h at the event says nothing of the side on which the state is put.
     if abs(h[i]) > max(64.0 * EPS * guard_scale(i, t, y, w), 2.0 * abs(w.end[2 * i])):
+        if jumps and abs(h[i]) <= 8.0 * noise(i, t, y, w):
+            return NONE
         m[i] = 1.0 if h[i] > 0.0 else -1.0
         order[i] = 0
         return RESET
+    if jumps:
+        return goes_off(t, y, p, m, order, i, w, iw, ctx)
     iw.calls += 1
     if rhs(t, y, p, m, m, f, ctx) != 0:
         return -1
