@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -82,16 +83,17 @@ def accumulation(run: Run) -> Accumulation | None:
     if ends is None:
         return None
     part = _taking_part(run, recent, ends)
-    best = _limit(run, ends, part)
+    law, sure = _law(run, ends), 1.0
     earlier = [e for e in run.events[-2 * most :] if e.index == last and e.kind is not EventKind.GRAZING]
     for length in range(len(earlier) - 1, LAPS, -1):
-        ends = _steady(earlier[:length])
-        if ends is None:
+        found = _steady(earlier[:length])
+        if found is None:
             continue
-        other = _limit(run, ends, part)
-        other = replace(other, error=CHOSEN * other.error, x_error=CHOSEN * other.x_error)
-        if other.error < best.error and abs(other.t - best.t) <= 2.0 * (other.error + best.error):
-            best = other
+        other = _law(run, found)
+        error = CHOSEN * other.error
+        if error < sure * law.error and abs(other.t - law.t) <= 2.0 * (error + sure * law.error):
+            ends, law, sure = found, other, CHOSEN
+    best = _limit(run, ends, law, part, sure)
     if all(run.machine.contacts[i] for i in part):
         return _at_rest(run, best)
     return best
@@ -158,17 +160,21 @@ def _steady(same: Sequence[Event]) -> list[Event] | None:
         ends = list(same[::-1][::lap][: LAPS + 1][::-1])
         if len(ends) < LAPS:
             return None
-        laps = np.abs(np.diff([event.t for event in ends]))
-        if not np.all(laps > 0):
+        laps = _laps(ends)
+        if not min(laps) > 0.0:
             return None
         # Rounding of the times shows in the shortest laps.
-        noise = 4 * EPS * abs(ends[-1].t) / laps
-        ratios = laps[1:] / laps[:-1]
-        spread = np.max(ratios) - np.min(ratios)
-        steady = spread <= STEADY * (1.0 - np.max(ratios)) + 4 * float(np.max(noise))
-        if np.max(ratios) < SLOWEST and (steady or (lap == 1 and spread <= STEADY)):
+        noise = 4 * EPS * abs(ends[-1].t) / min(laps)
+        ratios = [after / before for before, after in itertools.pairwise(laps)]
+        slowest, spread = max(ratios), max(ratios) - min(ratios)
+        steady = spread <= STEADY * (1.0 - slowest) + 4 * noise
+        if slowest < SLOWEST and (steady or (lap == 1 and spread <= STEADY)):
             return ends
     return None
+
+
+def _laps(ends: Sequence[Event]) -> list[float]:
+    return [abs(after.t - before.t) for before, after in itertools.pairwise(ends)]
 
 
 def accumulates(run: Run) -> bool:
@@ -225,22 +231,35 @@ def power_law(run: Run) -> Accumulation | None:
     return Accumulation(t, run.x.copy(), error, float(np.max(np.abs(run.x), initial=0.0)), 1.0, part)
 
 
-def _limit(run: Run, ends: Sequence[Event], surfaces: tuple[int, ...]) -> Accumulation:
-    times, states = [event.t for event in ends], [event.x for event in ends]
-    laps = np.abs(np.diff(times))
-    ratios = laps[1:] / laps[:-1]
-    ratio = float(ratios[-1])
-    limits = np.cumsum(laps)[1:] + laps[1:] * ratios / (1.0 - ratios)
-    moves = np.abs(np.diff(limits))
-    started = float(run.clock.t_start)
+class _Law(NamedTuple):
+    """When laps that shrink by a ratio come to their end, and with which error that is known."""
+
+    t: float
+    error: float
+    ratio: float
+
+
+def _law(run: Run, ends: Sequence[Event]) -> _Law:
+    laps, last = _laps(ends), ends[-1].t
+    ratios = [after / before for before, after in itertools.pairwise(laps)]
+    ratio = ratios[-1]
+    ran = list(itertools.accumulate(laps))[1:]
+    limits = [s + d * r / (1.0 - r) for s, d, r in zip(ran, laps[1:], ratios, strict=True)]
+    moves = [abs(after - before) for before, after in itertools.pairwise(limits)]
     # By how much the law's answer moved in the last lap, which may agree by chance; rounding of the times,
     # which 1 - r enlarges; the tolerance of the run.
-    error = MOVES * float(np.max(moves * ratio ** np.arange(len(moves))[::-1]))
-    error += 8 * EPS * abs(times[-1]) / (1.0 - ratio) ** 2
+    error = MOVES * max(move * ratio**k for k, move in enumerate(reversed(moves)))
+    error += 8 * EPS * abs(last) / (1.0 - ratio) ** 2
     steps = GLOBAL if run.clock.relative < 0.0 else 1.0
-    error += steps * run.options.rtol * abs(times[-1] - started)
-    remaining = laps[-1] * ratio / (1.0 - ratio)
-    t = float(times[-1] + run.direction * remaining)
+    error += steps * run.options.rtol * abs(last - float(run.clock.t_start))
+    return _Law(last + run.direction * (laps[-1] * ratio / (1.0 - ratio)), error, ratio)
+
+
+def _limit(
+    run: Run, ends: Sequence[Event], law: _Law, surfaces: tuple[int, ...], sure: float
+) -> Accumulation:
+    """The limit of the law with its state; `sure`: by how much its errors are to be taken for larger."""
+    states, (t, error, ratio) = [event.x for event in ends], law
     x, x_before = (_extrapolated(states[: len(states) - k], ratio) for k in (0, 1))
     on = onto(run, t, x, surfaces)
     known = float(np.max(np.abs(x - x_before) + run.atol + run.options.rtol * np.abs(x)))
@@ -248,7 +267,7 @@ def _limit(run: Run, ends: Sequence[Event], surfaces: tuple[int, ...]) -> Accumu
         # Surfaces that do not meet, whose resets lead from one to the other: the limit on the one met last.
         on = onto(run, t, x, (ends[-1].index,))
     x_error = float(np.max(np.abs(x - x_before) + run.atol + run.options.rtol * np.abs(on)))
-    return Accumulation(t, on, float(error), x_error, ratio, surfaces)
+    return Accumulation(t, on, sure * error, sure * x_error, ratio, surfaces)
 
 
 def _taking_part(run: Run, recent: Sequence[Event], ends: Sequence[Event]) -> tuple[int, ...]:
