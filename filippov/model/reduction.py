@@ -304,7 +304,8 @@ def _name(form: SymbolicForm, i: int) -> str:
 
 
 def _number(e: Expr, at: Mapping[Symbol, float]) -> float:
-    value = e.subs(dict(at)).evalf()
+    # Of many values few stand in an expression, and most entries of a matrix are numbers.
+    value = e.xreplace({q: sympy.Float(at[q]) for q in e.free_symbols if q in at}).evalf()
     return float(value) if value.is_number and value.is_real else float("nan")
 
 
