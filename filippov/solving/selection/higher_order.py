@@ -32,6 +32,8 @@ ON = 1e4
 INSIDE = 1e-9
 # Of the terms of a rate: more than its rounding.
 CLEAR = 1e-12
+# Of the terms of a rate: what a sign does to it, clear of what is no zero but by rounding of the state.
+ACTS = 1e-6
 # Of the terms of a rate: what rates at both signs may differ by where the sign does not act.
 NO_EFFECT = 1e-15
 # Depth of a lap that the run does not know, in tolerances of h, or in roundings where it is followed down to
@@ -222,6 +224,8 @@ class HigherOrder:
         """
         if self.active is not None or not _slides(self.plain, i):
             return "it slides already"
+        if self._acts(i):
+            return "its sign acts on its rate"
         now = abs(self._rate(i, self.run.t, self.run.x, self.run.mode))
         before = [e for e in self.run.events[-64:] if e.index == i and e.kind is EventKind.CROSSING]
         speeds = [abs(self._rate(i, e.t, e.x, np.array(e.before, dtype=float))) for e in before[-NOISY_LAPS:]]
@@ -231,6 +235,14 @@ class HigherOrder:
         if not came_down and not _noise([*speeds, now]):
             return "the solution has not settled"
         return self.begin([i], None)
+
+    def _acts(self, i: int) -> bool:
+        """Whether the sign of a surface clearly acts on its rate, and nothing that slides on that sign."""
+        run, plain, mode = self.run, self.plain, self.run.mode.copy()
+        if any(mode[j] == 0.0 and plain.component[j] == plain.component[i] for j in range(plain.m)):
+            return False
+        mode[i] = 0.0
+        return bool(np.any(_effects(plain, run.t, run.x, mode, [i], ACTS)))
 
     def across(self, i: int) -> Left | None:
         """The other side of a surface that was crossed with a rate on which its sign does not act.
@@ -342,8 +354,13 @@ def multipliers(machine: Machine, time: float, x: Array, mode: Array) -> Array |
     return begun.multipliers if isinstance(begun, Begun) else None
 
 
-def _effects(machine: Machine, time: float, x: Array, mode: Array, zero: Sequence[int]) -> Array:
-    """What each sliding sign does to the rate of each sliding surface, 0 where it is rounding."""
+def _effects(
+    machine: Machine, time: float, x: Array, mode: Array, zero: Sequence[int], least: float = 1e-15
+) -> Array:
+    """What each sliding sign does to the rate of each sliding surface, 0 where it is rounding.
+
+    least: what counts, in parts of the terms of the rate
+    """
     g, _ = machine.gradients(time, x, mode)
     signs = np.where(mode == 0.0, 1.0, mode)
     base = machine.rhs(time, x, signs, mode)
@@ -355,7 +372,7 @@ def _effects(machine: Machine, time: float, x: Array, mode: Array, zero: Sequenc
         for r, i in enumerate(zero):
             terms = np.abs(g[i]) @ np.where(g[i] == 0.0, 0.0, np.abs(base))
             effect = machine.rate(i, g, change)
-            out[r, c] = effect if abs(effect) > 1e-15 * terms else 0.0
+            out[r, c] = effect if abs(effect) > least * terms else 0.0
     return out
 
 
