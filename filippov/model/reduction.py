@@ -70,12 +70,11 @@ class Reduction:
         """
         assert self.system.symbolic is not None
         states = self.system.symbolic.x
-        matrix = sympy.Matrix(self.constraints)
-        slopes = matrix.jacobian(states)
+        slopes = _slopes(self.constraints, tuple(states))
         weights = GIVES_WAY ** np.minimum(self.distance, FARTHEST)
         for _ in range(4):
             at = {**values, t: time, **dict(zip(states, x.tolist(), strict=True))}
-            rows, c = _numbers(slopes, at), _numbers(matrix, at).ravel()
+            rows, c = _numbers(slopes, at), _numbers([self.constraints], at).ravel()
             scale = np.linalg.norm(rows * weights, axis=1)
             scale = np.where(scale > 0.0, scale, 1.0)
             step, *_ = np.linalg.lstsq(rows * weights / scale[:, None], c / scale, rcond=1e-13)
@@ -140,7 +139,23 @@ def _on_surface(f: Expr, at: Mapping[Symbol, float]) -> Expr:
     return f.xreplace({q: sympy.S.Zero if _number(q.exp, at) > 0 else sympy.nan for q in powers})
 
 
-_Rows = dict[int, tuple[Expr, list[Expr]]]
+_Rows = dict[int, tuple[Expr, tuple[Expr, ...]]]
+
+
+@lru_cache(maxsize=256)
+def _rate(
+    phi: Expr, states: tuple[Symbol, ...], field: tuple[Expr, ...], signs: tuple[Symbol, ...]
+) -> tuple[Expr, tuple[Expr, ...]]:
+    """d/dt phi along the field, and what each sign does to it."""
+    along = (phi.diff(x) * f for x, f in zip(states, field, strict=True))
+    rate = sympy.expand(phi.diff(t) + sum(along, sympy.S.Zero))
+    return rate, tuple(rate.diff(s) for s in signs)
+
+
+@lru_cache(maxsize=256)
+def _slopes(rows: tuple[Expr, ...], by: tuple[Symbol, ...]) -> tuple[tuple[Expr, ...], ...]:
+    """The derivatives of each expression by each symbol."""
+    return tuple(tuple(e.diff(q) for q in by) for e in rows)
 
 
 def _rows(
@@ -160,10 +175,7 @@ def _rows(
         i, phi = waiting.popitem()
         if phi.free_symbols - free:
             return f"the rate of {_name(form, i)} depends on other signs or sizes"
-        rate = sympy.expand(
-            phi.diff(t) + sum((phi.diff(x) * f for x, f in zip(form.x, field, strict=True)), sympy.S.Zero)
-        )
-        effects = [rate.diff(s) for s in signs]
+        rate, effects = _rate(phi, tuple(form.x), tuple(field), tuple(signs))
         if any(e.free_symbols & set(signs) for e in effects):
             return f"the rate of {_name(form, i)} holds products of signs"
         if any(not _vanishes(e, constraints, form.x) for e in effects):
@@ -198,7 +210,7 @@ def _vanishes(effect: Expr, constraints: Sequence[Expr], x: Sequence[Symbol]) ->
 def _implied(e: Expr, constraints: Sequence[Expr], x: Sequence[Symbol], at: Mapping[Symbol, float]) -> bool:
     """Whether an expression vanishes where the constraints do: its slopes are a combination of theirs."""
     by = (*x, t)
-    rows = _numbers(sympy.Matrix([*constraints, e]).jacobian(by), at)
+    rows = _numbers(_slopes((*constraints, e), by), at)
     scale = np.max(np.abs(rows), axis=1, keepdims=True)
     if scale[-1] == 0.0:
         return True
@@ -309,6 +321,5 @@ def _number(e: Expr, at: Mapping[Symbol, float]) -> float:
     return float(value) if value.is_number and value.is_real else float("nan")
 
 
-def _numbers(matrix: sympy.Matrix, at: Mapping[Symbol, float]) -> Array:
-    rows = [[_number(matrix[i, j], at) for j in range(matrix.shape[1])] for i in range(matrix.shape[0])]
-    return np.array(rows, dtype=float)
+def _numbers(rows: Sequence[Sequence[Expr]], at: Mapping[Symbol, float]) -> Array:
+    return np.array([[_number(e, at) for e in row] for row in rows], dtype=float)
