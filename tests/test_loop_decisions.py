@@ -1,4 +1,4 @@
-"""What the compiled loop decides by itself: batches in which nothing is left to `solve`, against closed forms."""
+"""What the compiled loop decides: batches of which nothing is left to `solve`, against closed forms."""
 
 import numpy as np
 import pytest

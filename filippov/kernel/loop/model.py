@@ -12,7 +12,8 @@ AFFINE: the field is jointly affine in the signs. ROUGH: it may hold a power of 
 stands still in stages beyond its surface. WIDE: it is small enough to be sampled in lanes.
 RESET_FROM[i]: the side from which surface i resets the state, 2 for both, 0 for none; CONTACT[i]: the side on
 which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are any; TICKS: whether there are
-time events. EVENT_SIZE: doubles of an event. HELD[i]: guard i is a derivative of h_i, and only the general path leaves it.
+time events. EVENT_SIZE: doubles of an event. HELD[i]: guard i is a derivative of h_i, and only the general
+path leaves it.
 RULE: which of the rules of sliding in `rules`. ORDER: power of the step that the error estimate goes with.
 IMPLICIT: the stages are solved for. SERIES: they are the coefficients of a series (see `taylor`).
 PER_NODE: 1 / theta of every main stage.

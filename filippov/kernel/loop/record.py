@@ -28,7 +28,7 @@ def record_event(run: Trajectory, kind: int) -> None:
     for j in range(N):
         event[3 + j] = run.x[j]
     if EVENT_SIZE > 3 + N:
-        jumps = kind == RESET or kind == TIME_RESET  # noqa: PLR1714, SIM109 - the kernel language has no `in`
+        jumps = kind == RESET or kind == TIME_RESET  # noqa: PLR1714 - the kernel language has no `in`
         for j in range(N):
             event[3 + N + j] = w.jump[j] if jumps else run.x[j]
     mark[0], mark[1] = now.surface, kind

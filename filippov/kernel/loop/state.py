@@ -314,8 +314,9 @@ class Trajectory(Record):
 
     x, mode m, multipliers lam of the sliding surfaces; order[i]: how often guard i vanishes at the start;
     hit: the surfaces that are active where the general path is needed; stop: events until a terminal one, a
-    row of STOPS a surface; ticks, instants: time events, with the times of those that list them; rec, rec_coef: steps with their dense output; events, marks: what is kept of
-    events; kinds: how many of each kind a surface had, where events are only counted; number: in its batch.
+    row of STOPS a surface; ticks, instants: time events, with the times of those that list them; rec,
+    rec_coef: steps with their dense output; events, marks: what is kept of events; kinds: how
+    many of each kind a surface had, where events are only counted; number: in its batch.
     """
 
     clock: Clock

@@ -170,7 +170,7 @@ class Machine:
 
     @property
     def ticking(self) -> bool:
-        """Whether the compiled loop can look after the time events: no knots, and no functions of the user."""
+        """Whether the compiled loop can look after the time events: no knots, no functions of the user."""
         return self.callbacks is None and not self.system.inputs
 
     def derived(self, values: Array) -> Array:
