@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from filippov.model.comparator import Smooth
-from filippov.model.friction_model import MODELS, with_friction_model
+from filippov.model.bristles import MODELS
+from filippov.model.friction_model import with_friction_model
 from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import parameters
 from filippov.model.system import System
@@ -16,7 +17,7 @@ from filippov.models.mass import controlled_mass
 def friction_models(
     law: FrictionLaw, plant: Callable[[FrictionLaw], System] = controlled_mass, width: float = 1e-4
 ) -> dict[str, System]:
-    """Return the plant by name: "exact", "tanh", and the models of `filippov.model.friction_model`.
+    """Return the plant by name: "exact", "tanh", and the models of `filippov.model.bristles`.
 
     law     begins at its static level, as Coulomb's and Stribeck's do: a jump of it has no such models
     plant   law -> System with one friction surface: controlled_mass, pendulum, belt, or one of your own

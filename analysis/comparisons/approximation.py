@@ -11,7 +11,8 @@ from filippov.analysis.comparisons.band_model import SMOOTH_REACH, BandModel
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import unknown
 from filippov.model.comparator import Band, Comparator, Hysteresis, Karnopp, Smooth, Switch
-from filippov.model.friction_model import MODELS as FRICTION
+from filippov.model.bristles import BRISTLES
+from filippov.model.bristles import MODELS as FRICTION
 from filippov.model.friction_model import with_friction_model
 from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import parameters
@@ -114,8 +115,8 @@ def with_friction(exact: System, name: str) -> Approximation:
             made = with_friction_model(made, name, width, surface=surface)
     except ModelError as error:
         raise UsageError(f"{name} does not fit this system. {error}") from None
-    sticks = name not in ("dahl", "lugre")
-    return Approximation(name, lambda value: (made, {word: value}), method="Radau", sticks=sticks)
+    method = None if name == "maxwell-slip" else "Radau"
+    return Approximation(name, lambda value: (made, {word: value}), method=method, sticks=name not in BRISTLES)
 
 
 def under(exact: System, name: str, alpha: float = ALPHA) -> Approximation:

@@ -1,92 +1,22 @@
-"""Friction models of the literature in the place of one surface of a system, mapped from its own law.
-
-A system with the surface h (a sliding velocity) has dx/dt = f0 + f1(|h|) s, s in Sgn(h): f1(|h|)/f1(0) is g
-below, the curve of the law over its static level. With w the width and tau a time,
-
-    dahl          z' = h - |h| z/w           f0 + f1(|h|) z/w               w: deflection at the static level
-    lugre         z' = h - |h| z/(w g)       f0 + f1(0) (z + tau z')/w      w: the same
-    memory        z' = (h - z)/w             f0 + f1(|z|) s                 w: a time
-    bengisu-akay  no state                   f0 + f1(max(|h| - w, 0)) q(h/w)   w: a velocity
-
-Sliding steadily each gives f0 + f1(|h|) sgn(h) (bengisu-akay: with the curve moved by w), and at h = 0 the
-first two have the stiffness f1(0)/w. q(u) = u (2 - |u|) within |u| <= 1, then sgn(u). memory is the lag of
-the seven-parameter model as an element of the first order, as a delay is not to be had in an ordinary
-differential equation; its rising static friction and its stiffness in stick are left out.
-
-Sources: Dahl 1968; Canudas de Wit, Olsson, Astrom, Lischinsky 1995; Armstrong-Helouvry, Dupont, Canudas de
-Wit 1994; Bengisu & Akay 1994.
-"""
+"""A friction model of the literature in the place of one surface of a system, mapped from its own law."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import sympy
-from sympy import Abs, Expr, Piecewise, Symbol, sign
+from sympy import Abs, Dummy, Expr, Symbol, sign
 
 from filippov.base.errors import ModelError
 from filippov.base.names import unknown
 from filippov.base.symbolic_value import is_expression
+from filippov.model.bristles import DAMPED, MODELS, Part
 from filippov.model.parameter import as_number
 from filippov.model.parameter_symbol import ParameterNamespace, ParameterSymbol
 from filippov.model.symbolic import Select, convex
-from filippov.model.symbols import states
+from filippov.model.symbols import states, t
 from filippov.model.system import System
-
-
-@dataclass(frozen=True)
-class Part:
-    """What a model is made of: the sliding velocity, the law's f0, f1 and g, and its numbers.
-
-    f0, f1   one expression a state; f1 as a function of |h|
-    """
-
-    h: Expr
-    f0: tuple[Expr, ...]
-    f1: Callable[[Expr], tuple[Expr, ...]]
-    g: Expr
-    width: Expr
-    tau: Expr
-
-    def with_force(self, s: Expr, speed: Expr) -> tuple[Expr, ...]:
-        """f0 + f1(speed) s."""
-        return tuple(a + b * s for a, b in zip(self.f0, self.f1(speed), strict=True))
-
-
-Made = tuple[tuple[Expr, ...], tuple[Expr, ...]]
-
-
-def dahl(part: Part, z: tuple[Symbol, ...]) -> Made:
-    """Dahl 1968, with the level of the law."""
-    rate = part.h - Abs(part.h) * z[0] / part.width
-    return part.with_force(z[0] / part.width, Abs(part.h)), (rate,)
-
-
-def lugre(part: Part, z: tuple[Symbol, ...]) -> Made:
-    """Canudas de Wit et al. 1995, equations 1 to 3."""
-    rate = part.h - Abs(part.h) * z[0] / (part.width * part.g)
-    return part.with_force((z[0] + part.tau * rate) / part.width, sympy.S.Zero), (rate,)
-
-
-def memory(part: Part, z: tuple[Symbol, ...]) -> Made:
-    """The frictional memory of Armstrong-Helouvry et al. 1994 as a lag of the first order."""
-    return part.with_force(sign(part.h), Abs(z[0])), ((part.h - z[0]) / part.width,)
-
-
-def bengisu_akay(part: Part, z: tuple[Symbol, ...]) -> Made:
-    """Bengisu & Akay 1994: a parabola up to the static level, then the law from there on."""
-    u = part.h / part.width
-    s = Piecewise((u * (2 - Abs(u)), Abs(part.h) < part.width), (sign(part.h), True))
-    beyond = Piecewise((0, Abs(part.h) < part.width), (Abs(part.h) - part.width, True))
-    return part.with_force(s, beyond), ()
-
-
-MODELS: dict[str, tuple[Callable[[Part, tuple[Symbol, ...]], Made], int]] = {
-    "dahl": (dahl, 1), "lugre": (lugre, 1), "memory": (memory, 1),
-    "bengisu-akay": (bengisu_akay, 0),
-}  # fmt: skip
 
 
 def with_friction_model(
@@ -94,14 +24,15 @@ def with_friction_model(
 ) -> System:
     """Return the system with a friction model of the literature in the place of one surface, its states last.
 
-    model     a name of MODELS
-    width     w above: a number, or a parameter with a lower bound above 0
+    model     a name of MODELS, see `filippov.model.bristles`
+    width     w there: a number, or a parameter with a lower bound above 0
     surface   by default the only switching one
-    tau       sigma1/sigma0, the damping of the deflection over its stiffness; default: as in the published
-              LuGre model, sqrt(width/(rate of h by the static level))
+    tau       sigma1/sigma0, the damping of the deflection over its stiffness, and the lag of a slipping
+              element of maxwell-slip; default: as in the published LuGre model, sqrt(width/(rate of h by the
+              static level at h = 0))
 
     Raises ModelError for a set wider than the hull (a jump of the static level: take a Stribeck law), for
-    plain functions, and where the default of tau depends on the state.
+    plain functions, and where the model has a tau and its default depends on the state or is 0.
     """
     if model not in MODELS:
         raise ModelError(unknown("friction model", model, MODELS))
@@ -123,37 +54,63 @@ def with_friction_model(
         raise ModelError(f"surface {name!r}: the field is not affine in its sign.")
     plain = _plain(system, skip=i)
     f0 = tuple(f.xreplace({s: sympy.S.Zero}).xreplace({a: Abs(h)}).xreplace(plain) for f in field)
-    f1 = tuple(f.xreplace(plain) for f in slopes)
-    rest = [q.xreplace({a: sympy.S.Zero}) for q in f1]
+    f1 = tuple(_of_speed(f.xreplace(plain), h, a, form.x) for f in slopes)
+    rest = [_at_rest(q, h, a, form.x) for q in f1]
     j = next(k for k, q in enumerate(f1) if q != 0)
     w = _positive(width, "width")
-    level = sum((h.diff(x) * q for x, q in zip(form.x, rest, strict=True)), sympy.S.Zero)
-    if tau is None:
-        if level == 0 or level.free_symbols & set(form.x):
-            raise ModelError(f"surface {name!r}: dh/dt by its sign is {level}; give tau, a time.")
-        tau = sympy.sqrt(w / Abs(level))
-    else:
+    if tau is not None:
         tau = _positive(tau, "tau")
+    elif model in DAMPED:
+        tau = _tau(name, h, rest, form.x, w)
     part = Part(
-        h, f0, lambda speed: tuple(q.xreplace({a: speed}) for q in f1),
-        (f1[j] / rest[j]).xreplace({a: Abs(h)}) if model != "memory" else sympy.S.One,
-        w, tau,
+        name, h, f0, lambda speed: tuple(q.xreplace({a: speed}) for q in f1),
+        lambda speed: (f1[j] / rest[j]).xreplace({a: speed}), w, tau,
     )  # fmt: skip
     make, count = MODELS[model]
     z = states(" ".join(f"{_word(name)}_{model[0]}{k}" for k in range(1, count + 1))) if count else ()
-    equations, rates = make(part, tuple(z))
+    made = make(part, tuple(z))
     kept = [q for k, q in enumerate(system.surfaces) if k != i and q.kind != "kink"]
     if model == "memory":
         kept.insert(min(i, len(kept)), system.surfaces[i])
-    extra = sorted(
-        {q for e in (w, part.tau) for q in e.free_symbols if isinstance(q, ParameterSymbol)} - set(form.p),
-        key=lambda q: q.name,
-    )
+    used = {q for f in (*made.field, *made.rates) for q in f.free_symbols if isinstance(q, ParameterSymbol)}
+    extra = sorted(used - set(form.p), key=lambda q: q.name)
     namespace = ParameterNamespace({q.name: q for q in (*form.p, *extra)})
     return System(
-        dict(zip((*form.x, *z), (*equations, *rates), strict=True)), surfaces=kept, parameters=namespace,
-        time_events=system.time_events,
+        dict(zip((*form.x, *z), (*made.field, *made.rates), strict=True)), surfaces=[*kept, *made.surfaces],
+        parameters=namespace, time_events=system.time_events, labels=system.labels or None,
     )  # fmt: skip
+
+
+def _of_speed(f: Expr, h: Expr, a: Symbol, x: Sequence[Symbol]) -> Expr:
+    """f with even powers of h, which sympy writes as those of a state, as powers of |h| = a."""
+    H = Dummy("h", real=True)
+    for put in _with_h(f, h, H, x):
+        if put.has(H) and put == put.xreplace({H: -H}):
+            return put.xreplace({H: a})
+    return f
+
+
+def _at_rest(f: Expr, h: Expr, a: Symbol, x: Sequence[Symbol]) -> Expr:
+    """f where h is 0, without states where that can be."""
+    f = f.xreplace({a: sympy.S.Zero})
+    return next((put for put in _with_h(f, h, sympy.S.Zero, x) if not put.free_symbols & set(x)), f)
+
+
+def _with_h(f: Expr, h: Expr, value: Expr, x: Sequence[Symbol]) -> Iterator[Expr]:
+    """f with the value of h in the place of each state that h is linear in."""
+    for v in x:
+        slope = h.diff(v)
+        if slope != 0 and not slope.free_symbols & {*x, t}:
+            rest = h.xreplace({v: sympy.S.Zero})
+            yield f.xreplace({v: sympy.expand((value - rest) / slope)})
+
+
+def _tau(name: str, h: Expr, rest: Sequence[Expr], x: Sequence[Symbol], w: Expr) -> Expr:
+    """sqrt(w/level), level the rate of h by the static level."""
+    level = sum((h.diff(v) * q for v, q in zip(x, rest, strict=True)), sympy.S.Zero)
+    if level == 0 or level.free_symbols & set(x):
+        raise ModelError(f"surface {name!r}: dh/dt by its sign is {level}; give tau, a time.")
+    return sympy.sqrt(w / Abs(level))
 
 
 def _place(system: System, surface: str | None) -> int:

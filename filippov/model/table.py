@@ -179,6 +179,9 @@ def decimal(expr: Expr) -> Expr:
 
 def number(expr: Expr, at: dict[Symbol, Expr], divisor: Expr = S.One) -> Expr | None:
     """Return expr/divisor at a point as a number of 30 digits, None where it is not finite."""
+    if any(q.exp.free_symbols for q in expr.atoms(sympy.Pow)):
+        # Of a fraction to the power of a fraction sympy first looks for the prime factors, which takes long.
+        at = {q: sympy.Float(value, 2 * DIGITS) for q, value in at.items()}
     try:
         top = expr.xreplace(at).evalf(DIGITS)
         bottom = divisor.xreplace(at).evalf(DIGITS)
