@@ -28,6 +28,7 @@ from filippov.models.studies import (
     Study,
     StudyCase,
     Variant,
+    read_rows,
     read_texts,
     register_study,
 )
@@ -168,4 +169,5 @@ STUDY = register_study(Study(
         "LuGre", hunting_lugre, x0=(0.3, 0.0, 0.0, 0.0), transient=100.0, method="Radau",
         beyond=(60.0, (0.05, 0.0, 0.0, 0.0)), small=(1e-4,), settle=200.0, threshold=1e-6,
     ),
+    approximated=read_rows("approximations.csv"),
 ))  # fmt: skip

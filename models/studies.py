@@ -5,6 +5,7 @@ A study has cases and asks questions; each question that it asks is a section of
 
 from __future__ import annotations
 
+import csv
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -173,6 +174,7 @@ class Study:
     plane              (parameter, range of the study's parameter, its own range): cells with exact borders
     ranges, tuned      settings by name, and the laws for which those without cycles are sought
     laws, experiment, relative   as their classes say
+    approximated       rows of `filippov.app.approximations`, kept in a file since they take minutes
     """
 
     name: str
@@ -206,6 +208,13 @@ class Study:
     laws: tuple[Law, ...] = ()
     experiment: Experiment | None = None
     relative: Relative | None = None
+    approximated: tuple[Mapping[str, str], ...] = ()
+
+
+def read_rows(file: str) -> tuple[dict[str, str], ...]:
+    """The rows of a CSV file of this package, by column."""
+    source = resources.files("filippov.models").joinpath(file).read_text(encoding="utf-8")
+    return tuple(csv.DictReader(source.splitlines()))
 
 
 def read_texts(file: str) -> Texts:

@@ -2,14 +2,18 @@
 
 import csv
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from filippov import UsageError
 from filippov.app.approximations import COLUMNS, MODELS, table_of_approximations
+from filippov.app.report.band import approximations
+from filippov.app.report.page import document
 from filippov.models.approximated import PLANTS
+from filippov.models.studies import get_study
 
-TABLE = Path(__file__).resolve().parent.parent / "docs" / "_static" / "approximations.csv"
+TABLE = Path(__file__).resolve().parent.parent / "models" / "approximations.csv"
 ROWS = list(csv.DictReader(TABLE.read_text(encoding="utf-8").splitlines()))
 
 
@@ -43,6 +47,17 @@ def test_15_a_part_of_the_table_computed_again() -> None:
             assert row["error_state"] == pytest.approx(float(known["error_state"]), rel=0.1)
             assert row["order"] == pytest.approx(float(known["order"]), abs=0.05)
             assert row["calls_ratio"] == pytest.approx(float(known["calls_ratio"]), rel=0.1)
+
+
+def test_15_the_study_of_the_hunting_loop_shows_the_table() -> None:
+    """Kept with the package, as it takes minutes; its words count what is slower than theory."""
+    study = get_study("hunting")
+    assert study.approximated == tuple(ROWS)
+    section = approximations(SimpleNamespace(study=study))  # type: ignore[arg-type]  # a run that has a study
+    assert section.facts == {"plants": 6, "orders": sum(bool(row["order"]) for row in ROWS), "slower": 3}
+    assert len(section.parts[1].rows) == len(ROWS)  # type: ignore[union-attr]  # the table
+    page = document("", "", [section], study.texts, {})
+    assert "Of 35 approximations 3 have not the order" in page
 
 
 def test_15_names_that_are_not_in_the_table_are_refused() -> None:

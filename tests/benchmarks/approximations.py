@@ -1,4 +1,4 @@
-"""Write the table of docs/comparison.md: python tests/benchmarks/approximations.py [CSV]."""
+"""Write the table of docs/comparison.md and of the study of the hunting loop: python tests/benchmarks/approximations.py [CSV]."""
 
 from __future__ import annotations
 
@@ -25,4 +25,4 @@ def main(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "_static" / "approximations.csv")
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "models" / "approximations.csv")

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 # As in `filippov.analysis.comparisons`, which is not imported for a help text.
 KINDS = (
-    "switch", "karnopp", "band", "tanh", "arctan", "sqrt", "hysteresis", "lugre", "dahl", "memory",
-    "bengisu-akay", "moreau",
+    "switch", "karnopp", "band", "tanh", "arctan", "sqrt", "hysteresis", "lugre", "dahl",
+    "elasto-plastic", "maxwell-slip", "memory", "bengisu-akay", "moreau",
 )  # fmt: skip
 ERRORS = ("error_state", "error_final", "error_times", "drift")
 

@@ -74,6 +74,34 @@ def comparison(run: Run) -> Section:
     )  # fmt: skip
 
 
+COLUMNS = {
+    "plant": "plant", "model": "model", "method": "integrator", "width": "width", "error_state": "error",
+    "drift": "drift", "calls_ratio": "calls", "order": "order", "theory": "theory", "said": "wrong in kind",
+}  # fmt: skip
+
+
+def approximations(run: Run) -> Section:
+    """Other plants under what is used in the place of the inclusion, from the rows kept with the study."""
+    rows = run.study.approximated
+    source = "filippov.app.approximations.table_of_approximations, kept with the package; approximations.csv."
+    table = Table(
+        "Approximations of several plants", tuple(COLUMNS.values()),
+        tuple(tuple(row[name] or NONE for name in COLUMNS) for row in rows),
+        "At the narrowest of three widths each (where time is stepped: of three steps). Error: the largest of a "
+        "state over the extent of the states; drift: the way slipped in stick; calls of the field over those of "
+        "the exact run; order: of the error over the widths, beside that of the theory.",
+        source, "approximations", long=True,
+    )  # fmt: skip
+    slower = [row for row in rows if row["said"].startswith("order")]
+    facts = {"plants": len({row["plant"] for row in rows}), "orders": sum(bool(row["order"]) for row in rows)}
+    cells = [list(row.values()) for row in rows]
+    return Section(
+        "approximations", "Other plants", [Words("source", source), table],
+        {**{name: float(value) for name, value in facts.items()}, "slower": float(len(slower))},
+        files=[("approximations.csv", tuple(rows[0]), cells)],
+    )  # fmt: skip
+
+
 def _facts(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """What the widest and the narrowest band get wrong at most."""
     bands = [row for row in rows if row["width"] is not None]
