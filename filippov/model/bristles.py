@@ -24,9 +24,8 @@ Stribeck velocity); memory has a fifth, the lag, as an element of the first orde
 had in an ordinary differential equation. The other two are left out: the static level does not rise with
 the time of a stick, and in stick there is no stiffness.
 
-Sources: Dahl 1968; Canudas de Wit, Olsson, Astrom, Lischinsky 1995; Dupont, Hayward, Armstrong, Altpeter 2002,
-equations 8 to 14; Lampaert, Al-Bender, Swevers 2003; Armstrong-Helouvry, Dupont, Canudas de Wit 1994, table 5;
-Bengisu & Akay 1994.
+Sources: Dahl 1968; Canudas de Wit, Olsson, Astrom, Lischinsky 1995; Dupont, Hayward, Armstrong, Altpeter 2002;
+Lampaert, Al-Bender, Swevers 2003; Armstrong-Helouvry, Dupont, Canudas de Wit 1994; Bengisu & Akay 1994.
 """
 
 from __future__ import annotations
@@ -93,7 +92,7 @@ def lugre(part: Part, z: tuple[Symbol, ...]) -> Made:
 
 
 def elasto_plastic(part: Part, z: tuple[Symbol, ...]) -> Made:
-    """Dupont et al. 2002, equations 8 to 14: plastic only where the deflection grows, near its level."""
+    """Dupont et al. 2002: plastic only where the deflection grows, near its level."""
     r = z[0] / (part.width * part.g(Abs(part.h)))
     forwards, backwards = (Abs(part.h) + part.h) / 2, (Abs(part.h) - part.h) / 2
     rate = part.h - r * (forwards * plastic(r) + backwards * plastic(-r))
@@ -107,7 +106,7 @@ def plastic(r: Expr) -> Expr:
 
 
 def maxwell_slip(part: Part, z: tuple[Symbol, ...]) -> Made:
-    """Lampaert, Al-Bender, Swevers 2003, equations 5 to 7: elements that stick or slip, each for itself."""
+    """Lampaert, Al-Bender, Swevers 2003: elements that stick or slip, each for itself."""
     share = Rational(1, ELEMENTS)
     forces, memories = z[:ELEMENTS], z[ELEMENTS:]
     # A level that is a surface needs a slope at h = 0, which |h|^beta with beta < 1 has not.
