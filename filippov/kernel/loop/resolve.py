@@ -116,6 +116,14 @@ def resolve_root(
         m[i] = -sigma
         order[i] = 1
         return kind
+    own = lo == -1.0 and hi == 1.0 and -sigma * here > clear
+    if own and ROUNDING * scale < -sigma * beyond <= clear:
+        led = leads_off(t, x, p, m, i, beyond, w, iw, ctx)
+        if led == 1:
+            m[i] = -sigma
+            order[i] = 1
+        if led != 0:
+            return kind if led == 1 else -1
     if not (-sigma * here > clear) or abs(at_hi) <= clear or abs(at_lo) <= clear or not (abs(beyond) > clear):
         return NONE
     if at_hi < 0.0 and at_lo > 0.0:
@@ -128,6 +136,36 @@ def resolve_root(
         order[i] = 1
         return kind
     return NONE
+
+
+@kernel
+def leads_off(
+    t: float, x: Vector, p: Vector, m: Vector, i: int, rate: float, w: Scratch, iw: Integers, ctx: Indices
+) -> int:  # fmt: skip
+    """Whether the slow rate beyond surface i lasts until h is farther than a touching is deep; -1: failure.
+
+    So it does into a layer in which the motion relaxes, and does not near a fold of the field beyond.
+    """
+    if iw.sliding > 0:
+        return 0
+    s, f, ahead, before = w.s, w.f, w.jump, m[i]
+    span = w.direction * w.touch[i] / abs(rate)
+    m[i] = -before
+    for j in range(M):
+        s[j] = m[j]
+    code = rhs(t, x, p, s, m, f, ctx)
+    for j in range(N):
+        ahead[j] = x[j] + span * f[j]
+    code = max(code, gradients(t + span, ahead, p, m, w.g, w.gt, ctx), rhs(t + span, ahead, p, s, m, f, ctx))
+    later = w.gt[i]
+    for a in range(G_FIRST[i], G_FIRST[i + 1]):
+        later += w.g[i * N + G_COLUMN[a]] * f[G_COLUMN[a]]
+    code = max(code, gradients(t, x, p, m, w.g, w.gt, ctx))
+    m[i] = before
+    iw.calls += 2
+    if code != 0:
+        return -1
+    return 1 if w.direction * later * rate >= 0.5 * rate * rate else 0
 
 
 @kernel
