@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from filippov.model.comparator import Smooth
 from filippov.model.bristles import MODELS
+from filippov.model.comparator import Smooth
 from filippov.model.friction_model import with_friction_model
 from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import parameters

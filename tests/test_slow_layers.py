@@ -45,8 +45,8 @@ def test_15_a_slow_crossing_beside_a_fold_is_the_one_of_the_closed_form(c: float
 x, v = states("x v")
 q = parameters(eta=1e-8, alpha=100.0)
 LAYER = System(
-    {x: v, v: -Heaviside(v - q.eta) - q.alpha * v * Heaviside(q.eta - v)}, surfaces=[Surface("edge", v - q.eta)],
-    parameters=q,
+    {x: v, v: -Heaviside(v - q.eta) - q.alpha * v * Heaviside(q.eta - v)},
+    surfaces=[Surface("edge", v - q.eta)], parameters=q,
 )  # fmt: skip
 
 

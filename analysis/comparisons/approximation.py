@@ -10,9 +10,9 @@ from typing import Any
 from filippov.analysis.comparisons.band_model import SMOOTH_REACH, BandModel
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import unknown
-from filippov.model.comparator import Band, Comparator, Hysteresis, Karnopp, Smooth, Switch
 from filippov.model.bristles import BRISTLES
 from filippov.model.bristles import MODELS as FRICTION
+from filippov.model.comparator import Band, Comparator, Hysteresis, Karnopp, Smooth, Switch
 from filippov.model.friction_model import with_friction_model
 from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import parameters
@@ -116,7 +116,8 @@ def with_friction(exact: System, name: str) -> Approximation:
     except ModelError as error:
         raise UsageError(f"{name} does not fit this system. {error}") from None
     method = None if name == "maxwell-slip" else "Radau"
-    return Approximation(name, lambda value: (made, {word: value}), method=method, sticks=name not in BRISTLES)
+    sticks = name not in BRISTLES
+    return Approximation(name, lambda value: (made, {word: value}), method=method, sticks=sticks)
 
 
 def under(exact: System, name: str, alpha: float = ALPHA) -> Approximation:

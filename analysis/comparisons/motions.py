@@ -48,8 +48,8 @@ def compare_motions(
     system      the inclusion; x0, t_span: as for `solve`
     against     names ("switch", "karnopp", "band", "tanh", "arctan", "sqrt", "hysteresis"; "lugre", "dahl",
                 "elasto-plastic", "maxwell-slip", "memory", "bengisu-akay", see `filippov.model.bristles`;
-                "moreau": time stepping, whose width is its step), a mapping {name: width -> System}, or Approximations; default: the first
-                four, where they fit the system
+                "moreau": time stepping, whose width is its step), a mapping {name: width -> System}, or
+                Approximations; default: the first four, where they fit the system
     widths      half-widths in the units of h; default: five decades below the largest |h| of the motion
     measures    further numbers of each run, as in sweeps: "amplitude(x)", a function of the Solution
     parameters  values by name, for the exact system and every approximation that has them

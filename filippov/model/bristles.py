@@ -3,12 +3,12 @@
 The system is dx/dt = f0 + f1(|h|) s, s in Sgn(h): f1(|h|)/f1(0) is g below, the curve of the law over its
 static level. With w the width, tau a time and r = z/(w g) the deflection z over its level,
 
-    dahl            z' = h - |h| z/w            f0 + f1(|h|) z/w               w: deflection at the static level
-    lugre           z' = h - |h| r              f0 + f1(0) (z + tau z')/w      w: the same
-    elasto-plastic  z' = h - |h| r alpha        as lugre; alpha = A(|r|) where h and z have one sign, else 0
-    maxwell-slip    three elements, below       f0 + f1(0) (z1 + z2 + z3)      w: the same
-    memory          z' = (h - z)/w              f0 + f1(|z|) s                 w: a time
-    bengisu-akay    no state                    f0 + f1(max(|h| - w, 0)) q(h/w)   w: a velocity
+    dahl            z' = h - |h| z/w     f0 + f1(|h|) z/w              w: deflection at the static level
+    lugre           z' = h - |h| r       f0 + f1(0) (z + tau z')/w     w: the same
+    elasto-plastic  z' = h - |h| r alpha as lugre; alpha = A(|r|) where h and z have one sign, else 0
+    maxwell-slip    three, below         f0 + f1(0) (z1 + z2 + z3)     w: the same
+    memory          z' = (h - z)/w       f0 + f1(|z|) s                w: a time
+    bengisu-akay    no state             f0 + f1(max(|h| - w, 0)) q(h/w)   w: a velocity
 
 A rises from 0 at |r| = 0.7, below which the deflection is elastic and nothing creeps, to 1 at |r| = 1. It is
 an error function that has both values to rounding, in the place of the published half period of a sine: no
@@ -24,8 +24,8 @@ Stribeck velocity); memory has a fifth, the lag, as an element of the first orde
 had in an ordinary differential equation. The other two are left out: the static level does not rise with
 the time of a stick, and in stick there is no stiffness.
 
-Sources: Dahl 1968; Canudas de Wit, Olsson, Astrom, Lischinsky 1995; Dupont, Hayward, Armstrong, Altpeter 2002;
-Lampaert, Al-Bender, Swevers 2003; Armstrong-Helouvry, Dupont, Canudas de Wit 1994; Bengisu & Akay 1994.
+Sources: Dahl 1968; Canudas de Wit, Olsson, Astrom, Lischinsky 1995; Dupont, Hayward, Armstrong, Altpeter
+2002; Lampaert, Al-Bender, Swevers 2003; Armstrong-Helouvry, Dupont, Canudas de Wit 1994; Bengisu & Akay 1994.
 """
 
 from __future__ import annotations

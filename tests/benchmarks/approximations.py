@@ -1,4 +1,4 @@
-"""Write the table of docs/comparison.md and of the study of the hunting loop: python tests/benchmarks/approximations.py [CSV]."""
+"""Write the table of docs/comparison.md and the study: python tests/benchmarks/approximations.py [CSV]."""
 
 from __future__ import annotations
 

@@ -32,14 +32,15 @@ SECTIONS: tuple[tuple[Callable[[Run], Section], str, float], ...] = (
     (response.model, "", 0), (response.response, "", 0), (response.event_map, "", 0),
     (diagram.fixed_points, "", 0), (diagram.bifurcation, "", 0), (checks.classification, "", 0),
     (checks.stability, "", 0), (response.modes, "", 0.01), (band.comparison, "variants", 0.2),
-    (band.approximations, "approximated", 0), (cycles.orbits, "", 0.05), (cycles.branches, "", 0), (cycles.fold_curve, "ending", 0.1),
+    (band.approximations, "approximated", 0),
+    (cycles.orbits, "", 0.05), (cycles.branches, "", 0), (cycles.fold_curve, "ending", 0.1),
     (cycles.region_map, "plane", 0.08), (design.settings, "tuned", 0.15), (design.prediction, "laws", 0.05),
     (design.experiment, "experiment", 0.05), (smoother.relative, "relative", 0.3), (checks.checks, "", 0),
 )  # fmt: skip
 # The order of the sections in the report, and those of the appendix.
 ORDER = (
-    "summary", "model", "checks", "settings", "comparison", "approximations", "relative", "prediction", "experiment",
-    "response", "map", "fixed-points", "bifurcation", "cycles", "branches", "fold-curve", "regions",
+    "summary", "model", "checks", "settings", "comparison", "approximations", "relative", "prediction",
+    "experiment", "response", "map", "fixed-points", "bifurcation", "cycles", "branches", "fold-curve", "regions",
     "classification", "graph", "differences",
 )  # fmt: skip
 APPENDIX = ("stability", "versions")
