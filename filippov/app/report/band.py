@@ -87,9 +87,9 @@ def approximations(run: Run) -> Section:
     table = Table(
         "Approximations of several plants", tuple(COLUMNS.values()),
         tuple(tuple(row[name] or NONE for name in COLUMNS) for row in rows),
-        "At the narrowest of three widths each (where time is stepped: of three steps). Error: the largest of "
-        "a state over the extent of the states; drift: the way slipped in stick; calls of the field over those "
-        "of the exact run; order: of the error over the widths, beside that of the theory.",
+        "At the narrowest of three widths each (where time is stepped: of three steps). Error: the largest "
+        "of a state over the extent of the states; drift: the way slipped in stick; calls of the field over "
+        "those of the exact run; order: of the error over the widths, beside that of the theory.",
         source, "approximations", long=True,
     )  # fmt: skip
     slower = [row for row in rows if row["said"].startswith("order")]

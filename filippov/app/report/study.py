@@ -40,8 +40,8 @@ SECTIONS: tuple[tuple[Callable[[Run], Section], str, float], ...] = (
 # The order of the sections in the report, and those of the appendix.
 ORDER = (
     "summary", "model", "checks", "settings", "comparison", "approximations", "relative", "prediction",
-    "experiment", "response", "map", "fixed-points", "bifurcation", "cycles", "branches", "fold-curve", "regions",
-    "classification", "graph", "differences",
+    "experiment", "response", "map", "fixed-points", "bifurcation", "cycles", "branches", "fold-curve",
+    "regions", "classification", "graph", "differences",
 )  # fmt: skip
 APPENDIX = ("stability", "versions")
 
