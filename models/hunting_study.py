@@ -19,7 +19,7 @@ from filippov.models.lugre import hunting_lugre
 from filippov.models.mass import REFERENCE_LAW, SOURCE
 from filippov.models.static_cycle import coulomb_ratio, static_cycles
 from filippov.models.studies import (
-    Curve,
+    ConstitutiveCurve,
     Experiment,
     Law,
     Relative,
@@ -39,13 +39,13 @@ FASTEST = 0.5
 SLIP = ("m", "P", "D", "I", "b")
 
 
-def stribeck_curve(values: Mapping[str, float]) -> Curve:
+def stribeck_curve(values: Mapping[str, float]) -> ConstitutiveCurve:
     """The dry part g(|v|) sign(v) of the friction force [N] over v [m/s], and its set at v = 0."""
     given = {**{k: p.default for k, p in REFERENCE_LAW.parameters().items()}, **values, "b": 0.0}
     law = Stribeck(**{name: given[name] for name in REFERENCE_LAW.parameters()})
     side = np.concatenate([np.geomspace(1e-7, 0.02, 240), np.linspace(0.02, FASTEST, 240)[1:]])
     v = np.concatenate([-side[::-1], [0.0], side])
-    return Curve(v, law.curve(v), (0.0, *law.levels()))
+    return ConstitutiveCurve(v, law.curve(v), (0.0, *law.levels()))
 
 
 def friction_curve(v: Array, values: Mapping[str, float]) -> Array:

@@ -65,7 +65,7 @@ class Stated:
 
 
 @dataclass(frozen=True)
-class Curve:
+class ConstitutiveCurve:
     """A constitutive curve y(x) with the set (x0, low, high) that it is at one place."""
 
     x: Any
@@ -195,7 +195,7 @@ class Study:
     unit: str = "m"
     labels: Mapping[str, str] = field(default_factory=dict)
     mode_names: Mapping[str, str] = field(default_factory=dict)
-    curve: Callable[[Values], Curve] | None = None
+    curve: Callable[[Values], ConstitutiveCurve] | None = None
     curve_title: tuple[str, str] = ("curve", "Constitutive curves")
     goal: str = ""
     stated: Stated | None = None

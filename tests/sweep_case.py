@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from filippov import Problem, Sweep, System, parameters, states
-from filippov.sweep.table import Table
+from filippov.sweep.table import SweepTable
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -94,13 +94,13 @@ def sweep_of(harm: Path, measure: str = "plain", count: int = 8, **options: Any)
     return Sweep(decay(), {"k": k}, measure=["end(x)", f"{harm}:{measure}"], **options)
 
 
-def serial(sweep: Sweep, folder: Path | None = None, **how: Any) -> Table:
+def serial(sweep: Sweep, folder: Path | None = None, **how: Any) -> SweepTable:
     """A run in this process."""
     with ThreadPoolExecutor(1) as pool:
         return sweep.run(folder, executor=pool, jobs=1, **how)
 
 
-def check(table: Table, bad: tuple[int, ...] = ()) -> None:
+def check(table: SweepTable, bad: tuple[int, ...] = ()) -> None:
     """Every point once and right: x(2) = exp(-2 k); `bad` are values of k without a result."""
     assert table.complete
     for k, end, twice, status in zip(table["k"], table["end(x)"], table["twice"], table.status, strict=True):

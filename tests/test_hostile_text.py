@@ -28,7 +28,7 @@ from filippov.app.cli.main import main
 from filippov.app.cli.outputs import Outputs
 from filippov.app.cli.sweep import FILES
 from filippov.app.report.page import document
-from filippov.app.report.part import Picture, Section, Table, Words
+from filippov.app.report.part import Picture, Section, TextTable, Words
 from filippov.base import progress
 from filippov.base.csv_text import csv_text
 from filippov.base.escape import LINES, cell, figure_text, latex, markdown, printable
@@ -240,7 +240,7 @@ def page_of(text: str) -> str:
     """A page with the text at every place that takes one."""
     source = text.replace("`", "_")
     parts = [
-        Table(text, (text, "b"), ((text, text),), note=text, source=source), Words("p", text),
+        TextTable(text, (text, "b"), ((text, text),), note=text, source=source), Words("p", text),
         Words("source", source), Words("pre", text), Words("dl", [(text, text)]),
         Picture("name", text, source, object, text),  # type: ignore[arg-type]
     ]  # fmt: skip

@@ -9,7 +9,7 @@ import pytest
 from filippov.analysis.comparisons.independent import Rule
 from filippov.app.report.facts import Facts, Numbers
 from filippov.app.report.page import inline_svg, wrapped
-from filippov.app.report.part import Section, Table
+from filippov.app.report.part import Section, TextTable
 from filippov.base.errors import UsageError
 from filippov.models.studies import BUILT_IN, get_study, study_names
 
@@ -57,7 +57,7 @@ def test_report_knows_no_model():
 
 
 def test_16_10_texts_name_figures_and_tables_by_their_numbers():
-    tables = [Table("one", ("a",), (), label="one"), Table("two", ("a",), (), label="two")]
+    tables = [TextTable("one", ("a",), (), label="one"), TextTable("two", ("a",), (), label="two")]
     numbers = Numbers([Section("first", "First", tables)], [Section("more", "More", tables[:1])])
     assert numbers["table two"] == ("table 2", "table-two")
     shown = str(numbers.coded("[[Table two]] < `x`"))

@@ -21,7 +21,7 @@ from filippov.sweep.manifest import Manifest
 from filippov.sweep.points import Grid, digest_of, extremes
 from filippov.sweep.samples import sample
 from filippov.sweep.store import Store
-from filippov.sweep.table import Table
+from filippov.sweep.table import SweepTable
 
 AXES = st.lists(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=5), min_size=1, max_size=4)
 
@@ -105,7 +105,7 @@ def test_11_22_ten_million_points_are_planned_in_little_memory(tmp_path: Path) -
     # Its rows: two columns of results, one status and one mark each.
     table, most = peak(store.read)
     assert most < 300
-    assert isinstance(table, Table)
+    assert isinstance(table, SweepTable)
     rows = np.array([0, 12_345, 9_999_999])
     assert np.array_equal(sweep.points[rows, 1], b[rows // 10 % 1000])
 

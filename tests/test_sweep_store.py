@@ -22,7 +22,7 @@ from sweep_case import decay, serial, write_case
 from filippov import Parameter, Problem, Stop, Surface, Sweep, System, UsageError, parameters, states
 from filippov.app.cli.main import main
 from filippov.sweep.dataset import load_table
-from filippov.sweep.table import Table
+from filippov.sweep.table import SweepTable
 from filippov.sweep.toolchain import PACKAGES
 
 NIGHTLY = os.environ.get("FILIPPOV_PROFILE") == "nightly"
@@ -37,7 +37,7 @@ def asked(harm: Path, **changes: Any) -> Sweep:
     return Sweep(decay(), **given)
 
 
-def right(table: Table, whole: bool = True) -> None:
+def right(table: SweepTable, whole: bool = True) -> None:
     """Whatever the table holds is what its names say, and it holds all of it where it is to be whole."""
     assert table.names == ("k", "x0.x")
     assert table.columns == ("end(x)", "t_end", "twice")
@@ -90,7 +90,7 @@ def names(folder: Path) -> set[str]:
     return {path.name for path in (folder / "chunks").iterdir()}
 
 
-def tried(call: Callable[[], Table]) -> Table | None:
+def tried(call: Callable[[], SweepTable]) -> SweepTable | None:
     """The table, None where it is refused by name with what to do."""
     try:
         return call()

@@ -29,7 +29,7 @@ from filippov.analysis.algebra.polynomial import (
     sign_changes,
 )
 from filippov.analysis.algebra.routh_array import RouthArray, routh_array, signs_at_zero
-from filippov.analysis.algebra.routh_result import Case, RouthResult
+from filippov.analysis.algebra.routh_result import RouthCase, RouthResult
 from filippov.base.errors import UsageError
 
 
@@ -202,12 +202,12 @@ def _factor_set(expression: sympy.Expr) -> frozenset[Any]:
 
 def _cases(
     given: tuple[sympy.Expr, ...], s: sympy.Symbol, known: KnownSigns, assume: tuple[Any, ...], clock: Clock
-) -> tuple[Case, ...]:
+) -> tuple[RouthCase, ...]:
     numerator = sympy.fraction(sympy.together(given[0]))[0]
     vanishing = [f for f in sorted(_factor_set(numerator), key=str) if not known.nonzero(f)]
     if not vanishing:
         return ()
-    cases = [Case(sympy.Ne(sympy.Mul(*vanishing), 0), None)]
+    cases = [RouthCase(sympy.Ne(sympy.Mul(*vanishing), 0), None)]
     for factor in vanishing:
         clock.check()
         solved = _zero_of(factor, known)
@@ -218,7 +218,7 @@ def _cases(
         left = [r for r in (a.subs(solved) for a in assume) if r != sympy.true]
         if sympy.false not in left:
             reduced = routh_hurwitz(rest, s=s, assume=left, budget=clock.remaining())
-            cases.append(Case(sympy.Eq(factor, 0), reduced))
+            cases.append(RouthCase(sympy.Eq(factor, 0), reduced))
     return tuple(cases)
 
 

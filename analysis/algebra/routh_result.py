@@ -12,7 +12,7 @@ from filippov.analysis.algebra.routh_array import Special
 
 
 @dataclass(frozen=True)
-class Case:
+class RouthCase:
     """What holds where the leading coefficient is 0 or not; `reduced` is None for the polynomial itself."""
 
     condition: Any
@@ -37,7 +37,7 @@ class RouthResult:
     conditions: tuple[Any, ...]
     special: tuple[Special, ...] = ()
     counts: RootCounts | None = None
-    cases: tuple[Case, ...] = ()
+    cases: tuple[RouthCase, ...] = ()
     status: Literal["complete", "timeout"] = "complete"
     message: str = ""
     assume: tuple[Any, ...] = ()

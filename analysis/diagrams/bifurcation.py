@@ -19,7 +19,7 @@ from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import continuation
 from filippov.analysis.bifurcations.corrector import FAILURES
 from filippov.analysis.diagrams.cell_work import DiagramWork, fixed_points_of
-from filippov.analysis.diagrams.diagram import Branch, Diagram, Special
+from filippov.analysis.diagrams.diagram import Diagram, DiagramBranch, Special
 from filippov.analysis.diagrams.orbit_diagram import orbit_diagram
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
@@ -104,7 +104,7 @@ def bifurcation(
     return Diagram(parameter, tuple(ordered), tuple(found), tuple(branches), tuple(special))
 
 
-def _joined(values: Sequence[float], found: Sequence[tuple[FixedPoint, ...]]) -> list[Branch]:
+def _joined(values: Sequence[float], found: Sequence[tuple[FixedPoint, ...]]) -> list[DiagramBranch]:
     """Join points of neighbouring values: same kind, same side of slope 1, nearest coordinate."""
     growing: list[tuple[list[float], list[FixedPoint]]] = []
     done: list[tuple[list[float], list[FixedPoint]]] = []
@@ -125,7 +125,7 @@ def _joined(values: Sequence[float], found: Sequence[tuple[FixedPoint, ...]]) ->
             else:
                 done.append(branch)
         growing = following + [([value], [q]) for q in rest]
-    return [Branch(tuple(v), tuple(p)) for v, p in done + growing]
+    return [DiagramBranch(tuple(v), tuple(p)) for v, p in done + growing]
 
 
 def _folds(
@@ -188,7 +188,7 @@ def _set_changes(
     return out
 
 
-def _doublings(base: EventMap, name: str, branches: Sequence[Branch]) -> list[Special]:
+def _doublings(base: EventMap, name: str, branches: Sequence[DiagramBranch]) -> list[Special]:
     """Where the slope of a cycle passes -1: a cycle of twice the period branches off."""
     out = []
     for branch in branches:

@@ -23,7 +23,7 @@ from filippov.model.system import System
 from filippov.sweep.dependence import Dependence, dependence, plain_system
 from filippov.sweep.points import Whole
 from filippov.sweep.rows import Limits, Rows, in_blocks
-from filippov.sweep.table import Table
+from filippov.sweep.table import SweepTable
 from filippov.sweep.toolchain import own_sources, toolchain
 
 Array = npt.NDArray[np.float64]
@@ -162,7 +162,7 @@ class DiagramWork:
         return Rows(index, values, (Status.SUCCESS.value,) * len(index), notes)
 
 
-def fixed_points_of(table: Table) -> list[tuple[FixedPoint, ...]]:
+def fixed_points_of(table: SweepTable) -> list[tuple[FixedPoint, ...]]:
     """The fixed points of each value of a DiagramWork that is done, as far as all before it are done too."""
     out: list[tuple[FixedPoint, ...]] = []
     for point in range(int(np.argmin(np.append(table.known, False)))):

@@ -29,7 +29,7 @@ class Special:
 
 
 @dataclass(frozen=True)
-class Branch:
+class DiagramBranch:
     """Fixed points that belong together: parameter values and points, in order."""
 
     values: tuple[float, ...]
@@ -63,7 +63,7 @@ class Diagram:
     parameter: str
     values: tuple[float, ...]
     points: tuple[tuple[FixedPoint, ...], ...]
-    branches: tuple[Branch, ...]
+    branches: tuple[DiagramBranch, ...]
     special: tuple[Special, ...] = field(default=())
 
     @property

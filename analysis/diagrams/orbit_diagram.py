@@ -17,7 +17,7 @@ import numpy.typing as npt
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
 from filippov.analysis.bifurcations.switch import SWITCHES, switch
-from filippov.analysis.diagrams.diagram import Branch, Diagram, Special
+from filippov.analysis.diagrams.diagram import Diagram, DiagramBranch, Special
 from filippov.analysis.diagrams.orbit_points import largest, read
 from filippov.analysis.maps.find_section import find_section
 from filippov.analysis.maps.fixed_points import FixedPoint
@@ -126,7 +126,7 @@ def _diagram(
 ) -> OrbitDiagram:  # fmt: skip
     values: list[float] = []
     points: list[tuple[FixedPoint, ...]] = []
-    branches: list[Branch] = []
+    branches: list[DiagramBranch] = []
     special: list[Special] = []
     for run in runs:
         part: list[tuple[float, tuple[FixedPoint, ...]]] = []
@@ -172,15 +172,15 @@ def _defect(point: BranchPoint) -> float:
     return max(point.residual, min(abs(m - wanted) for m in point.multipliers))
 
 
-def _lines(part: Sequence[tuple[float, tuple[FixedPoint, ...]]]) -> list[Branch]:
+def _lines(part: Sequence[tuple[float, tuple[FixedPoint, ...]]]) -> list[DiagramBranch]:
     """One line for each event in the period, as long as their number stays."""
-    out: list[Branch] = []
+    out: list[DiagramBranch] = []
     begin = 0
     for k in range(1, len(part) + 1):
         if k == len(part) or len(part[k][1]) != len(part[begin][1]):
             piece = part[begin:k]
             out += [
-                Branch(tuple(v for v, _ in piece), tuple(read[i] for _, read in piece))
+                DiagramBranch(tuple(v for v, _ in piece), tuple(read[i] for _, read in piece))
                 for i in range(len(piece[0][1]))
             ]
             begin = k

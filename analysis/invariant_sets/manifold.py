@@ -34,7 +34,7 @@ INSIDE, CHUNKS, DOUBLED = 8, 400, 6
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class ManifoldBranch:
     """One side of a manifold, from its saddle on.
 
     x       points in order, (k, n); a row of NaN where the curve is broken by a jump of the map
@@ -63,7 +63,7 @@ class Manifold:
     of: str
     x: Array
     value: float
-    branches: tuple[Branch, ...] = field(default=())
+    branches: tuple[ManifoldBranch, ...] = field(default=())
 
     def lines(self) -> list[str]:
         """What it is, in words."""
@@ -168,7 +168,7 @@ def _beside(point: Saddle, side: int) -> str:
 
 def _motion(
     point: Saddle, side: Side, x0: Array, mode: str, length: float, gap: float, t_max: float, rtol: float
-) -> Branch:  # fmt: skip
+) -> ManifoldBranch:  # fmt: skip
     """The motion from x0, which begins in this mode, as far as the length goes."""
     back, span = (
         side == "stable",
@@ -195,7 +195,7 @@ def _motion(
             cut = begin + share * (float(times[k]) - begin) if share < 1 else float(times[k])
             assert run.sol is not None
             parts.append(np.vstack([more[:k], run.sol(cut)]))
-            return Branch(np.vstack(parts), length)
+            return ManifoldBranch(np.vstack(parts), length)
         parts.append(more)
         gained = float(np.sum(steps))
         total, spent, x, first = total + gained, spent + abs(run.t_end), run.x_end, False
@@ -213,7 +213,7 @@ def _motion(
             span *= 2.0
     else:
         ended = "the budget of segments is used up"
-    return Branch(np.vstack(parts), total, ended)
+    return ManifoldBranch(np.vstack(parts), total, ended)
 
 
 def _why(run: Solution, back: bool) -> str:
@@ -249,7 +249,7 @@ def _points(run: Solution, gap: float) -> tuple[Array, Array]:
 
 def _of_map(
     returns: ReturnMap, side: Side, length: float, gap: float, offset: float, most: int
-) -> tuple[float, tuple[Branch, ...]]:  # fmt: skip
+) -> tuple[float, tuple[ManifoldBranch, ...]]:  # fmt: skip
     value, vector = returns.direction(side)
     branches = []
     for sign in (1, -1):
@@ -257,5 +257,5 @@ def _of_map(
             returns, side, returns.x, sign * vector, value, length=length, spacing=gap,
             offset=offset * length,            most=most,
         )  # fmt: skip
-        branches.append(Branch(found.x, found.length, found.ended))
+        branches.append(ManifoldBranch(found.x, found.length, found.ended))
     return value, tuple(branches)

@@ -67,7 +67,7 @@ class Jump:
 
 
 @dataclass(frozen=True)
-class Basin:
+class BasinInterval:
     """Coordinates between lo and hi whose iterates go to the attractor at d (None: to none found).
 
     Beside a stable set with a hidden cycle (`FixedPoint.hidden`) it is None, too: some go to the set, some
@@ -195,7 +195,7 @@ def jumps(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tupl
     return tuple(out)
 
 
-def basins(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tuple[Basin, ...]:
+def basins(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tuple[BasinInterval, ...]:
     """Intervals of [lo, hi] between repelling points, each with the attractor its middle goes to."""
     known = fixed_points(event_map, lo, hi, points)
     attractors = [point.d for point in known if point.stable]
@@ -207,7 +207,7 @@ def basins(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tup
     for a, b in pairwise(borders):
         d, target = 0.5 * (a + b), None
         if max(abs(a), abs(b)) <= hidden:
-            out.append(Basin(a, b, None))
+            out.append(BasinInterval(a, b, None))
             continue
         for _ in range(2000):
             d = float(event_map(d))
@@ -215,5 +215,5 @@ def basins(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tup
             if near or not np.isfinite(d):
                 target = near[0] if near else None
                 break
-        out.append(Basin(a, b, target))
+        out.append(BasinInterval(a, b, target))
     return tuple(out)

@@ -24,7 +24,7 @@ ROUNDING = 1e-9
 # Work that one equation may take, in the units of a budget.
 ROOTS = 1.0
 
-Branch = dict[Symbol, Expr]
+Family = dict[Symbol, Expr]
 
 
 class DegenerateError(Exception):
@@ -48,14 +48,14 @@ class Elimination:
     values: Mapping[Symbol, Expr]
     clock: Clock
     numeric: bool = False
-    found: list[Branch] = field(default_factory=list)
+    found: list[Family] = field(default_factory=list)
 
     @property
     def unknowns(self) -> tuple[Symbol, ...]:
         """States, then multipliers."""
         return (*self.states, *self.multipliers)
 
-    def solve(self, equations: Sequence[Expr]) -> list[Branch]:
+    def solve(self, equations: Sequence[Expr]) -> list[Family]:
         """Return the branches on which all equations are 0; unknowns that are no key of one are free."""
         affine = self._affine(equations)
         if affine is not None:
@@ -64,7 +64,7 @@ class Elimination:
         self._step(list(equations), {})
         return [b for b in self._different() if self._holds(b, equations)]
 
-    def _affine(self, equations: Sequence[Expr]) -> list[Branch] | None:
+    def _affine(self, equations: Sequence[Expr]) -> list[Family] | None:
         """The branch, or none, of affine equations with rational numbers, by exact linear algebra; else None.
 
         The last unknowns stay free, as they do where one unknown after the other is eliminated.
@@ -78,13 +78,13 @@ class Elimination:
         reduced, pivots = DomainMatrix(known, (len(known), size + 1), sympy.QQ).rref()
         if size in pivots:
             return []
-        numbers, branch = reduced.to_Matrix(), Branch()
+        numbers, branch = reduced.to_Matrix(), Family()
         for k, i in enumerate(pivots):
             rest = zip(self.unknowns[i + 1 :], numbers[k, i + 1 : size], strict=True)
             branch[self.unknowns[i]] = short(-numbers[k, size] - sum(c * x for x, c in rest))
         return [branch]
 
-    def _step(self, equations: list[Expr], known: Branch) -> None:
+    def _step(self, equations: list[Expr], known: Family) -> None:
         self.clock.check()
         if len(self.found) > MOST_BRANCHES:
             raise UnsolvedError
@@ -116,7 +116,7 @@ class Elimination:
         if not self._nonlinear(rest, known, self.unknowns) and not self._split(rest, known):
             raise UnsolvedError
 
-    def _eliminate(self, single: list[int], rest: list[Expr], known: Branch, states_only: bool) -> bool:
+    def _eliminate(self, single: list[int], rest: list[Expr], known: Family, states_only: bool) -> bool:
         """Solve one equation for an unknown in which it is linear; the plainest coefficient first."""
         best: tuple[int, int, Symbol, Expr] | None = None
         degenerate: Expr | None = None
@@ -145,7 +145,7 @@ class Elimination:
         self._put(unknown, value, rest[:k] + rest[k + 1 :], known)
         return True
 
-    def _nonlinear(self, rest: list[Expr], known: Branch, unknowns: Sequence[Symbol]) -> bool:
+    def _nonlinear(self, rest: list[Expr], known: Family, unknowns: Sequence[Symbol]) -> bool:
         """Solve one equation for an unknown in which it is not linear."""
         for unknown in unknowns:
             for k, equation in enumerate(rest):
@@ -157,7 +157,7 @@ class Elimination:
                 return True
         return False
 
-    def _split(self, rest: list[Expr], known: Branch) -> bool:
+    def _split(self, rest: list[Expr], known: Family) -> bool:
         """c y + d = 0 with unknowns in both: c = d = 0, or y = -d/c."""
         for unknown in self.unknowns:
             for k, equation in enumerate(rest):
@@ -170,7 +170,7 @@ class Elimination:
                     return True
         return False
 
-    def _put(self, unknown: Symbol, value: Expr, rest: list[Expr], known: Branch) -> None:
+    def _put(self, unknown: Symbol, value: Expr, rest: list[Expr], known: Family) -> None:
         value = short(value)
         put = {unknown: value}
         self._step([e.subs(put) for e in rest], {**{x: short(e.subs(put)) for x, e in known.items()}, **put})
@@ -223,7 +223,7 @@ class Elimination:
         except (UsageError, TypeError):
             return value
 
-    def _holds(self, branch: Branch, equations: Sequence[Expr]) -> bool:
+    def _holds(self, branch: Family, equations: Sequence[Expr]) -> bool:
         """Whether the branch is real and the equations are 0 on it, at some values of what is free."""
         free = [x for x in self.unknowns if x not in branch]
         for guess in (sympy.Rational(1, 7), sympy.Rational(-2, 11), sympy.Rational(3, 17)):
@@ -243,8 +243,8 @@ class Elimination:
         real, imaginary = value.as_real_imag()
         return real if abs(imaginary) < ROUNDING else None
 
-    def _different(self) -> list[Branch]:
-        kept: list[Branch] = []
+    def _different(self) -> list[Family]:
+        kept: list[Family] = []
         for branch in self.found:
             if branch not in kept:
                 kept.append(branch)

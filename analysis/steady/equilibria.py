@@ -19,7 +19,7 @@ from filippov.analysis.algebra.budget import Clock, OutOfBudgetError, counted
 from filippov.analysis.algebra.exact_form import exact_form
 from filippov.analysis.algebra.polynomial import exact
 from filippov.analysis.algebra.time_bounds import bounds
-from filippov.analysis.steady.branches import Branch, DegenerateError, Elimination, UnsolvedError
+from filippov.analysis.steady.branches import DegenerateError, Elimination, Family, UnsolvedError
 from filippov.analysis.steady.clocks import after, mover
 from filippov.analysis.steady.equilibria_numeric import NumericMode, numeric_equilibria
 from filippov.analysis.steady.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet
@@ -149,7 +149,7 @@ def _symbolic(
         degenerate = tuple(f"{q} = 0" for q in zero)
     notes: list[str] = []
     numeric = False
-    branches: list[Branch] = []
+    branches: list[Family] = []
     for _ in range(len(form.p) + 2):
         current = problem.put(put)
         part = Clock(min(FORMULAS, clock.remaining() / 2))
@@ -185,7 +185,7 @@ def _symbolic(
     return [*held, *(e for branch in still for e in existence.of(branch))], notes
 
 
-def _turns(problem: ModeProblem, branches: Sequence[Branch]) -> list[str]:
+def _turns(problem: ModeProblem, branches: Sequence[Family]) -> list[str]:
     """Notes on the states that stand in sines, cosines and tangents: only roots of one turn are listed."""
     notes = []
     for x in problem.x:
@@ -210,7 +210,7 @@ def _turns(problem: ModeProblem, branches: Sequence[Branch]) -> list[str]:
     return notes
 
 
-def _held(problem: ModeProblem, branch: Branch, values: Mapping[Symbol, Expr]) -> list[EquilibriumPoint]:
+def _held(problem: ModeProblem, branch: Family, values: Mapping[Symbol, Expr]) -> list[EquilibriumPoint]:
     """A point that stays while its multipliers move with time, clear of their bounds at all times."""
     if any(q not in branch or branch[q].has(symbols.t) for q in problem.x):
         return []
@@ -229,7 +229,7 @@ def _held(problem: ModeProblem, branch: Branch, values: Mapping[Symbol, Expr]) -
     return [replace(point, multipliers=multipliers, conditions=())]
 
 
-def _apart(branches: list[Branch]) -> tuple[list[Branch], list[Branch]]:
+def _apart(branches: list[Family]) -> tuple[list[Family], list[Family]]:
     moving = [b for b in branches if any(e.has(symbols.t) for e in b.values())]
     return [b for b in branches if b not in moving], moving
 

@@ -10,7 +10,7 @@ from typing import Any
 import sympy
 from sympy import Expr, Symbol
 
-from filippov.analysis.steady.branches import Branch, short
+from filippov.analysis.steady.branches import Family, short
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, PointKind
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
@@ -154,7 +154,7 @@ class Existence:
     degenerate: tuple[str, ...] = ()
     exact: bool = True
 
-    def of(self, branch: Branch) -> list[EquilibriumPoint | EquilibriumSet]:
+    def of(self, branch: Family) -> list[EquilibriumPoint | EquilibriumSet]:
         """Return what of the branch exists."""
         unknowns = (*self.problem.x, *self.problem.sliding)
         free = tuple(q for q in unknowns if q not in branch)
@@ -183,7 +183,7 @@ class Existence:
             self.degenerate,
         )
 
-    def point(self, branch: Branch) -> EquilibriumPoint | None:
+    def point(self, branch: Family) -> EquilibriumPoint | None:
         """Return the point if the bounds hold at the parameter values."""
         problem = self.problem
         bounds = [replace(b, g=short(b.g.subs(branch))) for b in problem.bounds]
@@ -215,7 +215,7 @@ class Existence:
             self.degenerate,
         )
 
-    def _sets(self, branch: Branch, free: tuple[Symbol, ...]) -> list[EquilibriumSet]:
+    def _sets(self, branch: Family, free: tuple[Symbol, ...]) -> list[EquilibriumSet]:
         bounds = [replace(b, g=short(b.g.subs(branch))) for b in self.problem.bounds]
         bounds += [Bound(g, False, "") for g in real_where(branch.values())]
         fixed = [b for b in bounds if not b.g.has(*free)]
@@ -234,7 +234,7 @@ class Existence:
 
     def _set(
         self,
-        branch: Branch,
+        branch: Family,
         free: tuple[Symbol, ...],
         domain: tuple[tuple[Expr, Expr], ...],
         bounds: list[Bound],

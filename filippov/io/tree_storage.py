@@ -28,7 +28,7 @@ from filippov.io.storage import (
     stored_system_of,
 )
 from filippov.model.system import System
-from filippov.solving.solution_tree import Branch, SolutionTree
+from filippov.solving.solution_tree import SolutionTree, TreeBranch
 from filippov.solving.state.problem import Problem
 
 FORMAT, VERSION = "filippov tree of solutions", 1
@@ -74,7 +74,7 @@ def save_tree(tree: SolutionTree, path: str | Path) -> Path:
     return write_arrays(path, out)
 
 
-def _number(branch: Branch) -> int | None:
+def _number(branch: TreeBranch) -> int | None:
     """Which of the candidates was taken."""
     if branch.ambiguity is None or branch.chosen is None:
         return None
@@ -104,7 +104,7 @@ def _tree(header: dict[str, Any], data: dict[str, Array], system: System) -> Sol
         raise ValueError(f"{len(rows)} branches")
     children: list[list[int]] = [[] for _ in rows]
     position = {"f": 0, "i": 0}
-    branches: list[Branch] = []
+    branches: list[TreeBranch] = []
     for number, row in enumerate(rows):
         parent = row["parent"]
         if (parent is None) != (number == 0) or (parent is not None and not 0 <= parent < number):
@@ -121,9 +121,9 @@ def _tree(header: dict[str, Any], data: dict[str, Array], system: System) -> Sol
         ambiguity = None if row["ambiguity"] is None else ambiguity_of(row["ambiguity"])
         chosen = None if ambiguity is None else ambiguity.candidates[row["chosen"]]
         solution = solution_of({**header, **row["solution"]}, arrays, system)
-        branches.append(Branch(number, parent, int(row["depth"]), chosen, ambiguity, solution))
+        branches.append(TreeBranch(number, parent, int(row["depth"]), chosen, ambiguity, solution))
     done = tuple(
-        Branch(b.number, b.parent, b.depth, b.chosen, b.ambiguity, b.solution, tuple(numbers))
+        TreeBranch(b.number, b.parent, b.depth, b.chosen, b.ambiguity, b.solution, tuple(numbers))
         for b, numbers in zip(branches, children, strict=True)
     )
     low, high = header["t_span"]

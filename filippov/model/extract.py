@@ -30,11 +30,11 @@ from filippov.model.check import check_expression
 from filippov.model.size import Scale
 from filippov.model.surface import Surface
 from filippov.model.symbolic import Select
-from filippov.model.table import Table, dynamic, vanishes
+from filippov.model.table import SurfaceTable, dynamic, vanishes
 
 Path = Mapping[Symbol, int]
 Context = Literal["field", "h", "jump"]
-Branch = Callable[[Path], Expr]
+Choice = Callable[[Path], Expr]
 
 MAX_NESTED_SIGNS = 10
 # Cases into which the branches of one system unfold, and nodes of what they are put together to.
@@ -45,7 +45,7 @@ class Extractor:
     """Replaces the nonsmooth functions of expressions, collecting surfaces in `table`."""
 
     def __init__(self) -> None:
-        self.table = Table()
+        self.table = SurfaceTable()
         self._memo: dict[tuple[Expr, Context, frozenset[tuple[Symbol, int]]], Expr] = {}
         self._where = ""
         self._cases = 0
@@ -126,7 +126,7 @@ class Extractor:
             return self._largest_as_size(items, isinstance(expr, Min), path)
         return expr.func(*(self.convert(arg, context, path) for arg in expr.args))
 
-    def _branch(self, expr: Expr, context: Context) -> Branch:
+    def _branch(self, expr: Expr, context: Context) -> Choice:
         return lambda path: self.convert(expr, context, path)
 
     # -- arguments that hold signs ---------------------------------------------------------------------
@@ -295,7 +295,7 @@ class Extractor:
             context,
         )
 
-    def _decide(self, condition: Any, path: Path, yes: Branch, no: Branch, context: Context) -> Expr:
+    def _decide(self, condition: Any, path: Path, yes: Choice, no: Choice, context: Context) -> Expr:
         """Return yes where the condition holds, else no."""
         if condition == True:  # noqa: E712  (sympy's true is not the object True)
             return yes(path)
@@ -348,7 +348,7 @@ class Extractor:
         )
 
     def _positive(
-        self, arg: Expr, path: Path, yes: Branch, no: Branch, strict: bool, context: Context = "field",
+        self, arg: Expr, path: Path, yes: Choice, no: Choice, strict: bool, context: Context = "field",
         written: bool = True,
     ) -> Expr:  # fmt: skip
         """Return yes where arg > 0 (arg >= 0 where not strict), else no."""
@@ -362,7 +362,7 @@ class Extractor:
 
         return self._split(self.convert(arg, "h", path), path, finish)
 
-    def _by_sign(self, value: Expr, path: Path, yes: Branch, no: Branch, context: Context) -> Expr:
+    def _by_sign(self, value: Expr, path: Path, yes: Choice, no: Choice, context: Context) -> Expr:
         """Return yes where a product of signs is positive, else no."""
         if value.is_number:
             return yes(path) if value > 0 else no(path)

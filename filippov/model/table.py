@@ -53,7 +53,7 @@ def _moving(expr: Expr) -> frozenset[Symbol]:
     return frozenset(symbol for symbol in expr.free_symbols if dynamic(symbol))
 
 
-class Table:
+class SurfaceTable:
     """Surfaces in the order in which they were entered."""
 
     def __init__(self) -> None:

@@ -12,7 +12,7 @@ from filippov.base.errors import UsageError
 from filippov.base.names import check_known
 from filippov.base.status import Status
 from filippov.plot.style import BLUE, GREY, INK, RED, SLIDING, axis_label, column, new_figure, style
-from filippov.solving.solution_tree import Branch, SolutionTree
+from filippov.solving.solution_tree import SolutionTree, TreeBranch
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -66,7 +66,7 @@ def plot_branches(
     return drawn
 
 
-def _draw_branch(ax: Any, branch: Branch, i: int, points: int) -> None:
+def _draw_branch(ax: Any, branch: TreeBranch, i: int, points: int) -> None:
     solution = branch.solution
     for sliding, stretch in groupby(solution.segments, key=lambda segment: 0 in segment.mode):
         parts = list(stretch)

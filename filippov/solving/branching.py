@@ -18,7 +18,7 @@ from filippov.solving.loop import Followed, Turn, follow
 from filippov.solving.selection.ambiguity import ambiguity_at
 from filippov.solving.selection.modes import Successor
 from filippov.solving.solution import Array
-from filippov.solving.solution_tree import Branch, SolutionTree
+from filippov.solving.solution_tree import SolutionTree, TreeBranch
 from filippov.solving.state.options import Options, check_count, number_array
 from filippov.solving.state.problem import Problem
 
@@ -96,7 +96,7 @@ class _Grower:
     ) -> None:
         self.problem, self.options, self.progress = problem, options, progress
         self.max_branches, self.max_depth, self.releases = max_branches, max_depth, releases
-        self.branches: list[Branch] = []
+        self.branches: list[TreeBranch] = []
         self.children: list[list[int]] = []
         self.leaves = 1
         self.cut: set[str] = set()
@@ -202,7 +202,7 @@ class _Grower:
         number = len(self.branches)
         turn = shoot.turn
         self.branches.append(
-            Branch(
+            TreeBranch(
                 number,
                 shoot.parent,
                 shoot.depth,
@@ -216,7 +216,7 @@ class _Grower:
             self.children[shoot.parent].append(number)
         return number
 
-    def _outcome(self, branches: tuple[Branch, ...]) -> tuple[Status, str]:
+    def _outcome(self, branches: tuple[TreeBranch, ...]) -> tuple[Status, str]:
         leaves = [item.solution for item in branches if not item.children]
         early = [leaf for leaf in leaves if not leaf.success]
         found = f"{len(leaves)} solutions in {len(branches)} branches"

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Branch:
+class TreeBranch:
     """A piece of solution between two branching points.
 
     number    its place in `tree.branches`; parent: that of the branch it goes on from (None for the root)
@@ -76,7 +76,7 @@ class Branch:
 class Path:
     """A whole solution: branches from the root to a leaf, with the parts of a Solution."""
 
-    def __init__(self, branches: tuple[Branch, ...]) -> None:
+    def __init__(self, branches: tuple[TreeBranch, ...]) -> None:
         self.branches = branches
         last = branches[-1].solution
         self.status, self.message = last.status, last.message
@@ -102,7 +102,7 @@ class Path:
         """States at `t`, shape (n, k)."""
         return np.concatenate([branch.solution.y[:, first:] for branch, first in self._parts()], axis=1)
 
-    def _parts(self) -> Iterator[tuple[Branch, int]]:
+    def _parts(self) -> Iterator[tuple[TreeBranch, int]]:
         for k, branch in enumerate(self.branches):
             yield branch, 1 if k else 0
 
@@ -187,7 +187,7 @@ class SolutionTree:
     """
 
     def __init__(
-        self, problem: Problem, branches: tuple[Branch, ...], status: Status, message: str
+        self, problem: Problem, branches: tuple[TreeBranch, ...], status: Status, message: str
     ) -> None:
         self.problem, self.branches = problem, branches
         self.status, self.message = status, message
@@ -203,7 +203,7 @@ class SolutionTree:
         return self.status.ok
 
     @property
-    def root(self) -> Branch:
+    def root(self) -> TreeBranch:
         """The branch that begins at the initial state."""
         return self.branches[0]
 
@@ -212,18 +212,18 @@ class SolutionTree:
         """Whether there is one solution only."""
         return len(self.branches) == 1
 
-    def leaves(self) -> tuple[Branch, ...]:
+    def leaves(self) -> tuple[TreeBranch, ...]:
         """The branches that none goes on from."""
         return tuple(branch for branch in self.branches if not branch.children)
 
-    def children(self, branch: Branch) -> tuple[Branch, ...]:
+    def children(self, branch: TreeBranch) -> tuple[TreeBranch, ...]:
         """The branches that go on from this one."""
         return tuple(self.branches[number] for number in branch.children)
 
-    def path(self, leaf: Branch | int) -> Path:
+    def path(self, leaf: TreeBranch | int) -> Path:
         """The whole solution that ends with a branch."""
-        branch: Branch | None = self.branches[leaf] if isinstance(leaf, int) else leaf
-        found: list[Branch] = []
+        branch: TreeBranch | None = self.branches[leaf] if isinstance(leaf, int) else leaf
+        found: list[TreeBranch] = []
         while branch is not None:
             found.append(branch)
             branch = None if branch.parent is None else self.branches[branch.parent]

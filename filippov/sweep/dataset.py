@@ -17,10 +17,10 @@ from filippov.sweep.manifest import Manifest
 from filippov.sweep.points import Whole, digest_of, shape_of
 from filippov.sweep.rows import Limits, Rows
 from filippov.sweep.store import CHUNKS, POINTS, away, fill, held_by, read_points
-from filippov.sweep.table import Table
+from filippov.sweep.table import SweepTable
 
 
-def to_xarray(table: Table) -> Any:
+def to_xarray(table: SweepTable) -> Any:
     """Results over the axes of the grid, else over `point`; units and what decided them as attributes.
 
     A coordinate of points that are no grid stands beside them along `point`. `status` and `message` tell of
@@ -56,7 +56,7 @@ def to_xarray(table: Table) -> Any:
     return xarray.Dataset(variables, coords=coordinates, attrs=about)
 
 
-def write_netcdf(table: Table, path: str | Path) -> Path:
+def write_netcdf(table: SweepTable, path: str | Path) -> Path:
     """Write a netCDF file (by h5netcdf), whole or not at all. Raises ImportError without it, OSError."""
     data = to_xarray(table)
     # HDF5 takes a slash for a path within the file.
@@ -65,7 +65,7 @@ def write_netcdf(table: Table, path: str | Path) -> Path:
     return _whole(Path(path), bytes(data.to_netcdf(engine="h5netcdf")))
 
 
-def write_csv(table: Table, path: str | Path) -> Path:
+def write_csv(table: SweepTable, path: str | Path) -> Path:
     """Write one row a point: coordinates, results, status, message; whole or not at all."""
     rows = (
         [*point, *values, status, table.message.get(number, "")]
@@ -76,7 +76,7 @@ def write_csv(table: Table, path: str | Path) -> Path:
     return _whole(Path(path), csv_text([*table.names, *table.columns, "status", "message"], rows).encode())
 
 
-def load_table(folder: str | Path) -> Table:
+def load_table(folder: str | Path) -> SweepTable:
     """The table of a folder as it stands, without the model; nothing in the folder is changed.
 
     Chunks that cannot be trusted are left out; their names are in `damaged`. Without a manifest the chunks
@@ -93,7 +93,7 @@ def load_table(folder: str | Path) -> Table:
     points = read_points(path)
     if points.shape != (found.size, len(found.names)) or digest_of(points) != found.points:
         raise UsageError(f"{str(path)!r} does not hold the points of this sweep. {away(path)}")
-    table = Table.empty(_Stored(found, points))
+    table = SweepTable.empty(_Stored(found, points))
     table.shape = shape_of(points)
     table.damaged = tuple(fill(table, place / CHUNKS, found, remove=False))
     return table

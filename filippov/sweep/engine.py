@@ -14,7 +14,7 @@ from filippov.solving.state.batch import cores
 from filippov.sweep.points import Whole
 from filippov.sweep.processes import CONTEXTS, Processes
 from filippov.sweep.rows import Work
-from filippov.sweep.worker import Outcome, compute
+from filippov.sweep.worker import ChunkOutcome, compute
 
 EXECUTORS = ("processes", "dask")
 
@@ -27,7 +27,7 @@ class Engine(Protocol):
 
     def submit(
         self, index: Whole, folder: str, head: str, max_time: float | None, apart: bool
-    ) -> Future[Outcome]:
+    ) -> Future[ChunkOutcome]:
         """Hand over a chunk, as `worker.compute` takes it."""
 
     def done(self, future: Future[Any]) -> None:
@@ -63,7 +63,7 @@ class Given:
 
     def submit(
         self, index: Whole, folder: str, head: str, max_time: float | None, apart: bool
-    ) -> Future[Outcome]:
+    ) -> Future[ChunkOutcome]:
         """Hand over a chunk with the work: which process takes it, and what it knows, cannot be told."""
         future = self.executor.submit(compute, self.work, index, folder, head, max_time, apart)
         self.flying.add(future)
@@ -137,7 +137,7 @@ class Dask(Given):
 
     def submit(
         self, index: Whole, folder: str, head: str, max_time: float | None, apart: bool
-    ) -> Future[Outcome]:
+    ) -> Future[ChunkOutcome]:
         """Hand over a chunk. Raises SolveError where the scheduler is lost."""
         try:
             return super().submit(index, folder, head, max_time, apart)

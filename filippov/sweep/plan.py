@@ -39,7 +39,7 @@ from filippov.sweep.points import Points, Whole, extremes, shape_of
 from filippov.sweep.reduction import check_reduce, reduce_table
 from filippov.sweep.rows import Limits, Rows
 from filippov.sweep.samples import sample
-from filippov.sweep.table import Table
+from filippov.sweep.table import SweepTable
 from filippov.sweep.toolchain import own_sources, toolchain
 
 _ENOUGH = 64
@@ -55,7 +55,7 @@ class Sweep:
               ...), "latin_hypercube" or "sobol" with n points and a seed
     measure   texts and functions, see `filippov.sweep.measure`
     tail      part of the time reached over which extrema and periods are taken, 0 < tail <= 1
-    reduce    names such as "mean" and "max" for a summary of every column, or a function of the Table
+    reduce    names such as "mean" and "max" for a summary of every column, or a function of the SweepTable
     stop      terminal events; other options as in `solve`
 
     Where the measures need the ends only, points are computed together in compiled code (`solve_many`), else
@@ -198,7 +198,7 @@ class Sweep:
         """Rows of the points with these numbers."""
         return (compute_many if self.lanes else compute_one)(self.plan, index, limits)
 
-    def run(self, folder: str | Path | None = None, **how: Any) -> Table:
+    def run(self, folder: str | Path | None = None, **how: Any) -> SweepTable:
         """Compute every point; see `filippov.sweep.run.run` for folder and the keywords."""
         from filippov.sweep.run import run
 

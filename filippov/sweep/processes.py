@@ -22,7 +22,7 @@ from filippov.base.errors import SolveError, UsageError
 from filippov.sweep import worker
 from filippov.sweep.points import Whole
 from filippov.sweep.rows import Work
-from filippov.sweep.worker import Outcome
+from filippov.sweep.worker import ChunkOutcome
 
 CONTEXTS = ("spawn", "forkserver")
 MOST_FAILED_STARTS = 3
@@ -81,7 +81,7 @@ class Processes:
 
     def submit(
         self, index: Whole, folder: str, head: str, max_time: float | None, apart: bool
-    ) -> Future[Outcome]:
+    ) -> Future[ChunkOutcome]:
         """Hand a chunk to a worker that has none; the work it received at its start."""
         if not self.idle:
             with _no_interrupt():

@@ -10,7 +10,7 @@ import numpy as np
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
 from filippov.sweep.rows import DONE
-from filippov.sweep.table import Table
+from filippov.sweep.table import SweepTable
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "mean": np.mean, "min": np.min, "max": np.max, "median": np.median, "std": np.std, "count": np.size
@@ -29,7 +29,7 @@ def check_reduce(given: Any) -> Any:
     return names
 
 
-def reduce_table(table: Table, how: Any) -> Any:
+def reduce_table(table: SweepTable, how: Any) -> Any:
     """What a function makes of a table; or {column: {name: value}}, None where no point has a value."""
     if callable(how):
         return how(table)

@@ -24,8 +24,8 @@ from filippov.sweep.points import Whole
 from filippov.sweep.processes import check_main
 from filippov.sweep.rows import QUARANTINED, Work, failed_row
 from filippov.sweep.store import Store, missing, try_folder
-from filippov.sweep.table import Table
-from filippov.sweep.worker import Outcome
+from filippov.sweep.table import SweepTable
+from filippov.sweep.worker import ChunkOutcome
 
 TARGET, LARGEST = 1.0, 8192  # seconds and points of a chunk
 KILLS, PASSES = 2, 3
@@ -47,7 +47,7 @@ def run(
     chunk: int | None = None,
     context: str = "spawn",
     progress: Callable[[int, int], object] | None = None,
-) -> Table:
+) -> SweepTable:
     """Compute every point of a work and return the table.
 
     folder      where the chunks are written; None: a temporary one, removed at the end
@@ -116,7 +116,7 @@ class _Driver:
         self.flying: dict[Future[Any], tuple[Whole, int, bool, float]] = {}
         self.done = 0
 
-    def run(self) -> Table:
+    def run(self) -> SweepTable:
         """Compute what is missing, until nothing is."""
         for _ in range(PASSES):
             table = self.store.read()
@@ -200,7 +200,7 @@ class _Driver:
         else:
             self._set_aside(int(left[0]), cause, blame)
 
-    def _written(self, outcome: Outcome) -> None:
+    def _written(self, outcome: ChunkOutcome) -> None:
         if outcome.trouble:
             raise (FullError if outcome.full else SolveError)(outcome.trouble)
         self._tell(outcome.points)

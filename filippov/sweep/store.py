@@ -32,7 +32,7 @@ from filippov.sweep.manifest import NAME as MANIFEST
 from filippov.sweep.manifest import Manifest, read_manifest
 from filippov.sweep.points import Points, Whole, digest_of, restored, stored
 from filippov.sweep.rows import Rows, Work
-from filippov.sweep.table import Table
+from filippov.sweep.table import SweepTable
 
 POINTS, CHUNKS, QUARANTINE = "points.npz", "chunks", "quarantine.json"
 ASIDE = "filippov quarantine"
@@ -70,9 +70,9 @@ class Store:
         for left in leftovers_of(self.chunks, self.manifest.key):
             left.unlink(missing_ok=True)
 
-    def read(self) -> Table:
+    def read(self) -> SweepTable:
         """All rows there are, each point once; chunks of this sweep that cannot be trusted are removed."""
-        table = Table.empty(self.work)
+        table = SweepTable.empty(self.work)
         self.damaged += fill(table, self.chunks, self.manifest, remove=True)
         return table
 
@@ -183,7 +183,7 @@ def held_by(folder: Path) -> Manifest | None:
     return next(iter(found.values()), None)
 
 
-def fill(table: Table, chunks: Path, manifest: Manifest, remove: bool) -> list[str]:
+def fill(table: SweepTable, chunks: Path, manifest: Manifest, remove: bool) -> list[str]:
     """Put the rows of a sweep's chunks into its table; the names of those that cannot be trusted."""
     bad = []
     for path in chunks_of(chunks, manifest.key):
@@ -243,7 +243,7 @@ def write_json(path: Path, data: Any) -> None:
         raise no_room(path, len(content), error) from None
 
 
-def missing(table: Table) -> Whole:
+def missing(table: SweepTable) -> Whole:
     """Numbers of the points without a row."""
     return np.nonzero(~table.known)[0]
 

@@ -20,7 +20,7 @@ UNKNOWN = ""
 
 
 @dataclass
-class Table:
+class SweepTable:
     """Points and what they gave.
 
     names            of the coordinates; coordinates: their values, an array or a Grid, `points` as an array
@@ -48,7 +48,7 @@ class Table:
     reduced: Any = None
 
     @classmethod
-    def empty(cls, work: Work) -> Table:
+    def empty(cls, work: Work) -> SweepTable:
         """The table of a work before anything is done."""
         count = len(work.points)
         values = np.full((count, len(work.columns)), np.nan)

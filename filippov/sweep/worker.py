@@ -24,7 +24,7 @@ LATE = 75  # exit code of a worker whose point did not return
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ChunkOutcome:
     """What became of a chunk.
 
     trouble  why its file could not be written, "" for a file that is there; full: whether for want of room
@@ -40,7 +40,7 @@ class Outcome:
 
 def compute(
     work: Work, index: Whole, folder: str, head: str, max_time: float | None, apart: bool
-) -> Outcome:
+) -> ChunkOutcome:
     """Compute the points with these numbers and write their chunk.
 
     head   as in `write_chunk`; apart: as in Limits
@@ -60,11 +60,11 @@ def compute(
     try:
         write_chunk(chunks, head, rows)
     except FullError as error:
-        return Outcome(len(index), trouble=str(error), full=True)
+        return ChunkOutcome(len(index), trouble=str(error), full=True)
     except OSError as error:
         said = f"cannot write a chunk into {folder!r}: {error.strerror or error}."
-        return Outcome(len(index), trouble=said)
-    return Outcome(len(index), rows.failed, time.monotonic() - begun)
+        return ChunkOutcome(len(index), trouble=said)
+    return ChunkOutcome(len(index), rows.failed, time.monotonic() - begun)
 
 
 def _computed(work: Work, index: Whole, limits: Limits) -> Rows:
@@ -92,7 +92,7 @@ def hello(work: Work) -> int:
 
 def compute_received(
     index: Whole, folder: str, head: str, max_time: float | None, apart: bool
-) -> Outcome:
+) -> ChunkOutcome:
     """`compute` of the work that this process has received: it may be large, and is sent once only."""
     return compute(_received[0], index, folder, head, max_time, apart)
 

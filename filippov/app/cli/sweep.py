@@ -21,7 +21,7 @@ from filippov.solving.state.problem import Problem
 from filippov.sweep.dataset import write_csv, write_netcdf
 from filippov.sweep.plan import Sweep
 from filippov.sweep.point import split
-from filippov.sweep.table import Table
+from filippov.sweep.table import SweepTable
 
 SHOWN = 5
 FAILED, INTERRUPTED = 3, 130
@@ -142,7 +142,7 @@ def _start(settings: dict[str, Any]) -> tuple[Problem, dict[str, Any]]:
     return problem, options | {"stop": [parse_stop(text) for text in settings["stop"] or ()]}
 
 
-def _failed(table: Table) -> list[dict[str, Any]]:
+def _failed(table: SweepTable) -> list[dict[str, Any]]:
     return [
         {"point": point, "values": dict(zip(table.names, table.points[point].tolist(), strict=True)),
          "status": table.status[point], "message": table.message.get(point, "")}

@@ -9,13 +9,13 @@ from typing import Any
 from filippov.analysis.comparisons.band_model import BandModel
 from filippov.analysis.comparisons.comparison import compare
 from filippov.analysis.comparisons.comparison_result import label, options_of, size
-from filippov.app.report.part import NONE, Picture, Section, Table, Words, number
-from filippov.app.report.run import Run
+from filippov.app.report.part import NONE, Picture, Section, TextTable, Words, number
+from filippov.app.report.run import StudyRun
 
 ERRORS = ("error_P", "error_times", "error_fixed_points", "drift")
 
 
-def comparison(run: Run) -> Section:
+def comparison(run: StudyRun) -> Section:
     """Errors and work over the width of the band."""
     study, coarse = run.study, run.effort.widths
     bands = [
@@ -43,7 +43,7 @@ def comparison(run: Run) -> Section:
             notes.append(f"{label(row['model'], options_of(row))} at {width}: {row['note']}.")
     where, unit = ", ".join(f"{d:g}" for d in found.coordinates), study.unit
     source = f"filippov.analysis.comparisons.comparison, rtol {found.rtol:g}; comparison.csv."
-    table = Table(
+    table = TextTable(
         "Band models beside the inclusion",
         ("model", *names, run.label("width", "half-width"), f"Δ{study.letter}(d) [{unit}]", "Δt [s]",
          f"Δd* [{unit}]", f"drift [{unit}]", "field calls", "ms", "time ratio"),

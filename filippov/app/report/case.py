@@ -69,7 +69,7 @@ def diagrams(study: Study, effort: Effort, k: int) -> tuple[Diagram, Diagram | N
     return over(chosen), over(study.beyond) if study.beyond else None
 
 
-class Case:
+class CaseResults:
     """Everything computed for one case; `low` and `high`: the part of the whole that it is.
 
     orbit   iterates of the map from the first rest of the response, as many as it has

@@ -7,7 +7,7 @@ import numpy as np
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
 from filippov.analysis.orbits.orbit_search import find_orbit
-from filippov.app.report.case import Case
+from filippov.app.report.case import CaseResults
 from filippov.app.report.context import Context
 from filippov.app.report.part import first
 
@@ -24,7 +24,7 @@ class CaseCycles:
     pairs   every number with the one from a tighter tolerance
     """
 
-    def __init__(self, run: Context, case: Case) -> None:
+    def __init__(self, run: Context, case: CaseResults) -> None:
         study, once = run.study, case.event_map
         self.case = case
         self.orbits = tuple(
@@ -55,7 +55,7 @@ class CaseCycles:
         return [point for branch in self.branches for point in branch.special]
 
 
-def _runs(run: Context, case: Case, rtol: float) -> tuple[Continuation, ...]:
+def _runs(run: Context, case: CaseResults, rtol: float) -> tuple[Continuation, ...]:
     """Branches through all cycles of the case, from the largest down; one that was met is not begun again."""
     name, values = run.study.parameter, run.study.values
     power = case.power.remake(rtol=rtol, atol=1e-2 * rtol)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from filippov.app.report.part import NONE, Section, Table, Words, yes
-from filippov.app.report.run import Run
+from filippov.app.report.part import NONE, Section, TextTable, Words, yes
+from filippov.app.report.run import StudyRun
 
 
-def classification(run: Run) -> Section:
+def classification(run: StudyRun) -> Section:
     """What the diagrams say of each regime, over all values that were computed."""
     said = run.study.stated.classification if run.study.stated else {}
     found, rows = {}, []
@@ -30,7 +30,7 @@ def classification(run: Run) -> Section:
     subject = "set" if run.main.sets else "equilibria"
     proofs = [f"{c.case.regime or c.label}: {c.stability.items[0].answer}"
               for c in run.cases if c.stability.items]  # fmt: skip
-    table = Table(
+    table = TextTable(
         "Classification", ("regime", "what", "computed", "paper", "same"), tuple(rows),
         f"Computed from the diagrams at {run.study.parameter} = {', '.join(f'{v:g}' for v in values)}, one "
         f"case a regime. The stability report, at the parameters of [[table parameters]], says of the "
@@ -40,7 +40,7 @@ def classification(run: Run) -> Section:
     return Section("classification", "Classification", [table], summary={"classification": found})
 
 
-def stability(run: Run) -> Section:
+def stability(run: StudyRun) -> Section:
     """The report of the main case whole."""
     main = run.main
     text = (
@@ -53,7 +53,7 @@ def stability(run: Run) -> Section:
     return Section("stability", "Stability report", parts)
 
 
-def checks(run: Run) -> Section:
+def checks(run: StudyRun) -> Section:
     """Each cycle by several methods, and what should be exact along the responses."""
     rows = [
         (c.case.key, k, name, value)
@@ -79,7 +79,7 @@ def _cycle_words(cycles: list[list[bool]]) -> str:
     return f"{often}, {'stable' if True in seen else 'unstable'}{only}"
 
 
-def _agreements(run: Run) -> Table:
+def _agreements(run: StudyRun) -> TextTable:
     """Each cycle by several methods."""
     rows, why = [], ""
     for c in run.cases:
@@ -94,7 +94,7 @@ def _agreements(run: Run) -> Table:
                 off = max(abs(agreement.values[best] - reference) / reference, 1e-16)
                 name = "reference, 40-digit Taylor, 12 decimals"
                 rows.append(("", name, agreement.reference, f"{-math.log10(off):.1f}"))
-    return Table(
+    return TextTable(
         "The cycles by independent methods",
         ("case", "method", f"d* [{run.study.unit}]", "digits shared"), tuple(rows),
         "Digits shared with the event map at the tight tolerance. Collocation solves the whole orbit as one "
@@ -106,7 +106,7 @@ def _agreements(run: Run) -> Table:
     )  # fmt: skip
 
 
-def _exactness(run: Run) -> Table:
+def _exactness(run: StudyRun) -> TextTable:
     """What should be exact along the responses."""
     names = list(dict.fromkeys(n for c in run.cases for n in c.spreads))
     rows = tuple(
@@ -114,7 +114,7 @@ def _exactness(run: Run) -> Table:
          f"{c.apart:.2g}", c.word or NONE)
         for c in run.cases
     )  # fmt: skip
-    return Table(
+    return TextTable(
         "The responses as solutions of an inclusion",
         ("case", f"largest |{run.section.surface}| while sliding", *(f"spread of {n}" for n in names),
          "rests", f"response - iterates [{run.study.unit}]", "mode word"),

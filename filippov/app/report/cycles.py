@@ -14,10 +14,10 @@ from filippov.analysis.bifurcations.curve import curve
 from filippov.analysis.diagrams.regions import regions
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.steady.rest_map import growth, rest_map, threshold
-from filippov.app.report.case import Case
+from filippov.app.report.case import CaseResults
 from filippov.app.report.case_cycles import CaseCycles
-from filippov.app.report.part import NONE, Picture, Section, Table, first, number, yes
-from filippov.app.report.run import Run
+from filippov.app.report.part import NONE, Picture, Section, TextTable, first, number, yes
+from filippov.app.report.run import StudyRun
 from filippov.plot.branch import plot_branches
 from filippov.plot.place import label_beside
 from filippov.plot.regions import plot_regions
@@ -34,7 +34,7 @@ BORDER, SCAN = 25, 40
 NEAR, SMALL = 1e-4, 0.1
 
 
-def orbits(run: Run) -> Section:
+def orbits(run: StudyRun) -> Section:
     """Period, amplitude, multipliers, word and margins of each cycle."""
     with run.stage("cycles and branches", run.until):
         for k, case in enumerate(run.cases):
@@ -51,7 +51,7 @@ def orbits(run: Run) -> Section:
             number(orbit.margin.transversality, 4),
         ))  # fmt: skip
     command = f"`filippov orbit {run.model.name} --x0 ...`"
-    table = Table(
+    table = TextTable(
         "The limit cycles",
         ("case", "stable", "period [s]", *(f"amplitude {name}" for name in states[:2]), "multipliers",
          "mode word", "margins", "speed"),
@@ -75,7 +75,7 @@ def orbits(run: Run) -> Section:
     )  # fmt: skip
 
 
-def branches(run: Run) -> Section:
+def branches(run: StudyRun) -> Section:
     """Special points of the branches, and all cycles at every value of the parameter."""
     name, cycles, special = run.study.parameter, run.cycles, []
     for c in cycles:
@@ -100,12 +100,13 @@ def branches(run: Run) -> Section:
         "branches", f"Branches of cycles over {name}",
         [
             Picture("branches", f"Cycles over {name}, followed through the fold", command, draw),
-            Table("Where the branches turn and end", ("case", "what", name, f"d [{unit}]"), tuple(special),
+            TextTable("Where the branches turn and end", ("case", "what", name, f"d [{unit}]"),
+                  tuple(special),
                   "The digits are the fewest over all cycles and special points, rtol 1e-12 against 1e-13.",
                   f"{command}; branches.csv.", "special"),
-            Table(f"All cycles: d* [{unit}] over {name}", (name, *(c.label for c in run.cases)), tuple(rows),
-                  "Solved for at each value on the branch.", f"{command}; branches.csv.", "branches",
-                  long=True),
+            TextTable(f"All cycles: d* [{unit}] over {name}", (name, *(c.label for c in run.cases)),
+                  tuple(rows), "Solved for at each value on the branch.", f"{command}; branches.csv.",
+                  "branches", long=True),
         ] if shown else [],
         summary={"branches": {
             c.case.case.key: {
@@ -121,7 +122,7 @@ def branches(run: Run) -> Section:
     )  # fmt: skip
 
 
-def fold_curve(run: Run) -> Section:
+def fold_curve(run: StudyRun) -> Section:
     """The curve of the main case's first fold over a second parameter."""
     assert run.study.ending is not None
     (second, bounds), name = run.study.ending, run.study.parameter
@@ -139,7 +140,7 @@ def fold_curve(run: Run) -> Section:
     least, count = int(np.argmin(height)), len(points)
     chosen = sorted({*range(0, count, max(1, count // 12)), least, count - 1})
     (other, *_) = [key for key in points[0].coordinates if key != name]
-    table = Table(
+    table = TextTable(
         "The fold curve", (second, name, f"{other} at the fold"),
         tuple((f"{p.value:.8f}", f"{p.coordinates[name]:.8f}", f"{p.coordinates[other]:.8f}")
               for p in (points[k] for k in chosen)),
@@ -176,7 +177,7 @@ def fold_curve(run: Run) -> Section:
     )  # fmt: skip
 
 
-def region_map(run: Run) -> Section:
+def region_map(run: StudyRun) -> Section:
     """Cells over two parameters with their exact borders: the fold, and where the set changes stability."""
     assert run.study.plane is not None
     (up, across_range, up_range), across = run.study.plane, run.study.parameter
@@ -219,7 +220,7 @@ def rows_of(branch: Branch, size: str = "") -> list[tuple[Any, ...]]:
 
 
 def _fold_curve(
-    run: Run, parameter: str, bounds: tuple[float, float], direction: int | None = None
+    run: StudyRun, parameter: str, bounds: tuple[float, float], direction: int | None = None
 ) -> Branch | None:
     found = next((r for r in run.cycles[0].runs if r.branch.folds), None)
     if found is None:
@@ -228,7 +229,7 @@ def _fold_curve(
     return curve(found, found.branch.folds[0], parameter=parameter, bounds=bounds, direction=way).run()
 
 
-def _limit(run: Run, ending: Branch, second: str, bounds: tuple[float, float]) -> BranchPoint | None:
+def _limit(run: StudyRun, ending: Branch, second: str, bounds: tuple[float, float]) -> BranchPoint | None:
     """Where a fold curve goes whose cycle shrinks into the equilibrium set at a bound; None elsewhere.
 
     There the set changes stability, in the case whose value is the bound, at the value nearest to the curve.
@@ -245,7 +246,7 @@ def _limit(run: Run, ending: Branch, second: str, bounds: tuple[float, float]) -
 
 
 def _change(
-    case: Case, across: str, up: str, low_high: tuple[float, float], span: tuple[float, float]
+    case: CaseResults, across: str, up: str, low_high: tuple[float, float], span: tuple[float, float]
 ) -> Array | None:
     """Points (across, up) where the linearised return map of the set has modulus 1; None without one."""
     cases = [c for item in case.stability.items for c in item.cases if c.applies]
@@ -267,7 +268,7 @@ def _change(
     return np.array(border) if border else None
 
 
-def _portraits(run: Run) -> Figure:
+def _portraits(run: StudyRun) -> Figure:
     """Phase portraits of every cycle, unstable ones dashed."""
     labels, (x_name, y_name) = run.study.labels, run.system.states[:2]
     with style():

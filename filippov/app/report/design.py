@@ -18,8 +18,8 @@ from filippov.analysis.maps.section import Section as EventSection
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.app.report.context import Context
 from filippov.app.report.effort import Effort
-from filippov.app.report.part import NONE, Picture, Section, Table, number, yes
-from filippov.app.report.run import Run
+from filippov.app.report.part import NONE, Picture, Section, TextTable, number, yes
+from filippov.app.report.run import StudyRun
 from filippov.base.errors import SolveError
 from filippov.models import registry
 from filippov.models.studies import Law, Study
@@ -45,7 +45,7 @@ def tuned(study: Study, effort: Effort, k: int) -> Tuning:
     )  # fmt: skip
 
 
-def settings(run: Run) -> Section:
+def settings(run: StudyRun) -> Section:
     """The search for settings without cycles under each law, and the ratio map of the first."""
     study, found = run.study, []
     with run.stage("settings", run.until):
@@ -81,7 +81,8 @@ def settings(run: Run) -> Section:
         return figure
 
     title = "Largest ratio of successive excursions, best settings and their margin"
-    return Section("settings", "Settings without cycles", [Picture("settings", title, command, draw), Table(
+    picture = Picture("settings", title, command, draw)
+    return Section("settings", "Settings without cycles", [picture, TextTable(
         "Settings without cycles",
         ("law", "best settings", "margin", "ratio", "share", "borders, or why there are none"), tuple(rows),
         f"Searched in {ranges}. Margin: the factor by which every setting may change at once, in any "
@@ -106,7 +107,7 @@ class Prediction(NamedTuple):
     algebraic: list[float]
 
 
-def _predicted(run: Run, law: Law) -> Prediction:
+def _predicted(run: StudyRun, law: Law) -> Prediction:
     model = registry.get(law.model)
     system = model.build()
     once = EventMap(system, EventSection.from_model(model))
@@ -126,7 +127,7 @@ def _predicted(run: Run, law: Law) -> Prediction:
     return Prediction(law, describing_function(system), cycles, inputs, ratio, algebraic)
 
 
-def prediction(run: Run) -> Section:
+def prediction(run: StudyRun) -> Section:
     """Harmonic balance, algebra and exact cycles for each law."""
     laws, found = run.study.laws, []
     with run.stage("predictions", run.until):
@@ -153,7 +154,7 @@ def prediction(run: Run) -> Section:
         Picture("prediction", title, command, lambda: plot_describing_function(
             found[0].harmonic, exact=found[0].inputs, labels={"amplitude": run.label("input")}
         )),
-        Table(
+        TextTable(
             "What is predicted, and what there is",
             ("law", "harmonic balance", "algebra of the slip", f"event map: d [{run.study.unit}]",
              "harmonic balance right"),
@@ -196,7 +197,7 @@ def estimated(study: Study, effort: Effort, k: int) -> Estimate:
     return Estimate(found, _limit(about, values, found, []), _limit(about, values, found, ends))
 
 
-def experiment(run: Run) -> Section:
+def experiment(run: StudyRun) -> Section:
     """A record with noise, the estimate from it, and the borders of the settings for it."""
     asked, values, name = run.study.experiment, run.main.parameters, run.study.parameter
     assert asked is not None
@@ -214,7 +215,7 @@ def experiment(run: Run) -> Section:
                 "`filippov identify record.csv ...`", lambda: plot_identification(
             found, lambda x, given: asked.curve(x, {**asked.fixed, **given})
         )),
-        Table(
+        TextTable(
             "Estimated from the record",
             ("parameter", "made with", "estimate", "standard error", f"{100 * found.level:g} % interval",
              "off, in errors"),

@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from filippov.app.report.case import Case, Samples
-from filippov.app.report.part import NONE, Picture, Section, Table, number, yes
+from filippov.app.report.case import CaseResults, Samples
+from filippov.app.report.part import NONE, Picture, Section, TextTable, number, yes
 from filippov.app.report.response import TITLE, beside, common_legend
-from filippov.app.report.run import Run
+from filippov.app.report.run import StudyRun
 from filippov.plot.maps import plot_diagram, plot_event_map
 from filippov.plot.style import GREY, style
 
@@ -20,7 +20,7 @@ POINT = ("d", "kind", "stable", "slope", "residual", "period", "note")
 SPECIAL = ("kind", "value", "d", "residual", "note")
 
 
-def fixed_points(run: Run) -> Section:
+def fixed_points(run: StudyRun) -> Section:
     """The iterate of every case, its fixed points and their basins."""
     iterate = run.iterate
     ordinal = {1: "first", 2: "second"}.get(run.study.order, f"{run.study.order}th")
@@ -43,7 +43,7 @@ def fixed_points(run: Run) -> Section:
     )  # fmt: skip
 
 
-def bifurcation(run: Run) -> Section:
+def bifurcation(run: StudyRun) -> Section:
     """The diagrams and where they change."""
     name, cases = run.study.parameter, run.cases
     low, high = run.study.values[0], run.study.values[-1]
@@ -85,7 +85,7 @@ def bifurcation(run: Run) -> Section:
     return Section("bifurcation", f"Bifurcation in {name}", [*pictures, _places(run)], facts, summary, files)
 
 
-def _iterate(run: Run, case: Case) -> Figure:
+def _iterate(run: StudyRun, case: CaseResults) -> Figure:
     """The iterate with its fixed points, whole and with the origin magnified."""
     shown = [(case.wide, "whole"), (case.small, "origin magnified")] if case.small else [(case.wide, "")]
     with style():
@@ -97,7 +97,7 @@ def _iterate(run: Run, case: Case) -> Figure:
     return figure
 
 
-def _panel(run: Run, case: Case, figure: Any, samples: Samples) -> None:
+def _panel(run: StudyRun, case: CaseResults, figure: Any, samples: Samples) -> None:
     low, high = float(samples.d[0]), float(samples.d[-1])
     shown = [q for q in case.fixed if low <= q.d <= high]
     plot_event_map(
@@ -110,7 +110,7 @@ def _panel(run: Run, case: Case, figure: Any, samples: Samples) -> None:
     axes.set_ylim(bottom=min(low - margin, axes.get_ylim()[0]))
 
 
-def _diagram(run: Run, case: Case) -> Figure:
+def _diagram(run: StudyRun, case: CaseResults) -> Figure:
     """Fixed points over the parameter, with the analytic bound."""
     bound, values = case.bound, case.diagram.values
     shown = {} if bound is None or not values[0] <= bound <= values[-1] else {"Routh-Hurwitz bound": bound}
@@ -118,7 +118,7 @@ def _diagram(run: Run, case: Case) -> Figure:
     return plot_diagram(case.diagram, bounds=shown, labels=labels, inset=True)
 
 
-def _in_words(case: Case) -> str:
+def _in_words(case: CaseResults) -> str:
     """The fixed points in a sentence."""
     found = [f"d = {q.d:.6g} ({'stable' if q.stable else 'unstable'} {q.kind})" for q in case.fixed]
     notes = [q.note for q in case.fixed if q.note]
@@ -126,7 +126,7 @@ def _in_words(case: Case) -> str:
     return words + "".join(f" {n[0].upper()}{n[1:]}." for n in notes)
 
 
-def _bound_in_words(name: str, case: Case) -> str:
+def _bound_in_words(name: str, case: CaseResults) -> str:
     """Where the analytic bound is."""
     if case.bound is None and case.without == "none found":
         return f"No Routh-Hurwitz bound in {name} was found."
@@ -137,7 +137,7 @@ def _bound_in_words(name: str, case: Case) -> str:
     return f"The Routh-Hurwitz bound is {name} = {case.bound:g}, {where}."
 
 
-def _points_table(run: Run, ordinal: str) -> Table:
+def _points_table(run: StudyRun, ordinal: str) -> TextTable:
     """Fixed points of the iterate beside the source's."""
     study, unit, rows = run.study, run.study.unit, []
     for c in run.cases:
@@ -151,7 +151,7 @@ def _points_table(run: Run, ordinal: str) -> Table:
                 NONE if q.period == 0 else f"{q.period:.8f}",
             ))  # fmt: skip
     notes = [run.lettered(f"{c.label}: {q.note}.") for c in run.cases for q in c.fixed if q.note]
-    return Table(
+    return TextTable(
         f"Fixed points of the {ordinal} iterate and their stability",
         ("case", f"d* here [{unit}]", f"paper (reference) [{unit}]", "kind", "stable", "paper", "slope",
          "time [s]"),
@@ -164,7 +164,7 @@ def _points_table(run: Run, ordinal: str) -> Table:
     )  # fmt: skip
 
 
-def _basins(run: Run) -> Table:
+def _basins(run: StudyRun) -> TextTable:
     """Intervals of the start by where they lead."""
     rows = []
     for c in run.cases:
@@ -172,14 +172,14 @@ def _basins(run: Run) -> Table:
             goes = "no fixed point" if basin.attractor is None else f"d* = {basin.attractor:.10g}"
             goes = "the equilibrium set" if basin.attractor == 0 else goes
             rows.append((c.label, f"{basin.lo:.10g} < d < {basin.hi:.10g}", goes))
-    return Table(
+    return TextTable(
         "Basins on the interval", ("case", run.label("d"), "goes to"), tuple(rows),
         "Borders are the unstable fixed points; the middle of each interval was iterated until it arrived.",
         label="basins",
     )  # fmt: skip
 
 
-def _places(run: Run) -> Table:
+def _places(run: StudyRun) -> TextTable:
     """Folds, changes of stability and bounds beside the source's."""
     name, stated, rows = run.study.parameter, run.study.stated, []
     for c in run.cases:
@@ -196,7 +196,7 @@ def _places(run: Run) -> Table:
             (c.label, "Routh-Hurwitz (sufficient)", bound, said),
         ]
     worst = max((s.residual for c in run.cases for s in c.diagram.special), default=0.0)
-    return Table(
+    return TextTable(
         "Where the diagrams change", ("case", "what", "here", "paper"), tuple(rows),
         f"Roots of {run.iterate} = d with slope 1 (fold) and of |slope| = 1 at the set, in the parameter; "
         f"largest residual {worst:.1g}. The linearised return map takes the whole line of {name}, the "
@@ -206,7 +206,7 @@ def _places(run: Run) -> Table:
     )  # fmt: skip
 
 
-def _never(case: Case) -> str:
+def _never(case: CaseResults) -> str:
     stable = {q.stable for points in case.diagram.points for q in points if q.kind == "equilibrium set"}
     if not stable:
         return "no set among the fixed points"

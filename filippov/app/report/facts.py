@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from filippov.app.report.part import Picture, Section, Table
+from filippov.app.report.part import Picture, Section, TextTable
 from filippov.base.escape import LINES, printable
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class Numbers(dict[str, tuple[str, str]]):
                 if isinstance(part, Picture):
                     figures += 1
                     self[f"figure {part.name}"] = f"figure {prefix}{figures}", f"figure-{part.name}"
-                elif isinstance(part, Table):
+                elif isinstance(part, TextTable):
                     tables += 1
                     self[f"table {part.label}"] = f"table {prefix}{tables}", f"table-{part.label}"
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from filippov.app.report.facts import Facts, Numbers, begun
-from filippov.app.report.part import Picture, Section, Table, Words
+from filippov.app.report.part import Picture, Section, TextTable, Words
 from filippov.base.escape import LINES, markup, printable
 
 if TYPE_CHECKING:
@@ -55,7 +55,8 @@ def document(
     Sections, figures and tables are numbered as they follow each other; long tables go to the appendix.
     """
     facts = Facts({name: value for section in sections for name, value in section.facts.items()})
-    tables = [part for section in sections for part in section.parts if isinstance(part, Table) and part.long]
+    every = [part for section in sections for part in section.parts]
+    tables = [part for part in every if isinstance(part, TextTable) and part.long]
     short = [replace(s, parts=[part for part in s.parts if part not in tables]) for s in sections]
     main = [s for s in short if s.parts or s.anchor in ALONE & set(texts)]
     behind = [*([Section("tables", "Long tables", tables)] if tables else []), *appendix]
@@ -78,13 +79,13 @@ def document(
 
 
 def _prepared(
-    part: Table | Picture | Words, texts: Mapping[str, Any], facts: Facts, numbers: Numbers,
+    part: TextTable | Picture | Words, texts: Mapping[str, Any], facts: Facts, numbers: Numbers,
     drawings: Mapping[str, str],
 ) -> dict[str, Any]:  # fmt: skip
     """What the template shows of a part."""
     if isinstance(part, Words):
         return {"kind": part.kind, "content": part.content}
-    if isinstance(part, Table):
+    if isinstance(part, TextTable):
         number, place = numbers[f"table {part.label}"]
         return {"kind": "table", "content": part, "number": begun(number), "place": place}
     said = texts.get(f"figure {part.label or part.name}", ())
@@ -117,7 +118,7 @@ def wrapped(text: str, width: int = 112) -> str:
     return "\n".join(lines)
 
 
-def alignment(table: Table) -> list[str]:
+def alignment(table: TextTable) -> list[str]:
     """The class of each column: numbers are aligned on the right."""
     return [
         "num" if all(_NUMBER.fullmatch(row[k].strip()) for row in table.rows) else "text"

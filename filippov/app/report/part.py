@@ -16,7 +16,7 @@ File = tuple[str, Sequence[str], Iterable[Iterable[Any]]]
 
 
 @dataclass(frozen=True)
-class Table:
+class TextTable:
     """Rows of text under columns, with a note and the command or method that gives them.
 
     label   by which texts speak of it: [[label]]; long: it stands in the appendix
@@ -30,7 +30,7 @@ class Table:
     label: str = ""
     long: bool = False
 
-    def unstated(self) -> Table:
+    def unstated(self) -> TextTable:
         """The same table without the columns of what a source states."""
         kept = [k for k, name in enumerate(self.columns) if name != "same" and not name.startswith("paper")]
         rows = tuple(tuple(row[k] for k in kept) for row in self.rows)
@@ -66,7 +66,7 @@ class Section:
 
     anchor: str
     title: str
-    parts: Sequence[Table | Picture | Words] = ()
+    parts: Sequence[TextTable | Picture | Words] = ()
     facts: Mapping[str, float] = field(default_factory=dict)
     summary: Mapping[str, Any] = field(default_factory=dict)
     files: Sequence[File] = ()

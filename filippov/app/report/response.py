@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from filippov.app.report.case import Case
-from filippov.app.report.part import NONE, Picture, Section, Table, Words, number, yes
-from filippov.app.report.run import Run
+from filippov.app.report.case import CaseResults
+from filippov.app.report.part import NONE, Picture, Section, TextTable, Words, number, yes
+from filippov.app.report.run import StudyRun
 from filippov.base.status import mode_text
 from filippov.graphs.graph import possible_graph
 from filippov.plot.graph import plot_graph
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 TITLE = 10.5
 
 
-def model(run: Run) -> Section:
+def model(run: StudyRun) -> Section:
     """Symbols, parameters and the constitutive curves."""
     said = run.study.stated.parameters if run.study.stated else {}
     rows = []
@@ -33,8 +33,9 @@ def model(run: Run) -> Section:
         rows.append((name, p.description, number(p.default), given, p.unit or "1", same))
     symbols = run.study.symbols
     parts: list[Any] = [
-        *([Table("Symbols", ("symbol", "what it is", "unit"), symbols, label="symbols")] if symbols else []),
-        Table("Parameters and their values", ("symbol", "what it is", "here", "paper", "unit", "same"),
+        *([TextTable("Symbols", ("symbol", "what it is", "unit"), symbols, label="symbols")]
+          if symbols else []),
+        TextTable("Parameters and their values", ("symbol", "what it is", "here", "paper", "unit", "same"),
               tuple(rows), source=f"the model's own defaults, `filippov models describe {run.model.name}`.",
               label="parameters"),
     ]  # fmt: skip
@@ -47,7 +48,7 @@ def model(run: Run) -> Section:
     return Section("model", "The model and its symbols", parts, files=files)
 
 
-def response(run: Run) -> Section:
+def response(run: StudyRun) -> Section:
     """The response and the phase portrait of the main case."""
     main, states = run.main, run.system.states
     command = f"`filippov simulate {run.given(main.case)} --rtol 1e-10`"
@@ -68,7 +69,7 @@ def response(run: Run) -> Section:
     ], files=files)  # fmt: skip
 
 
-def event_map(run: Run) -> Section:
+def event_map(run: StudyRun) -> Section:
     """The map with the iterates of the response."""
     main, proposed = run.main, run.proposed
     lift = ", ".join(f"{k} = {v}" for k, v in proposed.lift.items())
@@ -97,7 +98,7 @@ def event_map(run: Run) -> Section:
     return Section("map", "Event map and iterates", parts, files=files)
 
 
-def modes(run: Run) -> Section:
+def modes(run: StudyRun) -> Section:
     """What the system can do and what it did."""
     main, names = run.main, run.study.mode_names
     with run.stage("possible transitions", run.until):
@@ -134,7 +135,7 @@ def common_legend(top: Any, parts: list[Any], words: dict[str, str] | None = Non
     )  # fmt: skip
 
 
-def _curves(run: Run) -> Figure:
+def _curves(run: StudyRun) -> Figure:
     """The constitutive curve of every case, the whole and beside the set."""
     shown = [(c.label, c.curve) for c in run.cases if c.curve is not None]
     with style():
@@ -158,7 +159,7 @@ def _curves(run: Run) -> Figure:
     return figure
 
 
-def _phase(run: Run, case: Case) -> Figure:
+def _phase(run: StudyRun, case: CaseResults) -> Figure:
     """The first state against the second, and the last against the first, with the equilibrium set."""
     states, labels = run.system.states, run.study.labels
     named = {name: labels[name] for name in states if name in labels}
@@ -175,7 +176,7 @@ def _phase(run: Run, case: Case) -> Figure:
     return figure
 
 
-def _iterates(run: Run, case: Case) -> Figure:
+def _iterates(run: StudyRun, case: CaseResults) -> Figure:
     """The map with the cobweb of the response's rest positions."""
     reach = 1.15 * float(np.max(np.abs(case.orbit)))
     return plot_iterates(
@@ -184,7 +185,7 @@ def _iterates(run: Run, case: Case) -> Figure:
     )  # fmt: skip
 
 
-def _samples(case: Case) -> Iterator[tuple[Any, ...]]:
+def _samples(case: CaseResults) -> Iterator[tuple[Any, ...]]:
     """Dense samples and the ends of every segment, with the mode."""
     solution = case.solution
     assert solution.sol is not None
@@ -196,6 +197,6 @@ def _samples(case: Case) -> Iterator[tuple[Any, ...]]:
             yield a, *b, mode_text(segment.mode)
 
 
-def _events(case: Case) -> Iterator[tuple[Any, ...]]:
+def _events(case: CaseResults) -> Iterator[tuple[Any, ...]]:
     for e in case.solution.events:
         yield e.t, e.surface, str(e.kind), mode_text(e.before), mode_text(e.after), *e.x.tolist()

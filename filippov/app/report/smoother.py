@@ -14,8 +14,8 @@ from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.app.report.cycles import rows_of
 from filippov.app.report.effort import Effort
-from filippov.app.report.part import NONE, Picture, Section, Table, first, number
-from filippov.app.report.run import Run
+from filippov.app.report.part import NONE, Picture, Section, TextTable, first, number
+from filippov.app.report.run import StudyRun
 from filippov.base.errors import SolveError
 from filippov.models.studies import Study, StudyCase
 from filippov.plot.style import GREY, INK, SERIES, new_figure, style
@@ -137,7 +137,7 @@ class Smoother:
         return None
 
 
-def relative(run: Run) -> Section:
+def relative(run: StudyRun) -> Section:
     """Where the smoother model is right, and where not."""
     asked, name = run.study.relative, run.study.parameter
     assert asked is not None
@@ -178,7 +178,7 @@ def relative(run: Run) -> Section:
         points += [(case.case.key, *row) for b in branches for row in rows_of(b, size)]
     starts = ", ".join(f"{start:g}" for start in asked.small)
     source = "filippov.analysis.bifurcations.continuation of an orbit of the model"
-    table = Table(
+    table = TextTable(
         f"{asked.name} beside the inclusion",
         ("case", f"amplitude, inclusion [{unit}]", f"{asked.name} [{unit}]", "change",
          "cycles end, inclusion", f"cycles end, {asked.name}", "rest, inclusion", f"rest, {asked.name}"),
@@ -197,7 +197,7 @@ def relative(run: Run) -> Section:
     )  # fmt: skip
 
 
-def _branches(run: Run, name: str, size: str, found: list[Followed]) -> Figure:
+def _branches(run: StudyRun, name: str, size: str, found: list[Followed]) -> Figure:
     """The branches of the smoother model over the exact ones, on a linear and on a logarithmic scale."""
     smooth = {case.slug: item.branch for case, item in zip(run.cases, found, strict=False)}
     with style():

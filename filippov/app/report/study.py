@@ -12,13 +12,13 @@ from typing import Any
 
 from filippov.app.report import band, checks, cycles, design, diagram, response, smoother
 from filippov.app.report.aside import Aside
-from filippov.app.report.case import Case, diagrams
+from filippov.app.report.case import CaseResults, diagrams
 from filippov.app.report.context import Progress
 from filippov.app.report.effort import Effort
 from filippov.app.report.files import save_figure, write, write_csv
 from filippov.app.report.page import document, environment, machine
-from filippov.app.report.part import Picture, Section, Table, Words
-from filippov.app.report.run import Run
+from filippov.app.report.part import Picture, Section, TextTable, Words
+from filippov.app.report.run import StudyRun
 from filippov.base.json_text import json_text
 from filippov.models.studies import Study, get_study
 from filippov.plot.style import style
@@ -28,7 +28,7 @@ from filippov.solving.state.options import check_count
 CASES, COMPUTED = 0.25, 0.85
 # Every section in the order in which it is computed and stands in summary.json: what computes it, the entry
 # of the study that asks for it ("" for always), and how long it takes, in parts of the whole.
-SECTIONS: tuple[tuple[Callable[[Run], Section], str, float], ...] = (
+SECTIONS: tuple[tuple[Callable[[StudyRun], Section], str, float], ...] = (
     (response.model, "", 0), (response.response, "", 0), (response.event_map, "", 0),
     (diagram.fixed_points, "", 0), (diagram.bifurcation, "", 0), (checks.classification, "", 0),
     (checks.stability, "", 0), (response.modes, "", 0.01), (band.comparison, "variants", 0.2),
@@ -69,7 +69,7 @@ def run_study(
     asked = get_study(study) if isinstance(study, str) else study
     effort = (Effort.quick() if quick else Effort()).finer(resolution)
     with Aside(asked, effort, check_count("jobs", jobs)) as aside:
-        run = Run(asked, effort, progress, aside)
+        run = StudyRun(asked, effort, progress, aside)
         aside.begin(diagrams, range(1, len(asked.cases)))
         aside.begin(smoother.followed, range(len(asked.cases[: effort.relatives]) if asked.relative else 0))
         aside.begin(design.estimated, range(1 if asked.experiment else 0))
@@ -98,11 +98,11 @@ def run_study(
     return finite
 
 
-def compute(run: Run) -> list[Section]:
+def compute(run: StudyRun) -> list[Section]:
     """Every section that the study asks for, in the order of computing."""
     share = CASES / len(run.study.cases)
     for k, case in enumerate(run.study.cases):
-        run.cases.append(Case(run, case, k * share, (k + 1) * share))
+        run.cases.append(CaseResults(run, case, k * share, (k + 1) * share))
     asked = [(make, part) for make, name, part in SECTIONS if not name or getattr(run.study, name)]
     whole, done, out = sum(part for _, part in asked), 0.0, []
     for make, part in asked:
@@ -113,11 +113,11 @@ def compute(run: Run) -> list[Section]:
 
 
 def _unstated(section: Section) -> Section:
-    parts = [part.unstated() if isinstance(part, Table) else part for part in section.parts]
+    parts = [part.unstated() if isinstance(part, TextTable) else part for part in section.parts]
     return replace(section, parts=parts)
 
 
-def _frame(run: Run) -> list[Section]:
+def _frame(run: StudyRun) -> list[Section]:
     """The sections around the computed ones: what was found, what differs from the source, versions."""
     files = Words("source", (
         f"Source of everything on this page: `filippov study {run.study.name}`. The figures are beside it as "
@@ -128,8 +128,8 @@ def _frame(run: Run) -> list[Section]:
         Section("summary", "The answer", [files]),
         Section("differences", "What differs from the paper, and why"),
         Section("versions", "Versions, machine, time", [
-            Table("Versions and machine", ("what", "value"), tuple(machine().items()), label="machine"),
-            Table("Time", ("stage", "seconds"), seconds, label="time"),
+            TextTable("Versions and machine", ("what", "value"), tuple(machine().items()), label="machine"),
+            TextTable("Time", ("stage", "seconds"), seconds, label="time"),
         ]),
     ]  # fmt: skip
 

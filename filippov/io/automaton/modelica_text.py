@@ -46,31 +46,12 @@ def modelica_text(
     mode: Sequence[int],
 ) -> str:  # fmt: skip
     """The text of the model; mode: the one at the start. Raises ModelError for what it cannot hold."""
+    _check(eq, name, mode)
     system, form = eq.system, eq.form
     n, m, k = len(form.x), len(form.h), len(form.p)
-    for word in (name, *system.states, *system.parameters.names):
-        check_plain(word, "Modelica")
-        if word in TAKEN:
-            raise ModelError(f"the name {word!r} is a word of Modelica or of the exported model. Rename it.")
-    if not m:
-        raise ModelError("the system has no surfaces, so there is no automaton to write in Modelica.")
-    if m > 1 and not eq.affine:
-        raise ModelError(
-            "the field holds products of signs, which the Modelica text has no sliding field for."
-        )
-    for event in system.time_events:
-        if event.times is not None:
-            raise ModelError(
-                f"time event {event.name!r} has a list of times, expected a period. Export to C."
-            )
     end = "_"
     while any(word.endswith(end) for word in (*system.states, *system.parameters.names)):
         end += "_"
-    for surface, contact, sign in zip(system.surfaces, eq.contact, mode, strict=True):
-        if contact and sign == 0:
-            raise ModelError(
-                f"the state rests on surface {surface.name!r}, which the Modelica text does not hold."
-            )
     here = f"{{{', '.join(system.states)}}}", f"{{{', '.join(system.parameters.names) or '0'}}}"
     point = f"time, {here[0]}, {here[1]}"
     modes = ", ".join(f"mode{i + 1}{end}" for i in range(m))
@@ -143,6 +124,31 @@ def modelica_text(
         f"end {name};",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _check(eq: Equations, name: str, mode: Sequence[int]) -> None:
+    """Raise ModelError for what the text cannot hold."""
+    system = eq.system
+    for word in (name, *system.states, *system.parameters.names):
+        check_plain(word, "Modelica")
+        if word in TAKEN:
+            raise ModelError(f"the name {word!r} is a word of Modelica or of the exported model. Rename it.")
+    if not eq.form.h:
+        raise ModelError("the system has no surfaces, so there is no automaton to write in Modelica.")
+    if len(eq.form.h) > 1 and not eq.affine:
+        raise ModelError(
+            "the field holds products of signs, which the Modelica text has no sliding field for."
+        )
+    for event in system.time_events:
+        if event.times is not None:
+            raise ModelError(
+                f"time event {event.name!r} has a list of times, expected a period. Export to C."
+            )
+    for surface, contact, sign in zip(system.surfaces, eq.contact, mode, strict=True):
+        if contact and sign == 0:
+            raise ModelError(
+                f"the state rests on surface {surface.name!r}, which the Modelica text does not hold."
+            )
 
 
 def _jumps(eq: Equations) -> Iterator[tuple[str, int]]:

@@ -146,7 +146,7 @@ class EventCount(Filter, quantity="event_count"):
 
 
 @dataclass(frozen=True)
-class Record:
+class EventRecord:
     """What is known of one event; what is left out is not compared.
 
     kind   with or without the direction: cross+, cross
@@ -169,7 +169,7 @@ class EventList(Measure, quantity="event_list"):
     grazing   whether the list holds grazing events
     """
 
-    events: tuple[Record, ...]
+    events: tuple[EventRecord, ...]
     together: Number = 1e-9
     grazing: bool = False
 
@@ -193,7 +193,7 @@ class EventList(Measure, quantity="event_list"):
                     worst = max(worst, float(np.max(np.abs(got - wanted))) if same else np.inf)
         return worst
 
-    def _match(self, motion: Motion, left: list[Event], record: Record) -> Event | None:
+    def _match(self, motion: Motion, left: list[Event], record: EventRecord) -> Event | None:
         within = number(self.together, motion.names)
         for event in left:
             if event.t > left[0].t + within:

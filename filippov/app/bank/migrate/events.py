@@ -11,7 +11,7 @@ from sympy import Symbol
 
 from filippov.app.bank import record
 from filippov.app.bank.expectation import LONGEST_LIST
-from filippov.app.bank.measures.events import EventCount, EventList, OneEvent, Record, SomeEvents
+from filippov.app.bank.measures.events import EventCount, EventList, EventRecord, OneEvent, SomeEvents
 from filippov.app.bank.measures.measure import Measure
 from filippov.app.bank.measures.states import Segments
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
@@ -78,7 +78,7 @@ def _base(item: dict[str, Any]) -> str:
     return _SAME.get(word, word)
 
 
-def _record(old: Old, item: dict[str, Any], key: str) -> Record:
+def _record(old: Old, item: dict[str, Any], key: str) -> EventRecord:
     base, sign = _base(item), str(item.get("type", ""))[-1:]
     signed = sign in ("+", "-") and base in ("cross", "exit")
     data: dict[str, Any] = {"kind": base + (sign if signed else "")} if item.get("type") is not None else {}
@@ -89,7 +89,7 @@ def _record(old: Old, item: dict[str, Any], key: str) -> Record:
         where = key if base in ("reset", "time") else "state"
         data[where] = [float(v) for v in np.atleast_1d(old.numbers(state))]
     try:
-        found: Record = record.read(Record, data, "event")
+        found: EventRecord = record.read(EventRecord, data, "event")
     except ModelError as error:
         raise NotUnderstoodError(str(error)) from None
     return found
