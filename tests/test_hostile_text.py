@@ -22,8 +22,7 @@ from hypothesis import strategies as st
 from filippov import Problem, Solution, Surface, Sweep, System, UsageError
 from filippov.app.bank.compare import PeerTable, peers_text
 from filippov.app.bank.peers.peer_row import PeerRow
-from filippov.app.bank.row import Row
-from filippov.app.bank.table import rows_text
+from filippov.app.bank.row import Row, rows_text
 from filippov.app.cli.main import main
 from filippov.app.cli.outputs import Outputs
 from filippov.app.cli.sweep import FILES

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Mapping
 from typing import Any
 
 from filippov.base.escape import printable
@@ -18,6 +20,16 @@ def json_text(data: Any, indent: int = 1) -> str:
         # Outside of its strings JSON has no such character but the line end.
         text = "".join(c if c == "\n" or printable(c) == c else _escaped(c) for c in text)
     return text + "\n"
+
+
+def finite(data: Any) -> Any:
+    """The same with null for what is not finite, at any depth; numbers of numpy as those of Python."""
+    if isinstance(data, Mapping):
+        return {key: finite(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [finite(value) for value in data]
+    value = data.item() if hasattr(data, "item") else data
+    return value if not isinstance(value, float) or math.isfinite(value) else None
 
 
 def _escaped(character: str) -> str:

@@ -104,7 +104,7 @@ _MOVED: dict[tuple[str, str], str] = {
     ("filippov.analysis", "filippov.models"): ("static_cycle"),
     ("filippov.analysis.harmonic", "filippov.models"): ("static_cycle"),
     ("filippov.bank", "filippov.app.bank.peers"): (
-        "peer peer_diffrax peer_heyoka peer_process peer_row peer_scipy"
+        "peer peer_diffrax>solvers peer_heyoka>solvers peer_process peer_row peer_scipy>solvers"
     ),
 }
 

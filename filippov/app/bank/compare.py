@@ -11,9 +11,9 @@ from typing import Any
 from filippov.app.bank.case import chosen, read_bank
 from filippov.app.bank.peers.peer import Limits, Peer
 from filippov.app.bank.peers.peer_process import PeerProcess
-from filippov.app.bank.peers.peer_row import FAMILIES, OUTCOMES, PeerRow
-from filippov.app.bank.peers.peer_scipy import FILIPPOV
-from filippov.app.bank.table import widest
+from filippov.app.bank.peers.peer_row import OUTCOMES, PeerRow
+from filippov.app.bank.peers.solvers import FAMILIES, FILIPPOV
+from filippov.app.bank.row import widest
 from filippov.app.bank.target import whole_and_parts
 from filippov.base.errors import UsageError
 from filippov.base.escape import printable

@@ -11,9 +11,8 @@ from sympy import Symbol
 from filippov.app.bank.measures.measure import Measure, Number
 from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import formula, number
-from filippov.app.bank.outcome import Outcome, compared, compared_texts
+from filippov.app.bank.outcome import MissingError, Outcome, compared, compared_texts
 from filippov.app.bank.polynomial import Polynomial
-from filippov.app.bank.reason import MissingError
 from filippov.base.errors import ModelError
 
 # Numbers that one formula in n may stand for.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +22,7 @@ from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.app.bank.build import Built
-from filippov.app.bank.reason import MissingError, OutOfTimeError
+from filippov.app.bank.outcome import MissingError, OutOfTimeError
 from filippov.app.bank.recurrence import Cycle, recurrence
 from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.base.names import check_known
@@ -37,6 +37,7 @@ from filippov.solving.state.machine import Machine
 from filippov.solving.state.options import Options, falls
 
 Array = npt.NDArray[np.float64]
+T = TypeVar("T")
 SAMPLES = 64  # of each stretch of one mode, where zeros and extremes are looked for
 LONGEST = 16.0  # how many times its span a motion is followed until it recurs
 
@@ -120,10 +121,7 @@ class Motion:
         key = (start, span, str(sorted(options.items())) if plain else None)
         if plain and key in self._runs:
             return self._runs[key]
-        left = self.deadline - time.monotonic()
-        if left <= 0:
-            raise OutOfTimeError
-        chosen = {**self.options, "max_time": left, **options}
+        chosen = {**self.options, "max_time": remaining(self.deadline), **options}
         if "max_step" in chosen:  # the case's longest step may be longer than a part of its span
             chosen["max_step"] = min(chosen["max_step"], abs(span[1] - span[0]) or math.inf)
         run: Solution = solve(self.built.system, start, span, backward=falls(span), **chosen)
@@ -260,24 +258,17 @@ class Motion:
             raise MissingError(f"the motion does not recur within {LONGEST:g} times its span")
         return found
 
-
     def orbit(self, period: float | None = None) -> Orbit:
         """The periodic orbit near the start of the case, stable or not, from a guess of its period.
 
         Raises MissingError.
         """
-        left = self.deadline - time.monotonic()
-        if left <= 0:
-            raise OutOfTimeError
-        built, start = self.built, self.built.t_span[0]
+        built, options = self.built, self._some("rtol", "atol", "method")
         try:
-            return within(
-                left, lambda: find_orbit(
-                    built.system, built.x0, t0=start, period=period, **self._some("rtol", "atol", "method"),
-                )
-            )  # fmt: skip
-        except OutOfBudgetError:
-            raise OutOfTimeError from None
+            return in_time(
+                self.deadline,
+                lambda: find_orbit(built.system, built.x0, t0=built.t_span[0], period=period, **options),
+            )
         except (SolveError, NotDifferentiableError, ModelError, UsageError) as error:
             raise MissingError(f"no periodic orbit was found: {error}") from None
 
@@ -286,18 +277,31 @@ class Motion:
 
     def tree(self, t_end: float, release_times: int = 0) -> SolutionTree:
         """All solutions up to a time, with departures from sliding that can be left sampled."""
-        left = self.deadline - time.monotonic()
-        if left <= 0:
-            raise OutOfTimeError
         tree: SolutionTree = solve(
             self.built.system, self.built.x0, (self.built.t_span[0], t_end), nonunique="branch",
-            **self._some("rtol", "atol", "method"), max_time=left, max_branches=256,
+            **self._some("rtol", "atol", "method"), max_time=remaining(self.deadline), max_branches=256,
             release_times=release_times or None, backward=t_end < self.built.t_span[0],
         )  # fmt: skip
         self.field_calls += sum(branch.solution.nfev for branch in tree.branches)
         if tree.status is Status.TIMEOUT:
             raise OutOfTimeError
         return tree
+
+
+def remaining(deadline: float) -> float:
+    """Seconds until a time of the monotonic clock. Raises OutOfTimeError."""
+    left = deadline - time.monotonic()
+    if left <= 0:
+        raise OutOfTimeError
+    return left
+
+
+def in_time(deadline: float, function: Callable[[], T]) -> T:
+    """function(), ended also where it computes with formulas for ever. Raises OutOfTimeError."""
+    try:
+        return within(remaining(deadline), function)
+    except OutOfBudgetError:
+        raise OutOfTimeError from None
 
 
 def slides(mode: Mode) -> bool:

@@ -1,4 +1,4 @@
-"""The error of an expectation against its tolerance, and how numbers are compared."""
+"""The error of an expectation against its tolerance, how numbers are compared, and why there is none."""
 
 from __future__ import annotations
 
@@ -10,6 +10,18 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 ROUNDING = 8 * np.finfo(float).eps
+
+
+class NotUnderstoodError(Exception):
+    """The runner cannot evaluate this expectation; it is listed as not evaluated."""
+
+
+class MissingError(Exception):
+    """The expectation is understood and the result does not have it: it counts as failed."""
+
+
+class OutOfTimeError(Exception):
+    """The time allowed for the case is used up."""
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
-"""A case that is a polynomial: its coefficients from text, highest power first."""
+"""A case that is a polynomial, its coefficients from text, and the values for which it is stable."""
 
 from __future__ import annotations
 
 import itertools
+import random
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,13 +13,17 @@ from typing import Any
 import sympy
 from sympy import Expr, Symbol
 
+from filippov.analysis.algebra.polynomial import Verdict, count_roots
 from filippov.analysis.algebra.routh_hurwitz import RouthHurwitz, routh_hurwitz
 from filippov.app.bank.notation import formula
-from filippov.base.errors import ModelError
+from filippov.app.bank.outcome import MissingError
+from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import check_name
 from filippov.model.expression import FUNCTIONS
 
 _WORD = re.compile(r"[^\W\d]\w*")
+# Points of the parameters that a condition is tried at.
+SAMPLES = 96
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ class Polynomial:
     def roots(self) -> list[complex]:
         """All roots with their multiplicity, to double precision. Raises ModelError with parameters left."""
         s = Symbol("s")
-        if any(c.free_symbols for c in self.coefficients):
+        if self.free:
             raise ModelError("the polynomial has parameters that are not given")
         whole = sympy.Poly(
             [sympy.nsimplify(c, rational=True) if c.is_Float else c for c in self.coefficients], s
@@ -62,6 +67,46 @@ class Polynomial:
             for root in sympy.Poly(factor, s).nroots(n=30, maxsteps=500):
                 found += [complex(root)] * multiplicity
         return found
+
+    def stable_at(self, point: Mapping[Symbol, Expr]) -> Any:
+        """Whether all roots are left of the axis at a point of the parameters; None where all vanish."""
+        try:
+            verdict = count_roots([c.subs(point) for c in self.coefficients]).verdict
+        except UsageError:
+            return None
+        return sympy.true if verdict is Verdict.ASYMPTOTICALLY_STABLE else sympy.false
+
+    @property
+    def free(self) -> list[Symbol]:
+        """The parameters in the coefficients, by name."""
+        return sorted(set().union(*(c.free_symbols for c in self.coefficients)), key=str)
+
+    def stable_intervals(self) -> tuple[Symbol, list[tuple[Any, Any]]]:
+        """The one parameter, and the intervals of its values for which all roots are left of the axis."""
+        if len(self.free) != 1:
+            raise ModelError(f"the polynomial has {len(self.free)} parameters, not one.")
+        k = self.free[0]
+        found = self.routh.solve_for(k, as_set=True)
+        pieces = found.args if isinstance(found, sympy.Union) else [found]
+        out = [(piece.start, piece.end) for piece in pieces if isinstance(piece, sympy.Interval)]
+        if not out:
+            raise MissingError(f"the polynomial is stable for no {k}")
+        return k, out
+
+    def points(self, condition: Any) -> list[dict[Symbol, Expr]]:
+        """Rational points: at random of several sizes, and just beside the boundaries of the condition."""
+        symbols = sorted(self.symbols, key=str)
+        draw = random.Random(20)  # noqa: S311
+        numbers = {abs(int(n)) for n in condition.atoms(sympy.Integer)} | {1, 10}
+        points = []
+        for k in range(SAMPLES):
+            size = sorted(numbers)[k % len(numbers)] or 1
+            point = {x: sympy.Rational(draw.randint(-300, 600), 300) * size for x in symbols}
+            points.append(point)
+            bounds = condition.atoms(sympy.core.relational.Relational) if symbols and k < 16 else ()
+            for relation in bounds:
+                points += _beside(relation, point, symbols[k % len(symbols)])
+        return points
 
 
 def read_polynomial(raw: Mapping[str, Any], budget: float) -> Polynomial:
@@ -78,3 +123,23 @@ def read_polynomial(raw: Mapping[str, Any], budget: float) -> Polynomial:
     for key, value in (raw.get("params") or {}).items():
         names[check_name(key, "parameter")] = formula(str(value), names)
     return Polynomial(tuple(formula(text, names) for text in texts), names, budget)
+
+
+def _beside(relation: Any, point: dict[Symbol, Expr], x: Symbol) -> list[dict[Symbol, Expr]]:
+    """Points 1e-6 to either side of where a relation turns over, along one parameter."""
+    rest = {key: value for key, value in point.items() if key != x}
+    gap = sympy.together((relation.lhs - relation.rhs).subs(rest))
+    if not gap.free_symbols:
+        return []
+    top = sympy.Poly(sympy.numer(gap), x) if sympy.numer(gap).is_polynomial(x) else None
+    if top is None or top.degree() not in (1, 2):
+        return []
+    out = []
+    for root in top.nroots(n=20):
+        if root.is_real:
+            value = sympy.Rational(str(root))
+            out += [
+                {**rest, x: value + shift * (1 + abs(value))}
+                for shift in (sympy.Rational(1, 10**6), -sympy.Rational(1, 10**6))
+            ]
+    return out

@@ -15,10 +15,9 @@ from filippov.analysis.algebra.budget import OutOfBudgetError
 from filippov.analysis.algebra.deadline import within
 from filippov.app.bank.case import Case, Entry, chosen, read_bank
 from filippov.app.bank.expectation import Subject
-from filippov.app.bank.motion import Motion, Settings
-from filippov.app.bank.outcome import Outcome
+from filippov.app.bank.motion import Motion, Settings, in_time
+from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome, OutOfTimeError
 from filippov.app.bank.polynomial import Polynomial
-from filippov.app.bank.reason import MissingError, NotUnderstoodError, OutOfTimeError
 from filippov.app.bank.row import Row
 from filippov.app.bank.subjects import Subjects
 from filippov.base.errors import UsageError
@@ -106,7 +105,7 @@ def run_case(case: Case, settings: Settings | None = None) -> Row:
     status = ""
     for entry in case.expected:
         try:
-            outcomes[entry.name] = _in_time(started + settings.max_time, partial(evaluate, (subjects, entry)))
+            outcomes[entry.name] = in_time(started + settings.max_time, partial(evaluate, (subjects, entry)))
         except NotUnderstoodError as reason:
             left[entry.name] = str(reason)
         except MissingError as reason:
@@ -125,17 +124,6 @@ def evaluate(question: tuple[Subjects, Entry]) -> Outcome:
     """The outcome of one expectation. Raises NotUnderstoodError, MissingError, ModelError."""
     subjects, entry = question
     return subjects.outcome(entry)
-
-
-def _in_time(deadline: float, function: Callable[[], Outcome]) -> Outcome:
-    """function(), ended also where it computes with formulas for ever. Raises OutOfTimeError."""
-    left = deadline - time.monotonic()
-    if left <= 0.0:
-        raise OutOfTimeError
-    try:
-        return within(left, function)
-    except OutOfBudgetError:
-        raise OutOfTimeError from None
 
 
 def _row(

@@ -7,7 +7,7 @@ from typing import Any
 
 from filippov.app.bank import Row, migrate_bank, read_bank, rows_json, run_bank, schema
 from filippov.app.bank.case import chosen
-from filippov.app.bank.table import head, line, summary, widest
+from filippov.app.bank.row import head, line, summary, widest
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.base.errors import UsageError

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import platform
 import sys
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from filippov.app.cli.console import Console
+from filippov.base.version import CHECKOUT, installed
 from filippov.models import registry
 
 REQUIRED = ("numpy", "scipy", "sympy", "networkx", "numba", "llvmlite", "filelock")
@@ -18,7 +18,8 @@ OPTIONAL = ("matplotlib", "rich", "xarray", "h5netcdf")
 def run(settings: dict[str, Any], console: Console) -> int:
     """Look at the installation; 1 where something is wrong."""
     del settings
-    packages = {name: _version(name) for name in ("filippov", *REQUIRED, *OPTIONAL)}
+    packages = {name: installed(name) for name in ("filippov", *REQUIRED, *OPTIONAL)}
+    packages["filippov"] = packages["filippov"] or CHECKOUT
     missing = [name for name in REQUIRED if packages[name] is None]
     cache = _cache() if not missing else {}
     broken = registry.broken()
@@ -45,14 +46,6 @@ def run(settings: dict[str, Any], console: Console) -> int:
         console.warn(f"the plug-in {name} cannot be loaded:\n{trace}")
     console.say("all is well" if healthy else "something is wrong, see above")
     return 0 if healthy else 1
-
-
-def _version(name: str) -> str | None:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        # In a bare checkout the package itself is not installed.
-        return "(a checkout, not installed)" if name == "filippov" else None
 
 
 def _cache() -> dict[str, Any]:

@@ -68,13 +68,9 @@ def _formatter(prog: str) -> argparse.HelpFormatter:
 
 class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
-        from importlib.metadata import PackageNotFoundError, version
+        from filippov.base.version import CHECKOUT, installed
 
-        try:
-            found = version("filippov")
-        except PackageNotFoundError:
-            found = "(a checkout, not installed)"
-        sys.stdout.write(f"filippov {found}\n")
+        sys.stdout.write(f"filippov {installed('filippov') or CHECKOUT}\n")
         parser.exit()
 
 

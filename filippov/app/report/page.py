@@ -9,13 +9,13 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import resources
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from filippov.app.report.facts import Facts, Numbers, begun
 from filippov.app.report.part import Picture, Section, TextTable, Words
 from filippov.base.escape import LINES, markup, printable
+from filippov.base.version import installed
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -132,12 +132,7 @@ def machine() -> dict[str, str]:
         "Python": platform.python_version(), "system": platform.platform(), "processor": _processor(),
         "cores": str(os.cpu_count()),
     }  # fmt: skip
-    for name in PACKAGES:
-        try:
-            out[name] = version(name)
-        except PackageNotFoundError:
-            out[name] = "not installed"
-    return out
+    return out | {name: installed(name) or "not installed" for name in PACKAGES}
 
 
 def _processor() -> str:

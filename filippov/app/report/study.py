@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from filippov.app.report.files import save_figure, write, write_csv
 from filippov.app.report.page import document, environment, machine
 from filippov.app.report.part import Picture, Section, TextTable, Words
 from filippov.app.report.run import StudyRun
-from filippov.base.json_text import json_text
+from filippov.base.json_text import finite, json_text
 from filippov.models.studies import Study, get_study
 from filippov.plot.style import style
 from filippov.solving.state.options import check_count
@@ -88,14 +87,14 @@ def run_study(
     run.timing["total"] = time.perf_counter() - since
     summary = {name: entry for section in sections for name, entry in section.summary.items()}
     summary["timing"] = {name: round(seconds, 4) for name, seconds in run.timing.items()}
-    finite: dict[str, Any] = _finite(summary)
-    write(folder / "summary.json", json_text(finite))
+    plain: dict[str, Any] = finite(summary)
+    write(folder / "summary.json", json_text(plain))
     known = {section.anchor: section for section in [*sections, *_frame(run)]}
     main, appendix = ([known[name] for name in names if name in known] for names in (ORDER, APPENDIX))
     page = document(asked.title, f"After {asked.source}", main, asked.texts, drawings, appendix)
     write(folder / "report.html", page)
     run.tell(1.0, "done")
-    return finite
+    return plain
 
 
 def compute(run: StudyRun) -> list[Section]:
@@ -132,13 +131,3 @@ def _frame(run: StudyRun) -> list[Section]:
             TextTable("Time", ("stage", "seconds"), seconds, label="time"),
         ]),
     ]  # fmt: skip
-
-
-def _finite(data: Any) -> Any:
-    """The same with null for what is not finite, at any depth."""
-    if isinstance(data, Mapping):
-        return {k: _finite(v) for k, v in data.items()}
-    if isinstance(data, list | tuple):
-        return [_finite(v) for v in data]
-    value = data.item() if hasattr(data, "item") else data
-    return value if not isinstance(value, float) or math.isfinite(value) else None

@@ -15,7 +15,7 @@ from sympy import Symbol
 
 from filippov.app.bank.measures.measure import Measure, Over, expression, stretches
 from filippov.app.bank.motion import Motion, slides
-from filippov.app.bank.reason import MissingError
+from filippov.app.bank.outcome import MissingError
 from filippov.model.symbols import t as time_symbol
 from filippov.solving.solution import Solution
 

@@ -10,7 +10,7 @@ import numpy as np
 from filippov.app.bank.measures.measure import Measure, Number, When, moment, one_of
 from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import number
-from filippov.app.bank.reason import MissingError
+from filippov.app.bank.outcome import MissingError
 from filippov.base.status import EventKind
 from filippov.solving.state.events import Event
 

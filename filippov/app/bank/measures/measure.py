@@ -12,8 +12,8 @@ from sympy import Expr, Symbol
 
 from filippov.app.bank.motion import Motion, slides
 from filippov.app.bank.notation import formula, number
+from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.polynomial import Polynomial
-from filippov.app.bank.reason import MissingError
 from filippov.base.errors import ModelError
 from filippov.model.symbols import t as time_symbol
 from filippov.solving.solution import Solution

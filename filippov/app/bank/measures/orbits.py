@@ -14,7 +14,7 @@ from filippov.analysis.steady.forcing import depends_on_time
 from filippov.app.bank.measures.measure import Measure, Number, one_of
 from filippov.app.bank.motion import Motion, slides
 from filippov.app.bank.notation import number
-from filippov.app.bank.reason import MissingError
+from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.recurrence import Cycle
 from filippov.base.errors import ModelError, UsageError
 

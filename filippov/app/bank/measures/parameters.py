@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import Any
 
-from filippov.analysis.algebra.budget import OutOfBudgetError
-from filippov.analysis.algebra.deadline import within
 from filippov.analysis.bifurcations.continuation import continuation
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.app.bank.build import build
 from filippov.app.bank.measures.measure import Measure, Number, one_of
-from filippov.app.bank.motion import Motion
+from filippov.app.bank.motion import Motion, in_time
 from filippov.app.bank.notation import number
-from filippov.app.bank.reason import MissingError, OutOfTimeError
+from filippov.app.bank.outcome import MissingError
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.names import check_known
 from filippov.base.status import EventKind
@@ -77,13 +74,8 @@ class Fold(Measure, quantity="fold"):
 
     def of(self, subject: Motion) -> Any:
         """The value. Raises MissingError where no branch is found, or it has no such fold."""
-        left = subject.deadline - time.monotonic()
-        if left <= 0:
-            raise OutOfTimeError
         try:
-            found = within(left, lambda: self._folds(subject))
-        except OutOfBudgetError:
-            raise OutOfTimeError from None
+            found = in_time(subject.deadline, lambda: self._folds(subject))
         except (SolveError, NotDifferentiableError, UsageError) as error:
             raise MissingError(f"no branch was found: {error}") from None
         return one_of(found, self.number, "folds")

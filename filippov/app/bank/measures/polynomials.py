@@ -11,9 +11,8 @@ import sympy
 
 from filippov.app.bank.measures.measure import Number, PolynomialMeasure, one_of
 from filippov.app.bank.notation import formula, number
+from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.polynomial import Polynomial
-from filippov.app.bank.polynomial_sets import points, stable_at, stable_intervals
-from filippov.app.bank.reason import MissingError
 from filippov.base.errors import ModelError
 from filippov.base.names import check_known
 from filippov.model.expression import parse_condition
@@ -101,7 +100,7 @@ class StabilityCondition(PolynomialMeasure, quantity="stability_condition"):
         if found.status != "complete":
             raise MissingError(found.message)
         wrong, tried, when = 0, 0, found.stable_when
-        for point in points(subject, condition):
+        for point in subject.points(condition):
             try:
                 expected = condition.subs(point)
                 got = when if isinstance(when, bool) else when.subs(point)
@@ -109,7 +108,7 @@ class StabilityCondition(PolynomialMeasure, quantity="stability_condition"):
                 continue
             if expected in (sympy.true, sympy.false) and got in (sympy.true, sympy.false):
                 tried += 1
-                wrong += not expected == got == stable_at(subject, point)
+                wrong += not expected == got == subject.stable_at(point)
         if tried < 20:
             raise MissingError("the condition could be tried at too few points")
         return float(wrong)
@@ -128,7 +127,7 @@ class StableRange(PolynomialMeasure, quantity="stable_range"):
 
     def of(self, subject: Polynomial) -> Any:
         """The bounds."""
-        k, intervals = stable_intervals(subject)
+        k, intervals = subject.stable_intervals()
         check_known("parameter", [self.parameter], [k.name])
         if self.take == "boundaries":
             ends = [float(end) for pair in intervals for end in pair if end.is_finite]
@@ -150,8 +149,8 @@ class AxisFrequencies(PolynomialMeasure, quantity="axis_frequencies"):
     def of(self, subject: Polynomial) -> Any:
         """The frequencies."""
         given = [subject]
-        if any(c.free_symbols for c in subject.coefficients):
-            k, intervals = stable_intervals(subject)
+        if subject.free:
+            k, intervals = subject.stable_intervals()
             ends = sorted({end for pair in intervals for end in pair if end.is_finite})
             given = [subject.at({k.name: sympy.Rational(str(end))}) for end in ends]
         roots = [root for polynomial in given for root in polynomial.roots()]

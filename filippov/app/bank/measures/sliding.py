@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 from filippov.app.bank.measures.measure import Measure, When, moment, one_of
 from filippov.app.bank.measures.states import Rule
 from filippov.app.bank.motion import Motion, slides
-from filippov.app.bank.reason import MissingError
+from filippov.app.bank.outcome import MissingError
 from filippov.solving.solution import Solution
 from filippov.solving.state.machine import Machine
 

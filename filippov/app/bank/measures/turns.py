@@ -9,7 +9,7 @@ import numpy as np
 
 from filippov.app.bank.measures.measure import Measure, expression, one_of
 from filippov.app.bank.motion import Motion
-from filippov.app.bank.reason import MissingError
+from filippov.app.bank.outcome import MissingError
 from filippov.solving.solution import Solution
 
 

@@ -13,8 +13,7 @@ from filippov.app.bank.expectation import Expectation, Subject
 from filippov.app.bank.form import SystemForm
 from filippov.app.bank.migrate import events, formulas, hybrid, orbits, polynomials, sets, sliding, states
 from filippov.app.bank.migrate.rule import Old, Reading, nearest, readings, tolerance
-from filippov.app.bank.outcome import Outcome
-from filippov.app.bank.reason import MissingError, NotUnderstoodError, OutOfTimeError
+from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome, OutOfTimeError
 
 # The rules are entered, and tried, in this order.
 GROUPS = (events, states, sliding, orbits, formulas, sets, polynomials)

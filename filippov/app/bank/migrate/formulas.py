@@ -11,7 +11,7 @@ from filippov.app.bank.measures.measure import Formula, Measure
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
 from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import formula
-from filippov.app.bank.reason import NotUnderstoodError
+from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.base.errors import ModelError
 from filippov.model.expression import FUNCTIONS
 

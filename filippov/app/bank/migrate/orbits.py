@@ -18,7 +18,7 @@ from filippov.app.bank.measures.turns import LevelTimes
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
 from filippov.app.bank.migrate.states import level, velocity
 from filippov.app.bank.motion import Motion
-from filippov.app.bank.reason import NotUnderstoodError
+from filippov.app.bank.outcome import NotUnderstoodError
 
 _FEW = 8
 _SPANS: tuple[Any, ...] = ("period", "span")

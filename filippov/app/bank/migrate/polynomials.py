@@ -19,8 +19,8 @@ from filippov.app.bank.measures.polynomials import (
 )
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
 from filippov.app.bank.notation import formula
+from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.app.bank.polynomial import Polynomial
-from filippov.app.bank.reason import NotUnderstoodError
 from filippov.base.errors import ModelError
 from filippov.model.expression import parse_condition
 
@@ -135,7 +135,7 @@ def _boundary(old: Old, _: Groups) -> list[Reading]:
 
 def _parameter(old: Old, name: str) -> str:
     """The one parameter, which may be called gain or parameter."""
-    symbols = sorted(set().union(*(c.free_symbols for c in old.polynomial.coefficients)), key=str)
+    symbols = old.polynomial.free
     if len(symbols) != 1 or name not in (symbols[0].name, "gain", "parameter"):
         raise NotUnderstoodError(f"{name!r} is not the one parameter of the polynomial")
     return str(symbols[0].name)

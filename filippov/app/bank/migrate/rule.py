@@ -14,9 +14,8 @@ from filippov.app.bank.expectation import Expectation, Subject
 from filippov.app.bank.measures.measure import Measure
 from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import number
-from filippov.app.bank.outcome import Outcome
+from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome
 from filippov.app.bank.polynomial import Polynomial
-from filippov.app.bank.reason import MissingError, NotUnderstoodError
 from filippov.base.errors import ModelError, UsageError
 
 LONGEST_TOLERANCE = 100

@@ -18,7 +18,7 @@ from filippov.app.bank.migrate.events import counting, kind_word
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
 from filippov.app.bank.migrate.states import moment, velocity
 from filippov.app.bank.motion import Motion
-from filippov.app.bank.reason import NotUnderstoodError
+from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.base.status import Status
 
 _NUMBERS = {"two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "2": 2, "3": 3, "4": 4, "5": 5, "6": 6}

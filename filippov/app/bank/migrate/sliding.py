@@ -17,7 +17,7 @@ from filippov.app.bank.measures.states import State
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
 from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import formula
-from filippov.app.bank.reason import NotUnderstoodError
+from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.base.errors import ModelError
 from filippov.model.symbols import t as time_symbol
 

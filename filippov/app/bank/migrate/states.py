@@ -17,7 +17,7 @@ from filippov.app.bank.migrate.events import kind_word, resets, sequence
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
 from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import formula
-from filippov.app.bank.reason import NotUnderstoodError
+from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.base.errors import ModelError
 
 _KINDS = "enter|entry|exit|leave|cross|crossing|slide|stick|switch|event|impact|reset|release"

@@ -22,7 +22,8 @@ from typing import Any
 import filippov
 from filippov.app.bank.case import Case, read_bank
 from filippov.app.bank.peers.peer import Limits
-from filippov.app.bank.peers.peer_row import SOLVERS, PeerRow, peer_row
+from filippov.app.bank.peers.peer_row import PeerRow, peer_row
+from filippov.app.bank.peers.solvers import SOLVERS
 
 STARTING = 300.0  # seconds for the interpreter and the solver's module, on any machine
 GRACE = 5.0  # seconds beyond those allowed, within which a solver can end by itself

@@ -9,15 +9,11 @@ import numpy as np
 
 from filippov.app.bank.case import Case
 from filippov.app.bank.motion import Settings
-from filippov.app.bank.peers import peer_diffrax, peer_heyoka, peer_scipy
 from filippov.app.bank.peers.peer import CannotError, HangError, Limits, Peer, SaidError, given, worst
+from filippov.app.bank.peers.solvers import FILIPPOV
 from filippov.app.bank.run import run_case
 from filippov.base.errors import ModelError
 
-FAMILIES: dict[str, tuple[Peer, ...]] = {
-    "scipy": peer_scipy.PEERS, "heyoka": peer_heyoka.PEERS, "diffrax": peer_diffrax.PEERS,
-}  # fmt: skip
-SOLVERS = {peer.name: peer for family in (peer_scipy.FILIPPOV, *FAMILIES.values()) for peer in family}
 OUTCOMES = ("right", "wrong", "silent", "hang", "error", "cannot")
 
 
@@ -52,7 +48,7 @@ def peer_row(solver: Peer, case: Case, limits: Limits, tolerance: float) -> Peer
         right = problem.ambiguous
         return PeerRow(case.id, solver.name, "right" if right else "error", False, None, str(said)[:200])
     except CannotError as reason:
-        if solver in peer_scipy.FILIPPOV:
+        if solver in FILIPPOV:
             return _by_expectations(solver.name, case, limits)
         return PeerRow(case.id, solver.name, "cannot", False, None, str(reason)[:200])
     except ModelError as error:
