@@ -72,6 +72,15 @@ def plot_branches(
     return drawn
 
 
+def draw_line(ax: Any, value: Any, height: Any, stable: Any, label: str | None, **look: Any) -> None:
+    """A line that is solid where it is stable and dashed elsewhere."""
+    for kind, line in ((True, "-"), (False, "--")):
+        # What lies between two points is drawn as the first one is, so that no gap is left.
+        part = np.where((stable == kind) | np.append(False, stable[:-1] == kind), height, np.nan)
+        if np.any(np.isfinite(part)):
+            ax.plot(value, part, line, label=label if kind == bool(stable[0]) else None, **look)
+
+
 def _mark(special: str) -> tuple[str, str]:
     """Mark and colour of a special point."""
     if special in _MARKS or special == "grazing-sliding":
@@ -90,11 +99,7 @@ def _branch(
     curve = str(getattr(branch, "kind", "")).endswith(" curve")
     # On a curve of special points stability is marginal; what is dashed there is no such point.
     stable = np.array([point.note != "neutral saddle" if curve else point.stable for point in points])
-    for kind, line in ((True, "-"), (False, "--")):
-        # What lies between two points is drawn as the first one is, so that no gap is left.
-        part = np.where((stable == kind) | np.append(False, stable[:-1] == kind), height, np.nan)
-        label = name if kind == bool(stable[0]) and name else None
-        ax.plot(value, part, line, color=colour, linewidth=1.4, label=label)
+    draw_line(ax, value, height, stable, label=name or None, color=colour, linewidth=1.4)
     for point in points:
         if point.special:
             mark, shade = _mark(point.special)

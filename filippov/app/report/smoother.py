@@ -18,6 +18,7 @@ from filippov.app.report.part import NONE, Picture, Section, TextTable, first, n
 from filippov.app.report.run import StudyRun
 from filippov.base.errors import SolveError
 from filippov.models.studies import Study, StudyCase
+from filippov.plot.branch import draw_line
 from filippov.plot.style import GREY, INK, SERIES, new_figure, style
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
@@ -208,9 +209,11 @@ def _branches(run: StudyRun, name: str, size: str, found: list[Followed]) -> Fig
             branch, label = smooth.get(exact.case.slug), exact.case.label
             for ax in (linear, log):
                 for b in exact.branches:
-                    _line(ax, b, b.d, colour, f"inclusion, {label}", 3.2, 0.3)
+                    draw_line(ax, b.values, b.d, b.stable, f"inclusion, {label}", color=colour, linewidth=3.2,
+                              alpha=0.3)  # fmt: skip
                 if branch is not None:
-                    _line(ax, branch, branch.coordinate(size), colour, f"{name}, {label}", 1.4, 1.0)
+                    draw_line(ax, branch.values, branch.coordinate(size), branch.stable, f"{name}, {label}",
+                              color=colour, linewidth=1.4, alpha=1.0)  # fmt: skip
                     for q in branch.folds:
                         ax.plot(q.value, q.coordinates[size], "D", color=INK, markersize=4, zorder=5)
         linear.set(xlabel=run.label("parameter"), ylabel=run.label("amplitude"))
@@ -220,15 +223,3 @@ def _branches(run: StudyRun, name: str, size: str, found: list[Followed]) -> Fig
         linear.legend(loc="upper right")
         log.set_ylim(bottom=0.3 * min(float(np.min(b.coordinate(size))) for b in smooth.values()))
     return figure
-
-
-def _line(ax: Any, branch: Branch, height: Any, colour: str, name: str, width: float, alpha: float) -> None:
-    """A branch: stable solid, unstable dashed; what lies between two points is drawn as the first one."""
-    stable = branch.stable
-    for kind, line in ((True, "-"), (False, "--")):
-        part = np.where((stable == kind) | np.append(False, stable[:-1] == kind), height, np.nan)
-        if np.any(np.isfinite(part)):
-            ax.plot(
-                branch.values, part, line, color=colour, linewidth=width, alpha=alpha,
-                label=name if kind == bool(stable[0]) else None,
-            )  # fmt: skip
