@@ -63,7 +63,7 @@ def test_a3_close_pair(depth: float) -> None:
         got = solve(system, (1 - depth,), (0, 2), **options)
         assert got.end_mode == (1,)
         if depth == 1e-13:
-            # Less below 0 than the rounding of a step's interpolant: not told from a touching.
+            # Less below 0 than the rounding of a step's interpolant: not told from a tangency.
             assert [event.kind for event in got.events] == [EventKind.GRAZING]
             assert got.events[0].t == pytest.approx(1, abs=1e-6)
         else:

@@ -1,4 +1,4 @@
-"""Leading terms of touchings against the motions themselves: random fields, integrated piece by piece."""
+"""Leading terms of tangencies against the motions themselves: random fields, integrated piece by piece."""
 
 from collections.abc import Callable
 from typing import Any

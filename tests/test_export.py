@@ -60,7 +60,7 @@ def exact(name: str) -> Any:
 
 
 def rows_of(solution: Any, end: float) -> list[Row]:
-    """Events of an exact run before the end, without touchings, which an automaton does not report."""
+    """Events of an exact run before the end, without tangencies, which an automaton does not report."""
     found = [(event.t, event.surface, str(event.kind)) for event in solution.events]
     return [row for row in found if row[2] != "grazing" and row[0] < end * (1 - 1e-9)]
 
@@ -162,7 +162,7 @@ def test_15_6_first_zeros_of_random_polynomials() -> None:
         values = values if values[0] > 0 else -values
         found = method.first_zero(method.coefficients(values.tolist()))
         inside = [root for root in roots if 0 < root <= 1]
-        # Two roots closer than the resolution are a touching.
+        # Two roots closer than the resolution are a tangency.
         if len(inside) > 1 and np.min(np.diff(sorted(inside))) < 1e-3:
             continue
         assert (found is None) == (not inside)

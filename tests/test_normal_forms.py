@@ -202,7 +202,7 @@ def test_12_13_sliding_cycle_around_a_repelling_focus(growth: float, other: tupl
         assert abs(back - point.coefficients["return"]) < 0.02 * back
 
 
-# -- touchings ---------------------------------------------------------------------------------------------
+# -- tangencies ---------------------------------------------------------------------------------------------
 
 
 def impacting(w: float, c: float, e: float) -> tuple[System, float]:

@@ -27,7 +27,7 @@ class RouthResult:
     array           rows from s^n downwards
     conditions      the polynomial is asymptotically stable iff all of them hold (leading coefficient not
                     zero); with status "timeout" they are necessary only
-    special         zero pivots and zero rows that were met
+    special         zero pivots and zero rows that occurred
     counts          for numbers: exact counts of the roots; None while parameters are left
     cases           where the leading coefficient may vanish: one for != 0, one for each way to be 0
     """

@@ -136,8 +136,8 @@ def _polynomial(result: RouthResult, formula: Formula, times: str) -> str:
 
 
 def _sentences(result: RouthResult, formula: Formula, tex: bool) -> list[str]:
-    """What was met in the array and what follows from it, one sentence an item."""
-    lines = [_met(special, result.s, formula, tex) for special in result.special]
+    """What was found in the array and what follows from it, one sentence an item."""
+    lines = [_found(special, result.s, formula, tex) for special in result.special]
     counts, conditions = result.counts, result.conditions
     if counts is not None:
         lines.append(f"roots: {counts.rhp} right, {counts.axis} on the axis, {counts.lhp} left")
@@ -158,7 +158,7 @@ def _sentences(result: RouthResult, formula: Formula, tex: bool) -> list[str]:
     return [*lines, result.message] if result.message else lines
 
 
-def _met(special: Special, s: sympy.Symbol, formula: Formula, tex: bool) -> str:
+def _found(special: Special, s: sympy.Symbol, formula: Formula, tex: bool) -> str:
     row = f"{s}^0" if special.power == 0 else formula(s**special.power)
     row = f"${s}^0$" if special.power == 0 and tex else row
     if special.auxiliary is None:

@@ -1,13 +1,13 @@
-"""What happens to an orbit at a touching of a surface: from the discontinuity map and the multipliers.
+"""What happens to an orbit at a tangency of a surface: from the discontinuity map and the multipliers.
 
-With M the derivative of the return at the touching, H_x the gradient and D(x) = x + c z^q the discontinuity
-map (`filippov.analysis.bifurcations.discontinuity_map`), z = -H at the touching:
+With M the derivative of the return at the tangency, H_x the gradient and D(x) = x + c z^q the discontinuity
+map (`filippov.analysis.bifurcations.discontinuity_map`), z = -H at the tangency:
 
-    q = 1/2   e_n = H_x M^n c, n = 1, 2, ...: how the n-th return after a touching clears the surface, per
+    q = 1/2   e_n = H_x M^n c, n = 1, 2, ...: how the n-th return after a tangency clears the surface, per
               sqrt(z). All e_n > 0: the attractor grows from the grazing orbit, with a largest multiplier m in
               (2/3, 1) chaotic at once, in (1/4, 2/3) with windows of period adding, in (0, 1/4) by
-              period adding alone. Any e_n < 0: no attractor is near. The orbit with one touching a turn,
-              sqrt(z) = -H_free/sum(e_n), is unstable; it is there beyond the touching where the sum is
+              period adding alone. Any e_n < 0: no attractor is near. The orbit with one tangency a return,
+              sqrt(z) = -H_free/sum(e_n), is unstable; it is there beyond the tangency where the sum is
               positive, before it where it is negative (a non-smooth fold).
     q = 1     the return beyond has the derivative M (1 - c H_x). Real multipliers above 1 on both sides,
               counted: an even sum is persistence, an odd one a non-smooth fold; an odd sum of those below -1
@@ -34,7 +34,7 @@ from filippov.analysis.bifurcations.discontinuity_map import GRAZING, Discontinu
 from filippov.analysis.bifurcations.held_surface import without_surface
 from filippov.analysis.bifurcations.sliding_border import ADDING, ARRIVALS, contacts
 from filippov.analysis.bifurcations.smooth_normal_form import number
-from filippov.analysis.bifurcations.touching import Touching, nearest, touchings
+from filippov.analysis.bifurcations.tangency import Tangency, nearest, tangencies
 from filippov.analysis.sensitivity.saltation import derivative_by_all
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.base.errors import SolveError, UsageError
@@ -56,7 +56,7 @@ def border_form(problem: OrbitProblem, point: BranchPoint, width: float, name: s
     """
     u, value = np.array(point.u), point.value
     if problem.shooting.turns > 1:
-        # The touching may be in any part of a symmetric orbit.
+        # The tangency may be in any part of a symmetric orbit.
         problem = problem.doubled()
     i, side = touched(problem, point)
     motions = problem.motions(u, value)
@@ -72,7 +72,7 @@ def border_form(problem: OrbitProblem, point: BranchPoint, width: float, name: s
             away,
         )  # fmt: skip
         return _coefficients(problem, at), "persistence: multipliers go on continuously"
-    touch = nearest(touchings(motions, i, side))
+    touch = nearest(tangencies(motions, i, side))
     at = discontinuity_map(
         problem.shooting.system, GRAZING, touch.x, touch.t, p, _mode(motions, touch.t), i, side
     )
@@ -116,10 +116,10 @@ def _coefficients(problem: OrbitProblem, at: DiscontinuityMap) -> dict[str, floa
 
 
 class _Free:
-    """The orbit as if the surface were not there, from the touching to the next."""
+    """The orbit as if the surface were not there, from the tangency to the next."""
 
     def __init__(
-        self, problem: OrbitProblem, u: Array, value: float, i: int, side: int, touch: Touching
+        self, problem: OrbitProblem, u: Array, value: float, i: int, side: int, touch: Tangency
     ) -> None:
         shooting = problem.shooting
         others = [e for m in problem.motions(u, value) for e in m.events if e.index == i]
@@ -162,7 +162,7 @@ class _Free:
         for way in (1.0, -1.0):
             point = corrector.fixed(self.u, self.value + way * step)
             motions = self.problem.motions(np.array(point.u), point.value)
-            heights.append(nearest(touchings(motions, self.i, self.side)).height)
+            heights.append(nearest(tangencies(motions, self.i, self.side)).height)
         return (heights[0] - heights[1]) / (2 * step)
 
 

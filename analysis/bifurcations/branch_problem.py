@@ -346,7 +346,7 @@ class OrbitProblem:
         times = sorted(e.t for e in motion.events if e.kind in _SWITCHES)
         if not times or min(times[0] - low, high - times[-1]) > _CLOSE * (high - low):
             return None
-        # Between neighbours on the circle; the stretch that goes over the end is looked at in both parts.
+        # Between neighbours on the circle; the segment that goes over the end is looked at in both parts.
         gaps = [(b - a, 0.5 * (a + b)) for a, b in pairwise(times)]
         gaps += [(times[0] - low, 0.5 * (times[0] + low)), (high - times[-1], 0.5 * (high + times[-1]))]
         free = [(width, t) for width, t in gaps if 0 not in motion.mode_at(t, "+")]

@@ -183,7 +183,7 @@ def _boundary(kind: str, inner: EquilibriumProblem, u: Array, value: float, poin
 def border_tests(kind: str, values: Complex, others: list[float], bend: float | None) -> dict[str, float]:
     """Tests on a curve of grazing or of a change of sliding.
 
-    values: multipliers; others: heights of the other touchings; bend: L_F2^2 H at an arrival
+    values: multipliers; others: heights of the other tangencies; bend: L_F2^2 H at an arrival
     """
     found = {f"{kind}-fold": product(1.0 - values), f"{kind}-doubling": product(1.0 + values)}
     if len(values) > 1:

@@ -193,7 +193,7 @@ class Continuation:
         corrector, points, out = Corrector(self.problem, self.width), self.branch.points, []
         for k, (a, b) in enumerate(pairwise(points)):
             inside = min(a.value, b.value) <= value <= max(a.value, b.value) and a.value != b.value
-            # An end that two stretches share is taken once.
+            # An end that two segments share is taken once.
             if len(a.u) != len(b.u) or not inside or (k and value == a.value):
                 continue
             share = (value - a.value) / (b.value - a.value)

@@ -29,7 +29,7 @@ from filippov.analysis.bifurcations.discontinuity_map import second_rate
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.bifurcations.held_surface import without_surface
 from filippov.analysis.bifurcations.sliding_border import ADDING, ARRIVALS, Contact, contacts
-from filippov.analysis.bifurcations.touching import Touching, touchings
+from filippov.analysis.bifurcations.tangency import Tangency, tangencies
 from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
@@ -109,10 +109,10 @@ class CurveProblem:
 
     def __init__(
         self, inner: Any, test: str, parameter: str, u: Array, value: float, at: float, width: float,
-        grazed: tuple[int, int] = (0, 1), avoid: Touching | None = None,
+        grazed: tuple[int, int] = (0, 1), avoid: Tangency | None = None,
     ) -> None:  # fmt: skip
         if test == "grazing" and isinstance(inner, OrbitProblem) and inner.shooting.turns > 1:
-            # The touching may be in any part of a symmetric orbit.
+            # The tangency may be in any part of a symmetric orbit.
             inner = inner.doubled()
         self.inner, self.test, self.parameter = inner, test, parameter
         self.kind = f"{test} curve"
@@ -148,10 +148,10 @@ class CurveProblem:
             return gap if self.test == "grazing" else gap - _ASIDE
         return float(problem.point(u, value).tests[self.test])
 
-    def _found(self, problem: OrbitProblem, u: Array, value: float) -> Sequence[Contact | Touching]:
+    def _found(self, problem: OrbitProblem, u: Array, value: float) -> Sequence[Contact | Tangency]:
         motions = problem.motions(u, value)
-        found: Sequence[Contact | Touching] = (
-            touchings(motions, self.grazed, self.side)
+        found: Sequence[Contact | Tangency] = (
+            tangencies(motions, self.grazed, self.side)
             if self.test == "grazing"
             else contacts(self.test, motions, self.grazed)
         )
@@ -160,8 +160,8 @@ class CurveProblem:
         return found
 
     def _nearest(
-        self, problem: OrbitProblem, u: Array, value: float, avoid: Touching | None = None
-    ) -> Contact | Touching:
+        self, problem: OrbitProblem, u: Array, value: float, avoid: Tangency | None = None
+    ) -> Contact | Tangency:
         """The contact nearest to the border, other than one that is to be avoided."""
         found = list(self._found(problem, u, value))
         if avoid is not None:
@@ -171,15 +171,15 @@ class CurveProblem:
         return min(found, key=lambda contact: abs(contact.gap))
 
     def _next(
-        self, problem: OrbitProblem, value: float, found: Sequence[Contact | Touching], to: Any
-    ) -> Contact | Touching:
+        self, problem: OrbitProblem, value: float, found: Sequence[Contact | Tangency], to: Any
+    ) -> Contact | Tangency:
         """The contact next to another one."""
         shooting = problem.shooting
         scale = problem.scale[: shooting.n]
         period = 0.0 if shooting.period is None else float(shooting.period(problem.p(value)))
         return min(found, key=lambda contact: contact.distance(to, scale, period))
 
-    def _contact(self, problem: OrbitProblem, u: Array, value: float) -> Contact | Touching:
+    def _contact(self, problem: OrbitProblem, u: Array, value: float) -> Contact | Tangency:
         """The contact next to the last one."""
         return self._next(problem, value, self._found(problem, u, value), self.contact)
 

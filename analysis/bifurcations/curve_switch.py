@@ -10,7 +10,7 @@ from filippov.analysis.bifurcations.codim2 import is_boundary
 from filippov.analysis.bifurcations.continuation import Continuation
 from filippov.analysis.bifurcations.curve import CONTACTS, CurveProblem
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
-from filippov.analysis.bifurcations.touching import Touching
+from filippov.analysis.bifurcations.tangency import Tangency
 from filippov.base.errors import UsageError
 
 Array = npt.NDArray[np.float64]
@@ -79,14 +79,14 @@ def switch_curve(
     assert isinstance(old, CurveProblem)
     u, value, at = np.array(special.u[:-1]), float(special.u[-1]), special.value
     inner = old.moved(np.array(special.u), at).inner
-    avoid: Touching | None = None
+    avoid: Tangency | None = None
     if kind == BOUNDARY:
         kind = special.note.rpartition("; ")[2]
     elif is_boundary(old.test) and isinstance(inner, EquilibriumProblem):
         inner, u = _regular(inner, old.test, u)
     if special.special == "double grazing":
         contact = old.moved(np.array(special.u), at).contact
-        assert isinstance(contact, Touching)
+        assert isinstance(contact, Tangency)
         avoid = contact
     grazed = (old.grazed, old.side) if old.test in CONTACTS else (0, 1)
     made = CurveProblem(inner, kind, old.parameter, u, value, at, old.scale[-1], grazed, avoid)

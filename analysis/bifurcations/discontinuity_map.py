@@ -1,10 +1,10 @@
-"""What a touching of a surface adds to a motion: the zero-time discontinuity map x -> x + c z^q + ...
+"""What a tangency of a surface adds to a motion: the zero-time discontinuity map x -> x + c z^q + ...
 
 z > 0 measures how far beyond the border the motion is, c is the coefficient, q the leading exponent. With
 H = side h >= 0 where the motion is, F1 its field and F2 that of the other side, v2 = L_F2 H, a = L_F1^2 H,
 a2 = L_F2^2 H, c3 = L_F2^3 H and U = (F2 - F1)/(v1 - v2) = (F1 - F2)/(v2 - v1):
 
-    touching, z = -min H of the motion that goes on as if the surface were not there
+    tangency, z = -min H of the motion that goes on as if the surface were not there
         reset x+ = R(x)              q = 1/2   -sqrt(2 a) (R_x F1 - F1)/a
         F1 != F2, both tangent       q = 1/2   2 sqrt(2/a) (L_F1 L_F2 H/a2) (F2 - F1)
         F2 points back (sliding)     q = 1     (F2 - F1)/v2
@@ -130,11 +130,11 @@ def _touch(system: System, mode: tuple[int, ...], i: int, side: int) -> _Touch:
 def discontinuity_map(
     system: System, kind: str, x: Array, t: float, p: Array, mode: tuple[int, ...], i: int, side: int
 ) -> DiscontinuityMap:
-    """The leading term at a touching.
+    """The leading term at a tangency.
 
     kind   "grazing" (what it is follows from the fields), "crossing-sliding", "switching-sliding",
            "adding-sliding"
-    x, t   the state of the touching and its time; p: one row of parameter values
+    x, t   the state of the tangency and its time; p: one row of parameter values
     mode   signs of the other surfaces; i: the surface; side: +1 or -1, the side on which the motion is (for
            adding-sliding the one it does not leave to)
 
@@ -182,7 +182,7 @@ def _grazing(at: _Touch, here: Any, f1: Array, f2: Array, slope: Array, size: fl
         scale = 1.0 + float(np.max(np.abs(x)))
         jump = at.value("R", *here)[:, 0] - x
         if np.max(np.abs(jump)) > _ZERO * scale:
-            raise UsageError("the reset moves the state also where it is met without speed: a jump.")
+            raise UsageError("the reset moves the state also where it is reached without speed: a jump.")
         by = at.value("Ry", *here)
         full = np.append(f1, 1.0)
         return DiscontinuityMap("impact", 0.5, -np.sqrt(2 * a1) * (by @ full - f1) / a1, slope, a1)

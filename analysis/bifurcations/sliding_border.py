@@ -29,7 +29,7 @@ from filippov.solving.state.events import Mode
 
 Array = npt.NDArray[np.float64]
 ARRIVALS, ADDING = ("crossing-sliding", "switching-sliding"), "adding-sliding"
-# A touching by c tau**2 leaves for 4 tau, with the least distance at a quarter of it.
+# A tangency by c tau**2 leaves for 4 tau, with the least distance at a quarter of it.
 _GRID, _BEYOND, _SHORT = 8, 0.5, 0.5
 SIDES = np.array([-1.0, 1.0])
 
@@ -80,23 +80,23 @@ def _least(motion: Solution, i: int) -> Iterator[Contact]:
     """Least distances of the multiplier from the ends of its set, also of sliding motions that left."""
     sol = motion.sol
     assert sol is not None
-    stretches: list[list[Segment]] = []
+    phases: list[list[Segment]] = []
     for segment in motion.segments:
-        if stretches and stretches[-1][-1].mode == segment.mode:
-            stretches[-1].append(segment)
+        if phases and phases[-1][-1].mode == segment.mode:
+            phases[-1].append(segment)
         else:
-            stretches.append([segment])
-    for k, stretch in enumerate(stretches):
-        mode, t0, t1 = stretch[0].mode, stretch[0].t0, stretch[-1].t1
+            phases.append([segment])
+    for k, phase in enumerate(phases):
+        mode, t0, t1 = phase[0].mode, phase[0].t0, phase[-1].t1
         if mode[i] != 0 or not t0 < t1:
             continue
         edge = _Edge(motion, mode, i)
         ends = [t0, *sol.start[(sol.start > t0) & (sol.start < t1)].tolist(), t1]
         grid = np.concatenate([np.linspace(a, b, _GRID, endpoint=False) for a, b in pairwise(ends)])[1:]
         path: Callable[[Array], Array] = sol
-        if k + 1 < len(stretches) and stretches[k + 1][0].mode[i] != 0:
+        if k + 1 < len(phases) and phases[k + 1][0].mode[i] != 0:
             # The exit is located a little before or after the least distance, so both sides are one path.
-            beyond = edge.beyond(t1, sol(t1), sum(segment.dwell for segment in stretches[k + 1]))
+            beyond = edge.beyond(t1, sol(t1), sum(segment.dwell for segment in phases[k + 1]))
             if beyond is not None:
                 path = _joined(sol, beyond[0], t1)
                 grid = np.concatenate((grid, beyond[1]))
@@ -144,7 +144,7 @@ class _Edge:
     def beyond(self, t: float, x: Array, dwell: float) -> tuple[Callable[[Array], Array], Array] | None:
         """The sliding motion from where the orbit left it, as if its set had no end; None where it stops.
 
-        An excursion off the surface that is so long that it does not end soon is none of a touching: None.
+        An excursion off the surface that is so long that it does not end soon is none of a tangency: None.
         """
         gaps, rates = self.gaps(np.array([t]), x[:, None])
         if np.min(np.abs(rates)) * dwell > _SHORT * np.sum(gaps):

@@ -1,6 +1,6 @@
 """Names of special points: what a test function's change of sign means, and what a change of the word is.
 
-Changes of the sequence of modes of an orbit are named by the short stretch that appears or vanishes between
+Changes of the sequence of modes of an orbit are named by the short segment that appears or vanishes between
 its neighbours a -> z -> b on a surface (di Bernardo et al. 2008):
 
     + 0 +   grazing-sliding: a motion off the surface touches it where it attracts
@@ -25,7 +25,7 @@ from filippov.solving.state.events import Mode
 _MOST_REMOVED = 6
 
 
-def stretches(orbit: Orbit) -> list[tuple[Mode, float]]:
+def segments_of(orbit: Orbit) -> list[tuple[Mode, float]]:
     """(mode, duration) over one period, equal neighbours joined, the last with the first."""
     out: list[tuple[Mode, float]] = []
     for motion in orbit.motions or (orbit.solution(),):
@@ -45,7 +45,7 @@ def name_of_change(before: Orbit, after: Orbit) -> tuple[str, str]:
     if len(jumps[0]) != len(jumps[1]):
         surface = (jumps[0] or jumps[1])[0]
         return "C-bifurcation", f"surface {surface!r}: {len(jumps[0])} -> {len(jumps[1])} resets"
-    long, short = sorted((stretches(before), stretches(after)), key=len, reverse=True)
+    long, short = sorted((segments_of(before), segments_of(after)), key=len, reverse=True)
     names = [surface.name for surface in before.system.surfaces]
     goal = [mode for mode, _ in short]
     rest, first = list(long), None
@@ -74,7 +74,7 @@ def _named(a: int, z: int, b: int) -> str:
 
 
 def _without(items: list[tuple[Mode, float]], k: int) -> list[tuple[Mode, float]]:
-    """The cycle without its k-th stretch, neighbours that are then equal joined."""
+    """The cycle without its k-th segment, neighbours that are then equal joined."""
     rest = [*items[k + 1 :], *items[:k]]
     if len(rest) > 1 and rest[0][0] == rest[-1][0]:
         rest[0] = (rest[0][0], rest[0][1] + rest.pop()[1])

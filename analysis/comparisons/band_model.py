@@ -221,7 +221,7 @@ def by_mode(solution: Solution, sticks: Callable[[tuple[int, ...], float, Array]
 
 
 def _runs(inside: Any) -> Iterator[tuple[int, int]]:
-    """First and last index of every stretch of True."""
+    """First and last index of every run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
     for first, after in edges.reshape(-1, 2):
         yield int(first), int(after) - 1

@@ -49,7 +49,7 @@ def compare(exact: System, x0: Any, t_span: tuple[float, float], **options: Any)
 @overload
 def compare(exact: System, *, t_span: tuple[float, float], **options: Any) -> MotionComparison: ...
 def compare(exact: System, *given: Any, **options: Any) -> Comparison | MotionComparison:
-    """Compare the inclusion with what is used in its place: over the turns of a section, or along a motion.
+    """Compare the inclusion with what is used in its place: over the returns to a section, or along a motion.
 
     compare(system, section, bands, ...)     see `compare_sections`
     compare(system, x0, t_span, ...)         see `filippov.analysis.comparisons.motions.compare_motions`

@@ -1,6 +1,6 @@
 """Cycles of an event map by methods that share no step, event or interpolant with the solver.
 
-A turn is one smooth stretch off the surface, from the lift of d to the next zero of h. Two methods:
+A return is one smooth segment off the surface, from the lift of d to the next zero of h. Two methods:
 
     shooting     scipy's solve_ivp(DOP853) with an event, and brentq on P^order(d) - d
     collocation  Gauss collocation of the whole orbit as one boundary-value problem in (x, T, d), by Newton
@@ -97,7 +97,7 @@ class Orbits:
     # -- shooting ----------------------------------------------------------------------------------------
 
     def turn(self, d: float, rtol: float) -> Any:
-        """scipy's solution of one turn from d, with dense output, ending on the surface."""
+        """scipy's solution of one return from d, with dense output, ending on the surface."""
         x0 = self.bound.start(np.array([d]), self.map.p)[0]
         side = self.side(x0)
 

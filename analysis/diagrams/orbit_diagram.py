@@ -39,7 +39,7 @@ class OrbitDiagram(Diagram):
     """A bifurcation diagram of orbits; `values` are those of the points that the continuation took.
 
     section   where the coordinates are read
-    messages  how each branch ended, and what else was met
+    messages  how each branch ended, and what else was found
     """
 
     section: Section | Stroboscope | None = None

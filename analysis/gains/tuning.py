@@ -32,7 +32,7 @@ FEW, NOT_SMALL = 12, 1e-3
 
 @dataclass(frozen=True)
 class GainLimit:
-    """Lower and upper border of one gain alone, the others at the best; None where none is met."""
+    """Lower and upper border of one gain alone, the others at the best; None where there is none."""
 
     name: str
     lower: float | None

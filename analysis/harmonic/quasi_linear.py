@@ -57,7 +57,7 @@ class Lure:
     def harmonic(self, mean: float, amplitude: float, order: int = 1) -> ComplexArray:
         """Harmonic `order` of phi along y = mean + amplitude sin(theta), as a multiple of sin: shape (n,).
 
-        Order 0 is the mean. The angle is split where a surface is met and refined towards those places,
+        Order 0 is the mean. The angle is split where a surface is reached and refined towards those places,
         because friction curves are steep there.
         """
         edges = self._edges(mean, amplitude)

@@ -1,7 +1,7 @@
 """All attractors in a box of state space, by recurrences, with the shares of states that go to each.
 
 Motions from many states are followed by a map (`filippov.analysis.invariant_sets.state_map`); one that for
-long comes only to cells of a grid that it has met before is looked at: the equilibrium or periodic orbit
+long comes only to cells of a grid that it has visited before is looked at: the equilibrium or periodic orbit
 there is solved for, chaos is told by the largest Lyapunov exponent. The others are then told by their
 distance to what was solved for, not by cells. An attractor whose share of the box is q is missed by N states
 with probability (1 - q)^N.
@@ -211,7 +211,7 @@ def attractors(
     samples      states drawn from the box, evenly, by a generator with this seed
     plane        two states over which a picture of resolution x resolution initial states is made; `at`: the
                  others there (default: the middle of the box)
-    cells        along each edge of the box; recurrences: iterates in a row on cells met before, after which a
+    cells        along each edge of the box; recurrences: iterates in a row on cells visited before, after which a
                  motion is looked at; most: iterates, after which the rest is undecided
     reach        distance from an attractor, in parts of the box, within which a motion has to stay
     escape       distance from the middle of the box, in parts of it, beyond which a motion has escaped

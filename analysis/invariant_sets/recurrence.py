@@ -1,4 +1,4 @@
-"""Cells of a grid in state space, and how long each of many motions has been on cells it has met before.
+"""Cells of a grid in state space, and how long each of many motions has been on cells that it has visited before.
 
 Space is cut into boxes without a bound; a box is a whole number made of its place. A motion that for many
 iterates comes only to cells of its own past has come to an attractor, or is slow.
@@ -48,7 +48,7 @@ class Grid:
 
 
 class Past:
-    """The cells of every motion so far, and `streak`: iterates in a row on cells met before."""
+    """The cells of every motion so far, and `streak`: iterates in a row on cells visited before."""
 
     def __init__(self, count: int) -> None:
         self.cells = np.zeros((count, 64), dtype=np.uint64)

@@ -1,4 +1,4 @@
-"""The arcs of a motion: stretches in one mode, with the condition that ends each of them.
+"""The arcs of a motion: segments in one mode, with the condition that ends each of them.
 
 An arc ends where a surface is reached (h = 0), where a multiplier reaches an end of its set (sliding exit),
 or at an instant (clocks); then the state goes on as it is, or is reset. Boundary problems over several arcs
@@ -86,7 +86,7 @@ class Ending:
 
 @dataclass(frozen=True)
 class Arc:
-    """One stretch of a motion in one mode: its times and states (k, n) there, and what ends it (None: the
+    """One segment of a motion in one mode: its times and states (k, n) there, and what ends it (None: the
     end of the motion)."""
 
     mode: Mode

@@ -1,7 +1,7 @@
 """Floquet multipliers of a periodic orbit from the factors of its monodromy matrix.
 
 Where the orbit slides, the matrix has as many zero multipliers as there are surfaces it slides on. They are
-split off before the eigenvalues are taken: the product is begun anew at the stretch with most sliding
+split off before the eigenvalues are taken: the product is begun anew at the segment with most sliding
 surfaces and restricted to their tangent space, so that zeros are zeros and do not disturb the others.
 """
 

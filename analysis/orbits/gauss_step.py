@@ -43,7 +43,7 @@ _VALUES, _INTEGRALS = _lagrange()
 
 @dataclass(frozen=True)
 class Steps:
-    """N steps of one stretch of motion, t = t0 + grid (t1 - t0).
+    """N steps of one segment, t = t0 + grid (t1 - t0).
 
     start, end        states at the beginning of each step, and where it leads: (N, n)
     slopes            K: (N, m, n)
@@ -72,7 +72,7 @@ class Steps:
         )
 
     def at(self, places: Array) -> Array:
-        """States at places in [0, 1] of the whole stretch: (places, n)."""
+        """States at places in [0, 1] of the whole segment: (places, n)."""
         j = np.clip(np.searchsorted(self.grid, places, side="right") - 1, 0, len(self.start) - 1)
         width = np.diff(self.grid)[j]
         weights = np.polynomial.polynomial.polyval((places - self.grid[j]) / width, _INTEGRALS.T)

@@ -29,7 +29,7 @@ class Margin:
                     (inf where it nowhere does); surface: its name; t: when
     sliding         least distance of a sliding multiplier from an end of its set where it turns back from it
                     (inf where it nowhere does); sliding_surface, sliding_t
-    transversality  least speed with which an event is met or left, relative to |G_y| |v|: 0 at grazing and
+    transversality  least speed with which a surface is reached or left, relative to |G_y| |v|: 0 at grazing and
                     where a crossing reaches the border of sliding; transversal_t: when
     """
 
@@ -95,8 +95,8 @@ def _turns(
                 options={"xatol": 1e-10 * segment.dwell},
             )  # fmt: skip
             # A state that jumps on the surface meets it, and stays in its mode.
-            met = motion.events.of(system.surfaces[i].name).t
-            if not np.any(np.abs(met - best.x) < 1e-6 * segment.dwell):
+            events = motion.events.of(system.surfaces[i].name).t
+            if not np.any(np.abs(events - best.x) < 1e-6 * segment.dwell):
                 out.append((min(float(best.fun), float(row[k])), system.surfaces[i].name, float(best.x)))
     return out
 
@@ -122,7 +122,7 @@ def _distances(
 
 
 def _speeds(motion: Solution, jacobian: Callable[..., Any] | None) -> list[tuple[float, float]]:
-    """(relative speed, t) with which each event is met, and left where it is left off the surface."""
+    """(relative speed, t) with which each surface is reached, and left where it is left off the surface."""
     out = []
     for event in motion.events:
         surfaces = motion.problem.system.surfaces

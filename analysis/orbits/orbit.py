@@ -36,7 +36,7 @@ class Orbit:
     """A limit cycle, or a periodic motion of a forced system.
 
     system, parameters  what it is an orbit of; parameters by name
-    x0, t0         a state on it, off the surfaces where there is such a stretch; its time (forced systems)
+    x0, t0         a state on it, off the surfaces where there is such a segment; its time (forced systems)
     period         T
     multipliers    Floquet multipliers, complex, largest modulus first; of an autonomous orbit without the
                    trivial one

@@ -8,7 +8,7 @@ import numpy as np
 
 from filippov.solving.solution import Solution
 
-# An orbit that repels is left soon: only so many stretches are looked at for a start.
+# An orbit that repels is left soon: only so many segments are looked at for a start.
 _FIRST = 4
 
 
@@ -18,7 +18,7 @@ def extent(motions: Sequence[Solution]) -> float:
 
 
 def anchor(motion: Solution, length: float, begin: float = 0.0) -> float:
-    """The middle of the longest stretch with fewest sliding surfaces, within `length` after `begin` and
+    """The middle of the longest segment with fewest sliding surfaces, within `length` after `begin` and
     among the first ones."""
     first = motion.problem.t_span[0] + begin
     last = first + length
@@ -37,7 +37,7 @@ def anchor(motion: Solution, length: float, begin: float = 0.0) -> float:
 
 
 def rests(motion: Solution) -> bool:
-    """Whether the motion ends in a long stretch without any change."""
+    """Whether the motion ends in a long segment without any change."""
     sol, last = motion.sol, motion.segments[-1]
     if sol is None or last.dwell < 0.05 * (motion.t_end - motion.problem.t_span[0]):
         return False

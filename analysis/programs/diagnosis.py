@@ -258,7 +258,7 @@ def _in_source(reading: Reading, translation: Translation | None) -> Iterator[Fi
             "which resets change", lines=(memory.line,),
         )  # fmt: skip
     for clock in reading.clocks:
-        said = f"line {clock.line} jumps at known times: a TimeEvent here, met to the last bit"
+        said = f"line {clock.line} jumps at known times: a TimeEvent here, reached to the last bit"
         yield Finding("clock", said, lines=(clock.line,))
     for remark in reading.remarks:
         yield Finding("remark", remark)

@@ -7,9 +7,9 @@ exit the multiplier less the end of its set), with y' = v- before and v+ after,
     S = I + (v+ - v-) G_y / (G_y v-)
 
 (Aizerman & Gantmakher 1958; Leine & Nijmeijer 2004; di Bernardo et al. 2008). Entry
-into sliding loses rank by one for each surface: the multipliers that belong to it are 0. At a touching
+into sliding loses rank by one for each surface: the multipliers that belong to it are 0. At a tangency
 (G_y v- = 0) the flow has no derivative, and that is an error. Several surfaces at once have one if it is the
-same in whatever order they are met; then it is the product of theirs. At a reset y+ = R(y), v+ taken at y+,
+same in whatever order they occur; then it is the product of theirs. At a reset y+ = R(y), v+ taken at y+,
 
     S = R_y + (v+ - R_y v-) G_y / (G_y v-)
 
@@ -47,7 +47,7 @@ class NotDifferentiableError(ArithmeticError):
 
 @dataclass(frozen=True)
 class Factor:
-    """One factor of the derivative: over a stretch of one mode, or of the events of one instant.
+    """One factor of the derivative: over a segment of one mode, or of the events of one instant.
 
     t, mode  time and mode where it ends; matrix: (N, N) in y = (x, q, t)
     """
@@ -71,7 +71,7 @@ def flow_derivative(
     jacobian: of a system of plain functions, (t, x, p, s) -> df/dx with signs held; default: differences
 
     A solution that starts on sliding surfaces stays on them: the derivative belongs to displacements along
-    them. Raises NotDifferentiableError at touchings and at several surfaces at once whose order matters;
+    them. Raises NotDifferentiableError at tangencies and at several surfaces at once whose order matters;
     UsageError without dense output.
     """
     total = derivative_by_all(solution, before_last, tuple(parameters), jacobian)
@@ -111,7 +111,7 @@ def flow_factors(
     begin = 0
     leaving: tuple[Array, Array] | None = None
 
-    def stretch(end: int, t: float, x: Array) -> None:
+    def smooth(end: int, t: float, x: Array) -> None:
         if end > begin:
             field = mode_field(system, mode, names, jacobian)
             # A step's polynomial may reach beyond the event that ended the step.
@@ -126,13 +126,13 @@ def flow_factors(
         events = list(group)
         t = events[0].t
         end = int(np.searchsorted(sol.direction * sol.start, sol.direction * t, side="left"))
-        stretch(end, t, events[0].x)
+        smooth(end, t, events[0].x)
         begin, mode = end, events[-1].after
         here = Together(solution, events, names, jacobian)
         if not (before_last and t == solution.t_end and events[-1] is solution.events[-1]):
             out.append(Factor(t, mode, here.saltation()))
         leaving = here.leaving()
-    stretch(len(sol.start), solution.t_end, solution.x_end)
+    smooth(len(sol.start), solution.t_end, solution.x_end)
     return out
 
 
@@ -209,11 +209,11 @@ class Together:
         return np.asarray(slope - end)
 
     def rate(self, mode: Mode, i: int, side: int) -> tuple[Array, float]:
-        """G_y and G_y v in a mode. Raises NotDifferentiableError where the guard is met without speed."""
+        """G_y and G_y v in a mode. Raises NotDifferentiableError where the guard is reached without speed."""
         slope, (_, velocity) = self.guard(mode, i, side), self.field(mode)
         rate = float(slope @ velocity)
         if not abs(rate) >= 1e-10 * (np.abs(slope) @ np.abs(velocity) + 1e-300):
-            raise self.refused(f"surface {self.system.surfaces[i].name!r} is met without speed")
+            raise self.refused(f"surface {self.system.surfaces[i].name!r} is reached without speed")
         return slope, rate
 
     def refused(self, why: str) -> NotDifferentiableError:
@@ -244,7 +244,7 @@ class Together:
         if not reached:
             if self.before == self.after or not switching:
                 return identity
-            raise self.refused("no surface is met, yet the mode changes (the end of an accumulation?)")
+            raise self.refused("no surface is reached, yet the mode changes (the end of an accumulation?)")
         if len(reached) == 1:
             return self._one(self.before, self.after, reached[0])
         return self._several(reached)
@@ -271,7 +271,7 @@ class Together:
         return np.asarray(by + np.outer(after - by @ before, slope) / rate)
 
     def leads(self, event: Event) -> bool:
-        """Whether the event is met by itself, and does not follow from another one of the instant."""
+        """Whether the event occurs by itself, and does not follow from another one of the instant."""
         i = event.index
         if self.before[i] != 0 or len(self.events) == 1:
             return True
@@ -294,11 +294,11 @@ class Together:
         for order in itertools.permutations(reached):
             mode, total = self.before, np.eye(self.system.dimension + len(self.names) + 1)
             for k, event in enumerate(order):
-                met = sorted({e.index for e in order[: k + 1]})
+                reached = sorted({e.index for e in order[: k + 1]})
                 following = self.after
                 if k < len(order) - 1:
                     here = Point(machine, self.t, self.x, direction, direction * 1e-6, np.zeros(machine.m))
-                    near = [c for c in successors(here, mode, met) if c.mode != mode]
+                    near = [c for c in successors(here, mode, reached) if c.mode != mode]
                     if len(near) != 1:
                         raise self._disagree(reached)
                     following = near[0].mode
@@ -313,7 +313,7 @@ class Together:
     def _disagree(self, reached: Sequence[Event]) -> NotDifferentiableError:
         names = ", ".join(repr(event.surface) for event in reached)
         return self.refused(
-            f"the surfaces {names} are met at once ({mode_text(self.before)} -> {mode_text(self.after)}), "
+            f"the surfaces {names} are reached at once ({mode_text(self.before)} -> {mode_text(self.after)}), "
             "and neighbouring solutions depend on the order in which they meet them"
         )
 

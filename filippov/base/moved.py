@@ -72,6 +72,7 @@ _MOVED: dict[tuple[str, str], str] = {
         "branch branch_point branch_problem continuation corrector crossing curve equilibrium_branch "
         "sliding_border special_points switch"
     ),
+    ("filippov.analysis.bifurcations", "filippov.analysis.bifurcations"): ("touching>tangency"),
     ("filippov.analysis", "filippov.analysis.comparisons"): (
         "band_model comparison comparison_result comparison_run"
     ),

@@ -90,7 +90,7 @@ def observed_graph(solution: Solution) -> nx.MultiDiGraph:
 
     dwell_total counts every visit, so the totals add up to the span. Mean, least and largest dwell time are
     over the visits seen from entry to exit (`complete` of them), and over all where there is none. Events of
-    one instant are one edge, with their surfaces and kinds joined by ", "; a touching or a reset within a
+    one instant are one edge, with their surfaces and kinds joined by ", "; a tangency or a reset within a
     mode is an edge from it to itself.
     """
     graph = _empty(solution.system, "observed")

@@ -23,7 +23,7 @@ class UserEvent:
     direction  > 0: only where g rises in true time, < 0: only where it falls, 0: both
     name       what it is called in events and messages; default: the function's name
 
-    A start with g = 0 is no event, and neither is a touching of 0 (`Solution.events` has it as grazing).
+    A start with g = 0 is no event, and neither is a tangency of 0 (`Solution.events` has it as grazing).
     Raises UsageError.
     """
 

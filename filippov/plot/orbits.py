@@ -53,7 +53,7 @@ def plot_orbit(
         left = drawn.add_subplot(grid[:, 0]) if len(pair) == 2 else None
         for piece in orbit.pieces:
             for segment in piece.segments:
-                _stretch(piece, segment, names, pair, shown, left, panels)
+                _segment(piece, segment, names, pair, shown, left, panels)
         for event in (event for piece in orbit.pieces for event in piece.events):
             mark, colour = MARKS.get(event.kind, ("|", GREY))
             at = dict(zip(names, event.x, strict=True))
@@ -74,11 +74,11 @@ def plot_orbit(
     return drawn
 
 
-def _stretch(
+def _segment(
     motion: Any, segment: Any, names: Sequence[str], pair: Sequence[str], shown: Sequence[str], left: Any,
     panels: Sequence[Any],
 ) -> None:  # fmt: skip
-    """Draw one stretch of one mode."""
+    """Draw one segment of one mode."""
     t = np.linspace(segment.t0, segment.t1, 200)
     inside = np.clip(t, segment.t0 + 1e-12 * segment.dwell, segment.t1 - 1e-12 * segment.dwell)
     x = dict(zip(names, motion.sol(inside), strict=True))

@@ -68,8 +68,8 @@ def plot_branches(
 
 def _draw_branch(ax: Any, branch: TreeBranch, i: int, points: int) -> None:
     solution = branch.solution
-    for sliding, stretch in groupby(solution.segments, key=lambda segment: 0 in segment.mode):
-        parts = list(stretch)
+    for sliding, group in groupby(solution.segments, key=lambda segment: 0 in segment.mode):
+        parts = list(group)
         t0, t1 = parts[0].t0, parts[-1].t1
         if t0 == t1:
             continue

@@ -38,7 +38,7 @@ from filippov.solving.state.options import Options, falls
 
 Array = npt.NDArray[np.float64]
 T = TypeVar("T")
-SAMPLES = 64  # of each stretch of one mode, where zeros and extremes are looked for
+SAMPLES = 64  # of each segment of one mode, where zeros and extremes are looked for
 LONGEST = 16.0  # how many times its span a motion is followed until it recurs
 
 
@@ -191,7 +191,7 @@ class Motion:
         return velocity.copy(), lam
 
     def times(self, run: Solution, low: float | None = None, high: float | None = None) -> Array:
-        """Sample times: SAMPLES in each stretch of one mode, between two bounds."""
+        """Sample times: SAMPLES in each segment of one mode, between two bounds."""
         low = run.problem.t_span[0] if low is None else low
         high = run.t_end if high is None else high
         if high <= low:

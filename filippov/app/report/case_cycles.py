@@ -56,20 +56,20 @@ class CaseCycles:
 
 
 def _runs(run: Context, case: CaseResults, rtol: float) -> tuple[Continuation, ...]:
-    """Branches through all cycles of the case, from the largest down; one that was met is not begun again."""
+    """Branches through all cycles of the case, from the largest down; one that was found is not begun again."""
     name, values = run.study.parameter, run.study.values
     power = case.power.remake(rtol=rtol, atol=1e-2 * rtol)
     own, bounds = power.parameters[name], (values[0], values[-1])
     out: list[Continuation] = []
-    met: list[float] = []
+    known: list[float] = []
     for q in sorted(case.cycles, key=lambda q: -q.d):
-        if any(abs(q.d - d) < 1e-6 * abs(q.d) for d in met):
+        if any(abs(q.d - d) < 1e-6 * abs(q.d) for d in known):
             continue
         way = 1 if own <= bounds[0] else -1 if own >= bounds[1] else 0
         found = continuation(
             run.system, (power, q.d), parameter=name, bounds=bounds, direction=way, max_step=LONGEST
         )
         found.run()
-        met += [first(p) for p in found.at(own)]
+        known += [first(p) for p in found.at(own)]
         out.append(found)
     return tuple(out)

@@ -25,7 +25,7 @@ HEADER = """/* The exact automaton of a system, written by `filippov export`. C9
 #include <string.h>
 
 enum { SWITCHING, KINK, OBSERVER, RESETTING };
-static int rough; /* a power of |h| below 1 was met */
+static int rough; /* a power of |h| below 1 was there */
 
 /* A power of a size |h|, which is negative in stages beyond its surface: held at 0 there. */
 static double size_power(double size, double exponent) {

@@ -1,6 +1,6 @@
 """What follows where a surface is reached, left or jumped onto: the rates of h on both sides decide it.
 
-Where they do not (corners of coupled surfaces, two-folds, touchings, accumulations), the run stops and says
+Where they do not (corners of coupled surfaces, two-folds, tangencies, accumulations), the run stops and says
 so by name: it never guesses.
 
 The text of this file is part of exported modules: it needs `math` alone, and the files before it.

@@ -37,7 +37,7 @@ def export_system(
     x0, t_span   start and span, increasing; "modelica" needs both, "fmu" x0, for the others they are defaults
 
     The Python module, the C file and the FMU locate events on a step of order 5 and land on them; they stop
-    by name where the rates of a surface do not decide (corners of coupled surfaces, two-folds, touchings,
+    by name where the rates of a surface do not decide (corners of coupled surfaces, two-folds, tangencies,
     accumulations). In Modelica the tool locates them. Returns the path. Raises UsageError, ModelError for a
     system that cannot be written so, ImportError for an FMU without pythonfmu3.
     """

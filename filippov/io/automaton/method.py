@@ -105,7 +105,7 @@ def without_zeros_at_start(c: Sequence[float], order: int) -> list[float]:
 def first_zero(c: Sequence[float]) -> float | None:
     """The first theta in (0, 1] at which a polynomial that starts above 0 is no longer so; None if it stays.
 
-    Zeros closer together than 1e-9 of the step are not told from a touching, and are none.
+    Zeros closer together than 1e-9 of the step are not told from a tangency, and are none.
     """
     if min(c) > 0.0:
         return None

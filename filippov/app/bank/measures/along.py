@@ -13,7 +13,7 @@ import sympy
 from scipy.optimize import minimize_scalar
 from sympy import Symbol
 
-from filippov.app.bank.measures.measure import Measure, Over, expression, stretches
+from filippov.app.bank.measures.measure import Measure, Over, expression, segments_over
 from filippov.app.bank.motion import Motion, slides
 from filippov.app.bank.outcome import MissingError
 from filippov.model.symbols import t as time_symbol
@@ -46,7 +46,7 @@ class Along(Measure, quantity="along"):
 
     def of(self, subject: Motion) -> Any:
         """The number."""
-        parts = stretches(subject, self.over)
+        parts = segments_over(subject, self.over)
         run, f = parts[0][0], self._function(subject, parts[0][0])
         if self.take in ("mean", "rms"):
             power = 1 if self.take == "mean" else 2
@@ -129,7 +129,7 @@ class Share(Measure, quantity="share"):
         """The fraction or time."""
         total = inside = 0.0
         letters = {"+": 1, "-": -1, "0": 0}
-        for run, a, b in stretches(subject, self.over):
+        for run, a, b in segments_over(subject, self.over):
             mode = run.mode_at(0.5 * (a + b), "+")
             fits = all(letters.get(c, s) == s for c, s in zip(self.mode, mode, strict=False))
             total += b - a

@@ -89,7 +89,7 @@ def moment(motion: Motion, when: When) -> float:
     return number(when, motion.names)
 
 
-def stretches(motion: Motion, over: Over) -> list[tuple[Solution, float, float]]:
+def segments_over(motion: Motion, over: Over) -> list[tuple[Solution, float, float]]:
     """The parts in one mode of what a quantity is about: run, begin and end of each. Raises MissingError."""
     if over == "period":
         run, (low, high) = motion.cycle.run, motion.cycle.span

@@ -31,7 +31,7 @@ _REPORTS = (
     (r"no (?:solution|continuation)", Status.NO_CONTINUATION),
 )
 RELEASES = 7  # departures sampled along sliding that can be left at any time
-NEAR = 1e-8  # how near a time or a point named in a text has to be met, where it has no tolerance
+NEAR = 1e-8  # how near a time or a point named in a text has to be reached, where it has no tolerance
 _KINDS = "impact|crossing|slide|stick|stop|switch|reset|exit|entry|entrie|grazing|bounce"
 
 

@@ -1,4 +1,4 @@
-"""Where motions touch a surface, or nearly: least heights of side h, and events met almost without speed."""
+"""Where trajectories graze a surface, or nearly: least heights of side h, and events almost without speed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _GRID = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Touching:
+class Tangency:
     """State x and time t of an interior least height of side h, or of an event there; height: what is left
     of side h, negative beyond the surface (of an event: the height that it would come to)."""
 
@@ -31,8 +31,8 @@ class Touching:
         """The height: 0 where the surface is grazed."""
         return self.height
 
-    def distance(self, other: Touching, scale: Array, period: float) -> float:
-        """How far apart two touchings are; period: that of the forcing, 0 for an autonomous system."""
+    def distance(self, other: Tangency, scale: Array, period: float) -> float:
+        """How far apart two tangencies are; period: that of the forcing, 0 for an autonomous system."""
         apart = float(np.linalg.norm((self.x - other.x) / scale))
         if period > 0:
             phase = (self.t - other.t) / period
@@ -40,19 +40,19 @@ class Touching:
         return apart
 
 
-def touchings(motions: Sequence[Solution], i: int, side: int) -> list[Touching]:
-    """All touchings of motions with surface i from one side."""
-    return [found for motion in motions for found in (*_least(motion, i, side), *_met(motion, i, side))]
+def tangencies(motions: Sequence[Solution], i: int, side: int) -> list[Tangency]:
+    """All tangencies of trajectories to surface i from one side."""
+    return [found for motion in motions for found in (*_least(motion, i, side), *_slow(motion, i, side))]
 
 
-def nearest(found: Sequence[Touching]) -> Touching:
-    """The touching with the least height in size. Raises NoConvergenceError where there is none."""
+def nearest(found: Sequence[Tangency]) -> Tangency:
+    """The tangency with the least height in magnitude. Raises NoConvergenceError where there is none."""
     if not found:
         raise NoConvergenceError("the orbit turns nowhere towards the surface.")
     return min(found, key=lambda touch: abs(touch.height))
 
 
-def _least(motion: Solution, i: int, side: int) -> Iterator[Touching]:
+def _least(motion: Solution, i: int, side: int) -> Iterator[Tangency]:
     """Interior least heights while the surface is off."""
     system, p, sol = motion.problem.system, motion.problem.p, motion.sol
     assert sol is not None
@@ -79,11 +79,11 @@ def _least(motion: Solution, i: int, side: int) -> Iterator[Touching]:
                 lambda t, read=read: float(read("r", np.array([t]))[0]), times[k], times[k + 1], xtol=1e-14
             ))  # fmt: skip
             at = np.array([t])
-            yield Touching(np.atleast_2d(sol(at).T)[0].copy(), t, float(read("h", at)[0]))
+            yield Tangency(np.atleast_2d(sol(at).T)[0].copy(), t, float(read("h", at)[0]))
 
 
-def _met(motion: Solution, i: int, side: int) -> Iterator[Touching]:
-    """Events of the surface met from the side, with the height that the motion would come to."""
+def _slow(motion: Solution, i: int, side: int) -> Iterator[Tangency]:
+    """Events of the surface reached from the side, with the height that the motion would come to."""
     system, p = motion.problem.system, motion.problem.p
     for event in motion.events:
         if event.index != i or event.before[i] != side or system.surfaces[i].kind == "observer":
@@ -95,4 +95,4 @@ def _met(motion: Solution, i: int, side: int) -> Iterator[Touching]:
         slope = part.part("ry", t, x, s, p)[0, i]
         bend = side * float(slope @ part.velocity(t, x, s, p)[0])
         if bend > 0:
-            yield Touching(x[0].copy(), event.t, -(speed**2) / (2 * bend))
+            yield Tangency(x[0].copy(), event.t, -(speed**2) / (2 * bend))
