@@ -19,8 +19,8 @@ from filippov import UsageError
 from filippov.app.bank import Row, read_bank, rows_json, rows_text, run_bank
 from filippov.app.bank.compare import OUTCOMES, compare_bank, peers_json, peers_text, read_peers
 from filippov.app.bank.notation import formula, strict
-from filippov.app.bank.peers.peer import Limits
-from filippov.app.bank.peers.peer_process import PeerProcess
+from filippov.app.bank.reference.process import SolverProcess
+from filippov.app.bank.reference.solver import Limits
 from filippov.app.bank.target import whole_and_parts
 from filippov.app.cli.main import main
 from filippov.base.errors import ModelError
@@ -382,14 +382,14 @@ def test_peers_say_what_cannot_be_stated_and_who_is_silent() -> None:
 def test_a_solver_that_hangs_or_dies_is_an_outcome(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     case, limits = read_bank([{**RELAY, "expected": []}])[0], Limits(1e-8, 1e-10, 1000, 0.2)
     outcomes, python = [], sys.executable
-    monkeypatch.setattr("filippov.app.bank.peers.peer_process.GRACE", 0.0)
+    monkeypatch.setattr("filippov.app.bank.reference.process.GRACE", 0.0)
     for does in ("import time; print('ready', flush=True); time.sleep(600)",
                  "print('ready', flush=True); input(); import os; os._exit(7)"):  # fmt: skip
         program = tmp_path / "solver"
         program.write_text(f"#!{python}\n{does}\n")
         program.chmod(0o755)
         monkeypatch.setattr("sys.executable", str(program))
-        process = PeerProcess("any")
+        process = SolverProcess("any")
         outcomes.append(process.run(case, limits, 1e-6))
         process.close()
     assert [row.outcome for row in outcomes] == ["hang", "error"]

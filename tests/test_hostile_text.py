@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 from filippov import Problem, Solution, Surface, Sweep, System, UsageError
 from filippov.app.bank.compare import PeerTable, peers_text
-from filippov.app.bank.peers.peer_row import PeerRow
+from filippov.app.bank.reference.row import SolverRow
 from filippov.app.bank.row import Row, rows_text
 from filippov.app.cli.main import main
 from filippov.app.cli.outputs import Outputs
@@ -259,6 +259,7 @@ def test_11_23_a_row_of_a_bank_is_one_line(name: str, message: str) -> None:
     text = rows_text([row])
     assert not unseen(text)
     assert text.count("\n") == 3
-    peers = PeerTable((PeerRow(name, "scipy RK45", "cannot", False, None, message),), {}, 1e-8, 1e-6, 9, 1.0)
+    row = SolverRow(name, "scipy RK45", "cannot", False, None, message)
+    peers = PeerTable((row,), {}, 1e-8, 1e-6, 9, 1.0)
     assert not unseen(peers_text(peers))
     assert peers_text(peers).count("\n") == 9

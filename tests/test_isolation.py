@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from filippov.app.bank.case import read_bank
-from filippov.app.bank.peers.peer import Limits
-from filippov.app.bank.peers.peer_process import PeerProcess
+from filippov.app.bank.reference.process import SolverProcess
+from filippov.app.bank.reference.solver import Limits
 
 ROOT = Path(__file__).resolve().parent.parent
 TRAP = """
@@ -46,7 +46,7 @@ def test_11_23_solvers_are_those_that_are_installed(
         monkeypatch.delenv("PYTHONPATH", raising=False)
     else:
         monkeypatch.setenv("PYTHONPATH", path)
-    process = PeerProcess("scipy RK45")
+    process = SolverProcess("scipy RK45")
     try:
         row = process.run(read_bank([CASE])[0], Limits(1e-8, 1e-10, 2_000, 60.0), 1e-6)
     finally:

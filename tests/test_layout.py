@@ -53,7 +53,7 @@ BY_TEXT = {
     "filippov", "filippov.base.delegates", "filippov.base.exports", "filippov.base.moved",
     "filippov.models",
     "filippov.models.registry", "filippov.models.studies", "filippov.app.cli.configuration",
-    "filippov.app.bank.peers.peer_process", "filippov.sweep.dependence",
+    "filippov.app.bank.reference.process", "filippov.sweep.dependence",
 }  # fmt: skip
 BUILTINS = {"eval", "exec", "compile", "__import__"}
 PARSERS = {"sympify", "parse_expr"}

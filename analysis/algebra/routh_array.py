@@ -93,7 +93,7 @@ class RouthArray:
     """Rows of the array from s^n downwards.
 
     `rows` are the entries as the textbook has them. `minors` are the first entries b_(k,1) as ring elements
-    while there was no special case, the leading coefficient first. `complete` is False where the budget ended.
+    as long as no case was special, the leading coefficient first. `complete` is False where the budget ended.
     """
 
     ring: Ring | None

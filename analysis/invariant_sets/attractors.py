@@ -211,8 +211,8 @@ def attractors(
     samples      states drawn from the box, evenly, by a generator with this seed
     plane        two states over which a picture of resolution x resolution initial states is made; `at`: the
                  others there (default: the middle of the box)
-    cells        along each edge of the box; recurrences: iterates in a row on cells visited before, after which a
-                 motion is looked at; most: iterates, after which the rest is undecided
+    cells        along each edge of the box; recurrences: iterates in a row on cells visited before, after
+                 which a motion is looked at; most: iterates, after which the rest is undecided
     reach        distance from an attractor, in parts of the box, within which a motion has to stay
     escape       distance from the middle of the box, in parts of it, beyond which a motion has escaped
     progress     called with (motions decided, all)

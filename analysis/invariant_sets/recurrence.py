@@ -1,4 +1,4 @@
-"""Cells of a grid in state space, and how long each of many motions has been on cells that it has visited before.
+"""Cells of a grid in state space, and how long each of many motions has been on cells visited before.
 
 Space is cut into boxes without a bound; a box is a whole number made of its place. A motion that for many
 iterates comes only to cells of its own past has come to an attractor, or is slow.

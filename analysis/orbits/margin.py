@@ -29,8 +29,8 @@ class Margin:
                     (inf where it nowhere does); surface: its name; t: when
     sliding         least distance of a sliding multiplier from an end of its set where it turns back from it
                     (inf where it nowhere does); sliding_surface, sliding_t
-    transversality  least speed with which a surface is reached or left, relative to |G_y| |v|: 0 at grazing and
-                    where a crossing reaches the border of sliding; transversal_t: when
+    transversality  least speed with which a surface is reached or left, relative to |G_y| |v|: 0 at grazing
+                    and where a crossing reaches the border of sliding; transversal_t: when
     """
 
     distance: float = float("inf")

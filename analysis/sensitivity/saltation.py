@@ -313,8 +313,9 @@ class Together:
     def _disagree(self, reached: Sequence[Event]) -> NotDifferentiableError:
         names = ", ".join(repr(event.surface) for event in reached)
         return self.refused(
-            f"the surfaces {names} are reached at once ({mode_text(self.before)} -> {mode_text(self.after)}), "
-            "and neighbouring solutions depend on the order in which they meet them"
+            f"the surfaces {names} are reached at once "
+            f"({mode_text(self.before)} -> {mode_text(self.after)}), "
+            "and neighbouring solutions depend on the order in which they reach them"
         )
 
 

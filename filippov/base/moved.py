@@ -104,8 +104,9 @@ _MOVED: dict[tuple[str, str], str] = {
     ),
     ("filippov.analysis", "filippov.models"): ("static_cycle"),
     ("filippov.analysis.harmonic", "filippov.models"): ("static_cycle"),
-    ("filippov.bank", "filippov.app.bank.peers"): (
-        "peer peer_diffrax>solvers peer_heyoka>solvers peer_process peer_row peer_scipy>solvers"
+    ("filippov.bank", "filippov.app.bank.reference"): (
+        "peer>solver peer_diffrax>solvers peer_heyoka>solvers peer_process>process peer_row>row "
+        "peer_scipy>solvers"
     ),
 }
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from filippov.app.bank.case import chosen, read_bank
-from filippov.app.bank.peers.peer import Limits, Peer
-from filippov.app.bank.peers.peer_process import PeerProcess
-from filippov.app.bank.peers.peer_row import OUTCOMES, PeerRow
-from filippov.app.bank.peers.solvers import FAMILIES, FILIPPOV
+from filippov.app.bank.reference.process import SolverProcess
+from filippov.app.bank.reference.row import OUTCOMES, SolverRow
+from filippov.app.bank.reference.solver import Limits, ReferenceSolver
+from filippov.app.bank.reference.solvers import FAMILIES, FILIPPOV
 from filippov.app.bank.row import widest
 from filippov.app.bank.target import whole_and_parts
 from filippov.base.errors import UsageError
@@ -29,7 +29,7 @@ _MARKS = {
 class PeerTable:
     """All rows, with the versions of the solvers and what counted as right."""
 
-    rows: tuple[PeerRow, ...]
+    rows: tuple[SolverRow, ...]
     versions: Mapping[str, str]
     rtol: float
     tolerance: float
@@ -85,14 +85,14 @@ def compare_bank(
         for one in whole_and_parts(case)
     ]
     versions = {solver.module: solver.version for solver in solvers if solver not in FILIPPOV}
-    rows: dict[tuple[int, int], PeerRow] = {}
+    rows: dict[tuple[int, int], SolverRow] = {}
 
     def table() -> PeerTable:
         return PeerTable(tuple(rows[k] for k in sorted(rows)), versions, rtol, tolerance, max_calls, max_time)
 
     try:
         for column, solver in enumerate(solvers):
-            process = PeerProcess(solver.name)
+            process = SolverProcess(solver.name)
             try:
                 for line, case in enumerate(cases):
                     if progress is not None:
@@ -107,10 +107,10 @@ def compare_bank(
     return table()
 
 
-def _solvers(names: Sequence[str] | None) -> list[Peer]:
+def _solvers(names: Sequence[str] | None) -> list[ReferenceSolver]:
     if names is None:
         return [peer for family in FAMILIES.values() for peer in family if peer.installed]
-    out: list[Peer] = []
+    out: list[ReferenceSolver] = []
     for name in names:
         if name not in FAMILIES:
             raise UsageError(unknown("reference solver", name, FAMILIES))
@@ -153,4 +153,4 @@ def peers_json(table: PeerTable) -> str:
 def read_peers(path: str | Path) -> PeerTable:
     """The table from what `peers_json` wrote."""
     data = json.loads(Path(path).read_text(encoding="utf-8"))
-    return PeerTable(**{**data, "rows": tuple(PeerRow(**row) for row in data["rows"])})
+    return PeerTable(**{**data, "rows": tuple(SolverRow(**row) for row in data["rows"])})

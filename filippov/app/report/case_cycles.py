@@ -56,7 +56,7 @@ class CaseCycles:
 
 
 def _runs(run: Context, case: CaseResults, rtol: float) -> tuple[Continuation, ...]:
-    """Branches through all cycles of the case, from the largest down; one that was found is not begun again."""
+    """Branches through all cycles of the case, from the largest down; none is begun again."""
     name, values = run.study.parameter, run.study.values
     power = case.power.remake(rtol=rtol, atol=1e-2 * rtol)
     own, bounds = power.parameters[name], (values[0], values[-1])

@@ -13,12 +13,12 @@ import sympy
 from scipy.integrate import solve_ivp
 from sympy import Abs, Dummy, Expr, Float, Rational
 
-from filippov.app.bank.peers.peer import (
+from filippov.app.bank.reference.solver import (
     CannotError,
     Given,
     HangError,
     Limits,
-    Peer,
+    ReferenceSolver,
     SaidError,
     numeric_field,
 )
@@ -143,12 +143,14 @@ def run_diffrax(method: str, case: Given, limits: Limits) -> tuple[Array, bool]:
 
 
 FILIPPOV = tuple(
-    Peer(name, "filippov", partial(run_filippov, method))
+    ReferenceSolver(name, "filippov", partial(run_filippov, method))
     for name, method in (("filippov", "DOP853"), ("filippov Radau", "Radau"))
 )
-FAMILIES: dict[str, tuple[Peer, ...]] = {
-    "scipy": tuple(Peer(f"scipy {m}", "scipy", partial(run_scipy, m)) for m in ("RK45", "LSODA", "Radau")),
-    "heyoka": (Peer("heyoka", "heyoka", run_heyoka),),
-    "diffrax": tuple(Peer(f"diffrax {m}", "diffrax", partial(run_diffrax, m)) for m in STAGES),
+FAMILIES: dict[str, tuple[ReferenceSolver, ...]] = {
+    "scipy": tuple(
+        ReferenceSolver(f"scipy {m}", "scipy", partial(run_scipy, m)) for m in ("RK45", "LSODA", "Radau")
+    ),
+    "heyoka": (ReferenceSolver("heyoka", "heyoka", run_heyoka),),
+    "diffrax": tuple(ReferenceSolver(f"diffrax {m}", "diffrax", partial(run_diffrax, m)) for m in STAGES),
 }
 SOLVERS = {peer.name: peer for family in (FILIPPOV, *FAMILIES.values()) for peer in family}

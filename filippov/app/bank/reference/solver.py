@@ -79,7 +79,7 @@ Solve = Callable[[Given, Limits], tuple[Array, bool]]
 
 
 @dataclass(frozen=True)
-class Peer:
+class ReferenceSolver:
     """A solver by name, the module that it needs, and the function that runs a case."""
 
     name: str

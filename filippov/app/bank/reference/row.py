@@ -9,8 +9,16 @@ import numpy as np
 
 from filippov.app.bank.case import Case
 from filippov.app.bank.motion import Settings
-from filippov.app.bank.peers.peer import CannotError, HangError, Limits, Peer, SaidError, given, worst
-from filippov.app.bank.peers.solvers import FILIPPOV
+from filippov.app.bank.reference.solver import (
+    CannotError,
+    HangError,
+    Limits,
+    ReferenceSolver,
+    SaidError,
+    given,
+    worst,
+)
+from filippov.app.bank.reference.solvers import FILIPPOV
 from filippov.app.bank.run import run_case
 from filippov.base.errors import ModelError
 
@@ -18,7 +26,7 @@ OUTCOMES = ("right", "wrong", "silent", "hang", "error", "cannot")
 
 
 @dataclass(frozen=True)
-class PeerRow:
+class SolverRow:
     """What one solver made of one case.
 
     outcome   "right", "wrong", "silent" (one of several solutions, without a word), "hang" (not done within
@@ -36,38 +44,38 @@ class PeerRow:
     message: str = ""
 
 
-def peer_row(solver: Peer, case: Case, limits: Limits, tolerance: float) -> PeerRow:
+def solver_row(solver: ReferenceSolver, case: Case, limits: Limits, tolerance: float) -> SolverRow:
     """The outcome; whatever the solver raises is one."""
     limits.started = time.monotonic()
     try:
         problem = given(case)
         states, reported = solver.solve(problem, limits)
     except HangError:
-        return PeerRow(case.id, solver.name, "hang", False, None)
+        return SolverRow(case.id, solver.name, "hang", False, None)
     except SaidError as said:
         right = problem.ambiguous
-        return PeerRow(case.id, solver.name, "right" if right else "error", False, None, str(said)[:200])
+        return SolverRow(case.id, solver.name, "right" if right else "error", False, None, str(said)[:200])
     except CannotError as reason:
         if solver in FILIPPOV:
             return _by_expectations(solver.name, case, limits)
-        return PeerRow(case.id, solver.name, "cannot", False, None, str(reason)[:200])
+        return SolverRow(case.id, solver.name, "cannot", False, None, str(reason)[:200])
     except ModelError as error:
-        return PeerRow(case.id, solver.name, "cannot", False, None, str(error)[:200])
+        return SolverRow(case.id, solver.name, "cannot", False, None, str(error)[:200])
     except Exception as error:  # noqa: BLE001 (a solver may raise anything; it is its outcome)
-        return PeerRow(case.id, solver.name, "error", False, None, f"{type(error).__name__}: {error}"[:200])
+        return SolverRow(case.id, solver.name, "error", False, None, f"{type(error).__name__}: {error}"[:200])
     if not reported:
-        return PeerRow(case.id, solver.name, "error", False, None, "ended early")
+        return SolverRow(case.id, solver.name, "error", False, None, "ended early")
     if problem.ambiguous:
-        return PeerRow(case.id, solver.name, "silent", True, None, "one of several solutions")
+        return SolverRow(case.id, solver.name, "silent", True, None, "one of several solutions")
     gap, ratio = worst(problem, states, tolerance)
     shown = float(gap) if np.isfinite(gap) else None
-    return PeerRow(case.id, solver.name, "right" if ratio <= 1 else "wrong", True, shown)
+    return SolverRow(case.id, solver.name, "right" if ratio <= 1 else "wrong", True, shown)
 
 
-def _by_expectations(name: str, case: Case, limits: Limits) -> PeerRow:
+def _by_expectations(name: str, case: Case, limits: Limits) -> SolverRow:
     """This package in a case without states at known times, or with more than signs: as `run_bank` has it."""
     method = "Radau" if name.endswith("Radau") else "DOP853"
     settings = Settings(rtol=limits.rtol, atol=limits.atol, method=method, max_time=limits.seconds)
     row = run_case(case, settings)
     outcome = "right" if row.passed else "hang" if row.status == "timeout" else "wrong"
-    return PeerRow(case.id, name, outcome, row.status == "success", row.max_error, row.message[:200])
+    return SolverRow(case.id, name, outcome, row.status == "success", row.max_error, row.message[:200])

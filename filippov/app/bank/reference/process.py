@@ -1,6 +1,6 @@
 """A process for one solver: what hangs in it is ended, what crashes in it is an outcome.
 
-The process is `python -m filippov.app.bank.peers.peer_process NAME`. It reads cases as lines of JSON and
+The process is `python -m filippov.app.bank.reference.process NAME`. It reads cases as lines of JSON and
 answers each with its row; nothing else goes to where the rows go, whatever the solver prints.
 """
 
@@ -21,15 +21,15 @@ from typing import Any
 
 import filippov
 from filippov.app.bank.case import Case, read_bank
-from filippov.app.bank.peers.peer import Limits
-from filippov.app.bank.peers.peer_row import PeerRow, peer_row
-from filippov.app.bank.peers.solvers import SOLVERS
+from filippov.app.bank.reference.row import SolverRow, solver_row
+from filippov.app.bank.reference.solver import Limits
+from filippov.app.bank.reference.solvers import SOLVERS
 
 STARTING = 300.0  # seconds for the interpreter and the solver's module, on any machine
 GRACE = 5.0  # seconds beyond those allowed, within which a solver can end by itself
 
 
-class PeerProcess:
+class SolverProcess:
     """Runs the cases of one solver, in a process that is made anew when it had to be ended."""
 
     def __init__(self, name: str) -> None:
@@ -37,7 +37,7 @@ class PeerProcess:
         self._process: subprocess.Popen[str] | None = None
         self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
 
-    def run(self, case: Case, limits: Limits, tolerance: float) -> PeerRow:
+    def run(self, case: Case, limits: Limits, tolerance: float) -> SolverRow:
         """The row of a case; "hang" where the time is over, "error" where the process died."""
         try:
             self._start()
@@ -52,13 +52,13 @@ class PeerProcess:
             answer = self._lines.get(timeout=limits.seconds + GRACE)
         except queue.Empty:
             self.close()
-            return PeerRow(case.id, self.name, "hang", False, None, f"ended after {limits.seconds:g} s")
+            return SolverRow(case.id, self.name, "hang", False, None, f"ended after {limits.seconds:g} s")
         except BrokenPipeError:
             answer = ""
         if not answer:
             code = self.close()
-            return PeerRow(case.id, self.name, "error", False, None, f"its process died (exit code {code})")
-        return PeerRow(**json.loads(answer))
+            return SolverRow(case.id, self.name, "error", False, None, f"its process died (exit code {code})")
+        return SolverRow(**json.loads(answer))
 
     def _start(self) -> None:
         """The process, ready for a case. Raises queue.Empty when it does not get ready."""
@@ -66,7 +66,7 @@ class PeerProcess:
             return
         self.close()
         self._process = subprocess.Popen(  # noqa: S603 (this interpreter, a name of SOLVERS)
-            [sys.executable, "-P", "-m", "filippov.app.bank.peers.peer_process", self.name],
+            [sys.executable, "-P", "-m", "filippov.app.bank.reference.process", self.name],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
             env=_environment(),
         )  # fmt: skip
@@ -120,7 +120,7 @@ def serve(name: str) -> None:
     for line in sys.stdin:
         asked: dict[str, Any] = json.loads(line)
         limits = Limits(asked["rtol"], asked["atol"], asked["calls"], asked["seconds"])
-        row = peer_row(solver, read_bank([asked["case"]])[0], limits, asked["tolerance"])
+        row = solver_row(solver, read_bank([asked["case"]])[0], limits, asked["tolerance"])
         print(json.dumps(asdict(row)), file=answers, flush=True)
 
 
