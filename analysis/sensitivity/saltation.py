@@ -294,11 +294,11 @@ class Together:
         for order in itertools.permutations(reached):
             mode, total = self.before, np.eye(self.system.dimension + len(self.names) + 1)
             for k, event in enumerate(order):
-                reached = sorted({e.index for e in order[: k + 1]})
+                places = sorted({e.index for e in order[: k + 1]})
                 following = self.after
                 if k < len(order) - 1:
                     here = Point(machine, self.t, self.x, direction, direction * 1e-6, np.zeros(machine.m))
-                    near = [c for c in successors(here, mode, reached) if c.mode != mode]
+                    near = [c for c in successors(here, mode, places) if c.mode != mode]
                     if len(near) != 1:
                         raise self._disagree(reached)
                     following = near[0].mode
