@@ -89,18 +89,14 @@ def test_13_8_a_measure(copy: Copy) -> None:
 def test_13_8_a_quantity(copy: Copy) -> None:
     copy.add("filippov/app/bank/measures/steps.py", '''"""How the run went."""
 
-from dataclasses import dataclass
-
 from filippov.app.bank.measures.measure import Measure
 from filippov.app.bank.motion import Motion
 
 
-@dataclass(frozen=True)
 class Modes(Measure, quantity="number of segments"):
-    """Number of segments of the motion."""
+    """Number of segments of the solution."""
 
-    def of(self, subject: Motion) -> int:
-        """The number."""
+    def __call__(self, subject: Motion) -> int:
         return len(subject.main.segments)
 ''')
     copy.put("filippov/app/bank/measures/__init__.py", "    sliding,\n", "    steps,\n")

@@ -110,5 +110,3 @@ def _entries(item: Mapping[str, Any], entries: Sequence[Any]) -> tuple[Entry, ..
             name = f"{plain} #{times[plain] + 1}"
         out[name] = Entry(name, given)
     return tuple(out.values())
-
-

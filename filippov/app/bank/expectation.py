@@ -68,7 +68,7 @@ class Expectation:
         if not isinstance(subject, self.measure.ABOUT):
             about = "a polynomial" if self.measure.ABOUT is Polynomial else "a system"
             raise ModelError(f"{self.measure.tag} is a quantity of {about}, which the case is not.")
-        got = self.measure.of(subject)
+        got = self.measure(subject)
         if self.text is not None:
             return compared_texts(got, self.text)
         atol, rtol = number(self.atol, subject.names), number(self.rtol, subject.names)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -32,7 +31,6 @@ def accumulation(motion: Motion) -> Solution:
     raise MissingError(f"no events accumulate within {LONGER[-1]:g} times the span")
 
 
-@dataclass(frozen=True)
 class Accumulation(Measure, quantity="accumulation"):
     """The limit of accumulating events.
 
@@ -41,8 +39,7 @@ class Accumulation(Measure, quantity="accumulation"):
 
     take: Literal["t", "state_after"] = "t"
 
-    def of(self, subject: Motion) -> Any:
-        """Time or state."""
+    def __call__(self, subject: Motion) -> Any:
         run = accumulation(subject)
         if self.take == "t":
             return run.t_end if run.zeno is None else run.zeno.t
@@ -53,7 +50,6 @@ class Accumulation(Measure, quantity="accumulation"):
         return after.x_end
 
 
-@dataclass(frozen=True)
 class Ratios(Measure, quantity="ratios"):
     """Ratios of successive quantities at the events of an accumulation, a list.
 
@@ -64,8 +60,7 @@ class Ratios(Measure, quantity="ratios"):
     between: str
     surface: int | str | None = None
 
-    def of(self, subject: Motion) -> Any:
-        """The ratios."""
+    def __call__(self, subject: Motion) -> Any:
         events = _tail(subject)
         if self.surface is not None:
             place = subject.place(self.surface)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal
 
 import numpy as np
@@ -24,7 +24,6 @@ SAMPLES = 101
 _NODES, _GAUSS = np.polynomial.legendre.leggauss(24)
 
 
-@dataclass(frozen=True)
 class Along(Measure, quantity="along"):
     """What a formula in t, the states and the parameters does along the motion.
 
@@ -44,8 +43,7 @@ class Along(Measure, quantity="along"):
     signs: tuple[str, ...] = ()
     rates: tuple[str, ...] = ()
 
-    def of(self, subject: Motion) -> Any:
-        """The number."""
+    def __call__(self, subject: Motion) -> Any:
         parts = segments_over(subject, self.over)
         run, f = parts[0][0], self._function(subject, parts[0][0])
         if self.take in ("mean", "rms"):
@@ -112,7 +110,6 @@ def _integral(run: Solution, f: Callable[[Array], Array], low: float, high: floa
     return total
 
 
-@dataclass(frozen=True)
 class Share(Measure, quantity="share"):
     """The part of the time spent in some modes, or that time itself.
 
@@ -125,8 +122,7 @@ class Share(Measure, quantity="share"):
     over: Over = "span"
     take: Literal["fraction", "time"] = "fraction"
 
-    def of(self, subject: Motion) -> Any:
-        """The fraction or time."""
+    def __call__(self, subject: Motion) -> Any:
         total = inside = 0.0
         letters = {"+": 1, "-": -1, "0": 0}
         for run, a, b in segments_over(subject, self.over):

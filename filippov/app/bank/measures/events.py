@@ -21,7 +21,6 @@ WORDS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
 class Filter(Measure):
     """Which events of a run, in order.
 
@@ -105,7 +104,6 @@ def taken(motion: Motion, event: Event, take: str) -> Any:
     return (after if side == "after" else event.x)[motion.component(name)]
 
 
-@dataclass(frozen=True)
 class OneEvent(Filter, quantity="event"):
     """One event: the `number`-th of those that the filter leaves, from 1, or from the end with -1.
 
@@ -116,13 +114,11 @@ class OneEvent(Filter, quantity="event"):
     number: int = 1
     take: str = "t"
 
-    def of(self, subject: Motion) -> Any:
-        """What is taken of the event."""
+    def __call__(self, subject: Motion) -> Any:
         events = self.chosen(subject)
         return taken(subject, one_of(events, self.number, "such events"), self.take)
 
 
-@dataclass(frozen=True)
 class SomeEvents(Filter, quantity="events"):
     """All events that the filter leaves, or the first or last of them, as a list of what is taken of each."""
 
@@ -130,18 +126,15 @@ class SomeEvents(Filter, quantity="events"):
     last: int | None = None
     take: str = "t"
 
-    def of(self, subject: Motion) -> Any:
-        """The list."""
+    def __call__(self, subject: Motion) -> Any:
         events = self.chosen(subject)[: self.first]
         return [taken(subject, e, self.take) for e in events[-self.last if self.last else None :]]
 
 
-@dataclass(frozen=True)
 class EventCount(Filter, quantity="event_count"):
     """The number of events that the filter leaves."""
 
-    def of(self, subject: Motion) -> Any:
-        """The number."""
+    def __call__(self, subject: Motion) -> Any:
         return float(len(self.chosen(subject)))
 
 
@@ -159,7 +152,6 @@ class EventRecord:
     state_after: tuple[Number, ...] | None = None
 
 
-@dataclass(frozen=True)
 class EventList(Measure, quantity="event_list"):
     """The largest deviation of times and states of the run's first events from this list.
 
@@ -173,7 +165,7 @@ class EventList(Measure, quantity="event_list"):
     together: Number = 1e-9
     grazing: bool = False
 
-    def of(self, subject: Motion) -> Any:
+    def __call__(self, subject: Motion) -> Any:
         """The largest deviation. Raises MissingError where an event is not in the run."""
         kinds = [e for e in subject.events() if self.grazing or e.kind is not EventKind.GRAZING]
         if not self.events and kinds:

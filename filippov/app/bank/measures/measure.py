@@ -1,10 +1,10 @@
-"""What every measure is: a dataclass that works out a number, numbers or a text from a case's runs."""
+"""What every measure is: a quantity that is worked out from a case's runs, numbers or a text."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, dataclass_transform
 
 import numpy as np
 import sympy
@@ -22,8 +22,12 @@ from filippov.solving.solution import Solution
 Number = float | str
 
 
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
 class Measure:
-    """A quantity by name; `of` gives its value in a case. Raises MissingError where the case has none."""
+    """A quantity by name: a frozen dataclass; called with a case's runs it gives its value there.
+
+    Raises MissingError where the case has none.
+    """
 
     FAMILY: ClassVar[tuple[str, dict[str, type]]] = ("quantity", {})
     ABOUT: ClassVar[type] = Motion
@@ -31,12 +35,12 @@ class Measure:
 
     def __init_subclass__(cls, quantity: str = "", **options: Any) -> None:
         super().__init_subclass__(**options)
+        dataclass(frozen=True)(cls)
         if quantity:
             cls.tag = quantity
             Measure.FAMILY[1][quantity] = cls
 
-    def of(self, subject: Any) -> Any:
-        """The value in a case."""
+    def __call__(self, subject: Any) -> Any:
         raise NotImplementedError
 
 
@@ -53,21 +57,19 @@ When = Number | Measure | None
 Over = Literal["span", "period", "first_sliding", "sliding"] | tuple[When, When]
 
 
-@dataclass(frozen=True)
 class Formula(Measure, quantity="formula"):
     """A formula in parameters and in other quantities by name; lists are taken entry by entry."""
 
     formula: str
     where: dict[str, Measure] = field(default_factory=dict)
 
-    def of(self, subject: Any) -> Any:
-        """The value of the formula."""
+    def __call__(self, subject: Any) -> Any:
         return evaluated(subject, self.formula, measured(subject, self.where))
 
 
 def measured(subject: Any, where: dict[str, Measure]) -> dict[str, Any]:
     """The values of quantities by name, as arrays."""
-    return {name: np.asarray(measure.of(subject), dtype=float) for name, measure in where.items()}
+    return {name: np.asarray(measure(subject), dtype=float) for name, measure in where.items()}
 
 
 def evaluated(subject: Any, text: str, given: dict[str, Any]) -> Any:
@@ -85,7 +87,7 @@ def moment(motion: Motion, when: When) -> float:
     if when is None:
         return motion.t_end
     if isinstance(when, Measure):
-        return float(np.asarray(when.of(motion)).reshape(()))
+        return float(np.asarray(when(motion)).reshape(()))
     return number(when, motion.names)
 
 
@@ -113,7 +115,7 @@ def expression(
     """A formula in t, the states, the parameters, quantities that are numbers, and given symbols."""
     names = {**motion.names, **(given or {}), "t": time_symbol}
     for name, measure in where.items():
-        names[name] = float(np.asarray(measure.of(motion)).reshape(()))
+        names[name] = float(np.asarray(measure(motion)).reshape(()))
     return formula(text, names)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -21,7 +20,6 @@ from filippov.base.errors import ModelError, UsageError
 SYMMETRIC = 1e-6
 
 
-@dataclass(frozen=True)
 class PeriodicOrbit(Measure, quantity="orbit"):
     """The periodic motion that the run settles on, or the periodic orbit near the start, stable or not.
 
@@ -41,7 +39,7 @@ class PeriodicOrbit(Measure, quantity="orbit"):
     half: bool = False
     trivial: bool = False
 
-    def of(self, subject: Motion) -> Any:
+    def __call__(self, subject: Motion) -> Any:
         """What is taken of it. Raises MissingError."""
         if self.take == "period":
             cycle = self._cycle(subject)
@@ -56,7 +54,7 @@ class PeriodicOrbit(Measure, quantity="orbit"):
             raise MissingError("the motion has no multiplier besides 1")
         largest = max(values, key=abs)
         if self.take == "exponent":
-            period = PeriodicOrbit("period", self.find, self.period).of(subject)
+            period = PeriodicOrbit("period", self.find, self.period)(subject)
             with np.errstate(divide="ignore"):
                 return float(np.log(abs(largest))) / period
         return abs(largest) if self.take == "modulus" else _real(largest)
@@ -117,15 +115,13 @@ def _eigenvalues(motion: Motion, cycle: Cycle, half: bool) -> list[complex]:
     return [complex(v) for v in np.linalg.eigvals(-matrix if half else matrix)]
 
 
-@dataclass(frozen=True)
 class HarmonicBalance(Measure, quantity="harmonic_balance"):
     """What harmonic balance predicts for a limit cycle: the `number`-th by growing amplitude."""
 
     take: Literal["period", "frequency", "amplitude"]
     number: int = 1
 
-    def of(self, subject: Motion) -> Any:
-        """The prediction."""
+    def __call__(self, subject: Motion) -> Any:
         try:
             cycles = describing_function(subject.built.system).cycles
         except (ModelError, UsageError) as error:

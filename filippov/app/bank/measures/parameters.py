@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from filippov.analysis.bifurcations.continuation import continuation
@@ -20,7 +19,6 @@ from filippov.base.status import EventKind
 SETTLED = 0.75  # what of a doubled span counts as settled
 
 
-@dataclass(frozen=True)
 class Threshold(Measure, quantity="threshold"):
     """The value of a parameter between settled motions that meet a surface and those that do not.
 
@@ -32,7 +30,7 @@ class Threshold(Measure, quantity="threshold"):
     between: tuple[Number, Number]
     width: Number | None = None
 
-    def of(self, subject: Motion) -> Any:
+    def __call__(self, subject: Motion) -> Any:
         """The value. Raises MissingError where both ends are alike."""
         check_known("parameter", [self.parameter], subject.built.raw.get("params") or {})
         low, high = sorted(number(value, subject.names) for value in self.between)
@@ -56,7 +54,6 @@ class Threshold(Measure, quantity="threshold"):
         return any(e.t > after and e.kind is not EventKind.GRAZING for e in motion.events(run))
 
 
-@dataclass(frozen=True)
 class Fold(Measure, quantity="fold"):
     """The value of a parameter at which a branch of periodic orbits, or of equilibria, turns back.
 
@@ -72,7 +69,7 @@ class Fold(Measure, quantity="fold"):
     mode: str | None = None
     number: int = 1
 
-    def of(self, subject: Motion) -> Any:
+    def __call__(self, subject: Motion) -> Any:
         """The value. Raises MissingError where no branch is found, or it has no such fold."""
         try:
             found = in_time(subject.deadline, lambda: self._folds(subject))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Literal
 
 from filippov.app.bank.measures.measure import Measure, one_of
@@ -10,7 +9,6 @@ from filippov.app.bank.motion import Motion, slides
 from filippov.solving.segments import Segment
 
 
-@dataclass(frozen=True)
 class Phases(Measure, quantity="phases"):
     """Phases that slide (stick), or that do not (slip); a slip through h = 0 is one phase.
 
@@ -28,8 +26,7 @@ class Phases(Measure, quantity="phases"):
     first: int | None = None
     take: Literal["length", "interval", "begin", "middle", "end"] = "length"
 
-    def of(self, subject: Motion) -> Any:
-        """A list, or one entry of it."""
+    def __call__(self, subject: Motion) -> Any:
         segments: tuple[Segment, ...] = subject.main.segments
         if self.over == "period":
             (low, high), tiny = subject.cycle.span, 1e-9 * subject.cycle.period

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal
 
 import sympy
@@ -27,7 +27,6 @@ def assigned(polynomial: Polynomial, at: dict[str, Number]) -> Polynomial:
     return polynomial.at(values) if at else polynomial
 
 
-@dataclass(frozen=True)
 class RootCounts(PolynomialMeasure, quantity="root_counts"):
     """The numbers of roots [right of, on, left of] the imaginary axis, exact, or one of them.
 
@@ -37,8 +36,7 @@ class RootCounts(PolynomialMeasure, quantity="root_counts"):
     take: Literal["all", "right", "axis", "left"] = "all"
     at: dict[str, Number] = field(default_factory=dict)
 
-    def of(self, subject: Polynomial) -> Any:
-        """The numbers."""
+    def __call__(self, subject: Polynomial) -> Any:
         routh = assigned(subject, self.at).routh
         if routh.counts is None:
             raise MissingError(routh.message or "the polynomial has parameters that are not given")
@@ -46,45 +44,38 @@ class RootCounts(PolynomialMeasure, quantity="root_counts"):
         return row if self.take == "all" else row[("right", "axis", "left").index(self.take)]
 
 
-@dataclass(frozen=True)
 class Roots(PolynomialMeasure, quantity="roots"):
     """All roots as [real, imaginary]."""
 
     at: dict[str, Number] = field(default_factory=dict)
 
-    def of(self, subject: Polynomial) -> Any:
-        """The list."""
+    def __call__(self, subject: Polynomial) -> Any:
         return [[root.real, root.imag] for root in assigned(subject, self.at).roots()]
 
 
-@dataclass(frozen=True)
 class RootDistance(PolynomialMeasure, quantity="root_distance"):
     """The distance of the nearest root from [real, imaginary]."""
 
     root: tuple[Number, Number]
     at: dict[str, Number] = field(default_factory=dict)
 
-    def of(self, subject: Polynomial) -> Any:
-        """The distance."""
+    def __call__(self, subject: Polynomial) -> Any:
         wanted = complex(*(number(part, subject.names) for part in self.root))
         return min(abs(root - wanted) for root in assigned(subject, self.at).roots())
 
 
-@dataclass(frozen=True)
 class StabilityVerdict(PolynomialMeasure, quantity="verdict"):
     """The text "asymptotically stable", "marginally stable" or "unstable"."""
 
     at: dict[str, Number] = field(default_factory=dict)
 
-    def of(self, subject: Polynomial) -> Any:
-        """The text."""
+    def __call__(self, subject: Polynomial) -> Any:
         verdict = assigned(subject, self.at).routh.verdict
         if verdict is None:
             raise MissingError("the polynomial has parameters that are not given")
         return verdict.value
 
 
-@dataclass(frozen=True)
 class StabilityCondition(PolynomialMeasure, quantity="stability_condition"):
     """The number of sample points of the parameters at which a condition differs from stability.
 
@@ -94,8 +85,7 @@ class StabilityCondition(PolynomialMeasure, quantity="stability_condition"):
 
     condition: str
 
-    def of(self, subject: Polynomial) -> Any:
-        """The number of points."""
+    def __call__(self, subject: Polynomial) -> Any:
         condition, found = parse_condition(self.condition, subject.names), subject.routh
         if found.status != "complete":
             raise MissingError(found.message)
@@ -114,7 +104,6 @@ class StabilityCondition(PolynomialMeasure, quantity="stability_condition"):
         return float(wrong)
 
 
-@dataclass(frozen=True)
 class StableRange(PolynomialMeasure, quantity="stable_range"):
     """The values of the one parameter for which all roots are left of the axis.
 
@@ -125,8 +114,7 @@ class StableRange(PolynomialMeasure, quantity="stable_range"):
     take: Literal["interval", "least", "largest", "boundaries"] = "interval"
     number: int | None = None
 
-    def of(self, subject: Polynomial) -> Any:
-        """The bounds."""
+    def __call__(self, subject: Polynomial) -> Any:
         k, intervals = subject.stable_intervals()
         check_known("parameter", [self.parameter], [k.name])
         if self.take == "boundaries":
@@ -140,14 +128,12 @@ class StableRange(PolynomialMeasure, quantity="stable_range"):
         return [float(value) for value in found] if self.take == "interval" else float(found[0])
 
 
-@dataclass(frozen=True)
 class AxisFrequencies(PolynomialMeasure, quantity="axis_frequencies"):
     """Frequencies of the roots on the axis, in order: at the ends of a parameter's stable range if any."""
 
     number: int | None = None
 
-    def of(self, subject: Polynomial) -> Any:
-        """The frequencies."""
+    def __call__(self, subject: Polynomial) -> Any:
         given = [subject]
         if subject.free:
             k, intervals = subject.stable_intervals()
@@ -160,7 +146,6 @@ class AxisFrequencies(PolynomialMeasure, quantity="axis_frequencies"):
         return found if self.number is None else one_of(found, self.number, "frequencies")
 
 
-@dataclass(frozen=True)
 class AxisPair(PolynomialMeasure, quantity="axis_pair"):
     """How far the roots are from +-j frequency where an equation holds, two of them being on the axis.
 
@@ -171,8 +156,7 @@ class AxisPair(PolynomialMeasure, quantity="axis_pair"):
     equation: str
     frequency: str
 
-    def of(self, subject: Polynomial) -> Any:
-        """The largest distance, relative to 1 + frequency."""
+    def __call__(self, subject: Polynomial) -> Any:
         left, equals, right = self.equation.partition("=")
         if not equals:
             raise ModelError(f"{self.equation!r:.60} is no equation.")

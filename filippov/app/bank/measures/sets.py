@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +13,6 @@ from filippov.app.bank.outcome import MissingError
 from filippov.base.status import EventKind
 
 
-@dataclass(frozen=True)
 class Reachable(Measure, quantity="reachable"):
     """The states that all solutions reach at a time.
 
@@ -26,7 +24,7 @@ class Reachable(Measure, quantity="reachable"):
     component: str | None = None
     releases: int = 0
 
-    def of(self, subject: Motion) -> Any:
+    def __call__(self, subject: Motion) -> Any:
         """The interval, or the points. Raises MissingError where the motion is unique."""
         time = moment(subject, self.t)
         tree = subject.tree(time, self.releases)
@@ -41,7 +39,6 @@ class Reachable(Measure, quantity="reachable"):
         return [float(np.min(values)), float(np.max(values))]
 
 
-@dataclass(frozen=True)
 class Rest(Measure, quantity="rest"):
     """A motion that is started at a point, for the span of the case but at most a time of 1.
 
@@ -51,8 +48,7 @@ class Rest(Measure, quantity="rest"):
     point: tuple[Number, ...]
     take: Literal["drift", "rests"] = "drift"
 
-    def of(self, subject: Motion) -> Any:
-        """The drift, or the answer."""
+    def __call__(self, subject: Motion) -> Any:
         start, end = subject.built.t_span
         point = np.array([number(value, subject.names) for value in self.point])
         if point.shape != (len(subject.states),):
@@ -67,7 +63,6 @@ class Rest(Measure, quantity="rest"):
         return float(np.max(np.abs(run.x_end - point)) + np.max(np.abs(velocity)))
 
 
-@dataclass(frozen=True)
 class Stop(Measure, quantity="stop"):
     """When the motion comes to rest for good within the span, or where.
 
@@ -78,8 +73,7 @@ class Stop(Measure, quantity="stop"):
     take: str = "t"
     still: Number = 1e-9
 
-    def of(self, subject: Motion) -> Any:
-        """Time or state."""
+    def __call__(self, subject: Motion) -> Any:
         run = subject.main
         entries = [e for e in subject.events() if e.kind is EventKind.ENTRY]
         velocity, _ = subject.velocity(run)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -41,7 +40,6 @@ def _sliding(run: Solution, t: float) -> list[int]:
     return on
 
 
-@dataclass(frozen=True)
 class Signs(Measure, quantity="signs"):
     """The values of the signs that the motion slides on at a time (the equivalent control), in order.
 
@@ -52,8 +50,7 @@ class Signs(Measure, quantity="signs"):
     surface: int | str | None = None
     sliding: Rule | None = None
 
-    def of(self, subject: Motion) -> Any:
-        """A list, or one number."""
+    def __call__(self, subject: Motion) -> Any:
         run, t = under(subject, self.sliding, self.t)
         on, (_, multipliers) = _sliding(run, t), subject.velocity(run, t)
         if self.surface is None:
@@ -64,7 +61,6 @@ class Signs(Measure, quantity="signs"):
         return multipliers[place]
 
 
-@dataclass(frozen=True)
 class Rate(Measure, quantity="rate"):
     """x' in the mode at a time.
 
@@ -75,8 +71,7 @@ class Rate(Measure, quantity="rate"):
     component: str | None = None
     sliding: Rule | None = None
 
-    def of(self, subject: Motion) -> Any:
-        """The derivative."""
+    def __call__(self, subject: Motion) -> Any:
         run, t = under(subject, self.sliding, self.t)
         if self.sliding is not None:
             _sliding(run, t)
@@ -84,11 +79,10 @@ class Rate(Measure, quantity="rate"):
         return velocity if self.component is None else velocity[subject.component(self.component)]
 
 
-@dataclass(frozen=True)
 class VertexWeights(Measure, quantity="moments_weights"):
     """Weights of the vertex fields --, -+, +-, ++, ... in the moments solution at the end of the span."""
 
-    def of(self, subject: Motion) -> Any:
+    def __call__(self, subject: Motion) -> Any:
         """Weights with the multipliers as their marginals that satisfy the equations of the moments rule."""
         run, t = under(subject, "moments", None)
         on, (_, multipliers) = _sliding(run, t), subject.velocity(run)
@@ -119,15 +113,13 @@ def _vertices(run: Solution, on: list[int]) -> tuple[Array, Array, Array, Array]
     return signs, np.array(fields), g, gt
 
 
-@dataclass(frozen=True)
 class RateBounds(Measure, quantity="rate_bounds"):
     """[least, largest] rate of a state over all convex combinations of the vertex fields that stay on the
     surfaces, at the end of the span."""
 
     component: str
 
-    def of(self, subject: Motion) -> Any:
-        """The two bounds."""
+    def __call__(self, subject: Motion) -> Any:
         run = subject.main
         on = _sliding(run, run.t_end)
         _, fields, g, gt = _vertices(run, on)
@@ -140,7 +132,6 @@ class RateBounds(Measure, quantity="rate_bounds"):
         return [float(ends[0].fun), -float(ends[1].fun)]
 
 
-@dataclass(frozen=True)
 class Continuations(Measure, quantity="continuations"):
     """The modes that can follow where the solution is not unique.
 
@@ -156,8 +147,7 @@ class Continuations(Measure, quantity="continuations"):
     number: int | None = None
     take: str = "count"
 
-    def of(self, subject: Motion) -> Any:
-        """A list, one entry of it, or the count."""
+    def __call__(self, subject: Motion) -> Any:
         _, every = subject.candidates()
         found = [c for c in every if slides(c.mode) or not self.slides]
         if self.deepest:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +16,6 @@ from filippov.solving.state.events import Mode
 Rule = Literal["filippov", "moments", "utkin"]
 
 
-@dataclass(frozen=True)
 class State(Measure, quantity="state"):
     """The state at a time; the run is taken on to there where it is beyond the span.
 
@@ -31,8 +29,7 @@ class State(Measure, quantity="state"):
     side: Literal["-", "+"] = "-"
     sliding: Rule | None = None
 
-    def of(self, subject: Motion) -> Any:
-        """x(t)."""
+    def __call__(self, subject: Motion) -> Any:
         t = moment(subject, self.t)
         if self.sliding is None:
             x = subject.state(t, side=self.side)
@@ -53,44 +50,37 @@ def mode_at(motion: Motion, when: When) -> Mode:
     return run.end_mode if t == run.t_end else run.mode_at(t, "+")
 
 
-@dataclass(frozen=True)
 class ModeAt(Measure, quantity="mode"):
     """The mode at a time, a text of +, - and 0 (sliding), one for each declared surface."""
 
     t: When = None
 
-    def of(self, subject: Motion) -> Any:
-        """The text."""
+    def __call__(self, subject: Motion) -> Any:
         return mode_text(mode_at(subject, self.t))[: len(subject.built.declared)]
 
 
-@dataclass(frozen=True)
 class Segments(Measure, quantity="segments"):
     """The parts of the run in one mode, in order, or the first of them: their modes or lengths, a list."""
 
     take: Literal["mode", "length"] = "mode"
     first: int | None = None
 
-    def of(self, subject: Motion) -> Any:
-        """The list."""
+    def __call__(self, subject: Motion) -> Any:
         count, run = len(subject.built.declared), subject.main
         modes, lengths = [mode[:count] for mode in run.modes], [segment.dwell for segment in run.segments]
         return (modes if self.take == "mode" else lengths)[: self.first]
 
 
-@dataclass(frozen=True)
 class SlidingOn(Measure, quantity="sliding_on"):
     """Numbers of the declared surfaces that the motion slides on at a time, in order."""
 
     t: When = None
 
-    def of(self, subject: Motion) -> Any:
-        """The numbers."""
+    def __call__(self, subject: Motion) -> Any:
         mode = mode_at(subject, self.t)
         return [i for i in range(len(subject.built.declared)) if mode[i] == 0]
 
 
-@dataclass(frozen=True)
 class End(Measure, quantity="end"):
     """How the run ends: its status as text (success, non_unique, zeno, grazing, not_finite, ...), or when.
 
@@ -101,15 +91,13 @@ class End(Measure, quantity="end"):
     take: Literal["status", "t", "size"] = "status"
     grazing: bool = False
 
-    def of(self, subject: Motion) -> Any:
-        """Status or time."""
+    def __call__(self, subject: Motion) -> Any:
         run = subject.solve(on_graze="error") if self.grazing else subject.main
         if self.take == "size":
             return float(np.max(np.abs(run.x_end)))
         return run.status.value if self.take == "status" else run.t_end
 
 
-@dataclass(frozen=True)
 class Steady(Measure, quantity="steady_state"):
     """The state that the motion settles at, followed up to 64 times the span.
 
@@ -119,8 +107,7 @@ class Steady(Measure, quantity="steady_state"):
     component: str | None = None
     still: Number = 1e-9
 
-    def of(self, subject: Motion) -> Any:
-        """The state, or one component of it."""
+    def __call__(self, subject: Motion) -> Any:
         start, end = subject.built.t_span
         for factor in (1.0, 4.0, 16.0, 64.0):
             run = subject.solve(t_end=start + factor * (end - start), zeno="continue")

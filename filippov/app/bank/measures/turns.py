@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal
 
 import numpy as np
@@ -13,7 +13,6 @@ from filippov.app.bank.outcome import MissingError
 from filippov.solving.solution import Solution
 
 
-@dataclass(frozen=True)
 class LevelTimes(Measure, quantity="level_times"):
     """Times at which a formula in t and the states vanishes along the run.
 
@@ -28,8 +27,7 @@ class LevelTimes(Measure, quantity="level_times"):
     first: int | None = None
     where: dict[str, Measure] = field(default_factory=dict)
 
-    def of(self, subject: Motion) -> Any:
-        """A list of times, or one of them."""
+    def __call__(self, subject: Motion) -> Any:
         found = subject.zeros(subject.main, expression(subject, self.formula, self.where))
         ways = [1 if way == "+" else -1 for way in self.directions or ()]
         if self.number is not None:
@@ -44,7 +42,6 @@ class LevelTimes(Measure, quantity="level_times"):
         return times
 
 
-@dataclass(frozen=True)
 class Turns(Measure, quantity="turns"):
     """Where a state turns: times at which its derivative changes sign, or its values there.
 
@@ -62,8 +59,7 @@ class Turns(Measure, quantity="turns"):
     first: int | None = None
     take: str = "value"
 
-    def of(self, subject: Motion) -> Any:
-        """A list, or one entry of it."""
+    def __call__(self, subject: Motion) -> Any:
         run, k = subject.main, subject.component(self.component)
         assert run.sol is not None
         begin = run.problem.t_span[0]
