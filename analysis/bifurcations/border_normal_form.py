@@ -6,7 +6,7 @@ map (`filippov.analysis.bifurcations.discontinuity_map`), z = -H at the tangency
     q = 1/2   e_n = H_x M^n c, n = 1, 2, ...: how the n-th return after a tangency clears the surface, per
               sqrt(z). All e_n > 0: the attractor grows from the grazing orbit, with a largest multiplier m in
               (2/3, 1) chaotic at once, in (1/4, 2/3) with windows of period adding, in (0, 1/4) by
-              period adding alone. Any e_n < 0: no attractor is near. The orbit with one tangency a return,
+              period adding alone. Any e_n < 0: no attractor is near. The orbit with one tangency per return,
               sqrt(z) = -H_free/sum(e_n), is unstable; it is there beyond the tangency where the sum is
               positive, before it where it is negative (a non-smooth fold).
     q = 1     the return beyond has the derivative M (1 - c H_x). Real multipliers above 1 on both sides,

@@ -54,7 +54,7 @@ class Trend:
 class Comparison:
     """Rows of a comparison, the exact system first.
 
-    rows         one dict a row, as JSON takes it: model, width (None: exact), options, error_times,
+    rows         one dict per row, as JSON takes it: model, width (None: exact), options, error_times,
                  error_P, error_fixed_points, drift, field_calls, seconds, calls_ratio, time_ratio,
                  fixed_points, note;
                  None where there is no value

@@ -54,7 +54,7 @@ class Needed:
 class MotionComparison:
     """Rows of a comparison of motions, the exact one first.
 
-    rows       one dict a row: model, width (None: exact), method, error_state, error_final (over the extent
+    rows       one dict per row: model, width (None: exact), method, error_state, error_final (over the extent
                of each state), error_times, drift, stick (time), entries (into stick, by surface), ending,
                amplitude, period, field_calls, jacobians, factorisations, calls_ratio, seconds, note, measures
     faults     a sentence for each difference in kind at the narrowest width computed

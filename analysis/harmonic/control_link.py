@@ -81,7 +81,7 @@ def linear_mode(
     """The field of one mode, linearised at a state, as a StateSpace.
 
     mode     signs such as "+0": while sliding the multipliers follow the state
-    x        one number a state, in order or by name; t: the time
+    x        one number per state, in order or by name; t: the time
     inputs   parameters by which the field is moved; default: all
     outputs  states or outputs of the system; default: all
              states

@@ -130,7 +130,7 @@ class EventMap:
         return np.array(out)
 
     def orbit(self, d: float) -> tuple[Solution, ...]:
-        """The motion behind the map, one solution a turn."""
+        """The motion behind the map, one solution per return."""
         motions: list[Solution] = []
         for _ in range(self.order):
             motions.append(self._solve(d))

@@ -32,7 +32,7 @@ class ReturnMap(Protocol):
         """dP/dd; NaN where the map does not return."""
 
     def orbit(self, d: float) -> tuple[Solution, ...]:
-        """The motion behind the map, one solution a turn."""
+        """The motion behind the map, one solution per return."""
 
     def remake(self, **changes: Any) -> Self:
         """The same map with other parameters, order or tolerances."""

@@ -33,7 +33,7 @@ class Section:
                    the parameters, or a function (d, p) -> x0 with p by name; None: the motion itself, from
                    one initial state (see `filippov.analysis.maps.returns`)
     t_max          longest time of a turn; a motion that takes longer does not return
-    after          mode after the event, such as "0" or "+0" with * for any sign, one a surface of the system:
+    after          mode after the event, such as "0" or "+0" with * for any sign, one per surface:
                    other events do not end a turn; "": any. For systems that do not depend on time
 
     Raises UsageError, ModelError.
@@ -71,7 +71,7 @@ class Section:
 
     @property
     def stops(self) -> tuple[Stop, ...]:
-        """The events of which one ends a turn, one a surface."""
+        """The events of which one ends a turn, one per surface."""
         return tuple(Stop(name, self.kind) for name in self.surfaces)
 
     @property

@@ -36,7 +36,7 @@ def return_matrix(
 def return_factors(
     motions: Sequence[Solution], gate: Array | None = None, jacobian: Callable[..., Any] | None = None
 ) -> tuple[list[Array], int]:
-    """Factors of the derivative of the return, one a motion, the first applied first; zeros as above."""
+    """Factors of the derivative of the return, one per motion, the first applied first; zeros as above."""
     n = motions[0].problem.system.dimension
     factors: list[Array] = []
     places: list[tuple[Solution, Factor]] = []

@@ -220,7 +220,7 @@ def _checked(x0: Any, t_span: Any) -> tuple[Array, tuple[float, float]]:
         first, last = (float(q) for q in t_span)
     except (TypeError, ValueError):
         raise UsageError(
-            f"x0 is {x0!r} and t_span {t_span!r}, expected numbers, one a state, and (t0, t1)."
+            f"x0 is {x0!r} and t_span {t_span!r}, expected numbers, one per state, and (t0, t1)."
         ) from None
     if start.ndim != 1 or not np.all(np.isfinite(start)):
         raise UsageError(f"x0 is {x0!r}, expected one finite number a state.")

@@ -41,7 +41,7 @@ class Reading:
     """What a program says.
 
     source       where it stands
-    field        one expression a state, in `time`, `states`, the symbols of parameters, memories and clocks
+    field        one expression per state, in `time`, `states`, the symbols of parameters, memories and clocks
     states       symbols; names: those that the program gives them, None where it gives none
     parameters   numbers that it reads, with their names
     sites        where it switches; memories, clocks: what it needs states of their own for
@@ -115,7 +115,7 @@ class Reader(Assignments):
         if isinstance(value, (Expr, *(int, float))) or is_condition(value):
             value = [value]
         if not isinstance(value, (list, tuple, np.ndarray)):
-            raise self.fail(node, f"it returns {type(value).__name__}, expected one rate a state")
+            raise self.fail(node, f"it returns {type(value).__name__}, expected one rate per state")
         rates = np.array(value, dtype=object).ravel().tolist()
         if len(rates) != len(self.states):
             raise self.fail(node, f"it returns {len(rates)} rates for {len(self.states)} states")

@@ -114,7 +114,7 @@ def _node(live: types.FunctionType, tree: ast.Module) -> Node:
         raise ModelError(
             f"the source of {live.__qualname__} (line {code.co_firstlineno} of "
             f"{Path(code.co_filename).name}) is not what runs: the file was changed since, or several "
-            "functions stand on that line. Import it anew, one function a line."
+            "functions stand on that line. Import it anew, one function per line."
         )
     return fitting[0]
 

@@ -190,7 +190,7 @@ def _mode(given: Any, m: int) -> Mode:
     entries = [_SIGNS.get(c) for c in text] if isinstance(text, str) else list(text)
     if len(entries) != m or any(v not in (-1, 0, 1) or isinstance(v, bool) for v in entries):
         raise UsageError(
-            f"mode {given!r} does not fit: expected {m} signs, one a surface, such as "
+            f"mode {given!r} does not fit: expected {m} signs, one per surface, such as "
             f"{mode_text((1,) * m)!r} or {mode_text((0,) * m)!r}."
         )
     return tuple(int(v) for v in entries if v is not None)

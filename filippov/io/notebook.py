@@ -52,7 +52,7 @@ def solution_html(solution: Solution) -> str:
 
 
 def events_html(events: Events) -> str:
-    """The first events, one a row."""
+    """The first events, one per row."""
     names = events.states or ()
     rows = [
         (f"{e.t:.9g}", e.surface, e.kind, f"{mode_text(e.before)} → {mode_text(e.after)}",

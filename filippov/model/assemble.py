@@ -336,7 +336,7 @@ def _names(entries: Sequence[Entry]) -> list[str]:
 
 
 def _after(extractor: Extractor, source: Surface | TimeEvent, x: Sequence[Symbol]) -> list[Expr]:
-    """The state after the reset of a surface or a time event, one expression a state."""
+    """The state after the reset of a surface or a time event, one expression per state."""
     given = dict(source.reset)
     what = "surface" if isinstance(source, Surface) else "time event"
     return [

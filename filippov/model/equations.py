@@ -1,4 +1,4 @@
-"""Equations as a user writes them, checked: one a state, or one vector field for each vector of signs."""
+"""Equations as a user writes them, checked: one per state, or one vector field for each vector of signs."""
 
 from __future__ import annotations
 

@@ -135,9 +135,9 @@ class SymbolicForm:
     """x' = f(t, x, s, a; p): all fields are tuples.
 
     x, p      state and parameter symbols
-    s, a      one symbol a surface: its sign, and |h|
-    field     one expression a state in t, x, p, s, a
-    h         one expression a surface in t, x, p and the a of earlier surfaces
+    s, a      one symbol per surface: its sign, and |h|
+    field     one expression per state in t, x, p, s, a
+    h         one expression per surface in t, x, p and the a of earlier surfaces
     radius    one pair (lo, hi) a surface, in t, x, p: the set at h = 0
     reset     per surface the states after its reset, in t, x, p and the signs and sizes before; None for none
     contact   per surface the contact that its reset allows, or None
@@ -222,7 +222,7 @@ class SymbolicForm:
         return _derivative(self.h_at_mode(mode), self.x)
 
     def rates(self, mode: Sequence[int] | str) -> tuple[Expr, ...]:
-        """d/dt h = dh/dt + grad h . f in a mode, one expression a surface."""
+        """d/dt h = dh/dt + grad h . f in a mode, one expression per surface."""
         field = self.at_mode(mode)
         return tuple(
             h.diff(t) + sum((h.diff(x) * f for x, f in zip(self.x, field, strict=True)), sympy.S.Zero)

@@ -195,7 +195,7 @@ class System:
     ) -> None:
         if not callable(field):
             raise ModelError(f"field is {field!r}, expected a function f(t, x, p, s) that returns dx/dt.")
-        check_signature(field, ("t", "x", "p", "s"), "field", "[...], one number a state")
+        check_signature(field, ("t", "x", "p", "s"), "field", "[...], one number per state")
         if states is None:
             raise ModelError(
                 "states are missing: System(field=f, ...) needs states='x v', the names in order."

@@ -190,7 +190,7 @@ def _line(a: str, b: str, values: Mapping[str, Any]) -> str:
 
 
 def _list(ax: Any, edges: list[Any], height: float) -> None:
-    """The transitions by number, one a line."""
+    """The transitions by number, one per line."""
     rows = max(len(edges), height / 0.26 - 2)
     top = (rows - len(edges)) / 2
     ax.set(xlim=(0, 1), ylim=(rows, 0))

@@ -265,7 +265,7 @@ def _scatter(ax: Any, points: Sequence[tuple[float, float, Any]]) -> None:
 
 
 def _branch(ax: Any, branch: Any) -> None:
-    """A branch with values and d (and stable, one a point): solid where stable, else dashed."""
+    """A branch with values and d (and stable, one per point): solid where stable, else dashed."""
     values, d = np.asarray(branch.values, dtype=float), np.asarray(branch.d, dtype=float)
     stable = np.broadcast_to(np.asarray(getattr(branch, "stable", True), dtype=bool), d.shape)
     ax.plot(values, d, color=PALE, linewidth=2.4, zorder=1)

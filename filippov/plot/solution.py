@@ -119,7 +119,7 @@ def plot_phase(
     """Phase portrait of two states, sliding parts drawn thick.
 
     x, y         names of the states; default the first two
-    equilibrium  states of the ends of an equilibrium set, one row a state vector of n numbers (or of the two
+    equilibrium  states of the ends of an equilibrium set, a row of n numbers for each (or of the two
                  shown): drawn as a thick grey line, one row as a point
     """
     states = solution.system.states
@@ -248,7 +248,7 @@ def _ends(equilibrium: Any, n: int, i: int, j: int) -> Array:
     try:
         rows = np.atleast_2d(np.asarray(equilibrium, dtype=float))
     except (TypeError, ValueError):
-        raise UsageError(f"equilibrium is {equilibrium!r}, expected state vectors, one a row.") from None
+        raise UsageError(f"equilibrium is {equilibrium!r}, expected state vectors, one per row.") from None
     if rows.ndim != 2 or rows.shape[1] not in (2, n):
         raise UsageError(
             f"equilibrium has shape {rows.shape}, expected rows of {n} states, or of the two shown."

@@ -29,7 +29,7 @@ def plot_branches(
     title: str = "",
     figure: Figure | None = None,
 ) -> Figure:
-    """All solutions over time, one panel a state; sliding drawn thick, branching points marked.
+    """All solutions over time, one panel per state; sliding drawn thick, branching points marked.
 
     states  names of the states to show; default all
     labels  labels with units, by name: {"t": "time [s]", "x": "position [m]"}

@@ -66,7 +66,7 @@ def write_netcdf(table: SweepTable, path: str | Path) -> Path:
 
 
 def write_csv(table: SweepTable, path: str | Path) -> Path:
-    """Write one row a point: coordinates, results, status, message; whole or not at all."""
+    """Write one row per point: coordinates, results, status, message; whole or not at all."""
     rows = (
         [*point, *values, status, table.message.get(number, "")]
         for number, (point, values, status) in enumerate(

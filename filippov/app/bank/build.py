@@ -260,7 +260,7 @@ def _fields(raw: Mapping[str, Any], names: Mapping[str, Any], count: int, n: int
     for signs, entry in given.items():
         row = [entry] if isinstance(entry, str | int | float) else entry
         if not isinstance(row, Sequence) or len(row) != n:
-            raise ModelError(f"field {signs!r} is {row!r:.60}, expected {n} formulas, one a state.")
+            raise ModelError(f"field {signs!r} is {row!r:.60}, expected {n} formulas, one per state.")
         if len(signs) != count or set(signs) - set("+-*"):
             raise ModelError(f"fields has the sign vector {signs!r}, expected {count} of '+', '-' or '*'.")
         out[signs] = [expression(value, names) for value in row]
@@ -282,7 +282,7 @@ def _start(raw: Mapping[str, Any], names: Mapping[str, Any], n: int) -> tuple[tu
         x0 = [x0.get(name) for name in list(names)[:n]]
     x0 = [x0] if isinstance(x0, str | int | float) else x0
     if not isinstance(x0, Sequence) or len(x0) != n:
-        raise ModelError(f"x0 is {x0!r:.60}, expected {n} numbers, one a state.")
+        raise ModelError(f"x0 is {x0!r:.60}, expected {n} numbers, one per state.")
     if span is None:
         raise ModelError("t_span is missing, expected [t0, t1].")
     span = [0, span] if isinstance(span, str | int | float) else span

@@ -56,7 +56,7 @@ PARAMETERS = Option(
 )  # fmt: skip
 TOLERANCES = (
     Option("rtol", "relative tolerance of a step", number, metavar="R"),
-    Option("atol", "absolute tolerance: one number, or one a state with commas", tolerance, metavar="A"),
+    Option("atol", "absolute tolerance: one number, or one per state with commas", tolerance, metavar="A"),
     _choice("method", "order 8 (the default), order 5, order 5 for stiff fields, or Taylor series", *METHODS),
 )
 START = (
@@ -379,7 +379,7 @@ _ALL = (
         "diagnosis.json, .txt, .png, system.py", "diagnose",
         (Option("program", "path/to/file.py:f; the file is run, and f is called", text, metavar="FILE.py:f",
                 flags=("program",)),
-         Option("x0", "initial state, one number a state", numbers, metavar="X,X,..."),
+         Option("x0", "initial state, one number per state", numbers, metavar="X,X,..."),
          Option("t_span", "first and last time", pair, metavar=("T0", "T1"), count=2),
          Option("args", "further arguments of f, numbers", numbers, metavar="A,A,...", default=[]),
          _choice("method", "scipy's method", *SCIPY_METHODS, default="RK45"),

@@ -82,7 +82,7 @@ def pair(value: Any, name: str) -> tuple[float, float]:
 
 
 def tolerance(value: Any, name: str) -> float | list[float]:
-    """One number, or one a state."""
+    """One number, or one per state."""
     found = numbers(value, name)
     return found[0] if len(found) == 1 and not isinstance(value, list) else found
 

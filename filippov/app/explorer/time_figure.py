@@ -33,7 +33,7 @@ MOST_ROWS = 8
 
 
 def time_figure(subject: Subject, solution: Solution, other: Solution | None, against: str = "") -> Figure:
-    """One panel a state and output, at most eight, the first at the top."""
+    """One panel per state and output, at most eight, the first at the top."""
     names, states = subject.quantities[:MOST_ROWS], subject.system.states
     pieces = list(pieces_of(solution, POINTS))
     beside = None if other is None else list(pieces_of(other, POINTS))

@@ -26,8 +26,8 @@ _SIDES = {"+": 1, "-": -1, "both": 2}
 class Equations:
     """The expressions of a system by purpose, in t, states, parameters, signs s, sizes a = |h|, modes m.
 
-    modes       one symbol a surface: +1, -1 or 0
-    field       one a state; guards: one a surface, dh/dt where the state rests on it
+    modes       one symbol per surface: +1, -1 or 0
+    field       one per state; guards: one per surface, dh/dt where the state rests on it
     gradients   a row a surface: by every state, then by t
     ends        lower and upper end of the set of signs at h = 0
     resets      per surface the states after its reset, or None; strikes: per time event likewise
