@@ -22,21 +22,14 @@ from filippov.solving.solution import Solution
 Array = npt.NDArray[np.float64]
 
 
-def return_matrix(
-    motions: Sequence[Solution], gate: Array | None = None, jacobian: Callable[..., Any] | None = None
-) -> tuple[Array, int]:
-    """The derivative of the return, zero multipliers split off: (matrix (r, r), number of zeros split off).
-
-    gate: symmetry G of the return Phi(x) = G x; None for a whole period.
-    """
-    parts, zeros = return_factors(motions, gate, jacobian)
-    return _product(parts, parts[0].shape[1]), zeros
-
-
 def return_factors(
     motions: Sequence[Solution], gate: Array | None = None, jacobian: Callable[..., Any] | None = None
 ) -> tuple[list[Array], int]:
-    """Factors of the derivative of the return, one per motion, the first applied first; zeros as above."""
+    """Factors of the derivative of the return, one for each part of the orbit, the first applied first, and
+    the number of zero multipliers that are split off.
+
+    gate: symmetry G of the return Phi(x) = G x; None for a whole period.
+    """
     n = motions[0].problem.system.dimension
     factors: list[Array] = []
     places: list[tuple[Solution, Factor]] = []

@@ -65,7 +65,7 @@ def compare_bank(
     max_time: float = 20.0,
     progress: Callable[..., None] | None = None,
 ) -> PeerTable:
-    """Every case that is a motion, through every solver naively, each solver in a process of its own.
+    """Every case of a system, through every solver naively, each solver in a process of its own.
 
     peers      "scipy", "heyoka", "diffrax"; default: those that are installed
     rtol       of every solver; the absolute tolerance is rtol / 100

@@ -1,4 +1,4 @@
-"""The motion of a case: solved when asked for, further or otherwise where an expectation needs it."""
+"""The solutions of a case: computed when asked for, further or otherwise where an expectation needs it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from filippov.solving.state.options import Options, falls
 Array = npt.NDArray[np.float64]
 T = TypeVar("T")
 SAMPLES = 64  # of each segment of one mode, where zeros and extremes are looked for
-LONGEST = 16.0  # how many times its span a motion is followed until it recurs
+LONGEST = 16.0  # how many times its span a solution is followed until it recurs
 
 
 @dataclass
@@ -243,7 +243,7 @@ class Motion:
 
     @cached_property
     def cycle(self) -> Cycle:
-        """The periodic motion that the case settles on. Raises MissingError where it does not."""
+        """The periodic solution that the case settles on. Raises MissingError where it does not."""
         start, end = self.built.t_span
         factor, found = 1.0, None
         while factor <= LONGEST:
@@ -255,7 +255,7 @@ class Motion:
                 break
             factor *= 2.0
         if found is None or found.residual > 1e-7:
-            raise MissingError(f"the motion does not recur within {LONGEST:g} times its span")
+            raise MissingError(f"the solution does not recur within {LONGEST:g} times its span")
         return found
 
     def orbit(self, period: float | None = None) -> Orbit:

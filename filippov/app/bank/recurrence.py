@@ -1,4 +1,4 @@
-"""The periodic motion that a run settles on: the shortest repetition of its events."""
+"""The periodic solution that a run settles on: the shortest repetition of its events."""
 
 from __future__ import annotations
 

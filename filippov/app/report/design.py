@@ -184,7 +184,7 @@ def estimated(study: Study, effort: Effort, k: int) -> Estimate:
     values = EventMap(about.system, about.section, parameters=study.cases[k].parameters).parameters
     made = solve(about.system, about.x0, (0.0, asked.t_end), parameters=values, rtol=1e-11, atol=1e-13)
     if not made.success or made.sol is None:
-        raise SolveError(f"the motion of the experiment ended early: {made.message}", made)
+        raise SolveError(f"the solution of the experiment ended early: {made.message}", made)
     t = np.linspace(0.0, asked.t_end, asked.samples)
     states = made.sol(t)
     noise = asked.noise * np.random.default_rng(asked.seed).standard_normal(t.size)

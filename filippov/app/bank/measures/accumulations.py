@@ -85,7 +85,7 @@ class Ratios(Measure, quantity="ratios"):
 
 
 def _tail(motion: Motion) -> list[Event]:
-    """Events of the accumulating motion that are far enough from its limit to have digits."""
+    """Events of the accumulating solution that are far enough from its limit to have digits."""
     events = motion.events()
     if len(events) < 6:
         events = motion.events(accumulation(motion))

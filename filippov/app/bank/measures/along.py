@@ -1,4 +1,4 @@
-"""A formula in t and the states along the motion: extremes, averages, what is constant, what vanishes."""
+"""A formula in t and the states along the solution: extremes, averages, what is constant, what vanishes."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _NODES, _GAUSS = np.polynomial.legendre.leggauss(24)
 
 
 class Along(Measure, quantity="along"):
-    """What a formula in t, the states and the parameters does along the motion.
+    """What a formula in t, the states and the parameters does along the solution.
 
     take    max, min, max_abs (the largest magnitude: how far the formula is from vanishing), range (largest
             less least value), spread (the same in each part in one mode: how far it is from constant there),
             mean, rms
     over    span, period, first_sliding, sliding, or [begin, end]
     where   names of other quantities in the formula
-    signs   names in the formula for the values of the signs that the motion slides on, in order
+    signs   names in the formula for the values of the signs that the solution slides on, in order
     rates   names in the formula for the derivatives of the states, in order
     """
 
@@ -94,7 +94,7 @@ class Along(Measure, quantity="along"):
             on = [m for m, sign in zip(multipliers, run.mode_at(time, "+"), strict=True) if sign == 0]
             count = len(self.signs)
             if len(on) < count:
-                raise MissingError(f"the motion does not slide on {count} surfaces at t = {time:.9g}")
+                raise MissingError(f"the solution does not slide on {count} surfaces at t = {time:.9g}")
             return float(compiled(time, *sol(time), *on[:count], *rates[: len(self.rates)]))
 
         return lambda times: np.array([at(float(time)) for time in times])

@@ -27,9 +27,9 @@ class Filter(Measure):
     kind         cross, slide (sliding begins), exit (it ends), graze, reset, time, any; else all but graze
     direction    "+" or "-": the side on which h is afterwards
     surface      number of the surface in the order of h, event_functions, time_events, or its name; or a list
-    codimension  number of surfaces that the motion slides on after the event, or, for an exit, before it
+    codimension  number of surfaces that the solution slides on after the event, or, for an exit, before it
     acting       only events at which the field or the state changes
-    over         "span", or "period": the events of the last period of the motion that the run settles on
+    over         "span", or "period": the events of the last period of the solution that the run settles on
     x0           another start
     until        the run is taken on to this time where that is beyond the span
     """

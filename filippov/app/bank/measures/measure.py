@@ -52,7 +52,7 @@ class PolynomialMeasure(Measure):
 
 # A time: a number, a formula, or another quantity that is one; where it is left out, the end of the span.
 When = Number | Measure | None
-# What a quantity is about: the span of the case, the last period of the motion that the run settles on, its
+# What a quantity is about: the span of the case, the last period of the solution that the run settles on, its
 # first sliding, all of its sliding, or an interval of times.
 Over = Literal["span", "period", "first_sliding", "sliding"] | tuple[When, When]
 

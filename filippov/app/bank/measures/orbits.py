@@ -21,7 +21,7 @@ SYMMETRIC = 1e-6
 
 
 class PeriodicOrbit(Measure, quantity="orbit"):
-    """The periodic motion that the run settles on, or the periodic orbit near the start, stable or not.
+    """The periodic solution that the run settles on, or the periodic orbit near the start, stable or not.
 
     take    period; multipliers (real, by growing modulus); moduli (of all of them); multiplier (that of the
             largest modulus, real); modulus (the same without sign); exponent (its logarithm over the period);
@@ -51,7 +51,7 @@ class PeriodicOrbit(Measure, quantity="orbit"):
         if self.take == "stability":
             return "stable" if max(map(abs, values), default=0.0) < 1 else "unstable"
         if not values:
-            raise MissingError("the motion has no multiplier besides 1")
+            raise MissingError("the solution has no multiplier besides 1")
         largest = max(values, key=abs)
         if self.take == "exponent":
             period = PeriodicOrbit("period", self.find, self.period)(subject)
@@ -81,7 +81,7 @@ class PeriodicOrbit(Measure, quantity="orbit"):
         orbit = self._orbit(motion)
         found = orbit.half_multipliers if self.half else orbit.multipliers
         if found is None:
-            raise MissingError("the periodic motion is not symmetric under x -> -x")
+            raise MissingError("the periodic solution is not symmetric under x -> -x")
         return [*map(complex, found), *([1.0 + 0j] if wanted and orbit.trivial is not None else [])]
 
 
@@ -107,7 +107,7 @@ def _eigenvalues(motion: Motion, cycle: Cycle, half: bool) -> list[complex]:
     if not run.status.ok:
         raise MissingError(run.message)
     if half and np.max(np.abs(run.x_end + x0)) > SYMMETRIC * (1 + np.max(np.abs(x0))):
-        raise MissingError("the periodic motion is not symmetric under x -> -x")
+        raise MissingError("the periodic solution is not symmetric under x -> -x")
     try:
         matrix = flow_derivative(run)
     except NotDifferentiableError as error:

@@ -1,4 +1,4 @@
-"""Values of a parameter: where the motion begins to meet a surface, where a branch of solutions turns."""
+"""Values of a parameter: where the solution begins to reach a surface, where a branch of solutions turns."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SETTLED = 0.75  # what of a doubled span counts as settled
 
 
 class Threshold(Measure, quantity="threshold"):
-    """The value of a parameter between settled motions that meet a surface and those that do not.
+    """The value of a parameter between settled solutions that reach a surface and those that do not.
 
     It is halved from `between`, where one end has such events and the other has none, down to `width`; the
     middle of what is left is returned. Settled is the last quarter of a run over twice the span.

@@ -13,7 +13,7 @@ class Phases(Measure, quantity="phases"):
     """Phases that slide (stick), or that do not (slip); a slip through h = 0 is one phase.
 
     slides  whether those that slide are meant
-    over    "span", or "period": those that lie within the last period of the motion that the run settles on
+    over    "span", or "period": those that lie within the last period of the solution that the run settles on
     whole   without those at the begin and the end of the span, where there are others
     number  only that one, from 1 or from the end with -1; first: only so many
     take    length, interval ([begin, end]), begin, middle, end

@@ -1,4 +1,4 @@
-"""Where the solution is a set, and where the motion rests."""
+"""Where the solution is a set, and where it rests."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class Reachable(Measure, quantity="reachable"):
     releases: int = 0
 
     def __call__(self, subject: Motion) -> Any:
-        """The interval, or the points. Raises MissingError where the motion is unique."""
+        """The interval, or the points. Raises MissingError where the solution is unique."""
         time = moment(subject, self.t)
         tree = subject.tree(time, self.releases)
         if tree.unique:
-            raise MissingError("the motion is unique")
+            raise MissingError("the solution is unique")
         found = tree.reachable(time)
         if not found.complete:
             raise MissingError(f"not every solution was followed to t = {time:.9g}: {tree.message}")
@@ -64,7 +64,7 @@ class Rest(Measure, quantity="rest"):
 
 
 class Stop(Measure, quantity="stop"):
-    """When the motion comes to rest for good within the span, or where.
+    """When the solution comes to rest for good within the span, or where.
 
     take   t, state, or the name of a state
     still  largest rate that counts as rest
@@ -79,7 +79,7 @@ class Stop(Measure, quantity="stop"):
         velocity, _ = subject.velocity(run)
         moves = np.max(np.abs(velocity)) > number(self.still, subject.names)
         if not entries or run.end_mode != entries[-1].after or moves:
-            raise MissingError("the motion does not rest at the end of the span")
+            raise MissingError("the solution does not rest at the end of the span")
         if self.take == "t":
             return entries[-1].t
         return run.x_end if self.take == "state" else run.x_end[subject.component(self.take)]

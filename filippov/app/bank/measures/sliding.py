@@ -36,12 +36,12 @@ def _sliding(run: Solution, t: float) -> list[int]:
     mode = run.end_mode if t == run.t_end else run.mode_at(t, "+")
     on = [i for i, sign in enumerate(mode) if sign == 0]
     if not on:
-        raise MissingError(f"the motion does not slide at t = {t:.9g}")
+        raise MissingError(f"the solution does not slide at t = {t:.9g}")
     return on
 
 
 class Signs(Measure, quantity="signs"):
-    """The values of the signs that the motion slides on at a time (the equivalent control), in order.
+    """The values of the signs that the solution slides on at a time (the equivalent control), in order.
 
     surface  only that of one surface; sliding: the rule of sliding
     """
@@ -57,7 +57,7 @@ class Signs(Measure, quantity="signs"):
             return [multipliers[i] for i in on]
         place = subject.place(self.surface)
         if place not in on:
-            raise MissingError(f"the motion does not slide on {self.surface} at t = {t:.9g}")
+            raise MissingError(f"the solution does not slide on {self.surface} at t = {t:.9g}")
         return multipliers[place]
 
 
@@ -154,7 +154,7 @@ class Continuations(Measure, quantity="continuations"):
             depth = max((c.mode.count(0) for c in found), default=0)
             found = [c for c in found if c.mode.count(0) == depth]
         if not found:
-            raise MissingError("the motion is unique")
+            raise MissingError("the solution is unique")
         if self.take == "count":
             return float(len(found))
         if self.take == "signs":

@@ -72,7 +72,7 @@ class Segments(Measure, quantity="segments"):
 
 
 class SlidingOn(Measure, quantity="sliding_on"):
-    """Numbers of the declared surfaces that the motion slides on at a time, in order."""
+    """Numbers of the declared surfaces that the solution slides on at a time, in order."""
 
     t: When = None
 
@@ -99,7 +99,7 @@ class End(Measure, quantity="end"):
 
 
 class Steady(Measure, quantity="steady_state"):
-    """The state that the motion settles at, followed up to 64 times the span.
+    """The state that the solution settles at, followed up to 64 times the span.
 
     still  largest |x'| times the span, relative to the state, that counts as settled
     """
@@ -117,4 +117,4 @@ class Steady(Measure, quantity="steady_state"):
             moved = np.max(np.abs(velocity)) * abs(end - start)
             if moved <= number(self.still, subject.names) * (1 + np.max(np.abs(run.x_end))):
                 return run.x_end if self.component is None else run.x_end[subject.component(self.component)]
-        raise MissingError("the motion does not settle")
+        raise MissingError("the solution does not settle")

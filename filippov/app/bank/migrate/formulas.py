@@ -1,4 +1,4 @@
-"""Names of formulas that are claimed to hold along the motion, and of quantities that are constant."""
+"""Names of formulas that are claimed to hold along the solution, and of quantities that are constant."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def _side(old: Old, text: str) -> tuple[str, dict[str, Measure]]:
 
 
 def _holds(old: Old, left: str, right: str, over: Any) -> Any:
-    """That two sides are equal along the motion; the left one may be the value of the sign in words."""
+    """That two sides are equal along the solution; the left one may be the value of the sign in words."""
     wanted, where = _side(old, right)
     atol = old.tol or 1e-9
     if _ASIDE.sub("", " " + left).strip().casefold() in _CONTROL:
@@ -111,7 +111,7 @@ def _law(old: Old, _: Groups) -> list[Reading]:
 
 
 def _kept(old: Old, _: Groups) -> list[Reading]:
-    """An expression that is constant along the motion, or along its first sliding."""
+    """An expression that is constant along the solution, or along its first sliding."""
     if not isinstance(old.value, str):
         return _of_value(old, _)
     text, where = _side(old, old.text.rpartition("=")[2])

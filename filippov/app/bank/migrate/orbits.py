@@ -1,4 +1,4 @@
-"""Names of periodic motions, averages over them, and accumulations of events."""
+"""Names of periodic solutions, averages over them, and accumulations of events."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _orbit(old: Old, take: Any, **options: Any) -> PeriodicOrbit:
 
 
 def _of_period(old: Old, text: str) -> list[Reading]:
-    """A formula in the period T: of the motion, or, without surfaces, between risings through a level."""
+    """A formula in the period T: of the solution, or, without surfaces, between risings through a level."""
     orbit = Formula(text, {"T": _orbit(old, "period")}) if text != "T" else _orbit(old, "period")
     for entry in old.case.expected if not old.motion.built.declared else ():
         match = re.fullmatch(r"(?:first_)?times?_([^=]+?)=([^=]+?)(?:(?:_up|_down)*)", entry.name)
