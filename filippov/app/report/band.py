@@ -80,11 +80,11 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def approximations(run: Run) -> Section:
+def approximations(run: StudyRun) -> Section:
     """Other plants under what is used in the place of the inclusion, from the rows kept with the study."""
     rows = run.study.approximated
     source = "filippov.app.approximations.table_of_approximations, kept with the package; approximations.csv."
-    table = Table(
+    table = TextTable(
         "Approximations of several plants", tuple(COLUMNS.values()),
         tuple(tuple(row[name] or NONE for name in COLUMNS) for row in rows),
         "At the narrowest of three widths each (where time is stepped: of three steps). Error: the largest "
