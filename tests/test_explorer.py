@@ -336,19 +336,20 @@ def test_16_8_files_by_link(client: Any) -> None:
 
 
 def test_16_8_redraw_through_the_server(client: Any) -> None:
-    callbacks = client.get("/_dash-dependencies", headers={"Host": "127.0.0.1"}).json
-    entry = next(item for item in callbacks if "message.children" in item["output"])
     held = {item.id: item.default for item in MODEL.start.fields.values()} | {"p-k": 2.0}
-    names = [part.rpartition(".") for part in entry["output"].strip(".").split("...")]
-    body = {
-        "output": entry["output"], "outputs": [{"id": a, "property": b} for a, _, b in names],
-        "inputs": [{"id": "live", "property": "data", "value": held}],
-        "state": [{"id": "url", "property": "search", "value": "?p.k=99"}], "changedPropIds": ["live.data"],
-    }  # fmt: skip
-    answer = client.post("/_dash-update-component", json=body, headers={"Host": "127.0.0.1"})
-    made = answer.json["response"]
-    assert "Solved to t = 12" in made["message"]["children"]
-    assert made["answer"]["data"]["query"] == "p.k=2.0"
+    here = {"Host": "127.0.0.1"}
+    body = {"settings": held, "search": "?p.k=99"}
+    made = client.post("/redraw", json=body, headers=here).json
+    assert "Solved to t = 12" in made["said"]
+    assert made["good"]
+    assert made["query"] == "p.k=2.0"
+    assert set(made["figures"]) == {"time", "phase", "graph", "map"}
     held["p-k"] = 0.4
-    answer = client.post("/_dash-update-component", json=body, headers={"Host": "127.0.0.1"})
-    assert "The link was not taken: p.k" in answer.json["response"]["message"]["children"]
+    made = client.post("/redraw", json=body, headers=here).json
+    assert "The link was not taken: p.k" in made["said"]
+    assert not made["good"]
+    swept = client.post("/diagram", json=body, headers=here).json
+    assert [trace["name"] for trace in swept["data"]] == ["here", "iterates"]
+    for wrong in ({}, [], {"settings": 3}):
+        assert client.post("/redraw", json=wrong, headers=here).status_code == 400
+    assert client.post("/redraw", json=body, headers={"Host": "evil.example"}).status_code == 403

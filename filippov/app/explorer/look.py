@@ -29,7 +29,7 @@ HEIGHT, LOW = 400, 260  # pixels
 SHORT = 32
 AXIS: dict[str, Any] = {
     "showline": True, "linecolor": GREY, "ticks": "outside", "tickcolor": GREY, "gridcolor": PALE,
-    "zeroline": False, "showgrid": False, "exponentformat": "power",
+    "zeroline": False, "showgrid": False, "exponentformat": "power", "ticklabeloverflow": "allow",
 }  # fmt: skip
 
 

@@ -1,14 +1,76 @@
 // One redraw is on its way at a time; when it is back, the newest settings are asked for, and no older ones.
+// A picture of which less than a fifth is in the window waits until it is scrolled to, or until the sliders rest.
 window.dash_clientside = window.dash_clientside || {};
 window.dash_clientside.explorer = (() => {
-  let busy = false, sent = null, wanted = null, timer = null, asked = 0;
+  const REST = 350;
+  let busy = false, sent = null, wanted = null, timer = null, sweep = 0, diagram = null;
+  const search = location.search, waiting = {}, seen = new Set(), echoes = {};  // echoes: what sync itself has set
+  const at = (id) => document.getElementById(id);
   const set = (id, props) => window.dash_clientside.set_props(id, props);
-  const send = () => {
-    busy = true; sent = wanted; asked = performance.now();
-    set("live", { data: JSON.parse(sent) });
-  };
-  const echoes = {};  // what sync itself has set: no move of the user's
   const nothing = () => window.dash_clientside.no_update;
+  const ask = (what, settings) => fetch(what, {
+    method: "POST", headers: { "Content-Type": "application/json" },
+    body: JSON.stringify({ settings: JSON.parse(settings), search }),
+  }).then((answer) => answer.json());
+  const tell = (text, bad) => { at("message").textContent = text; at("message").className = bad ? "bad" : ""; };
+
+  const draw = (name) => {
+    const figure = waiting[name], plot = document.querySelector(`#figure-${name} .js-plotly-plot`);
+    // Before its first, empty picture is drawn a pane can show no other one: `settle` comes back to it.
+    if (!figure || !window.Plotly || !plot || !plot.layout) return null;
+    delete waiting[name];
+    // At the size that it has: to find out its size costs the browser a layout of the whole page.
+    const { width, height } = plot._fullLayout;
+    return Plotly.react(plot, figure.data, { ...figure.layout, autosize: true, width, height });
+  };
+  const eye = new IntersectionObserver((entries) => entries.forEach((entry) => {
+    const name = entry.target.id.slice("figure-".length);
+    if (entry.isIntersecting) { seen.add(name); draw(name); } else seen.delete(name);
+  }), { threshold: 0.2 });
+  const show = (figures) => {
+    for (const [name, figure] of Object.entries(figures)) {
+      eye.observe(at("figure-" + name));
+      waiting[name] = figure;
+    }
+    return Promise.all(Object.keys(figures).filter((name) => seen.has(name)).map(draw));
+  };
+  const settle = () => {
+    clearTimeout(timer);
+    timer = setTimeout(() => {
+      Object.keys(waiting).forEach(draw);
+      if (Object.keys(waiting).length) settle();
+    }, REST);
+  };
+
+  const send = async () => {
+    busy = true; sent = wanted;
+    const asked = performance.now();
+    try {
+      const answer = await ask("redraw", sent);
+      tell(answer.said, !answer.good);
+      if (answer.drawn) {
+        const query = answer.query ? "?" + answer.query : "";
+        history.replaceState(null, "", location.pathname + query);
+        at("link").href = location.pathname + query;
+        for (const file of answer.files) at("file-" + file.replace(".", "-")).href = "export/" + file + query;
+      }
+      if (answer.here && diagram) {
+        diagram.data[0] = answer.here;
+        answer.figures.diagram = diagram;
+      }
+      await show(answer.figures);
+      window.explorerRedraw = performance.now() - asked;
+    } catch (error) {
+      tell(`No answer from this page's server (${error.message}): is the command or the notebook still running?`, true);
+    }
+    busy = false;
+    if (wanted !== sent) send();
+  };
+  const over = async () => {
+    const mine = ++sweep, found = at("figure-diagram") && await ask("diagram", wanted).catch(() => null);
+    if (found && mine === sweep) { diagram = found; await show({ diagram }); }
+    settle();
+  };
   return {
     gate: (...values) => {
       const held = {};
@@ -17,20 +79,7 @@ window.dash_clientside.explorer = (() => {
       wanted = JSON.stringify(held);
       if (!busy && wanted !== sent) send();
       clearTimeout(timer);
-      timer = setTimeout(() => set("settled", { data: JSON.parse(wanted) }), 350);
-      return nothing();
-    },
-    done: (answer) => {
-      if (!answer) return nothing();
-      busy = false;
-      window.explorerRedraw = performance.now() - asked;
-      if (answer.good) {
-        const query = answer.query ? "?" + answer.query : "";
-        history.replaceState(null, "", location.pathname + query);
-        set("link", { href: location.pathname + query });
-        for (const file of answer.files) set("file-" + file.replace(".", "-"), { href: "export/" + file + query });
-      }
-      if (wanted !== sent) send();
+      timer = setTimeout(over, REST);
       return nothing();
     },
     // A slider and the number beside it show one value; whatever was moved sets the other.

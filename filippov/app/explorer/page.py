@@ -66,8 +66,7 @@ def page(motions: Motions, view: View) -> html.Div:
                 html.P([html.A("Link to this view", id="link", href=""), *links], className="files"),
             ], id="plots"),
         ], className="page"),
-        dcc.Location(id="url", refresh=False), dcc.Store(id="live"), dcc.Store(id="settled"),
-        dcc.Store(id="answer"), dcc.Store(id="ranges", data=diagram_ranges(subject)),
+        dcc.Location(id="url", refresh=False), dcc.Store(id="ranges", data=diagram_ranges(subject)),
     ])  # fmt: skip
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from dash import ClientsideFunction, Dash, Input, Output, Patch, State, no_update
+from dash import ClientsideFunction, Dash, Input, Output
 from flask import Response, abort, request
+from plotly.io.json import to_json_plotly
 from werkzeug.serving import BaseWSGIServer, WSGIRequestHandler, make_server
 
 from filippov.app.explorer.export import FILES, offered
@@ -22,7 +24,6 @@ ADDRESS = "127.0.0.1"
 POLICY = (
     "default-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; connect-src 'self'; frame-ancestors *"
 )
-LIVE = ("time", "phase", "graph", "map")
 
 
 def application(motions: Motions, start: View) -> Dash:
@@ -35,59 +36,34 @@ def application(motions: Motions, start: View) -> Dash:
         meta_tags=[{"name": "viewport", "content": "width=device-width, initial-scale=1"}],
     )  # fmt: skip
     app.layout = page(motions, start)
-    files = offered(motions, start)
     items = list(start.fields.values())
-    sections = motions.subject.section is not None
-    sweeps = sections and "over" in start.values
-    live = [name for name in LIVE if name != "map" or sections]
-    keys = {item.id: item.key for item in items}
-
-    def named(held: dict[str, Any] | None) -> dict[str, Any]:
-        return {keys[name]: value for name, value in (held or {}).items() if name in keys}
-
-    shown = [Output("message", "children"), Output("message", "className"), Output("answer", "data")]
-    shown += [Output(f"figure-{name}", "figure") for name in live]
-    shown += [Output("figure-diagram", "figure", allow_duplicate=True)] if sweeps else []
 
     def restore(search: str | None) -> list[Any]:
         """The controls of a link; of one that cannot be read the subject's own, and the message says why."""
         view, _ = read_link(motions.subject, search or "")
         return [view[item.key] for item in items]
 
-    def redraw(held: dict[str, Any] | None, search: str | None) -> list[Any]:
-        if held is None:
-            return [no_update] * len(shown)
-        with lock:
-            made = draw(motions, named(held))
-        _, wrong = read_link(motions.subject, search or "")
-        # Of a link that was not taken the page tells until a setting is changed.
-        wrong = "" if made.query else wrong
-        point: Any = no_update
-        if made.here is not None:
-            point = Patch()
-            point["data"][0] = made.here
-        answer = {"query": made.query, "good": bool(made.figures), "files": files}
-        figures = [packed(made.figures[name]) if name in made.figures else no_update for name in live]
-        kind = "" if made.good and not wrong else "bad"
-        return [f"{wrong} {made.said}".strip(), kind, answer, *figures, *([point] if sweeps else [])]
-
-    def diagram(held: dict[str, Any] | None) -> Any:
-        with lock:
-            made = None if held is None else draw_diagram(motions, named(held))
-        return no_update if made is None else packed(made)
-
-    later = {"prevent_initial_call": True}
     app.callback([Output(item.id, "value") for item in items], Input("url", "search"))(restore)
-    app.callback(shown, Input("live", "data"), State("url", "search"), **later)(redraw)
-    if sweeps:
-        app.callback(Output("figure-diagram", "figure"), Input("settled", "data"), **later)(diagram)
     controls = [Input(item.id, "value") for item in items]
     sliders = [Input(f"range-{item.id}", "value") for item in items if item.slider is not None]
     sync = [*controls, *sliders, Input("ranges", "data")]
-    for function, inputs in (("gate", controls), ("sync", sync), ("done", [Input("answer", "data")])):
+    for function, inputs in (("gate", controls), ("sync", sync)):
         app.clientside_callback(ClientsideFunction("explorer", function), *inputs)
-    _routes(app.server, motions, lock)
+    _routes(app.server, motions, start, lock)
     return app
+
+
+def redraw(motions: Motions, settings: Mapping[str, Any], search: str, files: list[str]) -> dict[str, Any]:
+    """What the page shows at settings by key; search: the link that it was opened with."""
+    made = draw(motions, settings)
+    _, wrong = read_link(motions.subject, search)
+    # Of a link that was not taken the page tells until a setting is changed.
+    wrong = "" if made.query else wrong
+    return {
+        "said": f"{wrong} {made.said}".strip(), "good": made.good and not wrong, "drawn": bool(made.figures),
+        "query": made.query, "files": files, "here": made.here,
+        "figures": {name: packed(figure) for name, figure in made.figures.items()},
+    }  # fmt: skip
 
 
 def read_link(explored: Subject, search: str) -> tuple[View, str]:
@@ -98,7 +74,26 @@ def read_link(explored: Subject, search: str) -> tuple[View, str]:
         return View(explored), f"The link was not taken: {told(error)}"
 
 
-def _routes(flask: Any, motions: Motions, lock: threading.Lock) -> None:
+def _routes(flask: Any, motions: Motions, start: View, lock: threading.Lock) -> None:
+    keys, files = {item.id: item.key for item in start.fields.values()}, offered(motions, start)
+
+    def answer(make: Callable[[dict[str, Any], str], Any]) -> Response:
+        """The settings of the page's controls, by their ids, into what it shows."""
+        asked = request.get_json(silent=True)
+        held = asked.get("settings") if isinstance(asked, dict) else None
+        if not isinstance(held, dict):
+            abort(400)
+        named = {keys[name]: value for name, value in held.items() if name in keys}
+        with lock:
+            made = make(named, str(asked.get("search") or ""))
+        return Response(to_json_plotly(made), mimetype="application/json")
+
+    def live() -> Response:
+        return answer(lambda named, search: redraw(motions, named, search, files))
+
+    def diagram() -> Response:
+        return answer(lambda named, _: packed(draw_diagram(motions, named)))
+
     def own_host() -> None:
         """A page of another site that has its name point here is not answered."""
         if request.host.partition(":")[0] not in {ADDRESS, "localhost"}:
@@ -124,6 +119,8 @@ def _routes(flask: Any, motions: Motions, lock: threading.Lock) -> None:
     flask.before_request(own_host)
     flask.after_request(only_here)
     flask.add_url_rule("/export/<name>", "export", export)
+    flask.add_url_rule("/redraw", "redraw", live, methods=["POST"])
+    flask.add_url_rule("/diagram", "diagram", diagram, methods=["POST"])
 
 
 class _Quiet(WSGIRequestHandler):
