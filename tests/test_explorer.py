@@ -23,6 +23,7 @@ from filippov.app import Explorer
 from filippov.app.cli.main import main
 from filippov.app.explorer.field import slider_range
 from filippov.app.explorer.look import packed
+from filippov.app.explorer.motion import PostponedError
 from filippov.app.explorer.pictures import draw, draw_diagram
 from filippov.app.explorer.view import LONGEST, View
 from filippov.base.errors import UsageError
@@ -164,6 +165,46 @@ def test_16_8_the_map_and_the_diagram_hold_the_closed_form() -> None:
     np.testing.assert_allclose(row(cobweb["x"])[:4], [4.0, 4.0, -3.2, -3.2], atol=1e-8)
     assert figures["diagram"]["data"][0]["name"] == "here"
     assert trace(figures["diagram"], "here")["x"] == []
+
+
+def test_16_8_a_section_is_found_along_the_motion_and_holds_the_closed_form(tmp_path: Path) -> None:
+    """The wheel: w -> cos(2a) sqrt(w^2 + 4 sin(slope) sin(a)) from spoke to spoke (McGeer), and no lift of it."""
+    made = Explorer(registry.get("rimless_wheel"))
+    assert made.subject.section == Section("next spoke", "reset", "w", t_max=made.subject.section.t_max)
+    assert "d" not in made.start.values
+
+    def after(w: Any, slope: float) -> Any:
+        return math.cos(0.6) * np.sqrt(w**2 + 4 * math.sin(slope) * math.sin(0.3))
+
+    found = made.motions.map(made.view(order=2))
+    assert len(found.d) == 72 - 2
+    np.testing.assert_allclose(found.image, after(after(found.d, 0.1), 0.1), rtol=1e-7)
+    figures = made.figures(over="slope", low=0.08, high=0.3, order=1)
+    cobweb = trace(figures["map"], "cobweb")
+    np.testing.assert_allclose(row(cobweb["y"])[2::2], after(row(cobweb["x"])[1:-1:2], 0.1), rtol=1e-7)
+    assert len(trace(figures["map"], "P(d) along the motion")["x"]) == 35
+    values, d = made.motions.diagram(made.view(over="slope", low=0.08, high=0.3))
+    for slope, iterates in zip(values[::10], d[::10], strict=True):
+        # To the first spoke from x0 = (-0.2, 0.8), then one after the other.
+        w = math.cos(0.6) * math.sqrt(0.8**2 + 2 * (math.cos(0.2) - math.cos(slope + 0.3)))
+        exact = [w := w if k == 0 else float(after(w, slope)) for k in range(36)]
+        np.testing.assert_allclose(iterates, exact[24:], rtol=1e-7)
+    here = trace(figures["diagram"], "here")
+    np.testing.assert_allclose(here["y"], math.sqrt(4 * math.sin(0.1) * math.sin(0.3)) / math.tan(0.6), rtol=1e-3)
+    made.export(tmp_path)
+    assert "returns(system, section, x0, 24" in (tmp_path / "view.py").read_text()
+    assert float((tmp_path / "map.csv").read_text().split("\n")[1].split(",")[0]) == pytest.approx(found.d[0])
+
+
+def test_16_8_a_diagram_makes_way_for_a_redraw() -> None:
+    held = MODEL.motions.hurry
+    held.set()
+    try:
+        with pytest.raises(PostponedError):
+            draw_diagram(MODEL.motions, {"p.k": 0.123, "order": 2})
+    finally:
+        held.clear()
+    assert draw_diagram(MODEL.motions, {"p.k": 0.123, "order": 2}) is not None
 
 
 def test_16_8_sliding_arcs_are_thick_and_the_graph_counts_transitions() -> None:

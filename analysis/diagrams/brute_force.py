@@ -56,6 +56,7 @@ def brute_force(
     follow: bool = False,
     rtol: float = 1e-8,
     threads: int | None = None,
+    max_events: int = 1_000_000,
     progress: Callable[[int, int], None] | None = None,
 ) -> BruteForce:
     """Iterate the event map from `start` for every value of a parameter, all values side by side.
@@ -67,6 +68,7 @@ def brute_force(
     follow           start each value at the last iterate of the one before it: branches are followed, one
                      value after the other
     rtol             of a turn; threads: of all values side by side
+    max_events       of all kinds in one motion, without a lift
 
     An excursion below 1e-8 of the start is taken for rest. Ctrl-C returns what there is. Raises UsageError.
     """
@@ -78,7 +80,7 @@ def brute_force(
         chosen = section or first_section(system, start, parameter, values, parameters)
         return _along_motions(
             system, chosen, parameter, np.asarray(values, dtype=float), start, transient, keep,
-            dict(parameters or {}), follow, rtol, progress,
+            dict(parameters or {}), follow, {"rtol": rtol, "max_events": max_events}, progress,
         )  # fmt: skip
     turns = MapRows(system, section, rtol=rtol, threads=threads)
     grid = np.asarray(values, dtype=float)
@@ -126,7 +128,7 @@ def first_section(
 
 def _along_motions(
     system: System, section: Section | Stroboscope, parameter: str, grid: Array, x0: Any, transient: int,
-    keep: int, parameters: dict[str, float], follow: bool, rtol: float,
+    keep: int, parameters: dict[str, float], follow: bool, options: dict[str, Any],
     progress: Callable[[int, int], None] | None,
 ) -> BruteForce:  # fmt: skip
     """The iterates of one motion at each value: where it goes from event to event, no lift is needed."""
@@ -137,7 +139,7 @@ def _along_motions(
     try:
         for k, value in enumerate(grid.tolist()):
             here = {**parameters, parameter: value}
-            found = returns(system, section, state, transient + keep, parameters=here, rtol=rtol)
+            found = returns(system, section, state, transient + keep, parameters=here, **options)
             got = found.d[transient:]
             d[k, : len(got)] = got
             if found.rests:

@@ -54,13 +54,14 @@ class Returns:
 def returns(
     system: System, section: Section | Stroboscope, x0: Any, count: int, *,
     parameters: Mapping[str, float] | None = None, t0: float = 0.0, rtol: float = 1e-10, atol: Any = None,
-    method: str = "DOP853",
+    method: str = "DOP853", max_events: int = 1_000_000,
 ) -> Returns:  # fmt: skip
     """The next `count` events of a section along the motion from x0 at t0; its lift is not asked for.
 
     x0           a state, in order or by name
     parameters   values by name
     rtol, atol   of the motion, as in `solve`
+    max_events   of all kinds, after which the motion ends
 
     An accumulation of events is passed (`solve(..., zeno="continue")`). Raises UsageError, ModelError.
     """
@@ -68,7 +69,7 @@ def returns(
         raise UsageError(f"count is {count!r}, expected 1, 2, ...")
     options: dict[str, Any] = {
         "parameters": parameters, "rtol": rtol, "method": method, "zeno": "continue",
-        "max_events": 1_000_000, **({} if atol is None else {"atol": atol}),
+        "max_events": max_events, **({} if atol is None else {"atol": atol}),
     }  # fmt: skip
     start = check_state(x0, system)
     if isinstance(section, Stroboscope):

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from werkzeug.serving import BaseWSGIServer
 
     from filippov.analysis.maps.section import Section
+    from filippov.analysis.maps.stroboscope import Stroboscope
 
 MISSING = "the page of the explorer needs Dash: pip install 'filippov[explorer]'."
 
@@ -33,7 +34,8 @@ class Explorer:
     system       a System, a Problem, or a registered Model (filippov.models.get(NAME))
     x0, t_span   where the motion starts and how long it is followed; default those of the Problem or Model
     parameters   values by name, over the defaults
-    section      the event map that is shown, with the interval of its coordinate; default the Model's own
+    section      the event map that is shown, with the interval of its coordinate where it has a lift; default
+                 the Model's own, else one that is found along the motion
     view         the link, or its part after the question mark, that another page gave
 
     As the value of a notebook's cell it is the page itself; `open()` shows it in a browser. The page is
@@ -46,7 +48,7 @@ class Explorer:
 
     def __init__(
         self, system: Any, x0: Any = None, t_span: Any = None, *,
-        parameters: Mapping[str, float] | None = None, section: Section | None = None,
+        parameters: Mapping[str, float] | None = None, section: Section | Stroboscope | None = None,
         interval: tuple[float, float] | None = None, view: str = "", name: str = "",
     ) -> None:  # fmt: skip
         made = system

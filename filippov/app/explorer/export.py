@@ -93,7 +93,13 @@ def script(motions: Motions, view: View) -> str:
             "other = solve(approximate, x0, t_span, parameters=parameters, **budget)", "print(other.message)",
         ]  # fmt: skip
     section = subject.section
-    lift = None if section is None else section.lift
+    if section is not None and subject.interval is None and "<" not in repr(section):
+        lines += [
+            "", f"from filippov.analysis import {type(section).__name__}, returns", "",
+            f"section = {section!r}",
+            f"print(returns(system, section, x0, 24, parameters=parameters, rtol={RTOL!r}).d)",
+        ]  # fmt: skip
+    lift = getattr(section, "lift", None)
     if isinstance(lift, dict) and all(isinstance(text, str) for text in lift.values()):
         lines += [
             "", "from filippov.analysis import EventMap, Section", "", f"section = {section!r}",

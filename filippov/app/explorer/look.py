@@ -37,7 +37,7 @@ def figure(data: list[dict[str, Any]], axes: Mapping[str, Any], **layout: Any) -
     """A figure with axes x, y, y2, ...; a zoom stays while a slider moves."""
     shown = {
         "font": {"family": "system-ui, sans-serif", "size": 13, "color": INK}, "paper_bgcolor": "white",
-        "plot_bgcolor": "white", "margin": {"l": 70, "r": 14, "t": 8, "b": 48}, "uirevision": "kept",
+        "plot_bgcolor": "white", "margin": {"l": 70, "r": 26, "t": 8, "b": 48}, "uirevision": "kept",
         "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.01, "x": 0, "font": {"size": 12}},
         "hoverlabel": {"namelength": -1}, "showlegend": True,
     }  # fmt: skip

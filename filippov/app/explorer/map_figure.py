@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.app.explorer.look import HEIGHT, Figure, figure, label, line, plain, points
+from filippov.app.explorer.look import HEIGHT, Figure, empty, figure, label, line, plain, points
 from filippov.app.explorer.motion import MapData
 from filippov.app.explorer.view import View
 from filippov.plot.maps import with_gaps
@@ -17,14 +17,23 @@ Array = npt.NDArray[np.float64]
 
 
 def map_figure(view: View, found: MapData) -> Figure:
-    """P(d), the diagonal, and the steps from the start that was chosen."""
+    """P(d), the diagonal, and the steps from the start that was chosen.
+
+    Without a lift P is known where the motion has been, as points.
+    """
     known = found.orbit[np.isfinite(found.orbit)]
+    if view.subject.interval is None and not found.d.size:
+        return empty(f"There is no pair of returns to show: {found.note or 'the motion has one event'}.")
     x = np.repeat(known, 2)[:-1]
     y = np.concatenate([known[:1], np.repeat(known[1:], 2)])
-    ends = found.d[[0, -1]]
+    if view.subject.interval is None:
+        ends = _ends(np.concatenate([found.d, found.image]))
+        curve = points(found.d, found.image, "circle", BLUE, "P(d) along the motion", size=5)
+    else:
+        ends, curve = found.d[[0, -1]], line(*with_gaps(found.d, found.image), BLUE, "P(d)", width=2)
     data = [
         line(ends, ends, GREY, "P(d) = d", dash="dot", width=1.2),
-        line(*with_gaps(found.d, found.image), BLUE, "P(d)", width=2),
+        curve,
         line(x, y, ORANGE, "cobweb", width=1.2),
         points(known[:1], known[:1], "square", INK, "start"),
     ]
@@ -54,6 +63,13 @@ def here(view: View, now: MapData | None) -> dict[str, Any]:
     value = view[f"p.{view['over']}"]
     d = np.array([]) if now is None else now.last[np.isfinite(now.last)]
     return points(np.full(d.size, value), d, "diamond", RED, "here", size=9)
+
+
+def _ends(d: Array) -> Array:
+    """An interval around the pairs, which it does not magnify where they differ by rounding."""
+    low, high = float(d.min()), float(d.max())
+    margin = max(0.08 * (high - low), 1e-3 * max(abs(low), abs(high))) or 1.0
+    return np.array([low - margin, high + margin])
 
 
 def coordinate(view: View) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -24,18 +25,29 @@ Array = npt.NDArray[np.float64]
 # A slider never waits longer than for these; a motion that needs more ends early and says so.
 MOST_STEPS, MOST_EVENTS = 40_000, 2_000
 KEPT = 8
+# Events of all kinds for one return, at most, of those after which a motion without a lift ends.
+EVENTS_EACH = 15
 MAP_POINTS, COBWEB, DIAGRAM_VALUES, TRANSIENT, KEEP = 121, 24, 41, 24, 12
 RTOL, ATOL = 1e-8, 1e-10  # of the turns of a map
 
 
+class PostponedError(Exception):
+    """A diagram has made way for a redraw."""
+
+
 @dataclass(frozen=True)
 class MapData:
-    """The event map on an interval, iterates from a start, and those of them that show where it leads."""
+    """The event map, iterates from a start, and those of them that show where it leads.
+
+    d, image  on an interval, or of a section without a lift the pairs along the motion
+    note      why the motion has less of them; "" where it has not
+    """
 
     d: Array
     image: Array
     orbit: Array
     last: Array
+    note: str = ""
 
 
 class Motions:
@@ -43,6 +55,8 @@ class Motions:
 
     def __init__(self, subject: Subject) -> None:
         self.subject = subject
+        # Set while a redraw waits, for which a diagram makes way.
+        self.hurry = threading.Event()
         self._found: dict[Any, Any] = {}
         self._systems: dict[str, tuple[System, str]] = {}
         self._map: Any = None
@@ -67,10 +81,11 @@ class Motions:
 
     def map(self, view: View) -> MapData | None:
         """The event map with a cobweb, None where the subject has no section."""
-        if self.subject.section is None or self.subject.interval is None:
+        if self.subject.section is None:
             return None
-        key = ("map", view["d"], view["order"], tuple(view.parameters.values()))
-        return self._kept(key, lambda: self._sampled(view))
+        if self.subject.interval is None:
+            return self._kept(("returns", *self._map_key(view)), lambda: self._followed(view))
+        return self._kept(("map", *self._map_key(view)), lambda: self._sampled(view))
 
     def diagram(self, view: View) -> tuple[Array, Array] | None:
         """Values of the parameter and iterates after a transient, (k,) and (k, KEEP); None without a section.
@@ -82,8 +97,8 @@ class Motions:
         over, low, high = view["over"], view["low"], view["high"]
         for value in (low, high):
             view.but({f"p.{over}": value})
-        rest = tuple(value for name, value in view.parameters.items() if name != over)
-        key = ("diagram", over, low, high, view["d"], view["order"], rest)
+        fixed = view.but({f"p.{over}": low, "over": over, "low": low, "high": high})
+        key = ("diagram", over, low, high, *self._map_key(fixed))
         return self._kept(key, lambda: self._swept(view))
 
     # -- work ---------------------------------------------------------------------------------------------
@@ -122,19 +137,46 @@ class Motions:
         d = np.linspace(min(seen), max(seen), MAP_POINTS)
         return MapData(d, event_map(d), orbit[: COBWEB + 1], orbit[-KEEP:])
 
+    def _followed(self, view: View) -> MapData:
+        """The pairs that one motion gives, which is as a diagram begins, at t = 0."""
+        from filippov.analysis.maps.returns import coordinate_of, returns
+
+        section, order = self.subject.section, view["order"]
+        assert section is not None
+        count = (TRANSIENT + KEEP) * order
+        found = returns(
+            self.subject.system, section, view.x0, count, parameters=view.parameters, rtol=RTOL,
+            max_events=EVENTS_EACH * count,
+        )  # fmt: skip
+        orbit = found.d[order - 1 :: order]
+        last = orbit[TRANSIENT:]
+        if found.rests:
+            last = np.append(last, coordinate_of(section, self.subject.system).read(found.x_end[None]))
+        return MapData(found.d[:-order], found.d[order:], orbit[: COBWEB + 1], last, found.message)
+
     def _swept(self, view: View) -> tuple[Array, Array]:
         from filippov.analysis.diagrams.brute_force import brute_force
 
         order = view["order"]
         values = np.linspace(view["low"], view["high"], DIAGRAM_VALUES)
         assert self.subject.section is not None
+        start = view.x0 if self.subject.interval is None else view["d"]
         found = brute_force(
-            self.subject.system, self.subject.section, view["over"], values.tolist(), view["d"],
+            self.subject.system, self.subject.section, view["over"], values.tolist(), start,
             transient=TRANSIENT * order, keep=KEEP * order, parameters=view.parameters, threads=1,
+            rtol=RTOL, max_events=EVENTS_EACH * order * (TRANSIENT + KEEP), progress=self._go_on,
         )  # fmt: skip
         if not found.complete:
             raise UsageError("the diagram was interrupted.")
         return found.values, found.d[:, order - 1 :: order]
+
+    def _map_key(self, view: View) -> tuple[Any, ...]:
+        start = tuple(view.x0) if self.subject.interval is None else (view["d"],)
+        return (view["order"], *start, *view.parameters.values())
+
+    def _go_on(self, *_: int) -> None:
+        if self.hurry.is_set():
+            raise PostponedError("A redraw came first: ask for the diagram again.")
 
     def _motion_key(self, view: View) -> tuple[Any, ...]:
         return (*view.parameters.values(), *view.x0, *view.t_span)

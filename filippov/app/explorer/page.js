@@ -68,7 +68,9 @@ window.dash_clientside.explorer = (() => {
   };
   const over = async () => {
     const mine = ++sweep, found = at("figure-diagram") && await ask("diagram", wanted).catch(() => null);
-    if (found && mine === sweep) { diagram = found; await show({ diagram }); }
+    if (mine !== sweep) return;
+    if (found?.postponed) { timer = setTimeout(over, REST); return; }  // it has made way for a redraw
+    if (found) { diagram = found; await show({ diagram }); }
     settle();
   };
   return {

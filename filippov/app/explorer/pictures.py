@@ -9,7 +9,7 @@ from typing import Any
 from filippov.app.explorer.graph_figure import graph_figure
 from filippov.app.explorer.look import Figure, empty
 from filippov.app.explorer.map_figure import diagram_figure, here, map_figure
-from filippov.app.explorer.motion import Motions
+from filippov.app.explorer.motion import Motions, PostponedError
 from filippov.app.explorer.phase_figure import phase_figure
 from filippov.app.explorer.time_figure import MOST_ROWS, time_figure
 from filippov.app.explorer.view import View
@@ -63,6 +63,7 @@ def pictures(motions: Motions, view: View) -> Drawn:
         found = motions.map(view)
         if found is not None:
             figures["map"] = map_figure(view, found)
+            said += f" Event map: {found.note}." if found.note else ""
             point = here(view, found) if "over" in view.values else None
     except Exception as error:  # noqa: BLE001
         figures["map"] = empty(told(error))
@@ -70,7 +71,10 @@ def pictures(motions: Motions, view: View) -> Drawn:
 
 
 def draw_diagram(motions: Motions, values: Mapping[str, Any]) -> Figure | None:
-    """The diagram, computed once the sliders rest; None without one, and where the settings are wrong."""
+    """The diagram, computed once the sliders rest; None without one, and where the settings are wrong.
+
+    Raises PostponedError where a redraw waits.
+    """
     try:
         view = View(motions.subject, values)
     except Exception:  # noqa: BLE001  # `draw` tells of it
@@ -79,6 +83,8 @@ def draw_diagram(motions: Motions, values: Mapping[str, Any]) -> Figure | None:
         return None
     try:
         return diagram_figure(view, motions.diagram(view), motions.map(view))
+    except PostponedError:
+        raise
     except Exception as error:  # noqa: BLE001
         return {**empty(told(error)), "data": [here(view, None)]}
 

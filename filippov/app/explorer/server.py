@@ -13,7 +13,7 @@ from werkzeug.serving import BaseWSGIServer, WSGIRequestHandler, make_server
 
 from filippov.app.explorer.export import FILES, offered
 from filippov.app.explorer.look import packed
-from filippov.app.explorer.motion import Motions
+from filippov.app.explorer.motion import Motions, PostponedError
 from filippov.app.explorer.page import index, page
 from filippov.app.explorer.pictures import draw, draw_diagram, told
 from filippov.app.explorer.subject import Subject
@@ -77,22 +77,32 @@ def read_link(explored: Subject, search: str) -> tuple[View, str]:
 def _routes(flask: Any, motions: Motions, start: View, lock: threading.Lock) -> None:
     keys, files = {item.id: item.key for item in start.fields.values()}, offered(motions, start)
 
-    def answer(make: Callable[[dict[str, Any], str], Any]) -> Response:
-        """The settings of the page's controls, by their ids, into what it shows."""
+    def answer(make: Callable[[dict[str, Any], str], Any], hurry: bool) -> Response:
+        """The settings of the page's controls, by their ids, into what it shows; hurry: a diagram makes way."""
         asked = request.get_json(silent=True)
         held = asked.get("settings") if isinstance(asked, dict) else None
         if not isinstance(held, dict):
             abort(400)
         named = {keys[name]: value for name, value in held.items() if name in keys}
+        if hurry:
+            motions.hurry.set()
         with lock:
+            if hurry:
+                motions.hurry.clear()
             made = make(named, str(asked.get("search") or ""))
         return Response(to_json_plotly(made), mimetype="application/json")
 
     def live() -> Response:
-        return answer(lambda named, search: redraw(motions, named, search, files))
+        return answer(lambda named, search: redraw(motions, named, search, files), True)
 
     def diagram() -> Response:
-        return answer(lambda named, _: packed(draw_diagram(motions, named)))
+        def make(named: dict[str, Any], _: str) -> Any:
+            try:
+                return packed(draw_diagram(motions, named))
+            except PostponedError:
+                return {"postponed": True}
+
+        return answer(make, False)
 
     def own_host() -> None:
         """A page of another site that has its name point here is not answered."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import UsageError
@@ -14,7 +14,10 @@ from filippov.solving.state.problem import Problem
 
 if TYPE_CHECKING:
     from filippov.analysis.maps.section import Section
+    from filippov.analysis.maps.stroboscope import Stroboscope
 
+# Spans of the motion in which a section is looked for; part of its longest return that a slider waits for.
+SPANS, WAIT = 10.0, 10.0
 # The system out of a file that stands beside the script.
 STORED = "from filippov import Solution\n\nsystem = Solution.load('solution.npz').system"
 
@@ -25,7 +28,8 @@ class Subject:
 
     x0, t_span   where the motion starts, and how long it is followed
     parameters   values by name, one for every parameter of the system
-    section      the event map that is shown, with the interval of its coordinate; None for none
+    section      the event map that is shown; None for none
+    interval     of the section's coordinate; None for a section without a lift: the motion itself is it
     origin       lines of Python that make `system`, for the script
     """
 
@@ -34,7 +38,7 @@ class Subject:
     x0: tuple[float, ...]
     t_span: tuple[float, float]
     parameters: Mapping[str, float]
-    section: Section | None = None
+    section: Section | Stroboscope | None = None
     interval: tuple[float, float] | None = None
     origin: str = STORED
 
@@ -54,7 +58,7 @@ def subject(
     t_span: Any = None,
     *,
     parameters: Mapping[str, float] | None = None,
-    section: Section | None = None,
+    section: Section | Stroboscope | None = None,
     interval: tuple[float, float] | None = None,
     name: str = "",
     origin: str = "",
@@ -62,7 +66,8 @@ def subject(
     """A subject with everything checked; system: a System, a Problem or a registered Model.
 
     What a Problem or a Model has of x0, t_span, parameters and section goes after what is given. A System
-    alone starts at 0 and is followed to t = 10. Raises UsageError, ModelError.
+    alone starts at 0 and is followed to t = 10. Without a section what recurs along the motion is one
+    (`find_section`); there is none where nothing does. Raises UsageError, ModelError.
     """
     made = system
     if isinstance(system, Problem):
@@ -84,18 +89,49 @@ def subject(
     if not isinstance(made, System):
         raise UsageError(f"the system is {system!r}, expected a System, a Problem or a registered Model.")
     if section is not None:
-        section.bind(made)
-        if interval is None or not interval[0] < interval[1]:
-            raise UsageError(
-                f"interval is {interval!r}, expected (lo, hi) of the section's coordinate, lo < hi."
-            )
+        interval = _checked(made, section, interval)
     start = check_state([0.0] * made.dimension if x0 is None else x0, made)
-    values = made.parameters.resolve(parameters).tolist()
+    numbers = made.parameters.resolve(parameters).tolist()
+    values = dict(zip(made.parameters.names, numbers, strict=True))
     given = Problem(made, start, (0.0, 10.0) if t_span is None else t_span)
     low, high = given.t_span
     if not low < high:
         raise UsageError(f"t_span is ({low:g}, {high:g}), expected its end after its beginning.")
+    if section is None:
+        section, interval = _found(made, start, values, SPANS * (high - low)), None
     return Subject(
         name or "system", made, tuple(start.tolist()), (float(low), float(high)),
-        dict(zip(made.parameters.names, values, strict=True)), section, interval, origin or STORED,
+        values, section, interval, origin or STORED,
     )  # fmt: skip
+
+
+def _checked(
+    system: System, section: Section | Stroboscope, interval: tuple[float, float] | None
+) -> tuple[float, float] | None:
+    """The interval of a section that fits the system; None of one without a lift. Raises UsageError."""
+    from filippov.analysis.maps.stroboscope import Stroboscope as Periods
+
+    if isinstance(section, Periods):
+        section.period_on(system)
+        return None
+    section.bind(system)
+    if section.lift is None:
+        return None
+    if interval is None or not interval[0] < interval[1]:
+        raise UsageError(f"interval is {interval!r}, expected (lo, hi) of the section's coordinate, lo < hi.")
+    return interval
+
+
+def _found(
+    system: System, x0: Any, parameters: Mapping[str, float], length: float
+) -> Section | Stroboscope | None:
+    """The section on which the motion returns within a time, None where nothing recurs."""
+    from filippov.analysis.maps.find_section import find_section
+    from filippov.analysis.maps.section import Section as Events
+
+    try:
+        found = find_section(system, x0, parameters=parameters, t_max=length)
+    except Exception:  # noqa: BLE001  # also a function of the user's: the page itself tells of it
+        return None
+    # A slider does not wait for a hundred times the longest return that was seen.
+    return replace(found, t_max=found.t_max / WAIT) if isinstance(found, Events) else found

@@ -149,13 +149,12 @@ def fields_of(subject: Subject, over: Any = None) -> dict[str, Field]:
         Field("against", EXACT, "beside the exact one", choices=tuple(NAMES), group="shown"),
         Field("width", 0.01, "its half-width", check=_positive, group="shown"),
     ]
-    if subject.section is not None and subject.interval is not None:
-        low, high = subject.interval
-        items += [
-            Field("d", low + 0.5 * (high - low), f"cobweb from {subject.section.coordinate}",
-                  slider=(low, high, step_of(low, high)), group="map"),
-            Field("order", 1, "turns a step", check=_order, group="map"),
-        ]  # fmt: skip
+    if subject.section is not None:
+        if subject.interval is not None:
+            low, high = subject.interval
+            items.append(Field("d", low + 0.5 * (high - low), f"cobweb from {subject.section.coordinate}",
+                               slider=(low, high, step_of(low, high)), group="map"))  # fmt: skip
+        items.append(Field("order", 1, "turns a step", check=_order, group="map"))
         if ranges := diagram_ranges(subject):
             chosen = over if over in ranges else next(iter(ranges))
             items += [
