@@ -55,6 +55,7 @@ METHODS: dict[str, str] = {
     "Solution.to_pandas": "filippov.io.export:frame",
     "Events._repr_html_": "filippov.io.notebook:events_html",
     "Events.to_pandas": "filippov.io.export:event_frame",
+    "System.export": "filippov.io.automaton.export:export_system",
     "System._repr_latex_": "filippov.io.notebook:system_latex",
     "Solution.save": "filippov.io.storage:save",
     "Solution.load": "filippov.io.storage:load",

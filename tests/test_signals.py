@@ -9,6 +9,8 @@ from scipy.linalg import expm
 from filippov import (
     Input,
     ModelError,
+    Parameter,
+    Smooth,
     Solution,
     SolveError,
     Stop,
@@ -283,6 +285,67 @@ def test_16_3_equal_samples_tell_no_surfaces_apart() -> None:
     run = solve(system, (1.0, 0.5), (0, 10), stop=Stop("v"))
     assert run.success
     assert run.x_end[1] == pytest.approx(0.0, abs=1e-12)
+
+
+def driven(u, w, e) -> System:
+    """A plant with friction, a relay with hysteresis, a stop and a clock; u, w, e are numbers or signals."""
+    p = parameters(k=4.0, width=Parameter(0.2, lower=0.0), tick=0.7)
+    z = states("z")
+    relay = Surface("relay", x - u, width=p.width)
+    stop = Surface("stop", 1 + w - x, reset={v: -0.5 * v})
+    return System(
+        {x: v, v: -p.k * x - 0.3 * sign(v) - sign(x - u) + e, z: -z + w},
+        surfaces=[relay, stop], parameters=p, outputs={"error": u - x},
+        time_events=[TimeEvent("clock", period=p.tick, reset={z: z + e})], labels={"x": "place"},
+    )  # fmt: skip
+
+
+def test_16_3_a_signal_in_the_place_of_a_parameter_makes_the_system_that_is_written_with_it() -> None:
+    q = parameters(u=0.1, w=0.2, e=0.3)
+    draw = np.random.default_rng(11)
+    times = np.linspace(0, 6, 13)
+    u, w = (Input(name, times, draw.normal(size=13), kind) for name, kind in (("u", "hold"), ("w", "cubic")))
+    e = chirp(0.1, 2.0, 6.0)
+    written, made = driven(u, w, e), driven(q.u, q.w, q.e).with_inputs({"u": u, "w": w, "e": e})
+    assert made.digest == written.digest
+    assert made == written
+    assert made.parameters.names == ("k", "width", "tick")
+    other = Input("u", times, -draw.normal(size=13), "linear")
+    assert made.with_inputs({"u": other}) == driven(other, w, e)
+    floor = parameters(y=0.0, V=0.0)
+
+    def ball(y, rate, contact=None) -> System:
+        """It can rest on the table where the reset turns its speed against that of the table."""
+        table = Surface("floor", x - y, reset={v: 1.5 * rate - 0.5 * v}, contact=contact)
+        return System({x: v, v: -10 + 0 * x}, surfaces=[table])
+
+    assert ball(w, w.diff(t)).surfaces[0].contact is True
+    assert ball(floor.y, floor.V).with_inputs({"y": w, "V": w.diff(t)}) == ball(w, w.diff(t))
+    assert ball(floor.y, 0).surfaces[0].contact is True
+    assert ball(floor.y, 0).with_inputs({"y": w}) == ball(w, 0)
+    assert ball(floor.y, 0, False).with_inputs({"y": e}).surfaces[0].contact is False
+    soft = driven(q.u, q.w, q.e).with_comparator(Smooth(0.1)).with_inputs({"u": u, "w": w, "e": e})
+    assert soft == written.with_comparator(Smooth(0.1))
+
+
+def test_16_3_a_signal_that_cannot_stand_for_a_parameter_is_refused() -> None:
+    q = parameters(u=0.1, w=0.2, e=Parameter(0.3, upper=1.0))
+    system = driven(q.u, q.w, q.e)
+    r = Input("r", [0, 1], [0, 2])
+    for given, said in (
+        ({"uu": r}, "unknown parameter or input 'uu'; did you mean 'u'"),
+        ({"u": 2 * x}, "with x in it"),
+        ({"e": r}, "outside its bounds"),
+        ({"tick": r}, "tick sets the instants of time event 'clock'"),
+        ({"width": r}, "width sets the width of surface 'relay'"),
+        ({"w": Input("k", [0, 1], [0, 2])}, "'k' is both an input and a state or parameter"),
+        ({"w": r, "u": Input("r", [0, 1], [5, 2])}, "two inputs are named 'r'"),
+    ):
+        with pytest.raises(ModelError, match=said):
+            system.with_inputs(given)
+    plain = System(field=lambda t, x, p, s: [-x[0]], states="x", parameters={"k": 1.0})
+    with pytest.raises(ModelError, match="np.interp"):
+        plain.with_inputs({"k": r})
 
 
 CURVE = Table([-1.0, -0.2, 0.2, 1.0], [-0.7, -1.0, 1.0, 0.7], outside="extend")

@@ -49,8 +49,8 @@ def assemble(
     if inputs:
         # While surfaces are told apart an input may have any value, whatever its samples are.
         equations = {symbol: f.xreplace(inputs) for symbol, f in equations.items()}
-        given = tuple(_replaced(surface, inputs) for surface in given)
-        time_events = [_replaced(event, inputs) for event in time_events]
+        given = tuple(put_into_source(surface, inputs) for surface in given)
+        time_events = [put_into_source(event, inputs) for event in time_events]
         outputs = [e.xreplace(inputs) for e in outputs]
         clocks = [e.xreplace(inputs) for e in clocks]
     _check_names(given)
@@ -103,13 +103,13 @@ def assemble(
         out.append(replace(declared, kind=kind))
     if inputs:
         signals = {symbol: node for node, symbol in inputs.items()}
-        form = _with_inputs(form, signals)
-        out = [_replaced(surface, signals) for surface in out]
-        _check_inputs([*inputs], (*x, *p))
+        form = put_into(form, signals)
+        out = [put_into_source(surface, signals) for surface in out]
+        check_inputs([*inputs], (*x, *p))
     return with_contacts(*normalised(form, out))
 
 
-def _with_inputs(form: SymbolicForm, values: Mapping[Expr, Expr]) -> SymbolicForm:
+def put_into(form: SymbolicForm, values: Mapping[Any, Expr]) -> SymbolicForm:
     """The form with the functions of time that its symbols stand for."""
 
     def put(row: Sequence[Expr] | None) -> Any:
@@ -121,7 +121,8 @@ def _with_inputs(form: SymbolicForm, values: Mapping[Expr, Expr]) -> SymbolicFor
     )
 
 
-def _check_inputs(nodes: Sequence[Expr], others: Sequence[Symbol]) -> None:
+def check_inputs(nodes: Sequence[Expr], others: Sequence[Symbol]) -> None:
+    """Refuse inputs with the name of a state or parameter, and two of one name. Raises ModelError."""
     taken = {q.name for q in others}
     for samples in inputs_in(nodes):
         if samples.name in taken:
@@ -130,7 +131,7 @@ def _check_inputs(nodes: Sequence[Expr], others: Sequence[Symbol]) -> None:
             )
 
 
-def _replaced(source: Any, values: Mapping[Expr, Expr]) -> Any:
+def put_into_source(source: Any, values: Mapping[Any, Expr]) -> Any:
     """A surface or time event with other expressions in its function and reset."""
 
     def put(e: Any) -> Any:

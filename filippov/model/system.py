@@ -16,9 +16,11 @@ from filippov.base.symbolic_value import is_expression, single
 from filippov.model.comparator import Comparator, Exact, PerSurface, by_surface, check_comparator, per_surface
 from filippov.model.parameter import ParameterSet
 from filippov.model.surface import Surface
-from filippov.model.time_event import TimeEvent
+from filippov.model.time_event import TimeEvent, check_clock_names, read_clocks
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import sympy
     from sympy import Expr, Symbol
 
@@ -104,7 +106,7 @@ class System:
         outputs: Mapping[str, object] | None = None,
         labels: Mapping[str, str] | None = None,
     ) -> None:
-        clocks = _clocks(time_events, symbolic=equations is not None)
+        clocks = read_clocks(time_events, symbolic=equations is not None)
         if (equations is None) == (field is None):
             raise ModelError(
                 "a System is made from equations, System({x: ..., v: ...}), or from a function, "
@@ -164,7 +166,7 @@ class System:
         table = read_modes(fields, len(surfaces), symbols)
         equations = {x: by_mode(surfaces, table, (), i) for i, x in enumerate(symbols)}
         checked = read_equations(equations, None)
-        clocks = _clocks(time_events, symbolic=True)
+        clocks = read_clocks(time_events, symbolic=True)
         named = _outputs(outputs, [x.name for x in checked], True)
         form, found = assemble(
             checked, surfaces, read_namespace(parameters), spare=True, time_events=clocks,
@@ -180,7 +182,7 @@ class System:
     def _set_symbolic(
         self, form: SymbolicForm, surfaces: tuple[Surface, ...], clocks: tuple[TimeEvent, ...] = ()
     ) -> None:
-        _check_clock_names(clocks, surfaces)
+        check_clock_names(clocks, surfaces)
         self._set(
             time_events=clocks,
             states=tuple(x.name for x in form.x),
@@ -233,7 +235,7 @@ class System:
             check_signature(surface.h, ("t", "x", "p"), f"{where}: h", "the switching function, a float")
             if surface.reset is not None:
                 check_signature(surface.reset, ("t", "x", "p"), f"{where}: reset", "the state after it")
-        _check_clock_names(clocks, tuple(seen.values()))
+        check_clock_names(clocks, tuple(seen.values()))
         self._set(
             states=names, parameters=values, surfaces=tuple(seen.values()), time_events=clocks,
             symbolic=None, field=field,
@@ -401,6 +403,28 @@ class System:
         system._set(**kept, surfaces=surfaces, symbolic=form, field=None)
         return system
 
+    def with_inputs(self, signals: Mapping[str, Any]) -> System:
+        """The system with signals in the place of parameters, or other signals in that of inputs, by name.
+
+        signals  from a parameter or an input to an `Input`, a test signal, or a formula in t: a set point that
+                 was a number follows a table, {"r": Input.from_csv("r", "steps.csv")}
+
+        A parameter is one no more then. A comparator stays. Raises ModelError, also for a parameter that sets
+        instants of a clock or a width, which are numbers, and for samples outside its bounds.
+        """
+        from filippov.model.with_inputs import with_inputs
+
+        return with_inputs(self, signals)
+
+    def export(
+        self, path: str | Path, to: str | None = None, *, parameters: Mapping[str, float] | None = None,
+        x0: Any = None, t_span: Sequence[float] | None = None,
+    ) -> Path:  # fmt: skip
+        """Write the exact automaton as Python, C, Modelica or an FMU; see `filippov.export_system`."""
+        write = delegate("System.export")
+        written: Path = write(self, path, to, parameters=parameters, x0=x0, t_span=t_span)
+        return written
+
     # -- identity --------------------------------------------------------------------------------------
 
     def _key(self) -> tuple[Any, ...]:
@@ -454,43 +478,3 @@ def _outputs(outputs: Any, states: Sequence[str], symbolic: bool) -> dict[str, A
     from filippov.model.output import check_outputs
 
     return check_outputs(outputs, states, symbolic)
-
-
-def _clocks(time_events: Any, symbolic: bool) -> tuple[TimeEvent, ...]:
-    """Return time events that fit the system."""
-    items = (time_events,) if isinstance(time_events, TimeEvent) else tuple(time_events)
-    for item in items:
-        if not isinstance(item, TimeEvent):
-            raise ModelError(f"time_events holds {item!r}, expected TimeEvent('name', period=...).")
-        if symbolic and not item.symbolic:
-            raise ModelError(
-                f"time event {item.name!r} has a function, expected numbers and expressions, because the "
-                "equations are expressions."
-            )
-        if not symbolic and (item.expressions() or isinstance(item.reset, tuple)):
-            raise ModelError(
-                f"time event {item.name!r} has an expression, expected numbers and functions, because the "
-                "field is a function: reset=lambda t, x, p: [...]."
-            )
-    return items
-
-
-def _check_clock_names(clocks: Sequence[TimeEvent], surfaces: Sequence[Surface]) -> None:
-    seen = [surface.name for surface in surfaces]
-    for clock in clocks:
-        if clock.name in seen:
-            raise ModelError(f"two surfaces or time events are named {clock.name!r}. Rename one of them.")
-        seen.append(clock.name)
-        for e in clock.instants:
-            if is_expression(e):
-                _check_instant(e, clock.name)
-
-
-def _check_instant(e: Expr, name: str) -> None:
-    from filippov.model.parameter_symbol import ParameterSymbol
-
-    if not all(isinstance(q, ParameterSymbol) for q in e.free_symbols):
-        raise ModelError(
-            f"time event {name!r}: its instants are {e}, expected numbers or parameters. What depends on the "
-            "state is a Surface."
-        )

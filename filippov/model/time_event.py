@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from filippov.base.errors import ModelError
 from filippov.base.symbolic_value import is_expression
 from filippov.model.parameter import as_number
-from filippov.model.surface import reset_pairs
+from filippov.model.surface import Surface, reset_pairs
 
 if TYPE_CHECKING:
     from sympy import Expr
@@ -112,3 +112,44 @@ def _instant(value: Any, where: str) -> float | Expr | Callable[..., float]:
     if callable(value) and not is_expression(value):
         return value
     return as_number(value, where)
+
+
+def read_clocks(time_events: Any, symbolic: bool) -> tuple[TimeEvent, ...]:
+    """Return time events that fit the system."""
+    items = (time_events,) if isinstance(time_events, TimeEvent) else tuple(time_events)
+    for item in items:
+        if not isinstance(item, TimeEvent):
+            raise ModelError(f"time_events holds {item!r}, expected TimeEvent('name', period=...).")
+        if symbolic and not item.symbolic:
+            raise ModelError(
+                f"time event {item.name!r} has a function, expected numbers and expressions, because the "
+                "equations are expressions."
+            )
+        if not symbolic and (item.expressions() or isinstance(item.reset, tuple)):
+            raise ModelError(
+                f"time event {item.name!r} has an expression, expected numbers and functions, because the "
+                "field is a function: reset=lambda t, x, p: [...]."
+            )
+    return items
+
+
+def check_clock_names(clocks: Sequence[TimeEvent], surfaces: Sequence[Surface]) -> None:
+    """Refuse a name that is there twice, and instants that are not numbers or parameters."""
+    seen = [surface.name for surface in surfaces]
+    for clock in clocks:
+        if clock.name in seen:
+            raise ModelError(f"two surfaces or time events are named {clock.name!r}. Rename one of them.")
+        seen.append(clock.name)
+        for e in clock.instants:
+            if is_expression(e):
+                _check_instant(e, clock.name)
+
+
+def _check_instant(e: Expr, name: str) -> None:
+    from filippov.model.parameter_symbol import ParameterSymbol
+
+    if not all(isinstance(q, ParameterSymbol) for q in e.free_symbols):
+        raise ModelError(
+            f"time event {name!r}: its instants are {e}, expected numbers or parameters. What depends on the "
+            "state is a Surface."
+        )
