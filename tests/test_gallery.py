@@ -118,6 +118,14 @@ def test_16_6_impact_pair_flies_straight_between_its_walls() -> None:
         assert [event.t, *event.x_after] == approx([time, x, v], rel=1e-8, abs=1e-8)
 
 
+def test_16_6_ball_on_a_table_bounces_once_a_period() -> None:
+    period, speed = 2 * math.pi / 10, 9.81 * 2 * math.pi / 10 * 0.5 / 3
+    hits = run("ball_on_table", 40.0).events[-3:]
+    assert np.diff([e.t for e in hits]) == approx([period, period], rel=1e-8)
+    assert [1.1 * math.cos(10 * e.t) for e in hits] == approx([speed] * 3, rel=1e-7)
+    assert [e.x_after[1] for e in hits] == approx([9.81 * period / 2] * 3, rel=1e-8)
+
+
 def test_16_6_rocking_block_has_the_times_of_housner() -> None:
     rate, alpha = 2.0, 0.2
     kept = 1 - 1.5 * math.sin(alpha) ** 2
@@ -169,6 +177,16 @@ def test_16_6_boost_is_a_product_of_two_exponentials() -> None:
     opened = affine([[0, -1 / L], [1 / C, -1 / (R * C)]], [Vin / L, 0], T / 2)
     period = opened @ closed
     assert run("boost_pwm").x_end[:2] == approx((matrix_power(period, 50) @ [1, 5, 1])[:2], rel=1e-8)
+
+
+def test_16_6_boost_in_sliding_mode_has_a_square_that_settles_as_an_exponential() -> None:
+    solution = run("boost_sliding")
+    start = solution.events[0]
+    assert start.t == approx(0.8 * 1e-3 / 5, rel=1e-12)
+    assert start.x[1] == approx(8 * math.exp(-start.t / 1e-3), rel=1e-10)
+    for t in (3e-4, 1e-3, 4e-3):
+        square = 100 + (start.x[1] ** 2 - 100) * math.exp(-2 * (t - start.t) / 1e-3)
+        assert solution.sol(t) == approx([1, math.sqrt(square)], rel=1e-9)
 
 
 # -- biology and climate -------------------------------------------------------------------------------
@@ -256,6 +274,22 @@ def test_16_6_planar_friction_is_a_parabola_then_the_belt() -> None:
     ends = [1.5 * slip / (2 * a), 1.0 * slip / (2 * a), 0.0]
     assert [*met.x] == approx(ends, rel=1e-12, abs=1e-12)
     assert [*solution.y[:, -1]] == approx([ends[0], ends[1] + 1.0 - slip / a, 0.0], rel=1e-12, abs=1e-12)
+
+
+def test_16_6_unit_vector_is_a_turn_and_then_a_straight_line() -> None:
+    """z = x + iy, z' = -c z + r exp(i q) with r = rho/a - (rho/a - r0) exp(a t), in closed form."""
+    solution, end = run("unit_vector"), 2 * math.log(2)
+    turn = np.exp(0.5j)
+
+    def at(t: float) -> complex:
+        steady, growing = 4 / (1 + 3j), 2 / (1.5 + 3j)
+        part = steady * (np.exp(3j * t) - np.exp(-t)) - growing * (np.exp((0.5 + 3j) * t) - np.exp(-t))
+        return complex(np.exp(-t) + turn * part)
+
+    assert solution.events.t == approx([end], rel=1e-12)
+    for t in (0.4, 1.0, end, 2.0, 4.0):
+        z = at(t) if t <= end else at(end) * math.exp(end - t)
+        assert solution.sol(t)[:2] == approx([z.real, z.imag], rel=1e-9)
 
 
 def test_16_6_violin_tears_loose_at_the_static_friction() -> None:

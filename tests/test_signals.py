@@ -404,3 +404,30 @@ def test_16_3_the_flow_is_differentiated_through_knots(kind: str) -> None:
     assert again.x_end == pytest.approx(orbit.x0, abs=1e-8)
     with pytest.raises((UsageError, SolveError), match="collocation"):
         find_orbit(system, run.x_end, method="collocation")
+
+
+def test_16_3_a_file_drives_a_model_from_the_command(tmp_path, capsys) -> None:
+    from filippov.app.cli.main import main
+    from filippov.models import get
+
+    (tmp_path / "steps.csv").write_text("time,load,r\n0,9,0.5\n2,9,2.0\n6,9,0.4\n8,9,0.4\n")
+    flag = f"r={tmp_path}/steps.csv,kind=hold"
+    words = ["simulate", "anti_windup", "--evaluate", "r", "--points", "5", "-o", str(tmp_path / "run"), "--quiet"]
+    assert main([*words, "--input", flag]) == 0
+    rows = np.loadtxt(tmp_path / "run" / "trajectory.csv", delimiter=",", skiprows=1)
+    table = Input("r", [0, 2, 6, 8], [0.5, 2.0, 0.4, 0.4], "hold")
+    run = solve(get("anti_windup").build().with_inputs({"r": table}), (0, 0), (0, 8))
+    assert rows[:, 1:3].T == pytest.approx(run.sol(rows[:, 0]), abs=1e-12)
+    assert rows[:, 3].tolist() == [0.5, 0.5, 2.0, 2.0, 0.4]
+    again = tmp_path / "run.toml"
+    again.write_text(f'model = "anti_windup"\n[simulate.input]\nr = {{file = "{tmp_path}/steps.csv", kind = "hold"}}\n')
+    assert main(["simulate", "--config", str(again), "--points", "5", "-o", str(tmp_path / "toml"), "--quiet"]) == 0
+    same = np.loadtxt(tmp_path / "toml" / "trajectory.csv", delimiter=",", skiprows=1)
+    assert same.tolist() == rows[:, :3].tolist()
+    for wrong, said in (
+        ("steps.csv", "expected NAME=FILE.csv"), (flag + ",kin=hold", "did you mean 'kind'"),
+        (flag.replace("r=", "rr=", 1), "did you mean 'r'"), (f"r={tmp_path}/none.csv", "cannot be read"),
+        (flag + ",value=h", "unknown column 'h'"), (flag + ",period=x", "expected a number"),
+    ):  # fmt: skip
+        assert main([*words, "--input", wrong]) == 2
+        assert said in capsys.readouterr().err

@@ -57,7 +57,7 @@ def plot_solution(
 ) -> Figure:
     """States and outputs over time, one panel each, sliding phases shaded and events marked.
 
-    states      names of states and outputs, and formulas of them, to show; default all states and outputs
+    states      names of states, outputs and inputs, and formulas of them, to show; default all states and outputs
     multiplier  name of a surface: a further panel with the value of its sign and the set it may take while
                 sliding
     labels      labels with units, by name: {"t": "time [s]", "x": "position [m]", "multiplier": "friction"};
@@ -229,10 +229,11 @@ def _names(given: Sequence[str] | str | None, solution: Solution) -> list[str]:
     names = [wanted] if isinstance(wanted, str) else list(wanted)
     if not names:
         raise UsageError("no state was named, expected at least one.")
+    known = (*system.states, *system.outputs, *(samples.name for samples in system.inputs))
     for name in names:
         if name.isidentifier() or system.symbolic is None:
             kind = "state or output" if system.outputs else "state"
-            check_known(kind, [name], (*system.states, *system.outputs), UsageError)
+            check_known(kind, [name], known, UsageError)
         else:
             expression_of(system, name)
     return names

@@ -50,3 +50,40 @@ MODEL = register(
         "Erickson, Maksimovic 2001; numbers chosen here",
     )
 )
+
+
+def boost_sliding(
+    Vin: float = 5.0, L: float = 1e-3, C: float = 5e-5, R: float = 20.0, iref: float = 1.0
+) -> System:
+    """L i' = Vin - (1 - u) v, C v' = (1 - u) i - v/R, u = H(iref - i): the switch holds the current.
+
+    Vin       supply voltage [V]; iref   wanted current [A]; L, C, R   as above
+
+    While it slides 1 - u = Vin/v, so that v^2 tends to Vin iref R as exp(-2 t/(R C)).
+    """
+    p = parameters(
+        Vin=Parameter(Vin, "V", 0, description="supply voltage"),
+        L=Parameter(L, "H", 1e-12, description="inductance"),
+        C=Parameter(C, "F", 1e-12, description="capacitance"),
+        R=Parameter(R, "ohm", 1e-12, description="load"),
+        iref=Parameter(iref, "A", 0, description="wanted current"),
+    )
+    i, v = states("i v")
+    out = 1 - Heaviside(p.iref - i)
+    return System(
+        {i: (p.Vin - out * v) / p.L, v: (out * i - v / p.R) / p.C},
+        surfaces=[Surface("current", p.iref - i)],
+        parameters=p,
+    )
+
+
+SLIDING = register(
+    Model(
+        "boost_sliding",
+        boost_sliding,
+        (0.2, 8.0),
+        (0.0, 4e-3),
+        "Boost converter in sliding mode: the switch holds the current, the voltage settles.",
+        "Sira-Ramirez 1987; numbers chosen here",
+    )
+)

@@ -28,6 +28,7 @@ from filippov.app.cli.values import (
     pair,
     policy,
     releases,
+    signals,
     state,
     switch,
     text,
@@ -53,6 +54,11 @@ MODEL = Option(
 PARAMETERS = Option(
     "parameters", "value of a parameter, a number or a formula such as pi/2; can be repeated", named_numbers,
     metavar="NAME=VALUE", flags=("-p",), repeat=True, default={},
+)  # fmt: skip
+INPUT = Option(
+    "input", "samples in the place of a parameter, or of an input of the model: its times are the first column, "
+    "its values the one titled NAME or the second; after commas kind=linear, hold or cubic, outside=hold, "
+    "period=T, time=COLUMN, value=COLUMN; can be repeated", signals, metavar="NAME=FILE.csv", repeat=True,
 )  # fmt: skip
 TOLERANCES = (
     Option("rtol", "relative tolerance of a step", number, metavar="R"),
@@ -89,7 +95,7 @@ _ALL = (
     Command(
         "simulate", "solve a model: events.csv, trajectory.csv, solution.npz, summary.json, response.png",
         "simulate",
-        (MODEL, PARAMETERS, *START, *TOLERANCES[:2],
+        (MODEL, PARAMETERS, INPUT, *START, *TOLERANCES[:2],
          _choice("method", "order 8 (the default), order 5, order 5 for stiff fields, or time stepping "
                  "without events", *METHODS, "Moreau"),
          Option("dt", "with --method Moreau: the length of its steps", number, metavar="DT",
@@ -117,7 +123,7 @@ _ALL = (
     ),
     Command(
         "sweep", "measures over many points: results.csv, results.nc, summary.json; can be resumed", "sweep",
-        (MODEL, PARAMETERS, *VARY,
+        (MODEL, PARAMETERS, INPUT, *VARY,
          Option("measure", "what is measured, such as end(x), events(surface), amplitude(x), or "
                 "path/to/file.py:name; can be repeated", texts, metavar="MEASURE", repeat=True,
                 default=["end", "t_end"]),
@@ -130,7 +136,7 @@ _ALL = (
     ),
     Command(
         "ensemble", "where many trajectories end, in one process: ends.csv, ends.npz, summary.json", "sweep",
-        (MODEL, PARAMETERS, *VARY,
+        (MODEL, PARAMETERS, INPUT, *VARY,
          Option("jobs", "threads; default: all cores", whole, metavar="N", flags=("-j", "--jobs")),
          *(option for option in START if option.name != "max_time"), *TOLERANCES),
         EXAMPLES["ensemble"],
@@ -139,7 +145,7 @@ _ALL = (
     Command(
         "event-map", "the event map of a section and its fixed points: map.csv, fixed_points.json, map.png",
         "filippov.app.cli.sections.maps",
-        (MODEL, PARAMETERS, START[0], INTERVAL, *SECTION, *TOLERANCES,
+        (MODEL, PARAMETERS, INPUT, START[0], INTERVAL, *SECTION, *TOLERANCES,
          Option("points", "samples of the map", whole, metavar="N", default=400),
          Option("order", "iterate of the map that is taken", whole, metavar="K", default=1),
          Option("start", "coordinate where an orbit starts", number, metavar="D"),
@@ -150,7 +156,7 @@ _ALL = (
     Command(
         "bifurcation", "fixed points over a parameter: bifurcation.csv, .json, .png",
         "filippov.app.cli.sections.maps",
-        (MODEL, PARAMETERS, *OVER, START[0],
+        (MODEL, PARAMETERS, INPUT, *OVER, START[0],
          Option("count", "number of its values", whole, metavar="N", default=22),
          Option("points", "points of the search at each value", whole, metavar="N", default=400),
          Option("order", "iterate of the map that is taken", whole, metavar="K", default=2),
@@ -161,7 +167,7 @@ _ALL = (
     Command(
         "orbit", "a periodic orbit, stable or not, with its Floquet multipliers: orbit.json, .csv, .png",
         "orbit",
-        (MODEL, PARAMETERS, START[0],
+        (MODEL, PARAMETERS, INPUT, START[0],
          Option("period", "autonomous: guess of the period; forced: the period, a number or a formula such "
                 "as 2*pi/omega", number_or_formula, metavar="T"),
          _choice("symmetry", "odd: solve for half of an orbit with x(t + T/2) = -x(t)", "odd"),
@@ -306,7 +312,7 @@ _ALL = (
     Command(
         "lyapunov", "Lyapunov exponents of a solution, through its events: exponents.json, .csv, .png",
         "chaos",
-        (MODEL, PARAMETERS, START[0],
+        (MODEL, PARAMETERS, INPUT, START[0],
          Option("duration", "time over which they are taken", number, metavar="T"),
          Option("stretch", "time between two decompositions; of a forced system a multiple of the period",
                 number, metavar="T"),
@@ -320,7 +326,7 @@ _ALL = (
     Command(
         "diagram", "iterates of the event map over a parameter, chaos included: diagram.json, .csv, .png",
         "chaos",
-        (MODEL, PARAMETERS, *OVER, START[0],
+        (MODEL, PARAMETERS, INPUT, *OVER, START[0],
          Option("count", "number of its values", whole, metavar="N", default=200),
          Option("start", "coordinate of the first return; default: the middle of the interval", number,
                 metavar="D"),
@@ -370,7 +376,7 @@ _ALL = (
     Command(
         "compare", "the exact inclusion against its approximations, over a section or along a solution "
         "(--x0, --t-span, --against): comparison.csv, .json, .txt, .png", "compare",
-        (MODEL, PARAMETERS, *APPROXIMATIONS, *START[:2], *TOLERANCES[:2], *SECTION),
+        (MODEL, PARAMETERS, INPUT, *APPROXIMATIONS, *START[:2], *TOLERANCES[:2], *SECTION),
         EXAMPLES["compare"],
         needs="filippov.analysis.comparisons.comparison",
     ),
@@ -392,7 +398,7 @@ _ALL = (
     ),
     Command(
         "graph", "the modes and transitions of a model: graph.dot, .graphml, .json, .png", "graph",
-        (MODEL, PARAMETERS,
+        (MODEL, PARAMETERS, INPUT,
          _choice("kind", "what the model can do, or what a solution does", "possible", "observed",
                  default="possible"),
          Option("recurrent", "only the part that is not left again", switch, default=False),
@@ -413,7 +419,7 @@ _ALL = (
         "explore", "a page on this machine with sliders for the parameters; with -o the files of its view: "
         "view.py, motion.csv, events.csv, motion.png, phase.png, solution.npz, of a section map.csv, "
         "diagram.csv", "filippov.app.explorer.command",
-        (MODEL, PARAMETERS, *START[:2],
+        (MODEL, PARAMETERS, INPUT, *START[:2],
          Option("view", "a link of the page, or its part after the question mark: the view to begin with",
                 text, metavar="LINK"),
          Option("port", "port of the page; default: any free one", whole_or_zero, metavar="N", default=0),

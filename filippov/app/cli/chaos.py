@@ -8,7 +8,7 @@ import numpy as np
 
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
-from filippov.app.cli.model import load_model
+from filippov.app.cli.model import loaded_of
 from filippov.app.cli.sections.maps import interval_of, section_of
 from filippov.app.cli.sections.motion import by_motion, motion_section, section_data, told, varied
 from filippov.base.errors import UsageError
@@ -17,7 +17,7 @@ from filippov.plot.lyapunov import plot_brute_force, plot_lyapunov
 
 def run_lyapunov(settings: dict[str, Any], console: Console) -> int:
     """Write the exponents and how they settle; after Ctrl-C those of the time that was run."""
-    loaded = load_model(settings["model"])
+    loaded = loaded_of(settings)
     problem = loaded.problem({**settings, "t_span": (0.0, 1.0)})
     for name in ("duration", "stretch"):
         if settings[name] is None:
@@ -50,7 +50,7 @@ def run_lyapunov(settings: dict[str, Any], console: Console) -> int:
 
 def run_diagram(settings: dict[str, Any], console: Console) -> int:
     """Write the iterates at every value of the parameter and their picture."""
-    loaded = load_model(settings["model"])
+    loaded = loaded_of(settings)
     values = loaded.values(settings["parameters"])
     parameter, low, high = varied(loaded, settings)
     if by_motion(loaded, settings):

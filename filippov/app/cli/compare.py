@@ -61,10 +61,10 @@ def own_interval(loaded: Any) -> tuple[float, float] | None:
 def run(settings: dict[str, Any], console: Console) -> int:
     """Errors, field calls and times as a table: along a motion where one is given, else over a section."""
     from filippov.app.cli.folder import Folder
-    from filippov.app.cli.model import load_model
+    from filippov.app.cli.model import loaded_of
     from filippov.app.cli.sections.maps import PARTS, section_of
 
-    loaded = load_model(settings["model"])
+    loaded = loaded_of(settings)
     of_motions = [name for name in (*OF_MOTIONS, "x0", "t_span") if settings.get(name) is not None]
     sectionless = getattr(loaded.model, "section", None) is None
     if of_motions or (sectionless and all(settings.get(part) is None for part in PARTS)):

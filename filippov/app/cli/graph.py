@@ -7,7 +7,7 @@ from typing import Any
 
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
-from filippov.app.cli.model import load_model
+from filippov.app.cli.model import loaded_of
 from filippov.app.cli.solved import exit_code, solved
 from filippov.base.errors import ModelError
 from filippov.graphs.graph import observed_graph, possible_graph, recurrent_part
@@ -18,7 +18,7 @@ SUFFIXES = (".dot", ".graphml", ".json")
 
 def run(settings: dict[str, Any], console: Console) -> int:
     """Make the graph and write it in every format."""
-    loaded = load_model(settings["model"])
+    loaded = loaded_of(settings)
     values = loaded.values(settings["parameters"])
     folder = Folder(settings["output"], console)
     code = 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -96,6 +96,29 @@ def load_model(name: str | None) -> Loaded:
         near = near + " " if near else ""
         raise UsageError(f"{path!r} has no {attribute!r}; {near}systems in it: {_listing(module, ', ')}")
     return _of_object(name, getattr(module, attribute))
+
+
+def loaded_of(settings: Mapping[str, Any]) -> Loaded:
+    """The model of the settings, with the signals of --input in it. Raises UsageError, ModelError."""
+    loaded = load_model(settings["model"])
+    given = settings.get("input")
+    if not given:
+        return loaded
+    from filippov.model.signals.input import Input
+
+    made: Any = Input
+    signals = {}
+    for name, (file, options) in given.items():
+        try:
+            signals[name] = made.from_csv(name, file, **options)
+        except ModelError as error:
+            raise UsageError(f"--input {name}: {error}") from None
+    try:
+        system = loaded.system.with_inputs(signals)
+    except ModelError as error:
+        raise UsageError(f"--input: {error}") from None
+    own = {name: value for name, value in loaded.parameters.items() if name not in signals}
+    return replace(loaded, system=system, parameters=own, model=None)
 
 
 def _of_model(model: registry.Model) -> Loaded:

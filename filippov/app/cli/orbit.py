@@ -8,7 +8,7 @@ import numpy as np
 
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
-from filippov.app.cli.model import load_model
+from filippov.app.cli.model import loaded_of
 from filippov.base.errors import UsageError
 
 KEEP = ("period", "symmetry", "nodes", "transient", "t_max", "rtol", "atol", "method")
@@ -17,7 +17,7 @@ OF_HOMOCLINIC = ("free", "mode", "side", "t_max", "rtol", "atol")
 
 def run(settings: dict[str, Any], console: Console) -> int:
     """Find the orbit from --x0, say what it is, write orbit.json, orbit.csv and orbit.png."""
-    loaded = load_model(settings["model"])
+    loaded = loaded_of(settings)
     problem = loaded.problem({**settings, "t_span": (0.0, 1.0)})
     folder = Folder(settings["output"], console)
     from filippov.analysis.orbits.orbit_search import find_orbit as find
@@ -43,7 +43,7 @@ def run_homoclinic(settings: dict[str, Any], console: Console) -> int:
     """Find it near --x0, say where it is, write homoclinic.json, homoclinic.csv and homoclinic.png."""
     if settings.get("free") is None:
         raise UsageError("homoclinic needs the parameter that is solved for: --free NAME.")
-    loaded = load_model(settings["model"])
+    loaded = loaded_of(settings)
     problem = loaded.problem({**settings, "t_span": (0.0, 1.0)})
     folder = Folder(settings["output"], console)
     from filippov.analysis.orbits.homoclinic import find_homoclinic as find

@@ -12,7 +12,7 @@ import numpy as np
 from filippov.app.cli import simulate_tree
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
-from filippov.app.cli.model import load_model
+from filippov.app.cli.model import loaded_of
 from filippov.app.cli.solved import EVENT_COLUMNS, event_data, event_row, exit_code, solved
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.status import Status, mode_text
@@ -25,7 +25,7 @@ MOST_ROWS = 200_000
 
 def run(settings: dict[str, Any], console: Console) -> int:
     """Solve, write what there is, also of a run that ended early."""
-    loaded = load_model(settings["model"])
+    loaded = loaded_of(settings)
     if settings["tuned"] is not None:
         settings = settings | {"parameters": tuned_values(settings["tuned"]) | (settings["parameters"] or {})}
     problem = loaded.problem(settings)

@@ -11,7 +11,7 @@ import numpy as np
 
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
-from filippov.app.cli.model import load_model
+from filippov.app.cli.model import loaded_of
 from filippov.app.cli.outputs import Outputs
 from filippov.app.cli.solved import SOLVER, parse_stop
 from filippov.base.errors import SolveError, UsageError
@@ -127,7 +127,7 @@ def engine(settings: dict[str, Any], folder: Folder) -> dict[str, Any] | None:
 
 def _start(settings: dict[str, Any]) -> tuple[Problem, dict[str, Any]]:
     """The template and the solver's options. What is varied needs no value of its own."""
-    loaded = load_model(settings["model"])
+    loaded = loaded_of(settings)
     vary = settings["vary"]
     if not vary:
         raise UsageError("nothing is varied; give --vary NAME=LOW:HIGH:COUNT, or a table [sweep.vary].")

@@ -13,6 +13,7 @@ from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import unknown
 
 # As in `filippov.solving.state.options`, which is not imported for a help text.
+SIGNAL = ("kind", "outside", "period", "time", "value")
 POLICIES = ("raise", "stick", "slip", "branch")
 
 
@@ -159,6 +160,30 @@ def formulas(value: Any, name: str) -> dict[str, str]:
         if isinstance(item, bool) or not isinstance(item, str | int | float):
             raise UsageError(f"{name}: {key} is {item!r}, expected a formula as text.")
     return {key: str(item) for key, item in found.items()}
+
+
+def signals(value: Any, name: str) -> dict[str, tuple[str, dict[str, Any]]]:
+    """Files and options by name: "r=steps.csv", "r=steps.csv,kind=hold", or a table {r = {file = ..., ...}}."""
+    items = list(value.items()) if isinstance(value, Mapping) else []
+    for item in texts(value, name) if not items else ():
+        key, equals, rest = item.partition("=")
+        if not equals or not key.strip():
+            raise UsageError(f"{name} is {item!r}, expected NAME=FILE.csv.")
+        items.append((key.strip(), rest))
+    out = {}
+    for key, given in items:
+        where = f"{name}: {key}"
+        if not isinstance(given, Mapping):
+            file, *rest = [piece.strip() for piece in text(given, where).split(",")]
+            given = {"file": file, **named(rest, where)}
+        options = dict(given)
+        for option in options:
+            if option not in ("file", *SIGNAL):
+                raise UsageError(f"{where}: {unknown('setting', option, SIGNAL)}")
+        if "period" in options:
+            options["period"] = number(options["period"], f"{where}: period")
+        out[key] = text(options.pop("file", ""), where), options
+    return out
 
 
 def text(value: Any, name: str) -> str:

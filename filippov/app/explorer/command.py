@@ -7,7 +7,7 @@ from typing import Any
 
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
-from filippov.app.cli.model import Loaded, load_model
+from filippov.app.cli.model import Loaded, loaded_of
 from filippov.app.explorer.explorer import Explorer, address
 from filippov.app.explorer.export import FILES, offered
 from filippov.app.explorer.pictures import summary
@@ -19,7 +19,7 @@ from filippov.solving.state.problem import Problem
 
 def run(settings: dict[str, Any], console: Console) -> int:
     """Serve the page until Ctrl-C, or write the files of the view."""
-    loaded = load_model(settings["model"])
+    loaded = loaded_of(settings)
     explorer = explorer_of(loaded, settings)
     folder = Folder(settings["output"], console)
     if folder.path is not None:
@@ -52,7 +52,7 @@ def explorer_of(loaded: Loaded, settings: dict[str, Any]) -> Explorer:
     if made is None:
         start = [0.0] * system.dimension if start is None else start
         made = Problem(system, start, loaded.t_span or (0.0, 10.0), loaded.values(None))
-    explored = subject(made, name=loaded.name, origin=_origin(settings["model"]))
+    explored = subject(made, name=loaded.name, origin=_origin(settings))
     view = View.from_query(explored, settings["view"] or "")
     changes: dict[str, Any] = {f"p.{name}": value for name, value in (settings["parameters"] or {}).items()}
     if settings["t_span"] is not None:
@@ -61,9 +61,10 @@ def explorer_of(loaded: Loaded, settings: dict[str, Any]) -> Explorer:
     return Explorer(explored, view=view.query)
 
 
-def _origin(name: str) -> str:
+def _origin(settings: dict[str, Any]) -> str:
     """Lines of Python that make the system of a file; of a registered model the subject knows them."""
-    if ".py" not in name:
+    name = settings["model"]
+    if ".py" not in name or settings["input"]:
         return ""
     file, colon, attribute = name.rpartition(":")
     where = f"{Path(file).resolve()}{colon}{attribute}"

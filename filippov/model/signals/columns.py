@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from filippov.base.errors import ModelError
 from filippov.base.names import unknown
 
 
-def read_columns(path: Path, wanted: Sequence[str | int]) -> list[list[float]]:
+def read_columns(
+    path: Path, wanted: Sequence[str | int], preferred: Mapping[int, str] | None = None
+) -> list[list[float]]:
     """The columns wanted, by title or number, of a file of values separated by commas.
+
+    preferred   titles by place among those wanted: such a column is taken where there is one
 
     The first line may hold titles. Raises ModelError for what is no such file.
     """
@@ -24,7 +28,9 @@ def read_columns(path: Path, wanted: Sequence[str | int]) -> list[list[float]]:
         raise ModelError(f"{path}: the file is empty, expected lines such as 0.0,1.5.")
     titles = [] if _numbers(rows[0]) is not None else [title.strip() for title in rows.pop(0)]
     places = []
-    for column in wanted:
+    for place, column in enumerate(wanted):
+        if (title := (preferred or {}).get(place)) in titles:
+            column = title
         if isinstance(column, str) and column not in titles:
             raise ModelError(f"{path}: {unknown('column', column, titles)}")
         places.append(titles.index(column) if isinstance(column, str) else column)

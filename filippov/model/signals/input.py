@@ -56,15 +56,18 @@ class Input:
 
     @classmethod
     def from_csv(
-        cls, name: str, path: str | Path, *, time: str | int = 0, value: str | int = 1, **options: Any
+        cls, name: str, path: str | Path, *, time: str | int = 0, value: str | int | None = None, **options: Any
     ) -> Expr:
         """The input from two columns of a file of numbers separated by commas.
 
-        time, value   the columns, by their titles in the first line, or by number from 0
+        time, value   the columns, by their titles in the first line, or by number from 0; default: the first,
+                      and the one titled as the input, else the second
         options       kind, outside, period as in `Input`
         """
         made: Any = cls
-        out: Expr = made(name, *read_columns(Path(path), (time, value)), **options)
+        own = {1: name} if value is None else None
+        columns = read_columns(Path(path), (time, 1 if value is None else value), own)
+        out: Expr = made(name, *columns, **options)
         return out
 
 

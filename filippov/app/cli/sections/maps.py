@@ -9,7 +9,7 @@ import numpy as np
 
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
-from filippov.app.cli.model import Loaded, load_model
+from filippov.app.cli.model import Loaded, loaded_of
 from filippov.app.cli.sections.motion import by_motion, motion_section, suggestion, varied
 from filippov.app.cli.sections.motion_map import run_motion_map
 from filippov.app.cli.sweep import engine
@@ -66,7 +66,7 @@ def interval_of(loaded: Loaded, settings: dict[str, Any]) -> tuple[float, float]
 
 def run_event_map(settings: dict[str, Any], console: Console) -> int:
     """Sample the map, find its fixed points, follow an orbit; after Ctrl-C write the samples there are."""
-    loaded = load_model(settings["model"])
+    loaded = loaded_of(settings)
     if by_motion(loaded, settings):
         return run_motion_map(loaded, settings, console)
     values = loaded.values(settings["parameters"])
@@ -120,7 +120,7 @@ def run_event_map(settings: dict[str, Any], console: Console) -> int:
 
 def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
     """Fixed points over a parameter, folds, changes of stability."""
-    loaded = load_model(settings["model"])
+    loaded = loaded_of(settings)
     values = loaded.values(settings["parameters"])
     parameter, low, high = varied(loaded, settings)
     x0 = interval = None
