@@ -168,7 +168,7 @@ def test_16_8_the_map_and_the_diagram_hold_the_closed_form() -> None:
 
 
 def test_16_8_a_section_is_found_along_the_motion_and_holds_the_closed_form(tmp_path: Path) -> None:
-    """The wheel: w -> cos(2a) sqrt(w^2 + 4 sin(slope) sin(a)) from spoke to spoke (McGeer), and no lift of it."""
+    """The wheel: w -> cos(2a) sqrt(w^2 + 4 sin(slope) sin(a)) from spoke to spoke (McGeer)."""
     made = Explorer(registry.get("rimless_wheel"))
     assert made.subject.section == Section("next spoke", "reset", "w", t_max=made.subject.section.t_max)
     assert "d" not in made.start.values
@@ -190,7 +190,9 @@ def test_16_8_a_section_is_found_along_the_motion_and_holds_the_closed_form(tmp_
         exact = [w := w if k == 0 else float(after(w, slope)) for k in range(36)]
         np.testing.assert_allclose(iterates, exact[24:], rtol=1e-7)
     here = trace(figures["diagram"], "here")
-    np.testing.assert_allclose(here["y"], math.sqrt(4 * math.sin(0.1) * math.sin(0.3)) / math.tan(0.6), rtol=1e-3)
+    np.testing.assert_allclose(
+        here["y"], math.sqrt(4 * math.sin(0.1) * math.sin(0.3)) / math.tan(0.6), rtol=1e-3
+    )
     made.export(tmp_path)
     assert "returns(system, section, x0, 24" in (tmp_path / "view.py").read_text()
     assert float((tmp_path / "map.csv").read_text().split("\n")[1].split(",")[0]) == pytest.approx(found.d[0])

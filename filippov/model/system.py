@@ -406,8 +406,8 @@ class System:
     def with_inputs(self, signals: Mapping[str, Any]) -> System:
         """The system with signals in the place of parameters, or other signals in that of inputs, by name.
 
-        signals  from a parameter or an input to an `Input`, a test signal, or a formula in t: a set point that
-                 was a number follows a table, {"r": Input.from_csv("r", "steps.csv")}
+        signals  from a parameter or an input to an `Input`, a test signal, or a formula in t: a set point
+                 that was a number follows a table, {"r": Input.from_csv("r", "steps.csv")}
 
         A parameter is one no more then. A comparator stays. Raises ModelError, also for a parameter that sets
         instants of a clock or a width, which are numbers, and for samples outside its bounds.

@@ -26,8 +26,8 @@ def with_inputs(system: System, signals: Mapping[str, Any]) -> System:
     """See `System.with_inputs`."""
     if system.symbolic is None:
         raise ModelError(
-            "the field is a plain function, into which no signal can be put. Read it in there, with np.interp "
-            "and a TimeEvent at its knots, or write the equations as expressions."
+            "the field is a plain function, into which no signal can be put. Read it in there, with "
+            "np.interp and a TimeEvent at its knots, or write the equations as expressions."
         )
     if not isinstance(system.comparator, Exact):
         return with_inputs(system.exact, signals).with_comparator(system.comparator)
@@ -38,7 +38,7 @@ def with_inputs(system: System, signals: Mapping[str, Any]) -> System:
     p = tuple(q for q in form.p if q not in gone)
     new = replace(put_into(form, values), p=p)
     check_inputs([node for e in new.expressions() for node in e.atoms(Sampled)], (*form.x, *p))
-    # Whether a surface can be rested on is looked at anew, where it was not declared otherwise than it is found.
+    # Whether a surface can be rested on is looked at anew, where it was not declared otherwise than found.
     free = tuple(q if q.reset is None else replace(q, contact=None) for q in system.surfaces)
     _, found = with_contacts(replace(form, contact=()), free)
     left = [a if b.contact == q.contact else q for a, b, q in zip(free, found, system.surfaces, strict=True)]

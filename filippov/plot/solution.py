@@ -57,7 +57,8 @@ def plot_solution(
 ) -> Figure:
     """States and outputs over time, one panel each, sliding phases shaded and events marked.
 
-    states      names of states, outputs and inputs, and formulas of them, to show; default all states and outputs
+    states      names of states, outputs and inputs, and formulas of them, to show; default all states and
+                outputs
     multiplier  name of a surface: a further panel with the value of its sign and the set it may take while
                 sliding
     labels      labels with units, by name: {"t": "time [s]", "x": "position [m]", "multiplier": "friction"};

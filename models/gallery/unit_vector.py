@@ -16,8 +16,8 @@ def unit_vector(c: float = 1.0, rho: float = 2.0, a: float = 0.5, omega: float =
     c       rate of the motion on s = 0 [1/s]; rho   size of the force [m/s^2]
     a, omega  of a disturbance that drives s away and turns it [1/s]
 
-    In polar form s = r (cos q, sin q): r' = a r - rho Sgn(r), q' = omega, and z' = -c z + s for z = (x, y). For
-    rho > a r s is 0 after log(rho/(rho - a r))/a, and from there on z falls as exp(-c t).
+    In polar form s = r (cos q, sin q): r' = a r - rho Sgn(r), q' = omega, and z' = -c z + s for z = (x, y).
+    For rho > a r s is 0 after log(rho/(rho - a r))/a, and from there on z falls as exp(-c t).
     """
     p = parameters(
         c=Parameter(c, "1/s", 0, description="rate of the motion on s = 0"),

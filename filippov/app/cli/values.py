@@ -163,7 +163,7 @@ def formulas(value: Any, name: str) -> dict[str, str]:
 
 
 def signals(value: Any, name: str) -> dict[str, tuple[str, dict[str, Any]]]:
-    """Files and options by name: "r=steps.csv", "r=steps.csv,kind=hold", or a table {r = {file = ..., ...}}."""
+    """Files and options by name: "r=steps.csv,kind=hold", or a table {r = {file = ..., kind = ...}}."""
     items = list(value.items()) if isinstance(value, Mapping) else []
     for item in texts(value, name) if not items else ():
         key, equals, rest = item.partition("=")
@@ -173,10 +173,11 @@ def signals(value: Any, name: str) -> dict[str, tuple[str, dict[str, Any]]]:
     out = {}
     for key, given in items:
         where = f"{name}: {key}"
-        if not isinstance(given, Mapping):
+        if isinstance(given, Mapping):
+            options = dict(given)
+        else:
             file, *rest = [piece.strip() for piece in text(given, where).split(",")]
-            given = {"file": file, **named(rest, where)}
-        options = dict(given)
+            options = {"file": file, **named(rest, where)}
         for option in options:
             if option not in ("file", *SIGNAL):
                 raise UsageError(f"{where}: {unknown('setting', option, SIGNAL)}")

@@ -78,7 +78,10 @@ def _routes(flask: Any, motions: Motions, start: View, lock: threading.Lock) -> 
     keys, files = {item.id: item.key for item in start.fields.values()}, offered(motions, start)
 
     def answer(make: Callable[[dict[str, Any], str], Any], hurry: bool) -> Response:
-        """The settings of the page's controls, by their ids, into what it shows; hurry: a diagram makes way."""
+        """The settings of the page's controls, by their ids, into what it shows.
+
+        hurry: a diagram makes way.
+        """
         asked = request.get_json(silent=True)
         held = asked.get("settings") if isinstance(asked, dict) else None
         if not isinstance(held, dict):

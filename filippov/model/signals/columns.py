@@ -28,9 +28,9 @@ def read_columns(
         raise ModelError(f"{path}: the file is empty, expected lines such as 0.0,1.5.")
     titles = [] if _numbers(rows[0]) is not None else [title.strip() for title in rows.pop(0)]
     places = []
-    for place, column in enumerate(wanted):
-        if (title := (preferred or {}).get(place)) in titles:
-            column = title
+    for place, given in enumerate(wanted):
+        title = (preferred or {}).get(place)
+        column = title if title in titles else given
         if isinstance(column, str) and column not in titles:
             raise ModelError(f"{path}: {unknown('column', column, titles)}")
         places.append(titles.index(column) if isinstance(column, str) else column)

@@ -56,12 +56,13 @@ class Input:
 
     @classmethod
     def from_csv(
-        cls, name: str, path: str | Path, *, time: str | int = 0, value: str | int | None = None, **options: Any
-    ) -> Expr:
+        cls, name: str, path: str | Path, *, time: str | int = 0, value: str | int | None = None,
+        **options: Any,
+    ) -> Expr:  # fmt: skip
         """The input from two columns of a file of numbers separated by commas.
 
-        time, value   the columns, by their titles in the first line, or by number from 0; default: the first,
-                      and the one titled as the input, else the second
+        time, value   the columns, by their titles in the first line, or by number from 0; default: the
+                      first, and the one titled as the input, else the second
         options       kind, outside, period as in `Input`
         """
         made: Any = cls
