@@ -58,7 +58,8 @@ PARAMETERS = Option(
 INPUT = Option(
     "input", "samples in the place of a parameter, or of an input of the model: its times are the first "
     "column, its values the one titled NAME or the second; after commas kind=linear, hold or cubic, "
-    "outside=hold, period=T, time=COLUMN, value=COLUMN; can be repeated", signals, metavar="NAME=FILE.csv", repeat=True,
+    "outside=hold, period=T, time=COLUMN, value=COLUMN; can be repeated", signals,
+    metavar="NAME=FILE.csv", repeat=True,
 )  # fmt: skip
 TOLERANCES = (
     Option("rtol", "relative tolerance of a step", number, metavar="R"),
