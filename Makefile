@@ -9,6 +9,11 @@ BIN := $(VENV)/bin
 FILES := $(shell find filippov models analysis -type f ! -path '*/__pycache__/*' | LC_ALL=C sort | cksum | cut -d' ' -f1)
 INSTALL := $(BIN)/python -m pip install --quiet --config-settings editable_mode=strict --editable
 
+# The tests of the explorer's page run where there is a Chromium; playwright, which drives it, is installed there only.
+COMMA := ,
+CHROMIUM := $(shell command -v chromium || command -v chromium-browser || command -v google-chrome)
+BROWSER := $(if $(CHROMIUM),$(COMMA)browser)
+
 # Neighbours share what they make once: each worker begins with one half, and takes from the other at the end.
 TWO := -n 2 --dist worksteal
 
@@ -59,13 +64,13 @@ clean:
 
 $(VENV)/.use-$(FILES): $(VENV)/.made pyproject.toml
 	rm -rf $(VENV)/.use-* build/__editable__.*
-	$(INSTALL) '.[report,progress,tests]'
+	$(INSTALL) '.[report,progress,tests$(BROWSER)]'
 	touch $@
 
 $(VENV)/.develop-$(FILES): $(VENV)/.use-$(FILES)
 	rm -f $(VENV)/.develop-*
 	rm -rf build/__editable__.*
-	$(INSTALL) '.[report,progress,tests,lint,docs]'
+	$(INSTALL) '.[report,progress,tests,lint,docs$(BROWSER)]'
 	touch $@
 
 $(VENV)/.made:

@@ -176,8 +176,8 @@ def signals(value: Any, name: str) -> dict[str, tuple[str, dict[str, Any]]]:
         if isinstance(given, Mapping):
             options = dict(given)
         else:
-            file, *rest = [piece.strip() for piece in text(given, where).split(",")]
-            options = {"file": file, **named(rest, where)}
+            parted = [piece.strip() for piece in text(given, where).split(",")]
+            options = {"file": parted[0], **named(parted[1:], where)}
         for option in options:
             if option not in ("file", *SIGNAL):
                 raise UsageError(f"{where}: {unknown('setting', option, SIGNAL)}")

@@ -123,9 +123,10 @@ class Motions:
 
     def _event_map(self, view: View) -> Any:
         from filippov.analysis.maps.event_map import EventMap
+        from filippov.analysis.maps.section import Section
 
         if self._map is None:
-            assert self.subject.section is not None
+            assert isinstance(self.subject.section, Section)
             self._map = EventMap(self.subject.system, self.subject.section, rtol=RTOL, atol=ATOL)
         return self._map.remake(parameters=view.parameters, order=view["order"])
 

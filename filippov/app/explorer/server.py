@@ -83,8 +83,7 @@ def _routes(flask: Any, motions: Motions, start: View, lock: threading.Lock) -> 
         hurry: a diagram makes way.
         """
         asked = request.get_json(silent=True)
-        held = asked.get("settings") if isinstance(asked, dict) else None
-        if not isinstance(held, dict):
+        if not isinstance(asked, dict) or not isinstance(held := asked.get("settings"), dict):
             abort(400)
         named = {keys[name]: value for name, value in held.items() if name in keys}
         if hurry:
