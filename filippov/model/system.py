@@ -414,7 +414,8 @@ class System:
         """
         from filippov.model.with_inputs import with_inputs
 
-        return with_inputs(self, signals)
+        made: System = with_inputs(self, signals)
+        return made
 
     def export(
         self, path: str | Path, to: str | None = None, *, parameters: Mapping[str, float] | None = None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import sympy
 from sympy import Expr, Symbol
@@ -18,12 +18,9 @@ from filippov.model.parameter import ParameterSet
 from filippov.model.signals.input import Sampled, sampled_in
 from filippov.model.symbols import t
 
-if TYPE_CHECKING:
-    from filippov.model.system import System
 
-
-def with_inputs(system: System, signals: Mapping[str, Any]) -> System:
-    """See `System.with_inputs`."""
+def with_inputs(system: Any, signals: Mapping[str, Any]) -> Any:
+    """See `System.with_inputs`; system: a System, which imports this."""
     if system.symbolic is None:
         raise ModelError(
             "the field is a plain function, into which no signal can be put. Read it in there, with "
@@ -52,7 +49,7 @@ def with_inputs(system: System, signals: Mapping[str, Any]) -> System:
     return made
 
 
-def _values(system: System, signals: Mapping[str, Any]) -> dict[Expr, Expr]:
+def _values(system: Any, signals: Mapping[str, Any]) -> dict[Expr, Expr]:
     """What stands in the equations for each name, and the signal that goes there."""
     form = system.symbolic
     assert form is not None
@@ -79,7 +76,7 @@ def _values(system: System, signals: Mapping[str, Any]) -> dict[Expr, Expr]:
     return out
 
 
-def _check_fixed(system: System, values: Mapping[Expr, Expr]) -> None:
+def _check_fixed(system: Any, values: Mapping[Expr, Expr]) -> None:
     """Refuse a signal where a number has to stand for the whole run."""
     form = system.symbolic
     assert form is not None
