@@ -8,6 +8,8 @@ from scipy.linalg import expm
 
 from filippov import (
     Input,
+    Max,
+    Min,
     ModelError,
     Parameter,
     Smooth,
@@ -446,3 +448,23 @@ def test_16_3_a_file_drives_a_model_from_the_command(tmp_path, capsys) -> None:
     ):  # fmt: skip
         assert main([*words, "--input", wrong]) == 2
         assert said in capsys.readouterr().err
+
+
+def test_16_2_a_figure_shows_outputs_before_a_knot_as_they_are_before_it() -> None:
+    """An effort within its limits: at the end of a piece the signal is that before its jump, not after it."""
+    from filippov.plot.pieces import output_pieces, pieces_of
+
+    r = Input("r", [0, 2, 6, 8], [0.5, 2.0, -3.0, 0.4], "hold")
+    effort = Min(Max(2 * (r - x), -1.2), 1.2)
+    system = System({x: -x + effort, v: 0 * v}, outputs={"effort": effort})
+    for span, jumps in (((0, 8), 2), ((2.3, 1.7), 1)):
+        run = solve(system, (0.6, 0), span, backward=jumps == 1)
+        t_shown, shown = output_pieces(run, "effort", list(pieces_of(run, 200)))
+        assert np.nanmax(np.abs(shown)) <= 1.2 + 1e-12
+        # At a jump the value before it, a gap, the value after it.
+        gaps = np.flatnonzero(np.isnan(shown))
+        assert len(gaps) == jumps
+        for k in gaps:
+            at = t_shown[k]
+            assert shown[k - 1] == pytest.approx(run.evaluate("effort", at, side="-"), abs=1e-12)
+            assert shown[k + 1] == pytest.approx(run.evaluate("effort", at, side="+"), abs=1e-12)

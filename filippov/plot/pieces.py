@@ -39,6 +39,9 @@ def output_pieces(
     for segment, t, x in pieces:
         modes = np.tile(np.array(segment.mode, dtype=np.int64), (t.size, 1))
         value = values(solution, name, t, x, modes, "+")
+        if solution.system.inputs:
+            # A piece may end where a signal jumps, and ends with its value before.
+            value[-1:] = values(solution, name, t[-1:], x[:, -1:], modes[-1:], "-")
         if found and value.size and not np.isclose(value[0], found[-1][-1], rtol=1e-6, atol=1e-12):
             times.append(t[:1])
             found.append(np.array([np.nan]))
