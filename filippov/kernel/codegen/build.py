@@ -1,10 +1,10 @@
 """Compile a system's units and keep their object code in a per-user cache folder.
 
-A unit is one LLVM module. The kernels of the event loop depend on a system by few numbers (how many states
-and surfaces there are, whether any resets, ...), so that their unit serves all systems of a shape; the unit
-of a system holds its field, guards and resets, the method's stages and its tables, and both are linked. A
-unit of lanes holds all of it. A file is named by a digest of the sources and constants, of the versions
-of llvmlite and Python and of the processor, so that no stale code can be found; `cache` says which files are
+A unit is one LLVM module. The unit of a system holds its field, guards and resets, its tables, and the
+numbers that say how large it is and where its records have what (SHAPE). The event loop with the stages of a
+method reads these where it runs: one unit of it serves all systems, and is linked with theirs. A unit of
+lanes holds all of it, made for one system. A file is named by a digest of the sources and constants, of the
+version of llvmlite and of the processor, so that no stale code can be found; `cache` says which files are
 trusted.
 """
 
@@ -41,15 +41,13 @@ _FILES = (
 )  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
 _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_seat", "lane_run")
-# What the loop calls of a system's unit: what is written for the system, and what is done with it again and
-# again (stages: of explicit methods only). Then what it calls in lanes (see `points`).
-_OF_SYSTEM = (
-    "rhs", "pair", "guards", "gradients", "radii", "resets", "derive",
-    "field", "project", "guard_state", "land",
-)  # fmt: skip
-_STAGES = ("stages", "extra_stages")
-_OF_SERIES = ("take_jets",)
+# What the loop calls of a system's unit: what is written for the system. Then what it calls in lanes (see
+# `points`).
+_OF_SYSTEM = ("rhs", "pair", "guards", "gradients", "radii", "resets", "derive")
+_OF_SERIES = ("jets", "series_end")
 _OF_SYSTEM_IN_LANES = ("pair", "guards", "gradients", "radii")
+# The constants of a system for which a loop is made; it reads the others where it runs.
+_MADE_FOR = ("WIDE",)
 _lock = threading.Lock()
 # Units by what was asked for: a digest of it, as files are named, takes longer than a short run.
 _units: dict[tuple[Any, ...], "Compiled"] = {}
@@ -164,28 +162,41 @@ def _unit(source: str, constants: Mapping[str, Constant], method: str, sizes: Si
 
 
 def _tables(constants: Mapping[str, Constant]) -> dict[str, Sequence[float]]:
-    """What of a system's constants is handed to its loop as tables; for the others the loop is made."""
-    found: dict[str, Sequence[float]] = {k: v for k, v in constants.items() if isinstance(v, list)}
-    return found | {"P": [int(constants["P"])]}  # type: ignore[arg-type]
+    """What of a system's constants its loop reads from tables."""
+    return {k: v for k, v in constants.items() if isinstance(v, list)}
+
+
+def _shape(constants: Mapping[str, Constant], sizes: Sizes) -> dict[str, int]:
+    """The numbers that a loop reads: how large a system is, what it has, where its records have what."""
+    found = {k: int(v) for k, v in constants.items() if isinstance(v, int) and k not in _MADE_FOR}
+    found["SIDE"] = sizes.side
+    for name, record in _sized(sizes).items():
+        if record.varies:
+            found |= {f"{name}.{word}": place.offset for word, place in record.places.items() if place.varies}
+            found[name] = record.size
+    return dict(sorted(found.items()))
 
 
 def _interface(method: str) -> tuple[str, ...]:
-    tableau = TABLEAUS[method]
-    of_series = _OF_SERIES if isinstance(tableau, Series) else ()
-    return (*_OF_SYSTEM, *(() if isinstance(tableau, Collocation) else _STAGES), *of_series)
+    return (*_OF_SYSTEM, *(_OF_SERIES if isinstance(TABLEAUS[method], Series) else ()))
 
 
 def _compile_loop(source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes) -> bytes:
     unit, own = _unit(source, constants, method, sizes), _interface(method)
+    # No other kernel of this system may get into a unit that others will use.
+    for name in [name for name, file in unit.files.items() if file == "system" and name not in own]:
+        del unit.texts[name]
     unit.foreign, unit.foreign_lanes = frozenset(own), frozenset(_OF_SYSTEM_IN_LANES)
-    unit.outside = frozenset(_tables(constants))
+    unit.outside = frozenset((*_tables(constants), "SHAPE"))
+    unit.shape = {name: place for place, name in enumerate(_shape(constants, sizes))}
     return compile_unit(unit, {}, tuple(name for name in PLAIN if name not in own))
 
 
 def _compile_system(source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes) -> bytes:
     unit, own = _unit(source, constants, method, sizes), _interface(method)
     in_lanes = _OF_SYSTEM_IN_LANES if constants["WIDE"] else ()
-    return compile_unit(unit, {}, own, in_lanes, _tables(constants))
+    given = _tables(constants) | {"SHAPE": list(_shape(constants, sizes).values())}
+    return compile_unit(unit, {}, own, in_lanes, given)
 
 
 def build(source: str, constants: Mapping[str, Constant], method: str, lanes: int = 1) -> Compiled:
@@ -248,9 +259,10 @@ def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: i
     else:
         tables = _tables(constants)
         kinds = [(name, any(isinstance(v, float) for v in values)) for name, values in sorted(tables.items())]
-        shape = sorted((name, value) for name, value in constants.items() if name not in tables)
+        shape = sorted(_shape(constants, sizes))
+        made_for = sorted((k, v) for k, v in constants.items() if k not in tables and k not in shape)
         codes = [
-            _kept((shape, kinds, method), lambda: _compile_loop(source, constants, method, sizes)),
+            _kept((made_for, shape, kinds, method), lambda: _compile_loop(source, constants, method, sizes)),
             _kept(everything, lambda: _compile_system(source, constants, method, sizes)),
         ]
     engine = load_objects(*codes)

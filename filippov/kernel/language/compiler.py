@@ -1,7 +1,7 @@
 """Compile kernels to machine code: Python's syntax tree -> LLVM IR -> object code, one module a unit.
 
-One module for a model and its stages lets LLVM inline the model into them. A general just-in-time compiler
-takes twenty times as long, because types are annotated here and arrays are bare pointers.
+A general just-in-time compiler takes twenty times as long, because types are annotated here and arrays are
+bare pointers.
 """
 
 import gc
@@ -16,7 +16,7 @@ from filippov.kernel.language.unit import Constant, Unit
 # Kernels with more operations than this are not copied into their callers in a unit that is linked with
 # another: the optimiser's time grows faster than the size of a function, and what every stage does is there.
 WHOLE = 150
-# The same in the unit of a system, whose field is copied into every stage where it is no larger than this.
+# The same in a unit that holds everything, where the field is copied into every stage if it is no larger.
 PART = 1_000
 
 
@@ -32,12 +32,15 @@ def compile_unit(
     in_lanes: kernels that are exported widened, as `name.lanes`; given: tables of constants for other units
     """
     with _uncollected():
-        module = _module(unit, constants, exported, in_lanes, given)
+        module = binding.parse_assembly(written(unit, constants, exported, in_lanes, given))
+    module.verify()
     machine = target_machine()
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
     # Level 3 takes a quarter longer, and what it makes of the event loop is no faster.
     options = binding.create_pipeline_tuning_options(speed_level=2)
     options.slp_vectorization, options.loop_vectorization = True, False
+    # Loops of a length that is not known yet are short, and gain nothing by being written out.
+    options.loop_unrolling = not unit.shape
     builder = binding.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
     return bytes(machine.emit_object(module))
@@ -55,11 +58,11 @@ def _uncollected() -> Iterator[None]:
             gc.enable()
 
 
-def _module(
-    unit: Unit, constants: Mapping[str, Constant], exported: Sequence[str], in_lanes: Sequence[str],
-    given: Mapping[str, Sequence[float]] | None,
-) -> binding.ModuleRef:  # fmt: skip
-    """The kernels of a unit in LLVM's own representation, checked and not yet optimised."""
+def written(
+    unit: Unit, constants: Mapping[str, Constant], exported: Sequence[str], in_lanes: Sequence[str] = (),
+    given: Mapping[str, Sequence[float]] | None = None,
+) -> str:  # fmt: skip
+    """The kernels of a unit as LLVM IR, not yet checked nor optimised; arguments as of `compile_unit`."""
     unit.constants.update(constants)
     for name in exported or unit.texts:
         unit.plain(name)
@@ -77,9 +80,7 @@ def _module(
         written = sum(len(block.instructions) for block in kernel.function.blocks)
         if written > most and "alwaysinline" not in kernel.function.attributes:
             kernel.function.attributes.add("noinline")
-    module = binding.parse_assembly(str(unit.module))
-    module.verify()
-    return module
+    return str(unit.module)
 
 
 def target_machine() -> binding.TargetMachine:

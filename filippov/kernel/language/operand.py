@@ -95,18 +95,29 @@ class Operands:
             return self.splat(value)
         raise self.fail(node, f"a {spelt(value.type)} where a {spelt(kind)} is needed")
 
-    def word(self, base: ir.Value, offset: int) -> ir.Value:
-        """The address of a word of a record, as one of its elements."""
+    def word(self, base: ir.Value, name: str) -> ir.Value:
+        """The address of the first word of a name of a record, as one of its elements."""
         record: RecordPointer = base.type
-        place = ir.Constant(LONG, offset * record.stride)
+        offset = self.length(f"{record.of.__name__}.{name}", record.of.places[name].offset)
+        place = self.times(offset, record.stride)
         at = self.b.gep(base, [place], inbounds=True, source_etype=record.pointee)
         at.type = record.pointee.as_pointer()
         return at
 
+    def length(self, name: str, value: int) -> ir.Value:
+        """A length that belongs to the unit, or stands in the table of the shape."""
+        return self.unit.length(self.b, name) if name in self.unit.shape else ir.Constant(LONG, value)
+
+    def times(self, value: ir.Value, factor: int) -> ir.Value:
+        """A length times a number."""
+        if isinstance(value, ir.Constant):
+            return ir.Constant(LONG, value.constant * factor)
+        return value if factor == 1 else self.b.mul(value, ir.Constant(LONG, factor))
+
     def row(self, base: ir.Value, number: ir.Value) -> ir.Value:
         """The address of a row, as rows."""
         rows: RecordPointer = base.type
-        size = ir.Constant(LONG, rows.of.size * rows.stride)
+        size = self.times(self.length(rows.of.__name__, rows.of.size), rows.stride)
         return self.b.gep(base, [self.b.mul(number, size)], inbounds=True, source_etype=rows.pointee)
 
     def referred(self, place: Place) -> ir.Type:
@@ -127,7 +138,7 @@ class Operands:
         if place is None:
             known = ", ".join(record.of.places)
             raise self.fail(node, f"record {record.of.__name__} has no {name}; it has {known}")
-        at = self.word(base, place.offset)
+        at = self.word(base, name)
         if place.elsewhere:
             return self.b.load(self.b.bitcast(at, self.referred(place).as_pointer()))
         if place.of is not None:
@@ -138,8 +149,9 @@ class Operands:
 
     def constant(self, value: Constant, name: str) -> ir.Value:
         """A constant of the unit as a value; a list as the address of its numbers."""
-        if name in self.unit.outside and isinstance(value, int):
-            return self.b.load(self.unit.table(name, [value]))
+        if name in self.unit.shape:
+            number = self.length(name, 0)
+            return self.bit(number) if isinstance(value, bool) else number
         if isinstance(value, bool):
             return ir.Constant(BIT, int(value))
         if isinstance(value, int):

@@ -34,13 +34,17 @@ _BYTE = ctypes.c_char.from_buffer
 
 @dataclass(frozen=True)
 class Place:
-    """Where a name stands: its kind (of which record), its first word, its words, whether elsewhere."""
+    """Where a name stands: its kind (of which record), its first word, its words, whether elsewhere.
+
+    varies: its first word depends on the sizes
+    """
 
     kind: str  # float, int, Vector, Indices, Rows, Record, Lanes
     of: type[Record] | None
     offset: int
     size: int
     elsewhere: bool
+    varies: bool = False
 
     @cached_property
     def dtype(self) -> np.dtype[Any] | None:
@@ -128,6 +132,7 @@ class Record(metaclass=_Declaring):
     places: ClassVar[dict[str, Place]]
     lengths: ClassVar[dict[str, _Part]]
     size: ClassVar[int]
+    varies: ClassVar[bool]
     doubles: ClassVar[bool]
     array: npt.NDArray[Any]
 
@@ -181,7 +186,7 @@ def _sized(cls: type[Record], sizes: Any) -> type[Record]:
 
 def _lay_out(own: Any, declared: type[Record], sizes: Any) -> None:
     """Give a record its places and properties, from the declaration (or itself)."""
-    offset, places = 0, {}
+    offset, places, varies = 0, {}, False
     hints = get_type_hints(declared)
     for name in get_annotations(declared):
         hint, where = hints[name], f"record {own.__name__}: {name}"
@@ -194,16 +199,18 @@ def _lay_out(own: Any, declared: type[Record], sizes: Any) -> None:
         if kind in ("float", "int"):
             if length is not None:
                 raise KernelError(f"{where} is a number: it has no length")
-            place = Place(kind, None, offset, 1, False)
+            place = Place(kind, None, offset, 1, False, varies)
         elif length is None:
-            place = Place(kind, inner, offset, 1, True)
+            place = Place(kind, inner, offset, 1, True, varies)
         else:
             entries = length.length(sizes) if callable(length.length) else length.length
             inner = inner.sized(sizes) if inner is not None else None
-            place = Place(kind, inner, offset, entries * (inner.size if inner is not None else 1), False)
+            words = entries * (inner.size if inner is not None else 1)
+            place = Place(kind, inner, offset, words, False, varies)
+            varies = varies or callable(length.length) or (inner is not None and inner.varies)
         places[name], offset = place, offset + place.size
         setattr(own, name, _property(name, place))
-    own.places, own.size = places, offset
+    own.places, own.size, own.varies = places, offset, varies
     own.doubles = all(_of_doubles(place) for place in places.values())
 
 

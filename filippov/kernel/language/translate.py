@@ -60,7 +60,8 @@ class _Body(Operands):
 
     def settled(self, node: ast.expr) -> bool | None:
         """Whether a condition holds for every system with this unit; None where that is not known."""
-        return settled(node, self.unit.constants, self.locals.keys() | self.unit.outside)
+        open_names = self.unit.outside | self.unit.shape.keys()
+        return settled(node, self.unit.constants, self.locals.keys() | open_names)
 
     def condition(self, node: ast.expr) -> ir.Value:
         """An operand of `and` and `or` whose result is used as a value: in Python it is one of them."""
@@ -333,7 +334,7 @@ class _Body(Operands):
         if not isinstance(value.type, RecordPointer) or value.type.rows:
             raise self.fail(node, f"a {spelt(value.type)} where a record is needed")
         if name == "size_of":
-            return ir.Constant(LONG, value.type.of.size)
+            return self.length(value.type.of.__name__, value.type.of.size)
         if name == "all_of":
             return self.b.bitcast(
                 value, value.type.pointee.as_pointer() if value.type.of.doubles else INDICES
@@ -373,7 +374,7 @@ class _Body(Operands):
         at = self.member(base, target.attr, target)
         place = base.type.of.places[target.attr]
         if place.elsewhere:
-            return self.b.bitcast(self.word(base, place.offset), at.type.as_pointer())
+            return self.b.bitcast(self.word(base, target.attr), at.type.as_pointer())
         if place.kind not in ("float", "int") or base.type.stride > 1:
             what = f"{target.attr} is a part of record {base.type.label}"
             raise self.fail(target, f"{what}; assign to its entries")

@@ -37,7 +37,8 @@ class Unit:
     A kernel is declared when it is first asked for, and then waits for its translation. `width` is the
     number of lanes; `wide`, `wide_vector` ... are what stands in a lane kernel for a number and an array of
     numbers. records: the records by name, with their lengths. foreign, foreign_lanes: kernels, plain and in
-    lanes, that another unit holds, with which this one is linked; outside: constants that it holds.
+    lanes, that another unit holds, with which this one is linked; outside: constants that it holds;
+    shape: numbers that are read there, by name, with their places in the table SHAPE.
     """
 
     constants: dict[str, Constant] = field(default_factory=dict)
@@ -54,6 +55,7 @@ class Unit:
     foreign: frozenset[str] = frozenset()
     foreign_lanes: frozenset[str] = frozenset()
     outside: frozenset[str] = frozenset()
+    shape: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.constants["LANES"] = self.width
@@ -83,15 +85,19 @@ class Unit:
         if name not in self.tables:
             kind = DOUBLE if any(isinstance(value, float) for value in values) else LONG
             here = name not in self.outside
-            table = ir.GlobalVariable(
-                self.module, ir.ArrayType(kind, len(values) if here else 0), f"table_{name}"
-            )
+            length = len(values) if here or name == "SHAPE" else 0
+            table = ir.GlobalVariable(self.module, ir.ArrayType(kind, length), f"table_{name}")
             table.global_constant = True
             if here:
                 table.initializer, table.linkage = ir.Constant(table.value_type, list(values)), "internal"
             self.tables[name] = table
         zero = ir.Constant(LONG, 0)
         return self.tables[name].gep([zero, zero])
+
+    def length(self, builder: ir.IRBuilder, name: str) -> ir.Value:
+        """A number of the shape, read from the unit that knows it."""
+        start = self.table("SHAPE", [0] * len(self.shape))
+        return builder.load(builder.gep(start, [ir.Constant(LONG, self.shape[name])], inbounds=True))
 
     def annotated(self, node: ast.expr | None, where: str, wide: bool) -> ir.Type:
         """The type that an annotation stands for, in a plain kernel or in one of lanes.

@@ -155,9 +155,10 @@ def uniform(w: Scratch) -> bool:
     """Whether all stages met the same field: then the step is a straight line."""
     if SERIES:
         return constant_series(w)
-    for a in range(N, (STAGES - 1) * N):  # noqa: SIM110 - the kernel language has no `all`
-        if w.k[a] != w.k[a % N]:
-            return False
+    for r in range(1, STAGES - 1):
+        for j in range(N):
+            if w.k[r * N + j] != w.k[j]:
+                return False
     return True
 
 
@@ -176,8 +177,9 @@ def other_stages(
     """The stages that only the dense output needs; on a straight line they are known."""
     if not line:
         return extra_stages(t, x, p, m, step, w, iw, ctx)
-    for a in range(STAGES * N, (STAGES + EXTRA) * N):
-        w.k[a] = w.k[a % N]
+    for r in range(STAGES, STAGES + EXTRA):
+        for j in range(N):
+            w.k[r * N + j] = w.k[j]
     return 0
 
 

@@ -249,7 +249,6 @@ class Scratch(Record):
     explicit: float
     rk: Vector = part(lambda of: (DOP853.stages + len(DOP853.extra)) * of.n if of.series else 0)
     jet_room: Vector = part(lambda of: of.jet_room)
-    # The last, since its length is not the same for all systems of a shape.
     wide: Vector = part(
         lambda of: 0 if of.points is None else LANES * (1 + 3 * of.n + of.points + 9 * of.m + of.m * of.n)
     )

@@ -1,0 +1,138 @@
+"""One event loop for all systems: it is the same whichever system it is made with, and fits every other."""
+
+import ctypes
+from typing import Any
+
+import numpy as np
+import pytest
+
+from filippov import Surface, System, TimeEvent, sign, solve, states
+from filippov.kernel.codegen import build
+from filippov.kernel.language.compiler import compile_unit, load_objects, written
+from filippov.kernel.language.primitives import Indices, Vector
+from filippov.kernel.language.records import Record, Rows, part
+from filippov.kernel.language.unit import Unit, add_kernels
+
+x, v, y, u = states("x v y u")
+
+
+def smooth() -> System:
+    return System({x: -x})
+
+
+def relay() -> System:
+    return System({x: v, v: -x - 3 * sign(v)})
+
+
+def coupled() -> System:
+    both = 2 * sign(x + y) + 3 * sign(y - u)
+    return System({x: v, v: both - x, y: u, u: both * sign(x + y) - y})
+
+
+def ball() -> System:
+    return System({x: v, v: -1 + 0 * x}, surfaces=[Surface("floor", x, reset={v: -v / 2})])
+
+
+def clocked() -> System:
+    return System({x: -x}, time_events=[TimeEvent("clock", period=0.5, reset={x: 1 + 0 * x})])
+
+
+def called() -> System:
+    surface = Surface("h", lambda t, x, p: x[1])
+    return System(field=lambda t, x, p, s: [-x[0], s[0] - x[1]], states="x y", surfaces=[surface])
+
+
+SYSTEMS = {
+    "DOP853": (smooth(), relay(), coupled(), ball(), clocked(), called()),
+    "Taylor": (relay(), ball(), coupled()),
+    "Radau": (relay(), coupled()),
+}
+
+
+@pytest.mark.parametrize("method", SYSTEMS)
+def test_14_4_the_loop_is_the_same_whichever_system_it_is_made_with(
+    method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # As it stands before it is optimised: nothing of a system is in it, neither a number nor a kernel.
+    made: dict[str, set[str]] = {}
+
+    def noted(what: Any, make: Any) -> bytes:
+        # The loop is the first that a system asks for.
+        made.setdefault(repr(what), set()).add(make())  # type: ignore[arg-type]
+        raise NotImplementedError
+
+    monkeypatch.setattr(build, "_kept", noted)
+    monkeypatch.setattr(build, "compile_unit", written)
+    monkeypatch.setattr(build, "_units", {})
+    for system in SYSTEMS[method]:
+        with pytest.raises(NotImplementedError):
+            solve(system, np.ones(system.dimension), (0, 1), method=method)
+    # One for small fields, which are sampled in lanes, and one for the others.
+    assert len(made) <= 2
+    assert [len(texts) for texts in made.values()] == [1] * len(made)
+
+
+class Inner(Record):
+    left: float
+    parts: Vector = part(lambda of: of)
+    last: float
+
+
+class Outer(Record):
+    first: float
+    listed: Vector = part(lambda of: 2 * of)
+    rows: Rows[Inner] = part(lambda of: of)
+    one: Inner = part()
+    end: float
+    place: Indices = part(lambda of: of + 1)
+
+
+SOURCE = """
+@kernel
+def fill(u: float, r: Outer) -> int:
+    r.first, r.end = u, 2.0 * u
+    for i in range(N):
+        r.listed[2 * i + 1] = u + i
+        row = r.rows[i]
+        row.left, row.last = 3.0 * u, 4.0 * u + i
+        row.parts[N - 1] = 5.0 * u
+        r.place[i + 1] = 7 * i
+    r.one.parts[0], r.one.last = 6.0 * u, float(size_of(r.one))
+    return 1 if FLAG and N > 2 else 0
+"""
+NAMES = ("FLAG", "Inner", "Inner.last", "N", "Outer.end", "Outer.one", "Outer.place", "Outer.rows")
+
+
+def shaped(records: dict[str, type[Record]], flag: bool, n: int) -> list[int]:
+    """The numbers of a shape, in the order of NAMES."""
+    inner, outer = records["Inner"], records["Outer"]
+    places = [outer.places[name].offset for name in ("end", "one", "place", "rows")]
+    return [int(flag), inner.size, inner.places["last"].offset, n, *places]
+
+
+def sized(n: int) -> dict[str, type[Record]]:
+    return {kind.__name__: kind.sized(n) for kind in (Inner, Outer)}
+
+
+def test_14_4_a_kernel_reads_lengths_and_places_from_the_unit_it_is_linked_with() -> None:
+    places = sized(1)["Outer"].places
+    assert [name for name, place in places.items() if place.varies] == ["rows", "one", "end", "place"]
+    kernels = Unit(records=sized(1), outside=frozenset({"SHAPE"}), shape={k: i for i, k in enumerate(NAMES)})
+    add_kernels(kernels, SOURCE)
+    code = compile_unit(kernels, {"N": 1, "FLAG": False}, ("fill",))
+    for n, flag in ((1, True), (2, True), (3, False), (5, True)):
+        records = sized(n)
+        table = compile_unit(Unit(), {}, (), given={"SHAPE": shaped(records, flag, n)})
+        engine = load_objects(code, table)
+        call = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, ctypes.c_void_p)
+        made: Any = records["Outer"].new()
+        assert call(engine.get_function_address("fill"))(0.5, made.array.ctypes.data) == int(flag and n > 2)
+        expected: Any = records["Outer"].new()
+        expected.first, expected.end = 0.5, 1.0
+        for i in range(n):
+            expected.listed[2 * i + 1] = 0.5 + i
+            expected.rows[i].left, expected.rows[i].last = 1.5, 2.0 + i
+            expected.rows[i].parts[n - 1] = 2.5
+            expected.place[i + 1] = 7 * i
+        expected.one.parts[0], expected.one.last = 3.0, records["Inner"].size
+        np.testing.assert_array_equal(made.array.view(np.int64), expected.array.view(np.int64))
