@@ -174,6 +174,14 @@ class DrivenRun:
                 row += 1
         return Slopes(self.names, parameters, start, force.reshape(len(nodes), count, 4))
 
+    def ends(self, terms: Array, length: Array, states: Array, theta: Array) -> Array:
+        """States at the ends of pieces with these terms and lengths from states, (k, n)."""
+        values = np.tile(self.base, (len(states), 1))
+        values[:, self.places] = theta
+        values[:, self.inputs] = np.column_stack((terms, length))
+        got = self.run.run(states, values)
+        return np.where(got.success[:, None], got.x, states)
+
     def _steps(self, theta: Array) -> Array:
         scale = np.array([self.scale, self.speed])
         load = np.full(4, max(1e-3, float(np.max(np.abs(theta), initial=0.0))))

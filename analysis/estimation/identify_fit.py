@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.estimation.driven_run import DrivenRun, Motion, Pieces, Slopes
+from filippov.analysis.estimation.feedback import feedback
 from filippov.analysis.estimation.force_input import SmoothForce, plain_pieces
 from filippov.analysis.estimation.record import Record
 from filippov.analysis.estimation.residual_noise import (
@@ -41,6 +42,8 @@ FINEST = 0.01
 # Damping of the steps of least squares, in errors a change by the whole size, one after the other; up to FREE
 # what the record tells at all is not held back.
 DAMPINGS, FREE = (0.0, 10.0, 100.0, 1e3, 1e4, 1e5), 100.0
+# Half of chi-square's 95 % of one degree: more likelihood than chance adds by one more parameter.
+CONTRADICTED = 1.92
 # Where the size of the force's noise is not known, part of its effect that may be left out.
 COARSE = 2e-3
 
@@ -90,6 +93,7 @@ class Fitting:
         self.bounds = np.append(bounds[0], -free), np.append(bounds[1], free)
         self.evaluations, self.progress = 0, progress
         self.first: SmoothForce | None = None
+        self.cut: dict[bytes, SmoothForce] = {}
 
     @property
     def known(self) -> list[slice]:
@@ -146,17 +150,15 @@ class Fitting:
     def _settled(self, theta: Array, pieces: tuple[Pieces, ...], hold: str) -> Fit:
         """Force, noise and least squares in turn until the estimates stay."""
         noise: Noise | None = None
-        z, key, success = _zero(pieces), b"", False
+        z, success = _zero(pieces), False
         for turn in range(ROUNDS):
-            if turn < PLACING and hold == "cubic":
-                events = self.events(self.motions(theta, _moved(pieces, z)))
-                if events[2] != key:
-                    pieces, key = self.smooth(events[0], events[1]), events[2]
+            if turn < PLACING:
+                force = self.smooth(theta, _moved(pieces, z))
+                if hold == "cubic":
+                    pieces = tuple(force.pieces(q.start, q.stop) for q in self.known)
                     z = _zero(pieces)
             linear = self.linear(theta, pieces, z)
-            noise = estimate_noise(
-                linear.windows, hold == "cubic", self.least, None if noise is None else noise.hidden
-            )
+            noise = self.noise(linear.windows, hold, force.s, noise)
             got = generalised(linear.windows, noise.sigma, noise.rho, noise.kappa)
             step, free = self._step(theta, pieces, z, linear, noise, got)
             theta = np.clip(theta + step, *self.bounds)
@@ -168,7 +170,7 @@ class Fitting:
                 break
         linear = self.linear(theta, pieces, z)
         assert noise is not None
-        noise = estimate_noise(linear.windows, hold == "cubic", self.least, noise.hidden)
+        noise = self.noise(linear.windows, hold, force.s, noise)
         success = success and all(m.good for m in linear.motions)
         said = "the estimates stay"
         if not success:
@@ -247,10 +249,36 @@ class Fitting:
             cuts.extend((part.start + np.flatnonzero(changes)).tolist())
         return cuts, moving, np.array(cuts).tobytes() + moving.tobytes()
 
-    def smooth(self, cuts: Sequence[int], moving: npt.NDArray[np.bool_]) -> tuple[Pieces, ...]:
-        """A smooth force on each window, with kinks in the intervals `cuts`."""
-        force = SmoothForce(self.record.t, self.record.force, cuts, moving)
-        return tuple(force.pieces(q.start, q.stop) for q in self.known)
+    def noise(self, windows: Sequence[Window], hold: str, s: float, before: Noise | None) -> Noise:
+        """The noise of the residuals, that of a held or linear force by its samples' own noise s [N].
+
+        Where the residuals contradict s, for the force errs otherwise, by the residuals alone.
+        """
+        start = None if before is None else before.hidden
+        kappa = 1.0 if hold == "cubic" else s**2
+        known = estimate_noise(windows, kappa, self.least, start)
+        if hold == "cubic":
+            return known
+        free = estimate_noise(windows, None, self.least, start)
+        return free if free.log - known.log > CONTRADICTED else known
+
+    def smooth(self, theta: Array, pieces: tuple[Pieces, ...]) -> SmoothForce:
+        """The force as a smooth function: of the motion fed back, or cut into stretches at its events.
+
+        Whichever the samples of the force are likelier under.
+        """
+        motions = self.motions(theta, pieces)
+        cuts, moving, key = self.events(motions)
+        t, force = self.record.t, self.record.force
+        if key not in self.cut:
+            self.cut = {key: SmoothForce(t, force, cuts, moving)}
+        cut = self.cut[key]
+        if not all(m.good for m in motions):
+            return cut
+        starts, times = theta[self.count :].reshape(-1, 2), [t[q] for q in self.known]
+        fed = feedback(self.run, pieces, motions, starts, self.full(theta), self.count, times)
+        whole = SmoothForce(t, force, (self.edge[1:-1] - 1).tolist(), moving, fed)
+        return whole if whole.cost < cut.cost else cut
 
     def force(self, hold: str) -> tuple[Pieces, ...]:
         """The force on each window before anything is known of the motion."""

@@ -149,8 +149,10 @@ def reduced(load: Array, small: float, part: float = 0.0) -> tuple[Array, Array]
     return np.asarray(u[:, kept] * s[kept]), np.asarray(axes[kept].T)
 
 
-def estimate_noise(windows: Sequence[Window], known: bool, least: float, start: Array | None = None) -> Noise:
-    """Noise of the windows together; known: kappa = 1. start: hidden coordinates to search from.
+def estimate_noise(
+    windows: Sequence[Window], given: float | None, least: float, start: Array | None = None
+) -> Noise:
+    """Noise of the windows together; given: kappa, where it is known. start: hidden coordinates to begin at.
 
     least   smallest sigma: what the integration alone leaves
     """
@@ -159,13 +161,13 @@ def estimate_noise(windows: Sequence[Window], known: bool, least: float, start: 
     load = 1.0 / largest if largest else 0.0
 
     def parts(hidden: Array) -> tuple[float, float, float]:
-        kappa = 1.0 if known else load * float(np.exp(2 * hidden[2])) if load else 0.0
+        kappa = given if given is not None else load * float(np.exp(2 * hidden[2])) if load else 0.0
         return max(float(np.exp(hidden[0])), least), LARGEST * float(np.tanh(hidden[1])), kappa
 
     def cost(hidden: Array) -> float:
         return likelihood(windows, *parts(hidden))
 
-    number = 2 if known or not load else 3
+    number = 2 if given is not None or not load else 3
     level = np.log(max(size, least))
     first = [
         np.array([level + down, np.arctanh(rho), level - 4])[:number]
