@@ -41,7 +41,11 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of record. law: "stribeck", "beta" (1.5, not 2), "lugre" or "held" (a sampled controller)."""
+    """A kind of record.
+
+    law   "stribeck", "beta" (1.5, not 2) or "lugre"; with another force "held" (a sampled controller),
+          "saturated" (the controller's effort has bounds) or "open" (a force without feedback)
+    """
 
     name: str
     step: float = 0.01
@@ -63,6 +67,8 @@ KINDS = (
     Kind("AR 0.8", rho=0.8),
     Kind("AR 0.95", rho=0.95),
     Kind("held force", law="held", hold="zero"),
+    Kind("saturated", law="saturated"),
+    Kind("open loop", law="open"),
     Kind("beta 1.5", law="beta", refused=True),
     Kind("LuGre", law="lugre", refused=True),
 )
@@ -77,6 +83,8 @@ def motion(law: str, step: float) -> tuple[Array, Array, Array]:
     t = np.linspace(0.0, T_END, round(T_END / step) + 1)
     if law == "held":
         return held(t)
+    if law in ("saturated", "open"):
+        return under_force(t, law)
     name, start = ("hunting_lugre", (0.1, 0, 0, 0)) if law == "lugre" else ("hunting", (0.1, 0, 0))
     values = {"beta": 1.5} if law == "beta" else {}
     options: dict[str, Any] = {"method": "Radau"} if law == "lugre" else {}
@@ -86,6 +94,36 @@ def motion(law: str, step: float) -> tuple[Array, Array, Array]:
         raise RuntimeError(run.message)
     x, v, z = run.sol(t)[:3]
     return t, np.asarray(x), np.asarray(-10 * (x + v + 10 * z))
+
+
+def under_force(t: Array, law: str) -> tuple[Array, Array, Array]:
+    """The mass under the loop's effort, cut off at 4.2 N, or under a sum of sines."""
+    from sympy import Abs, sin
+
+    from filippov import solve
+    from filippov.model.parameter_symbol import parameters
+    from filippov.model.symbols import states
+    from filippov.model.symbols import t as time
+    from filippov.model.system import System
+    from filippov.models.mass import REFERENCE_LAW
+
+    p = parameters(**REFERENCE_LAW.parameters())
+    x, v, z = states("x v z")
+    effort = -10 * (x + v + 10 * z)
+    force = 5 * sin(2.2 * time) + 2 * sin(5.1 * time + 1)
+    if law == "saturated":
+        force = (Abs(effort + 4.2) - Abs(effort - 4.2)) / 2
+    system = System(
+        {x: v, v: force - REFERENCE_LAW.force(v, p), z: x}, surfaces=REFERENCE_LAW.surfaces(v, p),
+        parameters=p,
+    )  # fmt: skip
+    run = solve(system, (0.1, 0, 0), (0, T_END), rtol=1e-11, atol=1e-13)
+    if not run.success or run.sol is None:
+        raise RuntimeError(run.message)
+    x, v, z = run.sol(t)
+    if law == "saturated":
+        return t, x, np.clip(-10 * (x + v + 10 * z), -4.2, 4.2)
+    return t, x, 5 * np.sin(2.2 * t) + 2 * np.sin(5.1 * t + 1)
 
 
 def held(t: Array) -> tuple[Array, Array, Array]:
