@@ -5,6 +5,7 @@ Source: Hensen & van de Molengraft 2002 (event maps of a controlled mass); Galva
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
@@ -75,7 +76,7 @@ class EventMap:
         """Values of the map and how each trajectory ended; NaN with its status where it did not return
         (NO_RETURN: not within t_max)."""
         values = np.array(d, dtype=float, ndmin=1)
-        if self.order == 1 and np.all(np.isfinite(values)):
+        if self.order == 1 and all(map(math.isfinite, values.tolist())):
             return self._turn(values)
         statuses = [Status.STOPPED] * values.size
         for _ in range(self.order):
@@ -101,12 +102,13 @@ class EventMap:
                 )  # fmt: skip
             rows = np.empty((d.size, self.p.size))
             rows[:] = self.p
-            ends = self._prepared.run(start, rows)
-            x, ended = ends.x, list(ends.status)
-            resting = np.any(ends.mode[:, self.bound.surfaces] == 0, axis=1)
+            x, ended, mode = self._prepared.ends(start, rows)
+            resting = None
         values = self.bound.read(x)
         if ended.count(Status.STOPPED) == len(values):
             return values, tuple(ended)
+        if resting is None:
+            resting = np.any(mode[:, self.bound.surfaces] == 0, axis=1)
         lost = [q for q, status in enumerate(ended) if status is not Status.STOPPED]
         for q in lost:
             # A motion that never leaves the section rests there: its coordinate does not change.

@@ -35,9 +35,14 @@ def keywords(
         places = [q.name for q in parameters if q.kind is not q.KEYWORD_ONLY]
         needed = [q.name for q in parameters if q.default is q.empty]
         further = [f"{name}=..." for name in names if name not in places][:2]
+        known, least = frozenset(names), len([name for name in places if name in needed]) + self
+        most = len(places) + self if len(needed) == least - self else -1
 
         @functools.wraps(function)
         def called(*args: P.args, **given: P.kwargs) -> T:
+            # The usual call first: all that is needed in order, the rest by names that there are.
+            if least <= len(args) <= most and known.issuperset(given):
+                return function(*args, **given)
             for name in [name for name in given if name not in names]:
                 own = others.get(name)
                 if own is None:

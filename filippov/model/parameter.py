@@ -77,7 +77,8 @@ class Parameter:
 
         A quantity of pint is converted to the unit of the parameter.
         """
-        number = as_number(plain(value, self.unit, what), what)
+        usual = type(value) is float and math.isfinite(value)
+        number: Any = value if usual else as_number(plain(value, self.unit, what), what)
         if (self.lower is not None and number < self.lower) or (
             self.upper is not None and number > self.upper
         ):
@@ -85,7 +86,7 @@ class Parameter:
             high = "inf" if self.upper is None else f"{self.upper:g}"
             unit = f" {self.unit}" if self.unit else ""
             raise ModelError(f"{what} is {number!r}, outside its bounds [{low}, {high}]{unit}.")
-        return number
+        return float(number)
 
 
 class Declaration:
@@ -244,13 +245,15 @@ class ParameterSet:
             return self._index[key]
         raise ModelError(unknown("parameter", key, self._items))
 
-    def resolve(self, values: Any = None) -> npt.NDArray[np.float64]:
-        """Return the values of a run in order: the defaults, replaced by those in `values`.
+    def resolve(
+        self, values: Any = None, base: npt.NDArray[np.float64] | None = None
+    ) -> npt.NDArray[np.float64]:
+        """Return the values of a run in order: the defaults (or those of `base`), replaced by `values`.
 
         `values` maps names (or symbols) to numbers, or holds all values in order. Raises ModelError for an
         unknown name, a value that is not a finite real number, or one outside its bounds.
         """
-        out = self.defaults
+        out = self.defaults if base is None else base.copy()
         if values is None:
             return out
         if isinstance(values, Mapping):

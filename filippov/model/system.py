@@ -65,8 +65,8 @@ class System:
 
     __slots__ = (
         "_base", "_digest", "_named", "_packed", "clocked", "comparator", "compile", "field", "inputs",
-        "labels", "outputs", "parameters", "states", "surface_names", "surfaces", "symbolic", "time_events",
-        "units", "variable_widths",
+        "labels", "outputs", "parameters", "runs", "states", "surface_names", "surfaces", "symbolic",
+        "time_events", "units", "variable_widths",
     )  # fmt: skip
 
     states: tuple[str, ...]
@@ -87,6 +87,7 @@ class System:
     # What the compiled loop was given of it, by what was asked for (see `filippov.solving.state.machine`): it
     # goes along.
     units: dict[Any, Any]
+    runs: dict[Any, Any]  # that wait for the next one (see `filippov.solving.state.ready`), in this process
     _base: System | None
     _digest: str | None
     _named: tuple[Any, ...]
@@ -262,7 +263,7 @@ class System:
 
     def _set(self, *, symbolic: SymbolicForm | None, **content: Any) -> None:
         rest: dict[str, Any] = {
-            "comparator": Exact(), "_base": None, "_digest": None, "_packed": None, "units": {},
+            "comparator": Exact(), "_base": None, "_digest": None, "_packed": None, "units": {}, "runs": {},
             "surface_names": tuple(surface.name for surface in content["surfaces"]), "compile": None,
             "clocked": bool(content["time_events"] or (symbolic and symbolic.inputs)), "_named": ((), ()),
             "inputs": symbolic.inputs if symbolic else (), "outputs": {}, "labels": {}, "symbolic": symbolic,
@@ -444,10 +445,10 @@ class System:
 
     def __getstate__(self) -> dict[str, Any]:
         if self.field is not None:
-            return {name: getattr(self, name) for name in self.__slots__}
+            return {name: getattr(self, name) for name in self.__slots__} | {"runs": {}}
         packed = self._packed or pickle.dumps({name: getattr(self, name) for name in _HEAVY})
         light = {name: getattr(self, name) for name in self.__slots__ if name not in _HEAVY}
-        return light | {"_digest": self.digest, "_packed": packed}
+        return light | {"runs": {}, "_digest": self.digest, "_packed": packed}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():

@@ -22,7 +22,7 @@ from filippov.kernel.tables import codes
 from filippov.kernel.tables.layout import LANES, MOST_LANES
 from filippov.model.system import System
 from filippov.solving.scale import default_atol, of_little_ends, small
-from filippov.solving.state.batch import UNFINISHED, Batch, lane_unit, system_threads
+from filippov.solving.state.batch import UNFINISHED, Batch, lane_unit, system_threads, waits
 from filippov.solving.state.events import Event, Stop, columns_of, turned
 from filippov.solving.state.machine import Array, Machine
 from filippov.solving.state.option_types import (
@@ -41,6 +41,7 @@ from filippov.solving.state.options import (
     Options,
     check_span,
     check_stops,
+    checked_options,
     falls,
     given_options,
     options_but,
@@ -204,7 +205,7 @@ class Prepared:
         self.span, self.stops = check_span(t_span, backward), check_stops(stop, system)
         for samples in system.inputs:
             samples.check_span(self.span)
-        self.checked = Options(dense_output=False, **options)
+        self.checked = checked_options({"dense_output": False, **options})
         self.checked.check_system(system)
         self.threads, self.lanes = threads, lanes
         self.machine: Machine | None = None
@@ -235,7 +236,7 @@ class Prepared:
                     progress(first + done, count)
 
             def carried(x: Array, p: Array, used: Options) -> Ensemble:
-                batch, complete = Batch(machine, x, p, span, self.stops, used), True
+                batch, complete = Batch.ready(machine, x, p, span, self.stops, used), True
                 try:
                     if not batch.ticking or machine.compiled.plain:
                         # The driver of `solve` stops at knots and at what else the loop does not look after,
@@ -246,7 +247,10 @@ class Prepared:
                 except KeyboardInterrupt:
                     complete = False
                 options = {**self.options, "atol": used.atol}
-                return _collect(batch, x, span, self.stops, options, complete, width, workers)
+                ends = _collect(batch, x, span, self.stops, options, complete, width, workers)
+                if complete:
+                    batch.put_back()
+                return ends
 
             part = self._by_scale(states[rows], values[rows], carried)
             if measure is not None:
@@ -256,20 +260,37 @@ class Prepared:
                 break
         return _joined(parts, states, span)
 
+    def ends(self, states: Array, values: Array) -> tuple[Array, list[Status], npt.NDArray[Any]]:
+        """State, status and mode at the ends: of an Ensemble what a map needs, sooner for a few rows."""
+        machine = self.machine
+        few = machine is not None and waits(machine, len(states)) and not self.lanes
+        if machine is not None and few and "atol" in self.options:
+            batch = Batch.ready(machine, states, values, self.span, self.stops, self.checked)
+            batch.run(1, None)
+            statuses = _statuses(batch.code)
+            if None not in statuses:
+                x, mode = batch.x.copy(), batch.mode.copy()
+                batch.put_back()
+                return x, cast(list[Status], statuses), mode
+        whole = self.run(states, values)
+        return whole.x, list(whole.status), whole.mode
+
     def _by_scale(
         self, states: Array, values: Array, carried: Callable[[Array, Array, Options], Ensemble]
     ) -> Ensemble:
         """The ends of a block: rows that are small throughout have an absolute tolerance of their own."""
         checked = self.checked
+        if "atol" in self.options:
+            return carried(states, values, checked)
         little = small(states, checked.rtol)
-        if "atol" in self.options or not np.any(little):
+        if not little.any():
             return carried(states, values, checked)
         atol = np.full(len(states), checked.atol)
         for q in np.flatnonzero(little).tolist():
             atol[q] = default_atol(self.system, states[q], self.span, values[q], checked)
         levels = np.unique(atol).tolist()
         if len(levels) == 1:
-            return carried(states, values, replace(checked, atol=levels[0]))
+            return carried(states, values, self._with_atol(levels[0]))
         order: list[npt.NDArray[np.int64]] = []
         parts: list[Ensemble] = []
         for level in reversed(levels):
@@ -277,10 +298,13 @@ class Prepared:
             if parts and not parts[-1].complete:
                 break
             order.append(at)
-            parts.append(carried(states[at], values[at], replace(checked, atol=level)))
+            parts.append(carried(states[at], values[at], self._with_atol(level)))
         left = np.setdiff1d(np.arange(len(states)), np.concatenate(order))
         whole = np.concatenate([*order, left])
         return _permuted(_joined(parts, states[whole], self.span), np.argsort(whole))
+
+    def _with_atol(self, atol: float) -> Options:
+        return checked_options({"dense_output": False, **self.options, "atol": atol})
 
 
 @lru_cache(maxsize=64)
@@ -358,8 +382,9 @@ def _collect(
     """The ends of a batch, with the rows that need the general path solved by it."""
     system = batch.machine.system
     statuses = _statuses(batch.code)
+    x = batch.x if batch.asked is None else batch.x.copy()
     messages = [""] * batch.size
-    for q, text in of_little_ends(system.states, start, batch.x, batch.atol):
+    for q, text in of_little_ends(system.states, start, x, batch.atol):
         messages[q] = text
     for q, error in batch.raised.items():
         messages[q] = failure(error)
@@ -383,7 +408,7 @@ def _collect(
             statuses[q], messages[q] = Status.ERROR, failure(error)
             continue
         statuses[q], messages[q] = solution.status, solution.message
-        t[q], batch.x[q], batch.mode[q] = solution.t_end, solution.x_end, solution.end_mode
+        t[q], x[q], batch.mode[q] = solution.t_end, solution.x_end, solution.end_mode
         nfev[q] += solution.nfev
         counts[q], last[q] = 0, -1
         for event in solution.events.of_surfaces(batch.machine.m):
@@ -392,7 +417,7 @@ def _collect(
         complete = solution.status is not Status.INTERRUPTED
     names = system.surface_names
     return Ensemble(
-        t, batch.x, batch.mode.astype(np.int64), cast(tuple[Status, ...], tuple(statuses)), tuple(messages),
+        t, x, batch.mode.astype(np.int64), cast(tuple[Status, ...], tuple(statuses)), tuple(messages),
         nfev, counts, last,
         complete=complete, lanes=lanes, threads=threads, surfaces=names, place_of=system.surface_place,
     )  # fmt: skip
@@ -400,7 +425,7 @@ def _collect(
 
 def _statuses(code: npt.NDArray[np.int64]) -> list[Status | None]:
     first = int(code[0]) if code.size else UNFINISHED
-    if np.all(code == first):
+    if code.tolist().count(first) == code.size:
         return [_STATUS.get(first)] * code.size
     known: list[Status | None] = _OF_CODE[code - UNFINISHED].tolist()
     return known

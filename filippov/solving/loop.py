@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -14,7 +15,7 @@ from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, Status, mode_t
 from filippov.kernel.tables import codes
 from filippov.model.user_event import UserEvent
 from filippov.solving.diagnosis import close_call, suspect
-from filippov.solving.finished import finished
+from filippov.solving.finished import Course, finished
 from filippov.solving.patience import Patience
 from filippov.solving.resets.jumps import pending, settle, source_name, starting, state_text, touching
 from filippov.solving.resets.passed import passed, slipped
@@ -32,9 +33,10 @@ from filippov.solving.state.change import Jump, change_of
 from filippov.solving.state.clocks import Clocks
 from filippov.solving.state.events import Event, Mode
 from filippov.solving.state.knot import goes_on
-from filippov.solving.state.machine import Array, Machine
+from filippov.solving.state.machine import Array
 from filippov.solving.state.options import Options
 from filippov.solving.state.problem import Problem
+from filippov.solving.state.ready import put_back, ready
 from filippov.solving.state.run import Run
 from filippov.solving.state.watched import Watch
 
@@ -66,19 +68,19 @@ def follow(
     origin: float | None = None,
     stop: npt.NDArray[np.int64] | None = None,
     users: tuple[UserEvent, ...] = (),
+    scaled: bool = False,
 ) -> Followed:
     """Run to the end of the span, or to where the options say to stop.
 
     turn    start in this mode instead of the one that the initial state decides
     origin  time at which the whole motion began, where this is a later piece of it; `stop`: its countdown
-    users   events of the user
+    users   events of the user; scaled: whether the message is to say where atol decides
     """
     system = problem.system
     watch = Watch(users, len(system.surfaces), len(system.time_events))
     events = tuple(users[k].surface for k in watch.order)
-    machine = Machine(system, options.stepper, problem.p, events, options.sliding, options.compile)
-    record = None if machine.callbacks is None else machine.callbacks.p
-    run = Run(machine, problem.x0, problem.t_span, options)
+    run = ready(system, problem.p, problem.x0, problem.t_span, options, events)
+    record = None if run.machine.callbacks is None else run.machine.callbacks.p
     run.watch(options.stop)
     if stop is not None:
         run.stop[:] = stop
@@ -88,11 +90,12 @@ def follow(
     run.tick(clocks)
     loop = _Loop(run, clocks, watch, progress, turn)
     status, message = loop.go()
-    solution = finished(
-        problem, run, watch, loop.start_mode, status, message, times, loop.ambiguity,
-        tuple(loop.accumulations),
-    )  # fmt: skip
-    return Followed(solution, run.stop.copy())
+    course = Course(problem, run, times, message, scaled)
+    limits = tuple(loop.accumulations)
+    solution = finished(run, watch, course, loop.start_mode, status, loop.ambiguity, limits)
+    left = run.stop.copy()
+    put_back(run)
+    return Followed(solution, left)
 
 
 class _Loop(Settling):
@@ -154,8 +157,8 @@ class _Loop(Settling):
                 return ended
         if self.turn is None or self.turn.ambiguity.start:
             self.start_mode = run.signs
-        for i, value in enumerate(run.machine.guards(run.t, run.x, run.mode)):
-            if not np.isfinite(value):
+        for i, value in enumerate(run.guards().tolist()):
+            if not math.isfinite(value):
                 name = run.machine.surfaces[i].name
                 return self._end(Status.NOT_FINITE, f"surface {name!r} has h = {value} at the initial state.")
         if run.t == self.t_end:

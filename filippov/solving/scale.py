@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -9,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.model.system import System
-from filippov.solving.state.machine import Machine
 from filippov.solving.state.options import LARGEST_ATOL, Options
+from filippov.solving.state.ready import put_back, ready
 
 if TYPE_CHECKING:
     from filippov.solving.solution import Solution
@@ -38,46 +39,51 @@ def default_atol(system: System, x0: Array, span: tuple[float, float], p: Array,
 
     A start that is not small keeps 1e-12.
     """
-    if not small(x0[None, :], options.rtol)[0]:
+    scale = max(map(abs, x0.tolist()), default=0.0)
+    if options.rtol * scale >= LARGEST_ATOL:
         return LARGEST_ATOL
-    scale = float(np.max(np.abs(x0), initial=0.0))
+    share, length = SHARE * max(options.rtol, FINEST), abs(span[1] - span[0])
     for f in _fields(system, x0, span, p, options):
-        scale = max(scale, float(np.max(np.abs(f[np.isfinite(f)]), initial=0.0)) * abs(span[1] - span[0]))
-    if scale == 0.0:
-        return LARGEST_ATOL
-    wanted = SHARE * max(options.rtol, FINEST) * scale
-    return LARGEST_ATOL if wanted >= LARGEST_ATOL else float(10.0 ** np.floor(np.log10(wanted)))
+        largest = max((abs(v) for v in f.tolist() if math.isfinite(v)), default=0.0)
+        scale = max(scale, largest * length)
+        if share * scale >= LARGEST_ATOL:
+            return LARGEST_ATOL
+    return LARGEST_ATOL if scale == 0.0 else float(10.0 ** np.floor(np.log10(share * scale)))
 
 
 def _fields(
     system: System, x0: Array, span: tuple[float, float], p: Array, options: Options
-) -> list[Array]:
+) -> Iterator[Array]:
     """The field at x0 on the sides that it is on: along the span; of plain functions where the run begins."""
     if system.field is not None:
         record = system.parameters.record(p)
         try:
             h = np.array([float(surface.h(span[0], x0.copy(), record)) for surface in system.surfaces])
             found = [np.asarray(system.field(span[0], x0.copy(), record, signs)) for signs in _sides(h)]
-            return [f.astype(float) for f in found if f.dtype.kind in "fiu"]
         except (Exception, SystemExit):  # noqa: BLE001  # what a function of the user's raises, the run says
-            return []
-    machine = Machine(system, options.stepper, p, sliding=options.sliding)
-    mode = np.ones(machine.m)
-    return [
-        machine.rhs(t, x0, signs, signs)
-        for t in np.linspace(span[0], span[1], PARTS + 1).tolist()
-        for signs in _sides(machine.guards(t, x0, mode))
-    ]
+            return
+        yield from (f.astype(float) for f in found if f.dtype.kind in "fiu")
+        return
+    run = ready(system, p, x0, span, options)
+    machine, mode, step = run.machine, np.ones(run.machine.m), (span[1] - span[0]) / PARTS
+    try:
+        for t in (*(span[0] + k * step for k in range(PARTS)), span[1]):
+            for signs in _sides(machine.guards(t, x0, mode)):
+                yield machine.rhs(t, x0, signs, signs)
+    finally:
+        put_back(run)
 
 
 def _sides(h: Array) -> list[Array]:
     """Signs at a point: those of h, and on surfaces both."""
-    on = h == 0
-    return [np.where(on, side, np.sign(h)) for side in ((1.0, -1.0) if np.any(on) else (1.0,))]
+    if 0.0 not in h.tolist():
+        return [np.sign(h)]
+    return [np.where(h == 0, side, np.sign(h)) for side in (1.0, -1.0)]
 
 
-def of_little_scale(solution: Solution, atol: Array) -> str:
+def of_little_scale(solution: Solution) -> str:
     """A sentence where a component stayed so near to 0 that atol decided its accuracy; else ""."""
+    atol = solution.options.tolerances(solution.system)
     largest = np.maximum(np.abs(solution.problem.x0), np.abs(solution.x_end))
     if np.all(largest >= LITTLE * atol):
         return ""

@@ -48,6 +48,10 @@ _OTHER_PLOTS = {
 }
 
 
+# Parts of the solution of a run that are made when they are asked for.
+_WHEN_ASKED = {"t", "y", "sol", "message"}
+
+
 def may_jump(system: System) -> bool:
     """Whether a system has resets."""
     holders: tuple[Surface | TimeEvent, ...] = (*system.surfaces, *system.time_events)
@@ -101,6 +105,25 @@ class Solution:
     rejected: int
     ambiguity: Ambiguity | None = None
     accumulations: tuple[Accumulation, ...] = ()
+
+    @classmethod
+    def made_of(cls, course: Any, **parts: Any) -> Solution:
+        """A solution of which `course` makes some when it is asked for them (see `_WHEN_ASKED`)."""
+        made = cls.__new__(cls)
+        made.__dict__.update(parts, _course=course)
+        return made
+
+    if not TYPE_CHECKING:  # what is not there is an error for the type checker
+
+        def __getattr__(self, name: str) -> Any:
+            course, parts = self.__dict__.get("_course"), self.__dict__
+            if course is not None and name in _WHEN_ASKED:
+                parts.update(course.made(name, self))
+                if parts.keys() >= _WHEN_ASKED:
+                    parts.pop("_course", None)
+            if name not in parts:  # another thread may have made it
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            return parts[name]
 
     @property
     def success(self) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any, Literal, Unpack, overload
 
 from filippov.base.errors import NonUniqueError, SolveError, UsageError
@@ -15,7 +14,7 @@ from filippov.model.system import System
 from filippov.model.user_event import user_events
 from filippov.solving.branching import branch
 from filippov.solving.loop import follow
-from filippov.solving.scale import default_atol, of_little_scale
+from filippov.solving.scale import default_atol
 from filippov.solving.solution import Solution
 from filippov.solving.solution_tree import SolutionTree
 from filippov.solving.state.option_types import (
@@ -40,6 +39,7 @@ from filippov.solving.state.options import (
     check_priority,
     check_stops,
     check_times,
+    checked_options,
     given_options,
 )
 from filippov.solving.state.problem import Problem
@@ -174,12 +174,15 @@ def solve(
     options["nonunique"] = check_priority(options.get("nonunique", "raise"), problem.system)
     if "stop" in options:
         options["stop"] = check_stops(options["stop"], problem.system)
-    checked = Options(**options)
+    checked = checked_options(options)
     checked.check_span(problem.t_span)
     checked.check_system(problem.system)
     try:
         with using(checked.backend):
-            return _solved(problem, checked, "atol" in options, t_eval, events, of_tree, throw, progress)
+            if "atol" not in options:
+                atol = default_atol(problem.system, problem.x0, problem.t_span, problem.p, checked)
+                checked = checked if atol == checked.atol else checked_options({**options, "atol": atol})
+            return _solved(problem, checked, t_eval, events, of_tree, throw, progress)
     except IndexError as error:
         # The states are never empty: what was asked for is a sign.
         if problem.system.field is None or problem.system.surfaces or "with size 0" not in str(error):
@@ -191,13 +194,10 @@ def solve(
 
 
 def _solved(
-    problem: Problem, checked: Options, told: bool, t_eval: Any, events: Any, of_tree: Mapping[str, Any],
-    throw: bool, progress: Callable[[float, float], None] | None,
+    problem: Problem, checked: Options, t_eval: Any, events: Any, of_tree: Mapping[str, Any], throw: bool,
+    progress: Callable[[float, float], None] | None,
 ) -> Solution | SolutionTree:  # fmt: skip
-    """The same with its options checked; told: whether atol was given."""
-    if not told:
-        atol = default_atol(problem.system, problem.x0, problem.t_span, problem.p, checked)
-        checked = replace(checked, atol=atol)
+    """The same with its options checked."""
     users = user_events(events)
     for user in users if problem.system.symbolic is None else ():
         if user.symbolic:
@@ -218,9 +218,7 @@ def _solved(
     times = None if t_eval is None else check_times(t_eval, problem.t_span)
     if times is not None and not checked.dense_output:
         raise UsageError("t_eval needs the dense output; drop dense_output=False.")
-    solution = follow(problem, checked, progress, times, users=users).solution
-    message = solution.message + of_little_scale(solution, checked.tolerances(problem.system))
-    solution = replace(solution, message=message)
+    solution = follow(problem, checked, progress, times, users=users, scaled=True).solution
     status = solution.status
     if throw and not status.ok:
         kind = NonUniqueError if status is Status.NON_UNIQUE else SolveError
@@ -232,6 +230,8 @@ def _problem(
     system: System | Problem, x0: Any, t_span: Any, parameters: Mapping[str, float] | None, backward: bool
 ) -> Problem:
     if isinstance(system, Problem):
+        if x0 is None and t_span is None and parameters is None and not backward:
+            return system
         return system.remake(x0=x0, t_span=t_span, parameters=parameters, backward=backward or None)
     if not isinstance(system, System):
         raise UsageError(_no_system(system))

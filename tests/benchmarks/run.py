@@ -24,7 +24,7 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
 
 import peers  # noqa: E402
 
-from filippov import Solution, solve  # noqa: E402
+from filippov import Problem, Solution, solve  # noqa: E402
 from filippov.analysis.maps.event_map import EventMap  # noqa: E402
 from filippov.analysis.maps.section import Section  # noqa: E402
 from filippov.models import get  # noqa: E402
@@ -174,10 +174,27 @@ def response(rounds: int) -> None:
     own: list[float] = []
     scipy: list[float] = []
     for _ in range(rounds):
-        own += times_of(lambda: ours(rtol), 15)
+        own += times_of(lambda: ours(rtol).y, 15)
         scipy += times_of(lambda: peers.scipy_response(100.0, 1e-10), 3)
     print(f"response, 100 s: filippov {min(own) * 1e3:.2f} ms at rtol {rtol:g}, error {error:.1e}")
     row("  scipy solve_ivp(DOP853), phase by phase, rtol 1e-10", own, scipy, theirs)
+
+
+def small_work() -> None:
+    """What is done around the loop: the best of 20 times 200 calls."""
+    model = get("hunting")
+    system = model.build()
+    turn, problem = EventMap(system, Section.from_model(model)), Problem(system, (0.1, 0.05, 0), (0, 1e-9))
+    calls: dict[str, Callable[[], object]] = {
+        "solve, a span of 1e-9, all arrays read": lambda: solve(problem).y,
+        "solve, a span of 1e-9": lambda: solve(problem),
+        "the same with parameters made again": lambda: solve(problem.remake(parameters={"beta": 1.9})),
+        "problem.remake": lambda: problem.remake(parameters={"beta": 1.9}),
+        "event map, one point, its turn included": lambda: turn(0.1),
+    }
+    for name, call in calls.items():
+        best = min(times_of(lambda call=call: [call() for _ in range(200)], 20)) / 200
+        print(f"{name:<54} {best * 1e6:10.1f} us")
 
 
 def first_solve() -> None:
@@ -199,4 +216,5 @@ if __name__ == "__main__":
     event_map(count)
     trajectories(count, everything)
     response(count)
+    small_work()
     first_solve()

@@ -12,8 +12,7 @@ import ctypes
 import itertools
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from contextvars import ContextVar
 from functools import partial
 from importlib.abc import SourceLoader
@@ -43,14 +42,17 @@ def current() -> str:
     return "python" if _WHOLE_PROCESS else _chosen.get()
 
 
-@contextmanager
-def using(backend: str) -> Iterator[None]:
+class using:  # noqa: N801  # a context manager
     """Machines that are made inside run by this backend."""
-    token = _chosen.set(backend)
-    try:
-        yield
-    finally:
-        _chosen.reset(token)
+
+    def __init__(self, backend: str) -> None:
+        self.backend = backend
+
+    def __enter__(self) -> None:
+        self.token = _chosen.set(self.backend)
+
+    def __exit__(self, *error: object) -> None:
+        _chosen.reset(self.token)
 
 
 class _Text(SourceLoader):

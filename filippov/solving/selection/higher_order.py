@@ -74,7 +74,7 @@ class HigherOrder:
         self.start = run.t, run.x.copy()
         self.active: Reduction | None = None
         # A root of |h| in the rate of h: only what is small beside |h| itself leaves the motion as it is.
-        rough = _rough(run.machine)
+        rough = run.machine.rough
         if rough is not None:
             run.clock.relative = -float(rough + 1)
             run.clock.rough_from = run.t
@@ -374,14 +374,6 @@ def _effects(
             effect = machine.rate(i, g, change)
             out[r, c] = effect if abs(effect) > least * terms else 0.0
     return out
-
-
-def _rough(machine: Machine) -> int | None:
-    if not machine.constants["ROUGH"] or machine.system.symbolic is None:
-        return None
-    from filippov.model.reduction import rough_surface
-
-    return rough_surface(machine.system)
 
 
 def _slides(machine: Machine, i: int) -> bool:

@@ -42,6 +42,8 @@ _WAITING = 0.05
 # Rows at whose ends the gradients of functions are looked at.
 _LOOKED_AT = 32
 _MOST_TAKEN, _PARTS = 64, 32
+# Rows of a batch that waits for the next one of its kind, and how many do.
+_SMALL, _MOST_WAITING = 16, 32
 UNFINISHED = -1
 # Lanes of trajectories that do not slide, and of those that do.
 _GROUPS = 2
@@ -71,10 +73,8 @@ class Batch:
         stops: tuple[Stop, ...], options: Options,
     ) -> None:  # fmt: skip
         k, m = len(states), machine.m
-        self.machine, self.size = machine, k
+        self.machine, self.size, self.options = machine, k, options
         self.values, self.x = values, states.copy()
-        self.mode, self.lam = np.ones((k, m)), np.zeros((k, m))
-        self.order, self.hit = np.zeros((k, m), dtype=np.int64), np.zeros((k, m), dtype=np.int64)
         clock, count = Clock.new(), Count.new()
         clock.t = clock.t_start = span[0]
         clock.t_end = clock.t_final = span[1]
@@ -90,25 +90,55 @@ class Batch:
         for item in stops:
             place = machine.system.surface_index(item.surface), item.column
             stop[place] = min(stop[place], item.count) if stop[place] > 0 else item.count
-        self.clock, self.count = Rows(Clock, _rows(k, clock.array)), Rows(Count, _rows(k, count.array))
-        self.stop, self.zeno = _rows(k, stop), Rows(Laps, np.zeros((k, m, Laps.size)))
-        self.kinds = np.zeros((k, m * codes.KINDS + 2), dtype=np.int64)
-        self.kinds[:, -2:] = -1
-        self.code = np.full(k, UNFINISHED, dtype=np.int64)
+        kinds = np.zeros((k, m * codes.KINDS + 2), dtype=np.int64)
+        kinds[:, -2:] = -1
+        # What has been taken, the number of rows that are done, and how many are taken at a time: the
+        # threads share them.
+        queue = np.array([0, 0, 1])
+        self._state, parts = _together(
+            _rows(k, clock.array), _rows(k, count.array), np.zeros((k, m, Laps.size)), np.ones((k, m)),
+            np.zeros((k, m)), *np.zeros((2, k, m), dtype=np.int64), _rows(k, stop), kinds,
+            np.full(k, UNFINISHED, dtype=np.int64), queue,
+        )  # fmt: skip
+        self.clock, self.count = Rows(Clock, parts[0]), Rows(Count, parts[1])
+        self.zeno = Rows(Laps, parts[2])
+        self.mode, self.lam, self.order, self.hit, self.stop, self.kinds, self.code, self.queue = parts[3:]
         # What functions of the user's raised, by row.
         self.raised: dict[int, BaseException] = {}
         self.atol = options.tolerances(machine.system)
         self.p = machine.derived(values)
         self.ticks, self.instants = _ticks(events, machine.system.parameters.names, values)
-        # What has been taken, the number of rows that are done, and how many are taken at a time: the
-        # threads share them.
-        self.queue = np.array([0, 0, 1])
         self.rows = Trajectories.new()
         self.rows.refer(
             clocks=self.clock, counts=self.count, xs=self.x, ms=self.mode, orders=self.order, hits=self.hit,
             lams=self.lam, ps=self.p, stops=self.stop, zenos=self.zeno, kinds=self.kinds, codes=self.code,
             queue=self.queue, ticks=self.ticks,
         )  # fmt: skip
+        self.asked = _asked(machine, k, span, stops, options)
+        self._chunk: _Chunks | None = None
+        self._start = self._state if self.asked is None else self._state.copy()
+
+    @classmethod
+    def ready(
+        cls, machine: Machine, states: Array, values: Array, span: tuple[float, float],
+        stops: tuple[Stop, ...], options: Options,
+    ) -> Batch:  # fmt: skip
+        """A batch at its start: one that waits for the same question, with these rows, or a new one."""
+        asked = _asked(machine, len(states), span, stops, options)
+        found: Batch | None = None if asked is None else machine.batches.pop(asked, None)
+        if found is None:
+            return cls(machine, states, values, span, stops, options)
+        found.x[:] = states
+        found.values, found.p[:, : values.shape[1]] = values, values
+        found._state[:] = found._start
+        return found
+
+    def put_back(self) -> None:
+        """Let a small batch wait for the next one, when nobody needs its arrays any more."""
+        if self.asked is not None:
+            if len(self.machine.batches) >= _MOST_WAITING:
+                self.machine.batches.clear()
+            self.machine.batches[self.asked] = self
 
     def run(self, threads: int, unit: Compiled | None, look: Callable[[int], None] | None = None) -> None:
         """Carry every row to its end; `unit` runs them in lanes. `look` is told how many rows are done.
@@ -116,6 +146,9 @@ class Batch:
         What `look` raises, and KeyboardInterrupt, ends the work within the time of a chunk; rows that are
         done keep their ends.
         """
+        if self.asked is not None and unit is None:
+            self._run_small(look)
+            return
         if threads == 1:
             for _ in self._chunks(unit):
                 if look is not None:
@@ -134,6 +167,19 @@ class Batch:
                 halt.set()
             for done in work:
                 done.result()
+
+    def _run_small(self, look: Callable[[int], None] | None) -> None:
+        """The same for a batch that keeps what it has made for it."""
+        chunk = self._chunk
+        if chunk is None:
+            chunk = self._chunk = _Chunks(self, None)
+        else:
+            chunk.room.wipe()
+        left = 1
+        while left != 0:
+            left = chunk.function(chunk.last, chunk.steps, *chunk.arguments)
+            if look is not None:
+                look(int(self.queue[1]))
 
     def _work(self, unit: Compiled | None, halt: threading.Event) -> None:
         for _ in self._chunks(unit):
@@ -193,14 +239,18 @@ class _Room:
     def clear(self, atol: Array, instants: Array) -> None:
         """As new: what a batch leaves behind must not reach the next."""
         self.run.refer(atol=atol, instants=instants)
-        for array in self.blank:
-            array[:] = 0
-        self.rows[:] = -1
+        self.wipe()
         for parts in self.wide:
             for name in ("rtol", "trend"):
                 parts["clock"][Clock.places[name].offset] = 1.0
             parts["m"][:] = 1.0
             parts["atol"][:] = atol[:, None]
+
+    def wipe(self) -> None:
+        """Nothing that one trajectory at a time leaves behind."""
+        for array in self.blank:
+            array.fill(0)
+        self.rows.fill(-1)
 
 
 def _aligned(size: int) -> Array:
@@ -282,6 +332,30 @@ def _ticks(
     named = [dict(zip(names, row, strict=True)) for row in values[first].tolist()]
     numbers = [[event.numbers(None, known) for event in events] for known in named]
     return tick_rows(events, [numbers[k] for k in of.reshape(-1).tolist()])
+
+
+def waits(machine: Machine, k: int) -> bool:
+    """Whether a batch of k rows is kept for the next one of its kind."""
+    plain = machine.callbacks is not None or machine.compiled.plain
+    return k <= _SMALL and not (plain or machine.system.clocked or machine.system.variable_widths)
+
+
+def _asked(
+    machine: Machine, k: int, span: tuple[float, float], stops: tuple[Stop, ...], options: Options
+) -> tuple[Any, ...] | None:
+    """What small batches are told by that may wait for one another; None for others."""
+    if not waits(machine, k):
+        return None
+    # The batch that waits holds its options: no others can be at their place.
+    return k, span, stops, id(options)
+
+
+def _together(*arrays: npt.NDArray[Any]) -> tuple[Whole, list[npt.NDArray[Any]]]:
+    """Arrays of words, copied into one, and the parts of it in their place."""
+    block = np.concatenate([array.reshape(-1).view(np.int64) for array in arrays])
+    places = np.split(block, np.cumsum([array.size for array in arrays])[:-1])
+    pairs = zip(places, arrays, strict=True)
+    return block, [part.view(array.dtype).reshape(array.shape) for part, array in pairs]
 
 
 def _rows(k: int, row: npt.NDArray[Any]) -> npt.NDArray[Any]:

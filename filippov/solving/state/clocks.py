@@ -43,6 +43,9 @@ def tick_rows(
     return rows, np.array(listed)
 
 
+_NONE = tick_rows((), [])
+
+
 class Clocks:
     """The time events of one run, with numbers for their instants; behind them its inputs, with their knots.
 
@@ -52,7 +55,7 @@ class Clocks:
     def __init__(self, system: System, p: Any, values: Mapping[str, float], start: float) -> None:
         self.events, self.inputs, self.start = system.time_events, system.inputs, start
         numbers = [event.numbers(p, values) for event in self.events]
-        self.ticks, self.instants = tick_rows(self.events, [numbers], len(self.inputs))
+        self.ticks, self.instants = tick_rows(self.events, [numbers], len(self.inputs)) if self else _NONE
 
     def __bool__(self) -> bool:
         return bool(self.events) or bool(self.inputs)

@@ -102,8 +102,7 @@ class EventLog(Events):
         if len(floats):
             self._raw.append((floats.copy(), marks.copy()))
             self._waiting += len(floats)
-            pairs, numbers = np.unique(marks[:, :2], axis=0, return_counts=True)
-            for (index, kind), number in zip(pairs.tolist(), numbers.tolist(), strict=True):
+            for (index, kind), number in Counter(map(tuple, marks[:, :2].tolist())).items():
                 self.counts[index, _KINDS[kind]] += number
             self._forget()
 

@@ -131,6 +131,38 @@ class Machine:
         self.values, self.method, self.sliding = p, method, sliding
         # Scratch of batches by their lanes that waits for the next one (see `batch`).
         self.rooms: dict[int, list[Any]] = {}
+        # Small batches that wait, by what was asked for.
+        self.batches: dict[Any, Any] = {}
+
+    def again(self, p: Array) -> None:
+        """As new, with other parameter values: of a system of expressions without user events or inputs."""
+        if self.system.variable_widths:
+            self.p[:] = self.derived(p)
+        else:
+            self.p[: p.size] = p
+            if self.p.size > p.size:
+                self.compiled.functions["derive"](*self._deriving)
+        self.w.array.fill(0.0)
+        self.iw.array.fill(0)
+        self.values, self.calls = p, 0
+
+    @cached_property
+    def _deriving(self) -> list[Any]:
+        return self.compiled.arguments("derive", {"p": self.p})
+
+    @cached_property
+    def rough(self) -> int | None:
+        """The surface whose |h| stands under a root in its own rate (see `rough_surface`), None without."""
+        if not self.constants["ROUGH"] or self.system.symbolic is None:
+            return None
+        from filippov.model.reduction import rough_surface
+
+        return rough_surface(self.system)
+
+    @property
+    def formulas(self) -> bool:
+        """Whether formulas are all that is evaluated: no functions of the user, no inputs."""
+        return self.callbacks is None and self.pieces is None
 
     @cached_property
     def surfaces(self) -> tuple[Surface, ...]:

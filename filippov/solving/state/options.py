@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -92,7 +93,7 @@ class Options:
                     f"stop holds {item!r}, expected Stop(surface, kind, count): stop=Stop('v', 'crossing')."
                 )
 
-    @property
+    @cached_property
     def stepper(self) -> str:
         """The method with its order at this tolerance, where it has several."""
         return for_tolerance(self.method, self.rtol)
@@ -156,17 +157,32 @@ class Options:
 
 
 OPTIONS = tuple(item.name for item in fields(Options))
+_DEFAULTS = {item.name: None if item.name == "atol" else item.default for item in fields(Options)}
+_PLAIN, _NUMBERS = frozenset({float, int, str, bool}), frozenset({float, int})
 
 
 def given_options(values: Mapping[str, Any]) -> dict[str, Any]:
     """Of a function's arguments by name the options that differ from their defaults; atol: that are given."""
     out = {}
-    for name in OPTIONS:
-        if name in values:
-            value, default = values[name], None if name == "atol" else getattr(Options, name)
-            if not (value is default or (type(value) is type(default) and value == default)):
-                out[name] = value
+    for name, default in _DEFAULTS.items():
+        value = values.get(name, default)
+        if value is not default and not (type(value) is type(default) and value == default):
+            out[name] = value
     return out
+
+
+def checked_options(given: Mapping[str, Any]) -> Options:
+    """Options(**given); numbers and words that were checked before are not checked again."""
+    for name, value in given.items():
+        if type(value) not in _PLAIN and not (name == "stop" and all(type(item) is Stop for item in value)):
+            return Options(**given)
+    # By type as well: True is equal to 1, and refused where 1 is taken.
+    return _checked(tuple([(name, type(value), value) for name, value in given.items()]))
+
+
+@lru_cache(maxsize=256)
+def _checked(given: tuple[tuple[str, type, Any], ...]) -> Options:
+    return Options(**{name: value for name, _, value in given})
 
 
 def method_of(name: object) -> str:
@@ -218,6 +234,9 @@ def number_array(name: str, value: object) -> npt.NDArray[np.float64]:
 
 def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
     """The initial state as a float64 vector: a sequence in the order of the states, or a mapping by name."""
+    array = _usual_state(x0, system.dimension)
+    if array is not None:
+        return array
     if isinstance(x0, dict):
         names = [str(getattr(single(key), "name", key)) for key in x0]
         for name in names:
@@ -248,6 +267,20 @@ def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
         if not math.isfinite(value):
             raise UsageError(f"x0: state {name!r} is {value}, expected a finite number.")
     return np.array(array)
+
+
+def _usual_state(x0: Any, n: int) -> npt.NDArray[np.float64] | None:
+    """A state as it is given mostly, n finite numbers in order, copied; None for anything else."""
+    if type(x0) is np.ndarray and x0.dtype == np.float64 and x0.shape == (n,):
+        array: npt.NDArray[np.float64] = x0.copy()
+    elif type(x0) in (tuple, list) and len(x0) == n and _NUMBERS.issuperset(map(type, x0)):
+        try:
+            array = np.array(x0, dtype=np.float64)
+        except OverflowError:  # an integer beyond the range of numbers
+            return None
+    else:
+        return None
+    return array if all(map(math.isfinite, array.tolist())) else None
 
 
 def check_span(t_span: Any, backward: bool = False, x0: Any = None) -> tuple[float, float]:

@@ -50,24 +50,20 @@ class Problem:
                 f"Problem was given {type(system).__name__}, expected a System: "
                 "Problem(System({...}), x0, t_span)."
             )
-        _check_order(x0, t_span, system)
-        state = check_state(x0, system)
-        if isinstance(t_span, list | tuple) and any(map(is_quantity, t_span)):
-            t_span = [plain(q, unit_of_label(system.labels.get("t", "")), "t_span") for q in t_span]
-        state.flags.writeable = False
-        for samples in system.inputs:
-            samples.check_span(check_span(t_span, backward, x0))
-        p = system.parameters.resolve(parameters)
-        p.flags.writeable = False
-        values = {
-            "system": system,
-            "x0": state,
-            "t_span": check_span(t_span, backward, x0),
-            "parameters": dict(zip(system.parameters.names, p.tolist(), strict=True)),
-            "p": p,
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        state, span = _start_and_span(system, x0, t_span, backward)
+        self._set(system, state, span, system.parameters.resolve(parameters))
+
+    def _set(
+        self, system: System, x0: npt.NDArray[np.float64], t_span: tuple[float, float],
+        p: npt.NDArray[np.float64],
+    ) -> None:  # fmt: skip
+        x0.flags.writeable = p.flags.writeable = False
+        put = object.__setattr__
+        put(self, "system", system)
+        put(self, "x0", x0)
+        put(self, "t_span", t_span)
+        put(self, "p", p)
+        put(self, "parameters", dict(zip(system.parameters.names, p.tolist(), strict=True)))
 
     def __setattr__(self, name: str, value: object) -> NoReturn:
         raise AttributeError(f"a Problem is immutable; use remake({name}=...).")
@@ -93,11 +89,34 @@ class Problem:
         A t_span that falls needs backward=True, unless the problem runs backwards already.
         """
         whole = self.system if system is None else system
-        values = {k: v for k, v in self.parameters.items() if k in whole.parameters} | dict(parameters or {})
+        new = dict(parameters or {})
         span = self.t_span if t_span is None else t_span
+        moved = x0 is not None or t_span is not None or backward is not None
         if backward is None:
             backward = self.backward and falls(span)
-        return Problem(whole, self.x0 if x0 is None else x0, span, values, backward)
+        if whole is not self.system:
+            values = {k: v for k, v in self.parameters.items() if k in whole.parameters} | new
+            return Problem(whole, self.x0 if x0 is None else x0, span, values, backward)
+        # What is the same was checked before.
+        made, state = Problem.__new__(Problem), self.x0
+        if moved:
+            state, span = _start_and_span(whole, state if x0 is None else x0, span, backward)
+        made._set(whole, state, span, whole.parameters.resolve(new, self.p))
+        return made
+
+
+def _start_and_span(
+    system: System, x0: Any, t_span: Any, backward: bool
+) -> tuple[npt.NDArray[np.float64], tuple[float, float]]:
+    """The initial state and the span, checked."""
+    _check_order(x0, t_span, system)
+    state = check_state(x0, system)
+    if isinstance(t_span, list | tuple) and any(map(is_quantity, t_span)):
+        t_span = [plain(q, unit_of_label(system.labels.get("t", "")), "t_span") for q in t_span]
+    span = check_span(t_span, backward, x0)
+    for samples in system.inputs:
+        samples.check_span(span)
+    return state, span
 
 
 def _check_order(x0: Any, t_span: Any, system: System) -> None:

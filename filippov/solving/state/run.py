@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,6 +13,7 @@ from filippov.base.status import EventKind
 from filippov.kernel.language.records import Rows
 from filippov.kernel.loop.state import Clock, Count, Laps, Trajectory
 from filippov.kernel.tables import codes
+from filippov.kernel.tables.root_tables import NODES
 from filippov.solving.state.clocks import Clocks
 from filippov.solving.state.event_log import EventLog
 from filippov.solving.state.events import Mode, Stop
@@ -32,23 +36,17 @@ def guard_terms(g: Array, gt: Array, t: float, x: Array) -> Array:
 class Run:
     """State and buffers of one trajectory; `advance` moves it on and collects what came out."""
 
+    # What compiled functions are called with where the run stands, made once; None where Python looks first.
+    _guarding: list[Any] | None
+    _probing: list[Any] | None
+
     def __init__(self, machine: Machine, x0: Array, span: tuple[float, float], options: Options) -> None:
         n, m = machine.n, machine.m
-        self.options = options
-        self.x = np.array(x0)
-        self.mode = np.ones(m)
-        self.order = np.zeros(m, dtype=np.int64)
-        self.hit = np.zeros(m, dtype=np.int64)
-        self.lam = np.zeros(m)
+        self.x, self.atol = np.zeros(n), np.zeros(n)
+        self.mode, self.lam, self.h, self.held = np.zeros((4, m))
+        self.probed = np.zeros(n + NODES * 2 * m)
+        self.order, self.hit = np.zeros((2, m), dtype=np.int64)
         self.clock, self.count = Clock.new(), Count.new()
-        self.clock.t = self.clock.t_start = span[0]
-        self.clock.t_end = self.clock.t_final = span[1]
-        self.clock.instant = self.clock.event_t = np.nan
-        self.clock.rtol, self.clock.max_step = options.rtol, options.max_step
-        self.clock.step = options.first_step or 0.0
-        self.count.store = int(options.dense_output)
-        self.count.event_room, self.count.record_room = _EVENT_ROOM + m, _RECORD_ROOM
-        self.atol = options.tolerances(machine.system)
         self.stop = np.zeros((m, codes.STOPS), dtype=np.int64)
         self.zeno = Rows(Laps, np.zeros((m, Laps.size)))
         powers = machine.compiled.sizes.powers
@@ -57,21 +55,52 @@ class Run:
         room = _EVENT_ROOM + m + len(machine.system.time_events)
         self.found = np.zeros((room, machine.event_size))
         self.marks = np.zeros((room, 3 + 2 * m), dtype=np.int64)
-        names = tuple(q.name for q in machine.surfaces) + tuple(q.name for q in machine.system.time_events)
-        keep = None if options.save_events == "all" else _KEPT
-        users = range(len(machine.system.surfaces), m)
-        self.events = EventLog(names, 1 if span[1] >= span[0] else -1, n, keep, users)
-        self.steps: list[tuple[Array, Array]] = []
-        # Where the present mode was taken up.
-        self.taken = span[0], self.x.copy()
-        self.direction = 1.0 if span[1] >= span[0] else -1.0
+        self.names = tuple(q.name for q in machine.surfaces) + tuple(
+            q.name for q in machine.system.time_events
+        )
         self.trajectory = Trajectory.new()
         self.trajectory.refer(
             clock=self.clock, count=self.count, x=self.x, m=self.mode, order=self.order, hit=self.hit,
             lam=self.lam, atol=self.atol, stop=self.stop, zeno=self.zeno, rec=self.record,
             rec_coef=self.coef, events=self.found, marks=self.marks,
         )  # fmt: skip
+        self.own, self.ticked = machine, False
         self.attach(machine)
+        self._start(x0, span, options)
+
+    def _start(self, x0: Array, span: tuple[float, float], options: Options) -> None:
+        """The values that a run starts from, where everything else is 0."""
+        m, clock, count = self.machine.m, self.clock, self.count
+        self.options = options
+        self.x[:] = x0
+        self.mode.fill(1.0)
+        clock.t = clock.t_start = span[0]
+        clock.t_end = clock.t_final = span[1]
+        clock.instant = clock.event_t = math.nan
+        clock.rtol, clock.max_step = options.rtol, options.max_step
+        clock.step = options.first_step or 0.0
+        count.store = int(options.dense_output)
+        count.event_room, count.record_room = _EVENT_ROOM + m, _RECORD_ROOM
+        self.atol[:] = (
+            options.atol if type(options.atol) is float else options.tolerances(self.machine.system)
+        )
+        keep = None if options.save_events == "all" else _KEPT
+        users = range(len(self.machine.system.surfaces), m)
+        forwards = span[1] >= span[0]
+        self.events = EventLog(self.names, 1 if forwards else -1, self.x.size, keep, users)
+        self.steps: list[tuple[Array, Array]] = []
+        # Where the present mode was taken up.
+        self.taken = span[0], self.x.copy()
+        self.direction = 1.0 if forwards else -1.0
+
+    def again(self, p: Array, x0: Array, span: tuple[float, float], options: Options) -> None:
+        """As a new run of the same machine, with other values."""
+        self.machine.again(p)
+        for array in (self.order, self.hit, self.lam, self.stop, self.zeno.array):
+            array.fill(0)
+        for record in (self.clock, self.count, self.trajectory.now):
+            record.array.fill(0)
+        self._start(x0, span, options)
 
     def attach(self, machine: Machine) -> None:
         """Go on with another machine of the same states, surfaces and method; what was counted goes along."""
@@ -87,9 +116,18 @@ class Run:
         self.machine = machine
         self.trajectory.refer(p=machine.p, w=machine.w, iw=machine.iw, ctx=machine.context)
         self._arguments = machine.compiled.arguments("advance", {"run": self.trajectory})
+        self._guarding, self._probing = None, None
+        if machine.formulas:
+            here = {"t": 0.0, "x": self.x, "p": machine.p, "m": self.mode, "ctx": machine.context}
+            self._guarding = machine.compiled.arguments("guards", {"out": self.h, **here})
+            there = {"step": 0.0, "lam": self.held, "out": self.probed, "w": machine.w, "iw": machine.iw}
+            self._probing = machine.compiled.arguments("probe", {**here, **there})
 
     def tick(self, clocks: Clocks) -> None:
         """Let the compiled loop look after the time events, where they are all that is due at instants."""
+        if not clocks and self.ticked:
+            return
+        self.ticked = True
         self.trajectory.refer(ticks=clocks.ticks, instants=clocks.instants)
         self.count.ticks = len(clocks.events) if self.machine.ticking and self.direction > 0 else 0
 
@@ -101,13 +139,34 @@ class Run:
     @property
     def signs(self) -> Mode:
         """The mode as integers."""
-        return tuple(int(v) for v in self.mode)
+        return tuple(map(int, self.mode.tolist()))
 
     def begin(self) -> int:
         """Find the initial mode in compiled code; GENERAL where it is not simple."""
         machine = self.machine
+        if machine.callbacks is None:
+            return int(machine.compiled.functions["begin"](*self._arguments))
         check_gradients(machine, self.t, self.x)
         return machine.call("begin", run=self.trajectory)
+
+    def guards(self) -> Array:
+        """All switching functions where the run stands; the array is used again."""
+        if self._guarding is None:
+            return self.machine.guards(self.t, self.x, self.mode)
+        self._guarding[0] = self.t
+        self.machine.compiled.functions["guards"](*self._guarding)
+        return self.h
+
+    def multipliers(self) -> Array:
+        """The multipliers where the run stands: the loop leaves those of the last stage that it took."""
+        if 0.0 not in self.mode.tolist():
+            return self.lam.copy()
+        if self._probing is None:
+            code, _, lam, _ = self.machine.probe(self.t, 0.0, self.x, self.mode, self.lam)
+        else:
+            self._probing[0], self.held[:] = self.t, self.lam
+            code, lam = self.machine.compiled.functions["probe"](*self._probing), self.held.copy()
+        return lam if code == 0 else self.lam.copy()
 
     def watch(self, stops: tuple[Stop, ...]) -> None:
         """Set the events at which to stop."""
