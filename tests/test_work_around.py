@@ -11,7 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from filippov import Problem, Solution, Stop, System, UsageError, sign, solve, solve_many, states
+from filippov import (
+    Problem,
+    Solution,
+    Stop,
+    System,
+    TimeEvent,
+    UsageError,
+    parameters,
+    sign,
+    solve,
+    solve_many,
+    states,
+)
 from filippov.analysis import EventMap, Section
 from filippov.models import get, hunting
 
@@ -65,6 +77,18 @@ def test_14_3_a_run_knows_nothing_of_the_runs_before() -> None:
     # Looked at after all of them: nothing of a solution lies in what the later ones used.
     for k, run in zip(order, answers, strict=True):
         assert _numbers(run) == expected[k], asked[k]
+
+
+def test_14_3_a_clocked_run_knows_nothing_of_the_runs_before() -> None:
+    p = parameters(T=0.7)
+    reset = TimeEvent("kick", start=0.2, period=p.T, reset={V: -0.8 * V})
+    system = System({X: V, V: -X - 0.3 * sign(V)}, time_events=[reset])
+    spans = [(0.0, 0.1), (0.0, 3.0), (1.0, 2.5), (0.0, 0.2)]
+    asked = [{"x0": (1.0, 0.5), "t_span": s, "parameters": {"T": T}} for s in spans for T in (0.7, 0.3)]
+    expected = [_numbers(_alone(system, one)) for one in asked]
+    found = [_numbers(solve(system, **one)) for one in reversed(asked)]
+    assert system.runs
+    assert found[::-1] == expected
 
 
 def test_14_3_a_run_inside_of_another_has_arrays_of_its_own() -> None:
