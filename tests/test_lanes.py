@@ -9,13 +9,14 @@ import pytest
 import scipy.linalg
 import sympy
 
-from filippov import ModelError, Status, Surface, System, UsageError, parameters, sign, sqrt, states
+from filippov import ModelError, Status, Surface, System, UsageError, parameters, sign, solve, sqrt, states
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.section import Section
 from filippov.kernel.codegen.build import widest
 from filippov.models import get
 from filippov.models.registry import BUILT_IN
 from filippov.solving import ensemble as ensembles
+from filippov.solving import solver
 from filippov.solving.ensemble import Ensemble, solve_many
 from filippov.solving.state.events import Stop
 
@@ -278,3 +279,40 @@ def test_names_of_kinds_and_surfaces_are_checked() -> None:
         ends.events(kind="landing")
     with pytest.raises(ModelError):
         solve_many(spring(), np.ones((3, 2)), (0, 1), parameters={"g": 1.0})
+
+
+def test_14_6_slides_that_begin_next_to_an_end_of_their_set_are_decided_where_events_are_counted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """From above at y' = -e + k x, from below at 1; on y = c at x = 0, where the multiplier is 1 - 2 e or so.
+
+    A slide lasts until x = e/k, for ever with k <= 0; the curve from there on is a parabola.
+    """
+    x, y = states("x y")
+    q = parameters(e=0.1, k=0.0, c=0.0)
+    s = sign(y - q.c)
+    system = System({x: 1 + 0 * x, y: (1 + s) / 2 * (-q.e + q.k * x) + (1 - s) / 2})
+    e, k, c = (a.ravel() for a in np.meshgrid(10.0 ** np.arange(-11.5, -2), (-0.1, 0.0, 0.5), (0.0, 1.0)))
+    start = -0.5 + 0.0 * e
+    x0 = np.column_stack([start, c - e * start + k * start**2 / 2])
+    x0, e, k, c = (a[x0[:, 1] > c] for a in (x0, e, k, c))
+    named = {"e": e, "k": k, "c": c}
+    single = [
+        solve(system, row, (0.0, 1.0), parameters=dict(zip(named, values, strict=True)), nonunique="stick")
+        for row, *values in zip(x0, *named.values(), strict=True)
+    ]
+    asked: list[Any] = []
+
+    def noted(problem: Any, **rest: Any) -> Any:
+        asked.append(problem)
+        return solve(problem, **rest)
+
+    monkeypatch.setattr(solver, "solve", noted)
+    many = solve_many(system, x0, (0.0, 1.0), parameters=named, lanes=1, nonunique="stick")
+    assert many.status == tuple(run.status for run in single)
+    np.testing.assert_array_equal(many.mode, [run.end_mode for run in single])
+    np.testing.assert_array_equal(many.events(), [len(run.events) for run in single])
+    left = 0.5 - e / np.where(k > 0, k, np.inf)
+    exact = c + np.where((k > 0) & (left > 0), k * left**2 / 2, 0.0)
+    np.testing.assert_allclose(many.x[:, 1], exact, atol=1e-9)
+    assert all(problem.parameters["e"] < 1e-8 or problem.parameters["k"] > 0 for problem in asked)

@@ -2,9 +2,11 @@
 
 from filippov.kernel.language.primitives import entry, kernel
 from filippov.kernel.loop.advance import advance
+from filippov.kernel.loop.decide import slide_close
 from filippov.kernel.loop.model import TICKS, M
 from filippov.kernel.loop.state import Trajectory
 from filippov.kernel.tables.codes import (
+    AGAIN,
     CHUNK_DONE,
     CROSSING_DOWN,
     CROSSING_UP,
@@ -49,6 +51,10 @@ def turn(steps: int, run: Trajectory) -> int:
         count.step_budget = give
         count.event_room = min(MOST_EVENTS, count.event_budget) + M
         code = advance(run)
+        if code == GENERAL:
+            code = slide_close(run)
+            if code == AGAIN:
+                code = EVENTS_FULL  # it goes on as after a full buffer
         full = code == EVENTS_FULL
         # How many steps a full buffer cut short is not known; the next call has its budget to itself.
         left = left if full else left - give
