@@ -6,7 +6,7 @@ and gives its test functions. Equilibria are in `filippov.analysis.bifurcations.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Protocol
@@ -19,12 +19,14 @@ from filippov.analysis.algebra import linalg
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.set_slope import log_slope, near_set
-from filippov.analysis.orbits.orbit import Orbit, make_orbit
+from filippov.analysis.orbits.orbit import Orbit, cycle_of_modes, make_orbit, whole_period
 from filippov.analysis.orbits.shooting import NoConvergenceError, Shooting, velocity_at
 from filippov.analysis.sensitivity.saltation import derivative_by_all
 from filippov.base.errors import UsageError
 from filippov.base.status import EventKind, Status
+from filippov.graphs.word import word_of
 from filippov.model.system import System
+from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 
 Array = npt.NDArray[np.float64]
@@ -287,6 +289,16 @@ class OrbitProblem:
             self._last = (key, value, self.shooting.motions(u, self.p(value)))
         return self._last[2]
 
+    def word(self, u: Array, value: float) -> str:
+        """The mode word of the orbit, as its point has it."""
+        p, system = self.p(value), self.shooting.system
+        whole = whole_period(self.shooting, u, p, self.motions(u, value))
+        return _told(word_of(cycle_of_modes(whole), system), whole)
+
+    def residual(self, u: Array, value: float) -> Array:
+        """What is left of the equations."""
+        return self.shooting.residual(u, self.motions(u, value), self.p(value))
+
     def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
         """See `BranchProblem`."""
         p, motions = self.p(value), self.motions(u, value)
@@ -310,8 +322,6 @@ class OrbitProblem:
             tests["symmetry breaking"] = _product(half + 1.0)
         else:
             tests["period doubling"] = _product(orbit.multipliers + 1.0)
-        jumps = sum(kind == "reset" for _, kind, _, _ in orbit.signature)
-        word = orbit.word + (f" with {jumps} resets" if jumps else "")
         names = orbit.system.states
         data = {"period": orbit.period}
         for i, name in enumerate(names):
@@ -319,7 +329,8 @@ class OrbitProblem:
             data[f"amplitude {name}"] = 0.5 * float(orbit.high[i] - orbit.low[i])
         return BranchPoint(
             value, tuple(u.tolist()), data, tuple(complex(v) for v in orbit.multipliers), orbit.stable,
-            word, orbit.modes, orbit.period, tests, orbit.residual, phase=self.shooting.phase,
+            _told(orbit.word, orbit.motions), orbit.modes, orbit.period, tests, orbit.residual,
+            phase=self.shooting.phase,
         )  # fmt: skip
 
     def at_phase(self, phase: float) -> OrbitProblem:
@@ -422,6 +433,13 @@ class FunctionProblem:
     def moved(self, u: Array, value: float) -> FunctionProblem:
         """See `BranchProblem`."""
         return self
+
+
+def _told(word: str, motions: Sequence[Solution]) -> str:
+    """The word of a period with the number of its resets."""
+    count = len(motions[0].system.surfaces)
+    jumps = sum(e.kind is EventKind.RESET and e.index < count for motion in motions for e in motion.events)
+    return word + (f" with {jumps} resets" if jumps else "")
 
 
 def _product(values: Complex) -> float:

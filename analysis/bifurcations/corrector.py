@@ -16,6 +16,8 @@ from filippov.base.errors import ModelError, SolveError
 Array = npt.NDArray[np.float64]
 FAILURES = (SolveError, ArithmeticError, np.linalg.LinAlgError, ModelError)
 _ITERATIONS, _TOLERANCE, _NOISE, _FARTHEST = 12, 1e-9, 1e-6, 0.5
+# At this distance the matrix of one point serves for another.
+_CLOSE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,8 @@ class Corrector:
     def __init__(self, problem: Any, width: float) -> None:
         self.problem, self.width = problem, width
         self.sizes = np.append(problem.scale, width)
+        # Where the matrix was taken last, and the matrix.
+        self._last: tuple[Array, Array] | None = None
 
     def scaled(self, u: Array, value: float) -> Array:
         """z."""
@@ -84,12 +88,29 @@ class Corrector:
         residual, matrix = self.problem.evaluate(*self.plain(z))
         if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(matrix)):
             raise NoConvergenceError("the equations are not finite.")
-        return residual, matrix * self.sizes
+        self._last = z.copy(), matrix * self.sizes
+        return residual, self._last[1]
+
+    def _finished(self, z: Array, guess: Array, normal: Array) -> Array | None:
+        """The solution next to z by the matrix of a point close to it, where no more than a rounding is left.
+
+        The matrix is most of the work; what it is wrong by is the distance times the change.
+        """
+        residual = getattr(self.problem, "residual", None)
+        if residual is None or self._last is None or not np.linalg.norm(z - self._last[0]) < _CLOSE:
+            return None
+        left = np.append(residual(*self.plain(z)), normal @ (z - guess))
+        if not np.max(np.abs(left)) < _NOISE:
+            return None
+        change = linalg.solve(np.vstack([self._last[1], normal]), -left)
+        return np.asarray(z + change) if np.linalg.norm(change) < _TOLERANCE else None
 
     def correct(self, guess: Array, normal: Array) -> tuple[Array, int]:
         """The solution in the plane through the guess across `normal`, and the number of iterations."""
         z, moved, last = guess.copy(), 0.0, np.inf
         for count in range(1, _ITERATIONS + 1):
+            if (done := self._finished(z, guess, normal)) is not None:
+                return done, count
             residual, matrix = self.equations(z)
             full = np.vstack([matrix, normal])
             change = linalg.solve(full, -np.append(residual, normal @ (z - guess)))
@@ -104,6 +125,10 @@ class Corrector:
                 return z, count
             last = size
         raise NoConvergenceError(f"the corrector does not converge (last change {last:.2g}).")
+
+    def word(self, z: Array) -> str:
+        """The mode word of the solution z, without what else describes it."""
+        return str(self.problem.word(*self.plain(z)))
 
     def tangent(self, z: Array, towards: Array | None) -> Array:
         """The direction of the branch, in the sense of `towards`."""

@@ -69,10 +69,11 @@ class Crossings:
         """Where a test function vanishes, by Brent's method along the tangent of a."""
         corrector = a.corrector
         last: dict[float, Along] = {}
+        known: dict[float, Array] = {}
 
         def test(share: float) -> float:
-            z, _ = corrector.correct(_between(a, length, last, share), a.tangent)
-            last[share] = corrector.along(z, a.tangent)
+            known[share], _ = corrector.correct(_between(a, length, known, share), a.tangent)
+            last[share] = corrector.along(known[share], a.tangent)
             return last[share].point.tests[name]
 
         try:
@@ -101,28 +102,35 @@ class Crossings:
     # -- change of the word --------------------------------------------------------------------------------
 
     def _word(self, a: Along, b: Along, step: float) -> tuple[list[BranchPoint], Along]:
-        length = float(a.tangent @ (b.z - a.z))
-        low, high, before, after, onwards = 0.0, 1.0, a, b, b
-        known = {0.0: a, 1.0: b}
+        corrector, length = a.corrector, float(a.tangent @ (b.z - a.z))
+        low, high = 0.0, 1.0
+        known = {0.0: a.z, 1.0: b.z}
+        before: list[Array] = []
+        after: list[Array] = []
+        away: list[Array] = []
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
             if (high - low) * abs(length) < 1e-12:
                 break
             try:
-                z, _ = a.corrector.correct(_between(a, length, known, middle), a.tangent)
-                at = known[middle] = a.corrector.along(z, a.tangent)
+                z, _ = corrector.correct(_between(a, length, known, middle), a.tangent)
+                word = corrector.word(z)
             except FAILURES:
                 # No solution in this plane: beyond the change.
                 high = middle
                 continue
-            if at.point.word == a.point.word:
-                low, before = middle, at
+            known[middle] = z
+            if word == a.point.word:
+                low = middle
+                before.append(z)
             else:
-                high, after = middle, at
+                high = middle
+                after.append(z)
                 # Close to grazing a root of the distance makes solutions inaccurate: go on from farther away.
                 if (high - low) * abs(length) > _AWAY:
-                    onwards = at
-        return [self._named(before, after)], onwards
+                    away.append(z)
+        name = self._named(_last_along(before, a, a), _last_along(after, a, b))
+        return [name], _last_along(away, a, b)
 
     def _named(self, before: Along, after: Along) -> BranchPoint:
         name, note = "change of the mode word", f"{before.point.word} -> {after.point.word}"
@@ -219,11 +227,21 @@ def _vanishes(name: str, a: Along, b: Along, at: Along) -> bool:
 
 
 
-def _between(a: Along, length: float, known: dict[float, Along], share: float) -> Array:
+def _last_along(found: list[Array], a: Along, otherwise: Along) -> Along:
+    """The last of the solutions that can be described: at grazing their derivative has no bound."""
+    for z in reversed(found):
+        try:
+            return a.corrector.along(z, a.tangent)
+        except FAILURES:
+            continue
+    return otherwise
+
+
+def _between(a: Along, length: float, known: dict[float, Array], share: float) -> Array:
     """A guess at a share of the length, in the plane across the tangent: between the nearest solutions."""
     low = max((q for q in known if q <= share), default=None)
     high = min((q for q in known if q > share), default=None)
     if low is None or high is None:
         return np.asarray(a.z + share * length * a.tangent)
     part = (share - low) / (high - low)
-    return np.asarray(known[low].z + part * (known[high].z - known[low].z))
+    return np.asarray(known[low] + part * (known[high] - known[low]))

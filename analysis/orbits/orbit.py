@@ -205,7 +205,7 @@ def make_orbit(
     pieces = list(motions or problem.motions(u, p))
     nodes, period = problem.split(u, p)
     system, forced = problem.system, problem.period is not None
-    whole = pieces if problem.turns == 1 else _turned(problem, u, p)
+    whole = whole_period(problem, u, p, pieces)
     factors, zeros = return_factors(pieces, problem.symmetry, problem.jacobian)
     half: Complex | None = None
     turns = problem.turns
@@ -224,8 +224,7 @@ def make_orbit(
     if not forced:
         values, trivial = without_trivial(values)
         half = None if half is None else without_trivial(half)[0]
-    modes = _cycle([segment.mode for motion in whole for segment in motion.segments])
-    texts = tuple(mode_text(mode) for mode in modes)
+    texts = cycle_of_modes(whole)
     names = system.parameters.names
     return Orbit(
         system, dict(zip(names, p.tolist(), strict=True)), nodes[0].copy(), problem.begin(p), period, values,
@@ -236,8 +235,10 @@ def make_orbit(
     )  # fmt: skip
 
 
-def _turned(problem: Shooting, u: Array, p: Array) -> list[Solution]:
-    """The motions of a whole period from those of a part of it: from several nodes also the images of all."""
+def whole_period(problem: Shooting, u: Array, p: Array, pieces: list[Solution]) -> list[Solution]:
+    """The motions of a whole period; of a part of it, from several nodes, also the images of all."""
+    if problem.turns == 1:
+        return pieces
     nodes, period = problem.split(u, p)
     if len(nodes) == 1:
         return [_whole(problem, nodes[0], period, p)]
@@ -264,15 +265,15 @@ def _whole(problem: Shooting, x0: Array, period: float, p: Array) -> Solution:
     return motion
 
 
-def _cycle(modes: Sequence[Mode]) -> list[Mode]:
-    """Modes in order without repetitions, the last one joined with the first."""
+def cycle_of_modes(motions: Sequence[Solution]) -> tuple[str, ...]:
+    """Modes of a period in order without repetitions, the last one joined with the first."""
     out: list[Mode] = []
-    for mode in modes:
+    for mode in (segment.mode for motion in motions for segment in motion.segments):
         if not out or out[-1] != mode:
             out.append(mode)
     if len(out) > 1 and out[0] == out[-1]:
         out.pop()
-    return out
+    return tuple(mode_text(mode) for mode in out)
 
 
 def _extent(motions: Sequence[Solution]) -> tuple[Array, Array]:

@@ -20,8 +20,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -55,6 +56,11 @@ class Factor:
     t: float
     mode: Mode
     matrix: Array
+
+
+# By solution: (before_last, jacobian), names of parameters, factors.
+_Kept = tuple[tuple[bool, Any], tuple[str, ...], list[Factor]]
+_KEPT: WeakKeyDictionary[Solution, _Kept] = WeakKeyDictionary()
 
 
 def flow_derivative(
@@ -98,7 +104,24 @@ def flow_factors(
     names: tuple[str, ...] = (),
     jacobian: Callable[..., Any] | None = None,
 ) -> list[Factor]:
-    """The factors of the derivative in the order of the motion."""
+    """The factors of the derivative in the order of the motion.
+
+    Those of the last call are kept with the solution: derivatives by fewer parameters are parts of them.
+    """
+    asked = before_last, jacobian
+    kept = _KEPT.get(solution)
+    if kept is not None and kept[0] == asked and set(names) <= set(kept[1]):
+        n, known, out = solution.problem.system.dimension, kept[1], kept[2]
+        rows = [*range(n), *(n + known.index(name) for name in names), n + len(known)]
+        return [replace(factor, matrix=factor.matrix[np.ix_(rows, rows)]) for factor in out]
+    out = _flow_factors(solution, before_last, names, jacobian)
+    _KEPT[solution] = asked, names, out
+    return out
+
+
+def _flow_factors(
+    solution: Solution, before_last: bool, names: tuple[str, ...], jacobian: Callable[..., Any] | None
+) -> list[Factor]:
     _check_rule(solution)
     sol = solution.sol
     if sol is None:

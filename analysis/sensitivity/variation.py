@@ -173,28 +173,60 @@ def gauss(stages: int) -> tuple[Array, Array, Array]:
 
 
 _NODES, _WEIGHTS, _MATRIX = gauss(4)
-# Largest |eigenvalue| times step of one Gauss step, whose error is 6e-10 times its ninth power; and into how
-# many parts a step is divided at most: stiff motions only need what decays to decay.
-_FURTHEST, _MOST_PARTS = 0.3, 16
+# One Gauss step of length h is wrong by 6e-10 |z|**9 of exp(z), z = eigenvalue times h; by how much a product
+# of steps may be wrong, and into how many parts one is divided at most. A step of less is not divided.
+_ERROR, _WRONG, _MOST_PARTS, _FURTHEST = 6e-10, 1e-14, 16, 0.3
+# What decays faster than this need not be followed but only decay: parts of length _DAMPED / |z| leave 0.006
+# of it each, which no longer ones do; then so many parts carry on what is slow.
+_DECAYS, _DAMPING, _DAMPED, _SLOW_PARTS = 30.0, 6, 5.5, 2
+# Stiff eigenvalues within this factor of each other decay together.
+_TOGETHER = 1.3
 
 
 def _divided(
     field: ModeField, start: Array, step: Array, state: Callable[[Array], Array], p: Array
 ) -> tuple[Array, Array]:
-    """The steps, divided where the largest eigenvalue of A times the step is more than 0.3."""
+    """The steps, divided where an eigenvalue of A times the step asks for it."""
     times = start + 0.5 * step
     x = state(times)
     a = field.matrix(times, x, field.multipliers(times, x, p), p)
-    counts = np.ones(start.size, dtype=int)
     reach = np.abs(step) * np.max(np.sum(np.abs(a), axis=2), axis=1)
     check = np.isfinite(reach) & (reach > _FURTHEST)
     if not np.any(check):
         return start, step
-    rates = np.max(np.abs(linalg.eigvals(a[check])), axis=1)
-    counts[check] = np.clip(np.ceil(rates * np.abs(step[check]) / _FURTHEST), 1, _MOST_PARTS)
-    first = np.repeat(np.cumsum(counts) - counts, counts)
-    part = np.repeat(step / counts, counts)
-    return np.repeat(start, counts) + (np.arange(counts.sum()) - first) * part, part
+    counts, early = np.ones(start.size, dtype=int), np.zeros(start.size, dtype=int)
+    length = np.zeros(start.size)
+    n = field.system.dimension
+    z = linalg.eigvals(a[check][:, :n, :n]) * step[check, None]
+    counts[check], early[check], length[check] = _parts(z)
+    rest = (1.0 - early * length) / (counts - early)
+    each = np.repeat(np.arange(start.size), counts)
+    k = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    first = k < early[each]
+    passed = np.minimum(k, early[each]) * length[each] + np.maximum(k - early[each], 0) * rest[each]
+    return start[each] + passed * step[each], np.where(first, length[each], rest[each]) * step[each]
+
+
+def _parts(z: npt.NDArray[np.complex128]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Array]:
+    """Numbers of parts for rows of eigenvalues times a step, how many of them come first, and their length.
+
+    The length is of the step; the others are equal.
+    """
+    size, decay = np.abs(z), np.minimum(z.real, 0.0)
+    # m parts together are wrong by _ERROR m (|z|/m)**9 exp(Re z), relative to 1.
+    needed = (_ERROR / _WRONG * size**9 * np.exp(decay)) ** 0.125
+    stiff = decay < -np.maximum(_DECAYS, 0.9 * size)
+    largest, least = np.max(size, axis=1), np.min(np.where(stiff, size, np.inf), axis=1)
+    slow = np.max(np.where(stiff, 0.0, needed), axis=1)
+    whole = np.where(stiff.any(axis=1), np.inf, slow)
+    counts = np.clip(np.ceil(whole), 1, _MOST_PARTS).astype(int)
+    begun = np.maximum(np.ceil(slow), _SLOW_PARTS) + _DAMPING
+    damped = (begun < _MOST_PARTS) & stiff.any(axis=1) & (largest < _TOGETHER * least)
+    return (
+        np.where(damped, begun, counts).astype(int),
+        np.where(damped, _DAMPING, 0),
+        np.where(damped, _DAMPED / np.maximum(largest, 1.0), 0.0),
+    )
 
 
 def transition(

@@ -48,13 +48,28 @@ class Interpolant:
         flat = np.atleast_1d(times).ravel()
         index = self.locate(flat, side)
         theta = (flat - self.start[index]) / self.step[index]
-        coef = self.coef[index]
-        value = coef[:, -1, :]
         # The last step of a motion that grows beyond the range of numbers may hold infinite coefficients.
         with np.errstate(over="ignore", invalid="ignore"):
-            for power in range(coef.shape[1] - 2, -1, -1):
-                value = value * theta[:, None] + coef[:, power, :]
+            if len(flat) > len(self.start):
+                value = self._by_power(index, theta[:, None])
+            else:
+                coef = self.coef[index]
+                value = coef[:, -1, :]
+                for power in range(coef.shape[1] - 2, -1, -1):
+                    value = value * theta[:, None] + coef[:, power, :]
         return np.ascontiguousarray(value[0] if times.ndim == 0 else value.T)
+
+    def _by_power(self, index: npt.NDArray[np.int64], theta: Array) -> Array:
+        """States at many times: a power of all steps lies together, those that no step has are left out."""
+        powers = np.ascontiguousarray(self.coef.transpose(1, 0, 2))
+        used = len(powers)
+        while used > 1 and not powers[used - 1].any():
+            used -= 1
+        value: Array = powers[used - 1].take(index, axis=0)
+        for coef in powers[: used - 1][::-1]:
+            value *= theta
+            value += coef.take(index, axis=0)
+        return value
 
     def rate(self, t: float, side: str = "-") -> Array:
         """dx/dt at one time, shape (n,)."""
