@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.maps.section import Section
-from filippov.analysis.maps.turn import turns
+from filippov.analysis.maps.turn import MOST_STEPS, turns
 from filippov.base.status import Status
 from filippov.model.system import System
+from filippov.solving.ensemble import Prepared
 
 Array = npt.NDArray[np.float64]
 
@@ -29,13 +31,17 @@ class MapRows:
         threads: int | None = None,
     ) -> None:  # fmt: skip
         self.system, self.section, self.bound = system, section, section.bind(system)
-        self.order, self.rtol, self.atol, self.threads = order, rtol, atol, threads
+        self.order = order
+        self.options: dict[str, Any] = {"rtol": rtol, "atol": atol, "threads": threads}
+        self._prepared: Prepared | None = None
 
     def rows(self, values: Mapping[str, Array], parameters: Mapping[str, float] | None) -> Array:
         """Parameter rows (k, P) from arrays (k,) by name and the values that all have in common."""
         count = len(next(iter(values.values())))
         out = np.tile(self.system.parameters.resolve(parameters), (count, 1))
         for name, column in values.items():
+            for extreme in (float(np.min(column)), float(np.max(column))):
+                self.system.parameters[name].check(extreme, f"parameter {name!r}")
             out[:, self.system.parameters.index(name)] = column
         return out
 
@@ -50,11 +56,17 @@ class MapRows:
         return image.reshape(d.shape)
 
     def _turn(self, rows: Array, d: Array) -> Array:
-        x, ended, resting = turns(
-            self.bound, self.bound.start(d, rows),
-            {name: rows[:, k] for k, name in enumerate(self.system.parameters.names)},
-            rtol=self.rtol, atol=self.atol, threads=self.threads,
-        )  # fmt: skip
+        start = self.bound.start(d, rows)
+        if self.section.after:
+            named = {name: rows[:, k] for k, name in enumerate(self.system.parameters.names)}
+            x, ended, resting = turns(self.bound, start, named, **self.options)
+        else:
+            if self._prepared is None:
+                span, stop = (0.0, self.section.t_max), self.section.stop
+                self._prepared = Prepared(self.system, span, stop=stop, max_steps=MOST_STEPS, **self.options)
+            ends = self._prepared.run(start, rows)
+            x, ended = ends.x, list(ends.status)
+            resting = np.any(ends.mode[:, self.bound.surfaces] == 0, axis=1)
         back = np.array([status is Status.STOPPED for status in ended])
         done = np.array([status is Status.SUCCESS for status in ended])
         return np.asarray(np.where(back, self.bound.read(x), np.where(done & resting, 0.0, np.nan)))

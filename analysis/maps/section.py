@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -109,7 +110,10 @@ class BoundSection:
         self._coordinate = Coordinate(section.coordinate, system)
         self._functions: tuple[Callable[..., Any], Callable[..., Any]] | None = None
         if section.lift is not None and not callable(section.lift):
-            self._functions = self._compile(section.lift)
+            # Sections are bound again and again: to systems that differ in numbers, by every search.
+            self._functions = _compiled(
+                tuple(section.lift.items()), tuple(system.states), tuple(system.parameters)
+            )
 
     @property
     def index(self) -> int:
@@ -138,38 +142,6 @@ class BoundSection:
     def slope(self, x: Array) -> Array:
         """Derivative of the coordinate by the states at x (n,): (n,)."""
         return self._coordinate.slope(x)
-
-    def _compile(self, lift: Mapping[str, Any]) -> tuple[Callable[..., Any], Callable[..., Any]]:
-        symbols: dict[str, sympy.Symbol] = {
-            name: sympy.Symbol(name, real=True) for name in self.system.parameters
-        }
-        missing = [name for name in self.system.states if name not in lift]
-        if missing:
-            raise UsageError(
-                f"the lift has no expression for state {', '.join(missing)}; give one for every state."
-            )
-        for name in lift:
-            if name not in self.system.states:
-                raise UsageError(unknown("state", name, self.system.states))
-        names: dict[str, Any] = {**symbols, "d": D}
-        rows = []
-        for state in self.system.states:
-            value = lift[state]
-            expression = parse_expression(value, names) if isinstance(value, str) else sympy.S(value)
-            expression = expression.xreplace(
-                {s: names[s.name] for s in expression.free_symbols if s.name in names}
-            )
-            extra = expression.free_symbols - set(names.values())
-            if extra:
-                raise ModelError(
-                    f"the lift of {state!r} holds {sorted(map(str, extra))}, expected d and parameters of "
-                    "the system."
-                )
-            rows.append(expression)
-        arguments = [D, *symbols.values()]
-        # sign(d) is constant where the derivative is taken.
-        slopes = [row.diff(D).subs(sympy.DiracDelta(D), 0) for row in rows]
-        return sympy.lambdify(arguments, rows, "numpy"), sympy.lambdify(arguments, slopes, "numpy")
 
     def start(self, d: Array, p: Array) -> Array:
         """Initial states for coordinates d (k,) and parameter rows p (k, P) or (P,): (k, n)."""
@@ -217,3 +189,38 @@ class BoundSection:
         for place, column in enumerate(function(d, *p.T)):
             out[:, place] = column
         return out
+
+
+@lru_cache(maxsize=64)
+def _compiled(
+    lift: tuple[tuple[str, Any], ...], states: tuple[str, ...], parameters: tuple[str, ...]
+) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """The initial state for (d, parameters), and its derivative by d, in numpy."""
+    given, symbols = dict(lift), {name: sympy.Symbol(name, real=True) for name in parameters}
+    missing = [name for name in states if name not in given]
+    if missing:
+        raise UsageError(
+            f"the lift has no expression for state {', '.join(missing)}; give one for every state."
+        )
+    for name in given:
+        if name not in states:
+            raise UsageError(unknown("state", name, states))
+    names: dict[str, Any] = {**symbols, "d": D}
+    rows = []
+    for state in states:
+        value = given[state]
+        expression = parse_expression(value, names) if isinstance(value, str) else sympy.S(value)
+        expression = expression.xreplace(
+            {s: names[s.name] for s in expression.free_symbols if s.name in names}
+        )
+        extra = expression.free_symbols - set(names.values())
+        if extra:
+            raise ModelError(
+                f"the lift of {state!r} holds {sorted(map(str, extra))}, expected d and parameters of "
+                "the system."
+            )
+        rows.append(expression)
+    arguments = [D, *symbols.values()]
+    # sign(d) is constant where the derivative is taken.
+    slopes = [row.diff(D).subs(sympy.DiracDelta(D), 0) for row in rows]
+    return sympy.lambdify(arguments, rows, "numpy"), sympy.lambdify(arguments, slopes, "numpy")

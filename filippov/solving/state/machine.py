@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -31,15 +32,25 @@ def _unit(system: System, blended: bool) -> Generated:
     """
     key = generation(), blended
     if key not in system.units:
-        system.units[key] = _generated(system, blended)
+        system.units[key] = _generated(_Equations(system.digest, system.inputs, system), blended)
     unit: Generated = system.units[key]
     return unit
 
 
+@dataclass(frozen=True)
+class _Equations:
+    """A system told by its text alone: those that differ in default values have one unit."""
+
+    digest: str | None
+    inputs: tuple[Any, ...]
+    system: System = field(compare=False)
+
+
 @lru_cache(maxsize=256)
-def _generated(system: System, blended: bool) -> Generated:
+def _generated(equations: _Equations, blended: bool) -> Generated:
     from filippov.kernel.codegen.generate import generate
 
+    system = equations.system
     assert system.symbolic is not None
     return generate(system.symbolic, system.surfaces, blended)
 
