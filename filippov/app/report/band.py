@@ -7,28 +7,36 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from filippov.analysis.comparisons.band_model import BandModel
-from filippov.analysis.comparisons.comparison import compare
-from filippov.analysis.comparisons.comparison_result import label, options_of, size
+from filippov.analysis.comparisons.comparison import compare_sections
+from filippov.analysis.comparisons.comparison_result import Comparison, label, options_of, size
+from filippov.app.report.context import Context
+from filippov.app.report.effort import Effort
 from filippov.app.report.part import NONE, Picture, Section, TextTable, Words, number
 from filippov.app.report.run import StudyRun
+from filippov.models.studies import Study
 
 ERRORS = ("error_P", "error_times", "error_fixed_points", "drift")
 
 
-def comparison(run: StudyRun) -> Section:
-    """Errors and work over the width of the band."""
-    study, coarse = run.study, run.effort.widths
+def compared(study: Study, effort: Effort, k: int) -> Comparison:
+    """The models with a band beside the inclusion, in case k."""
+    about, coarse = Context(study, effort), effort.widths
     bands = [
         BandModel(v.name, v.build, v.stick, {k: o[:1] if coarse > 1 else o for k, o in v.options.items()})
         for v in study.variants
     ]
+    return compare_sections(
+        about.system, about.section, bands, widths=study.widths[::coarse], comparators=(),
+        interval=about.interval, order=study.order, x0=about.x0, parameters=study.cases[k].parameters,
+        repeats=1 if coarse > 1 else 3,
+    )  # fmt: skip
+
+
+def comparison(run: StudyRun) -> Section:
+    """Errors and work over the width of the band."""
+    study = run.study
     with run.stage("comparison", run.until):
-        found = compare(
-            run.system, run.section, bands, widths=study.widths[::coarse], comparators=(),
-            interval=run.interval, order=study.order, x0=run.x0, parameters=run.main.case.parameters,
-            repeats=1 if coarse > 1 else 3,
-            progress=lambda done, total, what="": run.tell(done / total, f"comparison: {what}"),
-        )  # fmt: skip
+        found = run.aside.value(compared, 0)
     names = tuple(dict.fromkeys(name for row in found.rows for name in options_of(row)))
     rows, notes = [], []
     for row in found.rows:

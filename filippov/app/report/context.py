@@ -51,7 +51,7 @@ class Context:
         self.tell(0.0, what or name)
         since = time.perf_counter()
         yield
-        self.timing[name] = time.perf_counter() - since
+        self.timing[name] = self.timing.get(name, 0.0) + time.perf_counter() - since
         self._low = until
 
     def tell(self, fraction: float, what: str) -> None:

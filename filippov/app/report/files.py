@@ -29,8 +29,8 @@ def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Iterable[Any]])
     write(path, csv_text(columns, rows))
 
 
-def save_figure(folder: Path, name: str, figure: Figure) -> str:
-    """Write a figure as SVG and PNG, close it, and return the SVG text."""
+def rendered(figure: Figure) -> tuple[str, bytes]:
+    """A figure as SVG text and as PNG; it is closed."""
     from matplotlib import pyplot as plt
 
     vector, raster = io.StringIO(), io.BytesIO()
@@ -44,6 +44,4 @@ def save_figure(folder: Path, name: str, figure: Figure) -> str:
             figure.savefig(raster, format="png", dpi=DPI, bbox_inches=box, metadata={"Software": None})
     finally:
         plt.close(figure)
-    write(folder / f"{name}.svg", vector.getvalue())
-    write(folder / f"{name}.png", raster.getvalue())
-    return vector.getvalue()
+    return vector.getvalue(), raster.getvalue()

@@ -14,7 +14,7 @@ from filippov.app.report.aside import Aside
 from filippov.app.report.case import CaseResults, diagrams
 from filippov.app.report.context import Progress
 from filippov.app.report.effort import Effort
-from filippov.app.report.files import save_figure, write, write_csv
+from filippov.app.report.files import rendered, write, write_csv
 from filippov.app.report.page import document, environment, machine
 from filippov.app.report.part import Picture, Section, TextTable, Words
 from filippov.app.report.run import StudyRun
@@ -25,8 +25,8 @@ from filippov.solving.state.options import check_count
 
 # Fractions of the whole at which the cases, and all sections, are computed; the rest is drawing.
 CASES, COMPUTED = 0.25, 0.85
-# Every section in the order in which it is computed and stands in summary.json: what computes it, the entry
-# of the study that asks for it ("" for always), and how long it takes, in parts of the whole.
+# Every section in the order in which it stands in summary.json: what computes it, the entry of the study that
+# asks for it ("" for always), and how long it takes, in parts of the whole.
 SECTIONS: tuple[tuple[Callable[[StudyRun], Section], str, float], ...] = (
     (response.model, "", 0), (response.response, "", 0), (response.event_map, "", 0),
     (diagram.fixed_points, "", 0), (diagram.bifurcation, "", 0), (checks.classification, "", 0),
@@ -36,6 +36,8 @@ SECTIONS: tuple[tuple[Callable[[StudyRun], Section], str, float], ...] = (
     (cycles.region_map, "plane", 0.08), (design.settings, "tuned", 0.15), (design.prediction, "laws", 0.05),
     (design.experiment, "experiment", 0.05), (smoother.relative, "relative", 0.3), (checks.checks, "", 0),
 )  # fmt: skip
+# Sections made from what another process may still be at when the others are done.
+LATE = (design.settings, design.experiment, smoother.relative)
 # The order of the sections in the report, and those of the appendix.
 ORDER = (
     "summary", "model", "checks", "settings", "comparison", "approximations", "relative", "prediction",
@@ -70,20 +72,18 @@ def run_study(
     with Aside(asked, effort, check_count("jobs", jobs)) as aside:
         run = StudyRun(asked, effort, progress, aside)
         aside.begin(diagrams, range(1, len(asked.cases)))
+        aside.begin(band.compared, range(1 if asked.variants else 0))
         aside.begin(smoother.followed, range(len(asked.cases[: effort.relatives]) if asked.relative else 0))
         aside.begin(design.estimated, range(1 if asked.experiment else 0))
         aside.begin(design.tuned, range(len(asked.tuned)))
-        sections = compute(run)
+        sections, pictures = compute(run)
     folder.mkdir(parents=True, exist_ok=True)
     for section in sections:
         for file, columns, rows in section.files:
             write_csv(folder / file, columns, rows)
-    drawings = {}
-    pictures = [part for section in sections for part in section.parts if isinstance(part, Picture)]
-    with run.stage("figures", 1.0):
-        for k, picture in enumerate(pictures):
-            run.tell(k / len(pictures), f"figure {picture.name}")
-            drawings[picture.name] = save_figure(folder, picture.name, picture.draw())
+    for name, (vector, raster) in pictures.items():
+        write(folder / f"{name}.svg", vector)
+        write(folder / f"{name}.png", raster)
     run.timing["total"] = time.perf_counter() - since
     summary = {name: entry for section in sections for name, entry in section.summary.items()}
     summary["timing"] = {name: round(seconds, 4) for name, seconds in run.timing.items()}
@@ -91,24 +91,39 @@ def run_study(
     write(folder / "summary.json", json_text(plain))
     known = {section.anchor: section for section in [*sections, *_frame(run)]}
     main, appendix = ([known[name] for name in names if name in known] for names in (ORDER, APPENDIX))
+    drawings = {name: vector for name, (vector, _) in pictures.items()}
     page = document(asked.title, f"After {asked.source}", main, asked.texts, drawings, appendix)
     write(folder / "report.html", page)
     run.tell(1.0, "done")
     return plain
 
 
-def compute(run: StudyRun) -> list[Section]:
-    """Every section that the study asks for, in the order of computing."""
+def compute(run: StudyRun) -> tuple[list[Section], dict[str, tuple[str, bytes]]]:
+    """Every section that the study asks for, in their order, and their figures by name.
+
+    Figures are drawn while another process computes what the last sections are made from.
+    """
     share = CASES / len(run.study.cases)
     for k, case in enumerate(run.study.cases):
         run.cases.append(CaseResults(run, case, k * share, (k + 1) * share))
     asked = [(make, part) for make, name, part in SECTIONS if not name or getattr(run.study, name)]
-    whole, done, out = sum(part for _, part in asked), 0.0, []
-    for make, part in asked:
-        done += part
-        run.until = CASES + (COMPUTED - CASES) * done / whole
-        out.append(make(run))
-    return out if run.study.stated else [_unstated(section) for section in out]
+    whole, done = sum(part for _, part in asked), 0.0
+    made: dict[Callable[[StudyRun], Section], Section] = {}
+    pictures: dict[str, tuple[str, bytes]] = {}
+    for late in (False, True):
+        for make, part in asked:
+            if (make in LATE) == late:
+                done += part
+                run.until = CASES + (COMPUTED - CASES) * done / whole
+                made[make] = make(run)
+        with run.stage("figures", 1.0 if late else run.until):
+            for section in made.values():
+                for picture in section.parts:
+                    if isinstance(picture, Picture) and picture.name not in pictures:
+                        run.tell(0.0, f"figure {picture.name}")
+                        pictures[picture.name] = rendered(picture.draw())
+    out = [made[make] for make, _ in asked]
+    return (out if run.study.stated else [_unstated(section) for section in out]), pictures
 
 
 def _unstated(section: Section) -> Section:
