@@ -136,6 +136,20 @@ def test_14_3_a_waiting_run_does_not_hold_its_system() -> None:
     assert pickle.loads(pickle.dumps(OSCILLATOR)).runs == {}  # noqa: S301
 
 
+def test_14_3_batches_in_lanes_know_nothing_of_one_another() -> None:
+    system, rng = hunting(), np.random.default_rng(4)
+    starts = rng.uniform(-1.0, 1.0, (3, 40, 3))
+    found = [solve_many(system, some, (0.0, 3.0)) for some in starts]
+    kept = [(f.x.copy(), f.t.copy(), f.mode.copy(), f.counts.copy(), f.nfev.copy()) for f in found]
+    for some, ensemble, numbers in zip(starts[::-1], found[::-1], kept[::-1], strict=True):
+        again = solve_many(system, some, (0.0, 3.0))
+        for one in (again, ensemble):
+            now = one.x, one.t, one.mode, one.counts, one.nfev
+            assert all(np.array_equal(*pair) for pair in zip(numbers, now, strict=True))
+    # Threads share a batch that waits like any other.
+    assert np.array_equal(solve_many(system, starts[0], (0.0, 3.0), threads=2, lanes=1).x, found[0].x)
+
+
 def test_14_3_small_batches_know_nothing_of_one_another() -> None:
     system, rng = hunting(), np.random.default_rng(3)
     section = Section.from_model(get("hunting"))

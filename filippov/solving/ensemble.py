@@ -22,7 +22,7 @@ from filippov.kernel.tables import codes
 from filippov.kernel.tables.layout import LANES, MOST_LANES
 from filippov.model.system import System
 from filippov.solving.scale import default_atol, of_little_ends, small
-from filippov.solving.state.batch import UNFINISHED, Batch, lane_unit, system_threads, waits
+from filippov.solving.state.batch import FEW, UNFINISHED, Batch, lane_unit, system_threads, waits
 from filippov.solving.state.events import Event, Stop, columns_of, turned
 from filippov.solving.state.machine import Array, Machine
 from filippov.solving.state.option_types import (
@@ -263,7 +263,7 @@ class Prepared:
     def ends(self, states: Array, values: Array) -> tuple[Array, list[Status], npt.NDArray[Any]]:
         """State, status and mode at the ends: of an Ensemble what a map needs, sooner for a few rows."""
         machine = self.machine
-        few = machine is not None and waits(machine, len(states)) and not self.lanes
+        few = machine is not None and len(states) <= FEW and waits(machine, len(states)) and not self.lanes
         if machine is not None and few and "atol" in self.options:
             batch = Batch.ready(machine, states, values, self.span, self.stops, self.checked)
             batch.run(1, None)

@@ -42,8 +42,8 @@ _WAITING = 0.05
 # Rows at whose ends the gradients of functions are looked at.
 _LOOKED_AT = 32
 _MOST_TAKEN, _PARTS = 64, 32
-# Rows of a batch that waits for the next one of its kind, and how many do.
-_SMALL, _MOST_WAITING = 16, 32
+# Rows of a batch that keeps its scratch, those of one that waits for the next of its kind, and how many wait.
+FEW, _SMALL, _MOST_WAITING = 16, 1024, 16
 UNFINISHED = -1
 # Lanes of trajectories that do not slide, and of those that do.
 _GROUPS = 2
@@ -146,8 +146,8 @@ class Batch:
         What `look` raises, and KeyboardInterrupt, ends the work within the time of a chunk; rows that are
         done keep their ends.
         """
-        if self.asked is not None and unit is None:
-            self._run_small(look)
+        if self.asked is not None and unit is None and self.size <= FEW:
+            self._run_few(look)
             return
         if threads == 1:
             for _ in self._chunks(unit):
@@ -168,8 +168,8 @@ class Batch:
             for done in work:
                 done.result()
 
-    def _run_small(self, look: Callable[[int], None] | None) -> None:
-        """The same for a batch that keeps what it has made for it."""
+    def _run_few(self, look: Callable[[int], None] | None) -> None:
+        """The same for a batch that keeps its scratch."""
         chunk = self._chunk
         if chunk is None:
             chunk = self._chunk = _Chunks(self, None)
