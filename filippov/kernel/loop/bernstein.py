@@ -4,7 +4,7 @@ All coefficients of one sign prove that there is no root, one change of sign pro
 Riesenfeld 1981); subdivision at the middle decides the rest, down to 2**-DEPTH of the interval.
 """
 
-from filippov.kernel.language.primitives import Vector, kernel, shift
+from filippov.kernel.language.primitives import Vector, inline, kernel, shift
 from filippov.kernel.tables.root_tables import (
     BINOMIAL,
     DEGREE,
@@ -47,6 +47,7 @@ def deflate(c: Vector, order: int) -> int:
     return degree
 
 
+@inline
 @kernel
 def newton_step(b: Vector, degree: int, u: float) -> tuple[float, float, float]:
     """p and p' at u in [0, 1], both up to positive factors, and p / p' there (0 where p' is).
