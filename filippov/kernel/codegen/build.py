@@ -2,10 +2,10 @@
 
 A unit is one LLVM module. The unit of a system holds its field, guards and resets, its tables, and the
 numbers that say how large it is and where its records have what (SHAPE). The event loop with the stages of a
-method reads these where it runs: one unit of it serves all systems, and is linked with theirs. A unit of
-lanes holds all of it, made for one system. A file is named by a digest of the sources and constants, of the
-version of llvmlite and of the processor, so that no stale code can be found; `cache` says which files are
-trusted.
+method reads these where it runs: one unit of it serves all systems, and is linked with theirs. Lanes have a
+unit of their own, and one with a loop made for the system, a fifth faster, for what is done beside them. A
+file is named by a digest of the sources and constants, of the version of llvmlite and of the processor, so
+that no stale code can be found; `cache` says which files are trusted.
 """
 
 import ast
@@ -14,7 +14,7 @@ import platform
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 from typing import Any, cast
 
@@ -39,7 +39,7 @@ _FILES = (
     "sampling", "land", "locate", "control", "resolve", "lap", "reset", "record", "segment", "attempt",
     "search", "decide", "ticks", "advance", "probe", "start", "turn", "ensemble",
 )  # fmt: skip
-# A unit of lanes widens plain kernels, and calls those of the system's plain unit by their addresses.
+# A unit of lanes widens plain kernels, and calls those of another unit by their addresses.
 _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_seat", "lane_run")
 # What the loop calls of a system's unit: what is written for the system. Then what it calls in lanes (see
 # `points`).
@@ -192,6 +192,13 @@ def _compile_loop(source: str, constants: Mapping[str, Constant], method: str, s
     return compile_unit(unit, {}, tuple(name for name in PLAIN if name not in own))
 
 
+def _compile_whole(
+    source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes, lanes: int,
+    exported: tuple[str, ...],
+) -> bytes:  # fmt: skip
+    return compile_unit(_unit(source, constants, method, sizes, lanes), {}, exported)
+
+
 def _compile_system(source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes) -> bytes:
     unit, own = _unit(source, constants, method, sizes), _interface(method)
     in_lanes = _OF_SYSTEM_IN_LANES if constants["WIDE"] else ()
@@ -247,14 +254,15 @@ def _sized(sizes: Sizes) -> dict[str, type[Record]]:
 
 
 def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: int) -> Compiled:
-    exported = IN_LANES if lanes > 1 else PLAIN
+    exported = (*IN_LANES, *Entries.places) if lanes > 1 else PLAIN
     sizes = _sizes(constants, method)
     everything = source, sorted(constants.items()), method, lanes
     if lanes > 1:
+        # The loop beside the lanes is made for one trajectory, with vectors of its own width.
+        alone, own = (*everything[:-1], "alone"), tuple(Entries.places)
         codes = [
-            _kept(
-                everything, lambda: compile_unit(_unit(source, constants, method, sizes, lanes), {}, exported)
-            )
+            _kept(what, partial(_compile_whole, source, constants, method, sizes, width, names))
+            for what, width, names in ((everything, lanes, IN_LANES), (alone, 1, own))
         ]
     else:
         tables = _tables(constants)

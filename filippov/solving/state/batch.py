@@ -231,7 +231,7 @@ class _Room:
         self.blank.append(room)
         entries = Entries.new()
         for name in Entries.places:
-            setattr(entries, name, machine.compiled.addresses[name])
+            setattr(entries, name, unit.addresses[name])
         iw = machine.compiled.integers()
         self.blank.append(iw.array)
         self.places |= {"entries": entries, "groups": rows, "iw_l": iw}
