@@ -108,11 +108,11 @@ def test_11_20_an_exception_of_one_row_ends_no_other(where: str) -> None:
 
 
 def test_11_20_an_exception_of_the_general_path_is_its_row_s(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Rows of a clock are solved one by one in Python, where anything may overflow.
+    # Rows where two clocks reset at once are solved one by one in Python, where anything may overflow.
     x, y = states("x y")
     p = parameters(k=1.0)
-    clock = TimeEvent("tick", period=0.3, reset={x: x / 1})
-    system = System({x: -p.k * x, y: 0 * y}, time_events=[clock])
+    clocks = [TimeEvent("tick", period=0.3, reset={x: x / 1}), TimeEvent("tock", period=0.3, reset={y: y / 1})]
+    system = System({x: -p.k * x, y: 0 * y}, time_events=clocks)
     import filippov.solving.solver
 
     plain = filippov.solving.solver.solve

@@ -99,6 +99,21 @@ def test_11_2_clusters_of_impacts_leave_no_contact_on_its_far_side(n: int, k: in
     assert not faults(run, n, values)
 
 
+def test_11_A_what_touches_with_no_more_speed_than_rounding_falls_on_together() -> None:
+    """Two bodies thrown up, the upper one reached at 1e-16 to 1e-13 of speed, at the start or on the way."""
+    random, falling = np.random.default_rng(8), stack(2)
+    for _ in range(100):
+        begin, rise, speed = random.uniform(0.5, 5.0), random.uniform(0.0, 3.0), 10 ** random.uniform(-16, -13)
+        wait = random.choice([0.0, 1e-9, 0.1]) * random.uniform(0.5, 1.0)
+        rise = random.choice([0.0, rise])
+        start = [0.0, speed * wait, rise, rise - speed]
+        values = {"g": 10.0, "a": -100.0, "c": 200.0, "e1": random.uniform(0.1, 1.0)}
+        run = solve(falling, start, (begin, begin + 0.5), parameters=values, zeno="continue")
+        assert run.success, (start, begin, run.message)
+        expected = 0.5 * rise - 1.25, rise - 5.0
+        assert np.all(np.abs(run.x_end - np.repeat(expected, 2)) < 1e-11)
+
+
 @pytest.mark.parametrize("early", [1e-2, 1e-4, 1e-6, 1e-8])
 @pytest.mark.parametrize("e", [0.3, 0.5, 0.8])
 def test_11_A_what_comes_just_before_a_limit_is_not_bridged(e: float, early: float) -> None:

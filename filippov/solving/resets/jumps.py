@@ -119,10 +119,18 @@ def touching(run: Run) -> list[int]:
 
 
 def bouncing(run: Run, surfaces: Sequence[int]) -> bool:
-    """Whether one of these contacts, reached again at once, is left too slowly for a flight of its own."""
-    mode = off_contact(run, run.mode)
-    slow = unresolved(run, run.x, mode, rates_at(run, run.x, run.mode))
+    """Whether one of these contacts is reached, or left again at once, too slowly to be told from rest."""
+    if resting_on(run, surfaces):
+        return True
+    slow = unresolved(run, run.x, off_contact(run, run.mode), rates_at(run, run.x, run.mode))
     return any(i in surfaces for i in slow)
+
+
+def resting_on(run: Run, surfaces: Sequence[int]) -> list[int]:
+    """Of surfaces that the state is on, the contacts onto which its speed is no more than rounding."""
+    open_to = [i for i in surfaces if run.machine.contacts[i] == run.mode[i] != 0]
+    rates = rates_at(run, run.x, run.mode) if open_to else None
+    return [i for i in open_to if rates is not None and rates.still(i)]
 
 
 def settle(
