@@ -82,7 +82,7 @@ class Batch:
         clock.rtol, clock.max_step = options.rtol, options.max_step
         clock.step = options.first_step or 0.0
         count.step_budget, count.event_budget = options.max_steps, options.max_events
-        events = machine.system.time_events if machine.ticking and span[1] > span[0] else ()
+        events = machine.time_events if machine.ticking and span[1] > span[0] else ()
         # Whether the compiled loop stops wherever the field is to change.
         self.ticking = bool(events) or not machine.system.clocked
         count.ticks = len(events)
@@ -195,7 +195,7 @@ class _Room:
 
     def __init__(self, machine: Machine, unit: Compiled | None) -> None:
         n, m = machine.n, machine.m
-        events = _EVENT_ROOM + m + len(machine.system.time_events)
+        events = _EVENT_ROOM + m + len(machine.time_events)
         lanes = 1 if unit is None else unit.lanes
         run = self.run = Trajectory.new()
         run.refer(

@@ -19,6 +19,7 @@ from filippov.kernel.tables.root_tables import NODES
 from filippov.kernel.tables.tableaus import TABLEAUS, Collocation, Series
 from filippov.model.surface import Surface
 from filippov.model.system import System
+from filippov.model.time_event import TimeEvent
 from filippov.solving.state.pieces import Pieces
 
 Array = npt.NDArray[np.float64]
@@ -210,6 +211,11 @@ class Machine:
         other.callbacks, other.context, other.p = self.callbacks, self.context, self.p
         other.pieces = self.pieces
         return other
+
+    @property
+    def time_events(self) -> tuple[TimeEvent, ...]:
+        """Those of the system, of which a worker has to ask only where there are any."""
+        return self.system.time_events if self.system.clocked else ()
 
     @property
     def ticking(self) -> bool:
