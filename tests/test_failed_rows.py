@@ -111,7 +111,7 @@ def test_11_20_an_exception_of_the_general_path_is_its_row_s(monkeypatch: pytest
     # Rows where two clocks reset at once are solved one by one in Python, where anything may overflow.
     x, y = states("x y")
     p = parameters(k=1.0)
-    clocks = [TimeEvent("tick", period=0.3, reset={x: x / 1}), TimeEvent("tock", period=0.3, reset={y: y / 1})]
+    clocks = [TimeEvent(f"clock of {z}", period=0.3, reset={z: z / 1}) for z in (x, y)]
     system = System({x: -p.k * x, y: 0 * y}, time_events=clocks)
     import filippov.solving.solver
 

@@ -17,7 +17,7 @@ from filippov.model.user_event import UserEvent
 from filippov.solving.diagnosis import close_call, suspect
 from filippov.solving.finished import Course, finished
 from filippov.solving.patience import Patience
-from filippov.solving.resets.jumps import pending, resting_on, settle, source_name, starting, state_text, touching
+from filippov.solving.resets.jumps import pending, settle, source_name, starting, state_text, touching
 from filippov.solving.resets.passed import passed, slipped
 from filippov.solving.resets.reset_cycle import rests_in_cycle
 from filippov.solving.resets.slow_spiral import slow_spiral
@@ -165,11 +165,8 @@ class _Loop(Settling):
             return self._end(Status.SUCCESS)
         if code == codes.GENERAL:
             near = self._near()
-            onto = starting(run, near)
-            if onto:
-                ended = self._reset(onto, onto)
-            else:
-                ended = self._classify(near, (), start=True, rested=resting_on(run, near))
+            onto, rested = starting(run, near)
+            ended = self._reset(onto, onto) if onto else self._classify(near, (), start=True, rested=rested)
             if ended is not None:
                 return ended
             self.start_mode = run.signs

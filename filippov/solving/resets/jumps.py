@@ -95,10 +95,10 @@ def pending(run: Run, surfaces: Sequence[int]) -> list[int]:
     return [i for i in active if runs_onto(run, run.x, mode, rates, i)]
 
 
-def starting(run: Run, near: Sequence[int]) -> list[int]:
-    """The surfaces that reset an initial state on them: with one active side, from which they are run onto.
+def starting(run: Run, near: Sequence[int]) -> tuple[list[int], list[int]]:
+    """Of surfaces that an initial state is on, those that reset it, and contacts that it rests on.
 
-    The mode is set to that side.
+    The first have one active side, from which they are run onto; the mode is set to that side.
     """
     found = []
     for i in near:
@@ -109,7 +109,7 @@ def starting(run: Run, near: Sequence[int]) -> list[int]:
                 found.append(i)
             else:
                 run.mode[i] = given
-    return found
+    return found, [] if found else resting_on(run, near)
 
 
 def touching(run: Run) -> list[int]:
