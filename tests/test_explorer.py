@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from filippov import Parameter, Smooth, Surface, System, parameters, sign, solve, states
@@ -98,6 +98,7 @@ def test_16_8_no_text_after_the_question_mark_is_more_than_refused(text: str) ->
 
 
 @given(st.floats(-1e6, 1e6), st.one_of(st.none(), st.floats(0, 1e6)), st.one_of(st.none(), st.floats(0, 1e6)))
+@example(100000.4140625, 0.0, 6.103515625e-05)
 def test_16_8_a_slider_keeps_within_the_bounds(
     value: float, below: float | None, above: float | None
 ) -> None:

@@ -103,7 +103,11 @@ class Corrector:
         if not np.max(np.abs(left)) < _NOISE:
             return None
         change = linalg.solve(np.vstack([self._last[1], normal]), -left)
-        return np.asarray(z + change) if np.linalg.norm(change) < _TOLERANCE else None
+        if not np.linalg.norm(change) < _TOLERANCE:
+            return None
+        found = np.asarray(z + change)
+        # Next to a grazing orbit the matrix changes like a square root.
+        return found if np.max(np.abs(residual(*self.plain(found)))) < _TOLERANCE else None
 
     def correct(self, guess: Array, normal: Array) -> tuple[Array, int]:
         """The solution in the plane through the guess across `normal`, and the number of iterations."""

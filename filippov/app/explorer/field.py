@@ -87,7 +87,8 @@ def slider_range(parameter: Parameter, value: float) -> tuple[float, float, floa
         high = min(high, parameter.upper)
         low = low if low < high else high - 2 * reach
         low = low if parameter.lower is None else max(low, parameter.lower)
-    if not low < high:
+    # Narrower ones have no round steps of as many digits as are shown.
+    if not high - low > 1e-6 * max(abs(low), abs(high)):
         return None
     step = step_of(low, high)
     # Ends on the grid of steps, within the bounds, so that a slider shows round numbers.
