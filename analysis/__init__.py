@@ -15,7 +15,7 @@ EXPORTS: dict[str, str] = {
     "BandModel": "comparisons.band_model",
     "Approximation": "comparisons.approximation",
     "compare": "comparisons.comparison",
-    "compare_motions": "comparisons.motions",
+    **dict.fromkeys(("compare_motions", "compare_solutions"), "comparisons.solutions"),
     "basin": "diagrams.basin",
     "bifurcation": "diagrams.bifurcation",
     "brute_force": "diagrams.brute_force",

@@ -68,5 +68,18 @@ METHODS: dict[str, str] = {
 register(METHODS)
 install()
 
+# What people look for by another name.
+_ELSEWHERE: dict[str, str] = {
+    **dict.fromkeys(("solve_ivp", "odeint", "simulate", "ode45"), "solve(system, x0, t_span) is what solves"),
+    **dict.fromkeys(("sgn", "relay"), "write sign(v); with hysteresis Surface('relay', v, width=w)"),
+    **dict.fromkeys(("clip", "sat", "saturation", "saturate"), "write Max(-1, Min(u, 1))"),
+    **dict.fromkeys(("deadzone", "dead_zone"), "write Max(u - w, 0) + Min(u + w, 0)"),
+    "backlash": "filippov.interop.backlash is a block; in an elastic shaft: the dead zone of its twist",
+    **dict.fromkeys(("where", "select", "ifthenelse"), "write Piecewise((a, v > 0), (b, True))"),
+    **dict.fromkeys(("symbols", "symbol", "variables"), "states('x v') and parameters(m=1.0) make them"),
+    "time": "time is filippov.t",
+    **dict.fromkeys(("plot", "plot_solution", "plot_phase"), "solution.plot(), and filippov.plot for more"),
+}
+
 __all__ = sorted(EXPORTS)  # noqa: PLE0605
-__getattr__, __dir__ = short_names(__name__, EXPORTS)
+__getattr__, __dir__ = short_names(__name__, EXPORTS, _ELSEWHERE)

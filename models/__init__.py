@@ -7,6 +7,7 @@ from filippov.base.exports import short_names
 # Public name -> module of this package; imported when first used, so that listing models stays fast.
 EXPORTS: dict[str, str] = {
     **dict.fromkeys(("Invariant", "Model", "broken", "get", "names", "register"), "registry"),
+    "problem": "ready",
     "FrictionLaw": "friction",
     "friction_models": "friction_models",
     **dict.fromkeys(("Coulomb", "Hyperbolic", "StaticCoulomb", "Stribeck", "Viscous"), "laws"),

@@ -9,7 +9,7 @@ from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import parameters
 from filippov.model.symbols import states
 from filippov.model.system import System
-from filippov.models.friction import MOTION, SMALLEST, FrictionLaw, declare
+from filippov.models.friction import AXIS_LABELS, SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Hyperbolic, StaticCoulomb, Stribeck
 from filippov.models.registry import Invariant, Model, SectionData, register
 
@@ -38,7 +38,7 @@ def belt(
         {x: v, v: (-p.k * x - p.d * v - friction.force(slip, p)) / p.m},
         surfaces=friction.surfaces(slip, p, "belt"),
         parameters=p,
-        labels=MOTION,
+        labels=AXIS_LABELS,
     )
 
 

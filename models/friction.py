@@ -29,7 +29,7 @@ from filippov.model.parameter_symbol import ParameterNamespace, parameters
 from filippov.model.surface import Surface
 
 # Labels of axes for a mass that moves along x.
-MOTION = {"t": "time [s]", "x": "position [m]", "v": "velocity [m/s]"}
+AXIS_LABELS = {"t": "time [s]", "x": "position [m]", "v": "velocity [m/s]"}
 
 # One number for both directions, or a pair (v > 0, v < 0).
 Level = float | tuple[float, float]
@@ -79,8 +79,9 @@ class FrictionLaw(ABC):
         return self.slip(sympy.S.Zero, p)
 
     def viscosity(self, p: ParameterNamespace) -> Sides:
-        """Return the viscous coefficients (b+, b-)."""
-        return sides(p, "b")
+        """Return the viscous coefficients (b+, b-), 0 for a law that owns no b."""
+        own = self.parameters()
+        return sides(p, "b") if "b" in own or "b_plus" in own else (sympy.S.Zero, sympy.S.Zero)
 
     # -- what follows from them ------------------------------------------------------------------------
 

@@ -21,7 +21,7 @@ from filippov.model.parameter_symbol import ParameterNamespace, parameters
 from filippov.model.symbols import states
 from filippov.model.system import System
 from filippov.models.controllers import PID, Controller
-from filippov.models.friction import MOTION, SMALLEST, FrictionLaw, declare
+from filippov.models.friction import AXIS_LABELS, SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Coulomb, StaticCoulomb, Stribeck
 from filippov.models.registry import Invariant, Model, SectionData, register
 
@@ -44,7 +44,7 @@ class Parts(NamedTuple):
     @property
     def labels(self) -> dict[str, str]:
         """Labels of axes for its states."""
-        return {**MOTION, **{z.name: "integral [m s]" for z in self.tail}}
+        return {**AXIS_LABELS, **{z.name: "integral [m s]" for z in self.tail}}
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def _position(t: float, x: Any, p: Any) -> float:
     return float(x[0])
 
 
-# A turn starts where stick ends: v = 0 and u = Fs (u = -Fs for d < 0).
+# A solution starts where stick ends: v = 0 and u = Fs (u = -Fs for d < 0).
 BREAK_AWAY = "(sign(d)*{level}/P - d)/I"
 
 

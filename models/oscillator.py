@@ -9,7 +9,7 @@ from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import parameters
 from filippov.model.symbols import cos, states, t
 from filippov.model.system import System
-from filippov.models.friction import MOTION, SMALLEST, FrictionLaw, declare
+from filippov.models.friction import AXIS_LABELS, SMALLEST, FrictionLaw, declare
 from filippov.models.laws import Coulomb
 from filippov.models.registry import Invariant, Model, register
 
@@ -44,7 +44,7 @@ def oscillator(
         {x: v, v: (-p.k * x - p.d * v - friction.force(v, p) + drive) / p.m},
         surfaces=friction.surfaces(v, p),
         parameters=p,
-        labels=MOTION,
+        labels=AXIS_LABELS,
     )
 
 

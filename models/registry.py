@@ -13,13 +13,14 @@ import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import closest
 
 if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
     from filippov.model.system import System
 
 GROUP = "filippov.models"
@@ -60,6 +61,7 @@ BUILT_IN: dict[str, str] = {
     "boost_pwm": "gallery.boost",
     "boost_sliding": "gallery.boost",
     "brake": "gallery.brake",
+    "buck_dead_time": "gallery.dead_time",
     "capture": "gallery.capture",
     "chua": "gallery.chua",
     "clutch": "gallery.clutch",
@@ -84,6 +86,7 @@ BUILT_IN: dict[str, str] = {
     "unit_vector": "gallery.unit_vector",
     "violin": "gallery.violin",
     "welander": "gallery.welander",
+    "woodpecker": "gallery.woodpecker",
     "wiper": "gallery.wiper",
 }
 
@@ -104,9 +107,9 @@ class Invariant:
 class SectionData:
     """The event map a model proposes, as plain data (see `filippov.analysis.maps.section.Section`).
 
-    surface, kind  the event that ends a turn; coordinate: the state, or a formula in states, read there
-    lift           where a turn starts: an expression a state, as text in d and the parameters
-    interval       of the coordinate that is looked at; t_max: longest turn; after: mode after the event
+    surface, kind  the event that is a return; coordinate: the state, or a formula in states, read there
+    lift           where a solution starts: an expression per state, as text in d and the parameters
+    interval       of the coordinate that is looked at; t_max: longest return; after: mode after the event
     """
 
     surface: str
@@ -186,6 +189,8 @@ def broken() -> dict[str, str]:
 
 @cache
 def _plug_ins() -> dict[str, EntryPoint]:
+    from importlib.metadata import entry_points
+
     found: dict[str, EntryPoint] = {}
     for point in entry_points(group=GROUP):
         if point.name in BUILT_IN or point.name in found:

@@ -97,7 +97,7 @@ def faults(run: Solution, n: int, values: dict[str, float]) -> list[str]:
             groups.setdefault(event.group, []).append(event)
     for number, group in groups.items():
         before, after = group[0].x, group[-1].x_after
-        # Where rounding of the heights hides the order of impacts, they come to rest together: laps of 1e-12.
+        # Where rounding of the heights hides the order of impacts, they rest together: cycles of 1e-12.
         rests = 0 in group[-1].after
         slow = float(np.sqrt(2e-12 * values["g"] * (1 + values["a"]))) if rests else 0.0
         found += pushes(n, before, after, touched[number], values, slow)

@@ -68,7 +68,7 @@ ENTERING = System({x: B - A, y: A * B - (1 + Q.r) * A + Q.r - 0.05 + Q.c * t})
 
 @given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5))
 def test_F15_a_spiral_out_of_a_corner_is_named(a: float, b: float) -> None:
-    """A lap takes d to rho d, rho = ((2 + a)(2 + b) / ((2 - a)(2 - b)))^2: outwards where a + b > 0."""
+    """A cycle takes d to rho d, rho = ((2 + a)(2 + b) / ((2 - a)(2 - b)))^2: outwards where a + b > 0."""
     assume(abs(a + b) > 0.01)
     run = solve(SPIRAL, (1, 2), (0, 1), parameters={"a": a, "b": b})
     if a + b > 0:
@@ -91,7 +91,7 @@ def test_F2_a_spiral_that_turns_from_in_to_out() -> None:
 
 
 def test_F8_a_spiral_backwards_from_rest() -> None:
-    """Every lap that runs into the corner ends there, so that from rest any of them can lead backwards."""
+    """Every cycle that runs into the corner ends there, so that from rest any of them can lead backwards."""
     start = solve(SPIRAL, (1.3, 2.2), (0, 3), parameters={"a": -1.0, "b": -1.0}, zeno="continue")
     assert start.success
     assert start.modes[-1] == "00"

@@ -83,5 +83,5 @@ def test_11_10_the_command_says_it_with_a_flag(tmp_path, capsys):
     model.write_text(text)
     arguments = ["simulate", f"{model}:osc", "--x0", "1,0", "--t-span", "2", "0"]
     assert main(arguments) == 2
-    assert "backward" in capsys.readouterr().err
+    assert "--t-span 2 0 runs backwards in time: add --backward" in capsys.readouterr().err
     assert main([*arguments, "--backward"]) == 0

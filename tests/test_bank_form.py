@@ -14,8 +14,8 @@ from jsonschema import Draft202012Validator
 
 from filippov.app.bank import migrate_bank, run_bank, schema
 from filippov.app.bank.case import read_bank
+from filippov.app.bank.case_runs import CaseRuns, Settings
 from filippov.app.bank.measures import GROUPS, QUANTITIES
-from filippov.app.bank.motion import Motion, Settings
 from filippov.app.bank.record import written
 from filippov.app.bank.subjects import Subjects
 from filippov.app.cli.main import main
@@ -106,7 +106,7 @@ def test_13_5_options_are_the_solvers_defaults_unless_the_case_says_otherwise() 
         entry = {"name": "it", "measure": X_AT, "value": "1/2", "atol": 1e-9}
         (one,) = read_bank([{**RELAY, **case, "expected": [entry]}])
         subject = Subjects(one, Settings())()
-        assert isinstance(subject, Motion)
+        assert isinstance(subject, CaseRuns)
         return subject.main.options
 
     found, default = options(), Options()

@@ -17,7 +17,7 @@ from bank import FILE
 
 from filippov import UsageError
 from filippov.app.bank import Row, read_bank, rows_json, rows_text, run_bank
-from filippov.app.bank.compare import OUTCOMES, compare_bank, peers_json, peers_text, read_peers
+from filippov.app.bank.compare import OUTCOMES, compare_bank, read_solvers, solvers_json, solvers_text
 from filippov.app.bank.notation import formula, strict
 from filippov.app.bank.reference.process import SolverProcess
 from filippov.app.bank.reference.solver import Limits
@@ -337,8 +337,8 @@ def test_grazing_value_of_a_parameter(value: str, passed: bool) -> None:
 
 
 def test_peers_are_compared_naively() -> None:
-    table = compare_bank([RELAY], peers=["scipy"], max_calls=3_000)
-    outcome = {row.peer: row for row in table.rows}
+    table = compare_bank([RELAY], solvers=["scipy"], max_calls=3_000)
+    outcome = {row.solver: row for row in table.rows}
     assert outcome["filippov"].outcome == "right"
     assert outcome["filippov"].reported
     solvers = {"filippov", "filippov Radau", "scipy RK45", "scipy LSODA", "scipy Radau"}
@@ -346,23 +346,26 @@ def test_peers_are_compared_naively() -> None:
     assert all(row.outcome in OUTCOMES for row in table.rows)
     smooth = {**RELAY, "h": ["x-5"]}
     smooth["expected"] = [{"name": "x_at_1", "value": "3", "tol": "1e-9"}]
-    right = compare_bank([smooth], peers=["scipy"])
+    right = compare_bank([smooth], solvers=["scipy"])
     assert [row.outcome for row in right.rows] == ["right"] * 5
-    assert json.loads(peers_json(table))["rows"][0]["outcome"] == "right"
-    assert "scipy RK45" in peers_text(table)
+    assert json.loads(solvers_json(table))["rows"][0]["outcome"] == "right"
+    assert "scipy RK45" in solvers_text(table)
     with pytest.raises(UsageError, match="did you mean 'scipy'"):
-        compare_bank([RELAY], peers=["scipi"])
+        compare_bank([RELAY], solvers=["scipi"])
 
 
-def test_committed_table_of_peers() -> None:
-    path = Path(__file__).resolve().parent.parent / "docs" / "_static" / "peers.json"
-    table = read_peers(path)
+def test_committed_table_of_solvers(tmp_path: Path) -> None:
+    path = Path(__file__).resolve().parent.parent / "docs" / "_static" / "solvers.json"
+    table = read_solvers(path)
+    earlier = tmp_path / "peers.json"
+    earlier.write_text(path.read_text(encoding="utf-8").replace('"solver":', '"peer":'), encoding="utf-8")
+    assert read_solvers(earlier) == table
     motions = [case for case in read_bank(FILE) if case.raw.get("polynomial") is None]
     assert set(table.cases) == {part.id for case in motions for part in whole_and_parts(case)}
     # Stiff bristles are for the implicit method, within the field calls that every solver is allowed.
-    left = [row.id for row in table.rows if row.peer == "filippov" and row.outcome != "right"]
+    left = [row.id for row in table.rows if row.solver == "filippov" and row.outcome != "right"]
     assert left == ["P03_lugre_stick_slip"]
-    stiff = [row for row in table.rows if row.peer == "filippov Radau" and row.id in left]
+    stiff = [row for row in table.rows if row.solver == "filippov Radau" and row.id in left]
     assert [row.outcome for row in stiff] == ["right"]
 
 
@@ -371,12 +374,12 @@ def test_peers_say_what_cannot_be_stated_and_who_is_silent() -> None:
     several["expected"] = [{"name": "must_report", "value": "non-unique"}]
     ball = {**several, "h": [{"h": "x", "reset": {"x": "1"}}], "fields": {"*": ["-1"]}, "x0": ["1"]}
     ball["expected"] = [{"name": "x_at_1/2", "value": "1/2", "tol": "1e-9"}]
-    table = compare_bank([{**several, "id": "several"}, {**ball, "id": "ball"}], peers=["scipy"])
-    found = {(row.id, row.peer): row.outcome for row in table.rows}
+    table = compare_bank([{**several, "id": "several"}, {**ball, "id": "ball"}], solvers=["scipy"])
+    found = {(row.id, row.solver): row.outcome for row in table.rows}
     assert found["several", "filippov"] == found["ball", "filippov"] == "right"
     assert found["several", "scipy RK45"] == "silent"
     assert found["ball", "scipy RK45"] == "cannot"
-    assert "cannot be stated: ball: a reset" in peers_text(table)
+    assert "cannot be stated: ball: a reset" in solvers_text(table)
 
 
 def test_a_solver_that_hangs_or_dies_is_an_outcome(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -396,7 +396,7 @@ def test_12_11_relays_of_order_two_follow_their_switching(
 @few
 @given(seed=seeds)
 def test_12_11_several_relays_follow_their_motions(seed: int) -> None:
-    """h' = M s in dimension 3, by the solver from 6 states."""
+    """h' = M s in dimension 3, solved from 6 states: to 2,000, for a slide may lead to rest at 0.003."""
     rng = np.random.default_rng(seed)
     M = np.round(rng.uniform(-1, 1, (3, 3)) - np.diag(rng.uniform(-0.5, 2, 3)), 2)
     s = sympy.Matrix([sign(x), sign(y), sign(z)])
@@ -407,7 +407,7 @@ def test_12_11_several_relays_follow_their_motions(seed: int) -> None:
     ends = []
     for _ in range(6):
         start = rng.uniform(-1, 1, 3)
-        run = solve(system, start, (0, 60), zeno="continue", nonunique="slip", max_events=3000)
+        run = solve(system, start, (0, 2000), zeno="continue", nonunique="slip", max_events=3000)
         ends.append(float(np.max(np.abs(run.x_end))))
     if said == AS:
         assert max(ends) < 1e-3

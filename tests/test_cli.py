@@ -270,7 +270,7 @@ def test_a_model_in_a_file(name: str, own: Path, capsys: pytest.CaptureFixture[s
         ("{}", 2, "name what is in it too"),
         ("{}:number", 2, "is int, expected a System, a Problem, or a function"),
         ("{}:needs", 1, "missing 1 required positional argument: 'a'"),
-        ("{}:brake", 2, "has no time span of its own; give --t-span"),
+        ("{}:brake", 2, "has no time span and no initial state of its own; give --t-span"),
         ("{}:stop -p k=1", 2, "unknown parameter 'k'"),
         ("nowhere/own.py:brake", 2, "there is no file 'nowhere/own.py'"),
     ],

@@ -9,6 +9,7 @@ import sympy as sp
 
 from filippov import (
     Band,
+    EventKind,
     Exact,
     Hysteresis,
     Karnopp,
@@ -42,6 +43,8 @@ PAIR = System(
     {x: v, v: -3 * x + y - sign(v), y: w, w: x - 2 * y - abs(w) * v * 0.1 - 1.5 * sign(w)},
     surfaces=[Surface("first", v), Surface("second", w)],
 )
+# The state that h holds with the slope 1, by surface.
+REST = {id(BELT): "v", id(LOOP): "x", id(PAIR): "vw"}
 
 
 def plain_field(system: System, at: dict[str, float], signs: list[float], sizes: list[float]) -> list[float]:
@@ -87,13 +90,15 @@ def banded(
     h = heights[i]
     if abs(h) > ETA:
         return field(signs[i], abs(h), at)
-    where = seen(at)
-    low, high = (rate(system, i, where, field(s, 0.0, where)) for s in levels)
+    own = REST[id(system)][i]
+    where, rest = seen(at), at | {own: at[own] - h}  # h has the slope 1 in each of these
+    low, high = (rate(system, i, rest, field(s, 0.0, rest)) for s in levels)
     if low < 0 and high < 0:
         return field(levels[0], 0.0, where)
     if low > 0 and high > 0:
         return field(levels[1], 0.0, where)
     assert low >= 0 >= high
+    low, high = (rate(system, i, where, field(s, 0.0, where)) for s in levels)
     s = levels[0] + (levels[1] - levels[0]) * (low + ALPHA * h) / (low - high)  # L(s) = -alpha h, L affine
     return field(s, 0.0, where)
 
@@ -151,6 +156,18 @@ def _ends(system: System, i: int, at: dict[str, float], levels: tuple[float, flo
         signs[i], sizes[i] = s, 0.0
         out.append((signs, sizes))
     return out
+
+
+def test_15_1_a_block_that_stops_beside_its_static_level_does_not_slide_on_it() -> None:
+    """k x is near Fs at the stop: with the damping c v in the balance the level was slid on for ever."""
+    q = parameters(k=2.368654505549652, c=0.2122632580155881, Fs=0.7135446509397123, Fc=0.1087, vs=0.1159)
+    level = q.Fc + (q.Fs - q.Fc) * sp.exp(-abs(v) / q.vs)
+    block = System({x: v, v: -q.k * x - q.c * v - level * sign(v)}, surfaces=[Surface("slip", v)])
+    for eta in (0.1, 0.01):
+        run = solve(block.with_comparator(Switch(eta)), (-0.4966861754680514, 0.07218472547425137), (0, 25))
+        assert run.success, run.message
+        assert run.nfev < 20_000
+        assert not any(event.kind is EventKind.ENTRY for event in run.events)
 
 
 def test_15_1_where_a_surface_repels_the_sign_is_that_of_h() -> None:

@@ -22,6 +22,7 @@ from filippov.model.surface import Surface
 from filippov.model.symbolic import Select, SymbolicForm
 from filippov.model.symbols import states, t
 from filippov.model.system import System
+from filippov.solving.solver import solve
 
 x, v, z = states("x v z")
 p = parameters(m=1, k=Parameter(3, lower=0.5), c=-2, Fs=4, Fc=2, vs=0.1, beta=2)
@@ -319,3 +320,24 @@ def _digest(seed: str) -> str:
 
 def test_digest_does_not_depend_on_the_hash_seed() -> None:
     assert _digest("1") == _digest("2")
+
+
+def test_16_6_a_saturation_has_one_surface_a_bound() -> None:
+    """Max(a, Min(b, u)): u meets each bound by itself; written either way round, and with a > b."""
+    bound = parameters(lo=-1.0, hi=0.5)
+    lo, hi = bound.lo, bound.hi
+    u = -3 * x - v
+    named = {"hi + v + 3*x", "lo + v + 3*x"}
+    for h in (sp.Max(lo, sp.Min(hi, u)), sp.Min(hi, sp.Max(lo, u))):
+        system = System({x: v, v: h})
+        assert set(system.surface_names) == named
+        assert {surface.kind for surface in system.surfaces} == {"kink"}
+        exact = sp.lambdify((x, v, lo, hi), h, "math")
+        for bounds in ((-1.0, 0.5), (0.5, -1.0)):
+            values = dict(zip(("lo", "hi"), bounds, strict=True))
+            for at in ((2.0, 0.3), (0.1, -0.2), (-1.0, 0.5)):
+                run = solve(system, at, (0, 1e-3), parameters=values)
+                assert run.sol is not None
+                assert run.sol.rate(0.0, "+")[1] == pytest.approx(exact(*at, *bounds), abs=1e-6)
+    assert set(System({x: np.clip(-x, -1, 1)}).surface_names) == {"x - 1", "x + 1"}
+    assert System({x: sp.Max(-1.5, sp.Min(v - 2 * x, 9)), v: -x}).surface_names[1] == "v - 2*x + 1.5"

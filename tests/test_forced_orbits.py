@@ -4,14 +4,19 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
-from filippov import System, TimeEvent, parameters, sign, solve, states
+from filippov import Max, System, TimeEvent, cos, parameters, sign, solve, states, t
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.steady.forcing import forcing_period, is_forced
 from filippov.models import registry
 
 x, v = states("x v")
 CLOCK = 400e-6
+q = parameters(z=0.1, w=1.0, K=10.0, s=0.0)
+BILINEAR = System(
+    {x: v, v: cos(q.w * t) - 2 * q.z * v - x - (q.K - 1) * Max(x - q.s, 0)}, parameters=q
+)
 
 
 @pytest.mark.parametrize(
@@ -63,3 +68,35 @@ def test_an_alternating_kick_has_twice_the_period_of_its_clock() -> None:
     )
     orbit = find_orbit(system, (0.3, 2.0), transient=40.0)
     assert orbit.period == pytest.approx(2.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("turns", "values", "guess"),
+    [
+        (2, {"z": 0.077, "w": 2.548, "K": 10.0, "s": -0.133}, (-0.58, 0.064)),
+        (2, {"z": 0.084, "w": 4.124, "K": 10.0, "s": -0.028}, (-1.0, -0.2)),
+        (6, {"z": 0.022, "w": 2.827, "K": 10.0, "s": -0.064}, (-1.0, -0.2)),
+    ],
+)
+def test_12_4_a_motion_on_its_way_to_a_subharmonic_is_followed(
+    turns: int, values: dict[str, float], guess: tuple[float, float]
+) -> None:
+    """A bilinear spring under cos(w t): not yet settled, it is back after its own number of periods."""
+    z, w, K, s = values.values()
+    T = 2 * math.pi / w
+
+    def rate(time: float, q: np.ndarray) -> list[float]:
+        return [q[1], math.cos(w * time) - 2 * z * q[1] - q[0] - (K - 1) * max(q[0] - s, 0.0)]
+
+    count = math.ceil(14 / (z * T))  # perturbations fall to exp(-14)
+    found = solve_ivp(rate, (0, count * T), guess, rtol=1e-7, atol=1e-9, max_step=T / 20, method="DOP853",
+                      t_eval=T * np.arange(count - 2 * turns, count + 1))  # fmt: skip
+    settled = found.y.T
+    back = [float(np.max(np.abs(settled[k:] - settled[:-k]))) for k in range(1, turns + 1)]
+    assert min(back[:-1]) > 1e-2
+    assert back[-1] < 1e-4
+    for seed in range(2):
+        start = settled[-1] + 1e-3 * np.random.default_rng(seed).uniform(-1, 1, 2)
+        orbit = find_orbit(BILINEAR, start, parameters=values, transient=20 * T)
+        assert orbit.period == pytest.approx(turns * T, rel=1e-9)
+        assert orbit.stable

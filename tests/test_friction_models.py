@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy
+from scipy.optimize import brentq
 
-from filippov import ModelError, Surface, System, parameters, sign, sin, solve, states, t
+from filippov import ModelError, Parameter, Surface, System, exp, parameters, sign, sin, solve, states, t
 from filippov.analysis import compare
 from filippov.model.bristles import MODELS, plastic
 from filippov.model.friction_model import with_friction_model
@@ -57,6 +58,10 @@ def test_15_2_sliding_steadily_each_has_the_curve_of_the_law(v: float) -> None:
     found = rates(SYSTEMS["maxwell-slip"], {"q": 0.0, "w": v, **at})
     assert found[1] == pytest.approx(-moment(v), rel=1e-12)
     assert found[2:] == pytest.approx([0.0] * 6, abs=1e-12)
+    at = dict(zip(SYSTEMS["seven-parameter"].states[2:], [0, math.copysign(1, v), v, 0, 1], strict=True))
+    found = rates(SYSTEMS["seven-parameter"], {"q": 0.0, "w": v, **at})
+    assert found[1] == pytest.approx(-moment(v), rel=1e-12)
+    assert found[2:] == pytest.approx([0.0] * 5, abs=1e-12)
     found = rates(SYSTEMS["bengisu-akay"], {"q": 0.0, "w": v})
     beyond = math.copysign(abs(v) - WIDTH, v)
     assert found[1] == pytest.approx(-moment(beyond) - 0.05 * (v - beyond), rel=1e-12)
@@ -64,10 +69,10 @@ def test_15_2_sliding_steadily_each_has_the_curve_of_the_law(v: float) -> None:
 
 def test_15_2_at_rest_a_deflection_is_held_by_the_stiffness() -> None:
     """sigma0 = Fs/w, as a moment over the deflection; w = 0 and w' of the pendulum is that over m l^2."""
-    for name in ("dahl", "lugre", "elasto-plastic"):
-        z = 0.3 * WIDTH
+    for name in ("dahl", "lugre", "elasto-plastic", "seven-parameter"):
+        z = 0.3 if name == "seven-parameter" else 0.3 * WIDTH
         found = rates(SYSTEMS[name], {"q": 0.0, "w": 0.0, SYSTEMS[name].states[2]: z})
-        assert found[1] == pytest.approx(-0.6 / WIDTH * z, rel=1e-12)
+        assert found[1] == pytest.approx(-0.6 * 0.3, rel=1e-12)
     # The parabola of Bengisu and Akay rises with the slope 2 Fs/w.
     small = 1e-9
     found = rates(SYSTEMS["bengisu-akay"], {"w": small})
@@ -87,9 +92,9 @@ BLOCK = System({x: v_, v_: -x - parameters(mu=0.2).mu * sign(v_)}, surfaces=[Sur
 
 def test_15_2_they_go_to_the_exact_motion() -> None:
     """Bristles are a spring of the stiffness mu/w: of order 1/2, its period; the parabola is of order 1."""
-    names = ["lugre", "elasto-plastic", "maxwell-slip", "bengisu-akay"]
+    names = ["lugre", "elasto-plastic", "maxwell-slip", "seven-parameter", "bengisu-akay"]
     found = compare(BLOCK, (0.7, 0), (0, 5), against=names, widths=(1e-3, 1e-4, 1e-5))
-    for name in names[:3]:
+    for name in names[:4]:
         assert found.trend(name, "error_state").order == pytest.approx(0.5, abs=0.15), name
     assert found.trend("bengisu-akay", "error_state").order == pytest.approx(1.0, abs=0.1)
     assert {tuple(row["entries"]) for row in found.of("lugre")} == {(None,)}
@@ -112,6 +117,13 @@ MU, W = 1e-13, 1e-3
 SHAKEN = System({x: v_, v_: -x - parameters(mu=MU).mu * sign(v_)}, surfaces=[Surface("slip", v_)])
 
 
+VS = 0.6 * W
+AGED_LAW = parameters(Fs=2 * MU, Fc=MU, vs=VS)
+AGED_TIMES = parameters(lag=Parameter(1.0, lower=1e-6), dwell=Parameter(1.0, lower=1e-6))
+LEVEL = AGED_LAW.Fc + (AGED_LAW.Fs - AGED_LAW.Fc) * exp(-((abs(v_) / AGED_LAW.vs) ** 2))
+AGED = System({x: v_, v_: -x - LEVEL * sign(v_)}, surfaces=[Surface("slip", v_)])
+
+
 def test_15_2_elements_of_maxwell_slip_are_those_of_an_elastic_plastic_chain() -> None:
     """z_i = clip(z_i + dx/(i w), -1/3, 1/3) from one turning point to the next, under Coulomb's law."""
     system = with_friction_model(SHAKEN, "maxwell-slip", W)
@@ -123,6 +135,42 @@ def test_15_2_elements_of_maxwell_slip_are_those_of_an_elastic_plastic_chain() -
     ]):  # fmt: skip
         z = np.clip(z + (at - before) / (W * np.arange(1, 4)), -1 / 3, 1 / 3)
         assert run.sol(after)[2:5] == pytest.approx(z, abs=1e-8)
+
+
+@pytest.mark.parametrize(("lag", "dwell"), [(0.3, 0.4), (0.05, 1.0), (2.0, 0.1)])
+def test_15_2_the_seven_parameter_model_breaks_away_at_the_level_of_its_dwell_time(
+    lag: float, dwell: float
+) -> None:
+    """x = a cos t by itself: spring, level and lagged velocity are closed forms from each turning point on.
+
+    In stick z = z0 +- a (1 - cos T)/w, which breaks at G + S0 + (1 - G - S0) T/(T + dwell); the next stop
+    begins at G + S exp(-(l/vs)^2), G + S the level at which it broke away, l the velocity lagged since.
+    """
+    a, share, values, q = 1.3 * W, 0.5, {"lag": lag, "dwell": dwell}, AGED_TIMES
+    system = with_friction_model(AGED, "seven-parameter", W, tau=W, lag=q.lag, dwell=q.dwell)
+    run = solve(system, [a] + [0] * 6, (0, 9), parameters=values, rtol=1e-11, atol=1e-14)
+    assert run.success, run.message
+
+    def steady(at: float) -> float:
+        return -a / (1 + lag**2) * (math.sin(at) - lag * math.cos(at))
+
+    z, missing = 0.0, 0.0
+    for n, found in enumerate(run.events.of("slip:breaks").t):
+        way = -((-1) ** n)
+
+        def over(T: float, z: float = z, missing: float = missing, way: int = way) -> float:
+            return way * z + a / W * (1 - math.cos(T)) - (1 - missing * dwell / (T + dwell))
+
+        T = brentq(over, 1e-3, math.pi)
+        assert found == pytest.approx(n * math.pi + T, abs=1e-9)
+        stop = (n + 1) * math.pi
+        lagged = steady(stop) - steady(found) * math.exp(-(stop - found) / lag)
+        left = (1 - missing * dwell / (T + dwell) - share) * math.exp(-((lagged / VS) ** 2))
+        z, missing = way * (share + left), 1 - share - left
+        if stop < 9:
+            at = run.sol(stop + 1e-9)
+            assert [at[2], at[3], at[5]] == pytest.approx([z, 0, missing], abs=1e-8)
+    assert n == 2
 
 
 def test_15_2_below_its_level_the_elasto_plastic_deflection_does_not_creep() -> None:
@@ -159,6 +207,8 @@ def test_15_2_plastic_flow_begins_and_is_complete_where_the_published_one_does()
             "say surface=",
         ),
         (lambda: with_friction_model(System({x: v_, v_: -x}), "dahl", 1), "none"),
+        (lambda: with_friction_model(BLOCK, "lugre", 1e-3, dwell=1), "times of seven-parameter"),
+        (lambda: with_friction_model(BLOCK, "seven-parameter", 1e-3, lag=-1), "lag is -1"),
     ],
 )
 def test_15_2_what_does_not_fit_is_refused(make: Any, message: str) -> None:

@@ -362,3 +362,11 @@ def test_a_jump_over_another_surface_changes_its_sign() -> None:
     )
     found = {edge for edge in edges(possible_graph(system, "++")) if edge[2] == "reset"}
     assert found == {("++", "+-", "reset")}
+
+
+def test_12_10_contact_begins_only_where_the_other_surfaces_allow_it() -> None:
+    """v = 0 lies below v = 1: rest on the wall x = 0 is entered from the modes with v < 1 alone."""
+    wall = Surface("wall", x, reset={v: -v / 2}, side="+")
+    graph = possible_graph(System({x: v, v: -1 - sp.sign(v - 1) / 2}, surfaces=[wall]))
+    assert {source for source, target in graph.edges() if target[0] == "0" and source[0] != "0"} == {"+-"}
+    assert "0+" not in graph

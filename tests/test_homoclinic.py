@@ -81,6 +81,15 @@ def landing(mu: float, b: float) -> float:
     return float(place(t)[0])
 
 
+@pytest.mark.parametrize("start", [-0.1, -0.02, -0.005, 0.005, 0.02, 0.1])
+def test_12_13_a_guess_that_is_nearest_to_the_saddle_beside_a_border(start: float) -> None:
+    """x'' = x for x < 1, else 2 - x + mu x': with mu = 0 energy is kept, and the loop closes."""
+    p = parameters(mu=0.0)
+    loop = System({x: v, v: x + (2 - 2 * x) * (1 + sign(x - 1)) / 2 + p.mu * v})
+    found = find_homoclinic(loop, (0, 0), free="mu", parameters={"mu": start}, mode="-")
+    assert abs(found.value) < 1e-12
+
+
 @pytest.mark.parametrize("b", [0.5, 0.8])
 def test_12_13_a_pseudo_saddle_of_a_planar_system(b: float) -> None:
     """Out along the sliding motion, off at the fold, round, and down on the pseudo-saddle in finite time."""

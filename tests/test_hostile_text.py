@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from filippov import Problem, Solution, Surface, Sweep, System, UsageError
-from filippov.app.bank.compare import PeerTable, peers_text
+from filippov.app.bank.compare import SolverTable, solvers_text
 from filippov.app.bank.reference.row import SolverRow
 from filippov.app.bank.row import Row, rows_text
 from filippov.app.cli.main import main
@@ -260,6 +260,6 @@ def test_11_23_a_row_of_a_bank_is_one_line(name: str, message: str) -> None:
     assert not unseen(text)
     assert text.count("\n") == 3
     row = SolverRow(name, "scipy RK45", "cannot", False, None, message)
-    peers = PeerTable((row,), {}, 1e-8, 1e-6, 9, 1.0)
-    assert not unseen(peers_text(peers))
-    assert peers_text(peers).count("\n") == 9
+    solvers = SolverTable((row,), {}, 1e-8, 1e-6, 9, 1.0)
+    assert not unseen(solvers_text(solvers))
+    assert solvers_text(solvers).count("\n") == 9

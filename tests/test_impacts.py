@@ -16,11 +16,13 @@ from filippov import (
     UsageError,
     cos,
     parameters,
+    sign,
     sin,
     solve,
     states,
     t,
 )
+from filippov.model.comparator import Hysteresis
 from filippov.solving.solution import Solution
 
 G = 9.81
@@ -368,6 +370,18 @@ def test_11_5_counted_events_keep_those_of_the_user() -> None:
     expected = expected[(expected > 0) & (expected < 2000)]
     assert run.t_events[0] == pytest.approx(expected, abs=1e-6)
     assert run.t_events[1] == pytest.approx(math.pi * np.arange(1, 637), abs=1e-6)
+
+
+def test_14_it_must_show_counted_events_are_the_last_of_all() -> None:
+    y, v = states("y v")
+    observed = System({y: v, v: -y}, surfaces=[Surface("y", y, kind="observer")])
+    relay = System({y: v, v: -y - 0.3 * sign(v)}).with_comparator(Hysteresis(1e-2))
+    for system, end in ((observed, 9e3), (relay, 50)):
+        every, counted = (solve(system, (1, 0), (0, end), save_events=kept) for kept in ("all", "count"))
+        last = every.events[-len(counted.events) :]
+        assert 60 <= len(counted.events) < len(every.events)
+        assert counted.event_counts == every.event_counts
+        assert [(e.t, e.kind, e.group) for e in counted.events] == [(e.t, e.kind, e.group) for e in last]
 
 
 def test_11_6_roots_closer_than_rounding_are_all_found_or_named() -> None:

@@ -241,7 +241,7 @@ def test_13_2_is_refused_with_file_and_line(name: str) -> None:
 )
 def test_13_2_a_signature_outside_the_language(signature: str) -> None:
     with pytest.raises(KernelError):
-        add_kernels(Unit(), f"@kernel\ndef case{signature}:\n    return a\n", "case.py")
+        machine_code(f"@kernel\ndef case{signature}:\n    return a\n", ("case",))
 
 
 def test_13_2_two_kernels_of_one_name() -> None:

@@ -12,22 +12,22 @@ from filippov.kernel.codegen.interpreted import interpret
 from filippov.kernel.language import records
 from filippov.kernel.language.compiler import compile_unit, load_objects
 from filippov.kernel.language.primitives import Indices, KernelError, Vector
-from filippov.kernel.language.records import Record, Rows, part
+from filippov.kernel.language.records import Rows, Struct, part
 from filippov.kernel.language.unit import Unit, add_kernels
 
 
-class Pair(Record):
+class Pair(Struct):
     left: float
     right: float
 
 
-class Whole(Record):
+class Whole(Struct):
     steps: int
     listed: Indices = part(lambda of: of)
     last: int
 
 
-class Doubles(Record):
+class Doubles(Struct):
     t: float
     k: Vector = part(lambda of: 2 * of)
     pairs: Rows[Pair] = part(lambda of: of)
@@ -35,7 +35,7 @@ class Doubles(Record):
     end: float
 
 
-class Mixed(Record):
+class Mixed(Struct):
     t: float
     count: int
     inner: Pair = part()
@@ -192,10 +192,10 @@ def test_13_3_python_refuses_the_same() -> None:
 
 def test_13_3_a_declaration_that_makes_no_sense_is_refused() -> None:
     with pytest.raises(KernelError, match="t is a number: it has no length"):
-        type(Record)("Bad", (Record,), {"__annotations__": {"t": float}, "t": part(2)})
+        type(Struct)("Bad", (Struct,), {"__annotations__": {"t": float}, "t": part(2)})
     with pytest.raises(KernelError, match=r"t is 3\.0, expected part"):
-        type(Record)("Bad", (Record,), {"__annotations__": {"t": float}, "t": 3.0})
+        type(Struct)("Bad", (Struct,), {"__annotations__": {"t": float}, "t": 3.0})
     with pytest.raises(KernelError, match="size is a name that every record has"):
-        type(Record)("Bad", (Record,), {"__annotations__": {"size": float}})
+        type(Struct)("Bad", (Struct,), {"__annotations__": {"size": float}})
     with pytest.raises(KernelError, match="expected float, int, Vector"):
-        type(Record)("Bad", (Record,), {"__annotations__": {"t": complex}})
+        type(Struct)("Bad", (Struct,), {"__annotations__": {"t": complex}})

@@ -10,11 +10,14 @@ import scipy.sparse
 import sympy
 from scipy.sparse.linalg import expm_multiply
 
-from filippov import System, parameters, sign, solve, states
+from filippov import System, parameters, sign, solve, states, t
 from filippov.kernel.codegen import pieces as module
-from filippov.kernel.codegen.generate import generate
+from filippov.kernel.codegen.generate import filled, generate, total_gradients
 from filippov.kernel.codegen.pieces import pieces
+from filippov.model.extract import Extractor
+from filippov.model.kinds import Kinds
 from filippov.model.surface import Surface
+from filippov.model.symbolic import SymbolicForm
 
 
 def test_14_5_a_long_line_moves_as_its_matrix_says() -> None:
@@ -81,3 +84,56 @@ def test_14_5_a_contact_is_the_same_among_many_others(count: int) -> None:
         assert (contact.side, contact.rate) == (1, w[i])
         pushed = dict(zip(form.x, contact.direction, strict=True))
         assert {q: e for q, e in pushed.items() if e != 0} == {w[i]: 1}
+
+
+# A block by its states, its neighbour and the parameters: whether it jumps and slides straight is its own.
+BLOCKS = (
+    lambda x, v, u, p: -x - p.mu * sign(v),
+    lambda x, v, u, p: -x - p.mu * sign(v) * (1 + v**2),
+    lambda x, v, u, p: -x - p.mu * abs(v) * (1 + u),
+    lambda x, v, u, p: sympy.sin(x) - p.mu * sign(v - p.mu) / (1 + abs(v - p.mu)),
+    lambda x, v, u, p: u * x - p.mu * sign(v + x**2),
+    lambda x, v, u, p: -p.k * v * sign(v) + x * u - x,
+    lambda x, v, u, p: -p.mu * sign(v + 2 * x) - p.k * sign(u) * abs(v + 2 * x),
+    lambda x, v, u, p: (x - v) * sign(x - v) - sign(v) * (v**2 + v),
+)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_14_5_what_is_found_of_one_block_holds_for_those_alike(seed: int) -> None:
+    """Kinds of surfaces and straight rates of a chain, against each block asked for itself."""
+    rng, n = np.random.default_rng(seed), 12
+    x, v = states([f"x{i}" for i in range(n)]), states([f"v{i}" for i in range(n)])
+    p = parameters(mu=0.5, k=1.0)
+    equations = {}
+    for i, kind in enumerate(rng.integers(len(BLOCKS), size=n)):
+        equations |= {x[i]: v[i], v[i]: BLOCKS[kind](x[i], v[i], v[rng.integers(n)], p)}
+    read = Extractor()
+    read.note(equations.values())
+    system = System(equations)
+    form = system.symbolic
+    unexpanded = [f.xreplace(_signs(read, form, f)) for f in map(read.unexpanded, equations.values())]
+    kinds = Kinds(form, unexpanded)
+    for i, surface in enumerate(system.surfaces):
+        assert kinds.kind(i, surface) == surface.kind == ("switching" if kinds._jumps(i) else "kink")
+    made = generate(form, system.surfaces).constants
+    modes = tuple(sympy.Symbol(f"m{i}") for i in range(len(form.h)))
+    varying = {t, *form.x, *form.a}
+    rows = filled(total_gradients(form, modes))
+    linear = [not any(e.free_symbols & varying for e in row.values()) for row in rows]
+    alone = []
+    for i, row in enumerate(rows):
+        rate = sum((e * form.field[j] for j, e in row.items() if j < 2 * n), row.get(2 * n, 0 * t))
+        rate = rate.subs(form.a[i], 0)
+        sizes = [straight for a, straight in zip(form.a, linear, strict=True) if a in rate.free_symbols]
+        inside = varying & rate.free_symbols
+        second = [rate.diff(q, r) for q in inside for r in inside]
+        alone.append(linear[i] and all(sizes) and not any(sympy.expand(e) != 0 for e in second))
+    assert [bool(flag) for flag in made["STRAIGHT"]] == alone
+    assert len(set(alone)) == 2
+
+
+def _signs(read: Extractor, form: SymbolicForm, f: sympy.Expr) -> dict[sympy.Symbol, sympy.Expr]:
+    """The signs of an extractor of its own, by those of the form."""
+    place = dict(zip(form.plain_h(), form.s, strict=True))
+    return {s: place[read.table.plain(read.table.entry(s).h)] for s in read.table.signs_in(f)}

@@ -13,10 +13,12 @@ import pytest
 import sympy
 from matplotlib import pyplot as plt
 
+import filippov
 from filippov import (
     Band,
     Heaviside,
     Hysteresis,
+    Input,
     Max,
     ModelError,
     Parameter,
@@ -29,6 +31,7 @@ from filippov import (
     Surface,
     Sweep,
     System,
+    Table,
     TimeEvent,
     UsageError,
     UserEvent,
@@ -39,10 +42,11 @@ from filippov import (
     solve,
     solve_many,
     sqrt,
+    square,
     states,
     t,
 )  # fmt: skip
-from filippov.analysis import EventMap, Section, Stroboscope, find_section, returns
+from filippov.analysis import EventMap, Section, Stroboscope, bifurcation, find_section, returns
 from filippov.app.cli.main import main
 
 x, v = states("x v")
@@ -96,8 +100,8 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "list": (lambda: System([v, -x]), "[v, -x]", "{x: dx/dt, v: dv/dt}"),
     "function": (lambda: System(lambda t, y: -y), "equations", "System(field=f, states='x v')"),
     "function in": (lambda: System({x: lambda t: 1}), "the equation of 'x'", "System(field=f"),
-    "matrix": (lambda: System({x: sympy.Matrix([1])}), "the equation of 'x'", "one equation a state"),
-    "row": (lambda: System({x: [1, 2]}), "the equation of 'x'", "one equation a state"),
+    "matrix": (lambda: System({x: sympy.Matrix([1])}), "the equation of 'x'", "one equation per state"),
+    "row": (lambda: System({x: [1, 2]}), "the equation of 'x'", "one equation per state"),
     "none": (lambda: System({x: None}), "the equation of 'x'", "expected a sympy expression"),
     "bool": (lambda: System({x: True}), "the equation of 'x'", "expected a sympy expression"),
     "empty": (lambda: System({}), "no equation", "System({x: ...})"),
@@ -164,6 +168,27 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "events of system": (lambda: System({x: 1}, events=[x]), "events", "solve(system, ..., events=g)"),
     "period": (lambda: TimeEvent("clock"), "clock", "period"),
     "system changed": (lambda: setattr(S, "states", ()), "'states'", "Make another System"),
+    "width pair": (lambda: Surface("v", v, width=(-0.1, 0.1)), "'v'", "half the width of the hysteresis"),
+    "clock phase": (lambda: TimeEvent("clock", period=1, phase=0.2), "phase", "start=0.2"),
+    "clock typo": (lambda: TimeEvent("clock", perid=1), "'perid'", "did you mean 'period'"),
+    "clock no name": (lambda: TimeEvent(period=1), "needs name", "TimeEvent(name)"),
+    "clock surface": (lambda: System({x: 1}, surfaces=[TimeEvent("c", period=1)]), "surfaces holds",
+                      "time_events="),
+    "surface clock": (lambda: System({x: 1}, time_events=[Surface("f", x)]), "time_events", "surfaces="),
+    "units": (lambda: System({x: v, v: 1}, units={"x": "m"}), "units", "labels={'x': 'position [m]'}"),
+    # signals
+    "input swapped": (lambda: Input([0, 1], [1, 2], "r"), "[0, 1]", "Input('r', times, values)"),
+    "input kind": (lambda: Input("r", [0, 1], [1, 2], kind="zoh"), "'zoh'", "linear, hold, cubic"),
+    "input lengths": (lambda: Input("r", [0, 1, 2], [1, 2]), "3 times and 2 values", "as many of each"),
+    "input order": (lambda: Input("r", [0, 2, 1], [1, 2, 3]), "t[1] = 2", "increasing times"),
+    "input over": (lambda: solve(System({x: v, v: Input("r", [0, 0.5], [1, 2])}), START, SPAN), "'r'",
+                   "outside='hold'"),
+    "input file": (lambda: Input.from_csv("r", "none.csv"), "none.csv", "No such file"),
+    "table": (lambda: System({x: Table([0, 1], [1, 2])}), "the equation of 'x'", "curve(x)"),
+    "square": (lambda: square("d", p.m, (1, 0)), "period is m", "TimeEvent('clock', period=p.T"),
+    "square order": (lambda: square("d", 1.0, 1, 0), "4 values in order", "duty=..."),
+    "parameter list": (lambda: solve(LINEAR, (1,), SPAN, parameters={"m": [1, 2]}), "'m' is [1,", "Sweep("),
+    "parameter f(t)": (lambda: solve(LINEAR, (1,), SPAN, parameters={"m": abs}), "'m'", "with_inputs("),
     # comparators
     "comparator number": (lambda: S.with_comparator(1e-3), "0.001", "Band(width)"),
     "comparator class": (lambda: S.with_comparator(Band), "Band", "Give its width"),
@@ -240,7 +265,40 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "many shape": (lambda: solve_many(S, (1, 0, 2), SPAN), "shape (3,)", "(k, 2)"),
     "many t_eval": (lambda: solve_many(S, [START], SPAN, t_eval=[1]), "t_eval", "Use solve"),
     "sweep name": (lambda: Sweep(Problem(S, START, SPAN), {"q": [1]}), "'q'", "x0.x"),
+    "sweep system": (lambda: Sweep(S, {"m": [1]}), "System", "Problem(system, x0, t_span)"),
+    "sweep scalar": (lambda: Sweep(Problem(LINEAR, (1,), SPAN), {"m": 2}), "m is 2", "a list of numbers"),
+    "sweep measure": (lambda: Sweep(Problem(S, START, SPAN), {"x0.x": [1]}, measure="amplitud(x)"),
+                      "'amplitud(x)'", "did you mean 'amplitude'"),
+    "sweep state": (lambda: Sweep(Problem(S, START, SPAN), {"x0.x": [1]}, measure="amplitude(q)"), "'q'",
+                    "known: x, v"),
+    "sweep function": (lambda: Sweep(Problem(S, START, SPAN), {"x0.x": [1]}, measure=len), "measure len",
+                       "a dict of numbers by name"),
+    "x0 several": (lambda: solve(S, [[1, 0], [2, 0]], SPAN), "shape (2, 2)", "solve_many("),
+    # names that are not there
+    "filippov.solve_ivp": (lambda: filippov.solve_ivp, "'solve_ivp'", "solve(system, x0, t_span)"),
+    "filippov.sat": (lambda: filippov.sat, "'sat'", "Max(-1, Min(u, 1))"),
+    "filippov.Backlash": (lambda: filippov.Backlash, "'Backlash'", "filippov.interop"),
+    "filippov.solv": (lambda: filippov.solv, "'solv'", "did you mean 'solve'"),
+    "analysis typo": (lambda: filippov.analysis.lyapunow, "'lyapunow'", "did you mean 'lyapunov'"),
+    "system.solve": (lambda: S.solve, "System", "solve(system, x0, t_span)"),
+    "system.plot": (lambda: S.plot, "System", "solve(system, x0, t_span).plot()"),
+    "system.sates": (lambda: S.sates, "'sates'", "did you mean 'states'"),
+    "analysis order": (lambda: bifurcation(LINEAR, "m", (0, 1)), "3 values in order", "parameter=..."),
+    "analysis keyword": (lambda: find_section(S, START, paramters={}), "'paramters'",
+                         "did you mean 'parameters'"),
+    "analysis missing": (lambda: find_section(S), "needs x0", "find_section(system, x0)"),
     # what came out
+    "r[0]": (lambda: RUN[0], "not by 0", "solution['x']"),
+    "r[0:2]": (lambda: RUN[0:2], "slice(0, 2, None)", "solution['x']"),
+    "list(r)": (lambda: list(RUN), "by name", "solution['x']"),
+    "r.v": (lambda: RUN.v, "'v'", "solution['v']"),
+    "r.sucess": (lambda: RUN.sucess, "'sucess'", "did you mean 'success'"),
+    "r.savefig": (lambda: RUN.savefig("run.png"), "'savefig'", "plot()"),
+    "r.to_csv": (lambda: RUN.to_csv("run.csv"), "'to_csv'", "to_pandas()"),
+    "events['v']": (lambda: RUN.events["v"], "'v'", "events.of('v')"),
+    "segments['stick']": (lambda: RUN.segments["stick"], "'stick'", "segments.of('stick')"),
+    "sol('x')": (lambda: RUN.sol("x"), "t = 'x'", "solution['x']"),
+    "plot xlim": (lambda: RUN.plot(xlim=(0, 1)), "xlim", ".axes"),
     "events typo": (lambda: RUN.events.of("typo"), "'typo'", "known: v"),
     "count typo": (lambda: RUN.events.count("typo"), "'typo'", "known: v"),
     "events kind": (lambda: RUN.events.of("v", "entry"), "'entry'", "sliding entry"),
@@ -294,6 +352,12 @@ COMMANDS: dict[str, tuple[list[str], str, str]] = {
     "model": (["simulate", "huntin"], "'huntin'", "did you mean 'hunting'"),
     "no x0": (["simulate", "own.py:s", "--t-span", "0", "1"], "initial state", "--x0"),
     "no span": (["simulate", "own.py:s", "--x0", "1,0"], "time span", "--t-span T0 T1"),
+    "neither": (["simulate", "own.py:s"], "own.py:s", "--t-span T0 T1 and --x0 x=...,v=..."),
+    "spaces": (["simulate", "own.py:s", "--x0", "1", "0", "--t-span", "0", "1"], "'0'", "--x0 1,0"),
+    "choice": (["graph", "hunting", "--observed"], "'--observed'", "--kind observed"),
+    "spoilt": (["simulate", "spoilt.py:s"], "line 2", "if __name__ == '__main__':"),
+    "program": (["diagnose", "own.py:s"], "a program", "--x0 1,0 and --t-span T0 T1"),
+    "range": (["diagram", "own.py:s", "--over", "m=0:1:20"], "m is '0:1:20'", "LOW:HIGH"),
     "backwards": (["simulate", "own.py:s", "--x0", "1,0", "--t-span", "1", "0"], "backwards", "backward"),
     "parameter": (["simulate", "hunting", "-p", "p=2"], "'p'", "did you mean 'P'"),
     "command": (["simulat", "hunting"], "simulat", "simulate"),
@@ -314,6 +378,7 @@ def test_16_4_a_command_tells_place_and_cure(
         "from filippov import System, sign, states\nx, v = states('x v')\n"
         "s = System({x: v, v: -x - sign(v)})\n"
     )
+    (tmp_path / "spoilt.py").write_text("from filippov import states\nprint(states('x').q)\n")
     monkeypatch.chdir(tmp_path)
     code: Any = 0
     try:

@@ -120,7 +120,7 @@ def test_16_5_a_motion_that_comes_to_rest_has_its_place() -> None:
     )
     assert found.d[0] == pytest.approx([-0.4, 0.2, 0.0, 0.0], abs=1e-8)
     assert found.d[1] == pytest.approx([-0.1] * 4, abs=1e-8)
-    assert all("the motion rests" in note for note in found.notes)
+    assert all("the solution rests" in note for note in found.notes)
     with pytest.raises(UsageError, match="comes back again and again"):
         find_section(DRY, (1, 0))
     with pytest.raises(UsageError, match="has no lift"):
@@ -172,7 +172,7 @@ def test_16_5_commands_find_the_section(tmp_path: Path, capsys: pytest.CaptureFi
         "bifurcation.png",
     }
     assert main(["regions", own, "--x", "vb=0.1:0.2", "--y", "F=0.3:0.4"]) == 2
-    assert "From a short motion: --surface" in capsys.readouterr().err
+    assert "From a short run: --surface" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 import sympy as sp
 
-from filippov import Surface, System, UsageError, parameters, sign, states
+from filippov import Solution, Surface, System, UsageError, parameters, sign, states
 from filippov.analysis import Approximation, compare
 from filippov.analysis.comparisons.approximation import under
-from filippov.analysis.comparisons.motion_result import MotionComparison
+from filippov.analysis.comparisons.solution_result import SolutionComparison
 from filippov.app.cli.main import main
 
 MU, END, WIDTHS = 0.2, 12.0, (1e-2, 1e-3, 1e-4)
@@ -26,14 +26,14 @@ NAMES = ("switch", "karnopp", "band", "tanh")
 
 
 @pytest.fixture(scope="module")
-def block() -> MotionComparison:
+def block() -> SolutionComparison:
     return compare(
         BLOCK, (0.7, 0), (0, END), against=NAMES, widths=WIDTHS, measures=["end(x)"], accuracy=3e-4,
         quantity="error_final",
     )  # fmt: skip
 
 
-def test_15_4_the_exact_motion_is_the_closed_form(block: MotionComparison) -> None:
+def test_15_4_the_exact_motion_is_the_closed_form(block: SolutionComparison) -> None:
     row = block.rows[0]
     assert (row["model"], row["width"], row["ending"]) == ("exact", None, "rest")
     assert row["end(x)"] == pytest.approx(REST, abs=1e-9)
@@ -43,7 +43,7 @@ def test_15_4_the_exact_motion_is_the_closed_form(block: MotionComparison) -> No
 
 
 @pytest.mark.parametrize("model", NAMES)
-def test_15_4_each_approximation_is_of_first_order(block: MotionComparison, model: str) -> None:
+def test_15_4_each_approximation_is_of_first_order(block: SolutionComparison, model: str) -> None:
     """The band is entered width/|v'| early and left late, and nothing else differs."""
     for quantity in ("error_state", "error_times"):
         trend = block.trend(model, quantity)
@@ -51,7 +51,7 @@ def test_15_4_each_approximation_is_of_first_order(block: MotionComparison, mode
         assert trend.order == pytest.approx(1.0, abs=0.1), trend.sentence
 
 
-def test_15_4_drift_in_stick_is_that_of_the_model(block: MotionComparison) -> None:
+def test_15_4_drift_in_stick_is_that_of_the_model(block: SolutionComparison) -> None:
     assert [row["drift"] for row in block.of("switch")] == pytest.approx([w / 100 for w in WIDTHS], rel=1e-3)
     assert [row["drift"] for row in block.of("karnopp")] == pytest.approx([0, 0, 0], abs=1e-14)
     # A saturated line balances x with v = -w x/mu: x = REST exp(-w t/mu) from the stop on.
@@ -64,13 +64,13 @@ def test_15_4_drift_in_stick_is_that_of_the_model(block: MotionComparison) -> No
         assert row["end(x)"] - REST == pytest.approx(rate * row["width"] * (END - RESTS), rel=0.05)
 
 
-def test_15_4_stiff_approximations_have_the_implicit_method(block: MotionComparison) -> None:
+def test_15_4_stiff_approximations_have_the_implicit_method(block: SolutionComparison) -> None:
     assert {row["method"] for row in block.of("switch")} == {"DOP853"}
     assert {row["method"] for row in block.of("tanh")} == {"Radau"}
     assert all(row["jacobians"] > 0 for row in block.of("band"))
 
 
-def test_15_4_what_is_wrong_in_kind_is_said(block: MotionComparison) -> None:
+def test_15_4_what_is_wrong_in_kind_is_said(block: SolutionComparison) -> None:
     assert len(block.faults) == 2
     for sentence, model in zip(block.faults, ("band", "tanh"), strict=True):
         assert sentence.startswith(f"{model} at width 0.0001 loses the rest state")
@@ -78,7 +78,7 @@ def test_15_4_what_is_wrong_in_kind_is_said(block: MotionComparison) -> None:
         assert sentence in block.to_text()
 
 
-def test_15_4_the_width_for_an_accuracy_is_solved_for_and_checked(block: MotionComparison) -> None:
+def test_15_4_the_width_for_an_accuracy_is_solved_for_and_checked(block: SolutionComparison) -> None:
     """The saturated line is off by 0.1 w (t - 2 pi)/mu over an extent of 1 at the end."""
     needed = {item.model: item for item in block.needed}
     assert set(needed) == set(NAMES)
@@ -90,7 +90,7 @@ def test_15_4_the_width_for_an_accuracy_is_solved_for_and_checked(block: MotionC
     assert needed["band"].sentence in block.to_text()
 
 
-def test_15_4_it_is_written_in_every_form(block: MotionComparison) -> None:
+def test_15_4_it_is_written_in_every_form(block: SolutionComparison) -> None:
     data = json.loads(block.to_json())
     assert [row["model"] for row in data["rows"]] == [row["model"] for row in block.rows]
     table = list(csv.DictReader(io.StringIO(block.to_csv())))
@@ -117,6 +117,56 @@ def test_15_4_a_build_that_does_not_converge_is_named() -> None:
     assert trend.vanishes is False
     assert "NOT" in trend.sentence
     assert found.of("wrong")[-1]["error_final"] == pytest.approx(0.02, rel=0.1)
+
+
+def test_15_4_stick_in_a_layer_that_is_entered_where_nothing_attracts_is_no_lost_stick() -> None:
+    """From 0.65 it turns at -0.25, where the spring is stronger, and rests at -0.15 after a push of 0.05."""
+    found = compare(BLOCK, (0.65, 0), (0, END), against=["tanh", "band"], widths=(1e-2, 1e-3))
+    assert {tuple(row["entries"]) for row in found.rows} == {(1,)}
+    assert not any("stick" in sentence for sentence in found.faults)
+
+
+REST_ELSEWHERE = "goes to another state of rest: x = 0.1, where the exact solution rests at -0.1."
+CYCLE_ELSEWHERE = (
+    "goes into another cycle: x from -0.1 to 0.7, where the exact solution goes from -0.7 to 0.7."
+)
+PUSHED = System({x: v, v: parameters(F=0.0).F - x - p.mu * sign(v)}, surfaces=[Surface("slip", v)])
+
+
+@pytest.mark.parametrize(
+    ("exact", "other", "said"),
+    [
+        # Half a period takes 2 mu: with 0.15 it turns at -0.4 and rests at 0.1.
+        ({"mu": 0.2}, {"mu": 0.15}, REST_ELSEWHERE),
+        ({"mu": 0.2}, {"mu": 0.199}, ""),
+        ({"mu": 0.0}, {"mu": 0.0, "F": 0.3}, CYCLE_ELSEWHERE),
+        ({"mu": 0.0}, {"mu": 0.005}, "loses the cycle of amplitude 0.7."),
+        ({"mu": 0.005}, {"mu": 0.0}, "invents a cycle of amplitude 0.7: the exact solution has none."),
+        ({"mu": 0.0}, {"mu": 0.0, "F": 1e-3}, ""),
+        ({"mu": 0.0}, {"mu": 0.2}, "invents a state of rest: the exact solution goes on."),
+    ],
+)
+def test_15_4_another_basin_and_another_kind_are_said(
+    exact: dict[str, float], other: dict[str, float], said: str
+) -> None:
+    made = {"other": lambda _: (PUSHED, other)}
+    found = compare(PUSHED, (0.7, 0), (0, 100), parameters=exact, against=made, widths=(1.0,))
+    sentences = [q for q in found.faults if "stick" not in q]
+    assert sentences == ([f"other at width 1 {said}"] if said else [])
+
+
+def test_15_4_errors_of_a_motion_at_rest_are_over_its_size() -> None:
+    """x = 0.1 and v = 0 for ever, and a model that creeps by 1e-3 t: 0.01 of x, and 1e-3 of v itself."""
+    def energy(solution: Solution) -> float:
+        return float(solution.x_end[0]) ** 2 / 2
+
+    creep, measures = System({x: v + 1e-3, v: -v}), [energy]
+    found = compare(
+        BLOCK, (0.1, 0), (0, 1), against={"creep": lambda _: creep}, widths=(1.0,), measures=measures
+    )  # fmt: skip
+    assert [row["energy"] for row in found.rows] == pytest.approx([0.1**2 / 2, 0.101**2 / 2], rel=1e-9)
+    assert found.of("creep")[0]["error_state"] == pytest.approx(0.01, rel=1e-9)
+    assert "x creeps on at 0.01 of its extent in a unit of time" in found.faults[0]
 
 
 def test_15_4_a_spent_budget_is_said_and_not_tried_again() -> None:
@@ -172,7 +222,7 @@ def test_15_4_the_command_compares_a_file_of_ones_own(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "mine.py").write_text(
-        "from filippov import Surface, System, parameters, sign, states\n"
+        "from filippov import Solution, Surface, System, parameters, sign, states\n"
         "x, v = states('x v')\np = parameters(mu=0.2)\n"
         "block = System({x: v, v: -x - p.mu*sign(v)}, surfaces=[Surface('slip', v)])\n"
     )
@@ -187,3 +237,13 @@ def test_15_4_the_command_compares_a_file_of_ones_own(
     written = {path.name for path in (tmp_path / "out").iterdir()}
     assert written >= {f"comparison.{kind}" for kind in ("csv", "json", "txt", "html", "png")}
     assert main([*words[:-4], "--alphas", "1,2", "--quiet"]) == 2
+
+
+def test_13_7_earlier_names_lead_to_those_of_today(block: SolutionComparison) -> None:
+    from filippov import analysis, plot
+    from filippov.analysis.comparisons.motion_result import MotionComparison
+
+    assert analysis.compare_motions is analysis.compare_solutions
+    assert MotionComparison is SolutionComparison
+    assert plot.plot_motions is plot.plot_solution_comparison
+    assert block.motions is block.solutions

@@ -26,7 +26,7 @@ def ring(follower: bool) -> System:
 
 @pytest.mark.parametrize("follower", [False, True])
 def test_11_8_slow_spirals_into_a_corner(follower: bool) -> None:
-    """Areas shrink at the rate a + b, so the distance falls as exp(-(a + b) t/2), in n laps as 1/n."""
+    """Areas shrink at the rate a + b, so the distance falls as exp(-(a + b) t/2), in n cycles as 1/n."""
     rng = np.random.default_rng(8)
     for number in range(DRAWS):
         a, b, c = 10 ** rng.uniform(-0.5, 0.5, 3)
@@ -46,7 +46,7 @@ def test_11_8_slow_spirals_into_a_corner(follower: bool) -> None:
         assert on.end_mode == (0, 0)
         np.testing.assert_allclose(on.x_end[:2], [p, q], atol=1e-12)
         assert "the true one is" in on.message
-        # Lap by lap until the corner, which is as near as the message says.
+        # Cycle by cycle until the corner, which is as near as the message says.
         away = float(on.message.split("from which the true one is ")[1].split()[0])
         corner = on.events[-1]
         before = on.sol(corner.t, side="-")[:2]

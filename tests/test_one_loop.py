@@ -10,7 +10,7 @@ from filippov import Surface, System, TimeEvent, sign, solve, states
 from filippov.kernel.codegen import build
 from filippov.kernel.language.compiler import compile_unit, load_objects, written
 from filippov.kernel.language.primitives import Indices, Vector
-from filippov.kernel.language.records import Record, Rows, part
+from filippov.kernel.language.records import Rows, Struct, part
 from filippov.kernel.language.unit import Unit, add_kernels
 
 x, v, y, u = states("x v y u")
@@ -72,13 +72,13 @@ def test_14_4_the_loop_is_the_same_whichever_system_it_is_made_with(
     assert [len(texts) for texts in made.values()] == [1] * len(made)
 
 
-class Inner(Record):
+class Inner(Struct):
     left: float
     parts: Vector = part(lambda of: of)
     last: float
 
 
-class Outer(Record):
+class Outer(Struct):
     first: float
     listed: Vector = part(lambda of: 2 * of)
     rows: Rows[Inner] = part(lambda of: of)
@@ -103,14 +103,14 @@ def fill(u: float, r: Outer) -> int:
 NAMES = ("FLAG", "Inner", "Inner.last", "N", "Outer.end", "Outer.one", "Outer.place", "Outer.rows")
 
 
-def shaped(records: dict[str, type[Record]], flag: bool, n: int) -> list[int]:
+def shaped(records: dict[str, type[Struct]], flag: bool, n: int) -> list[int]:
     """The numbers of a shape, in the order of NAMES."""
     inner, outer = records["Inner"], records["Outer"]
     places = [outer.places[name].offset for name in ("end", "one", "place", "rows")]
     return [int(flag), inner.size, inner.places["last"].offset, n, *places]
 
 
-def sized(n: int) -> dict[str, type[Record]]:
+def sized(n: int) -> dict[str, type[Struct]]:
     return {kind.__name__: kind.sized(n) for kind in (Inner, Outer)}
 
 

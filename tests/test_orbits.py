@@ -39,7 +39,7 @@ TIGHT = {"rtol": 1e-13, "atol": 1e-15}
 
 
 def differences(system, x0, span, values=None, names=(), step=1e-4):
-    """Central differences of fourth order of x(t_end), one column a state and named parameter."""
+    """Central differences of fourth order of x(t_end), one column per state and named parameter."""
     values = dict(values or {})
 
     def end(moved, q):
@@ -213,6 +213,20 @@ def test_a_stick_cycle_has_multipliers_one_and_zero(name):
     assert orbit.stable
     assert orbit.multipliers[0] == 0.0
     assert abs(orbit.trivial - 1.0) < 1e-8
+
+
+def test_12_13_orbits_of_a_centre_are_neither_stable_nor_unstable():
+    rows = {x: v, v: -2 * x}
+    for more, start in ({}, (1, 0)), ({z: -z}, (1, 0, 0)), ({z: x}, (1, 0, 0)):
+        orbit = find_orbit(System({**rows, **more}), start)
+        assert orbit.verdict == "undecided"
+        assert not orbit.stable
+        assert "undecided" in repr(orbit)
+    model = get("switching_predator")  # slides along closed curves
+    assert find_orbit(model.build(), model.x0).verdict == "undecided"
+    for damping in (1e-7, -1e-7):  # the multipliers exp(-2 pi d +- ...) are told apart from 1
+        shaken = System({x: v, v: -2 * x - 2 * damping * v + cosine(time)})
+        assert find_orbit(shaken, (1, 0), period=2 * pi).verdict == ("stable" if damping > 0 else "unstable")
 
 
 def test_f05_and_f06_sticks():

@@ -21,6 +21,7 @@ from filippov.base.errors import UsageError
 from filippov.graphs.graph import observed_graph, possible_graph
 from filippov.model.symbols import states, t
 from filippov.model.system import System
+from filippov.model.time_event import TimeEvent
 from filippov.plot.solution import plot_graph, plot_phase, plot_solution
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
@@ -168,3 +169,31 @@ def test_importing_the_package_does_not_import_matplotlib() -> None:
     code = "import sys, filippov, filippov.plot.solution; print('matplotlib' in sys.modules)"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "False"
+
+
+def test_16_jumps_stand_upright_within_a_segment() -> None:
+    """A ramp that a clock sets back without a change of mode: from 1 to 0 at the instant, every period."""
+    r, u = states("r u")
+    clock = TimeEvent("clock", period=0.3, reset={r: 0})
+    run = solve(System({r: sp.Rational(10, 3), u: -sp.sign(u - 9)}, time_events=[clock]), (0, 0), (0, 2))
+    drawn = plot_solution(run, points=37)
+    t_line, r_line = drawn.axes[0].lines[0].get_data()
+    for instant in run.jumps:
+        at = np.flatnonzero(np.asarray(t_line) == instant)
+        assert np.asarray(r_line)[at] == pytest.approx([1, 0], abs=1e-9)
+    assert len(run.jumps) == 6
+    assert np.all(np.diff(t_line) >= 0)
+
+
+def test_16_many_states_and_sliding_sets_fit_into_a_picture() -> None:
+    """The first states only, and one colour for all sets of sliding surfaces; what is asked for is drawn."""
+    names = states([f"v{i}" for i in range(14)])
+    run = solve(System({u: -sp.sign(u) for u in names}), np.linspace(0.1, 1.4, 14), (0, 2))
+    drawn = plot_solution(run, title="many")
+    assert [ax.get_ylabel() for ax in drawn.axes] == [f"v{i}" for i in range(12)]
+    assert "the first 12 of 14" in drawn.axes[0].get_title(loc="left")
+    legend = drawn.axes[0].get_legend()
+    assert legend is not None
+    assert next(text.get_text() for text in legend.get_texts()) == "sliding on some of 14 surfaces"
+    assert len(plot_solution(run, ["v0", "v13"]).axes) == 2
+    plt.close("all")

@@ -71,6 +71,9 @@ def test_16_2_signs_in_stick_are_multipliers_in_the_sense_that_was_written(motio
 
 
 def test_16_2_values_at_the_times_of_the_solution(motion: Solution) -> None:
+    assert np.array_equal(motion.evaluate("friction"), motion["friction"])
+    assert np.array_equal(motion.evaluate("x + v"), motion.y[0] + motion.y[1])
+    assert np.array_equal(motion.multiplier("v"), motion.multiplier("v", motion.t))
     assert np.array_equal(motion["x"], motion.y[0])
     assert np.array_equal(motion[v], motion.y[1])
     assert np.array_equal(motion["t"], motion.t)

@@ -68,6 +68,35 @@ def test_13_8_a_model(copy: Copy) -> None:
     assert copy.python("-c", code) == "True\n"
 
 
+def test_13_8_a_friction_law(copy: Copy) -> None:
+    """A constant level but for |v| < 1, where it falls as a straight line."""
+    copy.put("models/laws.py", "@dataclass(frozen=True)\nclass Hyperbolic", '''@dataclass(frozen=True)
+class Ramp(FrictionLaw):
+    """g = Max(Fs - |v|, Fs - 1)."""
+
+    Fs: Level = 3.0
+
+    def parameters(self) -> dict[str, Parameter]:
+        """Return Fs."""
+        return declare("Fs", self.Fs, "N", "static friction level")
+
+    def slip(self, speed: Expr, p: ParameterNamespace) -> Sides:
+        """g = Max(Fs - |v|, Fs - 1)."""
+        plus, minus = (sympy.Max(Fs - speed, Fs - 1) for Fs in sides(p, "Fs"))
+        return plus, minus
+
+
+''')
+    copy.put("models/__init__.py", '"Stribeck", "Viscous"', '"Ramp", ')
+    code = """if True:
+        from filippov import solve
+        from filippov.models import P, Ramp, controlled_mass
+        run = solve(controlled_mass(Ramp((4, 3)), P(P=1)), (5, 0), (0, 1))
+        print(Ramp((4, 3)).curve([-2, -0.5, 0.5, 2]).tolist(), run.start_mode, run.x_end[1] < 0)
+    """
+    assert copy.python("-c", code) == "[-2.0, -2.5, 3.5, 3.0] (-1, -1) True\n"
+
+
 def test_13_8_a_measure(copy: Copy) -> None:
     """The range of a state over the tail: max - min."""
     path = "filippov/sweep/measure.py"
@@ -90,13 +119,13 @@ def test_13_8_a_quantity(copy: Copy) -> None:
     copy.add("filippov/app/bank/measures/steps.py", '''"""How the run went."""
 
 from filippov.app.bank.measures.measure import Measure
-from filippov.app.bank.motion import Motion
+from filippov.app.bank.case_runs import CaseRuns
 
 
 class Modes(Measure, quantity="number of segments"):
     """Number of segments of the solution."""
 
-    def __call__(self, subject: Motion) -> int:
+    def __call__(self, subject: CaseRuns) -> int:
         return len(subject.main.segments)
 ''')
     copy.put("filippov/app/bank/measures/__init__.py", "    sliding,\n", "    steps,\n")

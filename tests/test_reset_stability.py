@@ -9,7 +9,7 @@ import pytest
 import sympy
 from scipy.linalg import expm
 
-from filippov import Surface, System, states
+from filippov import Surface, System, TimeEvent, states
 from filippov.analysis.local_stability.stability import certify, stability_report
 
 DRAWS = {"nightly": 40, "ci": 3}.get(os.environ.get("FILIPPOV_PROFILE", ""), 2)
@@ -110,3 +110,25 @@ def test_12_12_resets_that_raise_the_state_have_no_such_function() -> None:
     assert verdict(system) != AS
     A = np.array([[0, 1, 0], [-1, -0.2, 0], [0, 0, -1.0]])
     assert grown(A, np.diag([1.0, 2.0, 1.0]), one_sided=False) > 0
+
+
+@pytest.mark.parametrize("e", [0.3, 0.9, 1.1])
+def test_12_12_a_reset_with_a_kink_where_it_rests(e: float) -> None:
+    """v+ = e |v| is v+ = -e v at every impact on a floor."""
+    q = sympy.Rational(str(e))
+    y, v = states("y v")
+    floor = Surface("floor", y, reset={v: q * sympy.Abs(v)})
+    (item,) = stability_report(System({y: v, v: -9}, surfaces=[floor])).items
+    assert item.answer == ("asymptotically stable" if e < 1 else "unstable")
+
+
+@pytest.mark.parametrize("factor", [-1.4, -0.6, 0.7, 1.3])
+def test_12_12_a_clock_with_a_kink_at_the_equilibrium(factor: float) -> None:
+    """x+ = a |x| after x' = -x/100: from either side it goes to that of a, and its size changes by |a|."""
+    a = sympy.Rational(str(factor))
+    y, v = states("y v")
+    clock = [TimeEvent("clock", period=1, reset={y: a * sympy.Abs(y)})]
+    (item,) = stability_report(System({y: -y / 100}, time_events=clock)).items
+    assert item.answer == ("unstable" if abs(factor) > 1 else "asymptotically stable")
+    (item,) = stability_report(System({y: -y / 100, v: -v}, time_events=clock)).items
+    assert item.answer == "undecided"

@@ -19,7 +19,7 @@ def twisting(onto_x: object = 0, onto_y: object = 0) -> System:
 
 def limit_time() -> float:
     """From (1, 0). With z = sqrt|x| and dtau = dt/z the motion is linear: z' = (y - K1 z)/2, y' = -K2 z, so
-    that |y| shrinks from lap to lap by rho = exp(-a pi/w), and changes at the rate K2."""
+    that |y| shrinks from cycle to cycle by rho = exp(-a pi/w), and changes at the rate K2."""
     a = K1 / 4
     w = math.sqrt(K2 / 2 - a**2)
     rho = math.exp(-a * math.pi / w)

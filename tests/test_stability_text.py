@@ -89,6 +89,13 @@ def test_12_2_fields_undefined_beyond_a_surface_have_a_report(a: int, b: int, c:
     assert "Verdict: " in stability_report(system, budget=4.0).to_text()
 
 
+def test_12_9_a_search_that_was_stopped_says_so_in_its_verdict() -> None:
+    system = System({x: v, v: sin(3 * x) + x / 2 - v / 5 + 1})
+    text = stability_report(system, budget=1e-3).to_text()
+    assert "Verdict: no equilibrium was found. The search was stopped before its end." in text
+    assert "stopped" not in stability_report(System({x: -x})).to_text()
+
+
 # -- numbers -----------------------------------------------------------------------------------------------
 
 

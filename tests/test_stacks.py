@@ -66,7 +66,7 @@ def test_11_A_bodies_that_come_to_rest_on_each_other_fall_all_the_while(n: int, 
     for k in range(max(DRAWS[n - 1] // 5, 40 if heavy else 10)):
         values = {"g": 10.0, "a": 0.0, "c": 1000.0}
         y, v = 50 + np.cumsum(random.uniform(0.01, 0.1, n)), random.uniform(0, 0.2, n) - np.arange(n)
-        if heavy:  # laps that shrink slowly, or just do not
+        if heavy:  # cycles that shrink slowly, or just do not
             restitutions, masses = random.uniform(0.115, 0.123, n + 1), np.array([4.3, 1.2, 1.14])
             v = np.array([1.0, 0.0, -random.uniform(0.2, 1)])
         else:
@@ -140,7 +140,7 @@ def test_11_A_what_comes_just_before_a_limit_is_not_bridged(e: float, early: flo
 
 
 def test_11_A_a_body_that_arrives_next_to_the_limit_of_an_accumulation_is_not_passed() -> None:
-    """Where the limit lies behind the surface above by less than its error, the laps are followed further.
+    """Where the limit lies behind the surface above by less than its error, the cycles are followed further.
 
     The lower body, thrown up with v, would rest at t = 2 v/(g (1 - e0)); the upper one falls freely and is at
     height d then, which is little or below 0.

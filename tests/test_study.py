@@ -314,6 +314,8 @@ def test_16_10_the_answer_comes_first_with_every_digit(page):
     told = " ".join(words_of(page, name) for name in sections)
     assert "26.6014 " not in told
     assert "P = 26.601949038" in words_of(page, "fold-curve")
+    own = page[page.index('<section id="fold-curve">') :].partition("</section>")[0]
+    assert re.findall(r"\(1, 26\.\d+\)", own) == ["(1, 26.601949038)"]  # the one label at beta = 1
 
 
 def test_16_10_one_letter_is_one_thing(page, folder):

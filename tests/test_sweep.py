@@ -62,7 +62,7 @@ work = pickle.loads(Path(sys.argv[1]).read_bytes())
 rows = work.compute(np.arange(64), Limits())
 assert "sympy" not in sys.modules and set(rows.status) == {"success"}
 assert [surface.name for surface in work.system.surfaces] == list(work.system.surface_names)
-assert "sympy" in sys.modules and work.system.symbolic is not None
+assert work.system.symbolic is not None and "sympy" in sys.modules
 np.save(sys.argv[1] + ".npy", rows.values)
 """
     subprocess.run([sys.executable, "-c", code, str(parcel)], check=True)
@@ -179,6 +179,13 @@ def test_exports_keep_coordinates_units_and_causes(tmp_path: Path) -> None:
     rows = table(tmp_path / "r.csv")
     assert [float(row["end(x)"]) for row in rows] == found["end(x)"].tolist()
     assert {row["status"] for row in rows} == {"success"}
+    lines = repr(found).splitlines()
+    assert lines[0] == "6 points: 6 success"
+    assert lines[1].split()[:2] == ["w", "x0.x"]
+    assert len(lines) == 8
+    assert float(lines[2].split()[2]) == pytest.approx(found["end(x)"][0], rel=1e-5)
+    pytest.importorskip("pandas")
+    assert found.to_pandas()["end(x)"].tolist() == found["end(x)"].tolist()
     drawn = to_xarray(serial(Sweep(oscillator(), {"w": (2, 3), "x0.x": (0, 1)}, "sobol", n=4)))
     assert dict(drawn.sizes) == {"point": 4}
     assert drawn["w"].dims == ("point",)

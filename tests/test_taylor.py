@@ -72,8 +72,8 @@ def test_14_2_impacts_of_a_ball() -> None:
         surfaces=[Surface("floor", x, kind="reset", side="+", reset={v: -q.c * v})],
     )
     first = math.sqrt(2 / 9.81)
-    laps = 2 * first * 0.9 ** np.arange(1, 40)
-    times = first + np.concatenate([[0], np.cumsum(laps)])
+    cycles = 2 * first * 0.9 ** np.arange(1, 40)
+    times = first + np.concatenate([[0], np.cumsum(cycles)])
     run = taylor(ball, (1, 0), times[-1] + 1e-4, rtol=1e-10)
     assert max(abs(run.events.t - times)) < 1e-12
 

@@ -31,6 +31,7 @@ from filippov.analysis.algebra.polynomial import (
 from filippov.analysis.algebra.routh_array import RouthArray, routh_array, signs_at_zero
 from filippov.analysis.algebra.routh_result import RouthCase, RouthResult
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 
 
 class RouthHurwitz(RouthResult):
@@ -113,6 +114,7 @@ class RouthHurwitz(RouthResult):
         return routh_text.as_json(self)
 
 
+@keywords()
 @counted
 def routh_hurwitz(
     polynomial: Any, s: sympy.Symbol | None = None, *, assume: Iterable[Any] = (), budget: float = 10.0

@@ -52,29 +52,29 @@ _CHAOS, _WINDOWS = 2 / 3, 1 / 4
 def border_form(problem: OrbitProblem, point: BranchPoint, width: float, name: str) -> Form:
     """Coefficients of a grazing, crossing-, switching- or adding-sliding of an orbit, and what they predict.
 
-    Raises UsageError where they are not known, by name; what motions raise.
+    Raises UsageError where they are not known, by name; what solutions raise.
     """
     u, value = np.array(point.u), point.value
-    if problem.shooting.turns > 1:
+    if problem.shooting.symmetry_order > 1:
         # The tangency may be in any part of a symmetric orbit.
         problem = problem.doubled()
     i, side = touched(problem, point)
-    motions = problem.motions(u, value)
+    solutions = problem.solutions(u, value)
     p = problem.p(value)
     if point.special in (*ARRIVALS, ADDING):
-        found = contacts(point.special, motions, i)
+        found = contacts(point.special, solutions, i)
         if not found:
             raise UsageError("the orbit has no contact with the border of sliding.")
         contact = min(found, key=lambda contact: abs(contact.gap))
         away = -contact.side if point.special == ADDING else contact.side
         at = discontinuity_map(
-            problem.shooting.system, point.special, contact.x, contact.t, p, _mode(motions, contact.t), i,
+            problem.shooting.system, point.special, contact.x, contact.t, p, _mode(solutions, contact.t), i,
             away,
         )  # fmt: skip
         return _coefficients(problem, at), "persistence: multipliers go on continuously"
-    touch = nearest(tangencies(motions, i, side))
+    touch = nearest(tangencies(solutions, i, side))
     at = discontinuity_map(
-        problem.shooting.system, GRAZING, touch.x, touch.t, p, _mode(motions, touch.t), i, side
+        problem.shooting.system, GRAZING, touch.x, touch.t, p, _mode(solutions, touch.t), i, side
     )
     out = _coefficients(problem, at)
     if at.exponent > 1:
@@ -95,14 +95,14 @@ def touched(problem: Any, point: BranchPoint) -> tuple[int, int]:
     if not names:
         raise UsageError("the point does not say which surface is grazed.")
     time = {1: 0.0, -1: 0.0, 0: 0.0}
-    for motion in problem.motions(np.array(point.u), point.value):
-        for segment in motion.segments:
+    for solution in problem.solutions(np.array(point.u), point.value):
+        for segment in solution.segments:
             time[segment.mode[names[0]]] += segment.dwell
     return names[0], 1 if time[1] > time[-1] else -1
 
 
-def _mode(motions: Sequence[Solution], t: float) -> tuple[int, ...]:
-    inside = [m for m in motions if min(m.problem.t_span) <= t <= max(m.problem.t_span)]
+def _mode(solutions: Sequence[Solution], t: float) -> tuple[int, ...]:
+    inside = [m for m in solutions if min(m.problem.t_span) <= t <= max(m.problem.t_span)]
     if not inside:
         raise UsageError("the grazing lies beyond the solutions of the orbit.")
     return tuple(inside[0].mode_at(t, "-"))
@@ -122,7 +122,7 @@ class _Free:
         self, problem: OrbitProblem, u: Array, value: float, i: int, side: int, touch: Tangency
     ) -> None:
         shooting = problem.shooting
-        others = [e for m in problem.motions(u, value) for e in m.events if e.index == i]
+        others = [e for m in problem.solutions(u, value) for e in m.events if e.index == i]
         if any(abs(_apart(e.t - touch.t, problem, u, value)) > 1e-2 for e in others):
             raise UsageError("the orbit meets the surface elsewhere too")
         self.system = without_surface(shooting.system, i, side)
@@ -132,17 +132,17 @@ class _Free:
         p, n = problem.p(value), shooting.n
         _, period = shooting.split(u, p)
         self.autonomous = shooting.period is None
-        motion = solve(
+        solution = solve(
             self.system, touch.x, (touch.t, touch.t + period), parameters=dict(
                 zip(shooting.system.parameters.names, p.tolist(), strict=True)
             ), rtol=shooting.rtol, atol=shooting.atol, method=shooting.method,
         )  # fmt: skip
-        if not motion.success:
-            raise SolveError(f"the solution on beyond the grazing ended early: {motion.message}", motion)
-        self.M = derivative_by_all(motion)[:n, :n]
+        if not solution.success:
+            raise SolveError(f"the solution on beyond the grazing ended early: {solution.message}", solution)
+        self.M = derivative_by_all(solution)[:n, :n]
         self.reduced = self.M
         if self.autonomous:
-            part = mode_field(self.system, motion.start_mode)
+            part = mode_field(self.system, solution.start_mode)
             t, x = np.array([touch.t]), touch.x[None, :]
             f = part.part("f", t, x, part.multipliers(t, x, p), p)[0, :, 0]
             values, left = linalg.eig(self.M.T)
@@ -161,8 +161,8 @@ class _Free:
         heights = []
         for way in (1.0, -1.0):
             point = corrector.fixed(self.u, self.value + way * step)
-            motions = self.problem.motions(np.array(point.u), point.value)
-            heights.append(nearest(tangencies(motions, self.i, self.side)).height)
+            solutions = self.problem.solutions(np.array(point.u), point.value)
+            heights.append(nearest(tangencies(solutions, self.i, self.side)).height)
         return (heights[0] - heights[1]) / (2 * step)
 
 

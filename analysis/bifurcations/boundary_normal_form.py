@@ -9,7 +9,7 @@ and the pseudo-equilibrium, A x + B l + ... = 0 on H = 0, for l = D dv/(C A^-1 B
 
 The sliding field has the eigenvalues of (1 - B C/(C B)) A on C x = 0; in the plane that is one,
 det A (C A^-1 B)/(C B). A planar focus that repels (for C B < 0: that attracts, with time reversed) has a
-sliding cycle if the motion from the visible tangency comes back to the surface before the pseudo-saddle.
+sliding cycle if the solution from the visible tangency comes back to the surface before the pseudo-saddle.
 In the plane the point is a boundary focus, node or saddle by the roots of A.
 Source: di Bernardo, Budd, Champneys & Kowalczyk 2008; Kuznetsov, Rinaldi & Gragnani 2003 (the three classes;
 their cases are described here, not numbered: later classifications count them differently, Hogan, Homer,
@@ -82,7 +82,7 @@ class BoundaryEquilibrium:
         return np.asarray(linalg.eigvals(basis.T @ matrix @ basis), dtype=complex)
 
     def cycle(self) -> tuple[float, float] | None:
-        """Of a planar focus at H = 1 with CB > 0: where the motion from the tangency comes back, and where
+        """Of a planar focus at H = 1 with CB > 0: where the solution from the tangency comes back, and where
         the pseudo-equilibrium is, along the surface from the tangency; None where it does not come back."""
         sense = 1.0 if self.across > 0 else -1.0
         A, B, C = sense * self.A, sense * self.B, self.C

@@ -37,7 +37,7 @@ _SHRUNK = 1e-5
 # many times the least coordinate that rounding leaves.
 # Where the slope at the set is farther than this from 1, in its logarithm, the cycle does not join it.
 _JOINS, _SLACK, _FAR = 1e-3, 100.0, 0.1
-# An event this near to the state that a forced orbit begins with, in parts of the motion, moves the state.
+# An event this near to the state that a forced orbit begins with, in parts of the solution, moves the state.
 _CLOSE = 0.03
 # Jets of a map that are kept: a curve asks for those of neighbours, and again with another border.
 _KEPT = 64
@@ -204,9 +204,9 @@ class OrbitProblem:
         assert orbit.unknowns is not None
         self.parameter, self.names = parameter, (parameter,)
         self.shooting = shooting or orbit.problem
-        if orbit.symmetric and self.shooting.turns == 1 and len(self.shooting.shares) == 1:
+        if orbit.symmetric and self.shooting.symmetry_order == 1 and len(self.shooting.shares) == 1:
             # Half the work, and the branch cannot leave for one without the symmetry.
-            self.shooting = replace(self.shooting, symmetry=-np.eye(self.shooting.n), turns=2)
+            self.shooting = replace(self.shooting, symmetry=-np.eye(self.shooting.n), symmetry_order=2)
         self.base = orbit.system.parameters.resolve(dict(orbit.parameters))
         self.index = orbit.system.parameters.index(parameter)
         self.start = orbit.unknowns
@@ -253,8 +253,8 @@ class OrbitProblem:
         other = object.__new__(OrbitProblem)
         other.__dict__.update(self.__dict__)
         other._last = None
-        if shooting.turns > 1:
-            other.shooting = replace(shooting, symmetry=None, turns=1)
+        if shooting.symmetry_order > 1:
+            other.shooting = replace(shooting, symmetry=None, symmetry_order=1)
         elif shooting.period is not None:
             other.shooting = shooting.times(2)
         else:
@@ -264,54 +264,54 @@ class OrbitProblem:
 
     def phased(self, u: Array, value: float, t: float) -> tuple[OrbitProblem, Array]:
         """The same orbit of a forced system from another state of it, and that state: one after which the
-        time t is inside the motion. Unchanged where the orbit has several nodes or is not forced."""
+        time t is inside the solution. Unchanged where the orbit has several nodes or is not forced."""
         shooting = self.shooting
         if shooting.period is None or len(shooting.shares) != 1:
             return self, u
-        motion = self.motions(u, value)[0]
-        low, high = motion.problem.t_span
+        solution = self.solutions(u, value)[0]
+        low, high = solution.problem.t_span
         for share in (0.37, 0.55, 0.22, 0.71):
             at = low + (t - low - share * (high - low)) % (high - low)
-            if 0 not in next((s.mode for s in motion.segments if s.t0 < at < s.t1), (0,)):
+            if 0 not in next((s.mode for s in solution.segments if s.t0 < at < s.t1), (0,)):
                 break
         else:
             return self, u
-        state, period = motion.sol(at), shooting.period(self.p(value))
+        state, period = solution.sol(at), shooting.period(self.p(value))
         other = object.__new__(OrbitProblem)
         other.__dict__.update(self.__dict__)
         other.shooting, other._last = replace(shooting, t0=at % period, unit=period, sliding=((),)), None
         return other, state
 
-    def motions(self, u: Array, value: float) -> list[Any]:
-        """The motions from the nodes; those of the last call are kept."""
+    def solutions(self, u: Array, value: float) -> list[Any]:
+        """The solutions from the nodes; those of the last call are kept."""
         key = u.tobytes()
         if self._last is None or self._last[:2] != (key, value):
-            self._last = (key, value, self.shooting.motions(u, self.p(value)))
+            self._last = (key, value, self.shooting.solutions(u, self.p(value)))
         return self._last[2]
 
     def word(self, u: Array, value: float) -> str:
         """The mode word of the orbit, as its point has it."""
         p, system = self.p(value), self.shooting.system
-        whole = whole_period(self.shooting, u, p, self.motions(u, value))
+        whole = whole_period(self.shooting, u, p, self.solutions(u, value))
         return _told(word_of(cycle_of_modes(whole), system), whole)
 
     def residual(self, u: Array, value: float) -> Array:
         """What is left of the equations."""
-        return self.shooting.residual(u, self.motions(u, value), self.p(value))
+        return self.shooting.residual(u, self.solutions(u, value), self.p(value))
 
     def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
         """See `BranchProblem`."""
-        p, motions = self.p(value), self.motions(u, value)
-        if self._equations is None or self._equations[0] is not motions:
-            matrix = self.shooting.matrix(u, motions, p, self.names)
-            self._equations = motions, self.shooting.residual(u, motions, p), matrix
+        p, solutions = self.p(value), self.solutions(u, value)
+        if self._equations is None or self._equations[0] is not solutions:
+            matrix = self.shooting.matrix(u, solutions, p, self.names)
+            self._equations = solutions, self.shooting.residual(u, solutions, p), matrix
         return self._equations[1:]
 
     def orbit(self, u: Array, value: float, margins: bool = False) -> Orbit:
         """The orbit with these unknowns."""
-        p, motions = self.p(value), self.motions(u, value)
-        left = float(np.max(np.abs(self.shooting.residual(u, motions, p))))
-        return make_orbit(self.shooting, u, p, left, motions, margins=margins)
+        p, solutions = self.p(value), self.solutions(u, value)
+        left = float(np.max(np.abs(self.shooting.residual(u, solutions, p))))
+        return make_orbit(self.shooting, u, p, left, solutions, margins=margins)
 
     def point(self, u: Array, value: float) -> BranchPoint:
         """See `BranchProblem`."""
@@ -329,7 +329,7 @@ class OrbitProblem:
             data[f"amplitude {name}"] = 0.5 * float(orbit.high[i] - orbit.low[i])
         return BranchPoint(
             value, tuple(u.tolist()), data, tuple(complex(v) for v in orbit.multipliers), orbit.stable,
-            _told(orbit.word, orbit.motions), orbit.modes, orbit.period, tests, orbit.residual,
+            _told(orbit.word, orbit.solutions), orbit.modes, orbit.period, tests, orbit.residual,
             phase=self.shooting.phase,
         )  # fmt: skip
 
@@ -352,21 +352,21 @@ class OrbitProblem:
         shooting = self.shooting
         if shooting.period is None or len(shooting.shares) != 1:
             return None
-        motion = self.motions(u, value)[0]
-        low, high = motion.problem.t_span
-        times = sorted(e.t for e in motion.events if e.kind in _SWITCHES)
+        solution = self.solutions(u, value)[0]
+        low, high = solution.problem.t_span
+        times = sorted(e.t for e in solution.events if e.kind in _SWITCHES)
         if not times or min(times[0] - low, high - times[-1]) > _CLOSE * (high - low):
             return None
         # Between neighbours on the circle; the segment that goes over the end is looked at in both parts.
         gaps = [(b - a, 0.5 * (a + b)) for a, b in pairwise(times)]
         gaps += [(times[0] - low, 0.5 * (times[0] + low)), (high - times[-1], 0.5 * (high + times[-1]))]
-        free = [(width, t) for width, t in gaps if 0 not in motion.mode_at(t, "+")]
+        free = [(width, t) for width, t in gaps if 0 not in solution.mode_at(t, "+")]
         width, t = max(free, default=(0.0, low))
         if width < 4 * _CLOSE * (high - low):
             return None
         p, period = self.p(value), shooting.period(self.p(value))
         part = solve(
-            shooting.system, u, (low, t), parameters=motion.problem.parameters, rtol=shooting.rtol,
+            shooting.system, u, (low, t), parameters=solution.problem.parameters, rtol=shooting.rtol,
             atol=shooting.atol, method=shooting.method, zeno="continue", nonunique="stick",
         )  # fmt: skip
         if part.status is not Status.SUCCESS:
@@ -382,8 +382,8 @@ class OrbitProblem:
         """See `BranchProblem`."""
         other = object.__new__(OrbitProblem)
         other.__dict__.update(self.__dict__)
-        # The motions do not depend on the phase condition.
-        other.shooting, other._equations = self.shooting.at(u, self.p(value), self.motions(u, value)), None
+        # The solutions do not depend on the phase condition.
+        other.shooting, other._equations = self.shooting.at(u, self.p(value), self.solutions(u, value)), None
         return other
 
 
@@ -435,10 +435,10 @@ class FunctionProblem:
         return self
 
 
-def _told(word: str, motions: Sequence[Solution]) -> str:
+def _told(word: str, solutions: Sequence[Solution]) -> str:
     """The word of a period with the number of its resets."""
-    count = len(motions[0].system.surfaces)
-    jumps = sum(e.kind is EventKind.RESET and e.index < count for motion in motions for e in motion.events)
+    count = len(solutions[0].system.surfaces)
+    jumps = sum(e.kind is EventKind.RESET and e.index < count for one in solutions for e in one.events)
     return word + (f" with {jumps} resets" if jumps else "")
 
 

@@ -31,12 +31,14 @@ from filippov.analysis.bifurcations.branch_problem import (
 )
 from filippov.analysis.bifurcations.corrector import FAILURES, Along, Corrector
 from filippov.analysis.bifurcations.crossing import Crossings
+from filippov.analysis.bifurcations.cycle_end import cycle_end
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.bifurcations.normal_form import described
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import refine
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 
 Array = npt.NDArray[np.float64]
@@ -44,6 +46,7 @@ Array = npt.NDArray[np.float64]
 _STRAIGHT = 0.9
 
 
+@keywords()
 def continuation(
     system: Any,
     start: Any,
@@ -325,6 +328,11 @@ class Continuation:
             value = following.point.value
             if not low <= value <= high:
                 following = corrector.at_value(current, following, low if value < low else high)
+            shrunk = cycle_end(current, following, self.bounds)
+            if shrunk is not None:
+                self._message = f"{shrunk.special} at {shrunk.value:.12g}"
+                yield shrunk
+                return
             found, goes_on = crossings.between(current, following, step)
             if any(not low - near <= point.value <= high + near for point in found) and step > self.min_step:
                 # The branch leaves the bounds and comes back within the step: shorter ones end at the bound.

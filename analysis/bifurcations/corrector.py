@@ -123,7 +123,7 @@ class Corrector:
             if not np.isfinite(size) or moved > _FARTHEST or (count > 3 and size > 4 * last and size > 1e-6):
                 raise NoConvergenceError("the corrector leaves the branch.")
             z = z + change
-            # Changes that no longer shrink are the rounding of the motions.
+            # Changes that no longer shrink are the rounding of the solutions.
             rounding = size < _NOISE and size > 0.1 * last and float(np.max(np.abs(residual))) < _NOISE
             if size < _TOLERANCE or rounding:
                 return z, count

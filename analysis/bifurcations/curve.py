@@ -5,7 +5,7 @@ switching-sliding, adding-sliding.
 Unknowns are those of the solution and the first parameter; the equations are those of the solution and the
 vanishing test function, whose derivatives are taken by differences of exact quantities. A fold is where the
 bordered matrix has g = 0 in [J b; c 0] (v, g) = (0, 1) (Govaerts 2000). Grazing is
-the least value of h along the motion that goes on as if the surface were not there; the changes of sliding
+the least value of h along the solution that goes on as if the surface were not there; the changes of sliding
 are in `filippov.analysis.bifurcations.sliding_border`.
 """
 
@@ -32,6 +32,7 @@ from filippov.analysis.bifurcations.sliding_border import ADDING, ARRIVALS, Cont
 from filippov.analysis.bifurcations.tangency import Tangency, tangencies
 from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 
 Array = npt.NDArray[np.float64]
@@ -44,6 +45,7 @@ CONTACTS = ("grazing", *BORDERS)
 _ASIDE = 1e-9
 
 
+@keywords()
 def curve(
     run: Continuation,
     special: BranchPoint,
@@ -101,7 +103,7 @@ def _system(problem: OrbitProblem | EquilibriumProblem) -> Any:
 
 def _grazed(problem: Any, special: BranchPoint) -> tuple[int, int]:
     """The surface that is grazed, and the side the orbit is on."""
-    return touched(problem.doubled() if problem.shooting.turns > 1 else problem, special)
+    return touched(problem.doubled() if problem.shooting.symmetry_order > 1 else problem, special)
 
 
 class CurveProblem:
@@ -111,7 +113,7 @@ class CurveProblem:
         self, inner: Any, test: str, parameter: str, u: Array, value: float, at: float, width: float,
         grazed: tuple[int, int] = (0, 1), avoid: Tangency | None = None,
     ) -> None:  # fmt: skip
-        if test == "grazing" and isinstance(inner, OrbitProblem) and inner.shooting.turns > 1:
+        if test == "grazing" and isinstance(inner, OrbitProblem) and inner.shooting.symmetry_order > 1:
             # The tangency may be in any part of a symmetric orbit.
             inner = inner.doubled()
         self.inner, self.test, self.parameter = inner, test, parameter
@@ -128,7 +130,7 @@ class CurveProblem:
                 self.inner = inner.with_system(
                     without_surface(inner.shooting.system, self.grazed, self.side)
                 )
-            # The contact is kept away from the ends of the motion, which it would leave by otherwise.
+            # The contact is kept away from the ends of the solution, which it would leave by otherwise.
             contact = self._nearest(self._inner(at), u, value, avoid)
             self.inner, u = self._inner(at).phased(u, value, contact.t)
             self.start = np.append(u, value)
@@ -149,11 +151,11 @@ class CurveProblem:
         return float(problem.point(u, value).tests[self.test])
 
     def _found(self, problem: OrbitProblem, u: Array, value: float) -> Sequence[Contact | Tangency]:
-        motions = problem.motions(u, value)
+        solutions = problem.solutions(u, value)
         found: Sequence[Contact | Tangency] = (
-            tangencies(motions, self.grazed, self.side)
+            tangencies(solutions, self.grazed, self.side)
             if self.test == "grazing"
-            else contacts(self.test, motions, self.grazed)
+            else contacts(self.test, solutions, self.grazed)
         )
         if not found:
             raise NoConvergenceError(f"the orbit has no contact with the border of sliding: {self.test}.")

@@ -12,6 +12,7 @@ from filippov.analysis.bifurcations.curve import CONTACTS, CurveProblem
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.bifurcations.tangency import Tangency
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 
 Array = npt.NDArray[np.float64]
 BOUNDARY = "boundary equilibrium"
@@ -35,6 +36,7 @@ MEETS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
+@keywords()
 def curves_at(run: Continuation, special: BranchPoint) -> tuple[str, ...]:
     """The kinds of the other curves that meet the curve of `run` at a codimension-2 point."""
     if not isinstance(run.problem, CurveProblem):
@@ -44,6 +46,7 @@ def curves_at(run: Continuation, special: BranchPoint) -> tuple[str, ...]:
     return tuple(kind for kind in meeting if kind != mine or special.special == "double grazing")
 
 
+@keywords()
 def switch_curve(
     run: Continuation,
     special: BranchPoint,

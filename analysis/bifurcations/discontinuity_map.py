@@ -1,10 +1,10 @@
-"""What a tangency of a surface adds to a motion: the zero-time discontinuity map x -> x + c z^q + ...
+"""What a tangency of a surface adds to a solution: the zero-time discontinuity map x -> x + c z^q + ...
 
-z > 0 measures how far beyond the border the motion is, c is the coefficient, q the leading exponent. With
-H = side h >= 0 where the motion is, F1 its field and F2 that of the other side, v2 = L_F2 H, a = L_F1^2 H,
+z > 0 measures how far beyond the border the solution is, c is the coefficient, q the leading exponent. With
+H = side h >= 0 where the solution is, F1 its field and F2 that of the other side, v2 = L_F2 H, a = L_F1^2 H,
 a2 = L_F2^2 H, c3 = L_F2^3 H and U = (F2 - F1)/(v1 - v2) = (F1 - F2)/(v2 - v1):
 
-    tangency, z = -min H of the motion that goes on as if the surface were not there
+    tangency, z = -min H of the solution that goes on as if the surface were not there
         reset x+ = R(x)              q = 1/2   -sqrt(2 a) (R_x F1 - F1)/a
         F1 != F2, both tangent       q = 1/2   2 sqrt(2/a) (L_F1 L_F2 H/a2) (F2 - F1)
         F2 points back (sliding)     q = 1     (F2 - F1)/v2
@@ -49,7 +49,7 @@ class DiscontinuityMap:
               "switching-sliding" or "adding-sliding"
     exponent  q; vector: c (n,), by states
     slope     H_x (n,), the gradient of H by the states
-    bend      the second derivative of H along the motion: a, a2 or c3
+    bend      the second derivative of H along the solution: a, a2 or c3
     """
 
     kind: str
@@ -135,7 +135,7 @@ def discontinuity_map(
     kind   "grazing" (what it is follows from the fields), "crossing-sliding", "switching-sliding",
            "adding-sliding"
     x, t   the state of the tangency and its time; p: one row of parameter values
-    mode   signs of the other surfaces; i: the surface; side: +1 or -1, the side on which the motion is (for
+    mode   signs of the other surfaces; i: the surface; side: +1 or -1, the side on which the solution is (for
            adding-sliding the one it does not leave to)
 
     Raises UsageError where the fields do not allow it, and names what is in the way.

@@ -114,6 +114,11 @@ class EquilibriumProblem:
             (mode_text(self.mode),), 0.0, tests, left, note="" if inside else "virtual",
         )  # fmt: skip
 
+    def gradient(self, i: int, x: Array, value: float) -> Array:
+        """dh/dx of surface i at a state."""
+        at = (np.zeros(1), x[None, :], np.array(self.mode, dtype=float)[None, :], self.p(value))
+        return np.asarray(self.field.part("hy", *at)[0, i, : len(x)])
+
     def _eigenvalues(self, at: tuple[Array, Array, Array, Array]) -> tuple[npt.NDArray[np.complex128], float]:
         """Eigenvalues of the linearisation along the sliding surfaces, and whether these attract (> 0)."""
         n = self.system.dimension

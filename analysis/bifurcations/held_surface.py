@@ -1,4 +1,4 @@
-"""A system as it would be if one surface were not there: for the motion on beyond a tangency."""
+"""A system as it would be if one surface were not there: for the solution on beyond a tangency."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ class OutsideError(ArithmeticError):
 
 
 class Jets:
-    """Derivatives of A at 0: matrix(x) gives A (n, n) for x (n,) in units of the size of the motion.
+    """Derivatives of A at 0: matrix(x) gives A (n, n) for x (n,) in units of the size of the solution.
 
     matrix may raise OutsideError; then it is asked nearer to 0.
     """

@@ -38,7 +38,7 @@ def normal_form(problem: Any, point: BranchPoint, width: float, name: str) -> Fo
 
     problem  the equations that the point solves; width: of the bounds; name: of the parameter
 
-    Raises UsageError where the coefficients are not known, what motions raise.
+    Raises UsageError where the coefficients are not known, what solutions raise.
     """
     u, value, kind = np.array(point.u), point.value, point.special
     maps = isinstance(problem, MapProblem | OrbitProblem)

@@ -25,7 +25,7 @@ def return_jets(problem: MapProblem | OrbitProblem, u: Array, value: float) -> t
     """Jets of the return map at a solution, and the states (n, k) that its k coordinates move.
 
     Raises UsageError where the state lies on a sliding surface or the orbit has several nodes, and what the
-    motions raise; the jets raise OutsideError where neighbouring motions meet other events.
+    solutions raise; the jets raise OutsideError where neighbouring solutions meet other events.
     """
     if isinstance(problem, MapProblem):
         return _map_jets(problem, u, value)
@@ -59,15 +59,15 @@ class _Return:
         self.u, self.x, self.gate = u, u[: shooting.n], linalg.inv(shooting.gate)
         scale = problem.scale[: shooting.n]
         if shooting.period is None:
-            motion = problem.motions(u, value)[0]
-            f = velocity_at(shooting.system, motion.start_mode, motion.problem.t_span[0], self.x, self.p)
+            solution = problem.solutions(u, value)[0]
+            f = velocity_at(shooting.system, solution.start_mode, solution.problem.t_span[0], self.x, self.p)
             # Orthonormal in scaled states: the plane is across the velocity there.
             self.normal = f / scale**2
             self.directions = scale[:, None] * linalg.null_space((f / scale)[None, :])
         else:
             self.directions = np.diag(scale)
         self.back = linalg.pinv(self.directions)
-        self.word = [segment.mode for segment in problem.motions(u, value)[0].segments]
+        self.word = [segment.mode for segment in problem.solutions(u, value)[0].segments]
 
     def matrix(self, z: Array) -> Array:
         """dP/dz at x + directions z."""
@@ -75,26 +75,27 @@ class _Return:
         shooting, n = self.shooting, self.shooting.n
         u = np.append(x, self.u[n:])
         if shooting.period is not None:
-            motion = shooting.motions(u, self.p)[0]
-            by = derivative_by_all(motion, False, (), shooting.jacobian)[:n, :n]
-            self._same(motion)
+            solution = shooting.solutions(u, self.p)[0]
+            by = derivative_by_all(solution, False, (), shooting.jacobian)[:n, :n]
+            self._same(solution)
             return np.asarray(self.back @ self.gate @ by @ self.directions)
         for _ in range(_RETURNS):
-            motion = shooting.motions(u, self.p)[0]
-            f = self.gate @ velocity_at(shooting.system, motion.end_mode, motion.t_end, motion.x_end, self.p)
-            gap = float(self.normal @ (self.gate @ motion.x_end - self.x))
+            solution = shooting.solutions(u, self.p)[0]
+            end = solution.end_mode, solution.t_end, solution.x_end
+            f = self.gate @ velocity_at(shooting.system, *end, self.p)
+            gap = float(self.normal @ (self.gate @ solution.x_end - self.x))
             late = gap / float(self.normal @ f)
             if abs(late) < 1e-11 * u[-1]:
                 break
-            u[-1] -= late * shooting.turns
+            u[-1] -= late * shooting.symmetry_order
         else:
             raise NoConvergenceError("the solution does not come back to the plane across the orbit.")
-        self._same(motion)
-        by = derivative_by_all(motion, False, (), shooting.jacobian)[:n, :n]
+        self._same(solution)
+        by = derivative_by_all(solution, False, (), shooting.jacobian)[:n, :n]
         on = np.eye(n) - np.outer(f, self.normal) / float(self.normal @ f)
         return np.asarray(self.back @ on @ self.gate @ by @ self.directions)
 
-    def _same(self, motion: Solution) -> None:
-        modes = [segment.mode for segment in motion.segments]
+    def _same(self, solution: Solution) -> None:
+        modes = [segment.mode for segment in solution.segments]
         if modes != self.word:
             raise OutsideError("another sequence of modes.")

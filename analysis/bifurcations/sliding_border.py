@@ -1,6 +1,6 @@
 """Where an orbit meets the border of sliding of a surface, and how far from it: test functions of curves.
 
-A motion that arrives at h = 0 from the side sigma goes on sliding where the field of the other side points
+A solution that arrives at h = 0 from the side sigma goes on sliding where the field of the other side points
 back, and crosses where it does not. Crossing-sliding and switching-sliding are both
 
     sigma dh/dt = 0 at the arrival, with the multiplier at its end on the other side;
@@ -37,7 +37,7 @@ SIDES = np.array([-1.0, 1.0])
 @dataclass(frozen=True)
 class Contact:
     """State x and time t of an arrival at a surface or of a least distance; gap: the test function, 0 on the
-    border of sliding; side: where the motion comes from, or the end of the set that is near."""
+    border of sliding; side: where the solution comes from, or the end of the set that is near."""
 
     x: Array
     t: float
@@ -53,15 +53,15 @@ class Contact:
         return apart if self.side == other.side else float("inf")
 
 
-def contacts(kind: str, motions: Sequence[Solution], i: int) -> list[Contact]:
+def contacts(kind: str, solutions: Sequence[Solution], i: int) -> list[Contact]:
     """All contacts of an orbit with the border of sliding on surface i that a kind of change is tested at."""
     found = _least if kind == ADDING else _arrivals
-    return [contact for motion in motions for contact in found(motion, i)]
+    return [contact for solution in solutions for contact in found(solution, i)]
 
 
-def _arrivals(motion: Solution, i: int) -> Iterator[Contact]:
-    system, p = motion.problem.system, motion.problem.p
-    for event in motion.events:
+def _arrivals(solution: Solution, i: int) -> Iterator[Contact]:
+    system, p = solution.problem.system, solution.problem.p
+    for event in solution.events:
         if event.index != i or event.before[i] == 0:
             continue
         if event.kind not in (EventKind.CROSSING, EventKind.ENTRY):
@@ -76,12 +76,12 @@ def _arrivals(motion: Solution, i: int) -> Iterator[Contact]:
         yield Contact(np.asarray(event.x), event.t, side * rates[0] / abs(rates[1]), side)
 
 
-def _least(motion: Solution, i: int) -> Iterator[Contact]:
+def _least(solution: Solution, i: int) -> Iterator[Contact]:
     """Least distances of the multiplier from the ends of its set, also of sliding motions that left."""
-    sol = motion.sol
+    sol = solution.sol
     assert sol is not None
     phases: list[list[Segment]] = []
-    for segment in motion.segments:
+    for segment in solution.segments:
         if phases and phases[-1][-1].mode == segment.mode:
             phases[-1].append(segment)
         else:
@@ -90,7 +90,7 @@ def _least(motion: Solution, i: int) -> Iterator[Contact]:
         mode, t0, t1 = phase[0].mode, phase[0].t0, phase[-1].t1
         if mode[i] != 0 or not t0 < t1:
             continue
-        edge = _Edge(motion, mode, i)
+        edge = _Edge(solution, mode, i)
         ends = [t0, *sol.start[(sol.start > t0) & (sol.start < t1)].tolist(), t1]
         grid = np.concatenate([np.linspace(a, b, _GRID, endpoint=False) for a, b in pairwise(ends)])[1:]
         path: Callable[[Array], Array] = sol
@@ -113,9 +113,9 @@ def _joined(
 class _Edge:
     """The multiplier of surface i while a mode slides on it, against the ends of its set."""
 
-    def __init__(self, motion: Solution, mode: Mode, i: int) -> None:
-        self.field: ModeField = mode_field(motion.problem.system, mode)
-        self.p, self.i, self.place = motion.problem.p, i, self.field.sliding.index(i)
+    def __init__(self, solution: Solution, mode: Mode, i: int) -> None:
+        self.field: ModeField = mode_field(solution.problem.system, mode)
+        self.p, self.i, self.place = solution.problem.p, i, self.field.sliding.index(i)
 
     def gaps(self, t: Array, x: Array) -> tuple[Array, Array]:
         """Distance of s from the lower and the upper end at times (k,) and states (n, k), and its derivative
@@ -130,7 +130,7 @@ class _Edge:
         return SIDES * (ends - s[:, self.i, None]), SIDES * rates
 
     def minima(self, x: Callable[[Array], Array], grid: Array) -> Iterator[Contact]:
-        """Interior least distances of the motion x(t) between the times of a grid."""
+        """Interior least distances of the solution x(t) between the times of a grid."""
         _, rates = self.gaps(grid, x(grid))
         for column, side in enumerate(SIDES.tolist()):
             for k in np.flatnonzero((rates[:-1, column] < 0) & (rates[1:, column] >= 0)):

@@ -137,7 +137,7 @@ def ring(problem: Any, u: Array, value: float, width: float, name: str) -> Form:
 
 
 def _half(problem: Any) -> bool:
-    return isinstance(problem, OrbitProblem) and problem.shooting.turns == 2
+    return isinstance(problem, OrbitProblem) and problem.shooting.symmetry_order == 2
 
 
 def _nearest(pair: npt.NDArray[np.complex128]) -> float:

@@ -3,9 +3,9 @@
 Changes of the sequence of modes of an orbit are named by the short segment that appears or vanishes between
 its neighbours a -> z -> b on a surface (di Bernardo et al. 2008):
 
-    + 0 +   grazing-sliding: a motion off the surface touches it where it attracts
+    + 0 +   grazing-sliding: a solution off the surface touches it where it attracts
     + 0 -   crossing-sliding: a crossing reaches the border of sliding
-    + - 0   switching-sliding: the entry into sliding crosses its border, and the motion crosses first
+    + - 0   switching-sliding: the entry into sliding crosses its border, and the solution crosses first
     0 + 0   adding-sliding: sliding touches the border of sliding
     + - +   C-bifurcation: grazing of a surface that is crossed (also of one where the field is continuous)
             or where the state jumps
@@ -28,8 +28,8 @@ _MOST_REMOVED = 6
 def segments_of(orbit: Orbit) -> list[tuple[Mode, float]]:
     """(mode, duration) over one period, equal neighbours joined, the last with the first."""
     out: list[tuple[Mode, float]] = []
-    for motion in orbit.motions or (orbit.solution(),):
-        for segment in motion.segments:
+    for solution in orbit.solutions or (orbit.solution(),):
+        for segment in solution.segments:
             if out and out[-1][0] == segment.mode:
                 out[-1] = (segment.mode, out[-1][1] + segment.dwell)
             else:

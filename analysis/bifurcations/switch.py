@@ -23,12 +23,14 @@ from filippov.analysis.bifurcations.corrector import Along, Corrector
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 
 Array = npt.NDArray[np.float64]
 SWITCHES = ("branch point", "period doubling", "symmetry breaking")
 _REACH, _SINGULAR, _NOISE, _FLAT = 1e-4, 1e-3, 1e-6, 1e-4
 
 
+@keywords()
 def switch(
     run: Continuation,
     special: BranchPoint,
@@ -87,7 +89,8 @@ def _doubled(problem: Any, u: Array, value: float, tangent: Array) -> tuple[Any,
     if not isinstance(problem, MapProblem | OrbitProblem):
         raise UsageError("a period doubles for maps and orbits.")
     u, tangent = u.copy(), tangent.copy()
-    if isinstance(problem, OrbitProblem) and problem.shooting.period is None and problem.shooting.turns == 1:
+    shooting = problem.shooting if isinstance(problem, OrbitProblem) else None
+    if shooting is not None and shooting.period is None and shooting.symmetry_order == 1:
         u[-1], tangent[-2] = 2 * u[-1], 2 * tangent[-2]
     return problem.doubled(), u, tangent
 

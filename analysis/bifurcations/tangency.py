@@ -40,9 +40,9 @@ class Tangency:
         return apart
 
 
-def tangencies(motions: Sequence[Solution], i: int, side: int) -> list[Tangency]:
+def tangencies(solutions: Sequence[Solution], i: int, side: int) -> list[Tangency]:
     """All tangencies of trajectories to surface i from one side."""
-    return [found for motion in motions for found in (*_least(motion, i, side), *_slow(motion, i, side))]
+    return [found for one in solutions for found in (*_least(one, i, side), *_slow(one, i, side))]
 
 
 def nearest(found: Sequence[Tangency]) -> Tangency:
@@ -52,12 +52,12 @@ def nearest(found: Sequence[Tangency]) -> Tangency:
     return min(found, key=lambda touch: abs(touch.height))
 
 
-def _least(motion: Solution, i: int, side: int) -> Iterator[Tangency]:
+def _least(solution: Solution, i: int, side: int) -> Iterator[Tangency]:
     """Interior least heights while the surface is off."""
-    system, p, sol = motion.problem.system, motion.problem.p, motion.sol
+    system, p, sol = solution.problem.system, solution.problem.p, solution.sol
     assert sol is not None
     observer = system.surfaces[i].kind == "observer"
-    for segment in motion.segments:
+    for segment in solution.segments:
         if not observer and segment.mode[i] != side:
             continue
         mode = segment.mode
@@ -82,10 +82,10 @@ def _least(motion: Solution, i: int, side: int) -> Iterator[Tangency]:
             yield Tangency(np.atleast_2d(sol(at).T)[0].copy(), t, float(read("h", at)[0]))
 
 
-def _slow(motion: Solution, i: int, side: int) -> Iterator[Tangency]:
-    """Events of the surface reached from the side, with the height that the motion would come to."""
-    system, p = motion.problem.system, motion.problem.p
-    for event in motion.events:
+def _slow(solution: Solution, i: int, side: int) -> Iterator[Tangency]:
+    """Events of the surface reached from the side, with the height that the solution would come to."""
+    system, p = solution.problem.system, solution.problem.p
+    for event in solution.events:
         if event.index != i or event.before[i] != side or system.surfaces[i].kind == "observer":
             continue
         part = mode_field(system, event.before)

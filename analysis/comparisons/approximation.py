@@ -1,4 +1,4 @@
-"""What stands for a system in a comparison of motions: its name, its width, its equations, its integrator."""
+"""What stands for a system in a comparison of solutions: name, width, equations, integrator."""
 
 from __future__ import annotations
 

@@ -2,13 +2,13 @@
 
 In such a model the surface is never reached: there is no sliding entry. What counts as stick is one of
 
-    by modes   the motion is in the mode in which the model says it sticks: signs of its own surfaces, each
+    by modes   the solution is in the mode in which the model says it sticks: signs of its own surfaces, each
                closed ("-" is h <= 0), so that moving along the edge of the layer counts as well
     by layer   |h| <= reach * width for the surface h of the exact system, as long as the exact system is
                attracted to the surface from both sides (dh/dt < 0 at s = +1 and > 0 at s = -1)
 
-Comparators of bounded width are read by modes with that same condition at the entry; without it a motion that
-only reverses would stick.
+Comparators of bounded width are read by modes with that same condition at the entry; without it a solution
+that only reverses would stick.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ from filippov.solving.state.machine import Machine
 Array = npt.NDArray[np.float64]
 # tanh(10) is 1 to 4e-9: beyond this many widths the smooth sign is the sign.
 SMOOTH_REACH = 10.0
+# Times in one stay in the layer at which it is seen whether the exact system attracts.
+NODES = 200
 _SIGNS = {"-": (-1, 0), "+": (1, 0)}
 
 
@@ -148,7 +150,7 @@ class Reader:
         return float(machine.guards(t, point, np.ones(machine.m))[self.index])
 
     def _by_layer(self, solution: Solution, half: float) -> list[Stay]:
-        """Stays in |h| <= half that are entered where the exact system attracts, from the dense output."""
+        """Stays in |h| <= half while the exact system attracts, from the dense output."""
         sol = solution.sol
         assert sol is not None, "the layer is read from the dense output"
         edge = half * (1.0 + 1e-9)
@@ -158,33 +160,24 @@ class Reader:
         def inner(time: float) -> bool:
             return abs(self.height(time, sol(time))) <= edge
 
+        def held(time: float) -> bool:
+            return self.attraction(time, sol(time)) > 0
+
         out: list[Stay] = []
         for first, last in _runs(inside):
             t0 = float(t[0]) if first == 0 else _border(float(t[first - 1]), float(t[first]), inner)
             end = last == len(t) - 1
             t1 = float(t[-1]) if end else _border(float(t[last + 1]), float(t[last]), inner)
-            entry = np.asarray(solution.problem.x0 if first == 0 else sol(t0))
-            if self.attraction(t0, entry) <= 0:
-                continue
-            released = self._release(solution, np.unique(np.concatenate([[t0], t[first : last + 1], [t1]])))
-            out.append(
-                Stay(t0, t1 if released is None else released, entry, first == 0, end and released is None)
-            )
+            nodes = np.unique(np.concatenate([[t0], t[first : last + 1], [t1]]))
+            nodes = nodes[np.unique(np.linspace(0, nodes.size - 1, NODES).astype(int))]
+            for a, b in _runs(np.array([held(float(time)) for time in nodes])):
+                begun = t0 if a == 0 else _border(float(nodes[a - 1]), float(nodes[a]), held)
+                over = b == nodes.size - 1
+                ended = t1 if over else _border(float(nodes[b + 1]), float(nodes[b]), held)
+                at_start = first == a == 0
+                entry = np.asarray(solution.problem.x0 if at_start else sol(begun))
+                out.append(Stay(begun, ended, entry, at_start, end and over))
         return out
-
-    def _release(self, solution: Solution, times: Array) -> float | None:
-        """First time at which the exact system no longer attracts, None if it does throughout."""
-        sol = solution.sol
-        assert sol is not None
-
-        def attracts(time: float) -> bool:
-            return self.attraction(time, sol(time)) > 0
-
-        chosen = times[np.unique(np.linspace(0, times.size - 1, 200).astype(int))]
-        for before, after in itertools.pairwise(chosen):
-            if not attracts(float(after)):
-                return _border(float(after), float(before), attracts)
-        return None
 
 
 def _border(outside: float, inside: float, test: Callable[[float], bool]) -> float:

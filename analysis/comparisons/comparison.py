@@ -6,10 +6,10 @@ Compared, at every width and for every combination of a model's options:
     error_P             largest |P(d) - P_exact(d)| over the coordinates d
     error_fixed_points  |d* - d*_exact| for every isolated fixed point of the order-th return
     drift               largest |position(t) - position(entry)| during the stays in stick of the response
-    field_calls, seconds   of the same motions over the same span, ratios to the exact system beside them
+    field_calls, seconds   of the same solutions over the same span, ratios to the exact system beside them
 
-P(d) is the section's coordinate where the motion that starts at lift(d) enters stick (see `band_model` for
-what that is); the order-th return is its order-th entry, in one motion, so that what the model does during
+P(d) is the section's coordinate where the solution that starts at lift(d) enters stick (see `band_model` for
+what that is); the order-th return is its order-th entry, in one solution, so that what the model does during
 stick is in it. The exact system is computed at two tolerances; its row holds how far they differ, and that
 bounds what can be told.
 """
@@ -31,10 +31,11 @@ from filippov.analysis.comparisons.comparison_run import (
     Position,
     blank_row,
 )
-from filippov.analysis.comparisons.motion_result import MotionComparison
-from filippov.analysis.comparisons.motions import compare_motions
+from filippov.analysis.comparisons.solution_result import SolutionComparison
+from filippov.analysis.comparisons.solutions import compare_solutions
 from filippov.analysis.maps.section import Section
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
 
@@ -45,14 +46,14 @@ WIDTHS = tuple(10.0**-k for k in range(2, 9))
 @overload
 def compare(exact: System, section: Section, bands: Any = ..., **options: Any) -> Comparison: ...
 @overload
-def compare(exact: System, x0: Any, t_span: tuple[float, float], **options: Any) -> MotionComparison: ...
+def compare(exact: System, x0: Any, t_span: tuple[float, float], **options: Any) -> SolutionComparison: ...
 @overload
-def compare(exact: System, *, t_span: tuple[float, float], **options: Any) -> MotionComparison: ...
-def compare(exact: System, *given: Any, **options: Any) -> Comparison | MotionComparison:
-    """Compare the inclusion with what is used in its place: over the returns to a section, or along a motion.
+def compare(exact: System, *, t_span: tuple[float, float], **options: Any) -> SolutionComparison: ...
+def compare(exact: System, *given: Any, **options: Any) -> Comparison | SolutionComparison:
+    """Compare the inclusion with what is used in its place: over returns to a section or along a solution.
 
     compare(system, section, bands, ...)     see `compare_sections`
-    compare(system, x0, t_span, ...)         see `filippov.analysis.comparisons.motions.compare_motions`
+    compare(system, x0, t_span, ...)         see `filippov.analysis.comparisons.solutions.compare_solutions`
 
     Raises UsageError, ModelError.
     """
@@ -60,9 +61,10 @@ def compare(exact: System, *given: Any, **options: Any) -> Comparison | MotionCo
         return compare_sections(exact, *given, **options)
     if not given and "t_span" not in options:
         raise UsageError("compare needs a Section, or x0 and t_span: compare(system, x0, t_span).")
-    return compare_motions(exact, *given, **options)
+    return compare_solutions(exact, *given, **options)
 
 
+@keywords()
 def compare_sections(
     exact: System,
     section: Section,
@@ -94,7 +96,7 @@ def compare_sections(
     x0           start of the response, default the lift of the middle coordinate; events: how many to compare
     position     quantity (t, x, p) that stick keeps, p of the exact system; default the coordinate
     parameters   values by name, for the exact system and every model that has them
-    max_steps    budget of one motion; a model that uses it up is not tried at smaller widths
+    max_steps    budget of one solution; a model that uses it up is not tried at smaller widths
     repeats      runs whose median is the time, exact and model in turn
     progress     called with (done, total, what)
 

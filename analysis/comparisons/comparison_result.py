@@ -26,6 +26,7 @@ UNCOMPUTED = "not computed"
 # Widths, from the smallest whose difference is above the floor, that an order is fitted to.
 FITTED = 4
 SLOWEST = 0.25
+Pairs = list[tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ class Comparison:
         model, options = rows[0]["model"], options_of(rows[0])
         name, what = label(model, options), QUANTITIES[quantity]
         part = ""
-        floor = 10.0 * (0.0 if quantity == "drift" else size(self.rows[0][quantity]) or 0.0) + 1e-14
+        floor = 10.0 * (0.0 if quantity == "drift" else largest(self.rows[0][quantity]) or 0.0) + 1e-14
 
         def made(order: float | None, vanishes: bool | None, text: str) -> Trend:
             return Trend(model, options, quantity, order, vanishes, f"{name}: {what}{part} {text}")
@@ -115,7 +116,7 @@ class Comparison:
         whole = quantity != "error_fixed_points" or "is lost" in narrow["note"]
         kept = () if whole else tuple(i for i, e in enumerate(narrow[quantity]) if e is not None)
         sizes = [
-            (row["width"], size([row[quantity][i] for i in kept] if kept else row[quantity]))
+            (row["width"], largest([row[quantity][i] for i in kept] if kept else row[quantity]))
             for row in computed
         ]
         known = [(width, error) for width, error in sizes if error is not None]
@@ -126,13 +127,12 @@ class Comparison:
             if len(computed) < len(rows) or "too many steps" in narrow["note"]:
                 return made(None, None, f"{where}, and smaller ones take too many steps.")
             return made(None, False, f"{where}: the model does NOT converge to the exact system.")
-        above = [(width, error) for width, error in known if error > floor][-FITTED:]
+        above, order = fitted(known, floor)
         width, error = known[-1]
         if error <= floor and len(above) < 2:
             return made(None, True, f"is not more than rounding at width {width:g}.")
-        if len(above) < 2:
+        if order is None:
             return made(None, None, f"is {error:.3g} at width {width:g}; one width gives no order.")
-        order = float(np.polyfit(np.log([w for w, _ in above]), np.log([e for _, e in above]), 1)[0])
         if order > SLOWEST:
             end = "not more than rounding" if error <= floor else f"{error:.2g}"
             return made(order, True, f"goes to 0 like width^{order:.2f}; {end} at width {width:g}.")
@@ -147,13 +147,7 @@ class Comparison:
     def to_text(self) -> str:
         """The table, then the orders, then what does not go to 0."""
         head = ("model", "width", "err times", "err P", "err fixed", "drift", "calls", "x", "ms", "x", "note")
-        table = [head, *(_cells(row) for row in self.rows)]
-        widths = [max(len(line[i]) for line in table) for i in range(len(head))]
-        lines = []
-        for line in table:
-            cells = [cell.rjust(width) for cell, width in zip(line, widths, strict=True)][1:-1]
-            lines.append("  ".join([line[0].ljust(widths[0]), *cells, line[-1]]).rstrip())
-        lines.insert(1, "-" * max(len(line) for line in lines))
+        lines = aligned([head, *(_cells(row) for row in self.rows)])
         where = ", ".join(f"{d:g}" for d in self.coordinates)
         foot = f"P(d) at {self.coordinate} = {where}; rtol {self.rtol:g}; x: over the exact system beside it."
         lines += ["", foot, ""]
@@ -178,6 +172,25 @@ class Comparison:
         return plot_comparison(self, **options)
 
 
+def fitted(known: Pairs, floor: float) -> tuple[Pairs, float | None]:
+    """The last FITTED of the pairs (width, error) above the floor, and their order; None for one or none."""
+    above = [(width, error) for width, error in known if error > floor][-FITTED:]
+    if len(above) < 2:
+        return above, None
+    widths, errors = np.log(above).T
+    return above, float(np.polyfit(widths, errors, 1)[0])
+
+
+def aligned(table: Sequence[Sequence[str]]) -> list[str]:
+    """A head and rows as lines in columns: the first and the last to the left, with a rule below the head."""
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = []
+    for first, *middle, last in table:
+        cells = map(str.rjust, middle, widths[1:-1])
+        lines.append("  ".join([first.ljust(widths[0]), *cells, last]).rstrip())
+    return [lines[0], "-" * max(map(len, lines)), *lines[1:]]
+
+
 def options_of(row: Mapping[str, Any]) -> dict[str, float]:
     """The options of a row: what is not a column of every table."""
     return {name: value for name, value in row.items() if name not in _OWN}
@@ -189,7 +202,7 @@ def label(model: str, options: Mapping[str, float]) -> str:
     return f"{model} ({inner})" if inner else model
 
 
-def size(value: Any) -> float | None:
+def largest(value: Any) -> float | None:
     """The difference as one number: the largest of several, None where one is missing."""
     values = value if isinstance(value, (list, tuple)) else [value]
     return None if not values or any(v is None for v in values) else float(max(values))
@@ -197,7 +210,7 @@ def size(value: Any) -> float | None:
 
 def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     def number(value: Any, form: str = ".1e") -> str:
-        found = size(value)
+        found = largest(value)
         return "-" if found is None else format(found, form)
 
     seconds = row["seconds"]

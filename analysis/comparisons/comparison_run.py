@@ -27,13 +27,13 @@ from filippov.solving.state.options import check_state
 Array = npt.NDArray[np.float64]
 Position = Callable[[float, Any, Any], float]
 TIGHT = 3e-14
-LATEST = 2.0  # a band model that takes longer than this times the exact turn does not return
-# Motions are timed in copies, at most so many and for about so many seconds, so that the call does not count.
+LATEST = 2.0  # a band model that takes longer than this times the exact return does not return
+# Solutions are timed in copies, at most so many, for about so many seconds: the call does not count then.
 COPIES, ENOUGH = 20, 0.02
 
 
 class OverBudgetError(Exception):
-    """The steps of one motion are used up."""
+    """The steps of one solution are used up."""
 
 
 def blank_row(name: str, width: float | None, options: Mapping[str, float]) -> dict[str, Any]:
@@ -168,7 +168,7 @@ class ExactRun:
         }  # fmt: skip
 
     def clock(self, system: System, given: Mapping[str, float]) -> tuple[int, float, float]:
-        """Field calls and seconds of the motions from all coordinates over the response's span; exact ones.
+        """Field calls and seconds of the solutions from all coordinates over the response's span; exact ones.
 
         The exact system is timed in turn with the model. Raises OverBudgetError.
         """
@@ -217,7 +217,8 @@ class BandRun:
         """Everything that is compared. Raises OverBudgetError."""
         exact = self.exact
         calls, seconds, beside = exact.clock(self.system, self.parameters)
-        values = np.array([self.turn(float(q), 1, t) for q, t in zip(exact.d, exact.horizons, strict=True)])
+        pairs = zip(exact.d, exact.horizons, strict=True)
+        values = np.array([self.nth_return(float(q), 1, t) for q, t in pairs])
         gap = np.abs(values - exact.fine.values)
         lost = exact.d[~np.isfinite(gap)].tolist()
         response = self.solve(exact.x0, 1.5 * exact.t_response, dense=True)
@@ -255,7 +256,7 @@ class BandRun:
         }  # fmt: skip
 
     def solve(self, x0: Array, t_end: float, dense: bool, max_events: int = 100_000) -> Solution:
-        """A motion of the model. Raises OverBudgetError."""
+        """A solution of the model. Raises OverBudgetError."""
         solution: Solution = solve(
             self.system, x0, (0.0, t_end), parameters=self.parameters, dense_output=dense,
             max_events=max_events, **self.exact.options,
@@ -264,8 +265,8 @@ class BandRun:
             raise OverBudgetError
         return solution
 
-    def turn(self, d: float, count: int, horizon: float) -> float:
-        """Coordinate at the count-th entry into stick of the motion from lift(d); NaN where there is none."""
+    def nth_return(self, d: float, count: int, horizon: float) -> float:
+        """Coordinate at the count-th entry into stick of the solution from lift(d); NaN if there is none."""
         start, by_layer = self.exact.start(d), self.model.stick is None
         most = 100_000 if by_layer else 8 * count
         while True:
@@ -286,7 +287,7 @@ class BandRun:
         horizon = LATEST * exact.return_time(point.d, exact.order)
 
         def image(d: float) -> float:
-            return self.turn(d, exact.order, horizon)
+            return self.nth_return(d, exact.order, horizon)
 
         reach = 2.0 * abs((image(point.d) - point.d) / (point.slope - 1.0)) + 1e-14 * abs(point.d)
         return fixed_point_near(image, point.d, reach, limit) if reach <= limit else None

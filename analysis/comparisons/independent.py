@@ -46,7 +46,7 @@ class Side:
 class Orbits:
     """Fixed points of an event map of a symbolic, autonomous system with one surface.
 
-    Raises UsageError for another system, and from a lift where the motion stays on the surface.
+    Raises UsageError for another system, and from a lift where the solution stays on the surface.
     """
 
     def __init__(self, event_map: EventMap) -> None:
@@ -83,7 +83,7 @@ class Orbits:
         return Side(sign, lambda x: values("f", x), jacobian, slope)
 
     def side(self, x: Array) -> Side:
-        """The side to which the motion leaves the surface from x; UsageError where it stays."""
+        """The side to which the solution leaves the surface from x; UsageError where it stays."""
         for sign, side in self.sides.items():
             f = side.field(x[None, :])[0]
             rate = float(self.gradient @ f) * sign
@@ -96,7 +96,7 @@ class Orbits:
 
     # -- shooting ----------------------------------------------------------------------------------------
 
-    def turn(self, d: float, rtol: float) -> Any:
+    def one_return(self, d: float, rtol: float) -> Any:
         """scipy's solution of one return from d, with dense output, ending on the surface."""
         x0 = self.bound.start(np.array([d]), self.map.p)[0]
         side = self.side(x0)
@@ -114,7 +114,7 @@ class Orbits:
             dense_output=True,
         )  # fmt: skip
         if out.status != 1:
-            raise SolveError(f"scipy's turn from d = {d} did not come back: {out.message}")
+            raise SolveError(f"scipy's solution from d = {d} did not come back: {out.message}")
         return side, out
 
     def shooting(self, near: float, order: int, rtol: float) -> float:
@@ -123,7 +123,7 @@ class Orbits:
         def gap(d: float) -> float:
             at = d
             for _ in range(order):
-                _, out = self.turn(at, rtol)
+                _, out = self.one_return(at, rtol)
                 at = float(out.y[self.bound.index, -1])
             return at - d
 
@@ -137,7 +137,7 @@ class Orbits:
         rule = Rule.of(stages)
         sides, unknowns, d = [], [], near
         for _ in range(order):
-            side, out = self.turn(d, 1e-8)
+            side, out = self.one_return(d, 1e-8)
             sides.append(side)
             end = float(out.t[-1])
             slopes = (end * rule.rate)[:, None] * side.field(out.sol(end * rule.time).T)

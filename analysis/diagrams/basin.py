@@ -1,7 +1,7 @@
 """Basins of attraction in a plane of initial states, through the event map.
 
 Every state is followed to the first event of a section; from there the one-dimensional map decides, and its
-basins are intervals between unstable fixed points. So a state costs one turn, however long it takes to come
+basins are intervals between unstable fixed points. So a state costs one return, however long it takes to come
 close to its attractor. States that do not reach the section within t_max are told apart.
 """
 
@@ -15,9 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.maps.event_map import EventMap
+from filippov.analysis.maps.first_return import MOST_STEPS
 from filippov.analysis.maps.section import Section
-from filippov.analysis.maps.turn import MOST_STEPS
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.status import Status
 from filippov.model.system import System
@@ -70,6 +71,7 @@ class Basin:
         }  # fmt: skip
 
 
+@keywords()
 def basin(
     system: System,
     section: Section,
@@ -106,10 +108,10 @@ def basin(
             f"the axes are {x[0]!r} and {y[0]!r}, held are {', '.join(others) or 'none'}: expected two "
             "states, and others in `at`."
         )
-    turns = EventMap(system, section, parameters=parameters, order=order)
-    place, surface = turns.bound.index, turns.bound.surface
-    pieces = turns.basins(*interval, points)
-    cycle_of = {p.attractor: _largest(turns, p.attractor) for p in pieces if p.attractor is not None}
+    event_map = EventMap(system, section, parameters=parameters, order=order)
+    place, surface = event_map.bound.index, event_map.bound.surface
+    pieces = event_map.basins(*interval, points)
+    cycle_of = {p.attractor: _largest(event_map, p.attractor) for p in pieces if p.attractor is not None}
     attractors = tuple(dict.fromkeys(cycle_of.values()))
     across, up = np.asarray(x[1], dtype=float), np.asarray(y[1], dtype=float)
     states = np.zeros((up.size * across.size, system.dimension))
@@ -121,15 +123,16 @@ def basin(
     label = np.full(len(states), UNKNOWN)
     complete = True
     if engine is not None:
-        d, rest_at, complete = _by_engine(turns, states, rtol, engine, progress)
+        d, rest_at, complete = _by_engine(event_map, states, rtol, engine, progress)
         known = ~np.isnan(rest_at)
         label[known] = _labels(d[known], rest_at[known] == 1, pieces, cycle_of, attractors)
     try:
         for first in range(0, 0 if engine is not None else len(states), CHUNK):
             part = slice(first, first + CHUNK)
             ends = solve_many(
-                system, states[part], (0.0, section.t_max), stop=section.stop, parameters=turns.parameters,
-                rtol=rtol, atol=1e-3 * rtol, max_steps=MOST_STEPS, threads=threads,
+                system, states[part], (0.0, section.t_max), stop=section.stop,
+                parameters=event_map.parameters, rtol=rtol, atol=1e-3 * rtol, max_steps=MOST_STEPS,
+                threads=threads,
             )  # fmt: skip
             back = np.array([status is Status.STOPPED for status in ends.status])
             done = np.array([status is Status.SUCCESS for status in ends.status])
@@ -149,12 +152,12 @@ def basin(
 
 
 def _by_engine(
-    turns: EventMap, states: Array, rtol: float, engine: Mapping[str, Any],
+    event_map: EventMap, states: Array, rtol: float, engine: Mapping[str, Any],
     progress: Callable[[int, int], None] | None,
 ) -> tuple[Array, Array, bool]:
-    """Coordinates of first events, whether the motion rests there (NaN: not computed), and completeness."""
-    section, system = turns.section, turns.system
-    problem = Problem(system, states[0], (0.0, section.t_max), turns.parameters)
+    """Coordinates of first events, whether the solution rests there (NaN: not computed), and completeness."""
+    section, system = event_map.section, event_map.system
+    problem = Problem(system, states[0], (0.0, section.t_max), event_map.parameters)
     measure = (f"end({section.coordinate})", f"mode({section.surface})")
     sweep = Sweep(
         problem, {f"x0.{name}": states[:, k] for k, name in enumerate(system.states)}, "list",
@@ -167,9 +170,9 @@ def _by_engine(
     return d, rest, table.complete
 
 
-def _largest(turns: EventMap, d: float) -> float:
+def _largest(event_map: EventMap, d: float) -> float:
     """The largest coordinate of the cycle that a fixed point of the iterate belongs to, to 9 digits."""
-    points = [d] if d == 0.0 else turns.remake(order=1).iterate(d, turns.order - 1).tolist()
+    points = [d] if d == 0.0 else event_map.remake(order=1).iterate(d, event_map.order - 1).tolist()
     return float(f"{max(points):.9g}")
 
 
@@ -182,7 +185,7 @@ def _labels(
     of_piece = [UNKNOWN if p.attractor is None else attractors.index(cycle_of[p.attractor]) for p in pieces]
     table = np.array([OUTSIDE, *of_piece, OUTSIDE])
     label = table[np.clip(number, -1, len(pieces)) + 1]
-    # A motion that stays on the section is at rest: with the set of equilibria, where that is an attractor.
+    # A solution that stays on the section is at rest: with the set of equilibria, where that is an attractor.
     label[rest] = attractors.index(0.0) if 0.0 in attractors else UNKNOWN
     label[np.isnan(d)] = LOST
     return np.asarray(label, dtype=np.int64)

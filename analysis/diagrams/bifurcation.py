@@ -27,6 +27,7 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.set_slope import log_slope
 from filippov.analysis.maps.stroboscope import Stroboscope
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
 from filippov.sweep.run import run
@@ -35,6 +36,7 @@ from filippov.sweep.run import run
 MOST_POINTS = 100
 
 
+@keywords()
 def bifurcation(
     system: System,
     section: Section | Stroboscope | None,
@@ -55,7 +57,7 @@ def bifurcation(
 
     interval    of the coordinate that is searched
     x0          in place of an interval, where the section has no lift (None: it is found): a state whose
-                motion goes to an orbit, which is followed over the parameter together with the orbits that
+                solution goes to an orbit, which is followed over the parameter together with the orbits that
                 branch off it (see `filippov.analysis.diagrams.orbit_diagram`); order, points, atol and engine
                 are of no meaning then
     points      of the grid on it
@@ -73,7 +75,7 @@ def bifurcation(
         )
     if not isinstance(section, Section) or interval is None:
         raise UsageError(
-            "bifurcation needs a section with a lift and interval=(lo, hi), or x0=, the state of a motion "
+            "bifurcation needs a section with a lift and interval=(lo, hi), or x0=, the state of a solution "
             "that goes to an orbit."
         )
     base = EventMap(system, section, parameters=parameters, order=order, rtol=rtol, atol=atol)

@@ -16,6 +16,7 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.analysis.steady.forcing import is_forced
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
 
@@ -28,11 +29,11 @@ class BruteForce:
     """Iterates of the map after a transient.
 
     parameter, values   what is varied, (k,)
-    d        iterates kept, (k, keep); NaN after a motion that does not return; where a motion without a lift
-             comes to rest, the coordinate at which it does
+    d        iterates kept, (k, keep); NaN after a solution that does not return; where a solution without a
+             lift comes to rest, the coordinate at which it does
     period   least p with d[i + p] = d[i] to 1e-6 of the range of d, 0 where there is none up to half of keep
     complete False where it was interrupted
-    notes    for each value, of a motion without a lift, why it did not return so often; "" where it did
+    notes    for each value, of a solution without a lift, why it did not return so often; "" where it did
     """
 
     parameter: str
@@ -43,6 +44,7 @@ class BruteForce:
     notes: tuple[str, ...] = ()
 
 
+@keywords()
 def brute_force(
     system: System,
     section: Section | Stroboscope | None,
@@ -61,14 +63,14 @@ def brute_force(
 ) -> BruteForce:
     """Iterate the event map from `start` for every value of a parameter, all values side by side.
 
-    section          where the map is taken; without a lift (or a `Stroboscope`) one motion is followed from
+    section          where the map is taken; without a lift (or a `Stroboscope`) one solution is followed from
                      event to event at each value; None: found (`filippov.analysis.maps.find_section`)
     start            the first coordinate; without a lift the initial state, in order or by name
     transient, keep  iterates that are dropped, and those that are kept
     follow           start each value at the last iterate of the one before it: branches are followed, one
                      value after the other
-    rtol             of a turn; threads: of all values side by side
-    max_events       of all kinds in one motion, without a lift
+    rtol             of a return; threads: of all values side by side
+    max_events       of all kinds in one solution, without a lift
 
     An excursion below 1e-8 of the start is taken for rest. Ctrl-C returns what there is. Raises UsageError.
     """
@@ -78,13 +80,13 @@ def brute_force(
         raise UsageError(f"transient {transient}, keep {keep}: expected at least 0 and 1.")
     if not isinstance(section, Section) or section.lift is None:
         chosen = section or first_section(system, start, parameter, values, parameters)
-        return _along_motions(
+        return _along_solutions(
             system, chosen, parameter, np.asarray(values, dtype=float), start, transient, keep,
             dict(parameters or {}), follow, {"rtol": rtol, "max_events": max_events}, progress,
         )  # fmt: skip
-    turns = MapRows(system, section, rtol=rtol, threads=threads)
+    event_maps = MapRows(system, section, rtol=rtol, threads=threads)
     grid = np.asarray(values, dtype=float)
-    rows = turns.rows({parameter: grid}, parameters)
+    rows = event_maps.rows({parameter: grid}, parameters)
     d = np.full((grid.size, keep), np.nan)
     parts = [slice(k, k + 1) for k in range(grid.size)] if follow else [slice(0, grid.size)]
     here = np.full(grid.size, float(start))
@@ -94,8 +96,8 @@ def brute_force(
             if follow and number and np.isfinite(here[number - 1]):
                 here[number] = here[number - 1]
             for k in range(transient + keep):
-                here[part] = turns(rows[part], here[part][:, None])[:, 0]
-                # Below the accuracy of a turn there is nothing left to follow.
+                here[part] = event_maps(rows[part], here[part][:, None])[:, 0]
+                # Below the accuracy of a return there is nothing left to follow.
                 here[part] = np.where(np.abs(here[part]) < REST * abs(start), 0.0, here[part])
                 if k >= transient:
                     d[part, k - transient] = here[part]
@@ -126,12 +128,12 @@ def first_section(
     raise AssertionError
 
 
-def _along_motions(
+def _along_solutions(
     system: System, section: Section | Stroboscope, parameter: str, grid: Array, x0: Any, transient: int,
     keep: int, parameters: dict[str, float], follow: bool, options: dict[str, Any],
     progress: Callable[[int, int], None] | None,
 ) -> BruteForce:  # fmt: skip
-    """The iterates of one motion at each value: where it goes from event to event, no lift is needed."""
+    """The iterates of one solution at each value: where it goes from event to event, no lift is needed."""
     if follow:
         _same_phase(system, section, [{**parameters, parameter: value} for value in grid.tolist()])
     d, notes, state = np.full((grid.size, keep), np.nan), [""] * grid.size, x0

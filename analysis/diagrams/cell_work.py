@@ -97,9 +97,9 @@ class CellWork:
         return in_blocks(index, self.grain, len(self.points), limits, self._block)
 
     def _block(self, index: Whole) -> Rows:
-        turns = map_rows(self.system, self.section, self.order, self.rtol, self.hi, 1)
+        event_maps = map_rows(self.system, self.section, self.order, self.rtol, self.hi, 1)
         columns = {name: self.points[index, k] for k, name in enumerate(self.names)}
-        found = cells(turns, turns.rows(columns, self.parameters), self.hi, self.tries)
+        found = cells(event_maps, event_maps.rows(columns, self.parameters), self.hi, self.tries)
         return Rows(index, np.column_stack(found).astype(float), (Status.SUCCESS.value,) * len(index))
 
 

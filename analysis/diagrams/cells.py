@@ -13,15 +13,15 @@ CLOSEST, STEPS, SLOPE, JUMP, NEAR = 1e-5, 7, 1e-4, 0.05, 0.2
 
 
 def cells(
-    turns: MapRows, rows: Array, hi: float, points: int
+    event_maps: MapRows, rows: Array, hi: float, points: int
 ) -> tuple[Whole, Whole, npt.NDArray[np.bool_], Array, Array]:
     """cycles, stable, set_stable, amplitude and lost of parameter rows (k, P), each of shape (k,)."""
     d = coordinates(0.0, hi, points, CLOSEST)
     grid = np.broadcast_to(d, (len(rows), d.size))
-    image = turns(rows, grid)
+    image = event_maps(rows, grid)
 
     def gap(at: Array, cell: Whole) -> Array:
-        return turns(rows[cell], at[:, None])[:, 0] - at
+        return event_maps(rows[cell], at[:, None])[:, 0] - at
 
     between = brackets(gap, d, image - grid, near=NEAR, steps=2 * STEPS)
     found = roots(gap, between, rtol=1e-12, jump=JUMP, floor=1e-6 * between.high, steps=STEPS)
@@ -36,5 +36,5 @@ def cells(
     amplitude = np.full(len(rows), np.nan)
     for where, place in zip(cell[firm], root[firm], strict=True):
         amplitude[where] = np.nanmax([amplitude[where], place])
-    calm = np.abs(image[:, 0]) < d[0]
-    return count, held, calm, amplitude, np.mean(np.isnan(image), axis=1)
+    set_stable = np.abs(image[:, 0]) < d[0]
+    return count, held, set_stable, amplitude, np.mean(np.isnan(image), axis=1)

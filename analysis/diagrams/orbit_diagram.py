@@ -1,8 +1,8 @@
 """Bifurcation diagram of a section without a lift: periodic orbits followed over a parameter.
 
-The orbit that the motion from one state goes to is followed by pseudo-arclength continuation, and so is each
-branch that leaves it at a period doubling, a branch point or a symmetry breaking; all on full states. The
-section tells what is read off an orbit: the coordinate at each of its events in a period.
+The orbit that the solution from one state goes to is followed by pseudo-arclength continuation, and so is
+each branch that leaves it at a period doubling, a branch point or a symmetry breaking; all on full states.
+The section tells what is read off an orbit: the coordinate at each of its events in a period.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def orbit_diagram(
     *, parameters: Mapping[str, float] | None = None, transient: int = 200, rtol: float = 1e-10,
     progress: Callable[[int, int], None] | None = None,
 ) -> OrbitDiagram:  # fmt: skip
-    """The orbit that attracts the motion from x0, and those that branch off it, between the ends of `values`.
+    """The orbit that attracts the solution from x0, and those that branch off it, over the range of `values`.
 
     section    None: found (`filippov.analysis.maps.find_section`)
     values     the orbit is looked for at the first, the last and the one in the middle, in this order; their
@@ -116,7 +116,7 @@ def _first_orbit(
         return found, orbit
     raise UsageError(
         f"no orbit was found to follow over {parameter}. " + " ".join(said) + " Start from another state, or "
-        "choose values at which the motion returns."
+        "choose values at which the solution returns."
     )
 
 

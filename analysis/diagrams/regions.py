@@ -20,6 +20,7 @@ from filippov.analysis.diagrams.cell_work import CellWork, map_rows
 from filippov.analysis.diagrams.cells import cells
 from filippov.analysis.maps.section import Section
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
 from filippov.sweep.rows import ERROR
@@ -37,7 +38,7 @@ class Regions:
     cycles, stable number of cycles in the interval, and how many of them are stable; -1 where not computed
     set_stable     whether small excursions shrink: the set of equilibria attracts
     amplitude      d of the largest stable cycle, NaN without one
-    lost           share of the coordinates whose motion does not come back within t_max
+    lost           share of the coordinates whose solution does not come back within t_max
     borders        (name, points (k, 2)) of curves that bound the regions
     complete       False where the computation was interrupted
     """
@@ -72,6 +73,7 @@ class Regions:
         return f"{self.cycles[i, j]} cycles, {self.stable[i, j]} stable; set of equilibria {word}"
 
 
+@keywords()
 def regions(
     system: System,
     section: Section,
@@ -92,7 +94,7 @@ def regions(
 
     x, y       (name, values) of the parameters
     interval   (0, hi) of the section's coordinate
-    order      turns of the map after which a cycle closes (2 for symmetric cycles)
+    order      returns of the map after which a cycle closes (2 for symmetric cycles)
     points     coordinates in a cell
     borders    "exact": the fold of cycles and the change of stability of the set are computed as curves
                (see `filippov.analysis.diagrams.borders`) and kept with the map; or curves (name, points (k,
@@ -138,7 +140,7 @@ def regions(
             curves(found[3]) if table.complete else (), table.complete, dict(parameters or {}),
         )  # fmt: skip
     cycles, stable = np.full(shape, -1), np.full(shape, -1)
-    calm, lost = np.zeros(shape, dtype=bool), np.full(shape, np.nan)
+    set_stable, lost = np.zeros(shape, dtype=bool), np.full(shape, np.nan)
     amplitude = np.full(shape, np.nan)
     rows_of_map = map_rows(system, section, order, rtol, hi, threads)
     complete = True
@@ -146,13 +148,13 @@ def regions(
         for i, value in enumerate(up):
             values = {x[0]: across, y[0]: np.full(across.size, value)}
             row = cells(rows_of_map, rows_of_map.rows(values, parameters), hi, points)
-            cycles[i], stable[i], calm[i], amplitude[i], lost[i] = row
+            cycles[i], stable[i], set_stable[i], amplitude[i], lost[i] = row
             if progress is not None:
                 progress(i + 1, up.size)
     except KeyboardInterrupt:
         complete = False
     return Regions(
-        (x[0], y[0]), across, up, cycles, stable, calm, amplitude, lost,
+        (x[0], y[0]), across, up, cycles, stable, set_stable, amplitude, lost,
         curves(amplitude) if complete else (), complete,
         dict(parameters or {}),
     )  # fmt: skip

@@ -47,7 +47,7 @@ class Pieces:
 
 
 @dataclass(frozen=True)
-class Motion:
+class DrivenTrajectory:
     """A window's motion: states at the starts of the pieces and at the end, (P + 1, n); nodes: at samples."""
 
     states: Array
@@ -101,7 +101,7 @@ class DrivenRun:
             system, (0.0, 1.0), lanes=1, rtol=rtol, atol=1e-3 * rtol * scale, first_step=1.0
         )  # fmt: skip
 
-    def motions(self, windows: Sequence[Pieces], starts: Array, theta: Array) -> list[Motion]:
+    def trajectories(self, windows: Sequence[Pieces], starts: Array, theta: Array) -> list[DrivenTrajectory]:
         """The motion of each window from its own start (w, 2); one that cannot go on is not `good`."""
         count = len(windows)
         longest = max(len(q.length) for q in windows)
@@ -126,16 +126,17 @@ class DrivenRun:
             last = len(pieces.length)
             first = np.concatenate(([True], np.diff(pieces.sample) > 0))
             nodes = np.append(np.flatnonzero(first), last)
-            out.append(Motion(states[w, : last + 1], nodes, bool(alive[w])))
+            out.append(DrivenTrajectory(states[w, : last + 1], nodes, bool(alive[w])))
         return out
 
     def slopes(
-        self, windows: Sequence[Pieces], motions: Sequence[Motion], theta: Array, by_force: bool = True
+        self, windows: Sequence[Pieces], trajectories: Sequence[DrivenTrajectory], theta: Array,
+        by_force: bool = True,
     ) -> list[Slopes]:
         """Derivatives of the positions at the samples along motions; without `by_force` those are 0."""
-        n, p = motions[0].states.shape[1], len(self.names)
+        n, p = trajectories[0].states.shape[1], len(self.names)
         steps = self._steps(theta)[: n + p + 4 * by_force]
-        states = np.concatenate([m.states[:-1] for m in motions])
+        states = np.concatenate([m.states[:-1] for m in trajectories])
         terms = np.concatenate([np.column_stack((q.terms, q.length)) for q in windows])
         ends = self._ends(terms, states, theta, steps)
         slope = np.zeros((len(states), n, n + p + 4))
@@ -150,8 +151,8 @@ class DrivenRun:
             slope[:, :, q] = np.where(kink, smaller, 0.5 * (up + down))
         places = np.cumsum([0, *(len(q.length) for q in windows)])
         return [
-            self._joined(slope[a:b], motion.nodes, by_force)
-            for (a, b), motion in zip(itertools.pairwise(places), motions, strict=True)
+            self._joined(slope[a:b], trajectory.nodes, by_force)
+            for (a, b), trajectory in zip(itertools.pairwise(places), trajectories, strict=True)
         ]
 
     def _joined(self, slope: Array, nodes: Whole, by_force: bool) -> Slopes:

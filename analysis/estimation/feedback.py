@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
-from filippov.analysis.estimation.driven_run import DrivenRun, Motion, Pieces
+from filippov.analysis.estimation.driven_run import DrivenRun, DrivenTrajectory, Pieces
 
 Array = npt.NDArray[np.float64]
 # Gauss and Lobatto's points: the cubic through them has the integral of the motion up to the sixth order.
@@ -55,23 +55,23 @@ class Course:
 
     run: DrivenRun
     pieces: Pieces
-    motion: Motion
+    trajectory: DrivenTrajectory
     values: Array
     t: Array
 
     def states(self, at: Array) -> Array:
         """States at times in the window, (k, n)."""
         if not at.size:
-            return np.empty((0, self.motion.states.shape[1]))
+            return np.empty((0, self.trajectory.states.shape[1]))
         starts = self.t[0] + np.concatenate(([0.0], np.cumsum(self.pieces.length)))[:-1]
         k = np.clip(np.searchsorted(starts, at, side="right") - 1, 0, len(starts) - 1)
         part = np.clip((at - starts[k]) / self.pieces.length[k], 1e-9, 1.0)
         terms = self.pieces.terms[k] * part[:, None] ** np.arange(4)
-        return self.run.ends(terms, self.pieces.length[k] * part, self.motion.states[k], self.values)
+        return self.run.ends(terms, self.pieces.length[k] * part, self.trajectory.states[k], self.values)
 
     def edges(self) -> tuple[Array, npt.NDArray[np.bool_]]:
         """The samples and the events between them, and which of them are samples."""
-        t, v = self.t, np.sign(self.motion.v)
+        t, v = self.t, np.sign(self.trajectory.v)
         changed = np.flatnonzero(v[1:] != v[:-1])
         if not changed.size:
             return t, np.ones(len(t), dtype=bool)
@@ -93,8 +93,8 @@ class Course:
 
 
 def feedback(
-    run: DrivenRun, windows: Sequence[Pieces], motions: Sequence[Motion], starts: Array, values: Array,
-    free: int, times: Sequence[Array],
+    run: DrivenRun, windows: Sequence[Pieces], trajectories: Sequence[DrivenTrajectory], starts: Array,
+    values: Array, free: int, times: Sequence[Array],
 ) -> tuple[Feedback, ...]:  # fmt: skip
     """Of each window's motion from its start (w, 2); the first `free` of the values are estimated.
 
@@ -108,11 +108,11 @@ def feedback(
     for j, step in enumerate(steps[:free]):
         given[j, :, j] += step
     rows = given.reshape(-1, len(values))
-    others = run.motions(list(windows) * len(steps), moved.reshape(-1, 2), rows)
+    others = run.trajectories(list(windows) * len(steps), moved.reshape(-1, 2), rows)
     made = []
     for w in range(number):
         near = [Course(run, windows[w], others[q], rows[q], times[w]) for q in range(w, len(others), number)]
-        made.append(_of_window(Course(run, windows[w], motions[w], values, times[w]), near))
+        made.append(_of_window(Course(run, windows[w], trajectories[w], values, times[w]), near))
     return _joined(made, SAME * STEP * run.speed)
 
 
@@ -143,8 +143,8 @@ def _of_window(own: Course, near: Sequence[Course]) -> Feedback:
     level = np.concatenate(([0.0], np.cumsum(area)))
     low, high = h * x[:, 0], h * x[:, 3]
     terms[:, :, 0] = np.column_stack((level[:-1], low, 3 * area - 2 * low - high, low + high - 2 * area))
-    states = own.motion.states[own.motion.nodes]
-    changes = [q.motion.v - states[:, 1] for q in near]
+    states = own.trajectory.states[own.trajectory.nodes]
+    changes = [q.trajectory.v - states[:, 1] for q in near]
     samples = np.column_stack((level[sampled], states[:, 0], states[:, 1], *changes))
     beside = np.flatnonzero(~(sampled[:-1] & sampled[1:]))
     at = (edges[beside, None] + h[beside, None] * INNER).ravel()
@@ -167,7 +167,7 @@ def _of_window(own: Course, near: Sequence[Course]) -> Feedback:
 def _at_lobatto(own: Course, edges: Array, sampled: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
     """Position and velocity at Lobatto's points of the pieces, (P, 4) each."""
     whole = np.empty((len(edges), 2))
-    whole[sampled] = own.motion.states[own.motion.nodes, :2]
+    whole[sampled] = own.trajectory.states[own.trajectory.nodes, :2]
     if not np.all(sampled):
         whole[~sampled] = own.states(edges[~sampled])[:, :2]
     h = np.diff(edges)

@@ -4,7 +4,7 @@ A smooth force is a smoothing spline; its mean is what is taken, its covariance 
 both the noise and what lies between samples. Kinks come in two ways:
 
     u = G g + rest    G the fitted motion, which a controller feeds back: its kinks are the force's
-    u = rest          on stretches that have nothing in common, with a kink where their two sides meet
+    u = rest          on segments that have nothing in common, with a kink where their two sides meet
 
 The gains g, the noise s and the roughness q (in the second form one at rest, one in motion) maximise the
 restricted likelihood.
@@ -24,11 +24,11 @@ from scipy.optimize import minimize
 from filippov.analysis.algebra import linalg
 from filippov.analysis.estimation.driven_run import Pieces
 from filippov.analysis.estimation.feedback import Feedback
-from filippov.analysis.estimation.stretch import Stretch
+from filippov.analysis.estimation.force_segment import ForceSegment
 
 Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
-# Samples of the shortest stretch (a cubic and something over), and of the longest, whose matrices are dense.
+# Samples of the shortest segment (a cubic and something over), and of the longest, whose matrices are dense.
 SHORTEST, LONGEST = 6, 240
 # Samples on either side that say where a kink is.
 NEAR = 24
@@ -40,7 +40,7 @@ DIGITS = 1e-7
 
 
 class SmoothForce:
-    """The smooth force of a record on stretches that end in the intervals `cuts`; moving: of each interval.
+    """The smooth force of a record on segments that end in the intervals `cuts`; moving: of each interval.
 
     fed    motions of the windows, where the force follows them
     s      standard deviation of the noise on the samples [N]
@@ -57,13 +57,13 @@ class SmoothForce:
         self.size = float(np.max(np.abs(own))) or 1.0
         self.columns = own[:, None]
         if fed:
-            motion = np.concatenate([q.samples for q in fed])
-            self.units = np.max(np.abs(motion), axis=0) / self.size
-            self.columns = np.column_stack((own, motion / self.units))
+            trajectory = np.concatenate([q.samples for q in fed])
+            self.units = np.max(np.abs(trajectory), axis=0) / self.size
+            self.columns = np.column_stack((own, trajectory / self.units))
         self.fed = fed
         self.moving = moving
         self.cuts = self._kept(cuts)
-        self.stretches = self._stretches(self.cuts)
+        self.segments = self._segments(self.cuts)
         self.log_q, self.least = np.zeros(2), np.array(LEAST_FED if fed else LEAST)
         self.s = DIGITS * self.size
         self._known: dict[tuple[int, int], tuple[Array, Array]] = {}
@@ -73,12 +73,12 @@ class SmoothForce:
             if placed == self.cuts:
                 break
             self.cuts = placed
-            self.stretches = self._stretches(placed)
+            self.segments = self._segments(placed)
             self.cost = self._estimate()
 
     def pieces(self, first: int, last: int) -> Pieces:
         """The force on the window of the samples first ... last - 1."""
-        inside = [q for q in self.stretches if q.last > first and q.first < last]
+        inside = [q for q in self.segments if q.last > first and q.first < last]
         fits = [self._posterior(q) for q in inside]
         shared = self.loose.shape[1]
         ends = np.cumsum([0, *(root.shape[1] - shared for _, root in fits)])
@@ -91,20 +91,20 @@ class SmoothForce:
             meet.append(near if fed is None else float(self.t[right.first]))
         meet.append(self.t[last - 1])
         samples = self.t[first:last] if fed is None else fed.edges
-        for q, stretch in enumerate(inside):
+        for q, segment in enumerate(inside):
             low, high = meet[q : q + 2]
             edges = np.unique(np.concatenate((meet[q : q + 2], samples[(samples > low) & (samples < high)])))
             c, root = fits[q]
-            rows = stretch.taylor(edges[:-1], np.diff(edges))
+            rows = segment.taylor(edges[:-1], np.diff(edges))
             spread = np.zeros((len(rows), 4, ends[-1] + shared))
             full = rows @ root
             spread[:, :, ends[q] : ends[q + 1]] = full[:, :, shared:]
             value = rows @ c
             if fed is not None:
                 at = np.searchsorted(fed.edges, edges[:-1])
-                motion = fed.terms[at] / self.units
-                value += motion @ self.gains
-                spread[:, :, ends[-1] :] = full[:, :, :shared] + motion @ self.loose
+                trajectory = fed.terms[at] / self.units
+                value += trajectory @ self.gains
+                spread[:, :, ends[-1] :] = full[:, :, :shared] + trajectory @ self.loose
             value[:, 0] += self.offset
             starts.append(edges[:-1])
             lengths.append(np.diff(edges))
@@ -117,27 +117,27 @@ class SmoothForce:
         """The motion of the window that begins with a sample."""
         return next((q for q in self.fed if q.edges[0] == self.t[first]), None)
 
-    def _meeting(self, left: Stretch, right: Stretch, c_left: Array, c_right: Array) -> float:
-        """Where in the interval between two stretches their two sides meet, or come nearest."""
+    def _meeting(self, left: ForceSegment, right: ForceSegment, c_left: Array, c_right: Array) -> float:
+        """Where in the interval between two segments their two sides meet, or come nearest."""
         k = left.last - 1
         tau = np.linspace(0.02, 0.98, 193)
         at = self.t[k] + tau * (self.t[k + 1] - self.t[k])
         gap = np.asarray(left.basis(at)) @ c_left - np.asarray(right.basis(at)) @ c_right
         return float(at[np.argmin(np.abs(gap))])
 
-    def _posterior(self, stretch: Stretch) -> tuple[Array, Array]:
+    def _posterior(self, segment: ForceSegment) -> tuple[Array, Array]:
         """Coefficients of the rest, and the root of their covariance: columns of the gains, then its own."""
         # Smoothing as strong as the likelihood asks for has a bias as large as its spread, where the force
         # bends most; averages over the samples lose nothing by less of it.
-        key = stretch.first, stretch.last
+        key = segment.first, segment.last
         if key not in self._known:
-            c, root = stretch.fit(np.exp(np.maximum(self.log_q, self.least)[int(stretch.moving)]))
+            c, root = segment.fit(np.exp(np.maximum(self.log_q, self.least)[int(segment.moving)]))
             own = self.s * solve_triangular(root.T, np.eye(len(c)), lower=False)
             self._known[key] = c[:, 0] - c[:, 1:] @ self.gains, np.column_stack((-c[:, 1:] @ self.loose, own))
         return self._known[key]
 
     def _kept(self, cuts: Sequence[int]) -> list[int]:
-        """Cuts that leave stretches long enough, and further ones where stretches are too long."""
+        """Cuts that leave segments long enough, and further ones where segments are too long."""
         kept: list[int] = []
         for k in sorted(set(cuts)):
             if k + 1 - (kept[-1] + 1 if kept else 0) >= SHORTEST and len(self.t) - (k + 1) >= SHORTEST:
@@ -148,19 +148,19 @@ class SmoothForce:
             kept.extend(a + (b - a) * q // parts - 1 for q in range(1, parts))
         return sorted(kept)
 
-    def _stretches(self, cuts: Sequence[int]) -> list[Stretch]:
+    def _segments(self, cuts: Sequence[int]) -> list[ForceSegment]:
         edges = [0, *(k + 1 for k in cuts), len(self.t)]
-        return [self._stretch(a, b) for a, b in itertools.pairwise(edges)]
+        return [self._segment(a, b) for a, b in itertools.pairwise(edges)]
 
-    def _stretch(self, first: int, last: int) -> Stretch:
+    def _segment(self, first: int, last: int) -> ForceSegment:
         inside = self.moving[first : last - 1]
-        return Stretch(self.t, self.columns, first, last, bool(self.fed) or bool(np.mean(inside) > 0.5))
+        return ForceSegment(self.t, self.columns, first, last, bool(self.fed) or bool(np.mean(inside) > 0.5))
 
     def _estimate(self) -> float:
         """s, q and the gains by the restricted likelihood; its cost, with that of all that is free."""
-        kinds = sorted({q.moving for q in self.stretches})
+        kinds = sorted({q.moving for q in self.segments})
         shared = self.columns.shape[1] - 1
-        free = 4 * len(self.stretches) + shared
+        free = 4 * len(self.segments) + shared
         count = len(self.t) - free
         least = (DIGITS * self.size) ** 2
 
@@ -187,8 +187,8 @@ class SmoothForce:
     def _solved(self, log_q: Array) -> tuple[float, float, Array, Array]:
         """Sum of squares and log determinant for s = 1; the gains, and a root of their covariance."""
         products, log = np.zeros((self.columns.shape[1],) * 2), 0.0
-        for stretch in self.stretches:
-            own, size = stretch.likelihood(np.exp(log_q[int(stretch.moving)]))
+        for segment in self.segments:
+            own, size = segment.likelihood(np.exp(log_q[int(segment.moving)]))
             products, log = products + own, log + size
         sizes = np.sqrt(np.maximum(np.diag(products)[1:], 1e-300))
         values, axes = linalg.eigh(products[1:, 1:] / np.outer(sizes, sizes))
@@ -209,9 +209,9 @@ class SmoothForce:
                 if at + 1 - low < SHORTEST or high - at - 1 < SHORTEST:
                     continue
                 total = 0.0
-                for stretch, own in ((self._stretch(low, at + 1), i), (self._stretch(at + 1, high), i + 1)):
-                    q = np.exp(self.log_q[int(self.stretches[own].moving)])
-                    squares, log = stretch.likelihood(q)
+                for segment, own in ((self._segment(low, at + 1), i), (self._segment(at + 1, high), i + 1)):
+                    q = np.exp(self.log_q[int(self.segments[own].moving)])
+                    squares, log = segment.likelihood(q)
                     total += float(squares[0, 0]) / self.s**2 + log
                 if best is None or total < best[0]:
                     best = (total, at)

@@ -13,12 +13,14 @@ from filippov.analysis.estimation.driven_run import INPUT
 from filippov.analysis.estimation.identification import Identified, check_names, estimate, parameter_bounds
 from filippov.analysis.estimation.record import Curve
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.model.symbols import t
 from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
 
 
+@keywords()
 def friction_force(system: System, v: Array, values: Mapping[str, float]) -> Array:
     """F(v) [N] of a driven mass off v = 0: what it takes to keep the velocity v, shape of v.
 
@@ -44,6 +46,7 @@ def _force_function(system: System) -> Callable[[Array, Array], Array]:
     return evaluate
 
 
+@keywords()
 def identify_curve(
     curve: Curve,
     system: System,

@@ -30,6 +30,7 @@ from filippov.analysis.estimation.misfit import DOUBTED, Test, misfit_tests, ref
 from filippov.analysis.estimation.record import Record
 from filippov.analysis.estimation.residual_noise import degrees_of_freedom, generalised
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
 
@@ -101,6 +102,7 @@ class Identified:
         return "\n".join(rows)
 
 
+@keywords()
 def identify(
     record: Record,
     system: System,
@@ -183,7 +185,7 @@ def _identified(
         covariance = np.full((p, p), np.inf)
     values = {name: float(v) for name, v in zip(names, fit.theta, strict=False)}
     ends = zip(fit.theta[:p] + low, fit.theta[:p] + high, strict=True)
-    fitted = np.concatenate([m.x for m in fit.linear.motions])
+    fitted = np.concatenate([m.x for m in fit.linear.trajectories])
     return Identified(
         values, dict(zip(names, errors.tolist(), strict=True)),
         {name: (float(a), float(b)) for name, (a, b) in zip(names, ends, strict=True)},

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from filippov.analysis.algebra import linalg
-from filippov.analysis.estimation.driven_run import DrivenRun, Motion, Pieces, Slopes
+from filippov.analysis.estimation.driven_run import DrivenRun, DrivenTrajectory, Pieces, Slopes
 from filippov.analysis.estimation.feedback import feedback
 from filippov.analysis.estimation.force_input import SmoothForce, plain_pieces
 from filippov.analysis.estimation.record import Record
@@ -55,7 +55,7 @@ class Linear:
     axes   the factors of each window as combinations of those of its force
     """
 
-    motions: tuple[Motion, ...]
+    trajectories: tuple[DrivenTrajectory, ...]
     slopes: tuple[Slopes, ...]
     windows: tuple[Window, ...]
     axes: tuple[Array, ...]
@@ -151,8 +151,8 @@ class Fitting:
         """Force, noise and least squares in turn until the estimates stay."""
         noise: Noise | None = None
         z, success = _zero(pieces), False
-        for turn in range(ROUNDS):
-            if turn < PLACING:
+        for round_ in range(ROUNDS):
+            if round_ < PLACING:
                 force = self.smooth(theta, _moved(pieces, z))
                 if hold == "cubic":
                     pieces = tuple(force.pieces(q.start, q.stop) for q in self.known)
@@ -166,12 +166,12 @@ class Fitting:
             z = tuple(root * axes @ own for axes, own in zip(linear.axes, got.z, strict=True))
             change = got.root @ step
             success = free and bool(np.sqrt(change @ change / len(theta)) < SETTLED)
-            if success and turn:
+            if success and round_:
                 break
         linear = self.linear(theta, pieces, z)
         assert noise is not None
         noise = self.noise(linear.windows, hold, force.s, noise)
-        success = success and all(m.good for m in linear.motions)
+        success = success and all(m.good for m in linear.trajectories)
         said = "the estimates stay"
         if not success:
             said = f"the estimates still move after {ROUNDS} rounds; start nearer, or free fewer parameters"
@@ -191,16 +191,17 @@ class Fitting:
         # What the force's estimate took from the residuals does not change with the step.
         shift = [
             w.residual - (self.record.x[q] - m.x)
-            for w, q, m in zip(linear.windows, self.known, linear.motions, strict=True)
+            for w, q, m in zip(linear.windows, self.known, linear.trajectories, strict=True)
         ]
         here = squares(linear.windows, [w.residual for w in linear.windows], noise)
         for damping in DAMPINGS:
             step = bounded(
                 got, self.bounds[0] - theta, self.bounds[1] - theta, np.full(len(theta), damping) / scale
             )
-            motions = self.motions(np.clip(theta + step, *self.bounds), moved)
+            trajectories = self.trajectories(np.clip(theta + step, *self.bounds), moved)
             residuals = [
-                self.record.x[q] - m.x + own for q, m, own in zip(self.known, motions, shift, strict=True)
+                self.record.x[q] - m.x + own
+                for q, m, own in zip(self.known, trajectories, shift, strict=True)
             ]
             if squares(linear.windows, residuals, noise) < here + SETTLED:
                 return step, damping <= FREE
@@ -224,10 +225,10 @@ class Fitting:
         full = np.repeat(
             np.column_stack((thetas[:, :p], np.tile(self.rest, (len(thetas), 1)))), number, axis=0
         )
-        motions = self.run.motions(list(self.force("zero")) * len(thetas), starts, full)
+        trajectories = self.run.trajectories(list(self.force("zero")) * len(thetas), starts, full)
         costs = []
         for k in range(len(thetas)):
-            own = motions[k * number : (k + 1) * number]
+            own = trajectories[k * number : (k + 1) * number]
             moved = [
                 replace(w, residual=self.record.x[part] - m.x)
                 for w, m, part in zip(windows, own, self.known, strict=True)
@@ -238,12 +239,14 @@ class Fitting:
         best = int(np.argmin(costs))
         return thetas[best] if costs[best] < BETTER * here else None
 
-    def events(self, motions: Sequence[Motion]) -> tuple[list[int], npt.NDArray[np.bool_], bytes]:
+    def events(
+        self, trajectories: Sequence[DrivenTrajectory]
+    ) -> tuple[list[int], npt.NDArray[np.bool_], bytes]:
         """Intervals in which the motions stop, start or turn, which intervals move, and both as a key."""
         moving = np.ones(len(self.record.t) - 1, dtype=bool)
         cuts: list[int] = []
-        for part, motion in zip(self.known, motions, strict=True):
-            v = motion.v
+        for part, trajectory in zip(self.known, trajectories, strict=True):
+            v = trajectory.v
             moving[part.start : part.stop - 1] = (v[1:] != 0) | (v[:-1] != 0)
             changes = ((v[1:] != 0) != (v[:-1] != 0)) | (v[1:] * v[:-1] < 0)
             cuts.extend((part.start + np.flatnonzero(changes)).tolist())
@@ -263,20 +266,20 @@ class Fitting:
         return free if free.log - known.log > CONTRADICTED else known
 
     def smooth(self, theta: Array, pieces: tuple[Pieces, ...]) -> SmoothForce:
-        """The force as a smooth function: of the motion fed back, or cut into stretches at its events.
+        """The force as a smooth function: of the motion fed back, or cut into segments at its events.
 
         Whichever the samples of the force are likelier under.
         """
-        motions = self.motions(theta, pieces)
-        cuts, moving, key = self.events(motions)
+        trajectories = self.trajectories(theta, pieces)
+        cuts, moving, key = self.events(trajectories)
         t, force = self.record.t, self.record.force
         if key not in self.cut:
             self.cut = {key: SmoothForce(t, force, cuts, moving)}
         cut = self.cut[key]
-        if not all(m.good for m in motions):
+        if not all(m.good for m in trajectories):
             return cut
         starts, times = theta[self.count :].reshape(-1, 2), [t[q] for q in self.known]
-        fed = feedback(self.run, pieces, motions, starts, self.full(theta), self.count, times)
+        fed = feedback(self.run, pieces, trajectories, starts, self.full(theta), self.count, times)
         whole = SmoothForce(t, force, (self.edge[1:-1] - 1).tolist(), moving, fed)
         return whole if whole.cost < cut.cost else cut
 
@@ -289,10 +292,10 @@ class Fitting:
             return tuple(self.first.pieces(q.start, q.stop) for q in self.known)
         return tuple(plain_pieces(t, force, hold, q.start, q.stop) for q in self.known)
 
-    def motions(self, theta: Array, pieces: tuple[Pieces, ...]) -> tuple[Motion, ...]:
+    def trajectories(self, theta: Array, pieces: tuple[Pieces, ...]) -> tuple[DrivenTrajectory, ...]:
         """The motion of every window."""
         starts = theta[self.count :].reshape(-1, 2)
-        return tuple(self.run.motions(pieces, starts, self.full(theta)))
+        return tuple(self.run.trajectories(pieces, starts, self.full(theta)))
 
     def full(self, theta: Array) -> Array:
         """All parameters that slopes are taken by."""
@@ -301,21 +304,21 @@ class Fitting:
     def linear(self, theta: Array, pieces: tuple[Pieces, ...], z: tuple[Array, ...]) -> Linear:
         """Motions with their slopes, residuals measured - fitted, and what the force's spread adds."""
         pieces = _moved(pieces, z)
-        motions = self.motions(theta, pieces)
+        trajectories = self.trajectories(theta, pieces)
         full = self.full(theta)
-        slopes = tuple(self.run.slopes(pieces, motions, full))
+        slopes = tuple(self.run.slopes(pieces, trajectories, full))
         windows, every = [], []
         for w, (part, own) in enumerate(zip(self.known, slopes, strict=True)):
             load = np.tensordot(own.force, pieces[w].spread, axes=([1, 2], [0, 1]))
             # Linear about the force's estimate: F z is what it took from the residual.
-            residual = self.record.x[part] - motions[w].x + load @ z[w]
+            residual = self.record.x[part] - trajectories[w].x + load @ z[w]
             jacobian = self.jacobian(w, own)
             rest = residual - load @ z[w]
             size = float(np.std(rest - jacobian @ linalg.lstsq(jacobian, rest, rcond=None)[0]))
             load, axes = reduced(load, FINEST * size, 0.0 if pieces[w].known else COARSE)
             windows.append(Window(residual, jacobian, load))
             every.append(axes)
-        return Linear(motions, slopes, tuple(windows), tuple(every))
+        return Linear(trajectories, slopes, tuple(windows), tuple(every))
 
     def jacobian(self, w: int, slopes: Slopes) -> Array:
         """Derivatives of a window's positions by theta."""
@@ -326,24 +329,24 @@ class Fitting:
 
     def least_squares(self, first: Array, pieces: tuple[Pieces, ...]) -> Array:
         """theta at which the sum of squares of the residuals is least."""
-        kept: dict[bytes, tuple[Motion, ...]] = {}
+        kept: dict[bytes, tuple[DrivenTrajectory, ...]] = {}
 
-        def motions(theta: Array) -> tuple[Motion, ...]:
+        def trajectories(theta: Array) -> tuple[DrivenTrajectory, ...]:
             key = theta.tobytes()
             if key not in kept:
                 kept.clear()
-                kept[key] = self.motions(theta, pieces)
+                kept[key] = self.trajectories(theta, pieces)
             return kept[key]
 
         def misfit(theta: Array) -> Array:
-            rows = [m.x - self.record.x[q] for m, q in zip(motions(theta), self.known, strict=True)]
+            rows = [m.x - self.record.x[q] for m, q in zip(trajectories(theta), self.known, strict=True)]
             self.evaluations += 1
             if self.progress is not None:
                 self.progress(self.evaluations, float(np.std(np.concatenate(rows))))
             return np.concatenate(rows)
 
         def slope(theta: Array) -> Array:
-            rows = self.run.slopes(pieces, motions(theta), self.full(theta), by_force=False)
+            rows = self.run.slopes(pieces, trajectories(theta), self.full(theta), by_force=False)
             return np.concatenate([self.jacobian(w, own) for w, own in enumerate(rows)])
 
         found = least_squares(

@@ -48,11 +48,11 @@ def misfit_tests(fit: Fit, fixed: Sequence[str], force: Sequence[Array]) -> list
         tests.append(
             _added(f"{name} (held fixed)", [s.parameters[:, [free + k]] for s in linear.slopes], fit)
         )
-    speeds = np.concatenate([np.abs(m.v[m.v != 0]) for m in linear.motions])
+    speeds = np.concatenate([np.abs(m.v[m.v != 0]) for m in linear.trajectories])
     if speeds.size > 10 * BUMPS:
         top = np.quantile(speeds, np.linspace(0.1, 0.95, BUMPS))
         shapes = [[], [], []]  # type: list[list[Array]]
-        for m, s in zip(linear.motions, linear.slopes, strict=True):
+        for m, s in zip(linear.trajectories, linear.slopes, strict=True):
             v, x = m.states[:-1, 1], m.states[:-1, 0]
             by_start = s.force[:, :, 0]
             width = np.diff(np.concatenate(([0.0], top)))
@@ -62,7 +62,7 @@ def misfit_tests(fit: Fit, fixed: Sequence[str], force: Sequence[Array]) -> list
             shapes[2].append(by_start @ (x[:, None] - np.mean(x)))
         for name, columns in zip(("speed", "direction", "position"), shapes, strict=True):
             tests.append(_added(f"the force as a function of {name}", columns, fit))
-    rest = [(q * (m.v == 0))[:, None] for q, m in zip(force, linear.motions, strict=True)]
+    rest = [(q * (m.v == 0))[:, None] for q, m in zip(force, linear.trajectories, strict=True)]
     if sum(int(np.count_nonzero(q)) for q in rest) >= LAGS:
         tests.append(_added("the force at rest (an elastic displacement)", rest, fit))
     tests.append(Test("earlier residuals", _whiteness(linear.windows, noise), ()))
@@ -71,7 +71,7 @@ def misfit_tests(fit: Fit, fixed: Sequence[str], force: Sequence[Array]) -> list
 
 def refusal(fit: Fit, tests: Sequence[Test], measured: Array) -> str:
     """The sentence that refuses the law, "" where no test does; measured: the positions of the record."""
-    left = np.std(measured - np.concatenate([m.x for m in fit.linear.motions]))
+    left = np.std(measured - np.concatenate([m.x for m in fit.linear.trajectories]))
     if left > EXPLAINED * np.std(measured):
         return (
             f"refused: the residuals are {100 * left / np.std(measured):.0f} % of the solution, so the fit "

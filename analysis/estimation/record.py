@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import closest
 
 Array = npt.NDArray[np.float64]
@@ -49,6 +50,7 @@ class Curve:
     friction: Array
 
 
+@keywords()
 def read_record(path: str | Path) -> Record | Curve:
     """Read a CSV file with a header: t, x and u (or force), and v if there is one; or v and friction.
 

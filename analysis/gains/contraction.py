@@ -3,7 +3,7 @@
     rho = max over d in [lo, hi], d != 0, of |P(d)/d|
 
 Below 1 every excursion comes back smaller: there is no cycle within the interval, and the set of equilibria
-at d = 0 attracts. Every turn of every parameter set is one trajectory of the same ensemble.
+at d = 0 attracts. Every return of every parameter set is one trajectory of the same ensemble.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Contraction:
     ratio    (k,); inf where the map leaves the interval without a value that can be judged
     at       d of the largest ratio, (k,)
     nearest  |P(d)|/d at the least d, (k,): what decides about the set of equilibria
-    lost     share of the d whose motion does not come back within the section's t_max, (k,)
+    lost     share of the d whose solution does not come back within the section's t_max, (k,)
     """
 
     ratio: Array
@@ -61,7 +61,7 @@ def contraction(
                 `least` of them on, evenly in its logarithm and evenly
     points      number of d on each side
 
-    A motion that comes to rest before the next event counts as ratio 0; one that is still on its way after
+    A solution that comes to rest before the next event counts as ratio 0; one that is still on its way after
     t_max is counted in `lost`. Raises UsageError.
     """
     lo, hi = interval
@@ -71,11 +71,11 @@ def contraction(
     d = coordinates(0.0, hi, points, least)
     if lo < 0.0:
         d = np.concatenate((-coordinates(0.0, -lo, points, least)[::-1], d))
-    turns = MapRows(system, section, rtol=rtol, atol=1e-3 * rtol * nearest_d, threads=threads)
-    rows = turns.rows(values, parameters)
+    event_maps = MapRows(system, section, rtol=rtol, atol=1e-3 * rtol * nearest_d, threads=threads)
+    rows = event_maps.rows(values, parameters)
     count = len(rows)
     grid = np.broadcast_to(d, (count, d.size))
-    ratio = np.abs(turns(rows, grid) / grid)
+    ratio = np.abs(event_maps(rows, grid) / grid)
     known = np.nan_to_num(ratio, nan=-1.0)
     best = np.argmax(known, axis=1)
     largest, at = known[np.arange(count), best], d[best]
@@ -86,7 +86,7 @@ def contraction(
     if close.size:
 
         def smallness(at: Array, row: Array) -> Array:
-            return -np.nan_to_num(np.abs(turns(rows[row.astype(int)], at[:, None])[:, 0] / at), nan=-1.0)
+            return -np.nan_to_num(np.abs(event_maps(rows[row.astype(int)], at[:, None])[:, 0] / at), nan=-1.0)
 
         k = best[close]
         peak = elementwise.find_minimum(smallness, (d[k - 1], d[k], d[k + 1]), args=(close,), maxiter=STEPS)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from filippov.analysis.gains.contraction import contraction
 from filippov.analysis.maps.section import Section
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
@@ -20,7 +21,7 @@ Array = npt.NDArray[np.float64]
 class GainMap:
     """rho on a grid: names of the two gains, their values, ratio of shape (len(y), len(x)).
 
-    inf stands where a motion does not come back; rows that an interrupt left out are NaN.
+    inf stands where a solution does not come back; rows that an interrupt left out are NaN.
     """
 
     names: tuple[str, str]
@@ -30,6 +31,7 @@ class GainMap:
     complete: bool = True
 
 
+@keywords()
 def gain_map(
     system: System,
     section: Section,

@@ -19,6 +19,7 @@ from scipy.stats import qmc
 from filippov.analysis.gains.contraction import contraction
 from filippov.analysis.maps.section import Section
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
 
@@ -50,7 +51,7 @@ class Tuning:
     limits     borders of every gain alone within a factor of 5, the others at the best
     share      share of the samples that is free of cycles
     reason     why there is none, "" where there is one
-    lost       share of the samples with a motion that did not come back within t_max; they count as cycles
+    lost       share of the samples with a solution that did not come back within t_max; they count as cycles
     complete   False where the search was interrupted
     """
 
@@ -90,6 +91,7 @@ class Tuning:
         return "\n".join(rows)
 
 
+@keywords()
 def tune(
     system: System,
     section: Section,
@@ -184,11 +186,11 @@ class _Search:
 
     @property
     def lost(self) -> float:
-        """Share of points with a motion that did not come back."""
+        """Share of points with a solution that did not come back."""
         return float(np.mean(np.concatenate(self._lost) > 0)) if self._lost else 0.0
 
     def ratios(self, u: Array) -> Array:
-        """rho at points (k, g), the largest over the band; motions that do not come back count as inf."""
+        """rho at points (k, g), the largest over the band; solutions that do not come back count as inf."""
         worst, nearest, lost = np.zeros(len(u)), np.zeros(len(u)), np.zeros(len(u))
         for item in self.band:
             # What hunts under one law of the band need not be asked under the others.

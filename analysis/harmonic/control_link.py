@@ -14,6 +14,7 @@ import sympy
 from filippov.analysis.harmonic.quasi_linear import lure
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.surface import Surface
 from filippov.model.symbolic import convex
@@ -34,6 +35,7 @@ def _control() -> Any:
     return control
 
 
+@keywords()
 def relay_loop(plant: Any) -> System:
     """x' = A x - B sgn(y), y = C x: the plant of python-control under relay feedback; surface "output".
 
@@ -74,6 +76,7 @@ def relay_loop(plant: Any) -> System:
     )
 
 
+@keywords()
 def linear_mode(
     system: System, mode: Any, x: Any, *, t: float = 0.0, parameters: Mapping[str, float] | None = None,
     inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None,

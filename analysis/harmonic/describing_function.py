@@ -21,6 +21,7 @@ from scipy.optimize import brentq, root
 from filippov.analysis.algebra import linalg
 from filippov.analysis.harmonic.quasi_linear import Array, ComplexArray, Lure, lure
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.model.system import System
 
 LEVELS, EDGE = 160, 1e-9
@@ -86,6 +87,7 @@ class DescribingFunction:
         return "\n".join([f"input '{self.surface}': harmonic balance predicts", *rows])
 
 
+@keywords()
 def describing_function(
     system: System,
     surface: str | None = None,

@@ -22,7 +22,7 @@ _STABLE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Attractor:
-    """A set to which motions go.
+    """A set to which solutions go.
 
     kind         "equilibrium"; "equilibrium set": connected, such as the states in which friction holds;
                  "periodic"; "chaotic": the largest Lyapunov exponent is positive beyond its error;
@@ -126,9 +126,9 @@ class Attractor:
 
 def curve_of(orbit: Orbit) -> Array:
     """States of one period at equal times, and at both sides of its events: (k, n)."""
-    motion = orbit.solution()
-    assert motion.sol is not None
+    solution = orbit.solution()
+    assert solution.sol is not None
     t = np.unique(np.concatenate([
-        np.linspace(orbit.t0, motion.t_end, POINTS), np.array([e.t for e in motion.events], dtype=float),
+        np.linspace(orbit.t0, solution.t_end, POINTS), np.array([e.t for e in solution.events], dtype=float),
     ]))  # fmt: skip
-    return np.asarray(motion.sol(t).T)
+    return np.asarray(solution.sol(t).T)

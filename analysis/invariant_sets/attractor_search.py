@@ -1,4 +1,4 @@
-"""All motions of a search side by side, until each is at an attractor, has escaped, or is given up."""
+"""All solutions of a search side by side, until each is at an attractor, has escaped, or is given up."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from filippov.base.status import Status
 Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 LOST, ESCAPED, FAILED, UNSTABLE, UNIDENTIFIED = -1, -2, -3, -4, -5
-# Iterates in a row within reach of an attractor that make a motion its own; without displacement, that are
+# Iterates in a row within reach of an attractor that make a solution its own; without displacement, that are
 # rest.
 HOLD, STILL = 8, 3
 # Objects that do not attract before nothing more is identified; a state that is thrown out so far has
@@ -26,12 +26,12 @@ HOLD, STILL = 8, 3
 MOST_UNSTABLE, FAR = 12, 10.0
 # Looks in a row at which nothing was found before no more are taken: what is left is then slow.
 MOST_VAIN = 12
-# A recurrent motion within so many cells of a known attractor is given time, twice as long every time.
+# A recurrent solution within so many cells of a known attractor is given time, twice as long every time.
 BESIDE, WAITS = 4.0, 4
 
 
 class Search:
-    """Labels of N motions: numbers of `attractors`, or what became of the others.
+    """Labels of N solutions: numbers of `attractors`, or what became of the others.
 
     label     -1 still on its way, -2 escaped, -3 failed, -4 on an object that does not attract, -5 recurrent
               where nothing could be identified; failures: count by status
@@ -93,7 +93,7 @@ class Search:
         for k in np.flatnonzero(~done & ~gone).tolist():
             status = ends.status[k]
             if self.flow.kind == "section" and status is Status.SUCCESS:
-                # No event within the longest turn: at rest, or a turn that is longer.
+                # No event within t_max: at rest, or a return that takes longer.
                 if self.flow.resting(image[k : k + 1], 10 * NEAR * self.size)[0]:
                     self.x[rows[k]] = image[k]
                     self._at_rest(int(rows[k]))
@@ -120,7 +120,7 @@ class Search:
             self._look_at(int(left[0]))
 
     def _assign(self, rows: Whole, only: int | None = None) -> None:
-        """Count the iterates of these motions near the attractors, and label those that stay there."""
+        """Count the iterates of these solutions near the attractors, and label those that stay there."""
         for number, attractor in enumerate(self.attractors):
             if attractor.kind == "equilibrium set" or (only is not None and number != only):
                 continue
@@ -135,7 +135,7 @@ class Search:
             self.label[rows[mine]] = number
 
     def _settle(self, rows: Whole) -> None:
-        """Motions that no longer move: at rest if at all times of a step, else on a fixed point."""
+        """Solutions that no longer move: at rest if at all times of a step, else on a fixed point."""
         rows = rows[self.label[rows] == LOST]
         if not rows.size or self.flow.kind == "section":
             return
@@ -153,7 +153,7 @@ class Search:
         self.label[row] = UNIDENTIFIED
 
     def _look_at(self, row: int) -> None:
-        """Identify what the motion is at; one that is found not to be near waits twice as long."""
+        """Identify what the solution is at; one that is found not to be near waits twice as long."""
         if self.waited[row] < WAITS and self._beside(row):
             self.waited[row] += 1
             self.past.streak[row] = -self.recurrences * 2 ** int(self.waited[row] - 1)
@@ -222,7 +222,7 @@ class Search:
     # -- sets of equilibria ------------------------------------------------------------------------------
 
     def _rest(self) -> None:
-        """Order the rests into connected sets; those that drew no motion in do not attract."""
+        """Order the rests into connected sets; those that drew no solution in do not attract."""
         if not self.rests:
             return
         rows = np.array(self.rests, dtype=np.int64)

@@ -1,6 +1,6 @@
 """All attractors in a box of state space, by recurrences, with the shares of states that go to each.
 
-Motions from many states are followed by a map (`filippov.analysis.invariant_sets.state_map`); one that for
+Solutions from many states are followed by a map (`filippov.analysis.invariant_sets.state_map`); one that for
 long comes only to cells of a grid that it has visited before is looked at: the equilibrium or periodic orbit
 there is solved for, chaos is told by the largest Lyapunov exponent. The others are then told by their
 distance to what was solved for, not by cells. An attractor whose share of the box is q is missed by N states
@@ -33,6 +33,7 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.orbit import stored_system
 from filippov.analysis.orbits.orbit_file import read_json, write_json
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.io.stored_system import system_data
 from filippov.model.system import System
@@ -63,8 +64,8 @@ class Attractors:
                 sure; NaN without states
     names, x, y   of a plane: its two states (None without a plane) and their values; picture: the label of
                 every pair, (len(y), len(x)); at: the other states there
-    kind, duration   of the map: "strobe", "step" or "section", its period, step or longest turn
-    iterates    of the map that were done; failures: motions that failed by status
+    kind, duration   of the map: "strobe", "step" or "section", its period, step or longest return
+    iterates    of the map that were done; failures: solutions that failed by status
     complete    False where it was interrupted
     """
 
@@ -178,6 +179,7 @@ class Attractors:
             raise UsageError(f"{str(path)!r} is damaged ({type(error).__name__}: {error}).") from None
 
 
+@keywords()
 def attractors(
     system: System,
     box: Mapping[str, Sequence[float]],
@@ -212,10 +214,10 @@ def attractors(
     plane        two states over which a picture of resolution x resolution initial states is made; `at`: the
                  others there (default: the middle of the box)
     cells        along each edge of the box; recurrences: iterates in a row on cells visited before, after
-                 which a motion is looked at; most: iterates, after which the rest is undecided
-    reach        distance from an attractor, in parts of the box, within which a motion has to stay
-    escape       distance from the middle of the box, in parts of it, beyond which a motion has escaped
-    progress     called with (motions decided, all)
+                 which a solution is looked at; most: iterates, after which the rest is undecided
+    reach        distance from an attractor, in parts of the box, within which a solution has to stay
+    escape       distance from the middle of the box, in parts of it, beyond which a solution has escaped
+    progress     called with (solutions decided, all)
     store        a file that keeps the search (npz): one of the same system and settings that was ended goes
                  on from there and finds what it would have found; `most` may be another
 

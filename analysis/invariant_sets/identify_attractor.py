@@ -1,4 +1,4 @@
-"""What a recurrent motion has come to: an equilibrium, a periodic orbit, chaos, or none of them for sure."""
+"""What a recurrent solution has come to: an equilibrium, a periodic orbit, chaos, or none for sure."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ Array = npt.NDArray[np.float64]
 # Iterates that are looked at; longest period of the map that is searched; iterates kept of a chaotic
 # attractor.
 LOOK, LONGEST, KEPT = 200, 48, 1200
-# Displacement that counts as none, and distance to a solution that a motion has to keep, in parts of the
+# Displacement that counts as none, and distance that one solution has to keep to another, in parts of the
 # sizes.
 NEAR, CLOSE, SLACK = 1e-8, 2e-2, 1e-4
 NEWTON, EXPONENT = 30, 300
 # An exponent is positive where it is so many of its errors above 0.
 ERRORS = 4.0
 FAILS = (SolveError, ArithmeticError, np.linalg.LinAlgError)
-# An aperiodic motion has the same extent early and late to this part of it.
+# An aperiodic solution has the same extent early and late to this part of it.
 STEADY = 0.02
 
 
 class Identifier:
-    """Looks at one motion after the other; `size`: of the box by state, (n,)."""
+    """Looks at one solution after the other; `size`: of the box by state, (n,)."""
 
     def __init__(self, flow: StateMap, grid: Grid, size: Array) -> None:
         self.flow, self.grid, self.size = flow, grid, size
 
     def __call__(self, x: Array) -> Attractor | None:
-        """What the motion from x is at, whether it attracts or not; None where the motion ends."""
+        """What the solution from x is at, whether it attracts or not; None where the solution ends."""
         y = self.run(x, LOOK)
         if y is None:
             return None
@@ -51,8 +51,8 @@ class Identifier:
             return self.equilibrium(y) or self.cycle(y) or self.other(y)
         gaps = [float(np.max(np.abs(late[q:] - late[:-q]) / self.size)) for q in range(1, LONGEST + 1)]
         order = [q + 1 for q, gap in enumerate(gaps) if gap <= CLOSE and gap <= 2 * min(gaps[: q + 1])]
-        for turns in order[:4]:
-            found = self.periodic(y, turns)
+        for periods in order[:4]:
+            found = self.periodic(y, periods)
             if found is not None:
                 return found
         if self.flow.kind == "section":
@@ -62,7 +62,7 @@ class Identifier:
         return self.other(y)
 
     def run(self, x: Array, count: int) -> Array | None:
-        """Iterates of x, (count, n); None where the motion ends."""
+        """Iterates of x, (count, n); None where the solution ends."""
         out, here = [], x[None, :]
         for _ in range(count):
             here, ends = self.flow(here)
@@ -74,7 +74,7 @@ class Identifier:
     # -- equilibria --------------------------------------------------------------------------------------
 
     def at_rest(self, x: Array) -> Attractor:
-        """A state that the motion does not leave: an equilibrium, or one state of a set."""
+        """A state that the solution does not leave: an equilibrium, or one state of a set."""
         matrix = self.flow.derivative(x, self.size)
         if not np.all(np.isfinite(matrix)):
             return Attractor("equilibrium", x[None, :], low=x.copy(), high=x.copy())
@@ -106,7 +106,7 @@ class Identifier:
         away = np.linalg.norm((y - x) / self.size, axis=1)
         found = self.at_rest(x)
         early, end = float(np.max(away[: LOOK // 4])), float(np.max(away[-LOOK // 4 :]))
-        # The motion has to draw near: by its multipliers, or markedly where they do not decide.
+        # The solution has to draw near: by its multipliers, or markedly where they do not decide.
         rate = float(np.max(np.abs(found.multipliers), initial=0.0))
         fall = 0.3 * (1.0 - rate ** (LOOK // 2)) if found.stable is True else 0.02
         near = end <= (1.0 - fall) * early or end <= SLACK
@@ -114,21 +114,21 @@ class Identifier:
 
     # -- periodic ----------------------------------------------------------------------------------------
 
-    def periodic(self, y: Array, turns: int) -> Attractor | None:
+    def periodic(self, y: Array, periods: int) -> Attractor | None:
         """The orbit of a forced system that repeats after so many strobes."""
         if self.flow.kind == "section":
             return None
         flow = self.flow
         try:
             orbit = find_orbit(
-                flow.system, y[-1], parameters=flow.parameters, period=turns * flow.duration, t0=flow.t0
+                flow.system, y[-1], parameters=flow.parameters, period=periods * flow.duration, t0=flow.t0
             )
         except FAILS:
             return None
         return self._of_orbit(orbit, y)
 
     def cycle(self, y: Array) -> Attractor | None:
-        """The limit cycle at the end of a motion of an autonomous system."""
+        """The limit cycle at the end of a solution of an autonomous system."""
         flow = self.flow
         try:
             orbit = find_orbit(
@@ -139,21 +139,21 @@ class Identifier:
         return self._of_orbit(orbit, y)
 
     def _of_orbit(self, orbit: Orbit, y: Array) -> Attractor | None:
-        """The attractor of an orbit, where the motion keeps near to it."""
+        """The attractor of an orbit, where the solution keeps near to it."""
         flow = self.flow
         found = Attractor(
             "periodic", orbit.x0[None, :], None, orbit.period, orbit.multipliers, low=orbit.low,
             high=orbit.high, orbit=orbit,
         )  # fmt: skip
         if flow.kind == "strobe":
-            turns = round(orbit.period / flow.duration)
+            periods = round(orbit.period / flow.duration)
             x = self._at_strobe(orbit)
             if x is None:
                 return None
-            points = self.run(x, turns)
+            points = self.run(x, periods)
             if points is None:
                 return None
-            found = replace(found, states=points, period=turns)
+            found = replace(found, states=points, period=periods)
         else:
             found = replace(found, curve=curve_of(orbit))
             if flow.kind == "section":
@@ -161,8 +161,8 @@ class Identifier:
                 if points is None:
                     return None
                 same = np.max(np.abs(points - points[-1]) / self.size, axis=1) <= CLOSE / 10
-                turns = int(np.diff(np.flatnonzero(same))[-1]) if np.sum(same) > 1 else len(points)
-                found = replace(found, states=points[-turns:], period=turns)
+                periods = int(np.diff(np.flatnonzero(same))[-1]) if np.sum(same) > 1 else len(points)
+                found = replace(found, states=points[-periods:], period=periods)
         away = found.distance(y, self.size)
         # Chords of the orbit's curve are off it by up to SLACK.
         if np.max(away[-20:]) > CLOSE or np.max(away[-20:]) > np.max(away[:40]) + SLACK:
@@ -224,7 +224,7 @@ class Identifier:
         )  # fmt: skip
 
     def drift(self, kept: Array) -> float:
-        """Change of the extent of a long motion from its first quarter to its last, in parts of it."""
+        """Change of the extent of a long solution from its first quarter to its last, in parts of it."""
         first, last = kept[: len(kept) // 4], kept[-(len(kept) // 4) :]
         size = np.maximum(np.ptp(kept, axis=0), NEAR * self.size)
         low = np.abs(first.min(axis=0) - last.min(axis=0)) / size

@@ -1,9 +1,9 @@
 """Stable and unstable manifolds that are curves: of saddles and pseudo-saddles, and of orbits of saddle type.
 
-Of an equilibrium the curve is a motion (forwards for the unstable one, backwards for the stable one); through
-events and sliding. Of an orbit it is a curve of the return map, grown by arclength
-(`filippov.analysis.invariant_sets.manifold_of_map`). Backwards in time a motion that meets attracting sliding
-could have come from anywhere: the curve ends there and says so.
+Of an equilibrium the curve is a solution (forwards for the unstable one, backwards for the stable one);
+through events and sliding. Of an orbit it is a curve of the return map, grown by arclength
+(`filippov.analysis.invariant_sets.manifold_of_map`). Backwards in time a solution that meets attracting
+sliding could have come from anywhere: the curve ends there and says so.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_file import write_json
 from filippov.analysis.orbits.saddle import Saddle, Side, saddle
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.status import Status, mode_text
 from filippov.model.system import System
 from filippov.solving.solution import Solution
@@ -52,7 +53,7 @@ class Manifold:
 
     side      "stable" or "unstable"; of: "saddle", "pseudo-saddle" or "orbit"
     x         the saddle, or the point of the orbit at the strobe or section
-    value     the eigenvalue (1/time) or multiplier that belongs to it; NaN for motions that come to a
+    value     the eigenvalue (1/time) or multiplier that belongs to it; NaN for solutions that come to a
               pseudo-saddle, or leave it, across its surface in finite time
     branches  its sides
     """
@@ -94,6 +95,7 @@ class Manifold:
         return write_json(path, {"format": "filippov manifold", "version": 1, "manifold": self.to_dict()})
 
 
+@keywords()
 def manifold(
     system: System,
     at: Any,
@@ -158,7 +160,7 @@ def manifold(
         sign = 1 if side == "unstable" else -1
         value = float(point.eigenvalues.real[sign * point.eigenvalues.real > 0][0])
         starts = [(point.x + s * offset * length * direction, mode_text(point.mode)) for s in (1, -1)]
-    out = tuple(_motion(point, side, x, m, length, gap, t_max, rtol) for x, m in starts)
+    out = tuple(_solution(point, side, x, m, length, gap, t_max, rtol) for x, m in starts)
     return Manifold(system, point.parameters, side, point.kind, point.x, value, out)
 
 
@@ -166,10 +168,10 @@ def _beside(point: Saddle, side: int) -> str:
     return mode_text(tuple(s or side for s in point.mode))
 
 
-def _motion(
+def _solution(
     point: Saddle, side: Side, x0: Array, mode: str, length: float, gap: float, t_max: float, rtol: float
 ) -> ManifoldBranch:  # fmt: skip
-    """The motion from x0, which begins in this mode, as far as the length goes."""
+    """The solution from x0, which begins in this mode, as far as the length goes."""
     back, span = (
         side == "stable",
         0.1 / max(float(np.max(np.abs(point.eigenvalues.real), initial=0.0)), 1e-3 / t_max),
@@ -224,7 +226,7 @@ def _why(run: Solution, back: bool) -> str:
 
 
 def _points(run: Solution, gap: float) -> tuple[Array, Array]:
-    """Times and states along a motion, closer than `gap`: on the steps, at the events and between."""
+    """Times and states along a solution, closer than `gap`: on the steps, at the events and between."""
     assert run.sol is not None
     edges = np.append(run.sol.start, run.t_end)
     count = INSIDE

@@ -25,7 +25,7 @@ Array = npt.NDArray[np.float64]
 LEVELS, ROUNDS, FIRST = 400, 80, 9
 # Sharpest bend between neighbours [rad]; below this part of the spacing bends are not looked at.
 BEND, SHORT = 0.2, 0.02
-# Closest places of points on the first piece: at a jump, and at the edge of where motions come back.
+# Closest places of points on the first piece: at a jump, and at the edge of where solutions come back.
 CLOSEST, EDGE = 1e-11, 1e-6
 
 

@@ -1,6 +1,6 @@
-"""Cells of a grid in state space, and how long each of many motions has been on cells visited before.
+"""Cells of a grid in state space, and how long each of many solutions has been on cells visited before.
 
-Space is cut into boxes without a bound; a box is a whole number made of its place. A motion that for many
+Space is cut into boxes without a bound; a box is a whole number made of its place. A solution that for many
 iterates comes only to cells of its own past has come to an attractor, or is slow.
 Source: Datseris & Wagemakers 2022, Chaos 32, 023104; Nusse & Yorke 1997.
 """
@@ -48,7 +48,7 @@ class Grid:
 
 
 class Past:
-    """The cells of every motion so far, and `streak`: iterates in a row on cells visited before."""
+    """The cells of every solution so far, and `streak`: iterates in a row on cells visited before."""
 
     def __init__(self, count: int) -> None:
         self.cells = np.zeros((count, 64), dtype=np.uint64)
@@ -56,7 +56,7 @@ class Past:
         self.streak = np.zeros(count, dtype=np.int64)
 
     def add(self, rows: Whole, names: npt.NDArray[np.uint64]) -> None:
-        """Enter the cells to which these motions have come; the others have ended."""
+        """Enter the cells to which these solutions have come; the others have ended."""
         if self.length == self.cells.shape[1]:
             self.cells = np.hstack([self.cells, np.zeros_like(self.cells)])
         known = np.any(self.cells[rows, : self.length] == names[:, None], axis=1)

@@ -1,6 +1,6 @@
 """Which states of rest belong to one connected set of equilibria.
 
-Two rests belong together where the states between them come to rest beside themselves: the ends of motions
+Two rests belong together where the states between them come to rest beside themselves: the ends of solutions
 from points of the straight line are a chain without a gap, and the widest gap closes when it is looked at
 again. On a straight set they do not move at all; on a bent one they are drawn to it; between two separate
 equilibria the chain breaks.

@@ -22,15 +22,15 @@ from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 
 Array = npt.NDArray[np.float64]
-STEPS, TURNS, SAME = 200_000, 64, 1e-6
+STEPS, RETURNS, SAME = 200_000, 64, 1e-6
 
 
 class ReturnMap:
     """P with P(x) = x on the orbit, for states (k, n); its inverse runs backwards in time.
 
     x        the point of the orbit at the strobe or on the section
-    turns    section events in a period of the orbit (1 for a forced one)
-    reasons  what motions that did not come back ended with, and how many
+    returns  section events in a period of the orbit (1 for a forced one)
+    reasons  what solutions that did not come back ended with, and how many
 
     Raises UsageError, SolveError where the orbit does not come to the section.
     """
@@ -54,19 +54,19 @@ class ReturnMap:
         self.options: dict[str, Any] = {
             "rtol": rtol, "atol": 1e-3 * rtol, "max_steps": STEPS, "zeno": "continue",
         }  # fmt: skip
-        self.x, self.turns = orbit.x0.copy(), 1
+        self.x, self.returns = orbit.x0.copy(), 1
         self.reasons: dict[str, int] = {}
         if self.section is not None:
             self.x = self._event(orbit.x0).x_end
             x = self.x
-            for self.turns in range(1, TURNS + 1):
+            for self.returns in range(1, RETURNS + 1):
                 x = self._event(x).x_end
                 if np.max(np.abs(x - self.x)) <= SAME * (1.0 + np.max(np.abs(self.x))):
                     return
-            raise SolveError(f"the orbit is not back on its section after {TURNS} events.")
+            raise SolveError(f"the orbit is not back on its section after {RETURNS} events.")
 
     def _event(self, x: Array, dense: bool = False) -> Solution:
-        """The motion to the next event of the section."""
+        """The solution to the next event of the section."""
         assert self.section is not None
         section = self.section.section
         run: Solution = solve(
@@ -103,13 +103,13 @@ class ReturnMap:
         return Prepared(self.system, span, stop=stop, backward=back, **self.options)
 
     def map_of(self, side: Side) -> Callable[[Array], Array]:
-        """P for the unstable side, its inverse for the stable one; NaN where a motion does not come back."""
+        """P for the unstable side, its inverse for the stable one; NaN where a solution does not return."""
         prepared = self._ahead if side == "unstable" else self._back
         wanted = Status.SUCCESS if self.section is None else Status.STOPPED
 
         def image(x: Array) -> Array:
             out = x.copy()
-            for _ in range(self.turns):
+            for _ in range(self.returns):
                 rows = np.flatnonzero(np.all(np.isfinite(out), axis=1))
                 if not rows.size:
                     break
@@ -141,7 +141,7 @@ class ReturnMap:
             )  # fmt: skip
             return np.asarray(flow_derivative(run))
         total, x = np.eye(n), self.x
-        for _ in range(self.turns):
+        for _ in range(self.returns):
             run = self._event(x, dense=True)
             total = onto_section(run, run.events[-1], flow_derivative(run, before_last=True))[:n] @ total
             x = run.x_end
@@ -151,7 +151,7 @@ class ReturnMap:
         """The multiplier of a manifold that is a curve, and its unit eigenvector. Raises UsageError."""
         values, vectors = linalg.eig(self.matrix)
         if self.section is not None:
-            # On the section: along the motion P does not change, which is a multiplier 0 of this matrix.
+            # On the section: along the solution P does not change, which is a multiplier 0 of this matrix.
             keep = np.argsort(np.abs(values))[1:]
             values, vectors = values[keep], vectors[:, keep]
         inside, outside = np.abs(values) < 1 - 1e-7, np.abs(values) > 1 + 1e-7

@@ -22,7 +22,7 @@ from filippov.io.archive import Archive, write_arrays
 
 EVERY = 10
 FORMAT, VERSION = "filippov search of attractors", 1
-_BY_MOTION = ("x", "label", "still", "close", "waited", "tried")
+_BY_SOLUTION = ("x", "label", "still", "close", "waited", "tried")
 
 
 class SearchFile:
@@ -44,9 +44,9 @@ class SearchFile:
             "failures": search.failures, "rests": search.rests, "vain": search.vain,
             "looked": search.looked.tolist(), "iterates": search.iterates,
         }  # fmt: skip
-        arrays: dict[str, npt.NDArray[Any]] = {name: getattr(search, name) for name in _BY_MOTION}
+        arrays: dict[str, npt.NDArray[Any]] = {name: getattr(search, name) for name in _BY_SOLUTION}
         arrays["streak"] = search.past.streak
-        # Only motions on their way are asked again where they have been.
+        # Only solutions on their way are asked again where they have been.
         arrays["cells"] = search.past.cells[left, : search.past.length].view(np.int64)
         arrays["plain"] = np.frombuffer(json.dumps(finite(plain)).encode(), dtype=np.uint8)
         write_arrays(self.path, arrays)
@@ -67,7 +67,7 @@ class SearchFile:
                 search.failures, search.rests = dict(plain["failures"]), [int(k) for k in plain["rests"]]
                 search.vain, search.iterates = int(plain["vain"]), int(plain["iterates"])
                 search.looked = np.array(plain["looked"], dtype=np.uint64)
-                for name in _BY_MOTION:
+                for name in _BY_SOLUTION:
                     array = archive.read(name)
                     if len(array) != len(search.begin):
                         raise ValueError(f"{name} has {len(array)} rows, expected {len(search.begin)}")
@@ -92,7 +92,7 @@ class SearchFile:
 
 
 def _data(one: Attractor) -> dict[str, Any]:
-    """An attractor with what its own file leaves out: how the search tells motions that are at it."""
+    """An attractor with what its own file leaves out: how the search tells solutions that are at it."""
     return one.to_dict() | {
         "curve": None if one.curve is None else one.curve.tolist(),
         "cells": None if one.cells is None else one.cells.tolist(),

@@ -1,4 +1,4 @@
-"""The map whose iterates show where motions go: the flow once a period, once a step or at a section.
+"""The map whose iterates show where solutions go: the flow once a period, once a step or at a section.
 
 forced or clocked    P(x) = Phi(t0 + T, t0, x), the stroboscopic map
 autonomous           P(x) = Phi(dt, x), or the next event of a section
@@ -26,7 +26,7 @@ from filippov.solving.solver import solve
 Array = npt.NDArray[np.float64]
 Kind = Literal["strobe", "step", "section"]
 STEPS = 200_000
-# A motion is at rest where it is unchanged at these shares of the map's time as well.
+# A solution is at rest where it is unchanged at these shares of the map's time as well.
 SHARES = (0.371, 0.713)
 # Displacement in one step, in parts of the box, up to which it is doubled; where doubling has to gain
 # something.
@@ -39,7 +39,7 @@ class StateMap:
     """P: states (k, n) -> states (k, n).
 
     kind      "strobe" (one period of the forcing), "step" (a fixed time) or "section" (the next event)
-    duration  period, step, or the longest time of a turn
+    duration  period, step, or the longest time of a return
     t0        time at which a period starts
 
     Raises UsageError, for a system with hysteresis too: the sign of such a surface is a state of its own.
@@ -91,7 +91,7 @@ class StateMap:
         self.threads = threads
 
     def at_pace(self, states: Array, size: Array) -> StateMap:
-        """The same map with a step in which motions go a good part of the way that they move about in.
+        """The same map with a step in which solutions go a good part of the way that they move about in.
 
         It is doubled from a short one until half of them go MOST of the sizes (n,), or no further by more
         time; and again from where they are after some steps, for transients are faster than what they lead
@@ -118,7 +118,7 @@ class StateMap:
         return other
 
     def _pace(self, states: Array, size: Array, step: float) -> float:
-        """Median displacement in a step of the motions that move, in parts of the sizes."""
+        """Median displacement in a step of the solutions that move, in parts of the sizes."""
         ends = self.over(states, step)
         good = np.array([status is Status.SUCCESS for status in ends.status])
         gone = np.max(np.abs(ends.x - states) / size, axis=1)
@@ -135,12 +135,12 @@ class StateMap:
         )
 
     def __call__(self, states: Array) -> tuple[Array, Ensemble]:
-        """Images of states with how each motion ended; one that meets no section is at its end."""
+        """Images of states with how each solution ended; one that meets no section is at its end."""
         ends = self._prepared.run(states, np.tile(self.p, (len(states), 1)))
         return ends.x, ends
 
     def timed(self) -> StateMap:
-        """This map, or in the place of an event map the flow over its longest turn."""
+        """This map, or in the place of an event map the flow over its longest return."""
         if self.kind != "section":
             return self
         return StateMap(
@@ -149,17 +149,17 @@ class StateMap:
         )  # fmt: skip
 
     def over(self, states: Array, duration: float) -> Ensemble:
-        """Where motions from states at t0 are after another time than the map's."""
+        """Where solutions from states at t0 are after another time than the map's."""
         prepared = Prepared(self.system, (self.t0, self.t0 + duration), threads=self.threads, **self.options)
         return prepared.run(states, np.tile(self.p, (len(states), 1)))
 
     def done(self, ends: Ensemble) -> npt.NDArray[np.bool_]:
-        """Which motions came to the end of the map's time, or to its section."""
+        """Which solutions came to the end of the map's time, or to its section."""
         wanted = Status.STOPPED if self.kind == "section" else Status.SUCCESS
         return np.array([status is wanted for status in ends.status])
 
     def resting(self, states: Array, near: Array) -> npt.NDArray[np.bool_]:
-        """Which states a motion does not leave: the same to `near` (n,) at three times of a step."""
+        """Which states a solution does not leave: the same to `near` (n,) at three times of a step."""
         kept = np.ones(len(states), dtype=bool)
         for share in (*SHARES, 1.0):
             ends = self.over(states, share * self.duration)

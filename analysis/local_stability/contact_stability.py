@@ -1,23 +1,28 @@
 """Stability of a body at rest on a surface with impacts: pressed onto it, and stable on the surface.
 
-With L = dh/dt, motions beside the contact bounce: L' = -a with the acceleration a > 0 by which the surface is
-pressed, L+ = -e L- at each impact. For 0 <= e < 1 the bounces end after a time of order |L|, and what is left
-is the field on h = L = 0, so its linear part decides. Source: Leine & van de Wouw 2008, Stability and
+With L = dh/dt, solutions beside the contact bounce: L' = -a with the acceleration a > 0 by which the surface
+is pressed, L+ = -e L- at each impact. For 0 <= e < 1 the bounces end after a time of order |L|, and what is
+left is the field on h = L = 0, so its linear part decides. Source: Leine & van de Wouw 2008, Stability and
 Convergence of Mechanical Systems with Unilateral Constraints; the bounces: Brogliato 2016.
 """
 
 from __future__ import annotations
 
+import numpy as np
 import sympy
 
 from filippov.analysis.algebra.polynomial import Verdict
+from filippov.analysis.local_stability.kink_stability import touched
 from filippov.analysis.local_stability.stability_context import SMALL, Context
 from filippov.analysis.local_stability.stability_result import Answer, EquilibriumStability, Statement
+from filippov.analysis.steady.clocks import branch_points
 from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.linearisation import Linearisation, characteristic_polynomial, linearise
 
 SOURCE = "Leine & van de Wouw 2008"
 BOUNCES = "Brogliato 2016"
+# How far before an impact without speed the slope of a reset with a kink there is taken.
+BESIDE = 1e-8
 
 
 def in_contact(context: Context, mode: str) -> list[int]:
@@ -29,12 +34,16 @@ def contact_stability(context: Context, point: EquilibriumPoint) -> EquilibriumS
     """Stability of a point in resting contact on one surface; undecided on several."""
     linear = linearise(context.system, point, values=context.put, sides=[])
     assert linear.sliding is not None
-    if linear.sliding.matrix is None or point.mode.count("0") > 1:
+    on = in_contact(context, point.mode)
+    kinked = touched(context, point) or any(_kinked(context, point, i) for i in on)
+    if linear.sliding.matrix is None or point.mode.count("0") > 1 or kinked:
         text = "it rests on several surfaces at once: impacts on one move the others, which is not decided"
         if linear.sliding.matrix is None:
             text = "the field on the surface is not determined by first derivatives"
+        elif kinked:
+            text = "it rests on a surface and lies on a kink or another reset, whose sides differ"
         return _undecided(point, linear, text)
-    (i,) = in_contact(context, point.mode)
+    (i,) = on
     contact = context.form.contact[i]
     assert contact is not None
     side = 1 if contact.side > 0 else -1
@@ -76,7 +85,7 @@ def contact_stability(context: Context, point: EquilibriumPoint) -> EquilibriumS
 
 
 def _stays(context: Context, point: EquilibriumPoint, matrix: sympy.Matrix) -> bool:
-    """Whether the field is affine and its motions on h = dh/dt = 0 stay bounded."""
+    """Whether the field is affine and its solutions on h = dh/dt = 0 stay bounded."""
     form = context.form
     (i,) = in_contact(context, point.mode)
     contact = form.contact[i]
@@ -99,13 +108,27 @@ def _undecided(point: EquilibriumPoint, linear: Linearisation, text: str) -> Equ
     )
 
 
+def _kinked(context: Context, point: EquilibriumPoint, i: int) -> bool:
+    """Whether the reset has kinks that more than the speed of approach decides, as one with friction."""
+    form, contact = context.form, context.form.contact[i]
+    assert contact is not None
+    put = dict(zip(form.x, point.x, strict=True))
+    kinks = branch_points(form.reset[i] or (), put, context.values)
+    slopes = context.numbers(sympy.Matrix([contact.rate, *kinks]).jacobian(form.x).subs(put))
+    return not np.all(np.isfinite(slopes)) or np.linalg.matrix_rank(slopes) > 1
+
+
 def _restitution(context: Context, point: EquilibriumPoint, i: int) -> float:
-    """e = -dL+/dL- at the point, along the direction in which the surface pushes."""
+    """e = -dL+/dL- at the point, along the direction in which the surface pushes, from the side it is hit."""
     form = context.form
     contact, reset = form.contact[i], form.reset[i]
     assert contact is not None
     assert reset is not None
     put = dict(zip(form.x, point.x, strict=True))
-    rate = sympy.Matrix([contact.rate]).jacobian(form.x)
-    change = sympy.Matrix(reset).jacobian(form.x) * sympy.Matrix(contact.direction)
-    return -context.number((rate * change)[0].subs(context.put).subs(put))
+    rate, push = sympy.Matrix([contact.rate]).jacobian(form.x), sympy.Matrix(contact.direction)
+    change = sympy.Matrix(reset).jacobian(form.x) * push
+    raised = context.number((rate * push)[0].subs(context.put).subs(put))
+    back = -BESIDE * (1 if contact.side > 0 else -1) * (1 if raised > 0 else -1)
+    hit = {q: e + back * d.subs(put) for (q, e), d in zip(put.items(), push, strict=True)}
+    at = hit if branch_points(reset, put, context.values) else put
+    return -context.number((rate * change)[0].subs(context.put).subs(at))

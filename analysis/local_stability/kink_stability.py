@@ -3,28 +3,34 @@
 A single Jacobian says nothing: x' = -0.4 x + 0.6 |x| + v, v' = -x has an unstable focus on one side and
 converges, and two stable sides together may diverge in dimension 3 and up. Decided are: dimension 1,
 dimension 2 (filippov.analysis.local_stability.planar_cone), and instability by an eigenvector inside its own
-cone.
+cone. Of what lies on kinks and slides on other surfaces the sliding field on these decides, and of a set of
+equilibria on a kink the field across the set.
 Source: Carmona, Freire, Ponce, Torres 2006, Internat. J. Bifur. Chaos 16, 1469 (the cones of dimension 3).
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from sympy import Expr
+import sympy
+from sympy import Expr, Rational, Symbol
 
 from filippov.analysis.algebra import linalg
+from filippov.analysis.local_stability import straight_lines
 from filippov.analysis.local_stability.planar_cone import planar_cone
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import Answer, Statement
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.steady.linearisation import linearise
 
 Array = npt.NDArray[np.float64]
 ON, CLEAR = 1e-9, 1e-9
+# Where along a set the verdict is asked.
+SPOTS = (0.47, 0.03, 0.26, 0.71, 0.97)
 PLANE = "proved in filippov.analysis.local_stability.planar_cone"
 
 
@@ -47,68 +53,171 @@ class Cone:
         """Whether an eigenvector to an eigenvalue > 0 lies inside the cone of its own side."""
         for signs, matrix in self.sides.items():
             values, vectors = linalg.eig(matrix)
-            size = max(1.0, float(np.max(np.abs(values))))
+            size = max(1.0, float(np.max(np.abs(values), initial=0.0)))
             for value, vector in zip(values, vectors.T, strict=True):
                 if abs(value.imag) > CLEAR * size or value.real <= CLEAR * size:
                     continue
+                # On a kink the sides agree, so the border belongs to the cone.
                 where = self.rows @ vector.real * np.array(signs)
-                if np.all(where > CLEAR) or np.all(where < -CLEAR):
+                if np.all(where > -CLEAR) or np.all(where < CLEAR):
                     return True
         return False
 
 
-def cone(context: Context, mode: str, x: Sequence[Expr]) -> Cone | None:
-    """The linear parts at a point of the closure of a mode; None if not on kinks alone."""
+def touched(context: Context, found: EquilibriumPoint | EquilibriumSet) -> list[int]:
+    """The kinks and surfaces with resets that a point, or a whole set, lies on without sliding there."""
     form = context.form
-    put = dict(zip(form.x, x, strict=True))
-    signs = form.signs(mode)
-    places = [abs(context.number(h.subs(context.put).subs(put))) for h in form.h_at_mode(mode)]
-    on = [i for i, place in enumerate(places) if place <= ON]
-    if not on or any(context.system.surfaces[i].kind != "kink" for i in on):
-        return None
-    gradients = form.gradients(mode).extract(on, list(range(len(form.x))))
-    rows = context.numbers(gradients.subs(context.put).subs(put))
-    sides = {}
+    put = dict(zip(form.x, found.x, strict=True))
+    places = [h.subs(context.put).subs(put) for h in form.h_at_mode(found.mode)]
+    return [
+        i
+        for i, h in enumerate(places)
+        if found.mode[i] != "0"
+        and context.system.surfaces[i].kind in {"kink", "reset"}
+        and all(abs(context.number(h, at)) <= ON for at in _spots(found))
+    ]
+
+
+def modes_beside(context: Context, mode: str, on: Sequence[int]) -> dict[tuple[int, ...], tuple[int, ...]]:
+    """The modes around a point on the surfaces `on`, by the signs of these."""
+    signs = context.form.signs(mode)
+    out = {}
     for choice in itertools.product((1, -1), repeat=len(on)):
         beside = dict(zip(on, choice, strict=True))
-        jacobian = form.jacobian([beside.get(i, m) for i, m in enumerate(signs)])
-        sides[choice] = context.numbers(jacobian.subs(context.put).subs(put))
-    finite = all(np.all(np.isfinite(part)) for part in (rows, *sides.values()))
-    return Cone(rows, sides) if finite else None
+        out[choice] = tuple(beside.get(i, m) for i, m in enumerate(signs))
+    return out
 
 
-def kink_stability(context: Context, point: EquilibriumPoint) -> tuple[Answer, Statement]:
-    """The verdict on a point that lies on kinks."""
-    found = cone(context, point.mode, point.x)
-    if found is None:
-        text = "it lies on a surface with a reset, or the linear parts beside it are not determined"
+def cone(
+    context: Context, found: EquilibriumPoint | EquilibriumSet, at: Mapping[Symbol, Expr] | None = None
+) -> Cone | None:
+    """The linear parts beside a point, or beside the point `at` of a set; None if not on kinks alone.
+
+    Where it slides they are those of the sliding field on its surfaces; along a set they are those across it.
+    """
+    form, on = context.form, touched(context, found)
+    if not on or any(context.system.surfaces[i].kind != "kink" for i in on):
+        return None
+    put = dict(zip(form.x, found.x, strict=True))
+    gradients = form.gradients(found.mode).extract(on, list(range(len(form.x))))
+    rows = context.numbers(gradients.subs(context.put).subs(put), at)
+    fixed = [np.zeros((0, len(form.x)))]
+    if isinstance(found, EquilibriumSet):
+        fixed.append(context.numbers(sympy.Matrix(found.x).jacobian(found.free).T, at))
+    sides: dict[tuple[int, ...], Array] = {}
+    for choice, mode in modes_beside(context, found.mode, on).items():
+        text = "".join("-0+"[m + 1] for m in mode)
+        linear = linearise(context.system, replace(found, mode=text), values=context.put, sides=[])
+        sliding = linear.sliding
+        matrix = linear.smooth if sliding is None else sliding.matrix
+        if matrix is None:
+            return None
+        if sliding is not None and len(sides) == 0:
+            fixed.append(context.numbers(sliding.gradient, at))
+        sides[choice] = context.numbers(matrix, at)
+    if not all(np.all(np.isfinite(part)) for part in (rows, *fixed, *sides.values())):
+        return None
+    across = linalg.null_space(np.vstack(fixed)) if len(fixed) > 1 else np.eye(len(form.x))
+    rows = rows @ across
+    # What does not change across the set is on no side of it.
+    seen = np.flatnonzero(np.linalg.norm(rows, axis=1) > CLEAR)
+    inside = {tuple(signs[k] for k in seen): across.T @ A @ across for signs, A in sides.items()}
+    return Cone(rows[seen], inside)
+
+
+def kink_stability(context: Context, found: EquilibriumPoint | EquilibriumSet) -> tuple[Answer, Statement]:
+    """The verdict on a point that lies on kinks, or on a set that lies on them as a whole.
+
+    Where it slides, the verdict is that on solutions that slide.
+    """
+    answers: dict[Answer, Statement] = {}
+    for at in _spots(found):
+        beside = cone(context, found, at)
+        if beside is None:
+            if isinstance(found, EquilibriumPoint) and straight_lines.leads_away(context, found):
+                return "unstable", Statement(straight_lines.TEXT, straight_lines.SOURCE)
+            text = "it lies on a surface with a reset, or the linear parts beside it are not determined"
+            return "undecided", Statement(text)
+        answer, statement = _decided(beside, (), "it lies on a kink")
+        answers.setdefault(answer, statement)
+    if len(answers) > 1:
+        text = "it lies on a kink: beside some of its points solutions come back, beside others they do not"
         return "undecided", Statement(text)
-    return _decided(found, None, "it lies on a kink")
+    return next(iter(answers.items()))
+
+
+def _spots(found: EquilibriumPoint | EquilibriumSet) -> list[dict[Symbol, Expr]]:
+    """Points of a set by its free symbols; one without any for a point."""
+    if isinstance(found, EquilibriumPoint):
+        return [{}]
+    ranges = []
+    for low, high in found.bounds:
+        a = max(low, min(high, 0.0) - 10.0)
+        ranges.append((a, min(high, a + 20.0)))
+    return [
+        {q: Rational(str(a + part * (b - a))) for q, (a, b) in zip(found.free, ranges, strict=True)}
+        for part in SPOTS
+    ]
+
+
+def set_ends(context: Context, found: EquilibriumSet) -> list[EquilibriumPoint]:
+    """The ends of a segment or half line in a smooth mode that lie on surfaces."""
+    if found.dimension > 1:
+        return []
+    form, ends, along = context.form, [], touched(context, found)
+    for edge in found.domain[0]:
+        if edge.is_infinite:
+            continue
+        x = tuple(e.subs(found.free[0], edge) for e in found.x)
+        put = dict(zip(form.x, x, strict=True))
+        places = [context.number(h.subs(context.put).subs(put)) for h in form.h_at_mode(found.mode)]
+        if any(abs(place) <= ON and i not in along for i, place in enumerate(places)):
+            value = tuple(context.number(e) for e in x)
+            ends.append(EquilibriumPoint(found.mode, found.states, x, (), value, (), "boundary equilibrium"))
+    return ends
 
 
 def end_stability(context: Context, found: EquilibriumSet, end: EquilibriumPoint) -> tuple[Answer, Statement]:
-    """The verdict on an end of a set in a smooth mode: whether motions that start beyond it come back."""
+    """The verdict on an end of a set in a smooth mode: whether solutions that start beyond it come back."""
     where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(end.states, end.value, strict=True))
-    at = cone(context, found.mode, end.x)
+    at = cone(context, end)
     if at is None:
         return "undecided", Statement(f"what happens beyond the end {where} is not decided")
-    middle = np.array([_number(context, e, found) for e in found.x])
-    return _decided(at, middle - np.array(end.value), f"beyond the end {where}")
+    inner = np.array([context.number(e, _spots(found)[0]) for e in found.x])
+    rest = [inner - np.array(end.value), *_rests(context, end, at)]
+    return _decided(at, rest, f"beyond the end {where}")
 
 
-def _number(context: Context, e: Expr, found: EquilibriumSet) -> float:
-    inner = [0.45 * low + 0.55 * high for low, high in found.bounds]
-    return context.number(e.subs(dict(zip(found.free, inner, strict=True))))
+def _rests(context: Context, end: EquilibriumPoint, at: Cone) -> list[Array]:
+    """The rays from an end along which another set begins."""
+    form, rays = context.form, []
+    modes = modes_beside(context, end.mode, touched(context, end))
+    for signs, A in at.sides.items():
+        for v in (k * e for e in linalg.null_space(A).T for k in (1, -1)):
+            if signs in modes and np.all(at.rows @ v * np.array(signs) > CLEAR):
+                x = np.array(end.value) + 1e-3 * v
+                put = dict(zip(form.x, map(sympy.Float, x), strict=True))
+                field = [context.number(f.subs(context.put), put) for f in form.at_mode(modes[signs])]
+                rays += [v] if all(abs(f) <= CLEAR * 1e-3 for f in field) else []
+    return rays
 
 
-def _decided(found: Cone, rest: Array | None, where: str) -> tuple[Answer, Statement]:
+def _decided(found: Cone, rest: Sequence[Array], where: str) -> tuple[Answer, Statement]:
     n = found.rows.shape[1]
     if found.leaves():
         return "unstable", Statement(f"{where}: on one of its sides a solution leads straight away")
+    first, *others = found.sides.values()
+    if all(np.allclose(first, A, rtol=0, atol=CLEAR) for A in others):
+        largest = float(np.max(linalg.eigvals(first).real, initial=-np.inf))
+        if not rest and abs(largest) > CLEAR * max(1.0, float(np.linalg.norm(first))):
+            same = f"{where}, and all sides have the same linear part"
+            if largest < 0:
+                return "asymptotically stable", Statement(f"{same}: all roots lie on the left")
+            return "unstable", Statement(f"{same}: a root lies on the right")
     if n == 1:
-        rates = [float(matrix[0, 0]) for matrix in found.sides.values()]
-        if max(rates) < 0:
-            return "asymptotically stable", Statement(f"{where}: both sides lead back to it")
+        sides = [v for v in (-1.0, 1.0) if all(v * r[0] < 0 for r in rest)]
+        if all(found.at(np.array([v]))[0, 0] < 0 for v in sides):
+            return "asymptotically stable", Statement(f"{where}: solutions beside it come back")
     elif n == 2:
         decided = planar_cone(found.at, rest)
         if decided is not None:

@@ -1,10 +1,10 @@
 """Equilibria on surfaces that attract, where the field moves with time or clocks reset: what Floquet needs.
 
-On the intersection of k surfaces with C = dh/dx, G(t) = df/ds the motion beside the point is y' = J(t) y, J =
-Q df/dx, Q = 1 - G (C G)^-1 C. A reset may move the state off the surfaces, to y. There every field is G (s -
-s0) to first order, so the surfaces are reached after a time of order |y| at Q y: the flow over a period is
-the product of flows of J, resets and Q after them. It decides where the surfaces attract at all times.
-Source: Filippov 1988; Hale 1980.
+On the intersection of k surfaces with C = dh/dx, G(t) = df/ds the solution beside the point is y' = J(t) y,
+J = Q df/dx, Q = 1 - G (C G)^-1 C. A reset may move the state off the surfaces, to y. There every field is
+G (s - s0) to first order, so the surfaces are reached after a time of order |y| at Q y: the flow over a
+period is the product of flows of J, resets and Q after them. It decides where the surfaces attract at all
+times. Source: Filippov 1988; Hale 1980.
 """
 
 from __future__ import annotations

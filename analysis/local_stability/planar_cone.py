@@ -2,7 +2,7 @@
 
 In polar coordinates y' = A(phi) y becomes phi' = g(phi), r'/r = k(phi) with e = (cos phi, sin phi),
 n = (-sin phi, cos phi), g = n . A e and k = e . A e; A is that of the sector of phi. Where g vanishes a ray
-is invariant, and the sign of k on it decides; without such a ray motions turn round, and the sign of the
+is invariant, and the sign of k on it decides; without such a ray solutions turn round, and the sign of the
 integral of k/g over a turn decides. Terms of second order do not matter where no sign is 0.
 Source: Filippov 1988; Carmona, Freire, Ponce, Torres 2002, IEEE Trans. Circuits Syst. I 49, 609.
 """
@@ -10,7 +10,7 @@ Source: Filippov 1988; Carmona, Freire, Ponce, Torres 2002, IEEE Trans. Circuits
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -22,13 +22,13 @@ SAMPLES, ZERO = 4096, 1e-7
 NEAR = 1e-6
 
 
-def planar_cone(matrix_at: Callable[[Array], Array], rest: Array | None = None) -> bool | None:
+def planar_cone(matrix_at: Callable[[Array], Array], rest: Sequence[Array] = ()) -> bool | None:
     """Whether the origin of y' = A(y) y is asymptotically stable; None where first order does not decide.
 
     matrix_at   A, shape (2, 2), of the sector in which a direction lies
-    rest        a ray of equilibria from the origin: it is left out, and stability is that of the ray
+    rest        rays of equilibria from the origin: they are left out, and stability is that of the rays
 
-    False means unstable: a ray leads away, or motions that turn round grow.
+    False means unstable: a ray leads away, or solutions that turn round grow.
     """
     phi = np.linspace(0.0, 2 * np.pi, SAMPLES + 1)
     directions = np.array([np.cos(phi), np.sin(phi)]).T
@@ -42,7 +42,7 @@ def planar_cone(matrix_at: Callable[[Array], Array], rest: Array | None = None) 
         return _turns(phi, matrix_at)
     rays = [_ray(a, b, matrix_at) for a, b in _changes(phi, turn)]
     rays += [(directions[j], float(grow[j])) for j in np.flatnonzero(np.abs(turn) <= ZERO * size)]
-    rates = [k for e, k in rays if rest is None or e @ rest < (1.0 - NEAR) * np.hypot(*rest)]
+    rates = [k for e, k in rays if all(e @ r < (1.0 - NEAR) * np.hypot(*r) for r in rest)]
     if not rates:
         return None
     if max(rates) > ZERO * size:

@@ -13,6 +13,7 @@ from dataclasses import replace
 import sympy
 from sympy import Expr
 
+from filippov.analysis.local_stability.kink_stability import modes_beside, touched
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.steady.branches import short
 from filippov.analysis.steady.equilibrium import EquilibriumSet
@@ -26,14 +27,18 @@ def parts(context: Context, found: EquilibriumSet) -> tuple[EquilibriumSet, ...]
     if found.dimension != 1:
         return (found,)
     (c,) = found.free
-    matrix = context.form.jacobian(found.mode).subs(context.put)
-    at = matrix.subs(dict(zip(context.form.x, found.x, strict=True))).applyfunc(short)
-    polynomial, zeros = context.without_zeros(characteristic_polynomial(at), 1)
-    if zeros < 1 or len(polynomial) < 2:
-        return (found,)
+    borders: list[Expr] = []
+    # A set on a kink has the linear parts of all sides.
+    for mode in modes_beside(context, found.mode, touched(context, found)).values():
+        matrix = context.form.jacobian(mode).subs(context.put)
+        at = matrix.subs(dict(zip(context.form.x, found.x, strict=True))).applyfunc(short)
+        polynomial, zeros = context.without_zeros(characteristic_polynomial(at), 1)
+        if zeros < 1 or len(polynomial) < 2:
+            return (found,)
+        borders += [g for g in _borders(polynomial) if g not in borders]
     ((low, high),), ((first, last),) = found.bounds, found.domain
     marks: list[tuple[float, Expr]] = []
-    for g in _borders(polynomial):
+    for g in borders:
         for formula in _roots(context, g, c):
             number = context.number(formula)
             if low + NEAR < number < high - NEAR and not any(abs(number - m) <= NEAR for m, _ in marks):

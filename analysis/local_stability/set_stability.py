@@ -3,7 +3,7 @@
 What is decided, and by what:
 - inner points, by attraction of the surface and the sliding field on it;
 - ends where slip starts with a jump of the field or an infinite slope that points away: the set is unstable,
-  for h' >= C h**e with e < 1 leaves h = 0 in a time that does not depend on how near the motion starts;
+  for h' >= C h**e with e < 1 leaves h = 0 in a time that does not depend on how near the solution starts;
 - ends with a linear slip field, in dimension 2 and 3: the return map of filippov.analysis.steady.rest_map.
   Routh-Hurwitz on the slip polynomial is sufficient there and not necessary;
 - in higher dimensions the slip polynomial says nothing by itself: where every slide drifts along the segment,
@@ -21,6 +21,7 @@ import sympy
 from sympy import Expr, Rational, Symbol
 
 from filippov.analysis.algebra.polynomial import Verdict
+from filippov.analysis.local_stability.kink_stability import kink_stability, touched
 from filippov.analysis.local_stability.sliding_stability import attraction
 from filippov.analysis.local_stability.stability_context import SMALL, Context
 from filippov.analysis.local_stability.stability_result import (
@@ -66,6 +67,13 @@ def set_stability(
         text = "the sliding field is not determined by first derivatives"
         return EquilibriumStability(
             found, linear, None, None, False, "undecided", (), attracts, (*statements, Statement(text))
+        )
+    if attracts != "unstable" and touched(context, found):
+        # Slip at its ends is that of one side of the kink too: what the set does as a whole is left open.
+        beside, statement = kink_stability(context, found)
+        left: Answer = "unstable" if beside == "unstable" else "undecided"
+        return EquilibriumStability(
+            found, linear, None, None, False, left, (), left, (*statements, statement)
         )
     k = sliding.normal.rows
     polynomial = characteristic_polynomial(sliding.matrix)[: -k or None]
@@ -307,7 +315,7 @@ class _Ends:
         return out
 
     def _leaves(self, group: Sides) -> list[Statement]:
-        """Why motions leave the set from arbitrarily near, or [] where this is not so."""
+        """Why solutions leave the set from arbitrarily near, or [] where this is not so."""
         if len(self.ends) != 2:
             return []
         for side, slip in group:

@@ -9,6 +9,8 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.algebra.polynomial import Verdict
+from filippov.analysis.local_stability import straight_lines
+from filippov.analysis.local_stability.kink_stability import kink_stability, touched
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import Answer, EquilibriumStability, Statement
 from filippov.analysis.steady.equilibrium import EquilibriumPoint
@@ -43,6 +45,17 @@ def sliding_stability(context: Context, point: EquilibriumPoint) -> EquilibriumS
     verdict = context.verdict(polynomial)
     if attracts == "unstable":
         answer = "unstable"
+    elif straight_lines.at_bound(context, point):
+        text = "a multiplier is at its bound: the fields beside the surface decide as well"
+        statements.append(Statement(text))
+        if straight_lines.leads_away(context, point):
+            answer = "unstable"
+            statements.append(Statement(straight_lines.TEXT, straight_lines.SOURCE))
+    elif touched(context, point):
+        # The roots are those of one side.
+        answer, statement = kink_stability(context, point)
+        statements.append(statement)
+        answer = answer if attracts == "stable" or answer == "unstable" else "undecided"
     elif verdict is Verdict.UNSTABLE:
         answer = "unstable"
         statements.append(Statement("a root of the sliding field lies in the right half plane", PSEUDO))
@@ -53,16 +66,32 @@ def sliding_stability(context: Context, point: EquilibriumPoint) -> EquilibriumS
             Statement(text if len(polynomial) > 1 else "the surface is reached in finite time", PSEUDO)
         )
     elif attracts == "stable":
-        statements.append(Statement("the linear part of the sliding field does not decide", PSEUDO))
-    if point.kind == "boundary equilibrium" and answer != "unstable":
-        statements.append(
-            Statement("a multiplier is at its bound: the fields beside the surface decide as well")
-        )
-        answer = "undecided"
+        answer, statement = _linear(context, point.mode, sliding)
+        statements.append(statement)
     solved = context.solved(routh) if routh is not None else None
     return EquilibriumStability(
         point, linear, polynomial, routh, False, answer, (), answer, tuple(statements), solved
     )
+
+
+def _linear(context: Context, mode: str, sliding: SlidingLinearisation) -> tuple[Answer, Statement]:
+    """The verdict with roots on the axis where the sliding field is linear: whether solutions stay near."""
+    form = context.form
+    s = [q for q, m in zip(form.s, mode, strict=True) if m == "0"]
+    parts = (form.jacobian(mode), sympy.Matrix(form.at_mode(mode)).jacobian(s), form.gradients(mode))
+    affine = not any(part.has(*form.x, *form.s) for part in parts)
+    bounded = None
+    if affine and sliding.matrix is not None:
+        basis = sliding.tangent
+        bounded = context.bounded((basis.T * basis).inv() * basis.T * sliding.matrix * basis)
+    if bounded is None:
+        return "undecided", Statement("the linear part of the sliding field does not decide", PSEUDO)
+    if bounded:
+        text = "roots on the imaginary axis, with as many eigenvectors: solutions stay near"
+    else:
+        text = "a repeated root on the imaginary axis with too few eigenvectors: solutions grow like t"
+    answer: Answer = "stable" if bounded else "unstable"
+    return answer, Statement(f"the sliding field is linear, {text}", PSEUDO)
 
 
 def attraction(

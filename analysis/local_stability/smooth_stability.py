@@ -5,7 +5,12 @@ from __future__ import annotations
 import sympy
 
 from filippov.analysis.algebra.polynomial import Verdict
-from filippov.analysis.local_stability.kink_stability import end_stability, kink_stability
+from filippov.analysis.local_stability.kink_stability import (
+    end_stability,
+    kink_stability,
+    set_ends,
+    touched,
+)
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import Answer, EquilibriumStability, Statement
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
@@ -58,7 +63,7 @@ def _interior(
         text = "roots on the imaginary axis, with as many eigenvectors: solutions stay near"
     elif answer == "unstable" and hurwitz is not Verdict.UNSTABLE:
         text = "a repeated root on the imaginary axis with too few eigenvectors: solutions grow like t"
-    elif isinstance(found, EquilibriumPoint) and found.kind == "boundary equilibrium":
+    elif touched(context, found):
         where = "in the left half plane" if answer == "asymptotically stable" else "not all on the left"
         text = f"the roots of the linear part on this side lie {where}"
     elif answer == "undecided":
@@ -74,19 +79,35 @@ def _beyond(
     context: Context, found: EquilibriumPoint | EquilibriumSet, interior: Answer
 ) -> tuple[Answer, list[Statement]]:
     """The verdict with what lies on the other sides of the kinks that a point lies on, or a set ends at."""
-    if isinstance(found, EquilibriumPoint):
-        if found.kind != "boundary equilibrium":
-            return interior, []
+    if touched(context, found):
         answer, statement = kink_stability(context, found)
+        ended = isinstance(found, EquilibriumSet) and _bordered(context, found)
+        if ended and answer == "asymptotically stable":
+            return "undecided", [statement, Statement("what happens beyond its ends is not decided")]
         return answer, [statement]
-    if interior not in {"asymptotically stable", "stable"} or not found.ends:
+    if isinstance(found, EquilibriumPoint):
         return interior, []
-    said = [end_stability(context, found, end) for end in found.ends]
+    if interior not in {"asymptotically stable", "stable"}:
+        return interior, []
+    if found.dimension > 1 and _bordered(context, found):
+        return "undecided", [Statement("what happens beyond the borders of the set is not decided")]
+    ends = set_ends(context, found)
+    if not ends:
+        return interior, []
+    said = [end_stability(context, found, end) for end in ends]
     answers = {answer for answer, _ in said}
     statements = [statement for _, statement in said]
     if "unstable" in answers:
         return "unstable", statements
     return ("undecided" if "undecided" in answers else interior), statements
+
+
+def _bordered(context: Context, found: EquilibriumSet) -> bool:
+    """Whether a surface cuts a set off, or may where that is not told."""
+    if found.dimension == 1:
+        return bool(set_ends(context, found))
+    put = dict(zip(context.form.x, found.x, strict=True))
+    return any(h.subs(put).has(*found.free) for h in context.form.h_at_mode(found.mode))
 
 
 def _inner(low: float, high: float) -> float:

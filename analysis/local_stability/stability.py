@@ -33,6 +33,7 @@ from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSe
 from filippov.analysis.steady.forcing import depends_on_time
 from filippov.base.errors import ModelError
 from filippov.base.escape import markup
+from filippov.base.keywords import keywords
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
 
@@ -64,6 +65,7 @@ class StabilityReport(StabilityResult):
         return stability_text.as_json(self)
 
 
+@keywords()
 @counted
 def stability_report(
     system: System,
@@ -144,13 +146,14 @@ def _items(
     return [_whole(context, _item(context, equilibrium, ends), t)]
 
 
+@keywords()
 def certify(
     system: System, parameters: Mapping[Any, float] | None = None, *, budget: float = 30.0
 ) -> tuple[tuple[EquilibriumPoint | EquilibriumSet, Certificate | None], ...]:
     """Return every equilibrium and set with the first certificate of its stability or instability, or None.
 
     parameters  values at which it is asked, the defaults where not given
-    budget      seconds
+    budget      work, in millions of calls of Python functions (about a second each)
 
     Unlike `stability_report` it does not stop where the linear part decides. A certificate names theorem,
     source and the hypotheses that were checked. Raises ModelError for a system of plain functions or an

@@ -113,7 +113,7 @@ class Context:
     ) -> Verdict | None:
         """Where the roots lie at the parameter values; asymptotically stable if there are none.
 
-        Roots on the axis are marginal however often they are repeated: of a motion near an equilibrium they
+        Roots on the axis are marginal however often they are repeated: of a solution near an equilibrium they
         say nothing (x'' = -x**3 has the double root 0 and is stable).
         """
         if len(polynomial) < 2:

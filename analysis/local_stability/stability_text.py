@@ -99,11 +99,13 @@ def render(result: StabilityResult, style: Style) -> str:
 
 
 def _summary(result: StabilityResult, style: Style) -> str:
-    """The verdicts in one line."""
+    """The verdicts in one line, and whether they are all."""
+    cut = any(note.startswith("stopped after") for note in result.notes)
+    left = " The search was stopped before its end." if cut else ""
     if not result.items:
-        return "Verdict: no equilibrium was found."
+        return f"Verdict: no equilibrium was found.{left}"
     said = [f"{_title(item, result, style)}: {item.answer}" for item in result.items]
-    return "Verdict: " + "; ".join(said) + "."
+    return "Verdict: " + "; ".join(said) + f".{left}"
 
 
 def _title(item: EquilibriumStability, result: StabilityResult, style: Style) -> str:

@@ -1,1 +1,1 @@
-"""Sections and event maps: turns, slopes, fixed points."""
+"""Sections and event maps: returns, slopes, fixed points."""

@@ -12,8 +12,8 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.maps.first_return import MOST_STEPS, first_return, first_returns
 from filippov.analysis.maps.section import BoundSection, Section
-from filippov.analysis.maps.turn import MOST_STEPS, motion, turns
 from filippov.analysis.sensitivity.saltation import derivative_by_all, onto_section
 from filippov.base.status import Status
 from filippov.model.system import System
@@ -24,13 +24,13 @@ Array = npt.NDArray[np.float64]
 
 
 class EventMap:
-    """P(d): from coordinate d on the section along the motion to the section's next event and its coordinate.
+    """P(d): from coordinate d on the section, along the solution, to that of the section's next event.
 
-    order       the map is the order-th iterate (2 for orbits that come back after two turns)
+    order       the map is the order-th iterate (2 for orbits that come back after two returns)
     parameters  values by name
-    rtol, atol  of every turn
+    rtol, atol  of every return
 
-    Call it with a number or an array; NaN stands where the motion does not return within t_max.
+    Call it with a number or an array; NaN stands where the solution does not return within t_max.
     """
 
     def __init__(
@@ -77,21 +77,21 @@ class EventMap:
         (NO_RETURN: not within t_max)."""
         values = np.array(d, dtype=float, ndmin=1)
         if self.order == 1 and all(map(math.isfinite, values.tolist())):
-            return self._turn(values)
+            return self._return(values)
         statuses = [Status.STOPPED] * values.size
         for _ in range(self.order):
             alive = np.flatnonzero(np.isfinite(values))
             if not alive.size:
                 break
-            values[alive], ended = self._turn(values[alive])
+            values[alive], ended = self._return(values[alive])
             for position, status in zip(alive.tolist(), ended, strict=True):
                 statuses[position] = status
         return values, tuple(statuses)
 
-    def _turn(self, d: Array) -> tuple[Array, tuple[Status, ...]]:
+    def _return(self, d: Array) -> tuple[Array, tuple[Status, ...]]:
         start = self.bound.start(d, self.p)
         if self.section.after:
-            x, ended, resting = turns(
+            x, ended, resting = first_returns(
                 self.bound, start, self.parameters, rtol=self.rtol, atol=self.atol, method=self.method
             )
         else:
@@ -111,7 +111,7 @@ class EventMap:
             resting = np.any(mode[:, self.bound.surfaces] == 0, axis=1)
         lost = [q for q, status in enumerate(ended) if status is not Status.STOPPED]
         for q in lost:
-            # A motion that never leaves the section rests there: its coordinate does not change.
+            # A solution that never leaves the section rests there: its coordinate does not change.
             rests = ended[q] is Status.SUCCESS and resting[q]
             if not (rests and abs(values[q] - d[q]) <= 1e-15 * abs(d[q])):
                 values[q] = np.nan
@@ -120,7 +120,7 @@ class EventMap:
         return values, tuple(came)
 
     def __call__(self, d: Any) -> Any:
-        """P(d), a number or an array like d; NaN where the motion does not return."""
+        """P(d), a number or an array like d; NaN where the solution does not return."""
         values, _ = self.returns(d)
         return values if np.ndim(d) else float(values[0])
 
@@ -132,16 +132,17 @@ class EventMap:
         return np.array(out)
 
     def orbit(self, d: float) -> tuple[Solution, ...]:
-        """The motion behind the map, one solution per return."""
-        motions: list[Solution] = []
+        """The solution behind the map, one solution per return."""
+        solutions: list[Solution] = []
         for _ in range(self.order):
-            motions.append(self._solve(d))
-            d = float(self.bound.read(motions[-1].x_end[None])[0])
-        return tuple(motions)
+            solutions.append(self._solve(d))
+            d = float(self.bound.read(solutions[-1].x_end[None])[0])
+        return tuple(solutions)
 
     def _solve(self, d: float) -> Solution:
         x0 = self.bound.start(np.array([d]), self.p)[0]
-        return motion(self.bound, x0, self.parameters, rtol=self.rtol, atol=self.atol, method=self.method)
+        options = {"rtol": self.rtol, "atol": self.atol, "method": self.method}
+        return first_return(self.bound, x0, self.parameters, **options)
 
     def derivative(self, d: float) -> float:
         """dP/dd from saltation matrices (no differences); NaN where the map does not return."""

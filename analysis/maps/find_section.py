@@ -1,4 +1,4 @@
-"""Find a section by looking at a motion: what recurs along it ends a turn."""
+"""Find a section by looking at a solution: what recurs along it is the return."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.maps.returns import after, returns
+from filippov.analysis.maps.returns import after, is_still, returns
 from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.analysis.steady.forcing import is_forced
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.status import EventKind
 from filippov.model.system import System
 from filippov.solving.solver import solve
@@ -20,12 +21,12 @@ from filippov.solving.state.events import Event
 from filippov.solving.state.options import check_state
 
 Array = npt.NDArray[np.float64]
-# Lengths of the motions that are looked at, one after the other until something recurs; most events and steps
-# of one.
+# Lengths of the solutions that are looked at, one after the other until something recurs; most events and
+# steps of one.
 _SPANS, _EVENTS, _STEPS = (1e2, 1e3, 1e4, 1e5), 400, 20_000
 # A kind of event recurs that happens so many times in the last half, and whose last one is not long past.
 _TIMES, _SILENCE = 4, 1.5
-# The longest turn, in units of the longest that was seen; periods that a forced motion is looked at.
+# The longest return, in units of the longest that was seen; periods that a forced solution is looked at.
 _LONGEST, _PERIODS = 100.0, 32
 # Of events that are as frequent, the one further to the left is taken.
 _ORDER = ("sliding entry", "crossing up", "reset", "sliding exit up", "crossing down", "sliding exit down")
@@ -33,21 +34,22 @@ _ORDER = ("sliding entry", "crossing up", "reset", "sliding exit up", "crossing 
 _VARIES = 0.1
 
 
+@keywords()
 def find_section(
     system: System, x0: Any, *, parameters: Mapping[str, float] | None = None, t_max: float | None = None,
     period: Any = None, coordinate: Any = None,
 ) -> Section | Stroboscope:  # fmt: skip
-    """The section on which the motion from x0 returns, without a lift: the motion is one.
+    """The section on which the solution from x0 returns, without a lift: the solution is one.
 
     Of a system that t or a clock forces, its states once a period (`Stroboscope`); of any other the kind of
-    event on a surface that recurs, the most seldom one, as others may come several times in a turn.
+    event on a surface that recurs, the most seldom one, as others may come several times per return.
 
     x0          a state, in order or by name
-    t_max       how long to look at the motion at most; default: up to 1e5, or 400 events
+    t_max       how long to look at the solution at most; default: up to 1e5, or 400 events
     period      of the forcing, as in `Stroboscope`
-    coordinate  what is read on the section; default: the first state that varies there along the motion
+    coordinate  what is read on the section; default: the first state that varies there along the solution
 
-    Raises UsageError where nothing recurs: the motion rests, slides on for ever or meets no surface.
+    Raises UsageError where nothing recurs: the solution rests, slides on for ever or meets no surface.
     """
     start = check_state(x0, system)
     if t_max is not None and not 0 < t_max < np.inf:
@@ -60,7 +62,9 @@ def find_section(
             system, start, (0.0, span), parameters=parameters, max_events=_EVENTS, max_steps=_STEPS,
             zeno="continue", dense_output=False, rtol=1e-8,
         )  # fmt: skip
-        found = _recurring(system, run.events, float(run.t_end))
+        # It moved and then did not: events that still recur are made by rounding.
+        rests = is_still(run, 0.5 * run.t_end) and not is_still(run, 0.0)
+        found = None if rests else _recurring(system, run.events, float(run.t_end))
         if found is not None:
             surface, kind, events = found
             x = np.array([after(e) for e in events])
@@ -69,11 +73,13 @@ def find_section(
             return Section(
                 surface, kind, coordinate or _coordinate(system, x, size), t_max=float(_LONGEST * gap)
             )
-        said = f" The motion ended at t = {run.t_end:g}: {run.message}" if not run.success else ""
-        if not run.success:
+        said = f" The solution ended at t = {run.t_end:g}: {run.message}" if not run.success else ""
+        if rests:
+            said = f" It comes to rest at {run.x_end.tolist()}."
+        if rests or not run.success:
             break
     raise UsageError(
-        f"no section was found: along the motion from x0 = {start.tolist()} until t = {run.t_end:g} no kind "
+        f"no section was found: along the solution from x0 = {start.tolist()} to t = {run.t_end:g} no kind "
         f"of event on a surface ({', '.join(system.surface_names) or 'there is none'}) comes back again and "
         "again."
         f"{said} Start from another state or other parameter values, or give a section: "
@@ -101,7 +107,7 @@ def _strobe(
 def _recurring(
     system: System, events: Sequence[Event], t_end: float
 ) -> tuple[str, str, list[Event]] | None:
-    """(surface, kind, its events) of what goes on to the end of the motion, the most seldom."""
+    """(surface, kind, its events) of what goes on to the end of the solution, the most seldom."""
     by: dict[tuple[str, str], list[Event]] = {}
     for event in events:
         own = event.index < len(system.surfaces) and system.surfaces[event.index].kind != "observer"
@@ -122,7 +128,7 @@ def _recurring(
 
 
 def _coordinate(system: System, x: Array, size: Array) -> str:
-    """The first state that varies on the section, in units of its size along the motion."""
+    """The first state that varies on the section, in units of its size along the solution."""
     spread = np.ptp(x, axis=0) / np.where(size > 0, size, np.inf) if len(x) else np.zeros(system.dimension)
     if not np.max(spread) > 1e-9:
         # On a cycle from the start: a state that moves, and stands off 0 on the section.

@@ -36,12 +36,12 @@ class FixedPoint:
     """A fixed point of a map.
 
     d         coordinate; residual: |P(d) - d| there
-    kind      "equilibrium set" where the motion rests, else "limit cycle"
+    kind      "equilibrium set" where the solution rests, else "limit cycle"
     slope     dP/dd (from saltation matrices), NaN where the map has none; at an equilibrium set the limit of
               P(d)/d for d -> 0+, which is
               infinite where the map jumps at the set
     stable    |slope| < 1
-    period    time of the turns together, 0 for an equilibrium set
+    period    time of the returns together, 0 for an equilibrium set
     hidden    of an equilibrium set: a cycle of the other stability lies between it and this coordinate, too
               near to the set for the rounding of its states; 0 where none is known to
     note      what is special
@@ -120,13 +120,13 @@ def _beside_set(event_map: ReturnMap, first: float) -> tuple[ReturnMap, Array, A
     count = max(2, 1 + int(PER_DECADE * np.log10(max(abs(first) / least, 1.0))))
     d = np.sort(first * np.geomspace(1.0, min(least / abs(first), 0.5), count))
     gap = near(d) - d
-    # P(d) = d to so many digits is rounding: the motion came back before it left.
+    # P(d) = d to so many digits is rounding: the solution came back before it left.
     left = np.isfinite(gap) & (np.abs(gap) > _SAME * np.abs(d))
     return near, d[left], gap[left]
 
 
 def _told(at_set: FixedPoint, d: Array, gap: Array) -> FixedPoint:
-    """The equilibrium set, with a note where its slope and the motions next to it contradict each other.
+    """The equilibrium set, with a note where its slope and the solutions next to it contradict each other.
 
     Between two neighbouring fixed points that are both stable, or both not, there is another one.
     """
@@ -153,7 +153,7 @@ def _gap(event_map: ReturnMap) -> Gap:
 
 def _cycle(event_map: ReturnMap, d: float, left: float) -> FixedPoint:
     """The limit cycle of a fixed point."""
-    period = float(sum(turn.t_end for turn in event_map.orbit(d)))
+    period = float(sum(each.t_end for each in event_map.orbit(d)))
     try:
         slope, note = event_map.derivative(d), ""
     except NotDifferentiableError as error:
@@ -162,7 +162,7 @@ def _cycle(event_map: ReturnMap, d: float, left: float) -> FixedPoint:
 
 
 def equilibrium_set(event_map: ReturnMap, reach: float) -> FixedPoint:
-    """The fixed point at 0, where the motion rests."""
+    """The fixed point at 0, where the solution rests."""
     slope, note = equilibrium_slope(event_map, reach)
     return FixedPoint(0.0, "equilibrium set", slope, bool(abs(slope) < 1.0), 0.0, 0.0, note)
 

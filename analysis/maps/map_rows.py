@@ -1,4 +1,4 @@
-"""An event map for many parameter sets and coordinates at once: every turn one trajectory of an ensemble."""
+"""An event map for many parameter sets and coordinates at once: each return a trajectory of an ensemble."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.maps.first_return import MOST_STEPS, first_returns
 from filippov.analysis.maps.section import Section
-from filippov.analysis.maps.turn import MOST_STEPS, turns
 from filippov.base.status import Status
 from filippov.model.system import System
 from filippov.solving.ensemble import Prepared
@@ -22,7 +22,7 @@ class MapRows:
 
     order   the map is the order-th iterate; rtol, atol, threads: of `solve_many`
 
-    NaN stands where a motion does not come back within the section's t_max; one that rests on the section
+    NaN stands where a solution does not come back within the section's t_max; one that rests on the section
     comes back as 0, because no further event moves it.
     """
 
@@ -59,7 +59,7 @@ class MapRows:
         start = self.bound.start(d, rows)
         if self.section.after:
             named = {name: rows[:, k] for k, name in enumerate(self.system.parameters.names)}
-            x, ended, resting = turns(self.bound, start, named, **self.options)
+            x, ended, resting = first_returns(self.bound, start, named, **self.options)
         else:
             if self._prepared is None:
                 span, stop = (0.0, self.section.t_max), self.section.stop

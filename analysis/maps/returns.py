@@ -1,6 +1,6 @@
-"""A section without a lift: the states at its events along one motion.
+"""A section without a lift: the states at its events along one solution.
 
-The motion goes from one event of the section to the next, so its own states are where the turns start.
+The solution goes from one event of the section to the next, so its own states are where the returns start.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.maps.coordinate import Coordinate
+from filippov.analysis.maps.first_return import MOST_STEPS
 from filippov.analysis.maps.section import BoundSection, Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
-from filippov.analysis.maps.turn import MOST_STEPS
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.status import Status
 from filippov.model.system import System
 from filippov.solving.solution import Solution
@@ -25,21 +26,24 @@ from filippov.solving.state.events import Event
 from filippov.solving.state.options import check_state
 
 Array = npt.NDArray[np.float64]
-# Times the motion is run again for twice the events, where some lead into other modes than are wanted.
+# Times the solution is run again for twice the events, where some lead into other modes than are wanted.
 _LONGER = 8
-# A motion rests where its last half after the last event moves by less than this part of its states' size.
-_STILL = 1e-9
+# A solution rests where each state moves by less than this part of its size, or so many rtol of it or atol.
+_STILL, _OF_RTOL, _OF_ATOL = 1e-9, 10.0, 1e3
+# Of more events so many are looked at first, unless more than _OTHERS of any kind come for each: what
+# moves by no more between the last of them rests, and rounding makes the others.
+_FIRST, _LAST, _OTHERS = (16, 32, 64), 8, 12
 
 
 @dataclass(frozen=True)
 class Returns:
-    """The section's events along a motion.
+    """The section's events along a solution.
 
-    t, x     time and state after each, (k,) and (k, n); k less than was asked for where the motion ends
+    t, x     time and state after each, (k,) and (k, n); k less than was asked for where the solution ends
     d        the coordinate there, (k,)
-    t_end, x_end  where the motion ended
+    t_end, x_end  where the solution ended
     message  why there are less than were asked for; "" where there are not
-    rests    whether the motion came to rest after the last of them, at x_end
+    rests    whether the solution came to rest after the last of them, at x_end
     """
 
     t: Array
@@ -51,17 +55,18 @@ class Returns:
     rests: bool = False
 
 
+@keywords()
 def returns(
     system: System, section: Section | Stroboscope, x0: Any, count: int, *,
     parameters: Mapping[str, float] | None = None, t0: float = 0.0, rtol: float = 1e-10, atol: Any = None,
     method: str = "DOP853", max_events: int = 1_000_000,
 ) -> Returns:  # fmt: skip
-    """The next `count` events of a section along the motion from x0 at t0; its lift is not asked for.
+    """The next `count` events of a section along the solution from x0 at t0; its lift is not asked for.
 
     x0           a state, in order or by name
     parameters   values by name
-    rtol, atol   of the motion, as in `solve`
-    max_events   of all kinds, after which the motion ends
+    rtol, atol   of the solution, as in `solve`
+    max_events   of all kinds, after which the solution ends
 
     An accumulation of events is passed (`solve(..., zeno="continue")`). Raises UsageError, ModelError.
     """
@@ -82,9 +87,9 @@ def coordinate_of(section: Section | Stroboscope, system: System) -> Coordinate:
     return Coordinate(section.coordinate, system)
 
 
-def events_of(bound: BoundSection, motion: Solution) -> list[Event]:
-    """The section's events in a motion."""
-    return [e for e in motion.events if e.index in bound.surfaces and _is(bound.section.kind, e)
+def events_of(bound: BoundSection, solution: Solution) -> list[Event]:
+    """The section's events in a solution."""
+    return [e for e in solution.events if e.index in bound.surfaces and _is(bound.section.kind, e)
             and bound.wanted(e.after)]  # fmt: skip
 
 
@@ -94,11 +99,39 @@ def _is(kind: str, event: Event) -> bool:
 
 
 def after(event: Event) -> Array:
-    """The state from which the motion goes on."""
+    """The state from which the solution goes on."""
     return event.x if event.x_after is None else event.x_after
 
 
 def _of_events(bound: BoundSection, x0: Array, count: int, t0: float, options: dict[str, Any]) -> Returns:
+    for number in (*(first for first in _FIRST if first < count), count):
+        most = options["max_events"] if number == count else min(options["max_events"], _OTHERS * number)
+        run, found, late = _run_to(bound, x0, number, t0, {**options, "max_events": most})
+        kept = int(late[0]) if late.size else len(found)
+        rests = len(found) == kept < number and _rests(run, found[-1].t if kept else t0)
+        if number < count and (kept == number or run.status is Status.MAX_EVENTS):
+            rests = is_still(run, run.events[-_LAST].t)
+        elif kept < number:
+            break
+        if rests:
+            break
+    t = np.array([e.t for e in found])
+    x = np.array([after(e) for e in found[:kept]]).reshape(-1, bound.system.dimension)
+    message = ""
+    if kept < count:
+        where = f"after {kept} of {count} events of the section"
+        message = f"{where} the next one did not come within {bound.section.t_max:g}"
+        if rests:
+            message = f"{where} the solution rests"
+        elif not run.success:
+            message = f"{where} the solution ended: {run.message}"
+    return Returns(t[:kept], x, bound.read(x), float(run.t_end), run.x_end, message, rests)
+
+
+def _run_to(
+    bound: BoundSection, x0: Array, count: int, t0: float, options: dict[str, Any]
+) -> tuple[Solution, list[Event], npt.NDArray[np.intp]]:
+    """The solution to its count-th event of the section, those events, and which of them come too late."""
     section, asked = bound.section, count
     for _ in range(_LONGER):
         run = solve(
@@ -110,19 +143,7 @@ def _of_events(bound: BoundSection, x0: Array, count: int, t0: float, options: d
             break
         asked *= 2
     t = np.array([e.t for e in found])
-    late = np.flatnonzero(np.diff(np.append(t0, t)) > section.t_max)
-    kept = int(late[0]) if late.size else len(found)
-    x = np.array([after(e) for e in found[:kept]]).reshape(-1, bound.system.dimension)
-    rests = kept == len(found) < count and _rests(run, t[-1] if kept else t0)
-    message = ""
-    if kept < count:
-        where = f"after {kept} of {count} events of the section"
-        message = f"{where} the next one did not come within {section.t_max:g}"
-        if rests:
-            message = f"{where} the motion rests"
-        elif not run.success:
-            message = f"{where} the motion ended: {run.message}"
-    return Returns(t[:kept], x, bound.read(x), float(run.t_end), run.x_end, message, rests)
+    return run, found, np.flatnonzero(np.diff(np.append(t0, t)) > section.t_max)
 
 
 def _strobed(
@@ -140,15 +161,20 @@ def _strobed(
         run = solve(system, x0, (t0, ticks[-1] * period), t_eval=ticks * period, **options)
         t, x = run.t, run.y.T
     x = x.reshape(-1, system.dimension)
-    message = "" if len(t) == count else f"after {len(t)} of {count} periods the motion ended: {run.message}"
+    ended = f"after {len(t)} of {count} periods the solution ended: {run.message}"
+    message = "" if len(t) == count else ended
     return Returns(t, x, read.read(x), float(run.t_end), run.x_end, message)
 
 
 def _rests(run: Solution, since: float) -> bool:
     """Whether nothing moves in the last half of the time after the last event."""
-    if run.status is not Status.SUCCESS:
-        return False
-    late = run.y[:, run.t >= 0.5 * (since + run.t_end)]
+    return run.status is Status.SUCCESS and is_still(run, 0.5 * (since + run.t_end))
+
+
+def is_still(run: Solution, since: float) -> bool:
+    """Whether no state moves by more than its tolerance from the time `since` on."""
+    late = run.y[:, run.t >= since]
     last = run.y[:, -2:] if late.shape[1] < 2 else late
-    size = 1.0 + np.max(np.abs(run.y), axis=1)
-    return bool(np.all(np.ptp(last, axis=1) <= _STILL * size))
+    part = max(_STILL, _OF_RTOL * run.options.rtol)
+    least = part * np.max(np.abs(run.y), axis=1) + _OF_ATOL * np.asarray(run.options.atol)
+    return bool(np.all(np.ptp(last, axis=1) <= least))

@@ -26,13 +26,13 @@ class ReturnMap(Protocol):
     atol: float
 
     def __call__(self, d: Any) -> Any:
-        """P(d), a number or an array like d; NaN where the motion does not return."""
+        """P(d), a number or an array like d; NaN where the solution does not return."""
 
     def derivative(self, d: float) -> float:
         """dP/dd; NaN where the map does not return."""
 
     def orbit(self, d: float) -> tuple[Solution, ...]:
-        """The motion behind the map, one solution per return."""
+        """The solution behind the map, one solution per return."""
 
     def remake(self, **changes: Any) -> Self:
         """The same map with other parameters, order or tolerances."""

@@ -27,15 +27,15 @@ D = sympy.Dummy("d", real=True)
 class Section:
     """The events of one kind on a surface (or several), with a number as coordinate on them.
 
-    surface, kind  the event that ends a turn of the map (as in `Stop`); several surfaces with commas between.
+    surface, kind  the event that is a return of the map (as in `Stop`); several surfaces with commas between.
                    A surface is named, or given by the formula of its h, written either way round
     coordinate     what is read there: the name of a state, or a formula in states (sympy or text)
-    lift           where a turn starts for a coordinate d: an expression a state (sympy or text) in `d` and
-                   the parameters, or a function (d, p) -> x0 with p by name; None: the motion itself, from
-                   one initial state (see `filippov.analysis.maps.returns`)
-    t_max          longest time of a turn; a motion that takes longer does not return
+    lift           where a solution starts for a coordinate d: an expression per state (sympy or text) in `d`
+                   and the parameters, or a function (d, p) -> x0 with p by name; None: the solution itself,
+                   from one initial state (see `filippov.analysis.maps.returns`)
+    t_max          longest time of a return; a solution that takes longer does not return
     after          mode after the event, such as "0" or "+0" with * for any sign, one per surface:
-                   other events do not end a turn; "": any. For systems that do not depend on time
+                   other events are no return; "": any. For systems that do not depend on time
 
     Raises UsageError, ModelError.
     """
@@ -72,12 +72,12 @@ class Section:
 
     @property
     def stops(self) -> tuple[Stop, ...]:
-        """The events of which one ends a turn, one per surface."""
+        """The events of which one is the return, one per surface."""
         return tuple(Stop(name, self.kind) for name in self.surfaces)
 
     @property
     def stop(self) -> Stop | tuple[Stop, ...]:
-        """The event, or events, of which one ends a turn."""
+        """The event, or events, of which one is the return."""
         return self.stops[0] if len(self.stops) == 1 else self.stops
 
     def bind(self, system: System) -> BoundSection:
@@ -131,7 +131,7 @@ class BoundSection:
         return self.surfaces[0]
 
     def wanted(self, mode: Sequence[int]) -> bool:
-        """Whether the mode after an event is one that ends a turn."""
+        """Whether the mode after an event makes it a return."""
         signs = {"+": 1, "0": 0, "-": -1}
         return all(a == "*" or signs[a] == m for a, m in zip(self.section.after, mode, strict=False))
 
@@ -147,7 +147,7 @@ class BoundSection:
         """Initial states for coordinates d (k,) and parameter rows p (k, P) or (P,): (k, n)."""
         if self.section.lift is None:
             raise UsageError(
-                "the section has no lift, so no motion starts from a coordinate. Give Section(..., lift={"
+                "the section has no lift, so no solution starts from a coordinate. Give Section(..., lift={"
                 f"{', '.join(f'{name!r}: ...' for name in self.system.states)}}}), or start from a state: "
                 "returns(system, section, x0, count), brute_force(..., start=x0), bifurcation(..., x0=x0)."
             )

@@ -1,9 +1,9 @@
 """The slope of an event map at the equilibrium set: in closed form, or from ratios P(d)/d at ever smaller d.
 
-`filippov.analysis.maps.linear_turn` has the closed form. Elsewhere, where the slip field is smooth beside the
-set, P(d)/d = kappa + c d + ...: Richardson's extrapolation by halving. A friction curve |v|**beta makes it a
-series in u = d**(beta - 1), which may fall slowly: there log P(d)/d is fitted by polynomials in d**gamma over
-windows of d, gamma free, and three degrees tell the error.
+`filippov.analysis.maps.linear_return` has the closed form. Elsewhere, where the slip field is smooth beside
+the set, P(d)/d = kappa + c d + ...: Richardson's extrapolation by halving. A friction curve |v|**beta makes
+it a series in u = d**(beta - 1), which may fall slowly: there log P(d)/d is fitted by polynomials in d**gamma
+over windows of d, gamma free, and three degrees tell the error.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
 from filippov.analysis.algebra import linalg
-from filippov.analysis.maps.linear_turn import linear_slope
+from filippov.analysis.maps.linear_return import linear_slope
 
 if TYPE_CHECKING:
     from filippov.analysis.maps.scalar_map import ReturnMap
@@ -42,7 +42,7 @@ def near_set(event_map: ReturnMap, reach: float) -> tuple[ReturnMap, float]:
 def equilibrium_slope(event_map: ReturnMap, reach: float, side: float = 1.0) -> tuple[float, str]:
     """Limit of P(d)/d for d -> 0 on one side, and a note: infinite where the map jumps at 0.
 
-    It is the product of the limits over the turns of the map, each on the side to which the turn before it
+    It is the product of the limits over the returns of the map, each on the side to which the one before it
     leads.
     """
     slope, notes = 1.0, []

@@ -1,4 +1,4 @@
-"""The arcs of a motion: segments in one mode, with the condition that ends each of them.
+"""The arcs of a solution: segments in one mode, with the condition that ends each of them.
 
 An arc ends where a surface is reached (h = 0), where a multiplier reaches an end of its set (sliding exit),
 or at an instant (clocks); then the state goes on as it is, or is reset. Boundary problems over several arcs
@@ -30,7 +30,7 @@ Array = npt.NDArray[np.float64]
 
 
 class WordError(SolveError):
-    """The sequence of arcs is none that a boundary problem can be made of, or not the motion's."""
+    """The sequence of arcs is none that a boundary problem can be made of, or not the solution's."""
 
 
 @dataclass(frozen=True)
@@ -86,8 +86,8 @@ class Ending:
 
 @dataclass(frozen=True)
 class Arc:
-    """One segment of a motion in one mode: its times and states (k, n) there, and what ends it (None: the
-    end of the motion)."""
+    """One segment of a solution in one mode: its times and states (k, n) there, and what ends it (None: the
+    end of the solution)."""
 
     mode: Mode
     t: Array
@@ -101,16 +101,16 @@ def _watched(system: System) -> tuple[bool, ...]:
     return tuple(q.kind == "observer" for q in system.surfaces)
 
 
-def arcs_of(motions: Sequence[Solution]) -> list[Arc]:
-    """The arcs of motions that follow each other. Raises WordError where events at one instant cannot be
-    told apart, impacts accumulate, or the mode changes between two motions in a way that is no single event.
+def arcs_of(solutions: Sequence[Solution]) -> list[Arc]:
+    """The arcs of solutions that follow each other. Raises WordError where events at one instant cannot be
+    told apart, impacts accumulate, or the mode changes between two solutions as no single event changes it.
     """
     out: list[Arc] = []
-    for motion in motions:
-        sol = motion.sol
+    for solution in solutions:
+        sol = solution.sol
         assert sol is not None
         if out:
-            between = joined(motion.problem.system, out[-1].mode, motion.start_mode)
+            between = joined(solution.problem.system, out[-1].mode, solution.start_mode)
             if between is None:
                 last = out.pop()
                 begin_t, begin_x = [last.t], [last.x]
@@ -119,23 +119,23 @@ def arcs_of(motions: Sequence[Solution]) -> list[Arc]:
                 out[-1] = Arc(out[-1].mode, out[-1].t, out[-1].x, between)
         else:
             begin_t, begin_x = [], []
-        begin, mode = motion.problem.t_span[0], motion.start_mode
-        for _, group in itertools.groupby(motion.events, key=lambda event: event.group):
+        begin, mode = solution.problem.t_span[0], solution.start_mode
+        for _, group in itertools.groupby(solution.events, key=lambda event: event.group):
             events = list(group)
-            ending = _ending(motion, events)
+            ending = _ending(solution, events)
             if ending is None:
                 continue
-            out.append(_arc(motion, mode, begin, events[0].t, ending, begin_t, begin_x))
+            out.append(_arc(solution, mode, begin, events[0].t, ending, begin_t, begin_x))
             begin, mode, begin_t, begin_x = events[0].t, ending.after, [], []
-        out.append(_arc(motion, mode, begin, motion.t_end, None, begin_t, begin_x))
+        out.append(_arc(solution, mode, begin, solution.t_end, None, begin_t, begin_x))
     return out
 
 
 def _arc(
-    motion: Solution, mode: Mode, begin: float, end: float, ending: Ending | None, t: list[Array],
+    solution: Solution, mode: Mode, begin: float, end: float, ending: Ending | None, t: list[Array],
     x: list[Array],
 ) -> Arc:  # fmt: skip
-    sol = motion.sol
+    sol = solution.sol
     assert sol is not None
     knots = np.concatenate([[begin], sol.start[(sol.start > begin) & (sol.start < end)], [end]])
     inner = (knots[:-1, None] + np.diff(knots)[:, None] * np.arange(8) / 8).ravel()
@@ -145,9 +145,9 @@ def _arc(
     return Arc(mode, np.concatenate([*t, times]), np.concatenate([*x, states, last]), ending)
 
 
-def _ending(motion: Solution, events: list[Event]) -> Ending | None:
+def _ending(solution: Solution, events: list[Event]) -> Ending | None:
     """What the events of one instant come to; None where the field goes on as it was."""
-    system = motion.problem.system
+    system = solution.problem.system
     first, last = events[0].before, events[-1].after
     acting = [e for e in events if not passive(e)]
     jumps = [e for e in acting if e.x_after is not None]
@@ -162,7 +162,7 @@ def _ending(motion: Solution, events: list[Event]) -> Ending | None:
     for event in switching:
         if event.kind is EventKind.ENTRY and system.surfaces[event.index].kind == "reset":
             raise _refused(events, "impacts accumulate")
-    together = Together(motion, events)
+    together = Together(solution, events)
     leaders = [e for e in switching if together.leads(e)]
     if len(leaders) > 1:
         leaders = [e for e in leaders if not _watched(system)[e.index]] or leaders[:1]
@@ -174,7 +174,7 @@ def _ending(motion: Solution, events: list[Event]) -> Ending | None:
 
 
 def joined(system: System, before: Mode, after: Mode) -> Ending | None:
-    """The event between two motions that are put together: none where the modes agree."""
+    """The event between two solutions that are put together: none where the modes agree."""
     changed = [i for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b]
     if not changed:
         return None

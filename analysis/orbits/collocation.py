@@ -67,7 +67,7 @@ class Mesh:
 
     @classmethod
     def from_arcs(cls, arcs: Sequence[Arc], counts: Sequence[int], free: Sequence[float] = ()) -> Mesh:
-        """Meshes laid along arcs, equal in the length of the motion as well as in time."""
+        """Meshes laid along arcs, equal in the length of the solution as well as in time."""
         grids, states = [], []
         for arc, count in zip(arcs, counts, strict=True):
             width = float(arc.t[-1] - arc.t[0])
@@ -93,7 +93,7 @@ class BoundaryProblem:
                     n + 1 + number of free parameters conditions
     size            of each state, (n,)
     origin          a state near which errors are measured by the distance from it: an equilibrium that the
-                    motion leaves or comes to
+                    solution leaves or comes to
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class BoundaryProblem:
         if system.inputs:
             raise UsageError(
                 "collocation takes the field of an arc for smooth, and inputs have knots. Use the method "
-                "'shooting', whose motions meet the knots."
+                "'shooting', whose solutions meet the knots."
             )
         self.origin = origin
         self.system, self.modes, self.endings, self.values = system, tuple(modes), tuple(endings), values
@@ -274,7 +274,7 @@ def _factors(matrix: scipy.sparse.csc_array, scale: Array) -> Callable[[Array], 
 def _longest(mesh: Mesh, change: Array) -> float:
     """The part of a step that changes no duration by more than half of the whole.
 
-    Durations may be negative on the way: motions go back in time then, which is as smooth.
+    Durations may be negative on the way: solutions go back in time then, which is as smooth.
     """
     states = sum(x.size for x in mesh.states)
     moves = np.append(0.0, change[states : states + len(mesh.times) - 1])

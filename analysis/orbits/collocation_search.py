@@ -1,4 +1,4 @@
-"""Search for a periodic orbit by collocation: from motions of about one period, or from another orbit."""
+"""Search for a periodic orbit by collocation: from solutions of about one period, or from another orbit."""
 
 from __future__ import annotations
 
@@ -35,38 +35,38 @@ class CollocationSearch:
     """One search.
 
     base    period, symmetry and tolerances of the orbit; p: parameter values; size: extent of the guess
-    motion  (state, time, length) -> Solution
+    solution  (state, time, length) -> Solution
     """
 
     def __init__(
-        self, base: Shooting, p: Array, size: float, motion: Callable[[Array, float, float], Solution]
+        self, base: Shooting, p: Array, size: float, solution: Callable[[Array, float, float], Solution]
     ) -> None:
-        self.base, self.p, self.size, self.motion = base, p, size, motion
+        self.base, self.p, self.size, self.solution = base, p, size, solution
 
     def pieces(self, points: Array, begin: float, length: float) -> list[Solution]:
-        """Motions from states at equal distances in time."""
-        return [self.motion(x, begin + k * length, length) for k, x in enumerate(points)]
+        """Solutions from states at equal distances in time."""
+        return [self.solution(x, begin + k * length, length) for k, x in enumerate(points)]
 
-    def orbit(self, motions: Sequence[Solution]) -> Orbit:
-        """The orbit by collocation, from motions that make up about one period (or the part of a symmetry).
+    def orbit(self, solutions: Sequence[Solution]) -> Orbit:
+        """The orbit by collocation, from solutions that make up about one period (or the part of a symmetry).
 
-        Where the modes turn out not to be those of the orbit, the motions from states of it are tried, and
+        Where the modes turn out not to be those of the orbit, the solutions from states of it are tried, and
         then of a part of it where it was gone through several times.
         """
-        base, begin = self.base, motions[0].problem.t_span[0]
-        guess = float(motions[-1].t_end - begin) * base.turns
+        base, begin = self.base, solutions[0].problem.t_span[0]
+        guess = float(solutions[-1].t_end - begin) * base.symmetry_order
         refused: SolveError | None = None
         for _ in range(_WORDS):
-            first = base.gate @ motions[0].problem.x0
-            length = guess / base.turns
-            mode = self.motion(first, begin + length, 1e-9 * length).start_mode
-            arcs = guess_arcs(motions, (mode, first))
-            found = collocate(base, anchored(arcs) if base.turns == 1 else arcs, self.p)
+            first = base.gate @ solutions[0].problem.x0
+            length = guess / base.symmetry_order
+            mode = self.solution(first, begin + length, 1e-9 * length).start_mode
+            arcs = guess_arcs(solutions, (mode, first))
+            found = collocate(base, anchored(arcs) if base.symmetry_order == 1 else arcs, self.p)
             begin = float(found.mesh.times[0])
             extent = float(np.max(np.ptp(np.vstack(found.mesh.states), axis=0)))
             if extent <= 1e-5 * self.size or not 0.02 * guess < found.period < 50 * guess:
                 raise NoConvergenceError("collocation went to an equilibrium or to another period.")
-            part = found.period / base.turns
+            part = found.period / base.symmetry_order
             try:
                 check_admissible(found)
                 count = least_period(found)
@@ -83,10 +83,10 @@ class CollocationSearch:
                     self.base = base = replace(base, period=base.period.times(1.0 / count))
             except WordError as error:
                 refused = error
-            guess, share = part * base.turns, part / _STATES
+            guess, share = part * base.symmetry_order, part / _STATES
             times = begin + share * np.arange(_STATES)
             points = np.array([self._on(*found.at(t), t) for t in times.tolist()])
-            motions = self.pieces(points, begin, share)
+            solutions = self.pieces(points, begin, share)
         raise NoConvergenceError(str(refused))
 
     def _on(self, x: Array, mode: Mode, t: float) -> Array:
@@ -119,7 +119,7 @@ def collocated_from(
     base = replace(known, rtol=rtol, atol=atol, shares=(1.0,), sliding=((),))
     values = dict(zip(system.parameters.names, p.tolist(), strict=True))
 
-    def motion(x: Array, t: float, length: float) -> Solution:
+    def solution(x: Array, t: float, length: float) -> Solution:
         out = solve(
             system, x, (t, t + length), parameters=values, rtol=rtol, atol=atol, method=base.method,
             zeno="continue", nonunique="stick",
@@ -128,11 +128,11 @@ def collocated_from(
             raise SolveError(f"the solution from the guess ended early: {out.message}", out)
         return out
 
-    search = CollocationSearch(base, p, float(np.max(orbit.high - orbit.low)), motion)
-    length = (base.period(p) if base.period is not None else orbit.period) / base.turns / _STATES
+    search = CollocationSearch(base, p, float(np.max(orbit.high - orbit.low)), solution)
+    length = (base.period(p) if base.period is not None else orbit.period) / base.symmetry_order / _STATES
     begins = [piece.problem.t_span[0] for piece in orbit.pieces]
     points = []
-    for t in (orbit.t0 + orbit.period / base.turns / _STATES * np.arange(_STATES)).tolist():
+    for t in (orbit.t0 + orbit.period / base.symmetry_order / _STATES * np.arange(_STATES)).tolist():
         piece = orbit.pieces[max(int(np.searchsorted(begins, t, side="right")) - 1, 0)]
         assert piece.sol is not None
         on = tuple(i for i, sign in enumerate(piece.mode_at(t, "+")) if sign == 0)

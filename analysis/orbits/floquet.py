@@ -23,21 +23,21 @@ Array = npt.NDArray[np.float64]
 
 
 def return_factors(
-    motions: Sequence[Solution], gate: Array | None = None, jacobian: Callable[..., Any] | None = None
+    solutions: Sequence[Solution], gate: Array | None = None, jacobian: Callable[..., Any] | None = None
 ) -> tuple[list[Array], int]:
     """Factors of the derivative of the return, one for each part of the orbit, the first applied first, and
     the number of zero multipliers that are split off.
 
     gate: symmetry G of the return Phi(x) = G x; None for a whole period.
     """
-    n = motions[0].problem.system.dimension
+    n = solutions[0].problem.system.dimension
     factors: list[Array] = []
     places: list[tuple[Solution, Factor]] = []
     ends: list[int] = []
-    for motion in motions:
-        for factor in flow_factors(motion, False, (), jacobian):
+    for solution in solutions:
+        for factor in flow_factors(solution, False, (), jacobian):
             factors.append(factor.matrix[:n, :n])
-            places.append((motion, factor))
+            places.append((solution, factor))
         ends.append(len(factors))
     if gate is not None:
         factors.append(np.asarray(linalg.inv(gate), dtype=np.float64))
@@ -47,8 +47,8 @@ def return_factors(
         begins = [0, *ends[:-1], len(factors)]
         return [_product(factors[a:b], n) for a, b in pairwise(begins)], 0
     j = counts.index(most)
-    motion, factor = places[j]
-    basis = _tangent_basis(motion, factor.t, factor.mode, jacobian)
+    solution, factor = places[j]
+    basis = _tangent_basis(solution, factor.t, factor.mode, jacobian)
     turned = [*factors[j + 1 :], *factors[: j + 1]]
     cuts = sorted({(end - j - 1) % len(factors) for end in ends} - {0})
     parts = [_product(turned[a:b], n) for a, b in pairwise([0, *cuts, len(turned)])]
@@ -65,16 +65,16 @@ def _product(factors: Sequence[Array], n: int) -> Array:
 
 
 def product_multipliers(
-    factors: Sequence[Array], zeros: int, turns: int = 1
+    factors: Sequence[Array], zeros: int, power: int = 1
 ) -> npt.NDArray[np.complex128]:
-    """Eigenvalues of the product of factors to the power `turns`, zeros split off, largest modulus first.
+    """Eigenvalues of the product of factors to the power `power`, zeros split off, largest modulus first.
 
     Of several factors they are the powers of the eigenvalues of the block-cyclic matrix: of a product, large
     multipliers would spoil the small ones. Source: Lust 2001; Kressner 2005.
     """
     k, r = len(factors), factors[0].shape[1]
     if k == 1:
-        return multipliers(factors[0], zeros, turns)
+        return multipliers(factors[0], zeros, power)
     sizes = [factor.shape[1] for factor in factors]
     places = np.cumsum([0, *sizes])
     cyclic = np.zeros((places[-1], places[-1]))
@@ -90,17 +90,17 @@ def product_multipliers(
         value = complex(np.mean(powers[order[:k]]))
         values.append(complex(value.real) if abs(value.imag) <= 1e-12 * abs(value) else value)
         powers = np.delete(powers, order[:k])
-    everything = np.concatenate((np.array(values, dtype=complex) ** turns, np.zeros(zeros, dtype=complex)))
+    everything = np.concatenate((np.array(values, dtype=complex) ** power, np.zeros(zeros, dtype=complex)))
     return everything[np.lexsort((-everything.imag, -np.abs(everything)))]
 
 
 def _tangent_basis(
-    motion: Solution, t: float, mode: tuple[int, ...], jacobian: Callable[..., Any] | None
+    solution: Solution, t: float, mode: tuple[int, ...], jacobian: Callable[..., Any] | None
 ) -> Array:
     """Orthonormal basis of the tangent space of the surfaces a mode slides on: (n, r)."""
-    sol, p = motion.sol, motion.problem.p
+    sol, p = solution.sol, solution.problem.p
     assert sol is not None
-    system = motion.problem.system
+    system = solution.problem.system
     time = np.array([min(max(t, min(sol.span)), max(sol.span))])
     x = np.atleast_2d(sol(time, side="+").T)
     part = mode_field(system, mode, (), jacobian)
@@ -109,10 +109,10 @@ def _tangent_basis(
     return np.asarray(linalg.null_space(slope), dtype=np.float64)
 
 
-def multipliers(matrix: Array, zeros: int, turns: int = 1) -> npt.NDArray[np.complex128]:
-    """Eigenvalues of the matrix to the power `turns`, with the zeros split off, largest modulus first."""
+def multipliers(matrix: Array, zeros: int, power: int = 1) -> npt.NDArray[np.complex128]:
+    """Eigenvalues of the matrix to the power `power`, with the zeros split off, largest modulus first."""
     values = linalg.eigvals(matrix) if matrix.size else np.zeros(0)
-    everything = np.concatenate((np.asarray(values, dtype=complex) ** turns, np.zeros(zeros, dtype=complex)))
+    everything = np.concatenate((np.asarray(values, dtype=complex) ** power, np.zeros(zeros, dtype=complex)))
     return everything[np.lexsort((-everything.imag, -np.abs(everything)))]
 
 

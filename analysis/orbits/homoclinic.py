@@ -36,6 +36,7 @@ from filippov.analysis.orbits.shooting import (
 )
 from filippov.analysis.steady.forcing import is_forced
 from filippov.base.errors import SolveError, UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.status import Status, mode_text
 from filippov.graphs.word import word_of
@@ -49,7 +50,8 @@ Array = npt.NDArray[np.float64]
 # Distance from the saddle at which the orbit is cut, in units of its size; the factor from one distance to
 # the next, far from the saddle and near to it, where its linear part says enough; points of the way there.
 _CUT, _NEARER, _SMALL, _TAIL = 1e-4, (0.4, 0.1), 0.03, 16
-# What the exact motions between points of the orbit may miss, in units of its size.
+# What the exact solutions between points of the orbit may miss, in units of its size.
+_ROUNDING = 1e-12
 _MISSED, _POINTS = 1e-7, 48
 
 
@@ -62,8 +64,8 @@ class Homoclinic:
     saddle               see `filippov.analysis.orbits.saddle`
     period               time between the cuts near the saddle: the orbit itself takes for ever, or comes from
                          for ever
-    pieces               motions along it, one after the other
-    residual             largest gap between these motions, in units of the orbit's size
+    pieces               solutions along it, one after the other
+    residual             largest gap between these solutions, in units of the orbit's size
     """
 
     system: System
@@ -99,6 +101,7 @@ class Homoclinic:
         }  # fmt: skip
 
 
+@keywords()
 def find_homoclinic(
     system: System,
     near: Any,
@@ -120,9 +123,9 @@ def find_homoclinic(
                 pseudo-saddle slides on
     side        +1 or -1: along which way of the unstable direction the orbit leaves, its largest entry
                 taken positive; 0: the one that comes back nearer
-    t_max       longest time in which the motion is to come back near to the saddle
+    t_max       longest time in which the solution is to come back near to the saddle
 
-    Raises ReturnError where the motion does not come back, NoConvergenceError, WordError (not admissible),
+    Raises ReturnError where the solution does not come back, NoConvergenceError, WordError (not admissible),
     UsageError. Autonomous systems; saddles with one unstable direction.
     """
     if free not in system.parameters:
@@ -133,12 +136,12 @@ def find_homoclinic(
         raise UsageError("the system depends on time; homoclinic orbits are those of autonomous systems.")
     p, state = resolved(system, parameters), check_state(near, system)
     search = _Search(system, p, free, rtol, atol, jacobian)
-    signs = search.motion(p, state, 1e-9).start_mode if mode is None else given_mode(system, mode)
+    signs = search.solution(p, state, 1e-9).start_mode if mode is None else given_mode(system, mode)
     search.saddle = search.saddle_of(signs, state, p)
     errors = []
-    for motion in search.returns(side, t_max):
+    for solution in search.returns(side, t_max):
         try:
-            return search.solve(motion)
+            return search.solve(solution)
         except (SolveError, ArithmeticError, np.linalg.LinAlgError) as error:
             errors.append(error)
     raise errors[0]
@@ -165,8 +168,8 @@ class _Search:
         """The saddle for other parameter values, next to the last one."""
         return self.saddle_of(self.saddle.mode, self.saddle.x, p)
 
-    def motion(self, p: Array, x: Array, length: float) -> Solution:
-        """A motion of so much time."""
+    def solution(self, p: Array, x: Array, length: float) -> Solution:
+        """A solution of so much time."""
         values = dict(zip(self.system.parameters.names, p.tolist(), strict=True))
         return solve(
             self.system, x, (0.0, length), parameters=values, rtol=self.rtol, atol=self.atol,
@@ -174,7 +177,7 @@ class _Search:
         )  # fmt: skip
 
     def returns(self, side: int, t_max: float) -> list[tuple[float, list[Arc]]]:
-        """(way, arcs from the saddle to where the motion is nearest to it again), the best first."""
+        """(way, arcs from the saddle to where the solution is nearest to it again), the best first."""
         saddle, found = self.saddle, []
         self.leaving = saddle.unstable
         for way in (1.0, -1.0) if side == 0 else (float(side),):
@@ -182,8 +185,8 @@ class _Search:
             size = float(np.max(np.abs(saddle.x))) + 1.0
             out = saddle.x + way * _CUT * size * saddle.unstable
             start = onto_surfaces(self.system, out, 0.0, self.p, on)
-            motion = self.motion(self.p, start, t_max)
-            arcs = arcs_of([motion])
+            solution = self.solution(self.p, start, t_max)
+            arcs = arcs_of([solution])
             best = self._nearest(arcs)
             if best is not None:
                 found.append((best[0], way, best[1]))
@@ -195,7 +198,7 @@ class _Search:
         return [(way, arcs) for _, way, arcs in sorted(found, key=lambda item: item[0])]
 
     def _nearest(self, arcs: list[Arc]) -> tuple[float, list[Arc]] | None:
-        """The share of the way out at which the motion is nearest to the saddle after its first turn."""
+        """The share of the way out at which the solution is nearest to the saddle after its first turn."""
         x = np.vstack([arc.x for arc in arcs])
         t = np.concatenate([arc.t for arc in arcs])
         away = np.linalg.norm(x - self.saddle.x, axis=1)
@@ -211,9 +214,12 @@ class _Search:
         falling = np.flatnonzero(np.diff(away) < 0)
         if not falling.size:
             return None
-        rises = np.flatnonzero((np.diff(away) > 0) & (np.arange(len(away) - 1) > falling[0]))
+        # Between two arcs stands one state twice, with rounding.
+        onwards = (np.diff(away) > 0) & (np.diff(t) > 0)
+        rises = np.flatnonzero(onwards & (np.arange(len(away) - 1) > falling[0]))
         # The first time that it goes away again, having come near.
-        lows = [k for k in rises if away[k] <= away[k - 1] and away[k] < 0.5 * np.max(away[: k + 1])]
+        near = away < 0.5 * np.maximum.accumulate(away)
+        lows = [k for k in rises if near[k] and away[k] <= away[k - 1] * (1 + _ROUNDING)]
         k = int(lows[0]) if lows else len(away) - 1
         out = []
         for arc in arcs:
@@ -310,7 +316,7 @@ class _Search:
         )  # fmt: skip
 
     def _confirmed(self, found: Collocated, value: float) -> Homoclinic:
-        """The record, with exact motions between points of the orbit. Raises NoConvergenceError."""
+        """The record, with exact solutions between points of the orbit. Raises NoConvergenceError."""
         begin, end = float(found.mesh.times[0]), float(found.mesh.times[-1])
         times = np.linspace(begin, end, _POINTS + 1).tolist()
         p, pieces, gap = found.p, [], 0.0

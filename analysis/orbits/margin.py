@@ -1,4 +1,4 @@
-"""How far a periodic motion is from another sequence of events: distances from surfaces, speed at events."""
+"""How far an orbit is from another sequence of events: distances from surfaces, speed at events."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _MET = ("switching", "reset")
 
 @dataclass(frozen=True)
 class Margin:
-    """Margins of a periodic motion.
+    """Margins of a periodic solution.
 
-    distance        least distance |h|/|grad h| from a surface where the motion turns back without meeting it
-                    (inf where it nowhere does); surface: its name; t: when
+    distance        least distance |h|/|grad h| from a surface where the solution turns back without meeting
+                    it (inf where it nowhere does); surface: its name; t: when
     sliding         least distance of a sliding multiplier from an end of its set where it turns back from it
                     (inf where it nowhere does); sliding_surface, sliding_t
     transversality  least speed with which a surface is reached or left, relative to |G_y| |v|: 0 at grazing
@@ -43,16 +43,16 @@ class Margin:
     transversal_t: float = float("nan")
 
 
-def margin(motions: Sequence[Solution], jacobian: Callable[..., Any] | None = None) -> Margin:
-    """The margins along motions that make up one period."""
+def margin(solutions: Sequence[Solution], jacobian: Callable[..., Any] | None = None) -> Margin:
+    """The margins along solutions that make up one period."""
     off: list[tuple[float, str, float]] = []
     on: list[tuple[float, str, float]] = []
     speed: list[tuple[float, float]] = []
-    for motion in motions:
-        for segment in motion.segments:
-            off += _turns(motion, segment, False, jacobian)
-            on += _turns(motion, segment, True, jacobian)
-        speed += _speeds(motion, jacobian)
+    for solution in solutions:
+        for segment in solution.segments:
+            off += _turns(solution, segment, False, jacobian)
+            on += _turns(solution, segment, True, jacobian)
+        speed += _speeds(solution, jacobian)
     least = min(off, default=(float("inf"), "", float("nan")))
     slide = min(on, default=(float("inf"), "", float("nan")))
     slow = min(speed, default=(float("inf"), float("nan")))
@@ -60,10 +60,10 @@ def margin(motions: Sequence[Solution], jacobian: Callable[..., Any] | None = No
 
 
 def _turns(
-    motion: Solution, segment: Segment, sliding: bool, jacobian: Callable[..., Any] | None
+    solution: Solution, segment: Segment, sliding: bool, jacobian: Callable[..., Any] | None
 ) -> list[tuple[float, str, float]]:
     """(distance, surface, t) at interior least distances of a segment, from surfaces or of multipliers."""
-    system, sol = motion.problem.system, motion.sol
+    system, sol = solution.problem.system, solution.sol
     assert sol is not None
     wanted = [
         i for i, surface in enumerate(system.surfaces)
@@ -81,7 +81,7 @@ def _turns(
     times = np.unique(np.clip(times, segment.t0 + near, segment.t1 - near))
 
     def distances(t: Array) -> Array:
-        return _distances(motion, segment.mode, wanted, t, sliding, jacobian)
+        return _distances(solution, segment.mode, wanted, t, sliding, jacobian)
 
     values = distances(times)
     out = []
@@ -95,18 +95,18 @@ def _turns(
                 options={"xatol": 1e-10 * segment.dwell},
             )  # fmt: skip
             # A state that jumps on the surface meets it, and stays in its mode.
-            events = motion.events.of(system.surfaces[i].name).t
+            events = solution.events.of(system.surfaces[i].name).t
             if not np.any(np.abs(events - best.x) < 1e-6 * segment.dwell):
                 out.append((min(float(best.fun), float(row[k])), system.surfaces[i].name, float(best.x)))
     return out
 
 
 def _distances(
-    motion: Solution, mode: tuple[int, ...], wanted: list[int], t: Array, sliding: bool,
+    solution: Solution, mode: tuple[int, ...], wanted: list[int], t: Array, sliding: bool,
     jacobian: Callable[..., Any] | None,
 ) -> Array:  # fmt: skip
     """Distance from each wanted surface, or of its multiplier from the nearer end: (k, wanted)."""
-    system, p, sol = motion.problem.system, motion.problem.p, motion.sol
+    system, p, sol = solution.problem.system, solution.problem.p, solution.sol
     assert sol is not None
     part = mode_field(system, mode, (), jacobian)
     x = np.ascontiguousarray(np.atleast_2d(sol(t).T))
@@ -121,17 +121,17 @@ def _distances(
     return np.asarray(np.abs(h + widths) / np.maximum(np.linalg.norm(slope, axis=2), 1e-300))
 
 
-def _speeds(motion: Solution, jacobian: Callable[..., Any] | None) -> list[tuple[float, float]]:
+def _speeds(solution: Solution, jacobian: Callable[..., Any] | None) -> list[tuple[float, float]]:
     """(relative speed, t) with which each surface is reached, and left where it is left off the surface."""
     out = []
-    for event in motion.events:
-        surfaces = motion.problem.system.surfaces
+    for event in solution.events:
+        surfaces = solution.problem.system.surfaces
         if event.index >= len(surfaces) or surfaces[event.index].kind not in _MET:
             continue
         if event.kind is EventKind.GRAZING:
             out.append((0.0, event.t))
             continue
-        here = Together(motion, [event], (), jacobian)
+        here = Together(solution, [event], (), jacobian)
         i = event.index
         side = 1 if event.after[i] > 0 else -1
         checks = [(event.before, here.guard(event.before, i, side))]

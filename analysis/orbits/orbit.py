@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -29,11 +29,13 @@ Complex = npt.NDArray[np.complex128]
 FORMAT, VERSION = "filippov orbit", 1
 # A symmetric orbit satisfies x(t + T/2) = -x(t) to this part of its size.
 _SYMMETRIC = 1e-7
+# The accuracy of the derivative of a return, in units of rtol.
+_ACCURACY = 100.0
 
 
 @dataclass(frozen=True, eq=False)
 class Orbit:
-    """A limit cycle, or a periodic motion of a forced system.
+    """A limit cycle, or a periodic solution of a forced system.
 
     system, parameters  what it is an orbit of; parameters by name
     x0, t0         a state on it, off the surfaces where there is such a segment; its time (forced systems)
@@ -46,7 +48,9 @@ class Orbit:
     word           modes of a period, such as "stick slip- stick slip+" (see `filippov.graphs.word`)
     amplitude      half the distance between the largest and the smallest value, by state
     low, high      those values, (n,)
-    stable         all multipliers have modulus < 1
+    verdict        "stable": all multipliers have modulus < 1; "unstable": one has more; "undecided": the
+                   largest is 1 to the accuracy of multipliers, as on the orbits of a centre
+    stable         the verdict is "stable"
     events         events of one period from x0
     signature      the switching events of a period in order, wherever it begins: what the word leaves out
     margin         see `filippov.analysis.orbits.margin`
@@ -75,12 +79,26 @@ class Orbit:
     method: str = "DOP853"
     problem: Shooting | None = field(default=None, repr=False)
     unknowns: Array | None = field(default=None, repr=False)
-    motions: tuple[Solution, ...] = field(default=(), repr=False)
+    solutions: tuple[Solution, ...] = field(default=(), repr=False)
+
+    @property
+    def verdict(self) -> Literal["stable", "unstable", "undecided"]:
+        """Whether all multipliers lie inside the unit circle, one outside, or one on it."""
+        if not self.multipliers.size:
+            return "stable"
+        first, shift = self.multipliers[0], [] if self.trivial is None else [self.trivial]
+        # Of two that are equal the error is the root of that of a matrix.
+        error = _ACCURACY * self.rtol
+        gap = np.min(np.abs(np.append(self.multipliers[1:], shift) - first), initial=np.inf)
+        beyond = abs(first) - 1.0
+        if abs(beyond) < min(np.sqrt(error), error / max(gap, error)):
+            return "undecided"
+        return "stable" if beyond < 0.0 else "unstable"
 
     @property
     def stable(self) -> bool:
-        """Whether all multipliers have modulus below 1."""
-        return bool(np.all(np.abs(self.multipliers) < 1.0))
+        """Whether all multipliers have modulus below 1, by more than their accuracy."""
+        return self.verdict == "stable"
 
     @property
     def amplitude(self) -> dict[str, float]:
@@ -90,7 +108,7 @@ class Orbit:
     @property
     def events(self) -> tuple[Event, ...]:
         """Events of one period."""
-        return tuple(event for motion in self._motions for event in motion.events)
+        return tuple(event for solution in self._solutions for event in solution.events)
 
     @cached_property
     def signature(self) -> tuple[tuple[str, str, str, str], ...]:
@@ -106,15 +124,15 @@ class Orbit:
 
     @property
     def pieces(self) -> tuple[Solution, ...]:
-        """The motions that make up one period, one after the other: several where it repels strongly."""
-        return self._motions
+        """The solutions that make up one period, one after the other: several where it repels strongly."""
+        return self._solutions
 
     @cached_property
-    def _motions(self) -> tuple[Solution, ...]:
-        return self.motions or (self.solution(),)
+    def _solutions(self) -> tuple[Solution, ...]:
+        return self.solutions or (self.solution(),)
 
     def solution(self, periods: float = 1.0) -> Solution:
-        """The motion over so many periods from x0; from an orbit that repels it departs (see `pieces`)."""
+        """The solution over so many periods from x0; from an orbit that repels it departs (see `pieces`)."""
         return solve(
             self.system, self.x0, (self.t0, self.t0 + periods * self.period), parameters=self.parameters,
             rtol=self.rtol, atol=self.atol, method=self.method, zeno="continue", nonunique="stick",
@@ -127,9 +145,9 @@ class Orbit:
         return plot_orbit(self, **options)
 
     def __repr__(self) -> str:
-        kind = "stable" if self.stable else "unstable"
         largest = np.abs(self.multipliers[0]) if self.multipliers.size else 0.0
-        return f"Orbit({kind}, period {self.period:.12g}, largest |multiplier| {largest:.6g}, {self.word!r})"
+        size = f"largest |multiplier| {largest:.6g}"
+        return f"Orbit({self.verdict}, period {self.period:.12g}, {size}, {self.word!r})"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data: numbers, text, lists and dicts; complex numbers as [re, im]."""
@@ -140,9 +158,9 @@ class Orbit:
             "half_multipliers": None if self.half_multipliers is None else _pairs(self.half_multipliers),
             "word": self.word, "modes": list(self.modes),
             "low": self.low.tolist(), "high": self.high.tolist(),
-            "amplitude": self.amplitude, "stable": self.stable, "margin": asdict(self.margin),
-            "symmetric": self.symmetric, "residual": self.residual, "forced": self.forced,
-            "rtol": self.rtol, "atol": self.atol, "method": self.method,
+            "amplitude": self.amplitude, "stable": self.stable, "verdict": self.verdict,
+            "margin": asdict(self.margin), "symmetric": self.symmetric, "residual": self.residual,
+            "forced": self.forced, "rtol": self.rtol, "atol": self.atol, "method": self.method,
         }  # fmt: skip
 
     @classmethod
@@ -194,27 +212,27 @@ def stored_system(data: Mapping[str, Any], system: System | None, path: Any) -> 
 
 
 def make_orbit(
-    problem: Shooting, u: Array, p: Array, residual: float, motions: Sequence[Solution] | None = None,
+    problem: Shooting, u: Array, p: Array, residual: float, solutions: Sequence[Solution] | None = None,
     margins: bool = True,
 ) -> Orbit:
     """The orbit that solves the equations at the unknowns u, with all that is derived from it.
 
-    motions: those from the nodes, where they are known; margins: whether they are wanted. Raises
+    solutions: those from the nodes, where they are known; margins: whether they are wanted. Raises
     NotDifferentiableError, SolveError.
     """
-    pieces = list(motions or problem.motions(u, p))
+    pieces = list(solutions or problem.solutions(u, p))
     nodes, period = problem.split(u, p)
     system, forced = problem.system, problem.period is not None
     whole = whole_period(problem, u, p, pieces)
     factors, zeros = return_factors(pieces, problem.symmetry, problem.jacobian)
     half: Complex | None = None
-    turns = problem.turns
+    order = problem.symmetry_order
     low, high = _extent(whole)
-    symmetric = turns == 2 and np.array_equal(problem.gate, -np.eye(problem.n))
-    values = product_multipliers(factors, zeros, turns)
+    symmetric = order == 2 and np.array_equal(problem.gate, -np.eye(problem.n))
+    values = product_multipliers(factors, zeros, order)
     if symmetric:
         half = product_multipliers(factors, zeros)
-    elif turns == 1 and _opposite(whole, problem.begin(p), period, high - low) and is_odd(
+    elif order == 1 and _opposite(whole, problem.begin(p), period, high - low) and is_odd(
         system, p, np.maximum(np.abs(low), np.abs(high)), problem.begin(p), period, problem.jacobian
     ):
         found = _half(problem, pieces, period, p)
@@ -236,39 +254,39 @@ def make_orbit(
 
 
 def whole_period(problem: Shooting, u: Array, p: Array, pieces: list[Solution]) -> list[Solution]:
-    """The motions of a whole period; of a part of it, from several nodes, also the images of all."""
-    if problem.turns == 1:
+    """The solutions of a whole period; of a part of it, from several nodes, also the images of all."""
+    if problem.symmetry_order == 1:
         return pieces
     nodes, period = problem.split(u, p)
     if len(nodes) == 1:
         return [_whole(problem, nodes[0], period, p)]
     images = [nodes]
-    for _ in range(problem.turns - 1):
+    for _ in range(problem.symmetry_order - 1):
         images.append(images[-1] @ problem.gate.T)
     full = replace(
-        problem, symmetry=None, turns=1,
-        shares=tuple(share / problem.turns for share in problem.shares) * problem.turns,
-        sliding=problem.sliding * problem.turns,
+        problem, symmetry=None, symmetry_order=1,
+        shares=tuple(share / problem.symmetry_order for share in problem.shares) * problem.symmetry_order,
+        sliding=problem.sliding * problem.symmetry_order,
     )  # fmt: skip
-    return full.motions(np.append(np.concatenate(images).ravel(), u[nodes.size :]), p)
+    return full.solutions(np.append(np.concatenate(images).ravel(), u[nodes.size :]), p)
 
 
 def _whole(problem: Shooting, x0: Array, period: float, p: Array) -> Solution:
     values = dict(zip(problem.system.parameters.names, p.tolist(), strict=True))
     begin = problem.begin(p)
-    motion = solve(
+    solution = solve(
         problem.system, x0, (begin, begin + period), parameters=values, rtol=problem.rtol, atol=problem.atol,
         method=problem.method, zeno="continue", nonunique="stick",
     )  # fmt: skip
-    if not motion.success:
-        raise SolveError(f"the solution along the orbit ended early: {motion.message}", motion)
-    return motion
+    if not solution.success:
+        raise SolveError(f"the solution along the orbit ended early: {solution.message}", solution)
+    return solution
 
 
-def cycle_of_modes(motions: Sequence[Solution]) -> tuple[str, ...]:
+def cycle_of_modes(solutions: Sequence[Solution]) -> tuple[str, ...]:
     """Modes of a period in order without repetitions, the last one joined with the first."""
     out: list[Mode] = []
-    for mode in (segment.mode for motion in motions for segment in motion.segments):
+    for mode in (segment.mode for solution in solutions for segment in solution.segments):
         if not out or out[-1] != mode:
             out.append(mode)
     if len(out) > 1 and out[0] == out[-1]:
@@ -276,14 +294,14 @@ def cycle_of_modes(motions: Sequence[Solution]) -> tuple[str, ...]:
     return tuple(mode_text(mode) for mode in out)
 
 
-def _extent(motions: Sequence[Solution]) -> tuple[Array, Array]:
+def _extent(solutions: Sequence[Solution]) -> tuple[Array, Array]:
     """Least and largest value of each state: samples, refined where the dense output has its extremes."""
     lows: list[Array] = []
     highs: list[Array] = []
-    for motion in motions:
-        sol = motion.sol
+    for solution in solutions:
+        sol = solution.sol
         assert sol is not None
-        ends = np.append(sol.start, motion.t_end)
+        ends = np.append(sol.start, solution.t_end)
         x = sol(np.append((ends[:-1, None] + np.diff(ends)[:, None] * np.arange(8) / 8).ravel(), ends[-1]))
         # At a reset the state has two values.
         jumps = np.hstack([sol(ends, side=side) for side in ("-", "+")])
@@ -293,20 +311,20 @@ def _extent(motions: Sequence[Solution]) -> tuple[Array, Array]:
                 k = int(np.argmin(row)) // 8
                 for step in {max(k - 1, 0), min(k, len(sol.start) - 1)}:
                     curve = np.polynomial.Polynomial(sign * sol.coef[step][:, i])
-                    turns = curve.deriv().roots()
-                    inside = turns.real[(np.abs(turns.imag) < 1e-9) & (turns.real > 0) & (turns.real < 1)]
+                    roots = curve.deriv().roots()
+                    inside = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0) & (roots.real < 1)]
                     inside = inside[sol.start[step] + inside * sol.step[step] <= ends[step + 1]]
                     best[i] = min([best[i], *curve(inside).tolist()])
             into.append(sign * best)
     return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
-def _opposite(motions: Sequence[Solution], t0: float, period: float, size: Array) -> bool:
+def _opposite(solutions: Sequence[Solution], t0: float, period: float, size: Array) -> bool:
     """Whether x(t + T/2) = -x(t)."""
-    begins = [motion.problem.t_span[0] for motion in motions]
+    begins = [solution.problem.t_span[0] for solution in solutions]
 
     def state(t: float) -> Array:
-        sol = motions[int(np.searchsorted(begins, t, side="right")) - 1].sol
+        sol = solutions[int(np.searchsorted(begins, t, side="right")) - 1].sol
         assert sol is not None
         return np.asarray(sol(t))
 
@@ -316,12 +334,12 @@ def _opposite(motions: Sequence[Solution], t0: float, period: float, size: Array
 
 
 def _half(problem: Shooting, pieces: Sequence[Solution], period: float, p: Array) -> Complex | None:
-    """Multipliers of the half map x -> -x(T/2); None where several motions have no node at T/2."""
+    """Multipliers of the half map x -> -x(T/2); None where several solutions have no node at T/2."""
     if len(pieces) == 1:
         first = [_whole(problem, pieces[0].problem.x0, 0.5 * period, p)]
     else:
         end = problem.begin(p) + 0.5 * period
-        first = [motion for motion in pieces if motion.problem.t_span[0] < end - 1e-9 * period]
+        first = [solution for solution in pieces if solution.problem.t_span[0] < end - 1e-9 * period]
         if abs(first[-1].t_end - end) > 1e-9 * period:
             return None
     return product_multipliers(*return_factors(first, -np.eye(problem.n), problem.jacobian))

@@ -1,9 +1,9 @@
 """A periodic orbit by collocation, handed over to multiple shooting.
 
-The arcs of a guessed motion give the sequence of modes. Collocation solves for the orbit with this sequence,
-whether it repels or not; then signs and multipliers along it are checked, and nodes are laid so that nothing
-grows by much more than a factor of 10 between them. The equations of multiple shooting, motions of the exact
-solver, say whether it is an orbit of the inclusion and how accurate it is. Source: see
+The arcs of a guessed solution give the sequence of modes. Collocation solves for the orbit with this
+sequence, whether it repels or not; then signs and multipliers along it are checked, and nodes are laid so
+that nothing grows by much more than a factor of 10 between them. The equations of multiple shooting,
+solutions of the exact solver, say whether it is an orbit of the inclusion and how accurate it is. Source: see
 `filippov.analysis.orbits.collocation`.
 """
 
@@ -31,7 +31,7 @@ Array = npt.NDArray[np.float64]
 _GROWTH, _POINTS, _ODD = 10.0, 12, 1e-6
 # Beyond a surface or an end of a multiplier's set by more than this, in units of its size, is not admissible.
 _BEYOND = 1e-6
-# How far the exact motions may move the orbit that collocation found, in units of its size.
+# How far the exact solutions may move the orbit that collocation found, in units of its size.
 _MOVED = 1e-3
 
 
@@ -48,7 +48,7 @@ class Collocated:
     @property
     def period(self) -> float:
         """T."""
-        return float(self.mesh.times[-1] - self.mesh.times[0]) * self.base.turns
+        return float(self.mesh.times[-1] - self.mesh.times[0]) * self.base.symmetry_order
 
     def at(self, t: float) -> tuple[Array, Mode]:
         """State and mode at a time within the mesh."""
@@ -83,14 +83,14 @@ class Collocated:
         return np.asarray(steps.at(np.ones(1))[0])
 
 
-def guess_arcs(motions: Sequence[Solution], final: tuple[Mode, Array]) -> list[Arc]:
+def guess_arcs(solutions: Sequence[Solution], final: tuple[Mode, Array]) -> list[Arc]:
     """The arcs of a guess; final: the mode and the state that the last arc is to end with.
 
     Where the last mode is another, the one event that is missing is put at the end.
     """
-    arcs = arcs_of(motions)
+    arcs = arcs_of(solutions)
     last, (mode, state) = arcs[-1], final
-    missing = joined(motions[0].problem.system, last.mode, mode)
+    missing = joined(solutions[0].problem.system, last.mode, mode)
     if missing is not None:
         length = float(last.t[-1] - arcs[0].t[0])
         end = float(last.t[-1])
@@ -142,7 +142,7 @@ def collocate(base: Shooting, arcs: Sequence[Arc], p: Array) -> Collocated:
     speed = speed / max(float(np.linalg.norm(speed * size)), 1e-300)
     always = [i for i in range(len(system.surfaces)) if all(arc.mode[i] == 0 for arc in arcs)]
     field, gate = mode_field(system, first, (), base.jacobian), base.gate
-    length = base.period(p) / base.turns if base.period is not None else None
+    length = base.period(p) / base.symmetry_order if base.period is not None else None
 
     def boundary(x0: Array, x1: Array, t: float, values: Array) -> Boundary:
         left, by_first = x1 - gate @ x0, -gate.copy()
@@ -207,10 +207,10 @@ def check_admissible(found: Collocated) -> None:
 def polished(found: Collocated) -> tuple[Shooting, Array, float]:
     """The equations of multiple shooting on nodes of the orbit, their solution, and what is left of them.
 
-    Raises NoConvergenceError where the exact motions are not those that collocation found.
+    Raises NoConvergenceError where the exact solutions are not those that collocation found.
     """
     base, begin = found.base, float(found.mesh.times[0])
-    length = found.period / base.turns
+    length = found.period / base.symmetry_order
     times = _nodes(found)
     states, modes = zip(*(found.at(t) for t in times), strict=True)
     shares = np.diff([*times, begin + length]) / length
@@ -246,7 +246,7 @@ def _nodes(found: Collocated) -> list[float]:
     mesh, size = found.mesh, found.problem.size
     begin, end = float(mesh.times[0]), float(mesh.times[-1])
     half = 0.5 * (begin + end)
-    odd = found.base.turns == 1 and all(
+    odd = found.base.symmetry_order == 1 and all(
         float(np.max(np.abs(found.at(t)[0] + found.at(t + half - begin)[0]) / size)) < _ODD
         for t in np.linspace(begin, half, 14)[:-1].tolist()
     )
@@ -267,7 +267,7 @@ def _nodes(found: Collocated) -> list[float]:
 def least_period(found: Collocated) -> int:
     """How often the orbit was gone through: the multiple of its least period that it was found with."""
     base, begin = found.base, float(found.mesh.times[0])
-    if base.turns > 1:
+    if base.symmetry_order > 1:
         return 1
     start = found.at(begin)[0]
     for count in range(32, 1, -1):

@@ -1,4 +1,4 @@
-"""Find a periodic orbit: from a state on or near it, from a motion that goes to it, or from another orbit."""
+"""Find a periodic orbit: from a state on or near it, a solution that goes to it, or another orbit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from filippov.analysis.orbits.collocation_search import CollocationSearch, collocated_from
 from filippov.analysis.orbits.orbit import Orbit, make_orbit
-from filippov.analysis.orbits.search_start import anchor, extent, rests
+from filippov.analysis.orbits.search_start import anchor, extent, rests, settling
 from filippov.analysis.orbits.shooting import (
     NoConvergenceError,
     ReturnError,
@@ -24,6 +24,7 @@ from filippov.analysis.orbits.shooting import (
 )
 from filippov.analysis.steady.forcing import Period, forcing_period, is_forced
 from filippov.base.errors import SolveError, UsageError
+from filippov.base.keywords import keywords
 from filippov.base.status import Status
 from filippov.model.system import System
 from filippov.solving.solution import Solution
@@ -32,21 +33,22 @@ from filippov.solving.state.events import Mode
 from filippov.solving.state.options import check_state
 
 Array = npt.NDArray[np.float64]
-# A return is a candidate if it comes back to within this part of the motion's extent.
+# A return is a candidate if it comes back to within this part of the solution's extent.
 _NEAR = 0.3
 _SPANS = 12
-# Periods of a forced motion after which its best returns are tried, and how many of them.
+# Periods of a forced solution after which its best returns are tried, and how many of them.
 _STAGES, _TRIES = (1, 8, 32, 128, 512), 5
 # How many returns collocation is tried with, and how many of them with the same sequence of modes; the nodes
 # of shooting that finds another one.
 _RETURNS, _TRIES_OF_WORD, _MANY = 32, 2, 16
-# A motion may be seen to come back only after some turns; how near it then is after one of them.
+# A solution may be seen to come back only after some returns; how near it then is after one of them.
 _MOST_TURNS, _SAME = 32, 1e-6
 COLLOCATION = "collocation"
-# A forced motion is back where it started, on an orbit, to this part of its extent.
+# A forced solution is back where it started, on an orbit, to this part of its extent.
 _BACK = 1e-4
 
 
+@keywords()
 def find_orbit(
     system: System,
     guess: Any = None,
@@ -66,27 +68,27 @@ def find_orbit(
 ) -> Orbit:
     """The periodic orbit near a state, stable or not, by Newton's method on a return or multiple shooting.
 
-    guess       a state on or near the orbit or from which the motion goes to it, in order or by name; a
+    guess       a state on or near the orbit or from which the solution goes to it, in order or by name; a
                 Solution (its end); an Orbit (of other parameter values); several states (k, n) on it, at
                 equal distances in time over one period: the nodes of multiple shooting (needs the period)
     period      autonomous: a guess of T, for an orbit that does not attract; without it the first return of
-                the motion is taken. Forced: the period, a number or a formula in the parameters such as
+                the solution is taken. Forced: the period, a number or a formula in the parameters such as
                 "2*pi/omega", or a multiple of the forcing's for subharmonic orbits; default: read off the
-                sines and cosines of t and the clocks, and the least multiple after which the motion from the
-                guess comes back
+                sines and cosines of t and the clocks, and the least multiple after which the solution from
+                the guess comes back
     symmetry    "odd" for x(t + T/2) = -x(t), or a matrix G for x(t + T/k) = G x(t): the part of the orbit is
                 solved for. An odd orbit is also recognised without it
     nodes       points of multiple shooting, for orbits that repel strongly
     transient   time to run before the search; t_max: longest time of the search
     t0          time of the guess, for a forced system
-    method      integration method of the motions; or "collocation": the sequence of modes is taken from the
-                motion of the guess, and the orbit solved for by collocation on an adapted mesh, for orbits
-                that repel strongly. It lays its own nodes for the exact motions (DOP853) that confirm it; the
-                other methods fall over to it where shooting does not converge
+    method      integration method of the solutions; or "collocation": the sequence of modes is taken from the
+                solution of the guess, and the orbit solved for by collocation on an adapted mesh, for orbits
+                that repel strongly. It lays its own nodes for the exact solutions (DOP853) that confirm it;
+                the other methods fall over to it where shooting does not converge
     jacobian    of a system of plain functions, (t, x, p, s) -> df/dx with the signs held; else differences
     progress    called with (t, t_max, note)
 
-    Raises ReturnError (NO_RETURN) where the motion comes to rest or does not return within t_max,
+    Raises ReturnError (NO_RETURN) where the solution comes to rest or does not return within t_max,
     NoConvergenceError, NotDifferentiableError for an orbit that grazes a surface, SolveError, UsageError,
     ModelError.
     """
@@ -111,11 +113,11 @@ def find_orbit(
     points = np.array([check_state(row, system) for row in rows])
     x0 = points[0]
     p = resolved(system, parameters)
-    matrix, turns = symmetry_matrix(symmetry, system)
+    matrix, symmetry_order = symmetry_matrix(symmetry, system)
     forced = is_forced(system) or (period is not None and not isinstance(period, int | float))
     base = Shooting(
         system, x0, np.zeros_like(x0), t0, period=Period(system, period) if forced else None, symmetry=matrix,
-        turns=turns, rtol=rtol, atol=atol, method=method, jacobian=jacobian,
+        symmetry_order=symmetry_order, rtol=rtol, atol=atol, method=method, jacobian=jacobian,
     )  # fmt: skip
     search = _Search(base, p, nodes, t_max, progress, collocation)
     if several:
@@ -147,8 +149,8 @@ def refine(
     problem = replace(orbit.problem, rtol=rtol or orbit.rtol, atol=atol or orbit.atol)
     p = resolved(orbit.system, {**orbit.parameters, **(parameters or {})})
     u, left = newton(problem, orbit.unknowns, p)
-    motions = problem.motions(u, p)
-    return make_orbit(problem.at(u, p, motions), u, p, left, motions)
+    solutions = problem.solutions(u, p)
+    return make_orbit(problem.at(u, p, solutions), u, p, left, solutions)
 
 
 class _Search:
@@ -163,8 +165,8 @@ class _Search:
         self.values = dict(zip(base.system.parameters.names, p.tolist(), strict=True))
         self.size = 0.0
 
-    def motion(self, x0: Array, t0: float, length: float, dense: bool = True) -> Solution:
-        """A motion from x0. Raises SolveError where it ends early."""
+    def solution(self, x0: Array, t0: float, length: float, dense: bool = True) -> Solution:
+        """A solution from x0. Raises SolveError where it ends early."""
         base = self.base
         out = solve(
             base.system, x0, (t0, t0 + length), parameters=self.values, rtol=base.rtol, atol=base.atol,
@@ -174,16 +176,16 @@ class _Search:
             raise SolveError(f"the solution from the guess ended early: {out.message}", out)
         return out
 
-    def state(self, motion: Solution, t: float) -> Array:
-        """The state at t, on the surfaces that the motion slides on there: its dense output may be off."""
-        if motion.sol is None:
-            return motion.x_end
-        sliding = tuple(i for i, sign in enumerate(motion.mode_at(t, "+")) if sign == 0)
-        return onto_surfaces(self.base.system, np.asarray(motion.sol(t, side="+")), t, self.p, sliding)
+    def state(self, solution: Solution, t: float) -> Array:
+        """The state at t, on the surfaces that the solution slides on there: its dense output may be off."""
+        if solution.sol is None:
+            return solution.x_end
+        sliding = tuple(i for i, sign in enumerate(solution.mode_at(t, "+")) if sign == 0)
+        return onto_surfaces(self.base.system, np.asarray(solution.sol(t, side="+")), t, self.p, sliding)
 
     def run(self, x0: Array, t0: float, length: float) -> tuple[Array, float]:
         """Where a transient leads."""
-        end = self.motion(x0, t0, length, dense=False)
+        end = self.solution(x0, t0, length, dense=False)
         return end.x_end, end.t_end
 
     def tell(self, t: float, note: str) -> None:
@@ -197,13 +199,23 @@ class _Search:
         """Newton's method on the stroboscopic map; where it fails, again from the best returns of more and
         more periods, with more nodes.
 
-        follow: the orbit may take several periods, as many as the motion from the guess needs to come back
+        follow: the orbit may take several periods, as many as the solution from the guess needs to come back
         """
+        forcing, base, nodes = self.base.period, self.base, self.nodes
+        assert forcing is not None
+        count = self._subharmonic(x0, t0, forcing(self.p)) if follow else 1
+        if count > 1:
+            self.base = replace(base, period=forcing.times(count))
+            try:
+                return self._stroboscopic(x0, t0)
+            except NoConvergenceError:
+                self.base, self.nodes = base, nodes
+        return self._stroboscopic(x0, t0)
+
+    def _stroboscopic(self, x0: Array, t0: float) -> Orbit:
+        """The orbit of the period that `base` has."""
         forcing = self.base.period
         assert forcing is not None
-        if follow:
-            forcing = forcing.times(self._subharmonic(x0, t0, forcing(self.p)))
-            self.base = replace(self.base, period=forcing)
         period, nodes = forcing(self.p), self.nodes
         error: Exception | None = None
         gaps: list[float] = []
@@ -212,7 +224,7 @@ class _Search:
             while len(states) <= stage:
                 states.append(self.run(states[-1], t0 + len(gaps) * period, period)[0])
                 gaps.append(float(np.linalg.norm(states[-1] - states[-2])))
-            # An orbit that repels is where the motion came back best; one that attracts, at its end.
+            # An orbit that repels is where the solution came back best; one that attracts, at its end.
             order = [k for k in np.argsort(gaps) if k not in tried][: _TRIES if stage > 1 else 1]
             if self.collocation:
                 found = self._returned(states, gaps, t0, period)
@@ -222,7 +234,7 @@ class _Search:
                 self.nodes = count
                 for k in order:
                     try:
-                        found = self._shot(self.motion(states[k], t0 + k * period, period), period)
+                        found = self._shot(self.solution(states[k], t0 + k * period, period), period)
                         if self.collocation:
                             return self._collocated(found.pieces)
                         return self._with(nodes, found, period)
@@ -242,7 +254,7 @@ class _Search:
         tried: dict[Any, int] = {}
         for k in np.argsort(gaps)[:_RETURNS].tolist():
             try:
-                laid = self._laid(self.motion(states[k], t0 + k * period, period), period)
+                laid = self._laid(self.solution(states[k], t0 + k * period, period), period)
                 word = tuple((e.surface, e.after) for e in laid.events)
                 tried[word] = tried.get(word, 0) + 1
                 if tried[word] <= _TRIES_OF_WORD:
@@ -257,39 +269,40 @@ class _Search:
         if not more:
             return found
         try:
-            return self._from(self.motion(found.x0, found.t0, period), period)
+            return self._from(self.solution(found.x0, found.t0, period), period)
         except NoConvergenceError:
             return found
 
     def _subharmonic(self, x0: Array, t0: float, period: float) -> int:
-        """The number of periods after which the motion from x0 is back; 1 where it is not on an orbit."""
-        first = self.motion(x0, t0, period)
+        """The number of periods after which the solution from x0 is back, or comes back far better than after
+        fewer of them, and as well after twice as many; 1 where it is near no orbit."""
+        first = self.solution(x0, t0, period)
         size, x = np.maximum(np.ptp(first.y, axis=1), 1e-9 * (1.0 + np.max(np.abs(first.y)))), first.x_end
         gaps = [float(np.max(np.abs(x - x0) / size))]
         while gaps[-1] > _BACK and len(gaps) < _MOST_TURNS:
-            x = self.motion(x, t0 + len(gaps) * period, period, dense=False).x_end
+            x = self.solution(x, t0 + len(gaps) * period, period, dense=False).x_end
             gaps.append(float(np.max(np.abs(x - x0) / size)))
-        return len(gaps) if gaps[-1] <= _BACK else 1
+        return len(gaps) if gaps[-1] <= _BACK else settling(gaps)
 
     def near(self, x0: Array, t0: float, period: float) -> Orbit:
         """Newton's method with a given guess of the period."""
-        return self._from(self.motion(x0, t0, period), period)
+        return self._from(self.solution(x0, t0, period), period)
 
-    def _from(self, motion: Solution, period: float) -> Orbit:
-        """Solve the equations along a motion; by collocation where shooting does not."""
+    def _from(self, solution: Solution, period: float) -> Orbit:
+        """Solve the equations along a solution; by collocation where shooting does not."""
         if self.collocation:
-            return self._strong(self._laid(motion, period), period)
+            return self._strong(self._laid(solution, period), period)
         try:
-            return self._shot(motion, period)
+            return self._shot(solution, period)
         except NoConvergenceError as error:
             try:
-                return self._strong(self._laid(motion, period), period)
+                return self._strong(self._laid(solution, period), period)
             except (SolveError, ArithmeticError):
                 raise error from None
 
     def _strong(self, laid: Solution, period: float) -> Orbit:
-        """By collocation; where the motion has another sequence of modes than the orbit, after shooting from
-        many nodes, which needs none."""
+        """By collocation; where the solution and the orbit differ in the sequence of modes, after shooting
+        from many nodes, which needs none."""
         try:
             return self._collocated([laid])
         except (SolveError, ArithmeticError) as error:
@@ -298,18 +311,18 @@ class _Search:
             except (SolveError, ArithmeticError):
                 raise error from None
 
-    def _laid(self, motion: Solution, period: float) -> Solution:
-        """A motion of a period's length from a good start."""
-        length = period / self.base.turns
-        start = anchor(motion, min(length, motion.t_end - motion.problem.t_span[0]))
-        self.size = max(self.size, extent([motion]))
-        if start > motion.problem.t_span[0]:
-            return self.motion(self.state(motion, start), start, length)
-        return self.motion(motion.problem.x0, motion.problem.t_span[0], length)
+    def _laid(self, solution: Solution, period: float) -> Solution:
+        """A solution of a period's length from a good start."""
+        length = period / self.base.symmetry_order
+        start = anchor(solution, min(length, solution.t_end - solution.problem.t_span[0]))
+        self.size = max(self.size, extent([solution]))
+        if start > solution.problem.t_span[0]:
+            return self.solution(self.state(solution, start), start, length)
+        return self.solution(solution.problem.x0, solution.problem.t_span[0], length)
 
-    def _shot(self, motion: Solution, period: float, nodes: int = 0) -> Orbit:
-        """Solve the equations with nodes laid along a motion over about one period."""
-        shifted, length = self._laid(motion, period), period / self.base.turns
+    def _shot(self, solution: Solution, period: float, nodes: int = 0) -> Orbit:
+        """Solve the equations with nodes laid along a solution over about one period."""
+        shifted, length = self._laid(solution, period), period / self.base.symmetry_order
         count = nodes or self.nodes
         sol = shifted.sol
         assert sol is not None
@@ -321,15 +334,15 @@ class _Search:
 
     def nodes_at(self, points: Array, t0: float, period: float) -> Orbit:
         """Solve the equations with given states at the nodes."""
-        length = period / self.base.turns / len(points)
+        length = period / self.base.symmetry_order / len(points)
         self.size = float(np.max(np.ptp(points, axis=0)))
 
         def pieces() -> list[Solution]:
-            return [self.motion(x, t0 + k * length, length) for k, x in enumerate(points)]
+            return [self.solution(x, t0 + k * length, length) for k, x in enumerate(points)]
 
         if self.collocation:
             return self._collocated(pieces())
-        modes = [self.motion(x, t0 + k * length, 1e-9 * length).start_mode for k, x in enumerate(points)]
+        modes = [self.solution(x, t0 + k * length, 1e-9 * length).start_mode for k, x in enumerate(points)]
         try:
             return self._solve(points, modes, t0, period)
         except NoConvergenceError as error:
@@ -338,9 +351,9 @@ class _Search:
             except (SolveError, ArithmeticError):
                 raise error from None
 
-    def _collocated(self, motions: Sequence[Solution]) -> Orbit:
-        """The orbit by collocation from motions of about one period."""
-        return CollocationSearch(self.base, self.p, self.size, self.motion).orbit(motions)
+    def _collocated(self, solutions: Sequence[Solution]) -> Orbit:
+        """The orbit by collocation from solutions of about one period."""
+        return CollocationSearch(self.base, self.p, self.size, self.solution).orbit(solutions)
 
     def _solve(self, x: Array, modes: Sequence[Mode], begin: float, period: float) -> Orbit:
         base, count = self.base, len(x)
@@ -358,7 +371,7 @@ class _Search:
         u, left = newton(problem, u, self.p)
         if base.period is None:
             self._check(problem, u, period)
-        if count == base.turns == 1:
+        if count == base.symmetry_order == 1:
             if base.period is None:
                 u, left = self._shortest(problem, u, left)
             else:
@@ -370,7 +383,7 @@ class _Search:
 
     def _shortest(self, problem: Shooting, u: Array, left: float) -> tuple[Array, float]:
         """The same orbit with its least period, where it was found with a multiple of it."""
-        sol = problem.motions(u, self.p)[0].sol
+        sol = problem.solutions(u, self.p)[0].sol
         assert sol is not None
         size = float(np.max(np.ptp(sol(np.linspace(0.0, float(u[-1]), 64)), axis=1)))
         for count in range(_MOST_TURNS, 1, -1):
@@ -390,7 +403,7 @@ class _Search:
         multiple = round(ratio)
         if abs(ratio - multiple) > 1e-9 * ratio or multiple < 2:
             return problem, u, left
-        sol = problem.motions(u, self.p)[0].sol
+        sol = problem.solutions(u, self.p)[0].sol
         assert sol is not None
         length, begin = problem.period(self.p), problem.begin(self.p)
         size = float(np.max(np.ptp(sol(np.linspace(begin, begin + length, 64)), axis=1)))
@@ -405,16 +418,16 @@ class _Search:
 
     def _check(self, problem: Shooting, u: Array, guess: float) -> None:
         """An equilibrium solves the equations as well."""
-        small = extent(problem.motions(u, self.p)) <= 1e-5 * self.size
+        small = extent(problem.solutions(u, self.p)) <= 1e-5 * self.size
         if small or not 0.02 * guess < float(u[-1]) < 50 * guess:
             raise NoConvergenceError("Newton's method went to an equilibrium or to another period.")
 
     # -- autonomous --------------------------------------------------------------------------------------
 
     def autonomous(self, x0: Array) -> Orbit:
-        """Look for returns of the motion, and try the best of them; from later states if that fails."""
+        """Look for returns of the solution, and try the best of them; from later states if that fails."""
         base = self.base
-        start = self.motion(x0, 0.0, 1e-9)
+        start = self.solution(x0, 0.0, 1e-9)
         speed = velocity_at(base.system, start.start_mode, 0.0, start.problem.x0, self.p, base.jacobian)
         rate = float(np.linalg.norm(speed))
         span = min(20.0 * (1.0 + float(np.linalg.norm(x0))) / max(rate, 0.05), self.t_max)
@@ -423,40 +436,40 @@ class _Search:
             span = min(span, self.t_max - now)
             if span <= 0:
                 break
-            motion = self.motion(state, 0.0, span)
-            self.size = max(self.size, extent([motion]))
-            if rests(motion) or extent([motion]) <= 1e-8 * self.size:
+            solution = self.solution(state, 0.0, span)
+            self.size = max(self.size, extent([solution]))
+            if rests(solution) or extent([solution]) <= 1e-8 * self.size:
                 raise ReturnError(
-                    f"the solution comes to rest at state {np.array2string(motion.x_end, precision=6)}; t "
-                    f"reached {now + motion.t_end:.6g}.", motion, now + motion.t_end,
+                    f"the solution comes to rest at state {np.array2string(solution.x_end, precision=6)}; t "
+                    f"reached {now + solution.t_end:.6g}.", solution, now + solution.t_end,
                 )  # fmt: skip
             for share in (0.0, 0.5):
-                found = self._return(motion, share * span)
+                found = self._return(solution, share * span)
                 if found is None:
                     continue
                 try:
                     return self._from(*found)
                 except SolveError as error:
                     failed = f" The last attempt failed: {error}"
-            now, state = now + span, motion.x_end
+            now, state = now + span, solution.x_end
             self.tell(now, "looking for a return")
             span *= 1.6
         raise ReturnError(
             f"the solution does not come back to where it was within t = {now:.6g} (t_max = {self.t_max:g})."
-            f"{failed}", motion, now,
+            f"{failed}", solution, now,
         )  # fmt: skip
 
-    def _return(self, motion: Solution, begin: float) -> tuple[Solution, float] | None:
-        """A motion from a good start on the orbit, and the time of its return to there; None if there is
+    def _return(self, solution: Solution, begin: float) -> tuple[Solution, float] | None:
+        """A solution from a good start on the orbit, and the time of its return to there; None if there is
         none."""
-        sol, base = motion.sol, self.base
+        sol, base = solution.sol, self.base
         assert sol is not None
-        start = anchor(motion, motion.t_end - motion.problem.t_span[0], begin)
-        mode = motion.mode_at(start, "+")
-        x0 = self.state(motion, start)
+        start = anchor(solution, solution.t_end - solution.problem.t_span[0], begin)
+        mode = solution.mode_at(start, "+")
+        x0 = self.state(solution, start)
         speed = base.gate @ velocity_at(base.system, mode, start, x0, self.p, base.jacobian)
         goal = base.gate @ x0
-        knots = np.concatenate([[start], sol.start[sol.start > start], [motion.t_end]])
+        knots = np.concatenate([[start], sol.start[sol.start > start], [solution.t_end]])
         if len(knots) < 3:
             return None
         inner = (knots[:-1, None] + np.diff(knots)[:, None] * np.arange(8) / 8).ravel()
@@ -467,7 +480,7 @@ class _Search:
         height = unit @ (x - goal[:, None])
         away = np.linalg.norm((x - goal[:, None]) / size[:, None], axis=0)
         up = np.flatnonzero((height[:-1] < 0) & (height[1:] >= 0))
-        if base.turns == 1:
+        if base.symmetry_order == 1:
             up = up[[bool(np.max(away[: k + 1]) > _NEAR) for k in up]] if up.size else up
         if not up.size:
             return None
@@ -477,5 +490,5 @@ class _Search:
         if np.min(gaps) > _NEAR:
             return None
         first = int(np.flatnonzero(gaps <= max(3.0 * float(np.min(gaps)), 1e-6))[0])
-        period = float(times[first] - start) * base.turns
-        return self.motion(x0, 0.0, period / base.turns * 1.02), period
+        period = float(times[first] - start) * base.symmetry_order
+        return self.solution(x0, 0.0, period / base.symmetry_order * 1.02), period

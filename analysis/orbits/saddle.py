@@ -1,4 +1,4 @@
-"""Saddles and pseudo-saddles: where they are, and the directions in which motions leave and come.
+"""Saddles and pseudo-saddles: where they are, and the directions in which solutions leave and come.
 
 On attracting sliding the state is pressed onto its surfaces, on repelling sliding it leaves them at will; so
 the surfaces count as stable or unstable directions beside the eigenvalues of the sliding field along them:
@@ -39,7 +39,7 @@ ZERO = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class Saddle:
-    """An equilibrium with motions that leave it and motions that come to it.
+    """An equilibrium with solutions that leave it and solutions that come to it.
 
     x, mode     the state, and the signs of the surfaces, 0 where it lies on them
     eigenvalues of the field, or of the sliding field along its surfaces, largest real part first
@@ -64,7 +64,7 @@ class Saddle:
 
     @cached_property
     def normal(self) -> str:
-        """Without sliding "", else whether motion beside its surface "attracts" or "repels". Raises
+        """Without sliding "", else whether solution beside its surface "attracts" or "repels". Raises
         UsageError where it is neither, and on several surfaces."""
         return _normal(self) if 0 in self.mode else ""
 
@@ -84,7 +84,7 @@ class Saddle:
         return self.growing(side).size + (len(self.normals) if surfaces else 0)
 
     def direction(self, side: Side) -> Array | None:
-        """The unit eigenvector of a curve; None where motions reach it across its surface."""
+        """The unit eigenvector of a curve; None where solutions reach it across its surface."""
         found = self.growing(side)
         if not found.size:
             return None
@@ -95,7 +95,7 @@ class Saddle:
 
     @property
     def unstable(self) -> Array:
-        """The direction in which motions leave a saddle that has one unstable eigenvalue."""
+        """The direction in which solutions leave a saddle that has one unstable eigenvalue."""
         direction = self.direction("unstable")
         assert direction is not None
         return direction
@@ -109,7 +109,7 @@ class Saddle:
 
     @property
     def stable(self) -> int:
-        """The number of directions along which motions come in for ever."""
+        """The number of directions along which solutions come in for ever."""
         return self.growing("stable").size
 
 

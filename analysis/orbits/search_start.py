@@ -1,4 +1,4 @@
-"""Where on a motion a search for an orbit starts: off the surfaces, early, not at rest."""
+"""Where on a solution a search for an orbit starts: off the surfaces, early, not at rest."""
 
 from __future__ import annotations
 
@@ -10,21 +10,24 @@ from filippov.solving.solution import Solution
 
 # An orbit that repels is left soon: only so many segments are looked at for a start.
 _FIRST = 4
+# What counts as a forced solution that goes to a subharmonic orbit: a return as near as this of its extent,
+# better by this factor than all earlier ones, and at most so much worse after twice the time.
+_NEAR, _BETTER, _AGAIN = 0.03, 0.1, 3.0
 
 
-def extent(motions: Sequence[Solution]) -> float:
+def extent(solutions: Sequence[Solution]) -> float:
     """The largest distance between the values of a state."""
-    return max(float(np.max(np.ptp(motion.y, axis=1))) for motion in motions)
+    return max(float(np.max(np.ptp(solution.y, axis=1))) for solution in solutions)
 
 
-def anchor(motion: Solution, length: float, begin: float = 0.0) -> float:
+def anchor(solution: Solution, length: float, begin: float = 0.0) -> float:
     """The middle of the longest segment with fewest sliding surfaces, within `length` after `begin` and
     among the first ones."""
-    first = motion.problem.t_span[0] + begin
+    first = solution.problem.t_span[0] + begin
     last = first + length
     best: tuple[int, float, float] | None = None
     seen = 0
-    for segment in motion.segments:
+    for segment in solution.segments:
         low, high = max(segment.t0, first), min(segment.t1, last)
         if high - low <= 1e-6 * length:
             continue
@@ -36,11 +39,24 @@ def anchor(motion: Solution, length: float, begin: float = 0.0) -> float:
     return best[2] if best is not None else first
 
 
-def rests(motion: Solution) -> bool:
-    """Whether the motion ends in a long segment without any change."""
-    sol, last = motion.sol, motion.segments[-1]
-    if sol is None or last.dwell < 0.05 * (motion.t_end - motion.problem.t_span[0]):
+def rests(solution: Solution) -> bool:
+    """Whether the solution ends in a long segment without any change."""
+    sol, last = solution.sol, solution.segments[-1]
+    if sol is None or last.dwell < 0.05 * (solution.t_end - solution.problem.t_span[0]):
         return False
     t = np.linspace(last.t0 + 0.5 * last.dwell, last.t1, 9)
     x = sol(t)
     return bool(np.max(np.ptp(x, axis=1)) <= 1e-12 * (1.0 + np.max(np.abs(x))))
+
+
+def settling(gaps: Sequence[float]) -> int:
+    """The number of periods of the subharmonic orbit to which a solution goes; 1 where none is seen.
+
+    gaps   how far it is from its start after 1, 2, ... periods, as part of its extent
+    """
+    for count in range(2, len(gaps) // 2 + 1):
+        gap = gaps[count - 1]
+        near = gap <= min(_NEAR, _BETTER * min(gaps[: count - 1]))
+        if near and gaps[2 * count - 1] <= _AGAIN * gap:
+            return count
+    return 1

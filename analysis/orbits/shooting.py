@@ -1,4 +1,4 @@
-"""The equations of a periodic orbit: motions between nodes on it fit together (multiple shooting).
+"""The equations of a periodic orbit: solutions between nodes on it fit together (multiple shooting).
 
 Unknowns are the states at the nodes and, for an autonomous system, the period T:
 
@@ -35,7 +35,7 @@ MOST_STEPS = 2_000_000
 
 
 class ReturnError(SolveError):
-    """A motion does not come back; `solution` holds it, `t` the time reached. Its status is NO_RETURN."""
+    """A solution does not come back; `solution` holds it, `t` the time reached. Its status is NO_RETURN."""
 
     status = Status.NO_RETURN
 
@@ -62,8 +62,8 @@ class Shooting:
     shares      parts of the duration between nodes, adding up to 1
     sliding     for each node the surfaces it lies on (a node in sliding stays on them)
     period      of the forcing, None for an autonomous system
-    symmetry    the matrix G (n, n), with turns = number of times it takes to be the identity: the duration of
-                the motion is T/turns
+    symmetry    the matrix G (n, n), and symmetry_order the power of it that is the identity: the solution
+                lasts T/symmetry_order
     """
 
     system: System
@@ -75,7 +75,7 @@ class Shooting:
     sliding: tuple[tuple[int, ...], ...] = ((),)
     period: Period | None = None
     symmetry: Array | None = None
-    turns: int = 1
+    symmetry_order: int = 1
     rtol: float = 1e-11
     atol: float = 1e-13
     method: str = "DOP853"
@@ -115,51 +115,52 @@ class Shooting:
         assert self.period is not None
         return replace(self, period=self.period.times(count), unit=self.unit * count)
 
-    def motions(self, u: Array, p: Array) -> list[Solution]:
-        """The motions from the nodes. Raises SolveError where one ends early or T is not positive."""
+    def solutions(self, u: Array, p: Array) -> list[Solution]:
+        """The solutions from the nodes. Raises SolveError where one ends early or T is not positive."""
         nodes, period = self.split(u, p)
         if not period > 0 or not np.all(np.isfinite(u)):
             raise NoConvergenceError(f"the period came out as {period:.6g}.")
         values = dict(zip(self.system.parameters.names, p.tolist(), strict=True))
         out, t = [], self.begin(p)
         for x, share, surfaces in zip(nodes, self.shares, self.sliding, strict=True):
-            end = t + share * period / self.turns
+            end = t + share * period / self.symmetry_order
             start = onto_surfaces(self.system, x, t, p, surfaces)
-            motion = solve(
+            solution = solve(
                 self.system, start, (t, end), parameters=values, rtol=self.rtol, atol=self.atol,
                 method=self.method, max_steps=MOST_STEPS, zeno="continue", nonunique="stick",
             )  # fmt: skip
-            if motion.status is not Status.SUCCESS:
-                raise SolveError(f"the solution along the orbit ended early: {motion.message}", motion)
-            out.append(motion)
+            if solution.status is not Status.SUCCESS:
+                raise SolveError(f"the solution along the orbit ended early: {solution.message}", solution)
+            out.append(solution)
             t = end
         return out
 
-    def residual(self, u: Array, motions: Sequence[Solution], p: Array) -> Array:
+    def residual(self, u: Array, solutions: Sequence[Solution], p: Array) -> Array:
         """What is left of the equations: (size,)."""
         nodes, _ = self.split(u, p)
         ends = [*nodes[1:], self.gate @ nodes[0]]
-        rows = [motion.x_end - end for motion, end in zip(motions, ends, strict=True)]
+        rows = [solution.x_end - end for solution, end in zip(solutions, ends, strict=True)]
         if self.period is None:
             rows.append(np.array([self.velocity @ (nodes[0] - self.reference)]))
         return np.concatenate(rows)
 
-    def matrix(self, u: Array, motions: Sequence[Solution], p: Array, names: tuple[str, ...] = ()) -> Array:
+    def matrix(self, u: Array, solutions: Sequence[Solution], p: Array, names: tuple[str, ...] = ()) -> Array:
         """Derivative of the residual by the unknowns and the named parameters: (size, size + names)."""
         n, k, e = self.n, len(self.shares), len(names)
         out = np.zeros((self.size, self.size + e))
         fixed = self.period.slope(p, names) if self.period is not None else np.zeros(e)
-        begin = self.phase * self.turns
-        for i, (motion, share) in enumerate(zip(motions, self.shares, strict=True)):
+        begin = self.phase * self.symmetry_order
+        for i, (solution, share) in enumerate(zip(solutions, self.shares, strict=True)):
             rows = slice(i * n, (i + 1) * n)
-            by = derivative_by_all(motion, False, names, self.jacobian)
-            out[rows, i * n : (i + 1) * n] = by[:n, :n] @ tangent(motion, self.sliding[i])
-            end = velocity_at(self.system, motion.end_mode, motion.t_end, motion.x_end, p, self.jacobian)
-            stretch = share / self.turns * end
+            by = derivative_by_all(solution, False, names, self.jacobian)
+            out[rows, i * n : (i + 1) * n] = by[:n, :n] @ tangent(solution, self.sliding[i])
+            last = solution.end_mode, solution.t_end, solution.x_end
+            end = velocity_at(self.system, *last, p, self.jacobian)
+            stretch = share / self.symmetry_order * end
             if self.period is None:
                 out[rows, self.size - 1] = stretch
-            # Parameters move the state, the start of the node's motion, and its length.
-            by_start = by[:n, -1] * begin / self.turns
+            # Parameters move the state, the start of the node's solution, and its length.
+            by_start = by[:n, -1] * begin / self.symmetry_order
             out[rows, self.size :] = by[:n, n : n + e] + np.multiply.outer(stretch + by_start, fixed)
             begin += share
             following = ((i + 1) % k) * n
@@ -168,12 +169,12 @@ class Shooting:
             out[-1, :n] = self.velocity
         return out
 
-    def at(self, u: Array, p: Array, motions: Sequence[Solution] | None = None) -> Shooting:
-        """The same equations with the reference point moved to these unknowns, with the motions from them."""
+    def at(self, u: Array, p: Array, solutions: Sequence[Solution] | None = None) -> Shooting:
+        """The same equations with the reference point moved to these unknowns and their solutions."""
         nodes, _ = self.split(u, p)
-        motion = (motions or self.motions(u, p))[0]
+        solution = (solutions or self.solutions(u, p))[0]
         speed = velocity_at(
-            self.system, motion.start_mode, self.begin(p), motion.problem.x0, p, self.jacobian
+            self.system, solution.start_mode, self.begin(p), solution.problem.x0, p, self.jacobian
         )
         return replace(self, reference=nodes[0].copy(), velocity=speed / np.linalg.norm(speed))
 
@@ -204,14 +205,14 @@ def onto_surfaces(system: System, x: Array, t: float, p: Array, surfaces: tuple[
     return state
 
 
-def tangent(motion: Solution, surfaces: tuple[int, ...]) -> Array:
-    """Projection of displacements onto the surfaces a motion starts on: (n, n)."""
-    system, p = motion.problem.system, motion.problem.p
+def tangent(solution: Solution, surfaces: tuple[int, ...]) -> Array:
+    """Projection of displacements onto the surfaces a solution starts on: (n, n)."""
+    system, p = solution.problem.system, solution.problem.p
     n = system.dimension
     if not surfaces:
         return np.eye(n)
-    part = mode_field(system, motion.start_mode)
-    t, x = np.array([motion.problem.t_span[0]]), motion.problem.x0[None, :]
+    part = mode_field(system, solution.start_mode)
+    t, x = np.array([solution.problem.t_span[0]]), solution.problem.x0[None, :]
     slope = part.part("hy", t, x, part.multipliers(t, x, p), p)[0, list(surfaces), :n]
     return np.asarray(np.eye(n) - linalg.pinv(slope) @ slope)
 
@@ -221,20 +222,20 @@ def newton(
 ) -> tuple[Array, float]:
     """Solve the equations by damped Newton steps of least squares; returns the unknowns and what is left.
 
-    Raises NoConvergenceError, and what a motion along the orbit raises.
+    Raises NoConvergenceError, and what a solution along the orbit raises.
     """
     scale = max(float(np.max(np.abs(u))), 1e-12)
-    motions = problem.motions(u, p)
-    left = problem.residual(u, motions, p)
+    solutions = problem.solutions(u, p)
+    left = problem.residual(u, solutions, p)
     size = float(np.max(np.abs(left)))
     for _ in range(iterations):
         if size <= tolerance * 1e-2 * scale:
             break
-        step = linalg.lstsq(problem.matrix(u, motions, p), -left, rcond=1e-13)[0]
+        step = linalg.lstsq(problem.matrix(u, solutions, p), -left, rcond=1e-13)[0]
         for halving in range(5):
             trial = u + step * 0.5**halving
             try:
-                tried = problem.motions(trial, p)
+                tried = problem.solutions(trial, p)
             except SolveError:
                 continue
             rest = problem.residual(trial, tried, p)
@@ -242,7 +243,7 @@ def newton(
                 break
         else:
             break
-        u, motions, left = trial, tried, rest
+        u, solutions, left = trial, tried, rest
         size = float(np.max(np.abs(left)))
     if not size <= max(tolerance, 1e3 * problem.rtol) * scale:
         raise NoConvergenceError(
@@ -254,7 +255,7 @@ def newton(
 
 
 def symmetry_matrix(given: Any, system: System) -> tuple[Array | None, int]:
-    """G and the number of turns after which it is the identity. given: None, "odd" (x -> -x) or a matrix."""
+    """G and its order: G to that power is the identity. given: None, "odd" (x -> -x) or a matrix."""
     n = system.dimension
     if given is None:
         return None, 1
@@ -266,9 +267,9 @@ def symmetry_matrix(given: Any, system: System) -> tuple[Array | None, int]:
     if matrix.shape != (n, n):
         raise UsageError(f"symmetry has the shape {matrix.shape}, expected ({n}, {n}).")
     power = matrix
-    for turns in range(1, 13):
+    for symmetry_order in range(1, 13):
         if np.allclose(power, np.eye(n), atol=1e-12):
-            return (matrix, turns) if turns > 1 else (None, 1)
+            return (matrix, symmetry_order) if symmetry_order > 1 else (None, 1)
         power = power @ matrix
     raise UsageError("symmetry: none of the first 12 powers of the matrix is the identity.")
 

@@ -87,7 +87,7 @@ def _spread(y: Array) -> Array:
 
 
 def _random(t: Array, y: Array, seed: int) -> Iterator[tuple[float, Array]]:
-    """Places on the motion and about it, near and far."""
+    """Places on the solution and about it, near and far."""
     rng, spread = np.random.default_rng(seed), _spread(y)
     for k in range(POINTS):
         j = int(rng.integers(len(t)))

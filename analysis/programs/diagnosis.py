@@ -18,6 +18,7 @@ from filippov.analysis.programs.reader import Reading, read_program
 from filippov.analysis.programs.translation import Translation, translate
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.escape import printable
+from filippov.base.keywords import keywords
 from filippov.base.status import Status, mode_text
 from filippov.model.system import System
 from filippov.solving.solution import Solution
@@ -34,12 +35,12 @@ class Diagnosis:
     """What is known of a program.
 
     name, file  the program
-    switches    surfaces with their places in the source, their kinds, and whether the motion stays on them
+    switches    surfaces with their places in the source, their kinds, and whether the solution stays on them
     findings    what is wrong or to be known, each with surface, time and lines
     run         scipy's run
     system      the System to use instead, None where there is none; x0: its initial state
     code        the text that makes it
-    solution    its motion, None where there is no System or nothing switches
+    solution    of that System, None where there is no System or nothing switches
     compared    random states at which program and System were compared
     """
 
@@ -65,7 +66,7 @@ class Diagnosis:
 
     @property
     def error(self) -> float | None:
-        """The largest difference of scipy's curve from the motion; None without one."""
+        """The largest difference of scipy's curve from the solution; None without one."""
         if self.solution is None:
             return None
         return float(np.max(difference(self.run, self.solution)[1]))
@@ -117,7 +118,7 @@ class Diagnosis:
                 "time": "time alone decides",
                 "memory": "the memory changes",
             }
-            stays = "; the motion stays on it (slides)" if switch.slides else ""
+            stays = "; the solution stays on it (slides)" if switch.slides else ""
             lines.append(f"surface {switch.surface} = 0: {what[switch.kind]}, {switch.where}{stays}")
         lines += [f"{f.kind}: {f.sentence}." for f in self.findings]
         lines.append(self._cost())
@@ -142,12 +143,13 @@ class Diagnosis:
         return self.to_text()
 
     def plot(self, *, title: str = "", figure: Figure | None = None) -> Figure:
-        """Both motions and the calls that each has spent, over time."""
+        """Both solutions and the calls that each has spent, over time."""
         from filippov.plot.diagnosis import plot_diagnosis
 
         return plot_diagnosis(self, title=title, figure=figure)
 
 
+@keywords()
 def diagnose(
     f: Callable[..., Any], x0: Any, t_span: Sequence[float], *, args: Sequence[Any] = (),
     method: str = "RK45", rtol: float = 1e-3, atol: float = 1e-6, max_calls: int = 20_000,
@@ -223,7 +225,7 @@ def _checked(x0: Any, t_span: Any) -> tuple[Array, tuple[float, float]]:
             f"x0 is {x0!r} and t_span {t_span!r}, expected numbers, one per state, and (t0, t1)."
         ) from None
     if start.ndim != 1 or not np.all(np.isfinite(start)):
-        raise UsageError(f"x0 is {x0!r}, expected one finite number a state.")
+        raise UsageError(f"x0 is {x0!r}, expected one finite number per state.")
     if not (np.isfinite(first) and np.isfinite(last) and first < last):
         raise UsageError(f"t_span is {t_span!r}, expected two finite times, the first before the second.")
     return start, (first, last)
@@ -248,7 +250,7 @@ def _in_source(reading: Reading, translation: Translation | None) -> Iterator[Fi
         if width is not None:
             yield Finding(
                 "dead band", f"line {site.line} `{site.text}` is a dead band written by hand, {width:.3g} "
-                "wide to each side: inside it the motion creeps or drifts. Write sign(...) alone, and the "
+                "wide to each side: inside it the solution creeps or drifts. Write sign(...) alone, and the "
                 "inclusion holds it", lines=(site.line,),
             )  # fmt: skip
     for memory in reading.memories:
@@ -292,7 +294,7 @@ def _at_start(
     translation: Translation,
     found: tuple[Switch, ...],
 ) -> list[Finding]:
-    """Starts on a surface, where the value of a sign at 0 is used, and the motion that it makes."""
+    """Starts on a surface, where the value of a sign at 0 is used, and the solution that it makes."""
     numbers = Numbers(translation.system)
     t0, x0 = solution.problem.t_span[0], np.asarray(translation.x0)
     on = [i for i, h in enumerate(numbers.h(t0, x0)) if h == 0.0 and found[i].kind != "kink"]
@@ -319,7 +321,7 @@ def _at_start(
         return [Finding(
             "false rest", f"the start lies on {switch.surface} = 0, where {switch.where} gives 0 and with "
             "it f = 0: the program "
-            "stays there for ever, the motion of the inclusion leaves", switch.surface, t0, switch.lines,
+            "stays there for ever, the solution of the inclusion leaves", switch.surface, t0, switch.lines,
         )]  # fmt: skip
     if not leaves:
         return []
@@ -336,7 +338,7 @@ def _at_start(
 def _replayed(
     f: Callable[..., Any], args: Sequence[Any], reading: Any, solution: Solution, translation: Translation
 ) -> list[Finding]:
-    """Where a program with a memory, called along the motion in order, has another field than the System."""
+    """Where a program with a memory, called in order along the solution, differs from the System."""
     _put_back(reading.memories)
     if solution.sol is None:
         return []
@@ -355,8 +357,7 @@ def _replayed(
         away = np.min(np.abs(events - t)) > 2 * short
         if compared and away and np.max(np.abs(own - theirs)) > 1e-6 * (1 + np.max(np.abs(own))):
             return [Finding(
-                "differs", f"called along the motion, f gives {own} at t = {t:.6g} and the System {theirs}: "
-                "the memory is not "
-                "what the resets make of it", t=t,
+                "differs", f"called along the solution, f is {own} at t = {t:.6g}, the System's is {theirs}: "
+                "the memory is not what the resets make of it", t=t,
             )]  # fmt: skip
     return []

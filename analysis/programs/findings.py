@@ -1,4 +1,4 @@
-"""What is wrong with the run of a program, measured against the motion of the inclusion."""
+"""What is wrong with the run of a program, measured against the solution of the inclusion."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from filippov.model.extract import NONSMOOTH
 from filippov.solving.solution import Solution
 
 Array = npt.NDArray[np.float64]
-# Changes of sign of h between steps, while the motion slides, from which a run chatters.
+# Changes of sign of h between steps, while the solution slides, from which a run chatters.
 CHATTER = 3
 # A curve is wrong where it is off by more than this many of its own tolerances.
 WRONG = 10.0
@@ -47,7 +47,7 @@ class Switch:
     """A surface of the System and the places in the source that made it.
 
     kind    "jump", "kink", "time" (nothing but time decides) or "memory" (what is remembered changes)
-    slides  whether the motion stays on it for a while
+    slides  whether the solution stays on it for a while
     """
 
     surface: str
@@ -136,7 +136,7 @@ def in_run(
 
 
 def _stays(solution: Solution, i: int) -> Iterator[tuple[float, float]]:
-    """Intervals in which the motion stays on the i-th surface, those that follow each other as one."""
+    """Intervals in which the solution stays on the i-th surface, those that follow each other as one."""
     begin = end = None
     for segment in solution.segments:
         if segment.mode[i] == 0:
@@ -179,7 +179,7 @@ def _chattering(
         )
         yield Finding(
             "hang" if stopped else "chattering",
-            f"from t = {first:.6g} the motion stays on {switch.surface} = 0 ({switch.where}); scipy's "
+            f"from t = {first:.6g} the solution stays on {switch.surface} = 0 ({switch.where}); scipy's "
             f"{run.method} calls f on both "
             f"sides in turn, {total} changes of sign in {calls} calls until t = {last:.6g} (the shortest "
             f"step {least:.2g}){tail}",
@@ -199,7 +199,7 @@ def early(run: NaiveRun) -> Finding:
 
 
 def _missed(run: NaiveRun, solution: Solution, found: tuple[Switch, ...]) -> Iterator[Finding]:
-    """Crossings of the exact motion, two or more in one step between which f was not called."""
+    """Crossings of the exact solution, two or more in one step between which f was not called."""
     calls = np.sort(run.calls)
     for i, switch in enumerate(found):
         if switch.kind == "kink":
@@ -220,7 +220,7 @@ def _missed(run: NaiveRun, solution: Solution, found: tuple[Switch, ...]) -> Ite
         if lost:
             more = f", and {len(lost) - 1} more like it" if len(lost) > 1 else ""
             yield Finding(
-                "missed", f"the motion crosses {switch.surface} = 0 ({switch.where}) at t = "
+                "missed", f"the solution crosses {switch.surface} = 0 ({switch.where}) at t = "
                 f"{lost[0][0]:.9g} and is back at "
                 f"t = {lost[0][1]:.9g}; scipy's {run.method} steps over both without a call of f "
                 f"between{more}",
@@ -257,7 +257,7 @@ def _wrong(run: NaiveRun, solution: Solution) -> Iterator[Finding]:
         most = int(np.nanargmax(parts))
         success = "" if run.ended else ", and reports success"
         yield Finding(
-            "wrong curve", f"from t = {run.t[beyond[0]]:.6g} scipy's curve leaves the motion: at t = "
+            "wrong curve", f"from t = {run.t[beyond[0]]:.6g} scipy's curve leaves the solution: at t = "
             f"{run.t[most]:.6g} it is off by "
             f"{gap[most]:.3g}, {parts[most]:.3g} times its tolerance{success}", t=float(run.t[beyond[0]]),
         )  # fmt: skip

@@ -55,7 +55,7 @@ SMOOTH = _smooth()
 # Those that switch: the method of the reader that does them.
 SWITCHING: dict[Any, str] = {
     np.sign: "sign", math.copysign: "copysign", np.copysign: "copysign", np.heaviside: "heaviside",
-    builtins.abs: "size", math.fabs: "size", np.abs: "size", np.fabs: "size",
+    builtins.abs: "magnitude", math.fabs: "magnitude", np.abs: "magnitude", np.fabs: "magnitude",
     np.where: "where", np.clip: "clip", np.maximum: "largest", np.fmax: "largest", builtins.max: "largest",
     np.minimum: "least", np.fmin: "least", builtins.min: "least", np.max: "largest", np.min: "least",
     np.select: "select", np.interp: "interpolate", np.cbrt: "cbrt", getattr(math, "cbrt", np.cbrt): "cbrt",

@@ -74,7 +74,7 @@ class Switching:
 
         return elementwise(one, value)
 
-    def size(self, node: ast.AST, value: Any) -> Any:
+    def magnitude(self, node: ast.AST, value: Any) -> Any:
         """Absolute values."""
 
         def one(x: Any) -> Any:
@@ -98,7 +98,7 @@ class Switching:
                 turn = self.flags.choose(self.compare(node, "<", b, 0), -1, 1)
             else:
                 turn = self.sign(node, b)
-            return self.size(node, a) * turn
+            return self.magnitude(node, a) * turn
 
         return elementwise(one, value, other)
 
@@ -116,7 +116,8 @@ class Switching:
 
     def cbrt(self, node: ast.AST, value: Any) -> Any:
         """sign(x) |x|**(1/3)."""
-        return elementwise(lambda x: self.sign(node, x) * self.size(node, x) ** sympy.Rational(1, 3), value)
+        third = sympy.Rational(1, 3)
+        return elementwise(lambda x: self.sign(node, x) * self.magnitude(node, x) ** third, value)
 
     def negative(self, node: ast.AST, value: Any) -> Any:
         """np.signbit."""
@@ -221,7 +222,7 @@ class Switching:
     def close(self, node: ast.AST, a: Any, b: Any = 0.0, **given: Any) -> Any:
         """A test whether two numbers agree but for a tolerance: a dead band."""
         width = self.fixed(given.get("abs_tol", given.get("atol", 1e-8)))
-        return elementwise(lambda u, v: self.compare(node, "<", self.size(node, u - v), width), a, b)
+        return elementwise(lambda u, v: self.compare(node, "<", self.magnitude(node, u - v), width), a, b)
 
     def all_of(self, node: ast.AST, *values: Any) -> Any:
         """Whether all of them hold."""
@@ -280,7 +281,7 @@ class Switching:
         """The Euclidean norm."""
         items = [as_number(v) for v in np.ravel(values)]
         if len(items) == 1:
-            return self.size(node, items[0])
+            return self.magnitude(node, items[0])
         return sympy.sqrt(sum(v**2 for v in items))
 
     def distance(self, node: ast.AST, a: Any, b: Any) -> Any:

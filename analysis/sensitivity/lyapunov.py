@@ -1,4 +1,4 @@
-"""Lyapunov exponents of a motion with events: growth of small displacements, saltation included.
+"""Lyapunov exponents of a solution with events: growth of small displacements, saltation included.
 
 The derivative of the flow over stretches of time, with a QR decomposition after each; the logarithms of the
 diagonals add up (Benettin et al. 1980). Sliding loses rank, which is an exponent of minus infinity. The first
@@ -18,6 +18,7 @@ import numpy.typing as npt
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.model.system import System
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
@@ -34,7 +35,7 @@ class Lyapunov:
 
     exponents  (k,), -inf where rank is lost in sliding; error: from the scatter over 8 parts of the run
     t, running times and the exponents estimated up to them, (r,), (r, k): whether they have settled
-    skipped    stretches left out because the motion touches a surface in them
+    skipped    stretches left out because the solution touches a surface in them
     message    how the run ended, "" for as planned
     """
 
@@ -50,6 +51,7 @@ class Lyapunov:
         return f"Lyapunov exponents over {self.t[-1] - self.t[0]:.6g}: " + ", ".join(rows)
 
 
+@keywords()
 def lyapunov(
     system: System,
     x0: Any,
@@ -64,7 +66,7 @@ def lyapunov(
     atol: float = 1e-12,
     progress: Callable[[float, float], None] | None = None,
 ) -> Lyapunov:
-    """Exponents along the motion from x0: `transient` is run first, then `duration` in stretches.
+    """Exponents along the solution from x0: `transient` is run first, then `duration` in stretches.
 
     stretch   time between two decompositions; of a forced system a multiple of the period
     number    how many exponents, the largest ones; default: all

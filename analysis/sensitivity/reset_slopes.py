@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -21,17 +22,16 @@ Array = npt.NDArray[np.float64]
 
 def reset_slopes(system: System, event: Event, names: tuple[str, ...], p: Array) -> Array:
     """dR/dy of the reset y+ = R(y) at an event: (N, N). UsageError for a system of plain functions."""
-    form, slopes = _form(system), _slopes(system, event.index, tuple(event.before), names)
-    out = np.eye(len(form.x) + len(names) + 1)
-    values = dict(zip((*form.x, *form.p), (*event.x, *p), strict=True)) | {time: event.t}
-    numbers = {q: sympy.Float(float(v), 17) for q, v in values.items()}
-    out[: len(form.x)] = np.array(slopes.xreplace(numbers).evalf(17).tolist(), dtype=float)
+    n, slopes = len(_form(system).x), _slopes(system, event.index, tuple(event.before), names)
+    out = np.eye(n + len(names) + 1)
+    with np.errstate(all="ignore"):
+        out[:n] = np.reshape(slopes(np.float64(event.t), *event.x, *p), (n, -1))
     return out
 
 
 @lru_cache(maxsize=128)
-def _slopes(system: System, index: int, before: Mode, names: tuple[str, ...]) -> Any:
-    """dR/dy as expressions: an immutable matrix (n, N)."""
+def _slopes(system: System, index: int, before: Mode, names: tuple[str, ...]) -> Callable[..., Any]:
+    """dR/dy as a function of t, states and parameters that returns the rows of (n, N) behind each other."""
     form, m = _form(system), len(system.surfaces)
     after = form.reset[index] if index < m else form.time_reset[index - m]
     assert after is not None
@@ -39,12 +39,17 @@ def _slopes(system: System, index: int, before: Mode, names: tuple[str, ...]) ->
     sizes = form.sizes_at_mode(before)
     states = sympy.Matrix([e.xreplace(signs).xreplace(sizes) for e in after])
     by = [*form.x, *(next(q for q in form.p if q.name == name) for name in names), time]
-    return sympy.ImmutableMatrix(states.jacobian(by))
+    return cast(
+        Callable[..., Any],
+        sympy.lambdify((time, *form.x, *form.p), list(states.jacobian(by)), "numpy", cse=True),
+    )
 
 
 def instant_slopes(system: System, event: Event, names: tuple[str, ...], p: Array) -> Array:
     """dG/dy of G = t - t_k at a time event: (N,)."""
     form = _form(system)
+    if not names:
+        return np.array([*[0.0] * len(form.x), 1.0])
     source = system.time_events[event.index - len(system.surfaces)]
     values: dict[Any, Any] = {q: sympy.Float(float(v), 17) for q, v in zip(form.p, p, strict=True)}
     instants = [_expression(q) for q in source.instants]

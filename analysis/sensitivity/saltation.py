@@ -30,6 +30,7 @@ import numpy.typing as npt
 from filippov.analysis.sensitivity.reset_slopes import instant_slopes, reset_slopes
 from filippov.analysis.sensitivity.variation import ModeField, mode_field, transition
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, mode_text
 from filippov.model.system import System
 from filippov.solving.selection.modes import successors
@@ -63,6 +64,7 @@ _Kept = tuple[tuple[bool, Any], tuple[str, ...], list[Factor]]
 _KEPT: WeakKeyDictionary[Solution, _Kept] = WeakKeyDictionary()
 
 
+@keywords()
 def flow_derivative(
     solution: Solution,
     before_last: bool = False,
@@ -104,7 +106,7 @@ def flow_factors(
     names: tuple[str, ...] = (),
     jacobian: Callable[..., Any] | None = None,
 ) -> list[Factor]:
-    """The factors of the derivative in the order of the motion.
+    """The factors of the derivative in the order of the solution.
 
     Those of the last call are kept with the solution: derivatives by fewer parameters are parts of them.
     """
@@ -164,7 +166,7 @@ def _along(
 ) -> Array:
     """A transition matrix from an exit, made to carry y' at the exit into y' at (t, x), as the flow does.
 
-    Next to a surface where the field has an infinite slope, the quadrature excites a motion that only a
+    Next to a surface where the field has an infinite slope, the quadrature excites a solution that only a
     displacement across the manifold of exits excites; what moves along y' is known without it.
     """
     s = field.multipliers(np.array([t]), x[None, :], p)
@@ -310,7 +312,7 @@ class Together:
         return np.eye(len(slope)) + np.outer(change, slope) / rate
 
     def _several(self, reached: Sequence[Event]) -> Array:
-        """The product over each order in which neighbouring motions meet the surfaces, if all agree."""
+        """The product over each order in which neighbouring solutions meet the surfaces, if all agree."""
         machine = Machine(self.system, self.solution.options.stepper, self.p)
         direction = float(self.events[0].sense)
         found: list[Array] = []
@@ -349,7 +351,7 @@ def passive(event: Event) -> bool:
 
 
 def onto_section(solution: Solution, event: Event, change: Array, names: tuple[str, ...] = ()) -> Array:
-    """Variation of y at an event: that at fixed time, moved along the motion to it, and through its reset.
+    """Variation of y at an event: that at fixed time, moved along the solution to it, and through its reset.
 
     change: (N, any number), y = (x, parameters, t).
     """

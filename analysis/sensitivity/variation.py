@@ -235,7 +235,7 @@ def transition(
     """Product of the transition matrices of Y' = A Y over steps of one mode: (N, N).
 
     Gauss collocation of order 8 on the integrator's own steps, all of them at once; state(t) gives x on the
-    nodes. A step is divided where the matrix itself, of which the motion may know nothing, asks for it.
+    nodes. A step is divided where the matrix itself, of which the solution may know nothing, asks for it.
     """
     n, size, stages = field.system.dimension, field.size, len(_NODES)
     start, step = _divided(field, start, step, state, p)

@@ -1,1 +1,1 @@
-"""Equilibria and sets of equilibria: where they are, their linearisation, motion beside them."""
+"""Equilibria and sets of equilibria: where they are, their linearisation, solution beside them."""

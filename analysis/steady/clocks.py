@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from sympy import Expr
 
 from filippov.analysis.algebra.exact_form import exact_form
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.model.symbolic import Select
 from filippov.model.symbols import t as time
 from filippov.model.system import System
 
@@ -66,6 +67,18 @@ def after(system: System, k: int, mode: str) -> tuple[Expr, ...]:
     assert row is not None
     fixed = {s: sympy.Integer(m) for s, m in zip(form.s, form.signs(mode), strict=True)}
     return tuple(e.xreplace(fixed).xreplace(form.sizes_at_mode(mode)) for e in row)
+
+
+def branch_points(
+    row: Sequence[Expr], put: Mapping[Any, Expr], values: Mapping[Any, Expr]
+) -> list[Expr]:  # fmt: skip
+    """The u = 0 at which |u|, Max or Min of a reset change their branch at a point: it has no derivative."""
+    out = []
+    for select in set().union(*(sympy.S(e).atoms(Select) for e in row)):
+        at = select.args[0].subs(put).subs(values)
+        if not at.is_number or abs(complex(at)) <= KEPT:
+            out.append(select.args[0])
+    return out
 
 
 def mover(

@@ -109,7 +109,7 @@ def _drift(slide: Array, normal: Array, rate: Array) -> _Drift | None:
 def first_zero(matrix: Array, row: Array, y: Array, drift: _Drift | None = None) -> float | None:
     """The first t > 0 at which row exp(M t) y falls through 0, not counting t = 0.
 
-    -inf where the motion fades away before, inf where it grows without end or, for a slide, stays; None
+    -inf where the solution fades away before, inf where it grows without end or, for a slide, stays; None
     where neither is seen.
     """
     from scipy.linalg import expm

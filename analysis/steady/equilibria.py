@@ -25,6 +25,7 @@ from filippov.analysis.steady.equilibria_numeric import NumericMode, numeric_equ
 from filippov.analysis.steady.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet
 from filippov.analysis.steady.existence import Existence, ModeProblem
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.model import symbols
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
@@ -34,6 +35,7 @@ FORMULAS = 3.0  # seconds a mode, before it is searched numerically
 SOME_TIME = sympy.Rational(7313, 10000)
 
 
+@keywords()
 @counted
 def equilibria(
     system: System,

@@ -32,6 +32,7 @@ from filippov.analysis.steady.branches import short
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.analysis.steady.existence import at_rest
 from filippov.base.errors import ModelError
+from filippov.base.keywords import keywords
 from filippov.model.symbolic import SymbolicForm, convex
 from filippov.model.system import System
 
@@ -84,6 +85,7 @@ class Linearisation:
     slip: tuple[SlipLinearisation, ...]
 
 
+@keywords()
 def linearise(
     system: System,
     equilibrium: EquilibriumPoint | EquilibriumSet,

@@ -31,6 +31,7 @@ from typing import Literal
 import numpy as np
 
 from filippov.analysis.algebra import linalg
+from filippov.base.keywords import keywords
 
 LEAVES = 2.0
 
@@ -47,6 +48,7 @@ class RestMap:
     duration: float
 
 
+@keywords()
 def rest_map(polynomial: Sequence[float]) -> RestMap:
     """Return the map of a slip polynomial of degree 2 or 3, highest coefficient first."""
     a = np.array(polynomial, dtype=float) / float(polynomial[0])
@@ -85,10 +87,11 @@ def _position(a: Sequence[float] | np.ndarray, t: float) -> float:
     return float(expm(companion * t)[0, 0])
 
 
+@keywords()
 def growth(maps: Sequence[RestMap]) -> float:
     """Size of the factor from one rest position to the next, over one passage of the ends: < 1 is attractive.
 
-    maps   one for each end, or one that stands for both. 0 where the motion stays at an end that attracts.
+    maps   one for each end, or one that stands for both. 0 where the solution stays at an end that attracts.
     """
     if any(m.outcome == "leaves" or m.kappa >= 1 for m in maps):
         return LEAVES

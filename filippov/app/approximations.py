@@ -1,7 +1,7 @@
 """The table of approximations: six plants, exact and under what is used in the place of the inclusion.
 
-Every row is a run of `compare` along one motion, at the narrowest width, with the order seen over the widths
-beside the one that theory gives.
+Every row is a run of `compare` along one solution, at the narrowest width, with the order seen over the
+widths beside the one that theory gives.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from filippov.analysis.comparisons.approximation import STEPS, approximations
-from filippov.analysis.comparisons.motion_result import MotionComparison
-from filippov.analysis.comparisons.motions import compare_motions
+from filippov.analysis.comparisons.solution_result import SolutionComparison
+from filippov.analysis.comparisons.solutions import compare_solutions
 from filippov.base.errors import UsageError
 from filippov.base.names import check_known
 from filippov.models.approximated import PLANTS
@@ -32,7 +32,7 @@ def table_of_approximations(
     plants: Iterable[str] = tuple(PLANTS), models: Iterable[str] = MODELS,
     progress: Callable[[str], object] | None = None,
 ) -> list[dict[str, Any]]:  # fmt: skip
-    """Rows by the names of COLUMNS: of each plant the exact motion, then the models that fit it.
+    """Rows by the names of COLUMNS: of each plant the exact solution, then the models that fit it.
 
     said   what is wrong in kind, or why a model does not fit; progress: called with the plant and model
     """
@@ -49,7 +49,7 @@ def table_of_approximations(
             widths = plant.steps if model == STEPS else plant.widths if model in BANDS else plant.deflections
             try:
                 made = approximations(system, model)
-                found = compare_motions(
+                found = compare_solutions(
                     system, plant.x0, plant.t_span, against=made, widths=widths, max_steps=2_000_000
                 )
             except UsageError as error:
@@ -66,7 +66,7 @@ def _row(plant: str, row: dict[str, Any], said: str) -> dict[str, Any]:
     return kept | {"plant": plant, "said": said}
 
 
-def _summary(plant: str, model: str, found: MotionComparison) -> dict[str, Any]:
+def _summary(plant: str, model: str, found: SolutionComparison) -> dict[str, Any]:
     """The row of the narrowest width that was computed, with the order over all of them."""
     done = [row for row in found.of(model) if row["entries"] is not None]
     if not done:

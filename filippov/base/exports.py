@@ -8,6 +8,8 @@ from collections.abc import Callable, Mapping
 from types import ModuleType
 from typing import Any
 
+from filippov.base.names import closest
+
 
 class _Package(ModuleType):
     """A package whose short names no module takes: an old path may end with the name of a function."""
@@ -18,9 +20,11 @@ class _Package(ModuleType):
 
 
 def short_names(
-    package: str, places: Mapping[str, str]
+    package: str, places: Mapping[str, str], answers: Mapping[str, str] | None = None
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """`__getattr__` and `__dir__` of a package that exports names; places: name -> module below the package.
+
+    answers: what to write in the place of a name that is looked for and is none of them.
 
     `package.name` stays what `places` lists, also once a module package.name was imported.
     """
@@ -29,7 +33,9 @@ def short_names(
 
     def exported(name: str) -> Any:
         if name not in places:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            hint = (answers or {}).get(name.lower(), "")
+            hint = hint or ("" if name.startswith("_") else closest(name, places))
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{'; ' + hint if hint else ''}")
         value = getattr(importlib.import_module(f"{package}.{places[name]}"), name)
         setattr(holder, name, value)
         return value

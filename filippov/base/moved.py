@@ -29,6 +29,7 @@ _MOVED: dict[tuple[str, str], str] = {
         "parameter_symbol reduction regularize size spelling surface symbolic symbols system table "
         "time_event user_event"
     ),
+    ("filippov.plot", "filippov.plot"): ("motions>solution_comparison"),
     ("filippov", "filippov.plot"): (
         "plot_branch>branch plot_comparison>comparison plot_describing>describing plot_graph>graph "
         "plot_identification>identification plot_lyapunov>lyapunov plot_maps>maps plot_orbits>orbits "
@@ -51,14 +52,14 @@ _MOVED: dict[tuple[str, str], str] = {
         "method plain_contact purity replacement structure"
     ),
     ("filippov._kernels", "filippov.kernel.lanes"): (
-        "lane_field lane_functions lane_run lane_seat lane_step"
+        "lane_field lane_functions lane_run lane_seat>lane_slot lane_step"
     ),
     ("filippov._kernels", "filippov.kernel.language"): (
         "compiler language>primitives operand translate unit"
     ),
     ("filippov._kernels", "filippov.kernel.loop"): (
-        "advance bernstein control dense elementary ensemble field land lap locate model "
-        "multiplier points probe record reset resolve rules segment start turn"
+        "advance bernstein control dense elementary ensemble field land lap>event_cycle locate model "
+        "multiplier points probe record reset resolve rules segment start turn>time_slice"
     ),
     ("filippov._kernels", "filippov.kernel.methods"): ("dense_lu radau"),
     ("filippov._kernels", "filippov.kernel.tables"): (
@@ -73,6 +74,10 @@ _MOVED: dict[tuple[str, str], str] = {
         "sliding_border special_points switch"
     ),
     ("filippov.analysis.bifurcations", "filippov.analysis.bifurcations"): ("touching>tangency"),
+    ("filippov.analysis.comparisons", "filippov.analysis.comparisons"): (
+        "motions>solutions motion_ending>solution_ending motion_events>solution_events "
+        "motion_page>solution_page motion_result>solution_result motion_run>solution_run"
+    ),
     ("filippov.analysis", "filippov.analysis.comparisons"): (
         "band_model comparison comparison_result comparison_run"
     ),
@@ -90,8 +95,9 @@ _MOVED: dict[tuple[str, str], str] = {
         "stability_text stick_parts"
     ),
     ("filippov.analysis", "filippov.analysis.maps"): (
-        "event_map fixed_points linear_turn map_rows section set_slope turn"
+        "event_map fixed_points linear_turn>linear_return map_rows section set_slope turn>first_return"
     ),
+    ("filippov.analysis.maps", "filippov.analysis.maps"): ("linear_turn>linear_return turn>first_return"),
     ("filippov.analysis", "filippov.analysis.orbits"): (
         "floquet margin oddness orbit orbit_file orbit_search shooting"
     ),

@@ -6,7 +6,7 @@ import difflib
 import keyword
 import re
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from filippov.base.errors import ModelError
@@ -39,6 +39,14 @@ def unknown(kind: str, name: object, known: Iterable[str]) -> str:
     hint = closest(str(name), names)
     listing = ", ".join(names) if names else "(none)"
     return f"unknown {kind} {name!r}; {hint + ' ' if hint else ''}known: {listing}"
+
+
+def no_attribute(owner: str, name: str, known: Iterable[str], answers: Mapping[str, str]) -> str:
+    """What to say of an attribute that is not there: what to write in its place, or the nearest that is."""
+    hint = answers.get(name, "")
+    if not hint and not name.startswith("_"):
+        hint = closest(name, [one for one in known if not one.startswith("_")])
+    return f"a {owner} has no attribute {name!r}{': ' + hint if hint else '.'}"
 
 
 def check_known(

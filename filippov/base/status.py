@@ -102,7 +102,7 @@ class EventKind(StrEnum):
 
 # The note of a crossing that a jump of the state makes, without h = 0.
 JUMPED_OVER = "jumped over"
-# Note of a change of mode at a knot of an input, which no neighbouring motion meets earlier or later.
+# Note of a change of mode at a knot of an input, which no neighbouring solution meets earlier or later.
 AT_KNOT = "knot of an input"
 
 

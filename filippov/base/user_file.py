@@ -29,7 +29,14 @@ def load_file(path: Path) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
-        raise ModelError(f"{str(path)!r} could not be imported: {place_of(error, str(path))}") from error
+        cure = ""
+        if not isinstance(error, ModelError | SyntaxError | ImportError):
+            cure = (
+                " The file is run to read the model; what is no part of it goes under "
+                "if __name__ == '__main__':"
+            )
+        place = place_of(error, str(path))
+        raise ModelError(f"{str(path)!r} could not be imported: {place}{cure}") from error
     return module
 
 

@@ -125,10 +125,10 @@ def observed_graph(solution: Solution) -> nx.MultiDiGraph:
 
 
 def recurrent_part(graph: nx.MultiDiGraph) -> nx.MultiDiGraph:
-    """The strongly connected components that are not left again: where the motion ends.
+    """The strongly connected components that are not left again: where the solution ends.
 
     graph.graph["components"] lists their modes. In an observed graph there is one, and it holds the last
-    mode; in a possible graph there is one for every set of modes that can trap the motion.
+    mode; in a possible graph there is one for every set of modes that can trap the solution.
     """
     components = sorted(tuple(sorted(part)) for part in nx.attracting_components(graph))
     out = graph.subgraph([mode for part in components for mode in part]).copy()

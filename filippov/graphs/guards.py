@@ -15,7 +15,7 @@ Sources: Filippov 1988, section 10; di Bernardo, Budd, Champneys, Kowalczyk 2008
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -225,12 +225,15 @@ class Guards:
         kept = tuple(dict.fromkeys(c for c in conditions if c != sympy.true))
         return Transition(mode, target, self.names[i], kind, guard, kept)
 
-    def reached(self, mode: Mode, i: int, level: Any) -> bool:
-        """Whether surface i is met inside a mode: parallel surfaces fix each other's sign there."""
+    def reached(self, mode: Mode, i: int, level: Any, also: Sequence[Expr] = ()) -> bool:
+        """Whether surface i is met inside a mode: parallel surfaces fix each other's sign there.
+
+        also   what else is 0 there
+        """
         if self.system.surfaces[i].width > 0:
             return True
         h = self.h(mode)
-        on = self.on([h[i] - level])
+        on = self.on([h[i] - level, *also])
         values = [_settled(h[j], on) * m for j, m in enumerate(mode) if j != i and m != 0]
         return not any(v.is_number and v.is_negative for v in values)
 

@@ -65,7 +65,7 @@ def _land(guards: Guards, mode: Mode, i: int) -> Iterator[Transition]:
         return
     h, (rate, growth) = guards.h(mode)[i], push
     pressed = sympy.Lt(growth, 0) if mode[i] > 0 else sympy.Gt(growth, 0)
-    if pressed == sympy.false:
+    if pressed == sympy.false or not guards.reached(mode, i, 0, [rate]):
         return
     d = guards.bracket(i)
     guard = f"{guards.label(i)} = 0 and d{d}/dt = 0 and d2{d}/dt2 {'<' if mode[i] > 0 else '>'} 0"
@@ -140,7 +140,7 @@ def _after(
         if rate is None:
             choices.append(_signs(m, before, after))
         else:
-            # On its surface after the reset: dh/dt tells the side on which the motion goes on.
+            # On its surface after the reset: dh/dt tells the side on which the solution goes on.
             turned = _signs(-m, guards.settled(rate, on), guards.settled(rate.xreplace(moved), on))
             choices.append([pair for pair in turned if pair[0]])
     for chosen in itertools.product(*choices):

@@ -1,4 +1,4 @@
-"""The word of a periodic motion: the modes of one period, such as "stick slip- stick slip+"."""
+"""The word of a periodic solution: the modes of one period, such as "stick slip- stick slip+"."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def periodic_tail(sequence: Sequence[Item]) -> tuple[Item, ...]:
 
 
 def mode_word(solution: Solution, names: Mapping[str, str] | None = None) -> str:
-    """The modes of one period of the motion's end, separated by blanks; "" where the end is not periodic.
+    """The modes of one period of the solution's end, separated by blanks; "" where the end is not periodic.
 
     names: words for modes, by mode text; a mode that is not among them keeps its text. Default: stick, slip+
     and slip- where the only surface is a velocity, mode texts else. A word begins where it comes first in the

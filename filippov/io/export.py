@@ -65,7 +65,7 @@ def frame(solution: Solution) -> Any:
 
 
 def event_frame(events: Events) -> Any:
-    """A pandas.DataFrame with one row an event: what it was, and the state before and after it.
+    """A pandas.DataFrame with one row per event: what it was, and the state before and after it.
 
     The state after is NaN where it does not jump. Raises ImportError without pandas.
     """

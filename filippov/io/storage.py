@@ -3,7 +3,7 @@
 The entry `header` holds JSON text as bytes: format and its version, version of the package that wrote it,
 digest and description of the system (see `filippov.io.stored_system`), parameter values, options, status,
 message and counts. The other entries are arrays of float64 and int64: t, y, x0, t_span, x_end,
-end_multipliers; event_* with one row an event; and with dense output sol_start, sol_step, sol_coef, sol_span.
+end_multipliers; event_* with a row per event; and with dense output sol_start, sol_step, sol_coef, sol_span.
 A system of plain functions is not stored, only its names.
 """
 

@@ -19,7 +19,7 @@ from filippov.model.kinds import Kinds
 from filippov.model.parameter_symbol import ParameterNamespace, ParameterSymbol
 from filippov.model.signals.input import InputSymbol, as_symbols, inputs_in
 from filippov.model.spelling import surface_name
-from filippov.model.surface import Surface
+from filippov.model.surface import Surface, no_surface
 from filippov.model.symbolic import Contact, SymbolicForm
 from filippov.model.symbols import t
 from filippov.model.table import Entry, SizeSymbol
@@ -88,8 +88,8 @@ def assemble(
         else (),
         time_reset=tuple(None if row is None else tuple(e.xreplace(rename) for e in row) for row in ticks),
     )
-    opaque = [extractor.opaque(f).xreplace(rename) for f in equations.values()]
-    kinds = Kinds(form, opaque)
+    unexpanded = [extractor.unexpanded(f).xreplace(rename) for f in equations.values()]
+    kinds = Kinds(form, unexpanded)
     out = []
     for i, entry in enumerate(entries):
         declared = entry.declared or Surface(names[i], kinds.h[i])
@@ -180,7 +180,7 @@ def with_contacts(
 
 def _checked(surface: object, x: Sequence[Symbol]) -> Surface:
     if not isinstance(surface, Surface):
-        raise ModelError(f"surfaces holds {surface!r}, expected Surface('name', h).")
+        raise ModelError(no_surface(surface))
     if not surface.symbolic:
         raise ModelError(
             f"surface {surface.name!r}: h is a function, expected an expression in {', '.join(map(str, x))}, "
@@ -232,6 +232,7 @@ def _parameters(
     known = set(ordered)
     ordered += [q for q in found if q not in known]
     by_name: dict[str, ParameterSymbol] = {}
+    states = {state.name for state in x}
     for q in ordered:
         if q.name in by_name:
             raise ModelError(
@@ -239,7 +240,7 @@ def _parameters(
                 f"{by_name[q.name].parameter} and "
                 f"{q.parameter}. Declare all parameters in one parameters(...)."
             )
-        if q.name in {state.name for state in x}:
+        if q.name in states:
             raise ModelError(f"{q.name!r} is both a state and a parameter. Rename one of them.")
         by_name[q.name] = q
     return tuple(ordered)
@@ -272,8 +273,9 @@ def _strange(symbol: Symbol, x: Sequence[Symbol]) -> str:
 
 def _used(entries: Sequence[Entry], field: Sequence[Expr], spare: bool) -> list[Entry]:
     """Return the surfaces on which the field depends, directly or through another h, and the observers."""
-    free = set().union(*(f.free_symbols for f in field))
-    kept: list[Entry] = []
+    # A reset names every state, of which it moves few.
+    free = set().union(*(f.free_symbols for f in {*field}))
+    kept: set[Entry] = set()
     # A dependency is entered before the surface that needs it, save where the user declared it first.
     changed = True
     while changed:
@@ -285,7 +287,7 @@ def _used(entries: Sequence[Entry], field: Sequence[Expr], spare: bool) -> list[
                 entry.declared.kind == "observer" or entry.declared.reset is not None or spare
             )
             if entry.s in free or entry.a in free or watched:
-                kept.append(entry)
+                kept.add(entry)
                 free |= entry.h.free_symbols
                 changed = True
     for entry in entries:
@@ -300,10 +302,9 @@ def _used(entries: Sequence[Entry], field: Sequence[Expr], spare: bool) -> list[
 
 def _ordered(entries: Sequence[Entry], declared: Sequence[str]) -> list[Entry]:
     """Declared surfaces first, in their order, then the others as met; each after those that its h needs."""
-    wanted = sorted(
-        entries, key=lambda e: declared.index(e.declared.name) if e.declared is not None else len(declared)
-    )
-    out: list[Entry] = []
+    place_of = {name: k for k, name in enumerate(declared)}
+    wanted = sorted(entries, key=lambda e: len(declared) if e.declared is None else place_of[e.declared.name])
+    out: dict[Entry, None] = {}
 
     def place(entry: Entry) -> None:
         if entry not in out:
@@ -311,20 +312,22 @@ def _ordered(entries: Sequence[Entry], declared: Sequence[str]) -> list[Entry]:
             for other in wanted if any(isinstance(q, SizeSymbol) for q in inside) else ():
                 if other.a in inside:
                     place(other)
-            out.append(entry)
+            out[entry] = None
 
     for entry in wanted:
         place(entry)
-    return out
+    return list(out)
 
 
 def _names(entries: Sequence[Entry]) -> list[str]:
     taken = {entry.declared.name for entry in entries if entry.declared is not None}
+    inside = set().union(*(entry.h.free_symbols for entry in entries))
     sizes: dict[Symbol, Expr] = {}
     names = []
     for entry in entries:
-        plain = entry.h.xreplace(sizes)
-        sizes[entry.a] = sympy.Abs(plain)
+        plain = entry.h.xreplace(sizes) if sizes else entry.h
+        if entry.a in inside:
+            sizes[entry.a] = sympy.Abs(plain)
         if entry.declared is not None:
             names.append(entry.declared.name)
             continue
@@ -341,7 +344,7 @@ def _after(extractor: Extractor, source: Surface | TimeEvent, x: Sequence[Symbol
     given = dict(source.reset)
     what = "surface" if isinstance(source, Surface) else "time event"
     return [
-        extractor.field(given[q.name], f"{what} {source.name!r}: reset of {q.name!r}")
+        extractor.reset(given[q.name], f"{what} {source.name!r}: reset of {q.name!r}")
         if q.name in given
         else q
         for q in x

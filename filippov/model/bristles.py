@@ -19,10 +19,21 @@ level, c its memory, 0 stuck, +-1 slipping:
 
 q(u) = u (2 - |u|) within |u| <= 1, then sgn u. Sliding steadily each gives f0 + f1(|h|) sgn(h) (bengisu-akay:
 with the curve moved by w); at h = 0 the stiffness of dahl, lugre and elasto-plastic is f1(0)/w, that of
-maxwell-slip 11/6 of it. Of Armstrong's seven parameters the law has four (Coulomb, static and viscous level,
-Stribeck velocity); memory has a fifth, the lag, as an element of the first order, since a delay is not to be
-had in an ordinary differential equation. The other two are left out: the static level does not rise with
-the time of a stick, and in stick there is no stiffness.
+maxwell-slip 11/6 of it.
+
+seven-parameter is the model of Armstrong-Helouvry. The law has four of its parameters: Coulomb, static and
+viscous level, Stribeck velocity; the others are the stiffness f1(0)/w in stick, the lag, and the dwell time
+at which half of the static level is back. c is 0 in stick, sgn h in slip; z is the force of the spring over
+the static level; l the lagged velocity, an element of the first order, since a delay is not to be had in an
+ordinary differential equation; T the time since the stop. With G the share of g that does not fall with the
+velocity, and k = (g - G)/(1 - G), S the static level over G,
+
+    z' = (1 - c^2) h/w    l' = c^2 (h - l)/lag    T' = 1 - c^2    S = 1 - G - m dwell/(T + dwell)
+    f0 + f1(0) (c (G + S k(|l|)) + (1 - c^2) (z + tau h/w))
+    |z| = G + S: c = sgn z      h = 0 in slip: c = l = T = 0, z = +-(G + S k), m = 1 - G - S k
+
+m, what S lacks at the stop, is such that S begins at the force of the stop: Fs,a of the source, 0 at first
+(a long time at rest). The damping tau of the spring is that of lugre; the published one has none.
 
 Sources: Dahl 1968; Canudas de Wit, Olsson, Astrom, Lischinsky 1995; Dupont, Hayward, Armstrong, Altpeter
 2002; Lampaert, Al-Bender, Swevers 2003; Armstrong-Helouvry, Dupont, Canudas de Wit 1994; Bengisu & Akay 1994.
@@ -35,8 +46,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import sympy
-from sympy import Abs, Expr, Piecewise, Rational, Symbol, erf, sign, tanh
+from sympy import Abs, Dummy, Expr, Piecewise, Rational, Symbol, erf, sign, tanh
 
+from filippov.base.errors import ModelError
 from filippov.model.surface import Surface
 
 # Where a deflection ceases to be elastic, over its level (z_ba/z_max), and the arguments at which erf is +-1.
@@ -51,7 +63,8 @@ SMALL = sympy.Float(1e-9)
 class Part:
     """What a model is made of: the surface's name, the sliding velocity, the law's f0, f1, g, its numbers.
 
-    f0, f1   one expression a state; f1 and g as functions of |h|
+    f0, f1      one expression per state; f1 and g as functions of |h|
+    lag, dwell  of seven-parameter
     """
 
     name: str
@@ -61,6 +74,8 @@ class Part:
     g: Callable[[Expr], Expr]
     width: Expr
     tau: Expr | None
+    lag: Expr | None = None
+    dwell: Expr | None = None
 
     def with_force(self, s: Expr, speed: Expr) -> tuple[Expr, ...]:
         """f0 + f1(speed) s."""
@@ -134,6 +149,58 @@ def memory(part: Part, z: tuple[Symbol, ...]) -> Made:
     return Made(part.with_force(sign(part.h), Abs(z[0])), ((part.h - z[0]) / part.width,))
 
 
+def seven_parameter(part: Part, z: tuple[Symbol, ...]) -> Made:
+    """Armstrong-Helouvry et al. 1994: a spring in stick, a static level that rises with its time, a lag."""
+    spring, c, lagged, missing, since = z
+    fallen, share, rising = falling(part)
+    now = 1 - fallen - missing * part.dwell / (since + part.dwell)
+    level = fallen + now
+    # In slip the lagged velocity has the sign of the slip or is 0, where |l|^beta has no slope for beta < 1.
+    left = now * share(sympy.sqrt(lagged**2 + (SMALL * part.width / part.tau) ** 2))
+    slip = fallen + left
+    stuck = 1 - c**2
+    held = stuck * (spring + part.tau * part.h / part.width)
+    field = part.with_force(c * (slip + rising(Abs(part.h))) + held, sympy.S.Zero)
+    follows = c**2 * (part.h - lagged) / part.lag
+    rates = (stuck * part.h / part.width, sympy.S.Zero, follows, sympy.S.Zero, stuck)
+    stop = {
+        spring: c * slip, c: sympy.S.Zero, lagged: sympy.S.Zero, since: sympy.S.Zero,
+        missing: 1 - fallen - left,
+    }  # fmt: skip
+    over = spring / level
+    breaks = {c: tanh(20 * over)}
+    # In stick h swings to 0 to stay there, and there is no stop to come: away from 0 then. At a stop the
+    # spring is at its level but for rounding, and not to break away at once.
+    slips = c * part.h + stuck * part.width / part.tau
+    reached = over**2 - 1 - SMALL - SLIPS * c**2
+    return Made(field, rates, (
+        Surface(part.name, slips, reset=stop, side="+", contact=False),
+        Surface(f"{part.name}:breaks", reached, reset=breaks, side="-", contact=False),
+    ))  # fmt: skip
+
+
+def falling(part: Part) -> tuple[Expr, Callable[[Expr], Expr], Callable[[Expr], Expr]]:
+    """G, k and the rest of g = G + (1 - G) k + rest: k falls from 1 to 0, the rest rises from 0 for ever.
+
+    Raises ModelError where g has no such parts.
+    """
+    speed = Symbol("_speed", positive=True)
+    g = sympy.expand(part.g(speed))
+    known = {q: Dummy(q.name, positive=True) for q in g.free_symbols - {speed}}
+    far = {q: q.xreplace(known).subs(speed, sympy.oo) for q in sympy.Add.make_args(g)}
+    rest = sum((q for q, end in far.items() if end.is_infinite), sympy.S.Zero)
+    kept = sum((end for end in far.values() if not end.is_infinite), sympy.S.Zero)
+    fallen = kept.xreplace({dummy: q for q, dummy in known.items()})
+    if fallen.has(sympy.nan, sympy.oo, speed) or rest.subs(speed, 0) != 0:
+        raise ModelError(
+            f"surface {part.name!r}: its friction over the static level is {g} at the speed {speed}. What "
+            "falls to the Coulomb level cannot be told from what rises there: no seven-parameter model."
+        )
+    drop = sympy.simplify(1 - fallen)
+    share = sympy.S.One if drop == 0 else sympy.simplify((g - rest - fallen) / drop)
+    return fallen, lambda a: share.xreplace({speed: a}), lambda a: rest.xreplace({speed: a})
+
+
 def bengisu_akay(part: Part, z: tuple[Symbol, ...]) -> Made:
     """Bengisu & Akay 1994: a parabola up to the static level, then the law from there on."""
     u = part.h / part.width
@@ -146,7 +213,8 @@ def bengisu_akay(part: Part, z: tuple[Symbol, ...]) -> Made:
 MODELS: dict[str, tuple[Callable[[Part, tuple[Symbol, ...]], Made], int]] = {
     "dahl": (dahl, 1), "lugre": (lugre, 1), "elasto-plastic": (elasto_plastic, 1),
     "maxwell-slip": (maxwell_slip, 2 * ELEMENTS), "memory": (memory, 1), "bengisu-akay": (bengisu_akay, 0),
+    "seven-parameter": (seven_parameter, 5),
 }  # fmt: skip
 # Those with a time tau, and those whose deflection swings to rest, so that stays in stick cannot be told.
-DAMPED = ("lugre", "elasto-plastic", "maxwell-slip")
+DAMPED = ("lugre", "elasto-plastic", "maxwell-slip", "seven-parameter")
 BRISTLES = ("dahl", *DAMPED)

@@ -6,8 +6,9 @@ import numbers
 
 import numpy as np
 import sympy
-from sympy import Expr
+from sympy import Basic, Expr
 from sympy.core.function import AppliedUndef
+from sympy.core.numbers import ComplexInfinity, ImaginaryUnit, Infinity, NaN, NegativeInfinity
 from sympy.logic.boolalg import Boolean
 
 from filippov.base.errors import ModelError
@@ -16,6 +17,12 @@ from filippov.model.size import Scale
 
 LARGEST, DEEPEST = 200_000, 100
 
+_INFINITE = {NaN, ComplexInfinity, Infinity, NegativeInfinity}
+# What is real of real arguments.
+_REAL = {
+    sympy.Add, sympy.Mul, sympy.Abs, sympy.sign, sympy.exp, sympy.sin, sympy.cos, sympy.tan, sympy.tanh,
+    sympy.Max, sympy.Min, sympy.Heaviside, sympy.atan,
+}  # fmt: skip
 _JUMPS = (
     "it jumps infinitely often. Jumps in time are a TimeEvent('clock', period=...) with a state that it "
     "resets; jumps in a state u are Surface('name', sin(pi*u))"
@@ -64,10 +71,12 @@ def as_expression(value: object, where: str) -> Expr:
 def _cure(value: object) -> str:
     if isinstance(value, str):
         return " Text is never parsed; write the expression itself."
+    if type(value).__name__ == "Table":
+        return " A table stands at an expression: curve(x) for curve = Table(x, y)."
     if callable(value):
         return " Functions go with System(field=f, states='x v')."
     if isinstance(value, (list, tuple, np.ndarray, sympy.MatrixBase)):
-        return " Give one equation a state."
+        return " Give one equation per state."
     return ""
 
 
@@ -93,15 +102,27 @@ def check_expression(expr: Expr, where: str) -> None:
     """Raise ModelError if `expr` is complex, not finite, or holds a function that has no place in a field.
     """
     check_size(expr, where)
-    if expr.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
+    kinds = {type(node) for node in sympy.preorder_traversal(expr)}
+    if kinds & _INFINITE:
         raise ModelError(
             f"{where}: {expr} is not finite. Look for a division by zero or an infinite constant."
         )
-    if expr.has(sympy.I) or expr.is_extended_real is False:
+    if ImaginaryUnit in kinds or (not _stays_real(expr) and expr.is_extended_real is False):
         raise ModelError(f"{where}: {expr} is complex, expected a real expression.")
     if not expr.is_commutative or getattr(expr, "is_Matrix", False):
         raise ModelError(f"{where}: {expr} is not a scalar. Give one equation a component.")
-    for node in sympy.preorder_traversal(expr):
-        for kind, advice in _REFUSED.items():
-            if isinstance(node, kind):
-                raise ModelError(f"{where}: {node} cannot be used: {advice}.")
+    for kind, advice in _REFUSED.items():
+        if any(issubclass(found, kind) for found in kinds):
+            node = next(node for node in sympy.preorder_traversal(expr) if isinstance(node, kind))
+            raise ModelError(f"{where}: {node} cannot be used: {advice}.")
+
+
+def _stays_real(expr: Basic) -> bool:
+    """Whether an expression is real, or has no value, told by what it is made of.
+
+    sympy's own answer takes most of the time that a large system takes to be read.
+    """
+    if not expr.args:
+        return expr.is_extended_real is True
+    real = expr.func in _REAL or (expr.is_Pow and expr.args[1].is_Integer)
+    return real and all(map(_stays_real, expr.args))

@@ -93,9 +93,9 @@ class Switch(_Checked):
         |h| <= eta, L(lo), L(hi) < 0     s = lo, and s = hi where both are > 0: it slips off or through
         |h| <= eta, L(lo) < 0 < L(hi)    the surface repels: s = h/eta
 
-    L(s) is dh/dt at the sign s and |h| = 0; [lo, hi] is the set of the surface, its static levels. The
-    surfaces of the new system are NAME:upper (h - eta), NAME:lower (h + eta), NAME:down (-L(lo)) and NAME:up
-    (-L(hi)).
+    L(s) is dh/dt at the sign s and |h| = 0, for the tests at h = 0 if h holds one state, linearly (the
+    balance of forces at rest); [lo, hi] is the set of the surface, its static levels. The surfaces are
+    NAME:upper (h - eta), NAME:lower (h + eta), NAME:down (-L(lo)) and NAME:up (-L(hi)).
     eta, the half-width; alpha >= 0 [1/time]. Source: Leine 2000, after Karnopp 1985.
     """
 

@@ -12,7 +12,8 @@ subtracted.
 Products are taken apart: sign(f g) = sign(f) sign(g), |f g| = |f| |g|. A sign inside the argument of
 another one is expanded, sign(g(sign(k))) -> Select(s_k, sign(g(1)), sign(g(-1))); |k|, Max and Min there
 stay, as a_k.
-An argument without state and time is a constant of the run and makes no surface.
+An argument without state and time is a constant of the run and makes no surface. In a reset |u|, Max and Min
+make none either: the map is evaluated at one point and continuous there, Select(u - w, u, w).
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from filippov.model.symbolic import Select
 from filippov.model.table import SurfaceTable, dynamic, vanishes
 
 Path = Mapping[Symbol, int]
-Context = Literal["field", "h", "jump"]
+Context = Literal["field", "h", "jump", "reset"]
 Choice = Callable[[Path], Expr]
 
 MAX_NESTED_SIGNS = 10
@@ -54,7 +55,7 @@ class Extractor:
     def note(self, expressions: Iterable[Expr]) -> None:
         """Remember the arguments of signs and conditions as the model has them written, in order."""
         for expr in expressions:
-            self.table.written.extend(_arguments(expr))
+            self.table.write(_arguments(expr))
 
     def declare(self, surfaces: tuple[Surface, ...]) -> None:
         """Enter the surfaces given by the user: smooth ones first, so that nested ones may refer to them."""
@@ -76,7 +77,13 @@ class Extractor:
         check_expression(expr, where)
         return self.convert(expr, "field")
 
-    def opaque(self, expr: Expr) -> Expr:
+    def reset(self, expr: Expr, where: str) -> Expr:
+        """Return a state after a reset, its jumps by the signs, its |u|, Max and Min by their arguments."""
+        self._where = where
+        check_expression(expr, where)
+        return self.convert(expr, "reset")
+
+    def unexpanded(self, expr: Expr) -> Expr:
         """Return a right-hand side already read with its jumps as signs; Abs, Max and Min stay in it."""
         return self.convert(expr, "jump")
 
@@ -93,7 +100,7 @@ class Extractor:
         """Return `expr` without nonsmooth functions; `path` holds the signs known on the way to it.
 
         In the context "h" (inside the argument of a sign) what is continuous is written with sizes a; in the
-        context "jump" Abs, Max and Min are left as they are.
+        context "jump" Abs, Max and Min are left as they are, in "reset" they look at their arguments.
         """
         path = path or {}
         if not expr.has(*NONSMOOTH):
@@ -107,7 +114,9 @@ class Extractor:
         if isinstance(expr, sign):
             return self._split(self.convert(expr.args[0], "h", path), path, self._sign)
         if context == "jump" and isinstance(expr, (Abs, Max, Min)):
-            return expr.func(*(self.convert(arg, context, path) for arg in expr.args))
+            return self._inside(expr, context, path)
+        if context == "reset" and isinstance(expr, (Abs, Max, Min)):
+            return self._by_value(expr, path)
         if isinstance(expr, Abs):
             return self._split(self.convert(expr.args[0], "h", path), path, self._size)
         if isinstance(expr, Heaviside):
@@ -124,7 +133,12 @@ class Extractor:
             if context == "field":
                 return self._largest(items, isinstance(expr, Min), path)
             return self._largest_as_size(items, isinstance(expr, Min), path)
-        return expr.func(*(self.convert(arg, context, path) for arg in expr.args))
+        return self._inside(expr, context, path)
+
+    def _inside(self, expr: Expr, context: Context, path: Path) -> Expr:
+        """The expression with its arguments converted; itself, where these stay as they are."""
+        args = [self.convert(arg, context, path) for arg in expr.args]
+        return expr if all(a is b for a, b in zip(args, expr.args, strict=True)) else expr.func(*args)
 
     def _branch(self, expr: Expr, context: Context) -> Choice:
         return lambda path: self.convert(expr, context, path)
@@ -382,21 +396,43 @@ class Extractor:
 
     def _largest(self, items: list[Expr], least: bool, path: Path) -> Expr:
         """Max (Min where `least`) as a contest of pairs, so that every surface is a plain difference."""
+        return self._contest(items, least, path, lambda won, known: self.convert(won, "field", known))
+
+    def _contest(
+        self, items: list[Expr], least: bool, path: Path, then: Callable[[Expr, Path], Expr]
+    ) -> Expr:  # fmt: skip
+        """Apply `then` to the largest (least) of the items, expanded over which one it is."""
+        bounded = next((q for q in items if isinstance(q, (Max, Min)) and dynamic(q)), None)
+        others = [q for q in items if q is not bounded]
+        if bounded is not None and not any(map(dynamic, others)) and sum(map(dynamic, bounded.args)) == 1:
+            # Max(a, Min(b, u)): which of b and u it is goes first, and u meets each bound by itself.
+            inner = sorted(bounded.args, key=sympy.default_sort_key)
+            return self._contest(
+                inner, isinstance(bounded, Min), path,
+                lambda won, known: self._contest([won, *others], least, known, then),
+            )  # fmt: skip
         first, *rest = items
         if not rest:
-            return self.convert(first, "field", path)
+            return then(first, path)
         second, *rest = rest
         difference = second - first if least else first - second
         if vanishes(difference):
-            return self._largest([first, *rest], least, path)
+            return self._contest([first, *rest], least, path, then)
         return self._positive(
             difference,
             path,
-            lambda known: self._largest([first, *rest], least, known),
-            lambda known: self._largest([second, *rest], least, known),
+            lambda known: self._contest([first, *rest], least, known, then),
+            lambda known: self._contest([second, *rest], least, known, then),
             strict=True,
             written=False,
         )
+
+    def _by_value(self, expr: Expr, path: Path) -> Expr:
+        """|u|, Max or Min by the sign that its argument or differences have where it is evaluated."""
+        first, *rest = (self.convert(arg, "reset", path) for arg in expr.args)
+        for other in [-first] if isinstance(expr, Abs) else rest:
+            first = Select(other - first if isinstance(expr, Min) else first - other, first, other)
+        return first
 
     def _largest_as_size(self, items: list[Expr], least: bool, path: Path) -> Expr:
         """Max(u, v) = (u + v + |u - v|)/2, Min(u, v) = (u + v - |u - v|)/2."""

@@ -20,8 +20,9 @@ from filippov.model.system import System
 
 
 def with_friction_model(
-    system: System, model: str, width: Any, *, surface: str | None = None, tau: Any = None
-) -> System:
+    system: System, model: str, width: Any, *, surface: str | None = None, tau: Any = None,
+    lag: Any = None, dwell: Any = None,
+) -> System:  # fmt: skip
     """Return the system with a friction model of the literature in the place of one surface, its states last.
 
     model     a name of MODELS, see `filippov.model.bristles`
@@ -30,6 +31,8 @@ def with_friction_model(
     tau       sigma1/sigma0, the damping of the deflection over its stiffness, and the lag of a slipping
               element of maxwell-slip; default: as in the published LuGre model, sqrt(width/(rate of h by the
               static level at h = 0))
+    lag, dwell  times of seven-parameter: the lag of the velocity, and the dwell time after which half of the
+              static level that a slip took is back; default: tau
 
     Raises ModelError for a set wider than the hull (a jump of the static level: take a Stribeck law), for
     plain functions, and where the model has a tau and its default depends on the state or is 0.
@@ -62,9 +65,12 @@ def with_friction_model(
         tau = _positive(tau, "tau")
     elif model in DAMPED:
         tau = _tau(name, h, rest, form.x, w)
+    if model != "seven-parameter" and not (lag is None and dwell is None):
+        raise ModelError(f"lag and dwell are times of seven-parameter, which {model} does not have.")
+    times = [tau if q is None else _positive(q, what) for q, what in ((lag, "lag"), (dwell, "dwell"))]
     part = Part(
         name, h, f0, lambda speed: tuple(q.xreplace({a: speed}) for q in f1),
-        lambda speed: (f1[j] / rest[j]).xreplace({a: speed}), w, tau,
+        lambda speed: (f1[j] / rest[j]).xreplace({a: speed}), w, tau, *times,
     )  # fmt: skip
     make, count = MODELS[model]
     z = states(" ".join(f"{_word(name)}_{model[0]}{k}" for k in range(1, count + 1))) if count else ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,7 @@ import sympy
 from sympy import Expr, Integer, Symbol
 
 from filippov.base.errors import ModelError
+from filippov.base.pattern import pattern
 from filippov.model.parameter_symbol import ParameterSymbol
 from filippov.model.surface import Kind, Surface
 from filippov.model.symbolic import SymbolicForm
@@ -24,25 +25,28 @@ MARGIN = 1e-9
 class Kinds:
     """What the equations say of every surface; what holds its sign is looked up once for all of them.
 
-    `opaque` is the field with signs where it jumps, and with its continuous functions left as they are.
+    `unexpanded` is the field with signs where it jumps, and with its continuous functions left as they are.
     """
 
-    def __init__(self, form: SymbolicForm, opaque: Sequence[Expr]) -> None:
+    def __init__(self, form: SymbolicForm, unexpanded: Sequence[Expr]) -> None:
         self.form = form
         self.h = form.plain_h()
         self._used = set().union(*(e.free_symbols for e in (*form.field, *form.h)))
         self._number = {s: i for i, s in enumerate(form.s)}
         self._across: list[list[Expr]] = [[] for _ in form.s]
-        for f in opaque:
+        for f in unexpanded:
             for s in f.free_symbols & self._number.keys():
                 self._across[self._number[s]].append(f)
+        self._roles = dict.fromkeys(form.x, "x") | dict.fromkeys(form.s, "s")
+        # Whether the field jumps across surfaces on which nothing else acts, by what stands there.
+        self._alone: dict[Hashable, bool] = {}
 
     def kind(self, i: int, surface: Surface) -> Kind:
         """The kind of surface i; ModelError if the declared one contradicts the equations."""
         used = self.form.s[i] in self._used or self.form.a[i] in self._used
         if surface.kind == "observer" and not used:
             return "observer"
-        jumps = self._jumps(i)
+        jumps = self._known(i)
         if jumps and surface.kind not in ("switching", "reset"):
             raise ModelError(
                 f"surface {surface.name!r} is declared as {surface.kind!r}, but the equations jump across "
@@ -51,6 +55,16 @@ class Kinds:
         if surface.reset is not None and not jumps:
             return "reset"
         return "switching" if jumps else "kink"
+
+    def _known(self, i: int) -> bool:
+        """The same as `_jumps`, asked once of surfaces that are alike, as those of a hundred equal blocks."""
+        found = self._across[i]
+        if any(len(f.free_symbols & self._number.keys()) > 1 for f in found):
+            return self._jumps(i)
+        key = pattern((self.h[i], *found), self._roles)
+        if key not in self._alone:
+            self._alone[key] = self._jumps(i)
+        return self._alone[key]
 
     def _jumps(self, i: int) -> bool:
         """Whether f differs on the two sides of surface i; where no point of it is found, it is taken to."""
@@ -67,7 +81,7 @@ class Kinds:
         for point in _points_on(decimal(h), set().union(*(j.free_symbols for j in jumps)) - {*self._number}):
             if any(self._jumps_at(jump, point) for jump in jumps):
                 return True
-            search = _Search(self.form, i, point)
+            search = _Search(self.form, self._number, i, point)
             if any(search.found(jump, {}) for jump in jumps):
                 return True
             seen = seen or search.evaluated
@@ -88,8 +102,10 @@ class Kinds:
 class _Search:
     """Walks through the signs of the other surfaces that a jump across surface i depends on."""
 
-    def __init__(self, form: SymbolicForm, i: int, point: dict[Symbol, Expr]) -> None:
-        self.form = form
+    def __init__(
+        self, form: SymbolicForm, number: Mapping[Symbol, int], i: int, point: dict[Symbol, Expr]
+    ) -> None:
+        self.form, self.number = form, number
         self.i = i
         self.point = point
         self.evaluated = False
@@ -100,10 +116,9 @@ class _Search:
         if jump.is_zero:
             self.evaluated = True
             return False
-        free = jump.free_symbols
-        signs = [s for s in self.form.s if s in free]
+        signs = jump.free_symbols & self.number.keys()
         if signs:
-            s = signs[0]
+            s = min(signs, key=self.number.__getitem__)
             return any(self.found(jump.xreplace({s: Integer(m)}), {**mode, s: m}) for m in (1, -1))
         self.budget -= 1
         if self.budget < 0:

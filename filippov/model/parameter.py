@@ -33,12 +33,19 @@ def as_number(value: object, what: str) -> float:
             raise ModelError(f"{what} is {value!s}, expected a finite real number.") from None
     else:
         raise ModelError(
-            f"{what} is {value!r} ({type(value).__name__}), expected a real number. "
-            "Convert text and quantities with units to a float first."
+            f"{what} is {value!r} ({type(value).__name__}), expected a real number. {_cure(value)}"
         )
     if not math.isfinite(number):
         raise ModelError(f"{what} is {number}, expected a finite number.")
     return number
+
+
+def _cure(value: object) -> str:
+    if callable(value):
+        return "What changes in time is an Input in its place: system.with_inputs({name: Input(...)})."
+    if isinstance(value, Mapping | Sequence | np.ndarray) and not isinstance(value, str):
+        return "Several values are as many runs: Sweep(problem, vary={name: values}, ...)."
+    return "Convert text and quantities with units to a float first."
 
 
 @dataclass(frozen=True)

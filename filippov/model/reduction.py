@@ -251,8 +251,7 @@ def _pivots(
     return tuple(pivots), tuple(ties)
 
 
-@lru_cache(maxsize=256)
-def rough_surface(system: System) -> int | None:
+def non_lipschitz_surface(system: System) -> int | None:
     """A switching surface on whose rate its sign acts by a power of |h| below 1 only; None without one."""
     form = system.symbolic
     if form is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sympy import Expr
+from sympy.printing.str import sstr
 
 from filippov.base.errors import ModelError
 from filippov.model.expression import parse_expression
@@ -17,7 +18,7 @@ def surface_name(h: Expr) -> str:
     text = str(h)
     if not text.startswith("-") or not h.is_Add:
         return text
-    terms = [str(term) for term in h.as_ordered_terms()]
+    terms = [str(sstr(term, full_prec=False)) for term in h.as_ordered_terms()]
     first = next((term for term in terms if not term.startswith("-")), None)
     if first is None:
         return text

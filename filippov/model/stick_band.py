@@ -6,8 +6,10 @@
                        L(lo), L(hi) > 0        hi        (driven up)
                        L(lo) < 0 < L(hi)       h/width   (the surface repels)
 
-|h| is measured from the edges beyond the band, where the field is smooth, and 0 within it. In Karnopp's model
-everything within the band is taken at the velocity of h = 0, and only its own state has the h that it has.
+The tests of L take it at h = 0 where h holds one state, linearly: it would else change with h alone, and its
+zeros be slid on. |h| is measured from the edges beyond the band, where the field is smooth, and 0 within it.
+In Karnopp's model everything within the band is taken at the velocity of h = 0, and only its own state has
+the h that it has.
 """
 
 from __future__ import annotations
@@ -95,11 +97,13 @@ class StickBand:
         linear = len(held) == 1 and not self.h.diff(form.x[held[0]]).free_symbols - set(form.p)
         self.state = held[0] if linear else None
         self.at: dict[Symbol, Expr] = {self.a: sympy.S.Zero}  # where the field is taken within the band
+        own_state = [] if self.state is None else [form.x[self.state]]
+        on = {x: x - self.h / self.h.diff(x) for x in own_state}
         if isinstance(own, Karnopp):
             self._check_velocity(len(held))
-            x = form.x[held[0]]
-            self.at[x] = x - self.h / self.h.diff(x)
+            self.at |= on
         self.rate = self._rate()
+        self.tested = self.rate.xreplace(on)
         self.slope = self.rate.diff(self.s)
         if self.slope == 0 or sympy.expand(self.slope.diff(self.s)) != 0:
             what = "does not depend on its sign" if self.slope == 0 else "is not affine in its sign"
@@ -152,7 +156,7 @@ class StickBand:
         """Add the surfaces on which the static levels are reached; `even` puts in the other signs."""
         ends = []
         for bound, name in zip(self.form.radius[self.i], ("down", "up"), strict=True):
-            h = even(-self.rate.xreplace({self.s: bound}))
+            h = even(-self.tested.xreplace({self.s: bound}))
             left = [q for q in (*self.form.s, *self.form.a) if h.has(q)]
             if left:
                 place = next(k for k, q in enumerate((*self.form.s, *self.form.a)) if q == left[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 from filippov.base.errors import ModelError
 from filippov.base.keywords import keywords
@@ -19,6 +19,15 @@ Kind = Literal["switching", "kink", "observer", "reset"]
 Side = Literal["+", "-", "both"]
 # A number, an expression, or a function (t, x, p) -> float.
 Bound = Any
+
+
+class Role(NamedTuple):
+    """What a run asks of a surface besides its functions; side: from which the state is reset, or None."""
+
+    kind: str
+    width: float
+    side: str | None
+    contact: bool
 
 
 @dataclass(frozen=True)
@@ -92,6 +101,11 @@ class Surface:
             )
         if self.symbolic and (self.gradient is not None or self.linear):
             raise ModelError(f"{where}: gradient and linear are for functions; an expression has its own.")
+        if isinstance(self.width, tuple | list):
+            raise ModelError(
+                f"{where}: width is {self.width!r}, expected half the width of the hysteresis: the sign "
+                "changes at h = -width and +width; what lies elsewhere is another h."
+            )
         if not is_expression(self.width) or self.width.is_number:
             width = as_number(self.width, f"{where}: width")
             if width < 0:
@@ -127,12 +141,23 @@ class Surface:
         return is_expression(self.h)
 
     @property
+    def role(self) -> Role:
+        """What a run asks of it besides its functions."""
+        return Role(self.kind, self.width, None if self.reset is None else self.side, bool(self.contact))
+
+    @property
     def wide(self) -> bool:
         """Whether the set at h = 0 is, or may be, larger than [-1, 1]."""
         return any(not isinstance(b, float) or not math.isclose(abs(b), 1.0) for b in self.radius)
 
 
 Surface.__init__ = keywords("keyword", error=ModelError)(Surface.__init__)  # type: ignore[method-assign]
+
+
+def no_surface(given: object) -> str:
+    """What to say of something among the surfaces that is none."""
+    cure = " A TimeEvent goes into time_events=." if type(given).__name__ == "TimeEvent" else ""
+    return f"surfaces holds {given!r}, expected Surface('name', h).{cure}"
 
 
 def reset_pairs(value: Any, where: str) -> tuple[tuple[str, Expr], ...]:

@@ -248,11 +248,13 @@ class SymbolicForm:
 
     def plain_h(self) -> tuple[Expr, ...]:
         """Return the switching functions with Abs(h_j) written out in place of a_j."""
+        inside = set().union(*(h.free_symbols for h in self.h))
         sizes: dict[Symbol, Expr] = {}
         out = []
         for a, h in zip(self.a, self.h, strict=True):
-            out.append(h.xreplace(sizes))
-            sizes[a] = sympy.Abs(out[-1])
+            out.append(h.xreplace(sizes) if sizes else h)
+            if a in inside:
+                sizes[a] = sympy.Abs(out[-1])
         return tuple(out)
 
     def names(self) -> dict[str, Expr]:

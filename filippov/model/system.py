@@ -7,15 +7,16 @@ import pickle
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from filippov.base.answers import ANSWERS, ELSEWHERE
 from filippov.base.delegates import delegate
 from filippov.base.errors import ModelError
 from filippov.base.keywords import keywords
-from filippov.base.names import closest, state_names
+from filippov.base.names import closest, no_attribute, state_names
 from filippov.base.signature import check_signature
 from filippov.base.symbolic_value import is_expression, single
 from filippov.model.comparator import Comparator, Exact, PerSurface, by_surface, check_comparator, per_surface
 from filippov.model.parameter import ParameterSet
-from filippov.model.surface import Surface
+from filippov.model.surface import Role, Surface, no_surface
 from filippov.model.time_event import TimeEvent, check_clock_names, read_clocks
 
 if TYPE_CHECKING:
@@ -29,16 +30,9 @@ if TYPE_CHECKING:
     from filippov.model.symbolic import SymbolicForm
 
 Field = Callable[..., Any]
-_ANSWERS = {
-    "x0": "x0 belongs to the run: solve(system, x0=(...), t_span=(t0, t1)).",
-    "t_span": "t_span belongs to the run: solve(system, x0=(...), t_span=(t0, t1)).",
-    "events": "events belong to the run: solve(system, ..., events=g). What switches is found in the "
-    "equations, or is a Surface of surfaces=.",
-    "f": "f is field here: System(field=f, states='x v').",
-    "comparator": "comparator is given to a system that is there: system.with_comparator(Band(width)).",
-}
-# What holds expressions and is packed for the way to another process, which may never ask for it.
-_HEAVY = ("surfaces", "symbolic", "time_events", "outputs", "_base")
+# What holds expressions. Another process, to which it goes packed, may never ask for it, nor a system that
+# was kept (see `filippov.solving.state.kept`).
+_HEAVY = ("surfaces", "symbolic", "time_events", "outputs", "comparator", "_base")
 
 # What a system made from another one has of it, whatever its equations.
 _KEPT = ("states", "parameters", "time_events", "outputs", "labels", "_named")
@@ -64,15 +58,16 @@ class System:
     """
 
     __slots__ = (
-        "_base", "_digest", "_named", "_packed", "clocked", "comparator", "compile", "field", "inputs",
-        "labels", "outputs", "parameters", "runs", "states", "surface_names", "surfaces", "symbolic",
-        "time_events", "units", "variable_widths",
+        "_base", "_digest", "_named", "_packed", "_whole", "clocked", "comparator", "compile", "field",
+        "inputs", "labels", "outputs", "parameters", "roles", "runs", "states", "surface_names", "surfaces",
+        "symbolic", "time_events", "units", "variable_widths",
     )  # fmt: skip
 
     states: tuple[str, ...]
     parameters: ParameterSet
     surfaces: tuple[Surface, ...]
     surface_names: tuple[str, ...]
+    roles: tuple[Role, ...]  # of the surfaces
     time_events: tuple[TimeEvent, ...]
     # The samples of the inputs in the equations.
     inputs: tuple[Samples, ...]
@@ -92,8 +87,9 @@ class System:
     _digest: str | None
     _named: tuple[Any, ...]
     _packed: bytes | None
+    _whole: Callable[[], System] | None
 
-    @keywords("keyword", answers=_ANSWERS, error=ModelError)
+    @keywords("keyword", answers=ANSWERS, error=ModelError)
     def __init__(
         self,
         equations: Mapping[Symbol, object] | None = None,
@@ -211,7 +207,7 @@ class System:
         seen: dict[str, Surface] = {}
         for surface in surfaces:
             if not isinstance(surface, Surface):
-                raise ModelError(f"surfaces holds {surface!r}, expected Surface('name', h).")
+                raise ModelError(no_surface(surface))
             given = (surface.h, *surface.radius, surface.width)
             if any(is_expression(item) for item in given):
                 raise ModelError(
@@ -263,8 +259,9 @@ class System:
 
     def _set(self, *, symbolic: SymbolicForm | None, **content: Any) -> None:
         rest: dict[str, Any] = {
-            "comparator": Exact(), "_base": None, "_digest": None, "_packed": None, "units": {}, "runs": {},
+            "comparator": Exact(), "_base": None, "_digest": None, "_packed": None, "_whole": None,
             "surface_names": tuple(surface.name for surface in content["surfaces"]), "compile": None,
+            "roles": tuple(surface.role for surface in content["surfaces"]), "units": {}, "runs": {},
             "clocked": bool(content["time_events"] or (symbolic and symbolic.inputs)), "_named": ((), ()),
             "inputs": symbolic.inputs if symbolic else (), "outputs": {}, "labels": {}, "symbolic": symbolic,
             "variable_widths": bool(symbolic and symbolic.widths),
@@ -448,18 +445,25 @@ class System:
             return {name: getattr(self, name) for name in self.__slots__} | {"runs": {}}
         packed = self._packed or pickle.dumps({name: getattr(self, name) for name in _HEAVY})
         light = {name: getattr(self, name) for name in self.__slots__ if name not in _HEAVY}
-        return light | {"runs": {}, "_digest": self.digest, "_packed": packed}
+        light |= {name: value for name in _HEAVY if _is_none(value := getattr(self, name))}
+        return light | {"runs": {}, "_digest": self.digest, "_packed": packed, "_whole": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
             object.__setattr__(self, name, value)
 
     def __getattr__(self, name: str) -> Any:
-        # Asked for what is not there: the first time after the way from another process.
+        # Asked for what is not there: the first time after the way from another process, or of one kept.
         if name not in _HEAVY:
-            raise AttributeError(f"a System has no attribute {name!r}.")
-        assert self._packed is not None
-        self.__setstate__(pickle.loads(self._packed))  # noqa: S301  # packed by __getstate__, not from a file
+            raise AttributeError(no_attribute("System", name, dir(type(self)), ELSEWHERE))
+        if self._whole is not None:
+            whole = self._whole()
+            if whole.digest != self._digest:
+                raise ModelError("the files of this model have changed while it runs. Start again.")
+            self.__setstate__({part: getattr(whole, part) for part in _HEAVY})
+        else:
+            assert self._packed is not None
+            self.__setstate__(pickle.loads(self._packed))  # noqa: S301  # packed above, not from a file
         return object.__getattribute__(self, name)
 
     def _repr_latex_(self) -> str:
@@ -471,6 +475,11 @@ class System:
         return (
             f"System(states={' '.join(self.states)!r}, surfaces=[{surfaces}], comparator={self.comparator})"
         )
+
+
+def _is_none(part: Any) -> bool:
+    """Whether a part that may hold expressions holds none for sure."""
+    return not part or isinstance(part, Exact)
 
 
 def _outputs(outputs: Any, states: Sequence[str], symbolic: bool) -> dict[str, Any]:

@@ -58,9 +58,15 @@ class SurfaceTable:
 
     def __init__(self) -> None:
         self.entries: list[Entry] = []
-        # Arguments of signs and conditions as the model has them: they give a surface its orientation.
-        self.written: list[Expr] = []
         self._by_sign: dict[Symbol, Entry] = {}
+        # By what varies in them: only such functions are multiples of each other.
+        self._alike: dict[frozenset[Symbol], list[Entry]] = {}
+        self._written: dict[frozenset[Symbol], list[Expr]] = {}
+
+    def write(self, arguments: Iterable[Expr]) -> None:
+        """Remember arguments of signs and conditions as the model has them: they orient surfaces."""
+        for h in arguments:
+            self._written.setdefault(_moving(h), []).append(h)
 
     def entry(self, s: Symbol) -> Entry:
         """Return the surface whose sign is s."""
@@ -69,7 +75,7 @@ class SurfaceTable:
     def signs_in(self, expr: Expr) -> list[Symbol]:
         """Return the signs that expr holds, in the order of the table."""
         free = expr.free_symbols & self._by_sign.keys()
-        return [entry.s for entry in self.entries if entry.s in free] if free else []
+        return list(free) if len(free) < 2 else [s for s in self._by_sign if s in free]
 
     def declare(self, surface: Surface, h: Expr) -> Entry:
         """Enter a surface of the user; ModelError if it cannot switch or equals one declared before."""
@@ -115,7 +121,7 @@ class SurfaceTable:
 
     def _turned(self, h: Expr) -> bool:
         """Whether h is the opposite of what was written; without that, whether its canonical form is -h."""
-        for other in self.written:
+        for other in self._written.get(_moving(h), ()):
             factor = self.ratio(h, other)
             if factor is not None:
                 return bool(sympy.sign(factor) == -1)
@@ -128,6 +134,7 @@ class SurfaceTable:
         )
         self.entries.append(entry)
         self._by_sign[entry.s] = entry
+        self._alike.setdefault(_moving(h), []).append(entry)
         return entry
 
     def plain(self, h: Expr) -> Expr:
@@ -141,7 +148,7 @@ class SurfaceTable:
 
     def match(self, h: Expr) -> tuple[Entry, Expr] | None:
         """Return the entry that is h up to a constant factor, and that factor h/entry.h."""
-        for entry in self.entries:
+        for entry in self._alike.get(_moving(h), ()):
             factor = self.ratio(h, entry.h)
             if factor is not None:
                 return entry, factor
@@ -151,7 +158,7 @@ class SurfaceTable:
         """Return h/k if it is a constant that is not 0, else None."""
         if h == k:
             return S.One
-        if _moving(h) != _moving(k):  # told at once: every surface is compared with every other
+        if _moving(h) != _moving(k):
             return None
         if h == -k:
             return S.NegativeOne

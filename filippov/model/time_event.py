@@ -9,12 +9,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import ModelError
+from filippov.base.keywords import keywords
 from filippov.base.symbolic_value import is_expression
 from filippov.model.parameter import as_number
 from filippov.model.surface import Surface, reset_pairs
 
 if TYPE_CHECKING:
     from sympy import Expr
+
+_ANSWERS = {
+    "phase": "phase is start here, the first instant: TimeEvent('clock', period=1, start=0.2).",
+    "t": "t is times=(...) here, or period=... for a clock.",
+}
 
 # A number, an expression in parameters, or a function p -> float.
 Instant = Any
@@ -106,6 +112,11 @@ class TimeEvent:
         return self.checked(out)
 
 
+TimeEvent.__init__ = keywords("keyword", answers=_ANSWERS, error=ModelError)(  # type: ignore[method-assign]
+    TimeEvent.__init__
+)
+
+
 def _instant(value: Any, where: str) -> float | Expr | Callable[..., float]:
     if is_expression(value) and not value.is_number:
         return value
@@ -119,7 +130,10 @@ def read_clocks(time_events: Any, symbolic: bool) -> tuple[TimeEvent, ...]:
     items = (time_events,) if isinstance(time_events, TimeEvent) else tuple(time_events)
     for item in items:
         if not isinstance(item, TimeEvent):
-            raise ModelError(f"time_events holds {item!r}, expected TimeEvent('name', period=...).")
+            raise ModelError(
+                f"time_events holds {item!r}, expected TimeEvent('name', period=...). "
+                "A Surface goes into surfaces=."
+            )
         if symbolic and not item.symbolic:
             raise ModelError(
                 f"time event {item.name!r} has a function, expected numbers and expressions, because the "

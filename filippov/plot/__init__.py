@@ -16,10 +16,10 @@ EXPORTS: dict[str, str] = {
     **dict.fromkeys(("plot_brute_force", "plot_lyapunov"), "lyapunov"),
     "plot_manifold": "manifold",
     **dict.fromkeys(("plot_diagram", "plot_event_map", "plot_iterates"), "maps"),
-    "plot_motions": "motions",
     "plot_orbit": "orbits",
     **dict.fromkeys(("plot_basin", "plot_regions"), "regions"),
     **dict.fromkeys(("plot_phase", "plot_solution"), "solution"),
+    **dict.fromkeys(("plot_motions", "plot_solution_comparison"), "solution_comparison"),
     "plot_tree": "tree",
     "plot_gain_maps": "tuning",
 }

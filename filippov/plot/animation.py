@@ -1,4 +1,4 @@
-"""The motion as a film: states and outputs over time, with the present marked, and the phase portrait."""
+"""The solution as a film: states and outputs over time, with the present marked, and the phase portrait."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def animate(
     labels: Mapping[str, str] | None = None,
     title: str = "",
 ) -> Path:
-    """Write the motion as a film and return its path: .gif (with pillow), .mp4 (with the program ffmpeg).
+    """Write the solution as a film and return its path: .gif (with pillow), .mp4 (with the program ffmpeg).
 
     states   states, outputs and formulas over time, as in `plot`; beside them the phase portrait of the first
              two states, where there are two

@@ -87,8 +87,8 @@ def _attractor(ax: Any, one: Any, i: int, j: int) -> None:
         order = np.lexsort((one.states[:, j], one.states[:, i]))
         ax.plot(one.states[order, i], one.states[order, j], color=INK, linewidth=2.0)
     elif one.orbit is not None and not one.orbit.forced:
-        motion = one.orbit.solution()
-        x = motion.sol(np.linspace(one.orbit.t0, motion.t_end, 800))
+        solution = one.orbit.solution()
+        x = solution.sol(np.linspace(one.orbit.t0, solution.t_end, 800))
         ax.plot(x[i], x[j], color=INK, linewidth=1.0)
     else:
         size = 1.6 if one.kind in ("chaotic", "aperiodic") else 5.0

@@ -28,8 +28,8 @@ def plot_comparison(
 ) -> Figure:
     """Error of P and drift in stick with their orders, and field calls, against the width: log-log.
 
-    One colour a model, one mark a combination of its options; the exact system's own uncertainty and work are
-    dashed lines.
+    One colour per model, one mark per combination of its options; the exact system's own uncertainty and work
+    are dashed lines.
 
     labels  {"width": ..., "error_P": ..., "drift": ..., "field_calls": ...} of the axes, with units
     """

@@ -1,4 +1,4 @@
-"""The picture of a diagnosis: both motions, and the calls that each has spent."""
+"""The picture of a diagnosis: both solutions, and the calls that each has spent."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ MOST_STATES = 4
 
 
 def plot_diagnosis(diagnosis: Any, *, title: str = "", figure: Figure | None = None) -> Figure:
-    """The first states over time, the motion of the inclusion behind scipy's steps; below, calls of f.
+    """The first states over time, the solution of the inclusion behind scipy's steps; below, calls of f.
 
-    Shaded is where the motion slides.
+    Shaded is where the solution slides.
     """
     run, solution = diagnosis.run, diagnosis.solution
     names = diagnosis.system.states if diagnosis.system is not None else [f"y{i}" for i in range(len(run.y))]

@@ -39,7 +39,7 @@ def plot_identification(
         drawn = figure if figure is not None else new_figure(9.2, 4.2)
         if points is None:
             left, right = drawn.subfigures(1, 2, width_ratios=(1.25, 1.0), squeeze=False)[0]
-            _motion(left, result)
+            _trajectory(left, result)
         else:
             right = drawn
         top = right.subplots()
@@ -57,7 +57,7 @@ def _speed(result: Any) -> float:
     return float(np.quantile(np.abs(np.gradient(result.fitted, result.t)), 0.995))
 
 
-def _motion(figure: Any, result: Any) -> None:
+def _trajectory(figure: Any, result: Any) -> None:
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     top.plot(result.t, result.measured, ".", color=GREY, markersize=2.5, label="measured")
     top.plot(result.t, result.fitted, color=BLUE, label="exact model, fitted")

@@ -43,7 +43,7 @@ def plot_event_map(
     event_map  function of an array of d, NaN where it does not return
     samples    (d, P(d)) where they are known already
     fixed      objects with d, kind and stable
-    orbit      successive d of a motion
+    orbit      successive d of a solution
     labels     {"d": "x at the stick [m]", "P": "next x", "map": "R(d)", its name in the legend}
 
     The line is broken where the map has no value, and where it jumps. Raises UsageError.
@@ -67,7 +67,7 @@ def plot_returns(
     d: Any, image: Any, *, fixed: Iterable[Any] = (), labels: Mapping[str, str] | None = None,
     title: str = "", figure: Figure | None = None,
 ) -> Figure:  # fmt: skip
-    """The pairs (d_k, d_k+1) of one motion with the diagonal and fixed points; later pairs are darker.
+    """The pairs (d_k, d_k+1) of one solution with the diagonal and fixed points; later pairs are darker.
 
     d, image  coordinates at events of a section and at the events that are set against them
     fixed, labels  as in `plot_event_map`
@@ -84,7 +84,7 @@ def plot_returns(
         ax = drawn.subplots()
         ax.plot(ends, ends, color=GREY, linewidth=0.8, linestyle=":", zorder=1, label="P(d) = d")
         half = x.size // 2
-        ax.plot(x[:half], y[:half], ".", color=PALE, markersize=5, zorder=2, label="first half of the motion")
+        ax.plot(x[:half], y[:half], ".", color=PALE, markersize=5, zorder=2, label="first half")
         ax.plot(x[half:], y[half:], ".", color=BLUE, markersize=5, zorder=3, label="second half")
         _fixed(ax, fixed)
         ax.set(xlim=ends, ylim=ends, xlabel=text["d"], ylabel=text["P"])

@@ -27,7 +27,7 @@ def plot_orbit(
 ) -> Figure:
     """One period: the phase portrait on the left, the states over time on the right; sliding is orange.
 
-    orbit   has system, pieces, period, multipliers, word, stable
+    orbit   has system, pieces, period, multipliers, word, verdict
     axes    the two states of the phase portrait; default the first two (one state: over time only)
     states  those drawn over time; default all, at most four
     labels  axis labels by state, and "t"; default: those of the system
@@ -75,13 +75,13 @@ def plot_orbit(
 
 
 def _segment(
-    motion: Any, segment: Any, names: Sequence[str], pair: Sequence[str], shown: Sequence[str], left: Any,
+    solution: Any, segment: Any, names: Sequence[str], pair: Sequence[str], shown: Sequence[str], left: Any,
     panels: Sequence[Any],
 ) -> None:  # fmt: skip
     """Draw one segment of one mode."""
     t = np.linspace(segment.t0, segment.t1, 200)
     inside = np.clip(t, segment.t0 + 1e-12 * segment.dwell, segment.t1 - 1e-12 * segment.dwell)
-    x = dict(zip(names, motion.sol(inside), strict=True))
+    x = dict(zip(names, solution.sol(inside), strict=True))
     colour = ORANGE if "0" in mode_text(segment.mode) else BLUE
     if left is not None:
         left.plot(x[pair[0]], x[pair[1]], color=colour)
@@ -90,7 +90,7 @@ def _segment(
 
 
 def _caption(orbit: Any) -> str:
-    kind = "stable" if orbit.stable else "unstable"
+    kind = "neutral to first order" if orbit.verdict == "undecided" else orbit.verdict
     largest = float(np.max(np.abs(orbit.multipliers), initial=0.0))
     return f"{kind}, period {orbit.period:.8g}, largest |multiplier| {largest:.4g}\n{orbit.word}"
 

@@ -1,4 +1,4 @@
-"""A motion in pieces for pictures: samples of every segment, outputs with gaps where they jump."""
+"""A solution in pieces for pictures: samples of every segment, outputs with gaps where they jump."""
 
 from __future__ import annotations
 
@@ -16,10 +16,14 @@ Array = npt.NDArray[np.float64]
 
 
 def pieces_of(solution: Solution, points: int) -> Iterator[tuple[Segment, Array, Array]]:
-    """(segment, times, states) along the run, each segment from its first to its last point."""
+    """(segment, times, states) along the run, each segment from its first to its last point.
+
+    Where the state jumps within a segment its time stands twice, with the states before and after.
+    """
     if points < 2:
         raise UsageError(f"points is {points!r}, expected at least 2.")
     span = abs(solution.t_end - solution.problem.t_span[0]) or 1.0
+    jumps = solution.jumps
     for segment in solution.segments:
         if solution.sol is None:
             low, high = sorted((segment.t0, segment.t1))
@@ -27,7 +31,17 @@ def pieces_of(solution: Solution, points: int) -> Iterator[tuple[Segment, Array,
             yield segment, solution.t[inside], solution.y[:, inside]
             continue
         t = np.linspace(segment.t0, segment.t1, max(8, int(points * segment.dwell / span)))
-        yield segment, t, np.column_stack([solution.sol(t[:1], side="+"), solution.sol(t[1:])])
+        low, high = sorted((segment.t0, segment.t1))
+        within = jumps[(jumps > low) & (jumps < high)]
+        if not within.size:
+            yield segment, t, np.column_stack([solution.sol(t[:1], side="+"), solution.sol(t[1:])])
+            continue
+        t = np.union1d(t, within)[:: 1 if segment.t1 > segment.t0 else -1]
+        twice = np.repeat(t, 1 + np.isin(t, within))
+        x = solution.sol(twice)
+        after = np.append(True, np.diff(twice) == 0)
+        x[:, after] = solution.sol(twice[after], side="+")
+        yield segment, twice, x
 
 
 def output_pieces(

@@ -41,7 +41,10 @@ if TYPE_CHECKING:
 __all__ = ["plot_graph", "plot_phase", "plot_solution"]
 
 Array = npt.NDArray[np.float64]
-MOST_MARKS = 400
+MOST_MARKS = 160
+# Panels that are drawn where none is asked for, and sets of sliding surfaces with a colour each.
+MOST_PANELS = 12
+MOST_SETS = 6
 
 
 def plot_solution(
@@ -58,7 +61,7 @@ def plot_solution(
     """States and outputs over time, one panel each, sliding phases shaded and events marked.
 
     states      names of states, outputs and inputs, and formulas of them, to show; default all states and
-                outputs
+                outputs, or the first 12 of them
     multiplier  name of a surface: a further panel with the value of its sign and the set it may take while
                 sliding
     labels      labels with units, by name: {"t": "time [s]", "x": "position [m]", "multiplier": "friction"};
@@ -68,6 +71,9 @@ def plot_solution(
     Raises UsageError for unknown names, ImportError without matplotlib.
     """
     names = _names(states, solution)
+    if states is None and len(names) > MOST_PANELS:
+        title = f"{title + ': ' if title else ''}the first {MOST_PANELS} of {len(names)}; plot([...]) chooses"
+        names = names[:MOST_PANELS]
     if multiplier is not None:
         try:
             solution.system.surface_place(multiplier)
@@ -163,13 +169,16 @@ def plot_phase(
 
 
 def _shade(ax: Any, solution: Solution, named: bool) -> None:
-    """Bands behind the sliding segments, one colour for each set of sliding surfaces."""
+    """Bands behind the sliding segments: a colour for each set of sliding surfaces, or one for all."""
     surfaces = [surface.name for surface in solution.system.surfaces]
     spans: dict[str, list[tuple[float, float]]] = {}
     for segment in solution.segments:
         on = [name for name, m in zip(surfaces, segment.mode, strict=True) if m == 0]
         if on:
             spans.setdefault(", ".join(on), []).append((min(segment.t0, segment.t1), segment.dwell))
+    if len(spans) > MOST_SETS:
+        all_bars = [bar for bars in spans.values() for bar in bars]
+        spans = {f"some of {len(surfaces)} surfaces": all_bars}
     for k, (name, bars) in enumerate(spans.items()):
         ax.broken_barh(
             bars, (0, 1), transform=ax.get_xaxis_transform(), facecolor=SLIDING[k % len(SLIDING)], alpha=0.22,

@@ -99,7 +99,7 @@ def _mark_points(ax: Any, tree: SolutionTree, i: int) -> None:
 
 
 def plot_tree(tree: SolutionTree, *, title: str = "", figure: Figure | None = None) -> Figure:
-    """The tree itself: a line a branch over its time, its modes above it, joined where branches part.
+    """The tree itself: a line per branch over its time, its modes above it, joined where branches part.
 
     Raises ImportError without matplotlib.
     """

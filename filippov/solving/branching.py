@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from filippov.base.errors import UsageError
 from filippov.base.status import Status
-from filippov.solving.loop import Followed, Turn, follow
+from filippov.solving.loop import BranchStart, Followed, follow
 from filippov.solving.selection.ambiguity import ambiguity_at
 from filippov.solving.selection.modes import Successor
 from filippov.solving.solution import Array
@@ -38,7 +38,7 @@ def branch(
 
     max_branches   most whole solutions; max_depth: most decisions along one. Where a bound is reached, a
                    branch ends with NON_UNIQUE and holds its candidates, and the tree's status is BRANCHES
-    release_times  a number n: of each stretch of sliding that can be left at any time, the departures at n
+    release_times  a number n: of each segment of sliding that can be left at any time, the departures at n
                    equally spaced times inside it are followed; times: the departures at those. A sample: the
                    solutions that leave in between are not in the tree
 
@@ -76,7 +76,7 @@ class _Shoot:
 
     parent: int | None
     depth: int
-    turn: Turn | None
+    begin: BranchStart | None
     t: float
     x: Array
     stop: npt.NDArray[np.int64] | None
@@ -122,41 +122,41 @@ class _Grower:
         options = replace(self.options, max_time=max(self.deadline - time.monotonic(), 1e-3))
         problem = self.problem.remake(x0=shoot.x, t_span=(shoot.t, end))
         origin = self.problem.t_span[0]
-        return follow(problem, options, self.progress, None, shoot.turn, origin, shoot.stop)
+        return follow(problem, options, self.progress, None, shoot.begin, origin, shoot.stop)
 
     def _grow_one(self, shoot: _Shoot) -> tuple[int, Followed]:
         """Follow one branch, parted at the release times where it slides; the number of its last part."""
         end = self.problem.t_span[1]
         followed = self._follow(shoot, end)
-        for turn in self._departures(shoot, followed):
-            t = turn.ambiguity.t
+        for begin in self._departures(shoot, followed):
+            t = begin.ambiguity.t
             part = self._follow(shoot, t)
             if not part.solution.success:
                 break
             number = self._add(shoot, part)
-            for candidate in turn.ambiguity.candidates:
-                if candidate is not turn.chosen:
-                    self._wait(number, shoot.depth + 1, Turn(turn.ambiguity, candidate), part)
-            self.leaves += len(turn.ambiguity.candidates) - 1
-            shoot = _Shoot(number, shoot.depth, turn, t, part.solution.x_end, part.stop)
+            for candidate in begin.ambiguity.candidates:
+                if candidate is not begin.chosen:
+                    self._wait(number, shoot.depth + 1, BranchStart(begin.ambiguity, candidate), part)
+            self.leaves += len(begin.ambiguity.candidates) - 1
+            shoot = _Shoot(number, shoot.depth, begin, t, part.solution.x_end, part.stop)
             followed = self._follow(shoot, end)
         return self._add(shoot, followed), followed
 
-    def _departures(self, shoot: _Shoot, followed: Followed) -> list[Turn]:
+    def _departures(self, shoot: _Shoot, followed: Followed) -> list[BranchStart]:
         """The release times at which the sliding that a branch begins with can be left, with its staying."""
         solution = followed.solution
         segment = solution.segments[-1 if len(solution.segments) == 1 else 0]
         dense = solution.sol
-        if shoot.turn is None or 0 not in segment.mode or segment.mode != shoot.turn.chosen.mode:
+        if shoot.begin is None or 0 not in segment.mode or segment.mode != shoot.begin.chosen.mode:
             return []
         if isinstance(self.releases, int):
             times = np.linspace(segment.t0, segment.t1, self.releases + 2)[1:-1]
         else:
             times = self.releases
         inside = (times - segment.t0) * (times - segment.t1) < 0
-        out: list[Turn] = []
+        out: list[BranchStart] = []
         leaves = self.leaves
-        multipliers = np.array(shoot.turn.chosen.multipliers)
+        multipliers = np.array(shoot.begin.chosen.multipliers)
         for t in times[inside].tolist():
             if dense is None:
                 raise UsageError("release_times need the dense output; drop dense_output=False.")
@@ -170,11 +170,11 @@ class _Grower:
             leaves += len(ambiguity.candidates) - 1
             if self._refuses(leaves, shoot.depth + 1):
                 break
-            out.append(Turn(ambiguity, stays))
+            out.append(BranchStart(ambiguity, stays))
         return out
 
     def _part(self, number: int, followed: Followed) -> None:
-        """Let every candidate at the end of a branch wait for its turn."""
+        """Let every candidate at the end of a branch wait to be followed."""
         ambiguity, depth = followed.solution.ambiguity, self.branches[number].depth
         if ambiguity is None or not ambiguity.candidates:
             return
@@ -182,7 +182,7 @@ class _Grower:
             return
         self.leaves += len(ambiguity.candidates) - 1
         for candidate in ambiguity.candidates:
-            self._wait(number, depth + 1, Turn(ambiguity, candidate), followed)
+            self._wait(number, depth + 1, BranchStart(ambiguity, candidate), followed)
 
     def _refuses(self, leaves: int, depth: int) -> bool:
         """Whether a bound forbids so many leaves or decisions; it is remembered."""
@@ -194,20 +194,20 @@ class _Grower:
             return False
         return True
 
-    def _wait(self, parent: int, depth: int, turn: Turn, followed: Followed) -> None:
+    def _wait(self, parent: int, depth: int, begin: BranchStart, followed: Followed) -> None:
         end = followed.solution
-        self.waiting.append(_Shoot(parent, depth, turn, end.t_end, end.x_end, followed.stop))
+        self.waiting.append(_Shoot(parent, depth, begin, end.t_end, end.x_end, followed.stop))
 
     def _add(self, shoot: _Shoot, followed: Followed) -> int:
         number = len(self.branches)
-        turn = shoot.turn
+        begin = shoot.begin
         self.branches.append(
             TreeBranch(
                 number,
                 shoot.parent,
                 shoot.depth,
-                turn.chosen if turn is not None else None,
-                turn.ambiguity if turn is not None else None,
+                begin.chosen if begin is not None else None,
+                begin.ambiguity if begin is not None else None,
                 followed.solution,
             )
         )

@@ -16,14 +16,14 @@ from filippov.base.failure import failure
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known, unknown
 from filippov.base.quantity import is_quantity, plain
-from filippov.base.status import Status
+from filippov.base.status import EventKind, Status
 from filippov.kernel.codegen.build import widest
 from filippov.kernel.tables import codes
 from filippov.kernel.tables.layout import LANES, MOST_LANES
 from filippov.model.system import System
-from filippov.solving.scale import default_atol, of_little_ends, small
+from filippov.solving.scale import default_atols, of_little_ends, small
 from filippov.solving.state.batch import FEW, UNFINISHED, Batch, lane_unit, system_threads, waits
-from filippov.solving.state.events import Event, Stop, columns_of, turned
+from filippov.solving.state.events import Stop, columns_of, turned
 from filippov.solving.state.machine import Array, Machine
 from filippov.solving.state.option_types import (
     ANSWERS,
@@ -80,8 +80,8 @@ class Ensemble:
 
     t, x       time and state reached: (k,), (k, n); at a terminal event, its time and state
     mode       mode there: (k, m)
-    status     one Status a trajectory; message: what the general path had to say, "" elsewhere. ERROR: a
-               function of the user's raised, the message has it; t and x are of the last step before
+    status     one Status per trajectory; message: what the classification had to say, "" elsewhere.
+               ERROR: a function of the user's raised, the message has it; t and x are of the last step before
     nfev       field calls of each
     counts     events of each by surface and kind, (k, m, kinds): see `events`
     last       number of the surface and kind of the last event of each, (k, 2), -1 where there was none
@@ -169,8 +169,8 @@ def solve_many(
     stop        terminal events, as in `solve`
     threads     default: all cores (1 for systems of plain Python functions)
     lanes       trajectories side by side in vector instructions: 16, 8 or 1; default: where the system is
-                symbolic with switching functions linear in (t, x), without inputs, and there are 64
-                trajectories or more, 16 on processors with AVX-512 and 8 on others
+                symbolic, without inputs, and there are 64 trajectories or more, 16 on processors with
+                AVX-512 and 8 on others
     measure     function of the Ensemble of a block of trajectories (up to 65,536, in order) that returns an
                 array with a row for each; the blocks' results, joined, are `measured`
     progress    called with (trajectories done, k) now and then
@@ -282,12 +282,9 @@ class Prepared:
         checked = self.checked
         if "atol" in self.options:
             return carried(states, values, checked)
-        little = small(states, checked.rtol)
-        if not little.any():
+        if not small(states, checked.rtol).any():
             return carried(states, values, checked)
-        atol = np.full(len(states), checked.atol)
-        for q in np.flatnonzero(little).tolist():
-            atol[q] = default_atol(self.system, states[q], self.span, values[q], checked)
+        atol = default_atols(self.system, states, self.span, values, checked)
         levels = np.unique(atol).tolist()
         if len(levels) == 1:
             return carried(states, values, self._with_atol(levels[0]))
@@ -309,7 +306,7 @@ class Prepared:
 
 @lru_cache(maxsize=64)
 def _machine(system: System, method: str, sliding: str) -> Machine:
-    """The machine of a symbolic system; its scratch is nobody's, batches bring their own."""
+    """The machine of a symbolic system; batches bring work arrays of their own."""
     return Machine(system, method, system.parameters.resolve(None), sliding=sliding)
 
 
@@ -319,10 +316,7 @@ _lane_unit = lru_cache(maxsize=64)(lane_unit)
 def _lanes(lanes: int | None, machine: Machine, method: str, count: int) -> int:
     system = machine.system
     if lanes is None:
-        # A guard that bends is searched in every step, which the plain loop does: lanes would not pay.
-        linear = bool(machine.unit.constants["ALL_LINEAR"])
-        possible = system.field is None and method in _IN_LANES and linear
-        possible = possible and machine.sliding != "utkin"
+        possible = system.field is None and method in _IN_LANES and machine.sliding != "utkin"
         return widest() if possible and count >= _ENOUGH else 1
     if isinstance(lanes, bool) or lanes not in (1, LANES, MOST_LANES):
         raise UsageError(f"lanes is {lanes!r}, expected 1, {LANES} or {MOST_LANES}.")
@@ -379,7 +373,7 @@ def _collect(
     batch: Batch, start: Array, span: tuple[float, float], stops: tuple[Stop, ...],
     options: Mapping[str, Any], complete: bool, lanes: int, threads: int,
 ) -> Ensemble:  # fmt: skip
-    """The ends of a batch, with the rows that need the general path solved by it."""
+    """The ends of a batch, with the rows that need the classification solved by it."""
     system = batch.machine.system
     statuses = _statuses(batch.code)
     x = batch.x if batch.asked is None else batch.x.copy()
@@ -412,8 +406,9 @@ def _collect(
         nfev[q] += solution.nfev
         counts[q], last[q] = 0, -1
         for event in solution.events.of_surfaces(batch.machine.m):
-            last[q] = event.index, _column(event)
-            counts[q, event.index, _column(event)] += 1
+            column = _column(event.kind, event.direction)
+            last[q] = event.index, column
+            counts[q, event.index, column] += 1
         complete = solution.status is not Status.INTERRUPTED
     names = system.surface_names
     return Ensemble(
@@ -431,10 +426,11 @@ def _statuses(code: npt.NDArray[np.int64]) -> list[Status | None]:
     return known
 
 
-def _column(event: Event) -> int:
-    """The kernel's number for the kind of an event."""
-    direction = {1: " up", -1: " down"}.get(event.direction, "")
-    return columns_of(f"{event.kind}{direction}")[0]
+@lru_cache(maxsize=64)
+def _column(kind: EventKind, direction: int) -> int:
+    """The kernel's number for a kind of event."""
+    way = {1: " up", -1: " down"}.get(direction, "")
+    return columns_of(f"{kind}{way}")[0]
 
 
 def _measured(measure: Callable[[Ensemble], Any], part: Ensemble) -> npt.NDArray[Any]:

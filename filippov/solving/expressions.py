@@ -1,6 +1,6 @@
 """Expressions with signs, made functions: a sign of a surface of the system takes part in sliding.
 
-While the motion slides on the surface, what stands for its sign is the multiplier, as in the equations.
+While the solution slides on the surface, what stands for its sign is the multiplier, as in the equations.
 """
 
 from __future__ import annotations

@@ -17,7 +17,14 @@ from filippov.model.user_event import UserEvent
 from filippov.solving.diagnosis import close_call, suspect
 from filippov.solving.finished import Course, finished
 from filippov.solving.patience import Patience
-from filippov.solving.resets.jumps import pending, settle, source_name, starting, state_text, touching
+from filippov.solving.resets.jumps import (
+    pending,
+    reset_surfaces_at,
+    settle,
+    source_name,
+    starting,
+    state_text,
+)
 from filippov.solving.resets.passed import passed, slipped
 from filippov.solving.resets.reset_cycle import rests_in_cycle
 from filippov.solving.resets.slow_spiral import slow_spiral
@@ -45,7 +52,7 @@ _CHUNK, _SLOW_CHUNK, _LONGEST_CHUNK = 2_000, 10, 1_000_000
 _LOOK = 0.05
 
 
-class Turn(NamedTuple):
+class BranchStart(NamedTuple):
     """Where a piece of solution begins with a choice: the point, and the mode taken there."""
 
     ambiguity: Ambiguity
@@ -64,7 +71,7 @@ def follow(
     options: Options,
     progress: Callable[[float, float], None] | None = None,
     times: Array | None = None,
-    turn: Turn | None = None,
+    begin: BranchStart | None = None,
     origin: float | None = None,
     stop: npt.NDArray[np.int64] | None = None,
     users: tuple[UserEvent, ...] = (),
@@ -72,12 +79,12 @@ def follow(
 ) -> Followed:
     """Run to the end of the span, or to where the options say to stop.
 
-    turn    start in this mode instead of the one that the initial state decides
-    origin  time at which the whole motion began, where this is a later piece of it; `stop`: its countdown
+    begin    start in this mode instead of the one that the initial state decides
+    origin  time at which the whole solution began, where this is a later piece of it; `stop`: its countdown
     users   events of the user; scaled: whether the message is to say where atol decides
     """
     system = problem.system
-    watch = Watch(users, len(system.surfaces), len(system.time_events))
+    watch = Watch(users, len(system.roles), len(system.time_events))
     events = tuple(users[k].surface for k in watch.order)
     run = ready(system, problem.p, problem.x0, problem.t_span, options, events)
     record = None if run.machine.callbacks is None else run.machine.callbacks.p
@@ -88,7 +95,7 @@ def follow(
         run.clock.t_start = origin
     clocks = Clocks(system, record, problem.parameters, float(run.clock.t_start))
     run.tick(clocks)
-    loop = _Loop(run, clocks, watch, progress, turn)
+    loop = _Loop(run, clocks, watch, progress, begin)
     status, message = loop.go()
     course = Course(problem, run, times, message, scaled)
     limits = tuple(loop.accumulations)
@@ -103,9 +110,9 @@ class _Loop(Settling):
 
     def __init__(
         self, run: Run, clocks: Clocks, watch: Watch, progress: Callable[[float, float], None] | None,
-        turn: Turn | None = None,
+        begin: BranchStart | None = None,
     ) -> None:  # fmt: skip
-        self.run, self.clocks, self.watch, self.progress, self.turn = run, clocks, watch, progress, turn
+        self.run, self.clocks, self.watch, self.progress, self.begin = run, clocks, watch, progress, begin
         self.t_end = float(run.clock.t_end)
         self.ambiguity: Ambiguity | None = None
         self.accumulations: list[Accumulation] = []
@@ -146,16 +153,16 @@ class _Loop(Settling):
             run.stop[: self.watch.surfaces, codes.GRAZING] = 1
         self.watch.arm(run)
         self._aim()
-        if self.turn is None:
+        if self.begin is None:
             code = run.begin()
         else:
-            at, chosen = self.turn
+            at, chosen = self.begin
             code, run.mode[:] = codes.REACHED, at.before
             self.start_mode = chosen.mode if at.start else at.before
             ended = self._take(chosen, at.before, at.hit, str(at), at.start)
             if ended is not None:
                 return ended
-        if self.turn is None or self.turn.ambiguity.start:
+        if self.begin is None or self.begin.ambiguity.start:
             self.start_mode = run.signs
         for i, value in enumerate(run.guards().tolist()):
             if not math.isfinite(value):
@@ -267,7 +274,7 @@ class _Loop(Settling):
         run.clock.same_instant = clocks.same(instant) if due else 0.0
 
     def _reached(self) -> tuple[Status, str] | None:
-        """At the end, or at an instant of time events: reset, look where the motion goes, and go on."""
+        """At the end, or at an instant of time events: reset, look where the solution goes, and go on."""
         run, machine = self.run, self.run.machine
         due = self.clocks.due
         if not due:
@@ -295,7 +302,7 @@ class _Loop(Settling):
             machine.pieces.hold(now)
         if resets or knots or machine.callbacks is not None:
             # What is reached at the very instant of a clock is one set with it (E5).
-            ended = self._reset([*pending(run, touching(run)), *resets, *knots], (), jump)
+            ended = self._reset([*pending(run, reset_surfaces_at(run)), *resets, *knots], (), jump)
         else:
             ended = self._record(run.signs, run.lam, (), "", jump)
         if ended is None and run.t == self.t_end:
@@ -311,7 +318,7 @@ class _Loop(Settling):
         near = self._near()
         sliding = [i for i in range(run.machine.m) if run.mode[i] == 0]
         met = sorted({*hit, *near, *sliding})
-        # The same place again and again means that the classification and the motion disagree.
+        # The same place again and again means that the classification and the solution disagree.
         moved = abs(run.t - self.general_t) > 64 * np.finfo(float).eps * abs(run.t)
         self.stalled = 0 if moved else self.stalled + 1
         self.general_t = run.t
@@ -346,7 +353,7 @@ class _Loop(Settling):
     def _reset(
         self, active: list[int], hit: Sequence[int], jump: Jump | None = None
     ) -> tuple[Status, str] | None:
-        """Apply the resets of surfaces reached or time events, and find where the motion goes from there."""
+        """Apply the resets of surfaces reached or time events, and find where the solution goes on."""
         run, m = self.run, self.run.machine.m
         jump = jump or Jump(run.signs, run.x.copy())
         self._back()
@@ -401,7 +408,7 @@ class _Loop(Settling):
             if isinstance(begun, Begun):
                 jump = jump or Jump(before, run.x.copy())
                 return None if start else self._record(begun.mode, begun.multipliers, hit, begun.note, jump)
-            # A corner that a motion enters tangentially may be none of its modes, and yet a place to rest in.
+            # A corner entered tangentially may be none of the solution's modes, and yet a place to rest in.
             if jump is None and rests(run, met):
                 rest(run, met)
                 return self._reached()
@@ -417,7 +424,7 @@ class _Loop(Settling):
         return self._take(taken, before, hit, str(ambiguity), start, jump)
 
     def _choose(self, candidates: Sequence[Successor], before: Mode, hit: Sequence[int]) -> Successor | None:
-        # A surface only touched: the motion goes on where it was, if the other side does not lead away.
+        # A surface only touched: the solution goes on where it was, if the other side does not lead away.
         off = [i for i in hit if before[i] != 0]
         parted = any(c.mode[i] == -before[i] and c.order[i] == 1 for c in candidates for i in off)
         if off and len(off) == len(hit) and not parted:
@@ -433,7 +440,7 @@ class _Loop(Settling):
         run = self.run
         run.put(chosen.mode, chosen.order, chosen.multipliers)
         if any(a == 0 != b for a, b in zip(before, chosen.mode, strict=True)):
-            # The step of a slide says nothing about the motion that leaves it.
+            # The step of a slide says nothing about the solution that leaves it.
             run.clock.step = 0.0
         jump = jump or Jump(before, run.x.copy())
         multipliers = np.array(chosen.multipliers)
@@ -444,7 +451,7 @@ class _Loop(Settling):
     def _record(
         self, after: Mode, multipliers: Array, hit: Sequence[int], note: str, jump: Jump
     ) -> tuple[Status, str] | None:
-        """Record the change from the mode before to the one after, an event a surface; tell if it ends."""
+        """Record the change from the mode before to the one after, an event per surface; tell if it ends."""
         run, before = self.run, jump.before
         ended: tuple[Status, str] | None = None
         together = jump.together

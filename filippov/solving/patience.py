@@ -11,9 +11,9 @@ from filippov.solving.diagnosis import LOOKS, NO_PROGRESS, STAGNATION, STAGNATIO
 from filippov.solving.resets.jumps import state_text
 from filippov.solving.resets.zeno import NEAR_END, Accumulation
 from filippov.solving.state.run import Run
-from filippov.solving.stiffness import Crawl
+from filippov.solving.stiffness import StiffnessMonitor
 
-# So many accumulations, or events after one, at one place: the motion cannot be led out of it.
+# So many accumulations, or events after one, at one place: the solution cannot be led out of it.
 MOST_LIMITS, MOST_EVENTS = 4, 100
 # Events that are looked at together for whether they get anywhere.
 PILE = 5_000
@@ -27,18 +27,18 @@ class Patience:
         self.looked, self.held_up = (0, run.t), 0
         self.counted = (0, run.t)
         self.named = self.slow = False
-        self.crawl = Crawl()
+        self.stiffness = StiffnessMonitor()
         self.since, self.why = 0, ""
 
     def limited(self, why: str) -> None:
-        """Events accumulated, and the motion goes on; `why` it does not do so in sliding of higher order."""
+        """Events accumulated, and the solution goes on; `why`: not in sliding of higher order."""
         self.since, self.why = len(self.run.events), why
 
     def look(self, t_end: float, accumulations: Sequence[Accumulation]) -> tuple[Status, str] | None:
         """How the run is to end where it gets nowhere, and a sentence; None where it does."""
         run = self.run
-        self.crawl.look(run)
-        if accumulations and self._storm(accumulations):
+        self.stiffness.look(run)
+        if accumulations and self._chattering(accumulations):
             limit = accumulations[-1]
             return Status.ZENO, (
                 f"events go on accumulating at t = {limit.t:.12g}, state {state_text(run)}, where the "
@@ -82,7 +82,7 @@ class Patience:
         )
 
     def _horizon(self, left: float) -> float:
-        """What steps are to get on with: the time left, or the motion's own where it is to run for ever.
+        """What steps are to get on with: the time left, or the solution's own where it is to run for ever.
 
         Its own is the time run, or the one in which its field moves the state by its size.
         """
@@ -94,13 +94,13 @@ class Patience:
 
     def hint(self, status: Status) -> str:
         """What slows an explicit method down, "" where nothing does."""
-        return "" if self.named else self.crawl.hint(self.run, status)
+        return "" if self.named else self.stiffness.hint(self.run, status)
 
-    def _storm(self, accumulations: Sequence[Accumulation]) -> bool:
-        """Whether the motion does not get away from an accumulation that it was to be led out of."""
+    def _chattering(self, accumulations: Sequence[Accumulation]) -> bool:
+        """Whether the solution does not get away from an accumulation that it was to be led out of."""
         run, last = self.run, accumulations[-1]
         elapsed = abs(last.t - float(run.clock.t_start))
-        # Contacts hold what has come to rest on them: bodies that rest one after the other are no storm.
+        # Contacts hold what has come to rest on them: bodies that rest one after the other do not chatter.
         held = run.machine.contacts
         loose = [a for a in accumulations if not all(held[i] for i in a.surfaces)]
         here = [a for a in loose if abs(a.t - run.t) <= NEAR_END * elapsed]

@@ -1,6 +1,6 @@
-"""What a solution says of a quantity: values of states, outputs and expressions along the motion.
+"""What a solution says of a quantity: values of states, outputs and expressions along the solution.
 
-A sign in an expression is that of the mode; while the motion slides on the surface, the multiplier.
+A sign in an expression is that of the mode; while the solution slides on the surface, the multiplier.
 """
 
 from __future__ import annotations
@@ -30,7 +30,13 @@ OUTSIDE = 1e-6
 
 def series(solution: Solution, name: Any) -> Array:
     """The values of a state, an output or "t" at solution.t; where the state jumps, before and after."""
-    key = getattr(single(name), "name", name)
+    name = single(name)
+    if isinstance(name, int | float | np.generic | slice | tuple):
+        raise UsageError(
+            f"a solution is read by name, not by {name!r}: solution[{solution.system.states[0]!r}], or "
+            "solution.y[i] for the state number i."
+        )
+    key = getattr(name, "name", name)
     if key == "t":
         return solution.t
     if key in solution.system.states:
@@ -47,17 +53,19 @@ def series(solution: Solution, name: Any) -> Array:
     return out
 
 
-def evaluate(solution: Solution, what: Any, t: Any, side: str = "-") -> Any:
-    """The value of an expression at times, as an array like t.
+def evaluate(solution: Solution, what: Any, t: Any = None, side: str = "-") -> Any:
+    """The value of an expression at times, as an array like t; without times as `series`.
 
     what    an expression in states, parameters and time, its formula as text, the name of a state or output,
             or, of a system of functions, f(t, x, p, s) -> float. Signs and conditions in it are those of the
-            equations: while the motion slides, what stands for sign(h) is the multiplier, in its set, turned
-            round where the expression has sign(-h)
+            equations: while the solution slides, what stands for sign(h) is the multiplier, in its set,
+            turned round where the expression has sign(-h)
     side    at an event "-" (before, in the direction of integration) or "+" (after)
 
     Raises UsageError without dense output and outside the span, ModelError for what is no expression.
     """
+    if t is None:
+        return series(solution, what)
     if solution.sol is None:
         raise UsageError("evaluate needs the dense output; solve without dense_output=False.")
     times = np.atleast_1d(np.asarray(t, dtype=float))
@@ -67,9 +75,10 @@ def evaluate(solution: Solution, what: Any, t: Any, side: str = "-") -> Any:
     return out.reshape(times.shape) if np.ndim(t) else float(out[0])
 
 
-def multiplier(solution: Solution, surface: str, t: Any) -> Any:
+def multiplier(solution: Solution, surface: str, t: Any = None) -> Any:
     """Value of a surface's sign: +-1 off it, the multiplier of Filippov's combination while sliding.
 
+    t           times; default those of the solution
     surface     its name, or the formula of its h; for h = v - vb "vb - v" gives the sign of vb - v
     """
     try:
@@ -78,6 +87,7 @@ def multiplier(solution: Solution, surface: str, t: Any) -> Any:
         raise UsageError(str(error)) from None
     if solution.sol is None:
         raise UsageError("the multiplier needs the dense output; solve without dense_output=False.")
+    t = solution.t if t is None else t
     times = np.atleast_1d(np.asarray(t, dtype=float))
     states = solution.sol(times).reshape(len(solution.problem.x0), times.size)
     out = _signs(solution, times, states, _modes(solution, times, "-"), [i])[:, i] * sense
@@ -184,9 +194,9 @@ def _signs(
 def _multipliers(
     solution: Solution, machine: Machine, t: float, x: Array, mode: Array, side: str
 ) -> Array:  # fmt: skip
-    """Multipliers while sliding: where signs multiply, the root that the motion followed.
+    """Multipliers while sliding: where signs multiply, the root that the solution followed.
 
-    That is the one in its set; of several, the one with the field of the motion.
+    That is the one in its set; of several, the one with the field of the solution.
     """
     direction = -1.0 if solution.problem.backward else 1.0
     point = Point(machine, t, x, direction, 0.0, np.zeros(mode.size))

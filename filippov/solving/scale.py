@@ -1,4 +1,4 @@
-"""The scale of a motion: the absolute tolerance where none is given, and a word where it decides too much."""
+"""The scale of a solution: its absolute tolerance where none is given, and a note where that decides much."""
 
 from __future__ import annotations
 
@@ -39,23 +39,38 @@ def default_atol(system: System, x0: Array, span: tuple[float, float], p: Array,
 
     A start that is not small keeps 1e-12.
     """
-    scale = max(map(abs, x0.tolist()), default=0.0)
-    if options.rtol * scale >= LARGEST_ATOL:
-        return LARGEST_ATOL
+    return float(default_atols(system, x0[None, :], span, p[None, :], options)[0])
+
+
+def default_atols(
+    system: System, states: Array, span: tuple[float, float], values: Array, options: Options
+) -> Array:
+    """The same for each of many starts (k, n) with rows of parameters (k, P): shape (k,)."""
+    found = np.full(len(states), LARGEST_ATOL)
+    rows = np.flatnonzero(small(states, options.rtol)).tolist()
+    if not rows:
+        return found
     share, length = SHARE * max(options.rtol, FINEST), abs(span[1] - span[0])
-    for f in _fields(system, x0, span, p, options):
-        largest = max((abs(v) for v in f.tolist() if math.isfinite(v)), default=0.0)
-        scale = max(scale, largest * length)
-        if share * scale >= LARGEST_ATOL:
-            return LARGEST_ATOL
-    return LARGEST_ATOL if scale == 0.0 else float(10.0 ** np.floor(np.log10(share * scale)))
+    fields = _functions if system.field is not None else _kernels
+    for q, row in zip(rows, fields(system, states[rows], span, values[rows], options), strict=True):
+        scale = max(map(abs, states[q].tolist()), default=0.0)
+        for f in row:
+            largest = max((abs(v) for v in f.tolist() if math.isfinite(v)), default=0.0)
+            scale = max(scale, largest * length)
+            if share * scale >= LARGEST_ATOL:
+                break
+        else:
+            found[q] = LARGEST_ATOL if scale == 0.0 else 10.0 ** math.floor(math.log10(share * scale))
+    return found
 
 
-def _fields(
-    system: System, x0: Array, span: tuple[float, float], p: Array, options: Options
-) -> Iterator[Array]:
-    """The field at x0 on the sides that it is on: along the span; of plain functions where the run begins."""
-    if system.field is not None:
+def _functions(
+    system: System, states: Array, span: tuple[float, float], values: Array, options: Options
+) -> Iterator[Iterator[Array]]:
+    """For each start the field on the sides that it is on, by plain functions, where the run begins."""
+
+    def sides(x0: Array, p: Array) -> Iterator[Array]:
+        assert system.field is not None
         record = system.parameters.record(p)
         try:
             h = np.array([float(surface.h(span[0], x0.copy(), record)) for surface in system.surfaces])
@@ -63,13 +78,40 @@ def _fields(
         except (Exception, SystemExit):  # noqa: BLE001  # what a function of the user's raises, the run says
             return
         yield from (f.astype(float) for f in found if f.dtype.kind in "fiu")
-        return
-    run = ready(system, p, x0, span, options)
-    machine, mode, step = run.machine, np.ones(run.machine.m), (span[1] - span[0]) / PARTS
+
+    return (sides(x0, p) for x0, p in zip(states, values, strict=True))
+
+
+def _kernels(
+    system: System, states: Array, span: tuple[float, float], values: Array, options: Options
+) -> Iterator[Iterator[Array]]:
+    """For each start the compiled field along the span."""
+    run = ready(system, values[0], states[0], span, options)
+    machine, step = run.machine, (span[1] - span[0]) / PARTS
+    times = [*(span[0] + k * step for k in range(PARTS)), span[1]]
+    # Arrays of these calls alone, so that their addresses are looked up once.
+    x, f, h, mode, signs = np.empty(machine.n), np.empty(machine.n), *np.ones((3, machine.m))
+    here = {"t": 0.0, "x": x, "p": machine.p, "m": mode, "ctx": machine.context}
+    functions = machine.compiled.functions
+    guarding = machine.compiled.arguments("guards", {"out": h, **here})[1:]
+    moving = machine.compiled.arguments("rhs", {"out": f, "s": signs, **here | {"m": signs}})[1:]
+
+    def sides() -> Iterator[Array]:
+        for t in times:
+            if machine.pieces is not None:
+                machine.pieces.at(t, machine.side)
+            functions["guards"](t, *guarding)
+            for side in _sides(h):
+                signs[:] = side
+                functions["rhs"](t, *moving)
+                yield f
+
     try:
-        for t in (*(span[0] + k * step for k in range(PARTS)), span[1]):
-            for signs in _sides(machine.guards(t, x0, mode)):
-                yield machine.rhs(t, x0, signs, signs)
+        for q, p in enumerate(values):
+            x[:] = states[q]
+            if q > 0 and not np.array_equal(p, values[q - 1]):
+                machine.again(p)
+            yield sides()
     finally:
         put_back(run)
 

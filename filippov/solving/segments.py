@@ -1,9 +1,10 @@
-"""The stretches of a motion in one mode."""
+"""The segments of a solution: in each it stays in one mode."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +20,7 @@ WORDS = {"stick": True, "sliding": True, "slip": False, "free": False}
 
 @dataclass(frozen=True)
 class Segment:
-    """One stretch of the motion in one mode, from t0 to t1 in the direction of integration."""
+    """The part of a solution in one mode, from t0 to t1 in the direction of integration."""
 
     t0: float
     t1: float
@@ -27,7 +28,7 @@ class Segment:
 
     @property
     def dwell(self) -> float:
-        """Length of the stretch in time."""
+        """Length in time."""
         return abs(self.t1 - self.t0)
 
     def __str__(self) -> str:
@@ -35,9 +36,18 @@ class Segment:
 
 
 class Segments(tuple[Segment, ...]):  # noqa: SLOT001  # each has the names of its surfaces
-    """The stretches of a motion in order; surfaces: the names to which the signs of a mode belong."""
+    """The segments of a solution in order; surfaces: the names to which the signs of a mode belong."""
 
     surfaces: tuple[str, ...] = ()
+
+    if not TYPE_CHECKING:  # the type is that of a tuple
+
+        def __getitem__(self, item: Any) -> Any:
+            if isinstance(item, str):
+                raise UsageError(
+                    f"segments go by number, not {item!r}: segments.of('stick') has those of a mode."
+                )
+            return super().__getitem__(item)
 
     @classmethod
     def made(cls, items: Iterable[Segment], surfaces: tuple[str, ...]) -> Segments:

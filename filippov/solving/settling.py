@@ -1,4 +1,4 @@
-"""Where a motion settles: events that pile up, arrivals, and sliding of higher order from there on."""
+"""Where a solution settles: events that pile up, arrivals, and sliding of higher order from there on."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from filippov.solving.resets.zeno import (
     accumulation,
     bridge,
     interrupted,
+    lawful,
     rest,
     rests,
     second_order,
@@ -37,7 +38,7 @@ Ended = tuple[Status, str] | None
 
 
 class Settling(ABC):
-    """The part of the loop that leads a motion into limits and along sliding of higher order."""
+    """The part of the loop that leads a solution into limits and along sliding of higher order."""
 
     run: Run
     options: Options
@@ -106,7 +107,7 @@ class Settling(ABC):
         before = run.signs
         here = self.higher.arrives(limit.surfaces[0]) if len(limit.surfaces) == 1 else ""
         if isinstance(here, Begun):
-            # What is left of the laps is rounding already, and so is a limit by their law.
+            # What is left of the cycles is rounding already, and so is a limit by their law.
             return self._changed(before, here.mode, here.multipliers, limit.surfaces, here.note)
         bridge(run, limit)
         zero = self._back()
@@ -127,7 +128,7 @@ class Settling(ABC):
         return self._classify(limit.surfaces, limit.surfaces, start=False, rested=rested) or self._budgets()
 
     def _spirals(self) -> Ended:
-        """Half of the events went into ever slower laps around a corner: go on in it, if that is wanted."""
+        """Half of the events went into ever slower cycles around a corner: go on in it, if that is wanted."""
         run, options = self.run, self.options
         if options.zeno != "continue" or self.looked_for_spiral or run.events.total < options.max_events // 2:
             return None
@@ -149,10 +150,9 @@ class Settling(ABC):
             if accumulates(self.run):
                 return self._zeno()
             before = self.run.signs
-            # Laps that shrink by a law go on until their limit is near.
+            # Cycles that shrink by a law go on until their limit is near.
             root = self.run.hit[hit[0]] == codes.ROOT
-            lawful = root and len(self.run.events) > 0 and accumulation(self.run) is not None
-            begun = "" if lawful else self.higher.arrives(hit[0])
+            begun = "" if root and lawful(self.run) else self.higher.arrives(hit[0])
             if isinstance(begun, Begun):
                 return self._changed(before, begun.mode, begun.multipliers, hit, begun.note)
             over = self.higher.across(hit[0]) if root and hit[0] in self._near() else None
@@ -162,7 +162,7 @@ class Settling(ABC):
         return self._classify(met, hit, start=False)
 
     def _arrived(self) -> bool:
-        """Whether a motion that no step leads on has arrived where sliding of higher order begins."""
+        """Whether a solution that no step leads on has arrived where sliding of higher order begins."""
         run, before = self.run, self.run.signs
         for i in range(run.machine.m):
             begun = self.higher.arrives(i)

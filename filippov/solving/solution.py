@@ -15,6 +15,7 @@ import numpy.typing as npt
 from filippov.base.delegates import delegate
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
+from filippov.base.names import no_attribute
 from filippov.base.status import EventKind, Status, mode_text
 from filippov.solving.resets.zeno import Accumulation
 from filippov.solving.segments import Segment, Segments
@@ -30,9 +31,7 @@ if TYPE_CHECKING:
     import networkx as nx
     from matplotlib.figure import Figure
 
-    from filippov.model.surface import Surface
     from filippov.model.system import System
-    from filippov.model.time_event import TimeEvent
 
 Array = npt.NDArray[np.float64]
 
@@ -43,8 +42,28 @@ _OTHER_PLOTS = {
     "ax": "ax is no option: figure=fig draws into a figure of yours; its axes are fig.axes.",
     "xlabel": "xlabel is labels={'t': 'time [s]'} here.",
     "ylabel": "ylabel is labels={'x': 'position [m]'} here, by name of state.",
+    **{
+        name: f"{name} is set on the axes of the figure: for ax in solution.plot().axes: ..."
+        for name in ("xlim", "ylim", "grid", "legend")
+    },
+    "figsize": "figsize is no option: plot(figure=plt.figure(figsize=(8, 6), layout='constrained')).",
     "show": "show is no option: the figure is returned; matplotlib.pyplot.show() shows it.",
     "filename": "filename is no option: plot().savefig('run.png') writes the figure.",
+}
+
+
+# What others call it, or would like to call.
+_FIGURE = "solution.plot() is the figure; .savefig('run.png') writes it."
+_TABLE = "solution.to_pandas() is a table; .to_csv('run.csv') writes it."
+_BY_NAME = "solution['x'] is a state or an output by its name, y has a row per state."
+_OF_ORBITS = "that of an orbit is in filippov.analysis.find_orbit, along a trajectory in Sweep(measure=...)."
+_OTHER_NAMES = {
+    **dict.fromkeys(("x", "X", "u", "states"), _BY_NAME),
+    **dict.fromkeys(("time", "times", "T"), "the times are t."),
+    **dict.fromkeys(("savefig", "show", "figure"), _FIGURE),
+    **dict.fromkeys(("to_csv", "to_excel", "to_dataframe", "df"), _TABLE),
+    **dict.fromkeys(("period", "amplitude"), _OF_ORBITS),
+    "plot_phase": "filippov.plot.plot_phase(solution, 'x', 'v') is the phase portrait.",
 }
 
 
@@ -54,8 +73,8 @@ _WHEN_ASKED = {"t", "y", "sol", "message"}
 
 def may_jump(system: System) -> bool:
     """Whether a system has resets."""
-    holders: tuple[Surface | TimeEvent, ...] = (*system.surfaces, *system.time_events)
-    return any(holder.reset is not None for holder in holders)
+    sides = (role.side for role in system.roles)
+    return any(side is not None for side in sides) or any(q.reset is not None for q in system.time_events)
 
 
 def jump_times(system: System, events: Events) -> Array:
@@ -74,9 +93,9 @@ class Solution:
                 jump has one sample, the state before it
     jumps       times at which the state jumps
     sol         dense output sol(t, side="-"), None without dense_output
-    t_events, y_events   times and states of the events: a list a surface, time event, user event
+    t_events, y_events   times and states of the events: a list per surface, time event, user event
     user_events names of the user events
-    events      all events in order; segments: stretches of one mode; modes: their modes
+    events      all events in order; segments: its parts in one mode; modes: their modes
     status, message, success   how the run ended
     nfev, njev, nlu, steps, rejected   work done
     problem     what was solved
@@ -122,8 +141,15 @@ class Solution:
                 if parts.keys() >= _WHEN_ASKED:
                     parts.pop("_course", None)
             if name not in parts:  # another thread may have made it
-                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+                raise AttributeError(self._absent(name))
             return parts[name]
+
+    def _absent(self, name: str) -> str:
+        answers, problem = dict(_OTHER_NAMES), self.__dict__.get("problem")
+        if problem is not None:
+            named = (*problem.system.states, *problem.system.outputs)
+            answers |= {one: f"its values are solution[{one!r}]." for one in named}
+        return no_attribute("Solution", name, dir(type(self)), answers)
 
     @property
     def success(self) -> bool:
@@ -152,7 +178,7 @@ class Solution:
 
     @cached_property
     def segments(self) -> Segments:
-        """The stretches of one mode; their lengths add up to the span. segments.of("stick") selects."""
+        """The segments, each in one mode; their lengths add up to the span. segments.of("stick") selects."""
         if self.options.save_events == "count":
             raise UsageError("segments need the events, which were counted; pass save_events='all'.")
         out: list[Segment] = []
@@ -193,20 +219,20 @@ class Solution:
 
     @property
     def y_events(self) -> list[Array]:
-        """States at these events, one row an event; before it, where the state jumps."""
+        """States at these events, one row per event; before it, where the state jumps."""
         n = len(self.problem.x0)
         rows = [[e.x for e in self.events if self._listed(e, i)] for i in self._places]
         return [np.array(row, dtype=float).reshape(len(row), n) for row in rows]
 
     def _listed(self, event: Event, i: int) -> bool:
-        # A touching is listed for a surface; it is no event of a user's function.
-        touching = event.kind is EventKind.GRAZING and i >= len(self.system.surfaces)
-        return event.index == i and not touching
+        # A tangency is listed for a surface; it is no event of a user's function.
+        grazing = event.kind is EventKind.GRAZING and i >= len(self.system.roles)
+        return event.index == i and not grazing
 
     @property
     def _places(self) -> range:
         system = self.system
-        return range(len(system.surfaces) + len(system.time_events) + len(self.user_events))
+        return range(len(system.roles) + len(system.time_events) + len(self.user_events))
 
     def mode_at(self, t: float, side: str = "-") -> Mode:
         """The mode at a time; at an event the one before it for "-", after it for "+"."""
@@ -224,12 +250,12 @@ class Solution:
         found: Array = delegate("Solution.__getitem__")(self, name)
         return found
 
-    def evaluate(self, what: Any, t: Any, side: str = "-") -> Any:
-        """The value of an expression, formula or output at times (see `filippov.solving.reading`)."""
+    def evaluate(self, what: Any, t: Any = None, side: str = "-") -> Any:
+        """The value of an expression or output at times, else at `t` (see `filippov.solving.reading`)."""
         return delegate("Solution.evaluate")(self, what, t, side)
 
-    def multiplier(self, surface: str, t: Any) -> Any:
-        """Value of a surface's sign: +-1 off it, the multiplier of Filippov's combination while sliding.
+    def multiplier(self, surface: str, t: Any = None) -> Any:
+        """Value of a surface's sign at times, or at `t`: +-1, Filippov's multiplier while sliding.
 
         surface     its name, or the formula of its h; for h = v - vb "vb - v" gives the sign of vb - v
         """
@@ -265,7 +291,7 @@ class Solution:
         self, path: str | Path, states: Sequence[str] | str | None = None, *, seconds: float = 6.0,
         frames: int = 90, labels: Mapping[str, str] | None = None, title: str = "",
     ) -> Path:  # fmt: skip
-        """Write the motion as a film, .gif or .mp4 (see `filippov.plot.animation`)."""
+        """Write the solution as a film, .gif or .mp4 (see `filippov.plot.animation`)."""
         written: Path = delegate("Solution.animate")(
             self, path, states, seconds=seconds, frames=frames, labels=labels, title=title
         )

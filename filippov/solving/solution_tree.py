@@ -117,7 +117,7 @@ class Path:
 
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
-        """Stretches of one mode; those of one mode that meet at a branching point are one."""
+        """Segments, each in one mode; two of the same mode that meet at a branching point are one."""
         out: list[Segment] = []
         for branch in self.branches:
             for segment in branch.solution.segments:
@@ -161,7 +161,7 @@ class Path:
 class Reachable:
     """States reached at one time.
 
-    x          one row a state found, shape (k, n)
+    x          one row per state found, shape (k, n)
     branches   the branch of each row
     low, high  bounds of x, shape (n,). The set of states reached at a time is connected (Filippov 1988,
                section 7), so every value between them is reached by some solution; where x is a sample of it
@@ -230,7 +230,7 @@ class SolutionTree:
         return Path(tuple(reversed(found)))
 
     def paths(self) -> tuple[Path, ...]:
-        """One whole solution a leaf."""
+        """One whole solution per leaf."""
         return tuple(self.path(leaf) for leaf in self.leaves())
 
     def reachable(self, t: float) -> Reachable:

@@ -114,7 +114,7 @@ def solve(
     """Solve x' in { f(t, x, s; p) : s_i in Sgn(h_i) } from x0 over t_span.
 
     system      System, or a Problem that holds x0, t_span and parameters
-    x0          one number a state, in order or as a mapping by name
+    x0          one number per state, in order or as a mapping by name
     t_span      (t0, t1)
     backward    True to integrate backwards in time, with t1 < t0; without it such a span is refused: given
                 first, as in scipy's solve_ivp, a span would be taken for a state
@@ -130,8 +130,8 @@ def solve(
                 "Moreau": time stepping, which looks for no events (see `filippov.solving.stepping`)
     dt, theta   with "Moreau": the length of its steps, and 0.5 (order 2 between events, the default) to 1
                 (implicit Euler)
-    rtol, atol  relative and absolute tolerance of a step; atol may be one number a state. Default of atol:
-                1e-12, less where the whole motion is small (see `filippov.solving.scale`)
+    rtol, atol  relative and absolute tolerance of a step; atol may be one number per state. Default of atol:
+                1e-12, less where the whole solution is small (see `filippov.solving.scale`)
     first_step, max_step         bounds of the step, at most the span
     max_steps, max_events, max_time   budgets (max_time in seconds); each ends in a named status
     nonunique   where several modes can follow: "raise" (end with NON_UNIQUE), "stick" (most sliding), "slip"
@@ -141,7 +141,7 @@ def solve(
     max_branches, max_depth   with "branch": most whole solutions (64), most decisions along one (8)
     release_times   with "branch": departures to sample along sliding that can be left at any time, a number
                 or times; default: none, only staying and leaving at once
-    on_graze    "continue", or "error" to end at a touching of a surface
+    on_graze    "continue", or "error" to end where a surface is grazed
     zeno        "stop" at an accumulation of events, or "continue" in the limit mode
     simultaneous  where resets at one instant depend on their order: "raise" (end with NON_UNIQUE),
                 "sequential" (one after the other, the fastest approach first), or "generalised Newton" (all
@@ -152,7 +152,7 @@ def solve(
     compile     for a field that is a plain function: True compiles it at once (arrays and names that it reads
                 then count as constants), False never; default: after many calls, if it is pure by inspection
     backend     "compiled", or "python": the same event loop run by Python, for a debugger (FILIPPOV_PYTHON=1
-                for a whole process); see the page on contributing
+                for a whole process); see the page on compiled code
     save_events "all", or "count" to keep only their number and the last few: memory does not grow with them
 
     Returns a Solution; see its `status` and `message`. Raises ModelError, UsageError for bad input, and
@@ -199,7 +199,7 @@ def _solved(
 ) -> Solution | SolutionTree:  # fmt: skip
     """The same with its options checked."""
     users = user_events(events)
-    for user in users if problem.system.symbolic is None else ():
+    for user in users if problem.system.field is not None else ():
         if user.symbolic:
             raise UsageError(f"event {user.name!r} is an expression; with a field of functions give g(t, y).")
     if checked.nonunique == "branch":

@@ -1,4 +1,4 @@
-"""Whether an explicit run crawls: steps held down by the field's fastest decay and not by its accuracy.
+"""Whether an explicit run is stiff: steps held down by the field's fastest decay and not by its accuracy.
 
 An explicit method is stable while step * |lambda| stays below its limit, lambda the eigenvalue of the mode's
 Jacobian of largest size (Hairer & Wanner 1996, section IV.2). Steps that stay near the limit long after that
@@ -19,7 +19,7 @@ SLOW = (Status.MAX_STEPS, Status.TIMEOUT, Status.MIN_STEP)
 _SPACING = 256
 
 
-class Crawl:
+class StiffnessMonitor:
     """Looks at the fastest decay of the field, taken now and then along a run."""
 
     def __init__(self) -> None:
@@ -68,7 +68,7 @@ def fastest_decay(run: Run) -> float:
             _, field, _, _ = machine.probe(run.t, 0.0, moved, run.mode, run.lam)
             speed[:, j] = (field - base) / (moved[j] - x[j])
         values = np.linalg.eigvals(speed) if np.all(np.isfinite(speed)) else np.zeros(1)
-    except Exception:  # noqa: BLE001 - a look beside the motion must not end the run
+    except Exception:  # noqa: BLE001 - a look beside the solution must not end the run
         return 0.0
     largest = values[np.argmax(np.abs(values))]
     decays = run.direction * largest.real < -0.5 * abs(largest)

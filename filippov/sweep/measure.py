@@ -7,7 +7,7 @@
     dwell(+0), sliding(s)                   time spent in a mode, sliding on a surface
     period(s), period(s, kind)              mean time between such events of one direction in the tail
     min(x), max(x), mean(x), amplitude(x)   of a state over the tail; amplitude: (max - min)/2
-    path/to/file.py:name       function of the Solution that returns {name: number}
+    path/to/file.py:name       function of the Solution that returns a number or {name: number}
 
 The tail is the last part of the time reached. Of a run that fails only end, t_end, mode, nfev and events are
 kept.
@@ -20,6 +20,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -126,11 +127,14 @@ class Function:
         return [float(value) for value in found.values()]
 
     def call(self, solution: Solution) -> Mapping[str, float]:
-        """What the function returns. Raises UsageError for anything but numbers by name."""
+        """What the function returns: numbers by name, or one of its own name. Raises UsageError otherwise."""
         found: Any = (self.given or _function(self.path, self.name))(solution)
+        if isinstance(found, Real):
+            return {self.name.rpartition(".")[2]: float(found)}
         if not isinstance(found, Mapping) or not all(isinstance(key, str) for key in found):
             raise UsageError(
-                f"{self.name} returned {type(found).__name__}, expected a dict of numbers by name."
+                f"{self.name} returned {type(found).__name__}, expected a number, or a dict of them by "
+                "name."
             )
         return found
 

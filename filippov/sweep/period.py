@@ -1,4 +1,4 @@
-"""The period of a motion from the events on one surface."""
+"""The period of a solution from the events on one surface."""
 
 from __future__ import annotations
 

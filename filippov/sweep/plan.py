@@ -92,7 +92,10 @@ class Sweep:
     ) -> None:
         options = given_options({**locals(), "stop": ()})
         if not isinstance(problem, Problem):
-            raise UsageError(f"Sweep was given {type(problem).__name__}, expected a Problem.")
+            raise UsageError(
+                f"Sweep was given {type(problem).__name__}, expected Problem(system, x0, t_span): the run "
+                "that is varied."
+            )
         if not 0 < positive("tail", tail) <= 1:
             raise UsageError(f"tail is {tail!r}, expected a number in (0, 1].")
         if options.get("nonunique") == "branch":
@@ -241,7 +244,8 @@ class Sweep:
                     raise
                 except BaseException as error:  # a function of the user's may raise anything, or leave
                     raise UsageError(
-                        f"measure {measure.name} fails for the template itself: {failure(error)}"
+                        f"measure {measure.name} fails for the template itself: {failure(error)}. A function "
+                        "takes the solution and returns a dict of numbers by name."
                     ) from error
                 measure = Function(measure.path, measure.name, measure.given, names)  # noqa: PLW2901
             out.append(measure)

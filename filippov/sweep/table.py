@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,9 +18,11 @@ from filippov.sweep.points import BLOCK, Array, Points, Whole
 from filippov.sweep.rows import DONE, Rows, Work
 
 UNKNOWN = ""
+# Rows that are shown of a table, half of them from its end.
+SHOWN = 20
 
 
-@dataclass
+@dataclass(repr=False)
 class SweepTable:
     """Points and what they gave.
 
@@ -108,6 +111,31 @@ class SweepTable:
                 total.update(np.where(np.isnan(part), np.nan, part).astype("<f8").tobytes())
         total.update("\n".join(self.status).encode())
         return total.hexdigest()
+
+    def to_pandas(self) -> Any:
+        """A pandas.DataFrame, one row per point: coordinates, results, status. Raises ImportError."""
+        try:
+            pandas: Any = importlib.import_module("pandas")
+        except ImportError:
+            raise ImportError("to_pandas needs pandas, which is not installed: pip install pandas") from None
+        columns = {name: self[name] for name in (*self.names, *self.columns)}
+        return pandas.DataFrame({**columns, "status": self.status})
+
+    def __repr__(self) -> str:
+        """How many points there are and how they ended, and the first and last rows."""
+        ends = ", ".join(f"{count} {name or 'not computed'}" for name, count in self.counts.items())
+        head = [*self.names, *self.columns, "status"]
+        every = list(range(len(self)))
+        kept = every if len(every) <= SHOWN else [*every[: SHOWN // 2], *every[-SHOWN // 2 :]]
+        rows = [head]
+        for k in kept:
+            row = (*np.asarray(self.coordinates[k], dtype=float), *self.values[k])
+            rows.append([*(f"{value:.6g}" for value in row), self.status[k]])
+        if len(kept) < len(every):
+            rows.insert(1 + SHOWN // 2, ["..."] * len(head))
+        wide = [max(len(row[i]) for row in rows) for i in range(len(head))]
+        lines = ("  ".join(text.rjust(w) for text, w in zip(row, wide, strict=True)) for row in rows)
+        return "\n".join((f"{len(self)} points: {ends}", *lines))
 
     def __getitem__(self, name: str) -> Array:
         """A coordinate or a column, (N,). Raises UsageError for a name it does not have."""

@@ -8,10 +8,10 @@ positive real for one a >= 0 (a = 0: circle criterion, else Popov), there is P >
 
     V = z . P z + 2 a (integral of psi~),   V' <= -2 psi~ (y - psi~/(K - k)) < 0 for y != 0
 
-along every motion of the inclusion: at almost all times on a jump of psi y' = 0. If psi(0) = {0}, nothing but
-z = 0 stays on y = 0; if psi(0) is an interval, the motions on it are those of the zeros of G, and come to
-the equilibria if these lie on the left, but for one at 0 along a set. Where psi is continuous with slopes in
-[k, K] and D is Hurwitz, a multiplier of Zames and Falb bounds z in L2, so that z -> 0.
+along every solution of the inclusion: at almost all times on a jump of psi y' = 0. If psi(0) = {0}, nothing
+but z = 0 stays on y = 0; if psi(0) is an interval, the solutions on it are those of the zeros of G, and come
+to the equilibria if these lie on the left, but for one at 0 along a set. Where psi is continuous with slopes
+in [k, K] and D is Hurwitz, a multiplier of Zames and Falb bounds z in L2, so that z -> 0.
 Source: Khalil 2002; Yakubovich, Leonov, Gelig 2004, Stability of Stationary Sets
 in Control Systems with Discontinuous Nonlinearities; Brogliato 2004, Systems Control Lett. 51,
 343; Zames & Falb 1968, SIAM J. Control 6, 89.
@@ -38,7 +38,7 @@ ZAMES = (
 
 
 def absolute(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Certificate | None:
-    """The verdict on a point, or on a segment on one surface, for all motions or for those near; or None."""
+    """The verdict on a point or a segment on one surface, for all solutions or for those near; or None."""
     if isinstance(found, EquilibriumSet) and (found.dimension > 1 or found.mode.count("0") != 1):
         return None
     form = lure_form(context)
@@ -83,7 +83,7 @@ def _decided(form: LureForm, psi: Characteristic, dimension: int, reach: Reach) 
 
 
 def _zeros(above: Poly, psi: Characteristic, dimension: int) -> bool:
-    """Whether motions on y = 0 come to the equilibria."""
+    """Whether solutions on y = 0 come to the equilibria."""
     if psi.at_zero == (0, 0):
         return dimension == 0
     at_zero = 0

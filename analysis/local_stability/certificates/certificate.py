@@ -18,7 +18,7 @@ class Certificate:
     theorem  what gives the verdict, in words
     source   where the theorem is proved
     checked  the hypotheses, each with what was found
-    reach    "local", or "global" where all motions come to the equilibrium or set
+    reach    "local", or "global" where all solutions come to the equilibrium or set
     """
 
     answer: Answer

@@ -1,6 +1,6 @@
 """Equilibria that a clock resets: where they are reached before it, or where it takes energy away.
 
-Without the clock, a point reached in a time of order |x| is at rest before the next reset if the motion
+Without the clock, a point reached in a time of order |x| is at rest before the next reset if the solution
 starts near enough, and a reset with a derivative carries near states to near ones. For masses with dry
 friction a reset that multiplies speeds by factors of modulus at most 1 does not raise the energy around
 any equilibrium.

@@ -40,7 +40,7 @@ def decided(
 ) -> EquilibriumStability:
     """The analysis of an equilibrium with the verdict of the first certificate that has one.
 
-    without_time  the analysis that leaves clocks and the motion of the field with time aside
+    without_time  the analysis that leaves clocks and the solution of the field with time aside
     """
     if item.answer != "undecided":
         return item
@@ -65,7 +65,7 @@ def _unasked(context: Context, item: EquilibriumStability) -> EquilibriumStabili
 def first(context: Context, item: EquilibriumStability, *, wide: bool = False) -> Certificate | None:
     """The first certificate for an equilibrium, or None.
 
-    wide   ask what holds for all motions before what holds beside the equilibrium, also where that costs more
+    wide   ask what holds for all solutions before what holds near the equilibrium, also where it costs more
     """
     system, found = context.system, item.equilibrium
     if depends_on_time(system):

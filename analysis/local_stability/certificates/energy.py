@@ -1,7 +1,7 @@
 """One mass on a line: its energy, and the sign of the power in each quadrant of position and speed.
 
 q' = v, v' = F0(q) + G(q, v), F0 the mean of F over the signs of v at v = 0. With V = v^2/2 - integral of
-F0, V' = v G. Where F0 leads back, V is positive definite and motions pass through all quadrants, so that
+F0, V' = v G. Where F0 leads back, V is positive definite and solutions pass through all quadrants, so that
 power of one sign decides (LaSalle's invariance principle, for inclusions Shevitz & Paden 1994). Power
 that vanishes keeps V.
 """

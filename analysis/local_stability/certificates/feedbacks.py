@@ -3,12 +3,12 @@
     z' = A z + B w around an equilibrium,   0 <= w_k (y_k - w_k/K_k),   y = C z,   K = oo for a relay
 
 w_k is the sign less its value at the equilibrium, or |h| + h less its own (K = 2). With Q, T >= 0 diagonal,
-V = z . P z + 2 sum Q_k (integral of w_k over y_k) has V' <= (z, w) . L (z, w) along all motions,
+V = z . P z + 2 sum Q_k (integral of w_k over y_k) has V' <= (z, w) . L (z, w) along all solutions,
 
     L = [ P A + A^T P    P B + A^T C^T Q + C^T T ]
         [      .         Q C B + B^T C^T Q - 2 T/K ]
 
-at almost all times on a jump y_k' = 0. For P > 0, L < 0 all motions come to the equilibrium. A relay whose
+at almost all times on a jump y_k' = 0. For P > 0, L < 0 all solutions come to the equilibrium. A relay whose
 row and column of C B are 0 leaves no room in L: its column is made 0, which ties P, Q and T.
 Source: Khalil 2002; Yakubovich, Leonov, Gelig 2004; Boyd, El Ghaoui, Feron,
 Balakrishnan 1994.
@@ -66,7 +66,7 @@ class Feedbacks:
 
 
 def feedbacks(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Certificate | None:
-    """The verdict on a point for all motions; None for one surface, other systems, or no such function."""
+    """The verdict on a point for all solutions; None for one surface, other systems, or no such function."""
     if not isinstance(found, EquilibriumPoint) or not available():
         return None
     parts = of_system(context)

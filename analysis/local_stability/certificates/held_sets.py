@@ -4,8 +4,8 @@
 
 around any point of the set, which has the directions D: C D = 0, A D = -B E. With P B + C^T T = 0, T > 0
 diagonal, V = z . P z has V' = z . S z - 2 sum T_k w_k y_k, S = P A + A^T P. D^T S D = 0, so S D = 0. If P >
-0 and S < 0 across D, every equilibrium is stable, and motions tend to what stays in D: there z = D a has z'
-= B (w - E a), which is 0 where B and D together have full rank. So all motions come to the set.
+0 and S < 0 across D, every equilibrium is stable, and solutions tend to what stays in D: there z = D a has z'
+= B (w - E a), which is 0 where B and D together have full rank. So all solutions come to the set.
 Source: Brogliato 2004, Systems Control Lett. 51, 343; Leine & van de Wouw 2008.
 """
 
@@ -33,7 +33,7 @@ SOURCE = "Brogliato 2004, Systems Control Lett. 51, 343"
 
 
 def held_sets(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Certificate | None:
-    """The verdict on a set for all motions; None for other systems, and where there is no such function."""
+    """The verdict on a set for all solutions; None for other systems, and where there is no such function."""
     if not isinstance(found, EquilibriumSet) or not available():
         return None
     parts = of_system(context)

@@ -1,12 +1,12 @@
-"""Masses with linear springs, dampers and dry friction, any number of them: all motions come to rest, or not.
+"""Any number of masses with linear springs, dampers and dry friction: all solutions come to rest, or not.
 
     q' = v,   M v' = -K q - C v + f - sum k_i c_i^T s_i,   s_i in Sgn(c_i . v)
 
 with M diagonal, K symmetric, C symmetric and positive semidefinite, k_i > 0. For K positive definite the
 energy around ANY equilibrium e, v.Mv/2 + (q - e).K(q - e)/2, does not grow, because each friction force
 minus the one that holds e has a power that is not positive: every equilibrium is stable. By LaSalle's
-principle motions tend to those that lose nothing: c_i . v = 0 and C v = 0 for ever. On N = ker(c_1, c_2,
-...) these obey N'MN w'' = -N'KN w with C N w' = 0, so all motions come to rest if and only if that pair
+principle solutions tend to those that lose nothing: c_i . v = 0 and C v = 0 for ever. On N = ker(c_1, c_2,
+...) these obey N'MN w'' = -N'KN w with C N w' = 0, so all solutions come to rest if and only if that pair
 is observable; else one swings for ever beside the point where no friction is needed. If K has a root
 below 0, lambda > 0 with (lambda^2 M + lambda C + K) d = 0 leads away from the end of the set at which all
 contacts slip along d. Without springs the speed falls at a rate > 0.

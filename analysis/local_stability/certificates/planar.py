@@ -3,7 +3,7 @@
 With the weights r and the dilation x -> l^r x, a homogeneous field is f = k nu + g tau on the unit
 circle, nu = (r1 x1, r2 x2), tau = (-x2, x1). Where g = 0 a ray is invariant and the sign of k on it
 decides; on a surface that the fields beside it point at, the ray slides with the convex combination that
-makes g vanish. Without rays the motion turns, and the logarithm of l grows over a turn by the integral of
+makes g vanish. Without rays the solution turns, and the logarithm of l grows over a turn by the integral of
 k/g and by what resets add. Where that is 0 and the field is reversible, the orbits are closed.
 Source: Filippov 1988; Bernuau, Efimov, Perruquetti, Polyakov 2014, J. Franklin Inst.
 351, 1866; reversibility: Lamb & Roberts 1998, Physica D 112, 1.

@@ -1,13 +1,13 @@
 """A point on one relay whose sign acts on the second or a higher derivative of h only.
 
 Let h, h', ..., h^(r-1) not hold s and h^(r) = a(x) + b(x) s, at the point a + b s0 = 0, |s0| < 1. For r
->= 3 it is unstable whatever b is, and for r = 2 where b > 0. For r = 2, b < 0 motions beside it switch
+>= 3 it is unstable whatever b is, and for r = 2 where b > 0. For r = 2, b < 0 solutions beside it switch
 ever faster about h = h' = 0; with z = h' their energy z^2/2 - b (|h| - s0 h) falls at the rate of
 
     d = (grad(a + b s0) . g)/b z^2,     g = df/ds,
 
 so it is asymptotically stable if d < 0 and the field on h = h' = 0 has all its roots on the left, and
-unstable if d > 0 or a root lies on the right (motions in h = h' = 0 are motions of the inclusion).
+unstable if d > 0 or a root lies on the right (solutions in h = h' = 0 are solutions of the inclusion).
 Source: Anosov 1959, Autom. Remote Control 20, 135; Fridman & Levant 2002; Tsypkin 1984,
 Relay Control Systems.
 """

@@ -3,7 +3,7 @@
 At the point h' = r + M s and 0 = r + M s0. For h to first order V' = (s - s0)^T D M (s - s0), because
 where h_i stays 0 both s_i h_i' and s0_i h_i' are 0. If D M + M^T D is negative definite all h_i reach 0
 in finite time, and the field sliding on all of them decides what is left. If it is positive definite V
-grows off the surfaces. If M s + r points away from all surfaces for one choice of signs, motions leave
+grows off the surfaces. If M s + r points away from all surfaces for one choice of signs, solutions leave
 straight.
 Source: Utkin 1992, Sliding Modes in Control and Optimization; Filippov 1988.
 """

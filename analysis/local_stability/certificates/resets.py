@@ -1,7 +1,7 @@
 """Points on surfaces with linear resets: a quadratic function that falls between resets and rises at none.
 
 x' = A x, and x+ = R x where c . x = 0. V = x . P x with P > 0, A^T P + P A < 0 and x . (P - R^T P R) x >= 0
-on c . x = 0 falls along all motions. States that a reset keeps make the last matrix singular there: its
+on c . x = 0 falls along all solutions. States that a reset keeps make the last matrix singular there: its
 product with them is 0, which ties entries of P (for a state set to 0 this is the H_beta condition). Where a
 reset allows resting contact, the push D must do no work: x . P D = 0 on c . x = c . A x = 0.
 Source: Beker, Hollot, Chait, Han 2004, Automatica 40, 905; Leine & van de Wouw 2008.

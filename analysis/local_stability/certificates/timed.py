@@ -10,12 +10,15 @@ Source: Coppel 1965, Stability and Asymptotic Behavior of Differential Equations
 
 from __future__ import annotations
 
+import itertools
+
 import sympy
 from sympy import Expr
 
 from filippov.analysis.algebra.polynomial import exact
 from filippov.analysis.algebra.time_bounds import bounds
 from filippov.analysis.local_stability.certificates.certificate import Certificate
+from filippov.analysis.local_stability.kink_stability import modes_beside, touched
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.forcing import forcing_period
@@ -34,20 +37,22 @@ def timed(context: Context, point: EquilibriumPoint) -> Certificate | None:
     at = {x: exact(sympy.S(e).subs(values)) for x, e in zip(form.x, point.x, strict=True)}
     if any(not e.is_number for e in at.values()):
         return None
-    if not system.surfaces:
-        A = form.jacobian(point.mode).subs(values).subs(at).applyfunc(exact)
-        return _linear(context, point, A)
+    on = touched(context, point)
+    if "0" not in point.mode and all(system.surfaces[i].kind == "kink" for i in on):
+        modes = modes_beside(context, point.mode, on).values()
+        sides = [form.jacobian(mode).subs(values).subs(at).applyfunc(exact) for mode in modes]
+        return _linear(context, point, sides)
     if len(form.x) == 1 and len(system.surfaces) == 1 and point.mode == "0":
         return _relay(context, at, values)
     return None
 
 
-def _linear(context: Context, point: EquilibriumPoint, A: sympy.Matrix) -> Certificate | None:
+def _linear(context: Context, point: EquilibriumPoint, sides: list[sympy.Matrix]) -> Certificate | None:
     largest: Expr | None = None
-    for i in range(A.rows):
+    for A, i in itertools.product(sides, range(sides[0].rows)):
         parts = [bounds(A[i, i])] + [bounds(A[i, j]) for j in range(A.rows) if j != i]
         if any(p is None for p in parts):
-            return _mean(context, point, A)
+            return _mean(context, point, sides[0]) if len(sides) == 1 else None
         first, *others = [p for p in parts if p is not None]
         row = first[1] + sum((max(abs(a), abs(b)) for a, b in others), sympy.S.Zero)
         largest = row if largest is None or row > largest else largest
@@ -55,7 +60,7 @@ def _linear(context: Context, point: EquilibriumPoint, A: sympy.Matrix) -> Certi
         text = "the largest modulus of the states falls at all times"
         told = f"logarithmic norm of the linear part <= {float(largest):.6g} at all t (interval arithmetic)"
         return Certificate("asymptotically stable", text, COPPEL, (told,))
-    return _mean(context, point, A)
+    return _mean(context, point, sides[0]) if len(sides) == 1 else None
 
 
 def _mean(context: Context, point: EquilibriumPoint, A: sympy.Matrix) -> Certificate | None:

@@ -26,7 +26,7 @@ _MARKS = {
 
 
 @dataclass(frozen=True)
-class PeerTable:
+class SolverTable:
     """All rows, with the versions of the solvers and what counted as right."""
 
     rows: tuple[SolverRow, ...]
@@ -36,17 +36,17 @@ class PeerTable:
     max_calls: int
     max_time: float
 
-    def count(self, peer: str, outcome: str, reported: bool | None = None) -> int:
+    def count(self, solver: str, outcome: str, reported: bool | None = None) -> int:
         """How often a solver had an outcome."""
         return sum(
-            row.peer == peer and row.outcome == outcome and reported in (None, row.reported)
+            row.solver == solver and row.outcome == outcome and reported in (None, row.reported)
             for row in self.rows
         )
 
     @property
-    def peers(self) -> tuple[str, ...]:
+    def solvers(self) -> tuple[str, ...]:
         """Names of the solvers."""
-        return tuple(dict.fromkeys(row.peer for row in self.rows))
+        return tuple(dict.fromkeys(row.solver for row in self.rows))
 
     @property
     def cases(self) -> tuple[str, ...]:
@@ -58,16 +58,16 @@ def compare_bank(
     bank: str | Path | Sequence[Any] | Mapping[str, Any],
     *,
     only: Sequence[str] | None = None,
-    peers: Sequence[str] | None = None,
+    solvers: Sequence[str] | None = None,
     rtol: float = 1e-8,
     tolerance: float = 1e-6,
     max_calls: int = 50_000,
     max_time: float = 20.0,
     progress: Callable[..., None] | None = None,
-) -> PeerTable:
+) -> SolverTable:
     """Every case of a system, through every solver naively, each solver in a process of its own.
 
-    peers      "scipy", "heyoka", "diffrax"; default: those that are installed
+    solvers    "scipy", "heyoka", "diffrax"; default: those that are installed
     rtol       of every solver; the absolute tolerance is rtol / 100
     tolerance  right means: all that is compared within tolerance (1 + |value|), far above rtol
     max_calls  field calls for each case and solver, max_time: seconds
@@ -77,27 +77,28 @@ def compare_bank(
     interrupt ends the run; KeyboardInterrupt carries the table of the rows that are there as its argument.
     Raises UsageError for a solver that is unknown or not installed.
     """
-    solvers = (*FILIPPOV, *_solvers(peers))
+    every = (*FILIPPOV, *_solvers(solvers))
     cases = [
         one
         for case in chosen(read_bank(bank), only)
         if case.raw.get("polynomial") is None
         for one in whole_and_parts(case)
     ]
-    versions = {solver.module: solver.version for solver in solvers if solver not in FILIPPOV}
+    versions = {solver.module: solver.version for solver in every if solver not in FILIPPOV}
     rows: dict[tuple[int, int], SolverRow] = {}
 
-    def table() -> PeerTable:
-        return PeerTable(tuple(rows[k] for k in sorted(rows)), versions, rtol, tolerance, max_calls, max_time)
+    def table() -> SolverTable:
+        done = tuple(rows[k] for k in sorted(rows))
+        return SolverTable(done, versions, rtol, tolerance, max_calls, max_time)
 
     try:
-        for column, solver in enumerate(solvers):
+        for column, solver in enumerate(every):
             process = SolverProcess(solver.name)
             try:
                 for line, case in enumerate(cases):
                     if progress is not None:
                         done = column * len(cases) + line
-                        progress(done, len(solvers) * len(cases), f"{case.id}, {solver.name}")
+                        progress(done, len(every) * len(cases), f"{case.id}, {solver.name}")
                     limits = Limits(rtol, rtol / 100, max_calls, max_time)
                     rows[line, column] = process.run(case, limits, tolerance)
             finally:
@@ -109,7 +110,7 @@ def compare_bank(
 
 def _solvers(names: Sequence[str] | None) -> list[ReferenceSolver]:
     if names is None:
-        return [peer for family in FAMILIES.values() for peer in family if peer.installed]
+        return [solver for family in FAMILIES.values() for solver in family if solver.installed]
     out: list[ReferenceSolver] = []
     for name in names:
         if name not in FAMILIES:
@@ -123,16 +124,16 @@ def _solvers(names: Sequence[str] | None) -> list[ReferenceSolver]:
 # -- texts ---------------------------------------------------------------------------------------------
 
 
-def peers_text(table: PeerTable) -> str:
+def solvers_text(table: SolverTable) -> str:
     """Who gets which case right, and how many each."""
     width = widest(table.cases)
-    by = {(row.id, row.peer): row for row in table.rows}
-    lines = [f"{'case':<{width}}  " + "  ".join(f"{peer:>14}" for peer in table.peers)]
+    by = {(row.id, row.solver): row for row in table.rows}
+    lines = [f"{'case':<{width}}  " + "  ".join(f"{solver:>14}" for solver in table.solvers)]
     for name in table.cases:
-        marks = [_MARKS[by[name, peer].outcome] if (name, peer) in by else "" for peer in table.peers]
+        marks = [_MARKS[by[name, solver].outcome] if (name, solver) in by else "" for solver in table.solvers]
         lines.append(f"{printable(name):<{width}}  " + "  ".join(f"{mark:>14}" for mark in marks))
     for outcome in OUTCOMES:
-        counts = [table.count(peer, outcome) for peer in table.peers]
+        counts = [table.count(solver, outcome) for solver in table.solvers]
         lines.append(f"{outcome:<{width}}  " + "  ".join(f"{count:>14}" for count in counts))
     versions = ", ".join(f"{name} {version}" for name, version in table.versions.items())
     lines.append(
@@ -144,13 +145,14 @@ def peers_text(table: PeerTable) -> str:
     return "\n".join(lines)
 
 
-def peers_json(table: PeerTable) -> str:
+def solvers_json(table: SolverTable) -> str:
     """The table as one JSON object."""
     data = {**asdict(table), "rows": [asdict(row) for row in table.rows], "versions": dict(table.versions)}
     return json_text(data)
 
 
-def read_peers(path: str | Path) -> PeerTable:
-    """The table from what `peers_json` wrote."""
+def read_solvers(path: str | Path) -> SolverTable:
+    """The table from what `solvers_json` wrote, today or when it called a solver a peer."""
     data = json.loads(Path(path).read_text(encoding="utf-8"))
-    return PeerTable(**{**data, "rows": tuple(SolverRow(**row) for row in data["rows"])})
+    rows = ({"solver" if key == "peer" else key: value for key, value in row.items()} for row in data["rows"])
+    return SolverTable(**{**data, "rows": tuple(SolverRow(**row) for row in rows)})

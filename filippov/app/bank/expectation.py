@@ -8,8 +8,8 @@ from typing import Any, Literal
 import numpy as np
 from sympy import Symbol
 
+from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.measures.measure import Measure, Number
-from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import formula, number
 from filippov.app.bank.outcome import MissingError, Outcome, compared, compared_texts
 from filippov.app.bank.polynomial import Polynomial
@@ -17,7 +17,7 @@ from filippov.base.errors import ModelError
 
 # Numbers that one formula in n may stand for.
 LONGEST_LIST = 100_000
-Subject = Motion | Polynomial
+Subject = CaseRuns | Polynomial
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from filippov.app.bank.case import chosen, read_bank
+from filippov.app.bank.case_runs import Settings
 from filippov.app.bank.migrate.case import migrated
-from filippov.app.bank.motion import Settings
 from filippov.app.bank.subjects import Subjects
 from filippov.base.errors import ModelError, UsageError
 

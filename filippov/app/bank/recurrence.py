@@ -14,7 +14,7 @@ from filippov.solving.state.events import Event
 
 @dataclass(frozen=True)
 class Cycle:
-    """The last period of a run: from the event before the last turn to the last event.
+    """The last period of a run: from the event before the last return to the last event.
 
     residual  largest difference between the states of its events and those a period earlier, relative
     """

@@ -14,8 +14,8 @@ from typing import Any
 from filippov.analysis.algebra.budget import OutOfBudgetError
 from filippov.analysis.algebra.deadline import within
 from filippov.app.bank.case import Case, Entry, chosen, read_bank
+from filippov.app.bank.case_runs import CaseRuns, Settings, in_time
 from filippov.app.bank.expectation import Subject
-from filippov.app.bank.motion import Motion, Settings, in_time
 from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome, OutOfTimeError
 from filippov.app.bank.polynomial import Polynomial
 from filippov.app.bank.row import Row
@@ -139,7 +139,7 @@ def _row(
     message = "; ".join(f"{name}: {o.note or f'error {o.error:.2g}'}" for name, o in failed.items())
     if not outcomes:
         message = "no expectation could be evaluated"
-    if not message and isinstance(subject, Motion) and status not in ("success", "complete"):
+    if not message and isinstance(subject, CaseRuns) and status not in ("success", "complete"):
         message = subject.main.message
     return Row(
         case.id, bool(outcomes) and not failed, None if worst is None else worst.error,

@@ -9,10 +9,10 @@ from typing import Any
 
 from filippov.app.bank.build import build
 from filippov.app.bank.case import Case, Entry
+from filippov.app.bank.case_runs import CaseRuns, Settings
 from filippov.app.bank.expectation import Expectation, Subject
 from filippov.app.bank.form import CaseForm, read_case
 from filippov.app.bank.migrate import case as earlier
-from filippov.app.bank.motion import Motion, Settings
 from filippov.app.bank.outcome import Outcome
 from filippov.app.bank.polynomial import read_polynomial
 from filippov.base.errors import ModelError
@@ -39,13 +39,13 @@ class Subjects:
             if raw.get("polynomial") is not None and not raw.get("wrong"):
                 self._made[label] = read_polynomial(raw, self.settings.max_time)
             else:
-                self._made[label] = Motion(build(raw), self.settings, self.started + self.settings.max_time)
+                self._made[label] = CaseRuns(build(raw), self.settings, self.started + self.settings.max_time)
         return self._made[label]
 
     @property
     def field_calls(self) -> int:
         """Evaluations of vector fields."""
-        return sum(subject.field_calls for subject in self._made.values() if isinstance(subject, Motion))
+        return sum(subject.field_calls for subject in self._made.values() if isinstance(subject, CaseRuns))
 
     def system(self, label: str = "") -> Mapping[str, Any]:
         """What the case, or a part of it, says of its system. Raises ModelError."""

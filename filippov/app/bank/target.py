@@ -13,13 +13,13 @@ from sympy import Expr
 from filippov.app.bank import record
 from filippov.app.bank.build import Built
 from filippov.app.bank.case import Case, read_bank
+from filippov.app.bank.case_runs import CaseRuns, Settings
 from filippov.app.bank.expectation import Expectation
 from filippov.app.bank.form import SystemForm
 from filippov.app.bank.measures.accumulations import Accumulation
 from filippov.app.bank.measures.events import OneEvent, SomeEvents
 from filippov.app.bank.measures.measure import Measure, When
 from filippov.app.bank.measures.states import End, State
-from filippov.app.bank.motion import Motion, Settings
 from filippov.app.bank.notation import number
 from filippov.app.bank.subjects import Subjects
 from filippov.base.errors import ModelError
@@ -47,7 +47,7 @@ def stated(case: Case) -> tuple[Built, list[Expectation]]:
     """The problem of a case, and what is expected of it. Raises ModelError."""
     subjects = Subjects(case, Settings())
     subject = subjects()
-    assert isinstance(subject, Motion)
+    assert isinstance(subject, CaseRuns)
     return subject.built, subjects.expectations()
 
 

@@ -1,4 +1,4 @@
-"""filippov attractors and filippov manifold: where motions go, and the curves that part them."""
+"""filippov attractors and filippov manifold: where solutions go, and the curves that part them."""
 
 from __future__ import annotations
 

@@ -43,8 +43,8 @@ def _migrate(settings: dict[str, Any], console: Console) -> int:
 
 
 def _run(settings: dict[str, Any], console: Console) -> int:
-    if settings["peers"] is not None:
-        raise UsageError("--peers goes with: filippov bank compare FILE")
+    if settings["solvers"] is not None:
+        raise UsageError("--solvers goes with: filippov bank compare FILE")
     given = {
         key: settings[key] for key in ("rtol", "atol", "method", "max_time") if settings[key] is not None
     }
@@ -98,7 +98,7 @@ def _write(places: list[tuple[Folder, str]], console: Console, text: str) -> Non
 
 
 def _compare(settings: dict[str, Any], console: Console) -> int:
-    from filippov.app.bank.compare import compare_bank, peers_json, peers_text
+    from filippov.app.bank.compare import compare_bank, solvers_json, solvers_text
 
     for name in ("atol", "method"):
         if settings[name] is not None:
@@ -108,14 +108,15 @@ def _compare(settings: dict[str, Any], console: Console) -> int:
     with console.progress("bank compare") as progress:
         try:
             table = compare_bank(
-                settings["file"], only=settings["only"], peers=settings["peers"], progress=progress, **given
+                settings["file"], only=settings["only"], solvers=settings["solvers"], progress=progress,
+                **given,
             )
         except KeyboardInterrupt as interrupt:
             if not interrupt.args:
                 raise
             table, code = interrupt.args[0], INTERRUPTED
-    _write(places, console, peers_json(table))
-    console.say(peers_text(table))
+    _write(places, console, solvers_json(table))
+    console.say(solvers_text(table))
     if code:
         console.warn(f"interrupted; {len(table.rows)} rows are kept")
     return code

@@ -440,7 +440,8 @@ _ALL = (
          *TOLERANCES,
          Option("max_time", "seconds for each case", number, metavar="SECONDS"),
          Option("jobs", "processes", whole, metavar="N", flags=("-j", "--jobs"), default=1),
-         Option("peers", "compare: the reference solvers, with commas", words, metavar="NAME,NAME,...")),
+         Option("solvers", "compare: the reference solvers, with commas", words, metavar="NAME,NAME,...",
+                flags=("--solvers", "--peers"))),
         "filippov bank run cases.json --json rows.json",
     ),
     Command(

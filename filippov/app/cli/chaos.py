@@ -1,4 +1,4 @@
-"""filippov lyapunov and filippov diagram: exponents of a motion, diagrams by iteration."""
+"""filippov lyapunov and filippov diagram: exponents of a solution, diagrams by iteration."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import loaded_of
+from filippov.app.cli.sections.along import follows_solution, section_along, section_data, told, varied
 from filippov.app.cli.sections.maps import interval_of, section_of
-from filippov.app.cli.sections.motion import by_motion, motion_section, section_data, told, varied
 from filippov.base.errors import UsageError
 from filippov.plot.lyapunov import plot_brute_force, plot_lyapunov
 
@@ -53,8 +53,8 @@ def run_diagram(settings: dict[str, Any], console: Console) -> int:
     loaded = loaded_of(settings)
     values = loaded.values(settings["parameters"])
     parameter, low, high = varied(loaded, settings)
-    if by_motion(loaded, settings):
-        section, start = motion_section(loaded, settings, values, console, (parameter, low, high))
+    if follows_solution(loaded, settings):
+        section, start = section_along(loaded, settings, values, console, (parameter, low, high))
     else:
         section, start = section_of(loaded, settings), settings["start"]
         start = 0.5 * sum(interval_of(loaded, settings)) if start is None else start

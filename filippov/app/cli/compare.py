@@ -1,4 +1,4 @@
-"""filippov compare: the exact inclusion against its approximations, over a section or along a motion.
+"""filippov compare: the exact inclusion against its approximations, over a section or along a solution.
 
 What works is imported when it is run: the catalogue of commands reads the options here.
 """
@@ -18,23 +18,23 @@ if TYPE_CHECKING:
 # As in `filippov.analysis.comparisons`, which is not imported for a help text.
 KINDS = (
     "switch", "karnopp", "band", "tanh", "arctan", "sqrt", "hysteresis", "lugre", "dahl",
-    "elasto-plastic", "maxwell-slip", "memory", "bengisu-akay", "moreau",
+    "elasto-plastic", "maxwell-slip", "memory", "bengisu-akay", "seven-parameter", "moreau",
 )  # fmt: skip
 ERRORS = ("error_state", "error_final", "error_times", "drift")
 
 APPROXIMATIONS = (
-    Option("against", f"along a motion: {', '.join(KINDS)}; several with commas", words,
+    Option("against", f"along a solution: {', '.join(KINDS)}; several with commas", words,
            metavar="NAME,NAME,..."),
     Option("widths", "band widths, with commas", numbers, metavar="ETA,ETA,..."),
     Option("alphas", "stiffnesses of the band, with commas", numbers, metavar="ALPHA,ALPHA,..."),
-    Option("accuracy", "along a motion: error whose width is solved for and checked", number,
+    Option("accuracy", "along a solution: error whose width is solved for and checked", number,
            metavar="E"),
     Option("quantity", "the error that --accuracy is of", one_of(*ERRORS),
            metavar="{" + ",".join(ERRORS) + "}"),
     Option("measure", "further numbers of each run: amplitude(x), path/to/file.py:name; can be repeated",
            texts, metavar="MEASURE", repeat=True),
 )  # fmt: skip
-OF_MOTIONS = ("against", "measure", "accuracy", "quantity")
+OF_SOLUTIONS = ("against", "measure", "accuracy", "quantity")
 
 
 def band_models(name: str, alphas: Any) -> list[Any]:
@@ -59,16 +59,16 @@ def own_interval(loaded: Any) -> tuple[float, float] | None:
 
 
 def run(settings: dict[str, Any], console: Console) -> int:
-    """Errors, field calls and times as a table: along a motion where one is given, else over a section."""
+    """Errors, field calls and times as a table: along a solution where one is given, else over a section."""
     from filippov.app.cli.folder import Folder
     from filippov.app.cli.model import loaded_of
     from filippov.app.cli.sections.maps import PARTS, section_of
 
     loaded = loaded_of(settings)
-    of_motions = [name for name in (*OF_MOTIONS, "x0", "t_span") if settings.get(name) is not None]
+    of_solutions = [name for name in (*OF_SOLUTIONS, "x0", "t_span") if settings.get(name) is not None]
     sectionless = getattr(loaded.model, "section", None) is None
-    if of_motions or (sectionless and all(settings.get(part) is None for part in PARTS)):
-        return run_motion(loaded, settings, console)
+    if of_solutions or (sectionless and all(settings.get(part) is None for part in PARTS)):
+        return run_solutions(loaded, settings, console)
     values = loaded.values(settings["parameters"])
     section = section_of(loaded, settings)
     folder = Folder(settings["output"], console)
@@ -93,19 +93,19 @@ def run(settings: dict[str, Any], console: Console) -> int:
     return 0
 
 
-def run_motion(loaded: Loaded, settings: dict[str, Any], console: Console) -> int:
-    """The same along a motion: comparison.csv, .json, .txt, .html and .png."""
+def run_solutions(loaded: Loaded, settings: dict[str, Any], console: Console) -> int:
+    """The same along a solution: comparison.csv, .json, .txt, .html and .png."""
     if settings["alphas"] is not None and len(settings["alphas"]) > 1:
-        raise UsageError("--alphas has several values; along a motion give one.")
+        raise UsageError("--alphas has several values; along a solution give one.")
     problem = loaded.problem(settings)
-    from filippov.analysis.comparisons.motions import compare_motions
+    from filippov.analysis.comparisons.solutions import compare_solutions
     from filippov.app.cli.folder import Folder
 
     folder = Folder(settings["output"], console)
     given = {name: settings[name] for name in ("widths", "against", "accuracy", "quantity", "rtol", "atol")}
     given |= {"measures": settings["measure"], "alpha": (settings["alphas"] or [None])[0]}
     with console.progress("compare") as progress:
-        result = compare_motions(
+        result = compare_solutions(
             loaded.system, problem.x0, problem.t_span, parameters=dict(problem.parameters), progress=progress,
             **{name: value for name, value in given.items() if value is not None},
         )  # fmt: skip

@@ -18,9 +18,14 @@ def run(settings: dict[str, Any], console: Console) -> int:
     path, colon, name = (settings["program"] or "").rpartition(":")
     if not colon or not path.endswith(".py") or not name:
         raise UsageError(f"no program was given, expected path/to/file.py:f, not {settings['program']!r}.")
-    for needed in ("x0", "t_span"):
-        if settings[needed] is None:
-            raise UsageError(f"--{needed.replace('_', '-')} is missing: a program has none of its own.")
+    flags = {"x0": "--x0 1,0", "t_span": "--t-span T0 T1"}
+    missing = [flag for key, flag in flags.items() if settings[key] is None]
+    if missing:
+        names = " and ".join(flag.split()[0] for flag in missing)
+        raise UsageError(
+            f"{names} {'is' if len(missing) == 1 else 'are'} missing: a program has none of its own. "
+            f"Give {' and '.join(missing)}."
+        )
     folder = Folder(settings["output"], console)
     console.say(
         f"runs {printable(path)} to import it, and calls its {printable(name)} up to "

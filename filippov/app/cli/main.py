@@ -117,6 +117,32 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _failed(FAILED, f"{type(error).__name__}: {error}", show)
 
 
+def _parted(argv: list[str], pairs: set[str]) -> list[str]:
+    """The words, with those that give a flag of two values both in one ("0,10") as two."""
+    out: list[str] = []
+    for before, word in zip(["", *argv], argv, strict=False):
+        halves = word.split(",")
+        out += halves if before in pairs and len(halves) == 2 and all(halves) else [word]
+    return out
+
+
+def _choice(options: Sequence[Option], flag: str) -> str:
+    """What to write for a flag that is a word which another one takes, as --observed for --kind observed."""
+    word = flag.lstrip("-")
+    choices = ((q.flag, q.metavar.strip("{}").split(",")) for q in options if isinstance(q.metavar, str))
+    takers = [taker for taker, words in choices if word in words]
+    return f"write {takers[0]} {word}" if takers else ""
+
+
+def _joined(argv: list[str], word: str) -> str:
+    """What to write where a flag of one value was given several: the words after it, with commas."""
+    end = argv.index(word) if word in argv else 0
+    start = next((k for k in range(end, -1, -1) if argv[k].startswith("--")), None)
+    if start is None or end - start < 2:
+        return ""
+    return f"one word goes with {argv[start]}: {argv[start]} {','.join(argv[start + 1 : end + 1])}"
+
+
 def _left(leave: SystemExit) -> str:
     """What to say where a function of the user's ended the program: none of its codes is that of a result."""
     frames = traceback.extract_tb(leave.__traceback__)
@@ -139,6 +165,8 @@ def _main(argv: list[str], show: dict[str, bool], for_good: bool) -> int:
     """The work; for_good: nothing comes after it in this process."""
     known = commands()
     parser = build_parser(known)
+    options = [option for command in known.values() for option in command.settings]
+    argv = _parted(argv, {flag for q in options if q.count == 2 for flag in q.flags or (q.flag,)})
     # A leading blank keeps argparse from taking -1e-3 and -(pi/2) for flags.
     space, extra = parser.parse_known_args([" " + word if _NEGATIVE.match(word) else word for word in argv])
     given = vars(space)
@@ -148,8 +176,12 @@ def _main(argv: list[str], show: dict[str, bool], for_good: bool) -> int:
     part: Parser = given.pop("parser", parser)
     if extra:
         word = extra[0].strip()
-        hint = closest(word.split("=")[0], part.words) if word.startswith("-") else ""
-        raise UsageError(f"unknown argument {word!r}; {hint or 'expected no more'} (see {part.prog} --help)")
+        if word.startswith("-"):
+            own = known[given["command"]].settings if given.get("command") else ()
+            hint = closest(word.split("=")[0], part.words) or _choice(own, word)
+        else:
+            hint = _joined(argv, word) or "expected no more"
+        raise UsageError(f"unknown argument {word!r}{'; ' + hint if hint else ''} (see {part.prog} --help)")
     command = known[given.pop("command")]
     show["traceback"] = bool(given.get("traceback"))
     keys = {name: [option.name for option in other.settings] for name, other in known.items()}

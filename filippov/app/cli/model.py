@@ -13,7 +13,7 @@ from filippov.base.escape import figure_text
 from filippov.base.names import closest
 from filippov.base.user_file import load_file, place_of
 from filippov.model.system import System
-from filippov.models import registry
+from filippov.models import problem, registry
 from filippov.plot.style import axis_label
 from filippov.solving.state.options import check_state, falls
 from filippov.solving.state.problem import Problem
@@ -25,7 +25,7 @@ class Loaded:
 
     x0, t_span   None where the model has none
     parameters   values by name that differ from the system's defaults
-    model        the registry's entry, None for a bare system
+    entry        the registry's entry or its name, None for a bare system
     """
 
     name: str
@@ -33,7 +33,12 @@ class Loaded:
     x0: Any = None
     t_span: tuple[float, float] | None = None
     parameters: Mapping[str, float] = field(default_factory=dict)
-    model: registry.Model | None = None
+    entry: registry.Model | str | None = None
+
+    @property
+    def model(self) -> registry.Model | None:
+        """The registry's entry, None for a bare system."""
+        return registry.get(self.entry) if isinstance(self.entry, str) else self.entry
 
     @property
     def title(self) -> str:
@@ -56,17 +61,29 @@ class Loaded:
         """The problem, with what the settings have of x0, t_span and parameters. Raises UsageError."""
         span = settings.get("t_span") or self.t_span
         if span is None:
-            raise UsageError(f"{self.name} has no time span of its own; give --t-span T0 T1.")
+            also = self.x0 is None and settings.get("x0") is None
+            state = f" and --x0 {self._blanks()}" if also else ""
+            raise UsageError(
+                f"{self.name} has no time span{' and no initial state' if also else ''} of its own; give "
+                f"--t-span T0 T1{state}."
+            )
         state, values = self.state(settings.get("x0")), self.values(settings.get("parameters"))
-        backward = bool(settings.get("backward")) or (not settings.get("t_span") and falls(span))
+        own, backward = not settings.get("t_span"), bool(settings.get("backward"))
+        if not own and backward != falls(span):
+            way, cure = ("forwards", "drop") if backward else ("backwards", "add")
+            cure = f"{cure} --backward or " if "backward" in settings else ""  # not every command has it
+            raise UsageError(f"--t-span {span[0]:g} {span[1]:g} runs {way} in time: {cure}exchange the two.")
+        backward = backward or falls(span)
         return Problem(self.system, state, span, values, backward)
+
+    def _blanks(self) -> str:
+        return ",".join(f"{name}=..." for name in self.system.states)
 
     def state(self, given: Any) -> Any:
         """An initial state: what is given, by name over the model's own."""
         if given is None:
             if self.x0 is None:
-                names = ",".join(f"{name}=..." for name in self.system.states)
-                raise UsageError(f"{self.name} has no initial state of its own; give --x0 {names}.")
+                raise UsageError(f"{self.name} has no initial state of its own; give --x0 {self._blanks()}.")
             return self.x0
         if isinstance(given, dict) and self.x0 is not None:
             own = dict(zip(self.system.states, check_state(self.x0, self.system).tolist(), strict=True))
@@ -84,7 +101,7 @@ def load_model(name: str | None) -> Loaded:
             raise UsageError(f"{name!r} names no file; write {file}.py:{attribute}, what is in which file.")
         if name not in registry.names() and Path(f"{name}.py").is_file():
             raise UsageError(f"unknown model {name!r}; there is a file of this name: write {name}.py:NAME.")
-        return _of_model(registry.get(name))
+        return _of_problem(name, problem(name), name)
     path, colon, attribute = name.rpartition(":")
     if not colon or not path.endswith(".py"):
         path, attribute = name.removesuffix(":"), ""
@@ -118,11 +135,15 @@ def loaded_of(settings: Mapping[str, Any]) -> Loaded:
     except ModelError as error:
         raise UsageError(f"--input: {error}") from None
     own = {name: value for name, value in loaded.parameters.items() if name not in signals}
-    return replace(loaded, system=system, parameters=own, model=None)
+    return replace(loaded, system=system, parameters=own, entry=None)
 
 
 def _of_model(model: registry.Model) -> Loaded:
-    return Loaded(model.name, model.build(), model.x0, model.t_span, model=model)
+    return Loaded(model.name, model.build(), model.x0, model.t_span, entry=model)
+
+
+def _of_problem(name: str, made: Problem, entry: str | None = None) -> Loaded:
+    return Loaded(name, made.system, made.x0, made.t_span, made.parameters, entry)
 
 
 def _of_object(name: str, value: Any) -> Loaded:
@@ -135,7 +156,7 @@ def _of_object(name: str, value: Any) -> Loaded:
     if isinstance(made, registry.Model):
         return _of_model(made)
     if isinstance(made, Problem):
-        return Loaded(name, made.system, made.x0, made.t_span, made.parameters)
+        return _of_problem(name, made)
     if isinstance(made, System):
         return Loaded(name, made)
     what = f"returned {type(made).__name__}" if made is not value else f"is {type(made).__name__}"

@@ -12,6 +12,10 @@ from filippov.app.cli.model import loaded_of
 from filippov.base.errors import UsageError
 
 KEEP = ("period", "symmetry", "nodes", "transient", "t_max", "rtol", "atol", "method")
+VERDICTS = {
+    "stable": "stable orbit", "unstable": "unstable orbit",
+    "undecided": "orbit with a multiplier on the unit circle, which decides nothing",
+}  # fmt: skip
 OF_HOMOCLINIC = ("free", "mode", "side", "t_max", "rtol", "atol")
 
 
@@ -64,7 +68,7 @@ def run_homoclinic(settings: dict[str, Any], console: Console) -> int:
 
 
 def _rows(piece: Any, count: int) -> list[list[float]]:
-    """Time and states along one of the motions, at so many times."""
+    """Time and states along one of the solutions, at so many times."""
     t = np.linspace(piece.problem.t_span[0], piece.t_end, count)
     rows: list[list[float]] = np.vstack([t, piece.sol(t)]).T.tolist()
     return rows
@@ -78,7 +82,7 @@ def _count(piece: Any, period: float) -> int:
 
 def tell(orbit: Any, console: Console) -> None:
     """What an orbit is, in words."""
-    console.say(f"{'stable' if orbit.stable else 'unstable'} orbit, period {orbit.period:.12g}: {orbit.word}")
+    console.say(f"{VERDICTS[orbit.verdict]}, period {orbit.period:.12g}: {orbit.word}")
     state = ", ".join(f"{n} = {v:.12g}" for n, v in zip(orbit.system.states, orbit.x0, strict=True))
     console.say(f"state on it: {state}" + (f" at t = {orbit.t0:.12g}" if orbit.forced else ""))
     console.say("multipliers: " + (", ".join(number(v) for v in orbit.multipliers) or "none besides 1"))

@@ -8,7 +8,6 @@ from typing import Any
 from filippov.app.cli.console import Console
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.status import Status, mode_text
-from filippov.model.expression import parse_expression
 from filippov.model.user_event import UserEvent
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
@@ -72,6 +71,8 @@ def parse_root(text: str, problem: Problem) -> UserEvent:
     form = problem.system.symbolic
     if form is None:
         raise UsageError("--events needs a model of formulas; with functions use solve(..., events=g).")
+    from filippov.model.expression import parse_expression
+
     try:
         g = parse_expression(formula, {symbol.name: symbol for symbol in (*form.x, *form.p)})
     except ModelError as error:

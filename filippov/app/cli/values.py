@@ -99,7 +99,9 @@ def named_ranges(value: Any, name: str) -> dict[str, tuple[float, float]]:
     for key, item in named(value, name).items():
         ends = item.split(":") if isinstance(item, str) else item
         if not isinstance(ends, list | tuple) or len(ends) != 2:
-            raise UsageError(f"{name}: {key} is {item!r}, expected LOW:HIGH.")
+            raise UsageError(
+                f"{name}: {key} is {item!r}, expected LOW:HIGH; how many values is a flag of its own."
+            )
         low, high = (number(end, f"{name}: {key}") for end in ends)
         if not low <= high:
             raise UsageError(f"{name}: {key} is {item!r}, expected LOW <= HIGH.")

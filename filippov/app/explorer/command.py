@@ -72,16 +72,16 @@ def _origin(settings: dict[str, Any]) -> str:
 
 
 def _export(explorer: Explorer, folder: Folder, console: Console) -> int:
-    motions, view = explorer.motions, explorer.start
-    solution = motions.exact(view)
-    for name in offered(motions, view):
+    solutions, view = explorer.solutions, explorer.start
+    solution = solutions.exact(view)
+    for name in offered(solutions, view):
         try:
-            content = FILES[name][0](motions, view)
+            content = FILES[name][0](solutions, view)
         except (ImportError, UsageError) as error:
             console.warn(f"no {name}: {error}")
             continue
         folder.content(name, content)
-    system = motions.subject.system
+    system = solutions.subject.system
     console.result({
         "model": explorer.subject.name, "query": view.query, "parameters": view.parameters,
         "status": solution.status.value, "message": solution.message, "t_end": solution.t_end,

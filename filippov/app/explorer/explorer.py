@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from filippov.app.explorer.export import FILES, offered
 from filippov.app.explorer.look import Figure
 from filippov.app.explorer.map_figure import diagram_figure
-from filippov.app.explorer.motion import Motions
 from filippov.app.explorer.pictures import pictures
+from filippov.app.explorer.solutions import Solutions
 from filippov.app.explorer.subject import Subject, subject
 from filippov.app.explorer.view import View
 from filippov.base.errors import UsageError
@@ -32,10 +32,10 @@ class Explorer:
     """Sliders for the parameters of a system, with its pictures.
 
     system       a System, a Problem, or a registered Model (filippov.models.get(NAME))
-    x0, t_span   where the motion starts and how long it is followed; default those of the Problem or Model
+    x0, t_span   where the solution starts and how long it is followed; default those of the Problem or Model
     parameters   values by name, over the defaults
     section      the event map that is shown, with the interval of its coordinate where it has a lift; default
-                 the Model's own, else one that is found along the motion
+                 the Model's own, else one that is found along the solution
     view         the link, or its part after the question mark, that another page gave
 
     As the value of a notebook's cell it is the page itself; `open()` shows it in a browser. The page is
@@ -57,7 +57,7 @@ class Explorer:
                 system, x0, t_span, parameters=parameters, section=section, interval=interval, name=name
             )
         self.subject: Subject = made
-        self.motions = Motions(made)
+        self.solutions = Solutions(made)
         self.start = View.from_query(made, view)
         self._server: BaseWSGIServer | None = None
 
@@ -70,16 +70,16 @@ class Explorer:
         return self.view(settings, **changes).query
 
     def solution(self, settings: Mapping[str, Any] | None = None, /, **changes: Any) -> Solution:
-        """The motion that the page shows."""
-        return self.motions.exact(self.view(settings, **changes))
+        """The solution that the page shows."""
+        return self.solutions.exact(self.view(settings, **changes))
 
     def figures(self, settings: Mapping[str, Any] | None = None, /, **changes: Any) -> dict[str, Figure]:
         """The figures by name (time, phase, graph, map, diagram) in the form of plotly: go.Figure(figure)."""
         view = self.view(settings, **changes)
-        made = dict(pictures(self.motions, view).figures)
-        found = self.motions.diagram(view)
+        made = dict(pictures(self.solutions, view).figures)
+        found = self.solutions.diagram(view)
         if found is not None:
-            made["diagram"] = diagram_figure(view, found, self.motions.map(view))
+            made["diagram"] = diagram_figure(view, found, self.solutions.map(view))
         return made
 
     def export(
@@ -88,7 +88,8 @@ class Explorer:
         """Write data, figures, the solution and the Python that makes them; returns the paths."""
         view, target = self.view(settings, **changes), Path(folder)
         target.mkdir(parents=True, exist_ok=True)
-        return [write_whole(target / n, FILES[n][0](self.motions, view)) for n in offered(self.motions, view)]
+        names = offered(self.solutions, view)
+        return [write_whole(target / n, FILES[n][0](self.solutions, view)) for n in names]
 
     # -- the page -----------------------------------------------------------------------------------------
 
@@ -99,7 +100,7 @@ class Explorer:
         except ImportError as error:
             raise UsageError(MISSING) from error
         try:
-            return listen(application(self.motions, self.start), port)
+            return listen(application(self.solutions, self.start), port)
         except (OSError, OverflowError, SystemExit) as error:
             raise UsageError(
                 f"port {port} cannot be used: choose another one, or 0 for any free one."

@@ -9,35 +9,35 @@ from typing import Any
 import numpy as np
 
 from filippov.app.cli.solved import EVENT_COLUMNS, event_row
-from filippov.app.explorer.motion import ATOL, MOST_EVENTS, MOST_STEPS, RTOL, Motions
+from filippov.app.explorer.solutions import ATOL, MOST_EVENTS, MOST_STEPS, RTOL, Solutions
 from filippov.app.explorer.view import EXACT, View
 from filippov.base.csv_text import csv_text
 from filippov.base.errors import UsageError
 
 
-def motion_csv(motions: Motions, view: View) -> str:
+def solution_csv(solutions: Solutions, view: View) -> str:
     """Time, states and outputs at the ends of the steps."""
-    solution, names = motions.exact(view), motions.subject.quantities
+    solution, names = solutions.exact(view), solutions.subject.quantities
     return csv_text(("t", *names), np.vstack([solution.t, *(solution[name] for name in names)]).T.tolist())
 
 
-def events_csv(motions: Motions, view: View) -> str:
+def events_csv(solutions: Solutions, view: View) -> str:
     """The events, as `filippov simulate` writes them."""
-    rows = (event_row(event) for event in motions.exact(view).events)
-    return csv_text((*EVENT_COLUMNS, *motions.subject.system.states), rows)
+    rows = (event_row(event) for event in solutions.exact(view).events)
+    return csv_text((*EVENT_COLUMNS, *solutions.subject.system.states), rows)
 
 
-def map_csv(motions: Motions, view: View) -> str:
+def map_csv(solutions: Solutions, view: View) -> str:
     """d and P(d) over the interval. Raises UsageError without a section."""
-    found = motions.map(view)
+    found = solutions.map(view)
     if found is None:
         raise UsageError("the subject has no section, so it has no event map.")
     return csv_text(("d", "P"), zip(found.d.tolist(), found.image.tolist(), strict=True))
 
 
-def diagram_csv(motions: Motions, view: View) -> str:
+def diagram_csv(solutions: Solutions, view: View) -> str:
     """Iterates over the diagram's parameter. Raises UsageError without a section."""
-    found = motions.diagram(view)
+    found = solutions.diagram(view)
     if found is None:
         raise UsageError("the subject has no section, so it has no diagram.")
     values, d = found
@@ -45,32 +45,33 @@ def diagram_csv(motions: Motions, view: View) -> str:
     return csv_text((view["over"], "d"), rows)
 
 
-def motion_png(motions: Motions, view: View) -> bytes:
+def solution_png(solutions: Solutions, view: View) -> bytes:
     """The time response by matplotlib."""
-    solution = motions.exact(view)
-    return _picture(lambda figure: solution.plot(figure=figure), 1.0 + 1.55 * len(motions.subject.quantities))
+    solution = solutions.exact(view)
+    height = 1.0 + 1.55 * len(solutions.subject.quantities)
+    return _picture(lambda figure: solution.plot(figure=figure), height)
 
 
-def phase_png(motions: Motions, view: View) -> bytes:
+def phase_png(solutions: Solutions, view: View) -> bytes:
     """The phase portrait by matplotlib. Raises UsageError for a system of one state."""
     from filippov.plot.solution import plot_phase
 
-    solution = motions.exact(view)
+    solution = solutions.exact(view)
     return _picture(lambda figure: plot_phase(solution, view["x"], view["y"], figure=figure), 5.0)
 
 
-def solution_npz(motions: Motions, view: View) -> bytes:
+def solution_npz(solutions: Solutions, view: View) -> bytes:
     """The solution with its system, for `Solution.load`."""
     import tempfile
     from pathlib import Path
 
     with tempfile.TemporaryDirectory() as folder:
-        return motions.exact(view).save(Path(folder) / "solution.npz").read_bytes()
+        return solutions.exact(view).save(Path(folder) / "solution.npz").read_bytes()
 
 
-def script(motions: Motions, view: View) -> str:
+def script(solutions: Solutions, view: View) -> str:
     """Python that solves the view again and writes motion.csv and its pictures."""
-    subject = motions.subject
+    subject = solutions.subject
     lines = [
         f"# {subject.name!r}, as the explorer showed it: {view.query or 'nothing changed'}",
         "import matplotlib", "import numpy as np", "", "from filippov import solve",
@@ -111,17 +112,17 @@ def script(motions: Motions, view: View) -> str:
 
 
 # What the page and `filippov explore -o DIR` offer: name -> (how it is made, its type).
-FILES: dict[str, tuple[Callable[[Motions, View], str | bytes], str]] = {
-    "view.py": (script, "text/x-python"), "motion.csv": (motion_csv, "text/csv"),
+FILES: dict[str, tuple[Callable[[Solutions, View], str | bytes], str]] = {
+    "view.py": (script, "text/x-python"), "motion.csv": (solution_csv, "text/csv"),
     "events.csv": (events_csv, "text/csv"), "map.csv": (map_csv, "text/csv"),
-    "diagram.csv": (diagram_csv, "text/csv"), "motion.png": (motion_png, "image/png"),
+    "diagram.csv": (diagram_csv, "text/csv"), "motion.png": (solution_png, "image/png"),
     "phase.png": (phase_png, "image/png"), "solution.npz": (solution_npz, "application/octet-stream"),
 }  # fmt: skip
 
 
-def offered(motions: Motions, view: View) -> list[str]:
+def offered(solutions: Solutions, view: View) -> list[str]:
     """Names of the files that the view has."""
-    subject = motions.subject
+    subject = solutions.subject
     without = set() if subject.section is not None else {"map.csv", "diagram.csv"}
     without |= {"diagram.csv"} if "over" not in view.values else set()
     without |= {"phase.png"} if view["x"] == view["y"] else set()

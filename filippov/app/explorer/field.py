@@ -77,6 +77,8 @@ def slider_range(parameter: Parameter, value: float) -> tuple[float, float, floa
 
     None where the bounds leave no room. The box beside a slider takes every value within the bounds.
     """
+    # Below the normal numbers there are no 200 steps: such a value counts as 0.
+    value = value if abs(value) > 1e-300 else 0.0
     reach = abs(value) or 1.0
     low = 0.0 if value > 0 else value - 2 * reach if value < 0 else -reach
     high = 0.0 if value < 0 else value + 2 * reach
@@ -88,7 +90,7 @@ def slider_range(parameter: Parameter, value: float) -> tuple[float, float, floa
         low = low if low < high else high - 2 * reach
         low = low if parameter.lower is None else max(low, parameter.lower)
     # Narrower ones have no round steps of as many digits as are shown.
-    if not high - low > 1e-6 * max(abs(low), abs(high)):
+    if not high - low > max(1e-300, 1e-6 * max(abs(low), abs(high))):
         return None
     step = step_of(low, high)
     # Ends on the grid of steps, within the bounds, so that a slider shows round numbers.

@@ -1,4 +1,4 @@
-"""The modes that the motion was in, at the place of their signs, and its transitions with their number."""
+"""The modes that the solution was in, at the place of their signs, and its transitions with their number."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def graph_figure(solution: Solution) -> Figure:
     """Boxes are sliding modes; an arc is an event, thicker at its end, its number of times beside it."""
     graph = solution.mode_graph()
     if not graph or len(graph) > MOST_MODES:
-        what = "The system has no surfaces" if not graph else f"The motion goes through {len(graph)} modes"
+        what = "The system has no surfaces" if not graph else f"The solution goes through {len(graph)} modes"
         return empty(f"{what}: there is no graph to draw.")
     if not solution.system.surface_names:
         return empty("The system has no surfaces: it has one mode.")

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.app.explorer.look import HEIGHT, Figure, empty, figure, label, line, plain, points
-from filippov.app.explorer.motion import MapData
+from filippov.app.explorer.solutions import MapData
 from filippov.app.explorer.view import View
 from filippov.plot.maps import with_gaps
 from filippov.plot.style import BLUE, GREY, INK, ORANGE, RED
@@ -19,16 +19,16 @@ Array = npt.NDArray[np.float64]
 def map_figure(view: View, found: MapData) -> Figure:
     """P(d), the diagonal, and the steps from the start that was chosen.
 
-    Without a lift P is known where the motion has been, as points.
+    Without a lift P is known where the solution has been, as points.
     """
     known = found.orbit[np.isfinite(found.orbit)]
     if view.subject.interval is None and not found.d.size:
-        return empty(f"There is no pair of returns to show: {found.note or 'the motion has one event'}.")
+        return empty(f"There is no pair of returns to show: {found.note or 'the solution has one event'}.")
     x = np.repeat(known, 2)[:-1]
     y = np.concatenate([known[:1], np.repeat(known[1:], 2)])
     if view.subject.interval is None:
         ends = _ends(np.concatenate([found.d, found.image]))
-        curve = points(found.d, found.image, "circle", BLUE, "P(d) along the motion", size=5)
+        curve = points(found.d, found.image, "circle", BLUE, "P(d) along the solution", size=5)
     else:
         ends, curve = found.d[[0, -1]], line(*with_gaps(found.d, found.image), BLUE, "P(d)", width=2)
     data = [
@@ -37,8 +37,8 @@ def map_figure(view: View, found: MapData) -> Figure:
         line(x, y, ORANGE, "cobweb", width=1.2),
         points(known[:1], known[:1], "square", INK, "start"),
     ]
-    name, turns = coordinate(view), view["order"]
-    after = "one turn later" if turns == 1 else f"{turns} turns later"
+    name, returns = coordinate(view), view["order"]
+    after = "one return later" if returns == 1 else f"{returns} returns later"
     axes = {"x": {"title": {"text": f"d: {name} at the event"}, "range": ends.tolist()},
             "y": {"title": {"text": f"P(d): {after}"}}}  # fmt: skip
     return figure(data, axes, height=HEIGHT, hovermode="closest")

@@ -4,7 +4,8 @@ window.dash_clientside = window.dash_clientside || {};
 window.dash_clientside.explorer = (() => {
   const REST = 350;
   let busy = false, sent = null, wanted = null, timer = null, sweep = 0, diagram = null;
-  const search = location.search, waiting = {}, seen = new Set(), echoes = {};  // echoes: what sync itself has set
+  const search = location.search, waiting = {}, seen = new Set();
+  const shown = {}, echoes = {};  // figures as text, as they are drawn; what sync itself has set
   const at = (id) => document.getElementById(id);
   const set = (id, props) => window.dash_clientside.set_props(id, props);
   const nothing = () => window.dash_clientside.no_update;
@@ -15,10 +16,13 @@ window.dash_clientside.explorer = (() => {
   const tell = (text, bad) => { at("message").textContent = text; at("message").className = bad ? "bad" : ""; };
 
   const draw = (name) => {
-    const figure = waiting[name], plot = document.querySelector(`#figure-${name} .js-plotly-plot`);
+    const wait = waiting[name], plot = document.querySelector(`#figure-${name} .js-plotly-plot`);
     // Before its first, empty picture is drawn a pane can show no other one: `settle` comes back to it.
-    if (!figure || !window.Plotly || !plot || !plot.layout) return null;
+    if (!wait || !window.Plotly || !plot || !plot.layout) return null;
     delete waiting[name];
+    const { figure, text } = wait;
+    if (shown[name] === text) return null;  // as the mode graph, which most steps of a slider leave as it is
+    shown[name] = text;
     // At the size that it has: to find out its size costs the browser a layout of the whole page.
     const { width, height } = plot._fullLayout;
     return Plotly.react(plot, figure.data, { ...figure.layout, autosize: true, width, height });
@@ -30,7 +34,7 @@ window.dash_clientside.explorer = (() => {
   const show = (figures) => {
     for (const [name, figure] of Object.entries(figures)) {
       eye.observe(at("figure-" + name));
-      waiting[name] = figure;
+      waiting[name] = { figure, text: JSON.stringify(figure) };
     }
     return Promise.all(Object.keys(figures).filter((name) => seen.has(name)).map(draw));
   };

@@ -10,7 +10,7 @@ from dash import dcc, html
 from filippov.app.explorer.export import offered
 from filippov.app.explorer.field import Field
 from filippov.app.explorer.look import HEIGHT, LOW, empty, points
-from filippov.app.explorer.motion import Motions
+from filippov.app.explorer.solutions import Solutions
 from filippov.app.explorer.time_figure import time_height
 from filippov.app.explorer.view import View, diagram_ranges
 from filippov.plot.style import INK
@@ -35,9 +35,9 @@ def index() -> str:
     )
 
 
-def page(motions: Motions, view: View) -> html.Div:
+def page(solutions: Solutions, view: View) -> html.Div:
     """The layout at a view."""
-    subject, files = motions.subject, offered(motions, view)
+    subject, files = solutions.subject, offered(solutions, view)
 
     # A row for the point that follows the slider, before the rest of its diagram is there.
     waiting = {**empty("…"), "data": [points([], [], "circle", INK, "")]}

@@ -9,8 +9,8 @@ from typing import Any
 from filippov.app.explorer.graph_figure import graph_figure
 from filippov.app.explorer.look import Figure, empty
 from filippov.app.explorer.map_figure import diagram_figure, here, map_figure
-from filippov.app.explorer.motion import Motions, PostponedError
 from filippov.app.explorer.phase_figure import phase_figure
+from filippov.app.explorer.solutions import PostponedError, Solutions
 from filippov.app.explorer.time_figure import MOST_ROWS, time_figure
 from filippov.app.explorer.view import View
 from filippov.base.status import mode_text
@@ -32,21 +32,21 @@ class Drawn:
     here: Mapping[str, Any] | None = None
 
 
-def draw(motions: Motions, values: Mapping[str, Any]) -> Drawn:
+def draw(solutions: Solutions, values: Mapping[str, Any]) -> Drawn:
     """Everything that follows a slider."""
     try:
-        view = View(motions.subject, values)
-        return pictures(motions, view)
+        view = View(solutions.subject, values)
+        return pictures(solutions, view)
     except Exception as error:  # noqa: BLE001  # also a function of the user's: the page says what happened
         return Drawn(f"Not redrawn. {told(error)}", False)
 
 
-def pictures(motions: Motions, view: View) -> Drawn:
-    """The figures of a view. Raises what the exact motion raises; the others say what is wrong in place."""
-    solution = motions.exact(view)
+def pictures(solutions: Solutions, view: View) -> Drawn:
+    """The figures of a view. Raises what the exact solution raises; the others say what is wrong in place."""
+    solution = solutions.exact(view)
     said, other = summary(solution), None
     try:
-        other = motions.other(view)
+        other = solutions.other(view)
         if other is not None and not other.success:
             said += f" {view['against']} ended at t = {other.t_end:.6g}: {other.message}"
     except Exception as error:  # noqa: BLE001
@@ -60,7 +60,7 @@ def pictures(motions: Motions, view: View) -> Drawn:
     }
     point = None
     try:
-        found = motions.map(view)
+        found = solutions.map(view)
         if found is not None:
             figures["map"] = map_figure(view, found)
             said += f" Event map: {found.note}." if found.note else ""
@@ -70,19 +70,19 @@ def pictures(motions: Motions, view: View) -> Drawn:
     return Drawn(said, solution.success, view.query, figures, point)
 
 
-def draw_diagram(motions: Motions, values: Mapping[str, Any]) -> Figure | None:
+def draw_diagram(solutions: Solutions, values: Mapping[str, Any]) -> Figure | None:
     """The diagram, computed once the sliders rest; None without one, and where the settings are wrong.
 
     Raises PostponedError where a redraw waits.
     """
     try:
-        view = View(motions.subject, values)
+        view = View(solutions.subject, values)
     except Exception:  # noqa: BLE001  # `draw` tells of it
         return None
-    if motions.subject.section is None or "over" not in view.values:
+    if solutions.subject.section is None or "over" not in view.values:
         return None
     try:
-        return diagram_figure(view, motions.diagram(view), motions.map(view))
+        return diagram_figure(view, solutions.diagram(view), solutions.map(view))
     except PostponedError:
         raise
     except Exception as error:  # noqa: BLE001

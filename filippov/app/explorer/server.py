@@ -13,9 +13,9 @@ from werkzeug.serving import BaseWSGIServer, WSGIRequestHandler, make_server
 
 from filippov.app.explorer.export import FILES, offered
 from filippov.app.explorer.look import packed
-from filippov.app.explorer.motion import Motions, PostponedError
 from filippov.app.explorer.page import index, page
 from filippov.app.explorer.pictures import draw, draw_diagram, told
+from filippov.app.explorer.solutions import PostponedError, Solutions
 from filippov.app.explorer.subject import Subject
 from filippov.app.explorer.view import View
 
@@ -26,7 +26,7 @@ POLICY = (
 )
 
 
-def application(motions: Motions, start: View) -> Dash:
+def application(solutions: Solutions, start: View) -> Dash:
     """The Dash application of a subject, at a view."""
     # Runs of the solver share what they keep: one at a time.
     lock = threading.Lock()
@@ -35,12 +35,12 @@ def application(motions: Motions, start: View) -> Dash:
         update_title="", index_string=index(), add_log_handler=False,
         meta_tags=[{"name": "viewport", "content": "width=device-width, initial-scale=1"}],
     )  # fmt: skip
-    app.layout = page(motions, start)
+    app.layout = page(solutions, start)
     items = list(start.fields.values())
 
     def restore(search: str | None) -> list[Any]:
         """The controls of a link; of one that cannot be read the subject's own, and the message says why."""
-        view, _ = read_link(motions.subject, search or "")
+        view, _ = read_link(solutions.subject, search or "")
         return [view[item.key] for item in items]
 
     app.callback([Output(item.id, "value") for item in items], Input("url", "search"))(restore)
@@ -49,14 +49,16 @@ def application(motions: Motions, start: View) -> Dash:
     sync = [*controls, *sliders, Input("ranges", "data")]
     for function, inputs in (("gate", controls), ("sync", sync)):
         app.clientside_callback(ClientsideFunction("explorer", function), *inputs)
-    _routes(app.server, motions, start, lock)
+    _routes(app.server, solutions, start, lock)
     return app
 
 
-def redraw(motions: Motions, settings: Mapping[str, Any], search: str, files: list[str]) -> dict[str, Any]:
+def redraw(
+    solutions: Solutions, settings: Mapping[str, Any], search: str, files: list[str]
+) -> dict[str, Any]:
     """What the page shows at settings by key; search: the link that it was opened with."""
-    made = draw(motions, settings)
-    _, wrong = read_link(motions.subject, search)
+    made = draw(solutions, settings)
+    _, wrong = read_link(solutions.subject, search)
     # Of a link that was not taken the page tells until a setting is changed.
     wrong = "" if made.query else wrong
     return {
@@ -74,8 +76,8 @@ def read_link(explored: Subject, search: str) -> tuple[View, str]:
         return View(explored), f"The link was not taken: {told(error)}"
 
 
-def _routes(flask: Any, motions: Motions, start: View, lock: threading.Lock) -> None:
-    keys, files = {item.id: item.key for item in start.fields.values()}, offered(motions, start)
+def _routes(flask: Any, solutions: Solutions, start: View, lock: threading.Lock) -> None:
+    keys, files = {item.id: item.key for item in start.fields.values()}, offered(solutions, start)
 
     def answer(make: Callable[[dict[str, Any], str], Any], hurry: bool) -> Response:
         """The settings of the page's controls, by their ids, into what it shows.
@@ -87,20 +89,20 @@ def _routes(flask: Any, motions: Motions, start: View, lock: threading.Lock) -> 
             abort(400)
         named = {keys[name]: value for name, value in held.items() if name in keys}
         if hurry:
-            motions.hurry.set()
+            solutions.hurry.set()
         with lock:
             if hurry:
-                motions.hurry.clear()
+                solutions.hurry.clear()
             made = make(named, str(asked.get("search") or ""))
         return Response(to_json_plotly(made), mimetype="application/json")
 
     def live() -> Response:
-        return answer(lambda named, search: redraw(motions, named, search, files), True)
+        return answer(lambda named, search: redraw(solutions, named, search, files), True)
 
     def diagram() -> Response:
         def make(named: dict[str, Any], _: str) -> Any:
             try:
-                return packed(draw_diagram(motions, named))
+                return packed(draw_diagram(solutions, named))
             except PostponedError:
                 return {"postponed": True}
 
@@ -120,9 +122,9 @@ def _routes(flask: Any, motions: Motions, start: View, lock: threading.Lock) -> 
             abort(404)
         make, kind = FILES[name]
         try:
-            view = View.from_query(motions.subject, request.query_string.decode("ascii", "replace"))
+            view = View.from_query(solutions.subject, request.query_string.decode("ascii", "replace"))
             with lock:
-                content = make(motions, view)
+                content = make(solutions, view)
         except Exception as error:  # noqa: BLE001  # also a function of the user's
             return Response(told(error), status=400, mimetype="text/plain")
         headers = {"Content-Disposition": f"attachment; filename={name}"}

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from filippov.analysis.maps.section import Section
     from filippov.analysis.maps.stroboscope import Stroboscope
 
-# Spans of the motion in which a section is looked for; part of its longest return that a slider waits for.
+# Spans of the solution in which a section is looked for; part of its longest return that a slider waits for.
 SPANS, WAIT = 10.0, 10.0
 # The system out of a file that stands beside the script.
 STORED = "from filippov import Solution\n\nsystem = Solution.load('solution.npz').system"
@@ -26,10 +26,10 @@ STORED = "from filippov import Solution\n\nsystem = Solution.load('solution.npz'
 class Subject:
     """A system to explore.
 
-    x0, t_span   where the motion starts, and how long it is followed
+    x0, t_span   where the solution starts, and how long it is followed
     parameters   values by name, one for every parameter of the system
     section      the event map that is shown; None for none
-    interval     of the section's coordinate; None for a section without a lift: the motion itself is it
+    interval     of the section's coordinate; None for a section without a lift: the solution itself is it
     origin       lines of Python that make `system`, for the script
     """
 
@@ -66,7 +66,7 @@ def subject(
     """A subject with everything checked; system: a System, a Problem or a registered Model.
 
     What a Problem or a Model has of x0, t_span, parameters and section goes after what is given. A System
-    alone starts at 0 and is followed to t = 10. Without a section what recurs along the motion is one
+    alone starts at 0 and is followed to t = 10. Without a section what recurs along the solution is one
     (`find_section`); there is none where nothing does. Raises UsageError, ModelError.
     """
     made = system
@@ -125,7 +125,7 @@ def _checked(
 def _found(
     system: System, x0: Any, parameters: Mapping[str, float], length: float
 ) -> Section | Stroboscope | None:
-    """The section on which the motion returns within a time, None where nothing recurs."""
+    """The section on which the solution returns within a time, None where nothing recurs."""
     from filippov.analysis.maps.find_section import find_section
     from filippov.analysis.maps.section import Section as Events
 

@@ -88,7 +88,7 @@ def _marks(solution: Solution, i: int, more: dict[str, Any]) -> list[dict[str, A
 
 
 def _bands(solution: Solution) -> list[dict[str, Any]]:
-    """One shape for each mode, of as many rectangles as the motion has segments in it."""
+    """One shape for each mode, of as many rectangles as the solution has segments in it."""
     spans: dict[tuple[int, ...], list[str]] = {}
     for segment in solution.segments:
         low, high = segment.t0, segment.t1

@@ -154,7 +154,7 @@ def fields_of(subject: Subject, over: Any = None) -> dict[str, Field]:
             low, high = subject.interval
             items.append(Field("d", low + 0.5 * (high - low), f"cobweb from {subject.section.coordinate}",
                                slider=(low, high, step_of(low, high)), group="map"))  # fmt: skip
-        items.append(Field("order", 1, "turns a step", check=_order, group="map"))
+        items.append(Field("order", 1, "returns per step", check=_order, group="map"))
         if ranges := diagram_ranges(subject):
             chosen = over if over in ranges else next(iter(ranges))
             items += [

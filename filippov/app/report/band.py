@@ -8,7 +8,7 @@ from typing import Any
 
 from filippov.analysis.comparisons.band_model import BandModel
 from filippov.analysis.comparisons.comparison import compare_sections
-from filippov.analysis.comparisons.comparison_result import Comparison, label, options_of, size
+from filippov.analysis.comparisons.comparison_result import Comparison, label, largest, options_of
 from filippov.app.report.context import Context
 from filippov.app.report.effort import Effort
 from filippov.app.report.part import NONE, Picture, Section, TextTable, Words, number
@@ -44,7 +44,7 @@ def comparison(run: StudyRun) -> Section:
         milli = None if row["seconds"] is None else 1e3 * row["seconds"]
         rows.append((
             row["model"], *(number(row.get(name)) for name in names), width,
-            *(_scientific(size(row[key])) for key in ERRORS),
+            *(_scientific(largest(row[key])) for key in ERRORS),
             number(row["field_calls"], 7), number(milli, 3), number(row["time_ratio"], 3),
         ))  # fmt: skip
         if row["note"] and row["width"] is not None:
@@ -115,7 +115,7 @@ def _facts(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     bands = [row for row in rows if row["width"] is not None]
     wide, narrow = max(row["width"] for row in bands), min(row["width"] for row in bands)
     lost = [row for row in bands if row["width"] == wide and "is lost" in row["note"]]
-    errors = [size(row["error_fixed_points"]) for row in bands if row["width"] == narrow]
+    errors = [largest(row["error_fixed_points"]) for row in bands if row["width"] == narrow]
     known = [error for error in errors if error is not None]
     drift = max((row["drift"] or 0.0 for row in bands if row["width"] == wide), default=0.0)
     return {

@@ -146,8 +146,8 @@ class CaseResults:
     @property
     def without(self) -> str:
         """Why there is no bound: the field beside a set has no linear part, or none was found."""
-        rough = any(c.polynomial is None for c in self._applying())
-        return "no linear part" if rough else "none found"
+        nonlinear = any(c.polynomial is None for c in self._applying())
+        return "no linear part" if nonlinear else "none found"
 
     @property
     def sets(self) -> list[Any]:

@@ -134,8 +134,12 @@ def fold_curve(run: StudyRun) -> Section:
     source, limit = "filippov.analysis.bifurcations.curve", _limit(run, ending, second, bounds)
     message = ending.message + (f"; its limit is at {second} = {limit.value:g}" if limit else "")
     if limit is not None:
-        last = replace(ending.points.pop(), special="")
-        ending.points += [last, limit]
+        # What is found that near to the limit, as a turn by rounding, is no place of its own.
+        reach = NEAR * (bounds[1] - bounds[0])
+        near = [abs(p.value - limit.value) <= reach for p in ending.points]
+        ending.points[:] = [
+            replace(p, special="") if q else p for p, q in zip(ending.points, near, strict=True)
+        ] + [limit]
     height, points = ending.coordinate(name), ending.points
     least, count = int(np.argmin(height)), len(points)
     chosen = sorted({*range(0, count, max(1, count // 12)), least, count - 1})

@@ -13,7 +13,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
-from filippov.kernel.codegen.generate import jointly_affine, structure
+from filippov.kernel.codegen.generate import filled, jointly_affine, structure
 from filippov.kernel.codegen.generate_resets import contact_field, contact_guards, contact_rows
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.symbols import t
@@ -28,7 +28,7 @@ class Equations:
 
     modes       one symbol per surface: +1, -1 or 0
     field       one per state; guards: one per surface, dh/dt where the state rests on it
-    gradients   a row a surface: by every state, then by t
+    gradients   a row per surface: by every state, then by t
     ends        lower and upper end of the set of signs at h = 0
     resets      per surface the states after its reset, or None; strikes: per time event likewise
     component   the number of its group of coupled surfaces, for every surface
@@ -95,7 +95,7 @@ def equations(system: System) -> Equations:
     return Equations(
         system, form, modes, tuple(field), tuple(contact_guards(form, modes)),
         tuple(tuple(row) for row in rows), form.radius, form.reset or none, form.time_reset,
-        tuple(structure(form, field, rows).components()), jointly_affine(form),
+        tuple(structure(form, field, filled(rows)).components()), jointly_affine(form),
     )  # fmt: skip
 
 

@@ -15,7 +15,6 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from importlib.metadata import version
 from typing import Any, cast
 
 from filippov.kernel.codegen import cache as kept
@@ -25,10 +24,10 @@ from filippov.kernel.codegen.method import method_constants, method_source
 from filippov.kernel.files import all_files, kernel_file
 from filippov.kernel.language.compiler import compile_unit, load_objects
 from filippov.kernel.language.primitives import KernelError
-from filippov.kernel.language.records import Record, address_of
-from filippov.kernel.language.unit import Constant, Unit, add_kernels
+from filippov.kernel.language.records import Struct, address_of
+from filippov.kernel.language.unit import Constant, Unit, add_kernels, parsed
 from filippov.kernel.loop.rules import MOMENTS
-from filippov.kernel.loop.state import RECORDS, Entries, Integers, Scratch, Sizes
+from filippov.kernel.loop.state import STRUCTS, Entries, Integers, Scratch, Sizes
 from filippov.kernel.tables import codes, layout, radau_tables
 from filippov.kernel.tables import root_tables as tables
 from filippov.kernel.tables.layout import LANES, MOST_LANES
@@ -36,11 +35,12 @@ from filippov.kernel.tables.tableaus import TABLEAUS, Collocation, Series
 
 _FILES = (
     "elementary", "recurrences", "series", "bernstein", "dense", "multiplier", "rules", "field", "points",
-    "sampling", "land", "locate", "control", "resolve", "lap", "reset", "record", "segment", "attempt",
-    "search", "decide", "ticks", "advance", "probe", "start", "turn", "ensemble",
+    "sampling", "land", "locate", "control", "resolve", "event_cycle", "reset", "record", "corner",
+    "corner_event", "segment", "attempt", "search", "decide", "ticks", "advance", "probe", "start",
+    "time_slice", "ensemble",
 )  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of another unit by their addresses.
-_LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_seat", "lane_run")
+_LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_slot", "lane_run")
 # What the loop calls of a system's unit: what is written for the system. Then what it calls in lanes (see
 # `points`).
 _OF_SYSTEM = ("rhs", "pair", "guards", "gradients", "radii", "resets", "derive")
@@ -64,7 +64,7 @@ class Compiled:
     functions: Mapping[str, Any]
     addresses: Mapping[str, int]
     sizes: Sizes
-    records: Mapping[str, type[Record]]
+    records: Mapping[str, type[Struct]]
     engine: object
     lanes: int = 1
 
@@ -96,9 +96,9 @@ def generation() -> bytes:
 @cache
 def _toolchain() -> bytes:
     """All that a unit depends on besides the system."""
-    parts = [generation(), version("llvmlite").encode(), platform.machine().encode()]
-    from llvmlite import binding
+    from llvmlite import __version__, binding
 
+    parts = [generation(), __version__.encode(), platform.machine().encode()]
     parts += [binding.get_host_cpu_name().encode(), binding.get_host_cpu_features().flatten().encode()]
     return b"\0".join(hashlib.sha256(part).digest() for part in parts)
 
@@ -125,7 +125,7 @@ def _shared() -> tuple[dict[str, Constant], tuple[str, ...]]:
     for name in _LANE_FILES:
         text = kernel_file(name).read_text(encoding="utf-8")
         texts.append(text)
-        for node in ast.parse(text).body:
+        for node in parsed(text).body:
             if isinstance(node, ast.Assign):
                 names = node.targets[0].elts if isinstance(node.targets[0], ast.Tuple) else node.targets
                 values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value]
@@ -248,9 +248,9 @@ def _sizes(constants: Mapping[str, Constant], method: str) -> Sizes:
     )  # fmt: skip
 
 
-def _sized(sizes: Sizes) -> dict[str, type[Record]]:
+def _sized(sizes: Sizes) -> dict[str, type[Struct]]:
     """The records with their lengths, by name."""
-    return {record.__name__: record.sized(sizes) for record in RECORDS}
+    return {record.__name__: record.sized(sizes) for record in STRUCTS}
 
 
 def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: int) -> Compiled:

@@ -16,7 +16,7 @@ import numpy as np
 
 from filippov.kernel.files import kernel_file
 from filippov.kernel.language.primitives import KernelError
-from filippov.kernel.language.records import Record, Rows
+from filippov.kernel.language.records import Rows, Struct
 
 _HEAD = re.compile(r"^@entry\n(?:@\w+\n)*(def \w+\(.*?\) -> int:)", re.MULTILINE | re.DOTALL)
 _NUMBERS: dict[str, Any] = {"float": ctypes.c_double, "int": ctypes.c_int64}
@@ -34,7 +34,9 @@ def _heads(*files: str) -> dict[str, tuple[tuple[str, str], ...]]:
     return found
 
 
-PLAIN_ARGUMENTS = _heads("model", "advance", "ensemble", "turn", "segment", "start", "probe")
+PLAIN_ARGUMENTS = _heads(
+    "model", "advance", "ensemble", "time_slice", "segment", "start", "probe", "corner", "event_cycle"
+)
 IN_LANES = ("lane_run",)
 PLAIN = tuple(PLAIN_ARGUMENTS)
 # By entry point, the name and annotation of every argument, in order.
@@ -76,6 +78,6 @@ def ordered(name: str, values: Mapping[str, Any], given: Callable[[Any], Any] | 
 
 def _of_record(name: str, argument: str, kind: str, value: Any, given: Callable[[Any], Any] | None) -> Any:
     said = f"Rows[{value.kind.__name__}]" if isinstance(value, Rows) else type(value).__name__
-    if said != kind or not isinstance(value, Rows | Record):
+    if said != kind or not isinstance(value, Rows | Struct):
         raise KernelError(f"entry point {name}: {argument} is a {said}, expected {kind}")
     return value if given is None else given(value.array)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from typing import Any
 
 import sympy
@@ -11,6 +11,7 @@ from sympy.printing.str import StrPrinter
 
 from filippov.base.elementary import ELEMENTARY
 from filippov.base.errors import ModelError
+from filippov.base.pattern import pattern
 from filippov.kernel.codegen.generate_resets import (
     contact_field,
     contact_guards,
@@ -229,14 +230,14 @@ def jointly_affine(form: SymbolicForm) -> bool:
     free = set(form.s)
     for f in form.field:
         g = convex(f, free) if f.free_symbols & free else f
-        for s in g.free_symbols & free:
+        for s in g.free_symbols & free if not _written_affine(g, free) else ():
             slope = g.diff(s)
             if slope.free_symbols & free and expanded(slope).free_symbols & free:
                 return False
     return True
 
 
-def rough(form: SymbolicForm) -> bool:
+def non_lipschitz(form: SymbolicForm) -> bool:
     """Whether the field holds a power of a size |h| that may lie below 1."""
     sizes = set(form.a)
     for f in form.field:
@@ -247,18 +248,34 @@ def rough(form: SymbolicForm) -> bool:
     return False
 
 
-def straight_rate(
-    form: SymbolicForm, i: int, row: Sequence[Expr], linear: Sequence[bool], varying: set[Symbol]
-) -> bool:
-    """Whether the rate of surface i is affine in what varies while the motion slides on it."""
-    if not linear[i]:
-        return False
-    rate = row[-1] + sum(slope * f for slope, f in zip(row, form.field, strict=False) if _counts(slope))
-    if form.a[i] in rate.free_symbols:
-        rate = rate.subs(form.a[i], 0)
+def straight_rates(
+    form: SymbolicForm, rows: Sequence[Mapping[int, Expr]], linear: Sequence[bool], varying: set[Symbol]
+) -> list[bool]:
+    """Which surfaces have a rate that is affine in what varies while the motion slides on them."""
+    roles: dict[Symbol, Hashable] = dict.fromkeys(form.x, "x") | dict.fromkeys(form.s, "s")
+    roles |= {a: f"size {bent}" for a, bent in zip(form.a, linear, strict=True)}
+    # Most blocks of a long chain are alike.
+    known: dict[Hashable, bool] = {}
+    out = []
+    for a, row, straight in zip(form.a, rows, linear, strict=True):
+        terms = [(slope, form.field[j] if j < len(form.x) else sympy.S.One) for j, slope in row.items()]
+        key = straight and pattern([a, *(e for pair in terms for e in pair)], roles)
+        if key not in known:
+            known[key] = straight and _straight(form, a, terms, linear, varying)
+        out.append(known[key])
+    return out
+
+
+def _straight(
+    form: SymbolicForm, size: Symbol, terms: Sequence[tuple[Expr, Expr]], linear: Sequence[bool],
+    varying: set[Symbol],
+) -> bool:  # fmt: skip
+    """Whether a rate, a sum of slopes times components of the field, is affine where its own size is 0."""
+    rate = sum((slope * f for slope, f in terms), sympy.S.Zero)
+    if size in rate.free_symbols:
+        rate = rate.subs(size, 0)
     free = rate.free_symbols
-    sizes = (linear[k] for k, a in enumerate(form.a) if a in free)
-    return all(sizes) and _affine(rate, varying)
+    return all(linear[k] for k, a in enumerate(form.a) if a in free) and _affine(rate, varying)
 
 
 def _counts(e: Expr) -> bool:
@@ -268,18 +285,42 @@ def _counts(e: Expr) -> bool:
 
 def _affine(e: Expr, varying: set[Symbol]) -> bool:
     """Whether an expression is affine in some symbols: as it stands, or by its derivatives."""
-    terms = [sympy.Mul.make_args(term) for term in sympy.Add.make_args(e)]
-    moving = [[q for q in factors if q.free_symbols & varying] for factors in terms]
-    if all(not row or (len(row) == 1 and row[0] in varying) for row in moving):
-        return True
+    e = _bent(e, varying)
     return not any(e.diff(q).free_symbols & varying for q in e.free_symbols & varying)
 
 
-def structure(form: SymbolicForm, field: Sequence[Expr], rows: Sequence[Sequence[Expr]]) -> Structure:
+def _bent(e: Expr, varying: set[Symbol]) -> Expr:
+    """What of an expression is not affine as it stands, without factors that do not vary; 0 for none."""
+    while True:
+        moving = [arg for arg in e.args if arg.free_symbols & varying]
+        if e.is_Mul and len(moving) == 1:
+            e = moving[0]
+            continue
+        left = [arg for arg in moving if not _written_affine(arg, varying)] if e.is_Add else moving
+        if not e.is_Add or len(left) == len(e.args):
+            return e
+        e = sympy.Add(*left)
+
+
+def _written_affine(e: Expr, varying: set[Symbol]) -> bool:
+    """Whether an expression is affine in some symbols as it stands: of sums and multiples of them."""
+    if not e.args:
+        return True
+    moving = [arg for arg in e.args if arg.free_symbols & varying]
+    one = e.is_Add or (e.is_Mul and len(moving) == 1)
+    return not moving or (one and all(_written_affine(arg, varying) for arg in moving))
+
+
+def filled(rows: Sequence[Sequence[Expr]]) -> list[dict[int, Expr]]:
+    """What is not 0 in rows that are full of zeros, by its column."""
+    return [{j: e for j, e in enumerate(row) if _counts(e)} for row in rows]
+
+
+def structure(form: SymbolicForm, field: Sequence[Expr], rows: Sequence[Mapping[int, Expr]]) -> Structure:
     """Which gradients, field components and signs have to do with each other."""
     sign, size = {s: i for i, s in enumerate(form.s)}, {a: i for i, a in enumerate(form.a)}
     return Structure(
-        tuple(tuple(j for j in range(len(form.x)) if _counts(row[j])) for row in rows),
+        tuple(tuple(j for j in row if j < len(form.x)) for row in rows),
         tuple(frozenset(sign[s] for s in f.free_symbols if s in sign) for f in field),
         tuple(frozenset(size[a] for a in h.free_symbols if a in size) for h in form.h),
     )
@@ -294,30 +335,26 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     modes = tuple(sympy.Dummy(f"m{i}") for i in range(m))
     printer = KernelPrinter(symbol_names(form) | {q: f"m[{i}]" for i, q in enumerate(modes)}, set(form.a))
     printer.blended, printer.inputs = blended, places(form.inputs)
-    plain_rows = total_gradients(form, modes)
-    rows, radius = contact_rows(form, plain_rows, modes), contact_radii(form)
+    gradients = total_gradients(form, modes)
+    plain_rows, radius = filled(gradients), contact_radii(form)
+    rows = filled(contact_rows(form, gradients, modes)) if any(form.contact) else plain_rows
     hoisted = Hoisted(form.p)
     field = [hoisted(f) for f in contact_field(form, modes)]
     derived = list(hoisted.derived.items())
     printer.names |= {symbol: f"p[{len(form.p) + k}]" for k, (_, symbol) in enumerate(derived)}
-    used: set[Symbol] = set().union(*(f.free_symbols for f in form.field)) & set(form.a)
-    lines = field_source(printer, form, field, _sizes(form, printer, used))
-    inside: set[Symbol] = set().union(*(h.free_symbols for h in form.h)) & set(form.a) if m else set()
+    lines = field_source(printer, form, field)
     targets = [(f"out[{i}]", h) for i, h in enumerate(contact_guards(form, modes))]
     head = "guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices)"
-    lines += ["", *_kernel(printer, "@kernel", head, _sizes(form, printer, inside), targets)]
-    sizes = set(form.a)
-    slopes = {a for row in rows for e in row if _counts(e) for a in e.free_symbols & sizes}
+    lines += ["", *_kernel(printer, "@kernel", head, form, targets)]
     # The other entries are zero from the start and stay so.
     pattern = structure(form, field, rows)
     targets = [(f"g[{i * n + j}]", rows[i][j]) for i in range(m) for j in pattern.columns[i]]
-    targets += [(f"gt[{i}]", rows[i][n]) for i in range(m)]
+    targets += [(f"gt[{i}]", rows[i].get(n, sympy.S.Zero)) for i in range(m)]
     head = "gradients(t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices)"
-    lines += _kernel(printer, "@kernel", head, _sizes(form, printer, slopes), targets)
+    lines += _kernel(printer, "@kernel", head, form, targets)
     ends = [(f"out[{2 * i + side}]", radius[i][side]) for i in range(m) for side in (0, 1)]
-    lines += _kernel(
-        printer, "@kernel", "radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices)", [], ends
-    )
+    head = "radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices)"
+    lines += _kernel(printer, "@kernel", head, form, ends)
     lines += ["@kernel", "def derive(p: Vector) -> int:"]
     targets = [(f"p[{len(form.p) + k}]", e) for k, (e, _) in enumerate(derived)]
     lines += [*_assign(printer, targets, "c"), "    return 0", ""]
@@ -327,45 +364,46 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
         form, lambda used: _sizes(form, printer, used), lambda pairs: _assign(printer, pairs, "c")
     )
     varying = {t, *form.x, *form.a}
-    linear = [not any(e.free_symbols & varying for e in row if _counts(e)) for row in plain_rows]
+    linear = [not any(e.free_symbols & varying for e in row.values()) for row in plain_rows]
     constants = unit_constants(
-        n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), rough(form), pattern,
+        n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), non_lipschitz(form), pattern,
         moving=[any(e.free_symbols & varying for e in ends) for ends in form.radius],
-        straight=[straight_rate(form, i, plain_rows[i], linear, varying) for i in range(m)],
+        straight=straight_rates(form, plain_rows, linear, varying),
         wide=lines[0] == "@inline" and m > 0 and not form.inputs, held=form.held, ticks=form.time_reset,
     )  # fmt: skip
     return Generated("\n".join(lines), constants)
 
 
 def _kernel(
-    printer: KernelPrinter, mark: str, head: str, sizes: Sequence[str], results: Sequence[tuple[str, Expr]]
+    printer: KernelPrinter, mark: str, head: str, form: SymbolicForm, results: Sequence[tuple[str, Expr]]
 ) -> list[str]:
     """A kernel that stores the expressions; a long one calls its parts, each a kernel of its own."""
     name, _, arguments = head.removesuffix(")").partition("(")
     parts = pieces(results)
-    if len(parts) == 1:
-        return [mark, f"def {head} -> int:", *sizes, *_assign(printer, results, "c"), "    return 0", ""]
-    lines = []
+    lines: list[str] = []
     for k, part in enumerate(parts):
-        lines += [mark, f"def {name}{k}({arguments}) -> int:", *sizes, *_assign(printer, part, "c")]
+        used = set().union(*(e.free_symbols for _, e in part)) & set(form.a)
+        called = head if len(parts) == 1 else f"{name}{k}({arguments})"
+        lines += [mark, f"def {called} -> int:", *_sizes(form, printer, used), *_assign(printer, part, "c")]
         lines += ["    return 0", ""]
+    if len(parts) == 1:
+        return lines
     given = ", ".join(argument.partition(":")[0] for argument in arguments.split(", "))
     calls = [f"    {name}{k}({given})" for k in range(len(parts))]
     return [*lines, mark, f"def {head} -> int:", *calls, "    return 0", ""]
 
 
-def field_source(
-    printer: KernelPrinter, form: SymbolicForm, field: Sequence[Expr], sizes: Sequence[str]
-) -> list[str]:
+def field_source(printer: KernelPrinter, form: SymbolicForm, field: Sequence[Expr]) -> list[str]:
     """The kernels `rhs` and `pair` of a field."""
     arguments = "t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices"
     results = [(f"out[{i}]", f) for i, f in enumerate(field)]
-    single = _kernel(printer, "@contract", f"rhs({arguments})", sizes, results)
+    single = _kernel(printer, "@contract", f"rhs({arguments})", form, results)
     # Small fields go into every stage, which spares the way through memory; large ones would bloat the unit.
     if sum(map(len, single)) >= INLINED:
         return [*single, "@contract", *TWICE]
     others = {s: sympy.Dummy(f"s{i}", real=True) for i, s in enumerate(form.s)}
     printer.names |= {other: f"s2[{i}]" for i, other in enumerate(others.values())}
     results += [(f"out2[{i}]", f.xreplace(others)) for i, f in enumerate(field)]
-    both = ["@contract", PAIR, *sizes, *_assign(printer, results, "c"), "    return 0"]
+    used = set().union(*(f.free_symbols for f in field)) & set(form.a)
+    both = ["@contract", PAIR, *_sizes(form, printer, used), *_assign(printer, results, "c"), "    return 0"]
     return ["@inline", *single, "@inline", *both]

@@ -29,15 +29,19 @@ class Hoisted:
 
     def __call__(self, e: Expr) -> Expr:
         """Return e with its parameter-only parts named."""
-        if not e.args or not e.free_symbols & self.parameters:
+        symbols = e.free_symbols if e.args else set()
+        if self.parameters.isdisjoint(symbols):
             return e
-        if self.constant(e):
+        if symbols <= self.parameters:
             return self._named(e)
-        if e.is_Add or e.is_Mul:
-            fixed = [a for a in e.args if self.constant(a)]
-            numbers = [a for a in e.args if a.is_number] if fixed else []
-            rest = [self(a) for a in e.args if a not in fixed and a not in numbers]
-            if fixed:
-                rest.append(self._named(e.func(*numbers, *fixed)))
-            return e.func(*rest)
-        return e.func(*(self(a) for a in e.args))
+        if not (e.is_Add or e.is_Mul):
+            return e.func(*map(self, e.args))
+        fixed: list[Expr] = []
+        others: list[Expr] = []
+        for a in e.args:
+            (fixed if self.constant(a) else others).append(a)
+        if not fixed:
+            return e.func(*map(self, others))
+        numbers = [a for a in others if a.is_number]
+        rest = [self(a) for a in others if not a.is_number]
+        return e.func(*rest, self._named(e.func(*numbers, *fixed)))

@@ -26,7 +26,7 @@ import numpy as np
 
 from filippov.base.elementary import LIBRARY
 from filippov.kernel.language import primitives as language
-from filippov.kernel.language.records import Record
+from filippov.kernel.language.records import Struct
 from filippov.kernel.language.unit import Constant
 
 BACKENDS = ("compiled", "python")
@@ -105,7 +105,7 @@ def _constant(value: Constant) -> Any:
 
 def interpret(
     texts: Mapping[str, str], files: tuple[Path, ...], constants: Mapping[str, Constant],
-    entries: tuple[str, ...], records: Mapping[str, type[Record]] = MappingProxyType({}),
+    entries: tuple[str, ...], records: Mapping[str, type[Struct]] = MappingProxyType({}),
 ) -> dict[str, Callable[..., int]]:  # fmt: skip
     """The entry points of a unit as functions of arrays and numbers.
 

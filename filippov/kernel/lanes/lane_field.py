@@ -1,11 +1,17 @@
-"""The field of a mode in lanes: every lane off all surfaces or sliding on one; see `field` for the formulas.
+"""The field of a mode in lanes: every lane off all surfaces or sliding; see `field` for the formulas.
 
 The lanes may be in different modes: the sliding surface of each is picked by masks, and lanes that do not
-slide blend two equal fields. A lane without a multiplier gets NaN and is left to the plain loop.
+slide blend two equal fields. On several at once they slide only where no two surfaces of the system are
+coupled. A lane without a multiplier gets NaN and is left to the plain loop.
 """
 
-from filippov.kernel.language.primitives import NAN, Indices, Vector, contract, lanes, shift
+from filippov.kernel.language.primitives import NAN, Indices, Vector, contract, kernel, lanes, shift
+from filippov.kernel.loop.field import add_gradient, gradient_product, rate
 from filippov.kernel.loop.model import (
+    AFFINE,
+    COLOURS,
+    LARGEST,
+    OWNER,
     M,
     N,
     gradients,
@@ -40,17 +46,66 @@ def pick_gradient(m: Vector, w: Scratch) -> float:
 
 
 @lanes
-def track(w: Scratch, m: Vector, value: float, plus: float, minus: float) -> None:
-    """Note the multipliers of the sliding lanes with the rates they come from."""
+def track(i: int, w: Scratch, m: Vector, value: float, plus: float, minus: float) -> None:
+    """Note the multiplier of surface i where lanes slide on it, with the rates that it comes from."""
+    mult = w.mult[i]
+    here = m[i] == 0.0
+    mult.value = value if here else mult.value
+    mult.rate_plus = plus if here else mult.rate_plus
+    mult.rate_minus = minus if here else mult.rate_minus
+    mult.least = min(mult.least, value) if here else mult.least
+    mult.most = max(mult.most, value) if here else mult.most
+    mult.slope = max(mult.slope, plus - minus) if here else mult.slope
+
+
+@lanes
+def multiplier(plus: float, minus: float, before: float) -> float:
+    """The sign that holds a lane on a surface, NaN where nothing does."""
+    value = -(plus + minus) / (plus - minus) if plus != minus else before
+    # Where both rates are 0, as at rest on a two-fold, the plain form decides what is rounding.
+    held = abs(plus - minus) > 1e-9 * (abs(plus) + abs(minus))
+    return value if held else NAN
+
+
+@kernel
+def uncoupled() -> int:
+    """1 where each multiplier of several has an equation of its own, and no two signs act on one velocity."""
+    return 1 if M > 1 and AFFINE and COLOURS == 1 and LARGEST == 1 else 0
+
+
+@contract
+@lanes
+def slide_apart(
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
+) -> int:
+    """Both fields with all sliding signs at one end of their sets, each velocity blended by its own sign."""
+    low, high = w.vert, shift(w.vert, N)
+    gradients(t, x, p, m, w.g, w.gt, ctx)
     for i in range(M):
-        mult = w.mult[i]
-        here = m[i] == 0.0
-        mult.value = value if here else mult.value
-        mult.rate_plus = plus if here else mult.rate_plus
-        mult.rate_minus = minus if here else mult.rate_minus
-        mult.least = min(mult.least, value) if here else mult.least
-        mult.most = max(mult.most, value) if here else mult.most
-        mult.slope = max(mult.slope, plus - minus) if here else mult.slope
+        w.s[i] = -1.0 if m[i] == 0.0 else m[i]
+        w.s2[i] = 1.0 if m[i] == 0.0 else m[i]
+    pair(t, x, p, w.s, w.s2, m, low, high, ctx)
+    for i in range(M):
+        minus, plus = rate(i, low, w), rate(i, high, w)
+        value = multiplier(plus, minus, w.mult[i].value)
+        track(i, w, m, value, plus, minus)
+        w.s[i] = 0.5 * (1.0 + value) if m[i] == 0.0 else 0.0
+    for j in range(N):
+        out[j] = low[j]
+        if OWNER[j] >= 0:
+            out[j] += w.s[OWNER[j]] * (high[j] - low[j])
+    for i in range(M):
+        w.s2[i] = rate(i, out, w)
+    take_out(w.s2, m, out, w)
+    return 0
+
+
+@lanes
+def take_out(off: Vector, m: Vector, out: Vector, w: Scratch) -> None:
+    """Subtract from out, for every sliding surface, what changes its linearised guard by off[i]."""
+    for i in range(M):
+        size = gradient_product(i, i, w)
+        add_gradient(i, -off[i] / size if m[i] == 0.0 and size > 0.0 else 0.0, out, w)
 
 
 @contract
@@ -75,11 +130,9 @@ def slide(
     for j in range(N):
         minus += g[j] * low[j]
         plus += g[j] * high[j]
-    value = -(plus + minus) / (plus - minus) if plus != minus else value
-    # Where both rates are 0, as at rest on a two-fold, the plain form decides what is rounding.
-    held = abs(plus - minus) > 1e-9 * (abs(plus) + abs(minus))
-    value = value if held else NAN
-    track(w, m, value, plus, minus)
+    value = multiplier(plus, minus, value)
+    for i in range(M):
+        track(i, w, m, value, plus, minus)
     weight = 0.5 * (1.0 + value) if slides > 0.0 else 0.0
     total = drift
     for j in range(N):
@@ -96,6 +149,8 @@ def field(
     t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """The field of each lane's mode; 0, as symbolic fields do not fail."""
+    if iw.sliding > 0 and uncoupled() == 1:
+        return slide_apart(t, x, p, m, out, w, iw, ctx)
     if iw.sliding > 0:
         return slide(t, x, p, m, out, w, iw, ctx)
     return rhs(t, x, p, m, m, out, ctx)
@@ -105,11 +160,14 @@ def field(
 def project(
     t: float, x: Vector, p: Vector, m: Vector, h: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """Put x back on each lane's sliding surface along its gradient: two Newton steps."""
+    """Put x back on each lane's sliding surfaces along their gradients: two Newton steps."""
     g = w.xm
     for _ in range(2):
         guards(t, x, p, m, h, ctx)
         gradients(t, x, p, m, w.g, w.gt, ctx)
+        if uncoupled() == 1:
+            take_out(h, m, x, w)
+            continue
         size = pick_gradient(m, w)
         off = 0.0
         for i in range(M):

@@ -7,7 +7,7 @@ whose group is full waits; a lane that is left takes one that waits, or the next
 trajectory goes the same way, to the last bit, whoever its neighbours are.
 """
 
-from filippov.kernel.lanes.lane_seat import enter, leave, settled, vacate
+from filippov.kernel.lanes.lane_slot import enter, leave, release, settled
 from filippov.kernel.lanes.lane_step import FINISHED, lane_step
 from filippov.kernel.language.primitives import (
     Indices,
@@ -42,7 +42,7 @@ def drive(fresh: bool, entries: Entries, run: Trajectory) -> int:
     while True:
         # A fresh trajectory may go into a lane at once; another has a step of the plain loop to do.
         if not ready:
-            code = call_at(entries.turn, 1, run)
+            code = call_at(entries.time_slice, 1, run)
             if code != -1:
                 return code
         ready = False
@@ -181,7 +181,7 @@ def put_off(
             wait(next_group, run, rows)
         else:
             end_row(code, batch, run)
-        vacate(lane, lanes_of, own)
+        release(lane, lanes_of, own)
         left += 1
     return left
 

@@ -5,6 +5,7 @@ is rejected. Everything else (an event, or what may be one; an invalid stage; a 
 caller, the lane left as it was.
 """
 
+from filippov.kernel.lanes.lane_field import uncoupled
 from filippov.kernel.language.primitives import (
     Indices,
     Vector,
@@ -66,7 +67,11 @@ def bent(w: Scratch) -> bool:
 @lanes
 def may_vanish(step: float, m: Vector, order: Vector, w: Scratch, iw: Integers) -> bool:
     """Where a guard may have vanished in the step; see `control.suspicious`."""
-    doubt = 0.0
+    doubt, several, line = 0.0, 0.0, 0.0
+    if iw.sliding > 0 and uncoupled() == 1:
+        for i in range(M):
+            several += 1.0 if m[i] == 0.0 else 0.0
+        line = 0.0 if bent(w) else 1.0
     for i in range(M):
         h0, h1 = m[i] * w.start[2 * i] + WIDTH[i], m[i] * w.end[2 * i] + WIDTH[i]
         d0, d1 = m[i] * w.start[2 * i + 1] * step, m[i] * w.end[2 * i + 1] * step
@@ -84,7 +89,7 @@ def may_vanish(step: float, m: Vector, order: Vector, w: Scratch, iw: Integers) 
             spread = mult.most - mult.least
             below, above = mult.least - spread, mult.most + spread
             inside = above < w.radius[2 * i + 1] and below > w.radius[2 * i]
-            inside = inside and MOVING[i] == 0
+            inside = inside and MOVING[i] == 0 and not (several > 1.0 and line > 0.0)
             if STRAIGHT[i] == 0:
                 inside = inside and bent(w) and STAGES >= MANY_STAGES
             holds = inside and w.attract[i] > 0.0 and mult.slope < 0.0

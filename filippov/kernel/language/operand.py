@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from llvmlite import ir
 
-from filippov.kernel.language.pointer import RecordPointer, spelt
+from filippov.kernel.language.pointer import StructPointer, spelt
 from filippov.kernel.language.primitives import KernelError
 from filippov.kernel.language.records import Place
 from filippov.kernel.language.unit import (
@@ -86,7 +86,7 @@ class Operands:
             return self.b.zext(value, LONG)
         if kind == self.unit.wide_vector and value.type == VECTOR:
             return self.b.bitcast(value, self.unit.wide_vector)
-        lanes = isinstance(value.type, RecordPointer) and value.type.stride == self.unit.width
+        lanes = isinstance(value.type, StructPointer) and value.type.stride == self.unit.width
         if lanes and kind == self.unit.record(value.type.of, True):
             return self.b.bitcast(value, kind)
         if kind == self.wide and value.type in (DOUBLE, LONG):
@@ -97,7 +97,7 @@ class Operands:
 
     def word(self, base: ir.Value, name: str) -> ir.Value:
         """The address of the first word of a name of a record, as one of its elements."""
-        record: RecordPointer = base.type
+        record: StructPointer = base.type
         offset = self.length(f"{record.of.__name__}.{name}", record.of.places[name].offset)
         place = self.times(offset, record.stride)
         at = self.b.gep(base, [place], inbounds=True, source_etype=record.pointee)
@@ -116,7 +116,7 @@ class Operands:
 
     def row(self, base: ir.Value, number: ir.Value) -> ir.Value:
         """The address of a row, as rows."""
-        rows: RecordPointer = base.type
+        rows: StructPointer = base.type
         size = self.times(self.length(rows.of.__name__, rows.of.size), rows.stride)
         return self.b.gep(base, [self.b.mul(number, size)], inbounds=True, source_etype=rows.pointee)
 
@@ -132,7 +132,7 @@ class Operands:
         A number gives a pointer to it, everything else the array or record itself.
         """
         record = base.type
-        if not isinstance(record, RecordPointer) or record.rows:
+        if not isinstance(record, StructPointer) or record.rows:
             raise self.fail(node, f"a {spelt(record)} has no names")
         place = record.of.places.get(name)
         if place is None:
@@ -142,7 +142,7 @@ class Operands:
         if place.elsewhere:
             return self.b.load(self.b.bitcast(at, self.referred(place).as_pointer()))
         if place.of is not None:
-            at.type = RecordPointer(place.of, record.pointee, record.stride, place.kind == "Rows")
+            at.type = StructPointer(place.of, record.pointee, record.stride, place.kind == "Rows")
         elif place.kind in ("int", "Indices"):
             at = self.b.bitcast(at, INDICES)
         return at

@@ -6,19 +6,19 @@ from typing import Any, Self
 
 from llvmlite import ir
 
-from filippov.kernel.language.records import Record
+from filippov.kernel.language.records import Struct
 
 _Typed: Any = type(ir.DoubleType().as_pointer())
 
 
-class RecordPointer(_Typed):
+class StructPointer(_Typed):
     """The address of a record (rows: of the first of several).
 
     element  what its names are made of: a double, or a vector of one for each lane
     stride   words from one of its places to the next: the number of lanes, where a plain kernel looks at them
     """
 
-    def __init__(self, of: type[Record], element: ir.Type, stride: int = 1, rows: bool = False) -> None:
+    def __init__(self, of: type[Struct], element: ir.Type, stride: int = 1, rows: bool = False) -> None:
         super().__init__(element)
         self.of, self.stride, self.rows = of, stride, rows
 
@@ -36,7 +36,7 @@ class RecordPointer(_Typed):
         return self.of.__name__, str(self.pointee), self.stride, self.rows
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, RecordPointer) and self._key() == other._key()
+        return isinstance(other, StructPointer) and self._key() == other._key()
 
     def __hash__(self) -> int:
         return hash(self._key())
@@ -45,7 +45,7 @@ class RecordPointer(_Typed):
 def spelt(kind: ir.Type) -> str:
     """A type as it is written in a kernel, as far as it has a name there."""
     names = {"double": "float", "i64": "int", "i1": "bool"}
-    if isinstance(kind, RecordPointer):
+    if isinstance(kind, StructPointer):
         return kind.label
     if isinstance(kind, _Typed):
         return {"i64": "Indices"}.get(str(kind.pointee), "Vector")

@@ -5,7 +5,7 @@ A record is a class of annotated names. `float` and `int` are single numbers; `V
 are, and are the addresses of arrays elsewhere where it does not. Every place is a word of 8 bytes, in the
 order written.
 
-    class Clock(Record):            class Scratch(Record):
+    class Clock(Struct):            class Scratch(Struct):
         t: float                        k: Vector = part(lambda of: of.stages * of.n)
         step: float                     mult: Rows[Multiplier] = part(lambda of: of.m)
 
@@ -27,7 +27,7 @@ import numpy.typing as npt
 
 from filippov.kernel.language.primitives import Indices, KernelError, Vector
 
-R = TypeVar("R", bound="Record")
+R = TypeVar("R", bound="Struct")
 _FLOAT, _WHOLE = np.dtype(np.float64), np.dtype(np.int64)
 _BYTE = ctypes.c_char.from_buffer
 
@@ -39,8 +39,8 @@ class Place:
     varies: its first word depends on the sizes
     """
 
-    kind: str  # float, int, Vector, Indices, Rows, Record, Lanes
-    of: type[Record] | None
+    kind: str  # float, int, Vector, Indices, Rows, Struct, Lanes
+    of: type[Struct] | None
     offset: int
     size: int
     elsewhere: bool
@@ -100,12 +100,12 @@ def shift_rows(rows: Rows[R], offset: int) -> Rows[R]:
     return Rows(rows.kind, rows.array.reshape(-1)[offset * rows.kind.size :])
 
 
-def all_of(record: Record | Lanes[Any]) -> Vector:
+def all_of(record: Struct | Lanes[Any]) -> Vector:
     """The numbers of a record of doubles, one behind the other."""
     return cast(Vector, record.array)
 
 
-def size_of(record: Record | Lanes[Any]) -> int:
+def size_of(record: Struct | Lanes[Any]) -> int:
     """How many numbers a record holds."""
     return int(record.size)
 
@@ -125,7 +125,7 @@ class _Declaring(type):
         return made
 
 
-class Record(metaclass=_Declaring):
+class Struct(metaclass=_Declaring):
     """A record over an array of its size; see the module. Subclasses declare, and are not initialised."""
 
     __slots__ = ("_floats", "_held", "_wholes", "array")
@@ -176,21 +176,21 @@ class Record(metaclass=_Declaring):
 
 
 @lru_cache(maxsize=512)
-def _sized(cls: type[Record], sizes: Any) -> type[Record]:
+def _sized(cls: type[Struct], sizes: Any) -> type[Struct]:
     if cls.places:
         return cls
     own = _Declaring(cls.__name__, (cls,), {"places": {}, "__module__": cls.__module__})
     _lay_out(own, cls, sizes)
-    return cast(type[Record], own)
+    return cast(type[Struct], own)
 
 
-def _lay_out(own: Any, declared: type[Record], sizes: Any) -> None:
+def _lay_out(own: Any, declared: type[Struct], sizes: Any) -> None:
     """Give a record its places and properties, from the declaration (or itself)."""
     offset, places, varies = 0, {}, False
     hints = get_type_hints(declared)
     for name in get_annotations(declared):
         hint, where = hints[name], f"record {own.__name__}: {name}"
-        if hasattr(Record, name) or name in get_annotations(Record):
+        if hasattr(Struct, name) or name in get_annotations(Struct):
             raise KernelError(f"{where} is a name that every record has; take another")
         if name in vars(declared) and not isinstance(vars(declared)[name], property):
             raise KernelError(f"{where} is {vars(declared)[name]!r}, expected part(...) or nothing")
@@ -218,24 +218,24 @@ def _property(name: str, place: Place) -> property:
     """How Python reads and writes a place."""
     offset, last, inner = place.offset, place.offset + place.size, place.of
 
-    def refuse(self: Record, value: object) -> None:
+    def refuse(self: Struct, value: object) -> None:
         raise AttributeError(f"record {type(self).__name__}: {name} is a part of it; assign to its entries")
 
     if place.elsewhere:
 
-        def read_reference(self: Record) -> Any:
+        def read_reference(self: Struct) -> Any:
             return self._held[name]
 
         return property(read_reference, lambda self, value: self.refer(**{name: value}))
     if place.kind == "float":
 
-        def write_float(self: Record, value: float) -> None:
+        def write_float(self: Struct, value: float) -> None:
             self._floats[offset] = value
 
         return property(lambda self: self._floats[offset], write_float)
     if place.kind == "int":
 
-        def write_int(self: Record, value: int) -> None:
+        def write_int(self: Struct, value: int) -> None:
             self._wholes[offset] = value
 
         return property(lambda self: self._wholes[offset], write_int)
@@ -244,9 +244,9 @@ def _property(name: str, place: Place) -> property:
     if place.kind == "Indices":
         return property(lambda self: self._wholes[offset:last], refuse)
     assert inner is not None
-    of: type[Record] = inner
+    of: type[Struct] = inner
 
-    def read_record(self: Record) -> Any:
+    def read_record(self: Struct) -> Any:
         array = (self._floats if of.doubles else self._wholes)[offset:last]
         return Rows(of, array) if place.kind == "Rows" else of(array)
 
@@ -258,12 +258,12 @@ def _of_doubles(place: Place) -> bool:
     return not place.elsewhere and (place.kind in ("float", "Vector") or inner)
 
 
-def _kind(hint: Any, where: str) -> tuple[str, type[Record] | None]:
+def _kind(hint: Any, where: str) -> tuple[str, type[Struct] | None]:
     plain = {float: "float", int: "int", Vector: "Vector", Indices: "Indices"}
     if hint in plain:
         return plain[hint], None
-    if isinstance(hint, type) and issubclass(hint, Record):
-        return "Record", hint
+    if isinstance(hint, type) and issubclass(hint, Struct):
+        return "Struct", hint
     if get_origin(hint) in (Rows, Lanes):
         (inner,) = get_args(hint)
         return get_origin(hint).__name__, inner

@@ -19,15 +19,19 @@ _STATEMENTS = (
     ast.Assign, ast.AugAssign, ast.Expr, ast.Pass, ast.Return, ast.If, ast.While, ast.For, ast.Break,
     ast.Continue,
 )  # fmt: skip
+# Parts of which nothing is asked.
+_NOTHING = (ast.Constant, ast.Load, ast.Store, ast.arguments, ast.arg, *_OPERATORS)
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 
 
 def check_kernel(node: ast.FunctionDef, file: str) -> None:
     """Raise KernelError where this function leaves the language."""
-    checked = _Checked(node, file)
+    parts = [part for part in ast.walk(node) if type(part) not in _NOTHING]
+    checked = _Checked(node, file, parts)
     checked.signature()
-    for part in ast.walk(node):
-        checked.part(part)
+    for part in parts:
+        if type(part) is not ast.Name:
+            checked.part(part)
     known = {argument.arg for argument in node.args.args}
     after = checked.block(node.body, known)
     returns = node.returns is not None and not (
@@ -40,13 +44,11 @@ def check_kernel(node: ast.FunctionDef, file: str) -> None:
 class _Checked:
     """One function; sets of names are those that are bound on every path, None where no path leads on."""
 
-    def __init__(self, node: ast.FunctionDef, file: str) -> None:
+    def __init__(self, node: ast.FunctionDef, file: str, parts: Sequence[ast.AST]) -> None:
         self.node, self.file = node, file
         self.breaks: list[list[set[str]]] = []
         self.local = {
-            name.id
-            for name in ast.walk(node)
-            if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)
+            name.id for name in parts if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)
         } | {argument.arg for argument in node.args.args}
 
     def fail(self, node: ast.AST, why: str) -> KernelError:

@@ -7,7 +7,7 @@ from llvmlite import ir
 
 from filippov.base.elementary import LIBRARY
 from filippov.kernel.language.operand import Operands
-from filippov.kernel.language.pointer import RecordPointer, spelt
+from filippov.kernel.language.pointer import StructPointer, spelt
 from filippov.kernel.language.settled import settled
 from filippov.kernel.language.strict import step_of
 from filippov.kernel.language.unit import (
@@ -101,9 +101,9 @@ class _Body(Operands):
     def pointer(self, node: ast.Subscript) -> ir.Value:
         """Where an entry of an array stands; of rows the record."""
         base, offset = self.value(node.value), self.value(node.slice)
-        if isinstance(base.type, RecordPointer) and base.type.rows and offset.type == LONG:
+        if isinstance(base.type, StructPointer) and base.type.rows and offset.type == LONG:
             at = self.row(base, offset)
-            at.type = RecordPointer(base.type.of, base.type.pointee, base.type.stride)
+            at.type = StructPointer(base.type.of, base.type.pointee, base.type.stride)
             return at
         if base.type not in (VECTOR, INDICES, self.unit.wide_vector) or offset.type != LONG:
             raise self.fail(node, "arrays are indexed by one integer")
@@ -111,7 +111,7 @@ class _Body(Operands):
 
     def value_Subscript(self, node: ast.Subscript) -> ir.Value:
         pointer = self.pointer(node)
-        if isinstance(pointer.type, RecordPointer):
+        if isinstance(pointer.type, StructPointer):
             return pointer
         wide = pointer.type == self.unit.wide_vector
         return self.b.load(pointer, align=8) if wide else self.b.load(pointer)
@@ -310,7 +310,7 @@ class _Body(Operands):
             return self.b.fptosi(values[0], self.wide_long if values[0].type == self.wide else LONG)
         if name in ("side_by_side", "all_of", "size_of"):
             return self.of_record(name, values[0], node)
-        if name == "shift_rows" and isinstance(values[0].type, RecordPointer) and values[0].type.rows:
+        if name == "shift_rows" and isinstance(values[0].type, StructPointer) and values[0].type.rows:
             return self.row(values[0], values[1])
         if name in ("shift", "shift_indices"):
             if values[0].type not in (VECTOR, INDICES, self.unit.wide_vector):
@@ -331,7 +331,7 @@ class _Body(Operands):
         raise self.fail(node, f"unknown function {name}")
 
     def of_record(self, name: str, value: ir.Value, node: ast.AST) -> ir.Value:
-        if not isinstance(value.type, RecordPointer) or value.type.rows:
+        if not isinstance(value.type, StructPointer) or value.type.rows:
             raise self.fail(node, f"a {spelt(value.type)} where a record is needed")
         if name == "size_of":
             return self.length(value.type.of.__name__, value.type.of.size)
@@ -357,7 +357,7 @@ class _Body(Operands):
             self.store(target.id, value, target)
         elif isinstance(target, ast.Subscript | ast.Attribute):
             pointer = self.place(target) if isinstance(target, ast.Attribute) else self.pointer(target)
-            if isinstance(pointer.type, RecordPointer):
+            if isinstance(pointer.type, StructPointer):
                 raise self.fail(target, "a record is no number; assign to its names")
             aligned = {"align": 8} if pointer.type == self.unit.wide_vector else {}
             self.b.store(self.cast(value, pointer.type.pointee, target), pointer, **aligned)

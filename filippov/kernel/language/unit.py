@@ -4,12 +4,13 @@ import ast
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from weakref import WeakSet
 
 from llvmlite import ir
 
-from filippov.kernel.language.pointer import RecordPointer
+from filippov.kernel.language.pointer import StructPointer
 from filippov.kernel.language.primitives import KernelError
-from filippov.kernel.language.records import Record
+from filippov.kernel.language.records import Struct
 from filippov.kernel.language.strict import check_kernel
 from filippov.kernel.tables.layout import LANES
 
@@ -18,6 +19,11 @@ VECTOR, INDICES = DOUBLE.as_pointer(), LONG.as_pointer()
 _ANNOTATED = {"float": DOUBLE, "int": LONG, "bool": BIT, "Vector": VECTOR, "Indices": INDICES}
 
 Constant = int | float | bool | list[float] | list[int]
+
+_MARKS = {"lanes", "kernel", "contract"}
+# Longer texts are written for one system: their trees are not kept.
+_LONG = 100_000
+_checked: WeakSet[ast.FunctionDef] = WeakSet()
 
 
 @dataclass
@@ -34,10 +40,10 @@ class Kernel:
 class Unit:
     """One LLVM module: its source texts by the names of their kernels, and the constants they share.
 
-    A kernel is declared when it is first asked for, and then waits for its translation. `width` is the
-    number of lanes; `wide`, `wide_vector` ... are what stands in a lane kernel for a number and an array of
-    numbers. records: the records by name, with their lengths. foreign, foreign_lanes: kernels, plain and in
-    lanes, that another unit holds, with which this one is linked; outside: constants that it holds;
+    A kernel is checked and declared when it is first asked for, and then waits for its translation. `width`
+    is the number of lanes; `wide`, `wide_vector` ... are what stands in a lane kernel for a number and an
+    array of numbers. records: the records by name, with their lengths. foreign, foreign_lanes: kernels, plain
+    and in lanes, that another unit holds, with which this one is linked; outside: constants that it holds;
     shape: numbers that are read there, by name, with their places in the table SHAPE.
     """
 
@@ -49,7 +55,7 @@ class Unit:
     waiting: list[Kernel] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
     tables: dict[str, ir.GlobalVariable] = field(default_factory=dict)
-    records: Mapping[str, type[Record]] = field(default_factory=dict)
+    records: Mapping[str, type[Struct]] = field(default_factory=dict)
     module: ir.Module = field(default_factory=lambda: ir.Module("filippov"))
     width: int = LANES
     foreign: frozenset[str] = frozenset()
@@ -106,20 +112,20 @@ class Unit:
         """
         if isinstance(node, ast.Name) and node.id in _ANNOTATED:
             return (self.in_lanes if wide else _ANNOTATED)[node.id]
-        shape, inner = "Record", node
+        shape, inner = "Struct", node
         if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):
             shape, inner = node.value.id, node.slice
-        if shape in ("Record", "Rows", "Lanes") and isinstance(inner, ast.Name) and inner.id in self.records:
+        if shape in ("Struct", "Rows", "Lanes") and isinstance(inner, ast.Name) and inner.id in self.records:
             return self.record(self.records[inner.id], wide, shape)
         known = ", ".join(("float, int, bool, Vector, Indices", *self.records))
         raise KernelError(f"{where}: annotate with {known}; or Rows or Lanes of a record")
 
-    def record(self, of: type[Record], wide: bool, shape: str = "Record") -> RecordPointer:
+    def record(self, of: type[Struct], wide: bool, shape: str = "Struct") -> StructPointer:
         """The type of a record, of rows or of lanes of it; one not of doubles is common to all lanes."""
         if shape == "Lanes" and not wide:
-            return RecordPointer(of, DOUBLE, self.width)
+            return StructPointer(of, DOUBLE, self.width)
         element = self.wide if wide and of.doubles else DOUBLE
-        return RecordPointer(of, element, 1, shape == "Rows")
+        return StructPointer(of, element, 1, shape == "Rows")
 
     def plain(self, name: str) -> Kernel:
         """The plain kernel of this name."""
@@ -148,7 +154,9 @@ def marks(node: ast.FunctionDef) -> set[str]:
 
 
 def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
-    where = f"{unit.files.get(node.name, 'kernels')}:{node.lineno}: kernel {node.name}"
+    file = unit.files.get(node.name, "kernels")
+    where = f"{file}:{node.lineno}: kernel {node.name}"
+    _check(node, file)
     arguments = [unit.annotated(a.annotation, f"{where}({a.arg})", wide) for a in node.args.args]
     said, kind = marks(node), ir.FunctionType(_result(unit, node.returns, where, wide), arguments)
     function = ir.Function(unit.module, kind, f"{node.name}.lanes" if wide else node.name)
@@ -176,9 +184,10 @@ def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
 def add_kernels(unit: Unit, text: str, file: str = "kernels") -> None:
     """Take in every decorated function of a source text; its constants may come later.
 
-    Raises KernelError, with the file and the line, for what is outside the language or there already.
+    Raises KernelError, with the file and the line, for one that is there already. What is outside the
+    language is refused where it is asked for: most kernels of the loop are no part of a system's unit.
     """
-    for node in _kernels_of(text, file):
+    for node in _kernels_of(text):
         texts = unit.lane_texts if "lanes" in marks(node) else unit.texts
         if texts.get(node.name, node) is not node:
             raise KernelError(f"{file}:{node.lineno}: kernel {node.name}: there is another of this name")
@@ -186,10 +195,19 @@ def add_kernels(unit: Unit, text: str, file: str = "kernels") -> None:
         unit.files[node.name] = file
 
 
-@lru_cache(maxsize=256)
-def _kernels_of(text: str, file: str) -> tuple[ast.FunctionDef, ...]:
-    nodes = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
-    kernels = tuple(node for node in nodes if marks(node) & {"lanes", "kernel", "contract"})
-    for node in kernels:
+def _kernels_of(text: str) -> tuple[ast.FunctionDef, ...]:
+    nodes = parsed(text).body if len(text) < _LONG else ast.parse(text).body
+    return tuple(n for n in nodes if isinstance(n, ast.FunctionDef) and marks(n) & _MARKS)
+
+
+@lru_cache(maxsize=128)
+def parsed(text: str) -> ast.Module:
+    """The syntax tree of a file of kernels, which many units hold; nobody changes it."""
+    return ast.parse(text)
+
+
+def _check(node: ast.FunctionDef, file: str) -> None:
+    """Refuse a kernel outside the language; one that stands in several units is looked at once."""
+    if node not in _checked:
         check_kernel(node, file)
-    return kernels
+        _checked.add(node)

@@ -1,4 +1,4 @@
-"""The event loop: one trajectory, mode by mode, until its end or until something needs the general path.
+"""The event loop: one trajectory, mode by mode, until its end or until something needs the classification.
 
 Contract (clauses E1-E9 of docs/event-loop): the field of a segment is smooth, the mode is the memory; an
 accepted step is searched for its first event; the event is landed on by a real step; simple ones are decided
@@ -10,6 +10,7 @@ AGAIN for another step, ARRIVED at an event, or a code of `advance`.
 
 from filippov.kernel.language.primitives import entry, inline, kernel
 from filippov.kernel.loop.attempt import choose_step, try_step
+from filippov.kernel.loop.corner_event import look_at_corner
 from filippov.kernel.loop.decide import decide
 from filippov.kernel.loop.field import set_mode
 from filippov.kernel.loop.model import IMPLICIT, SERIES, TICKS, M, N
@@ -103,6 +104,8 @@ def advance(run: Trajectory) -> int:
             code = choose_step(run)
         if code == GO_ON:
             code = try_step(run)
+        if code == GO_ON and M > 1 and run.count.pair != 0:
+            code = look_at_corner(run)
         if code == GO_ON:
             code = search(run)
         if code == GO_ON:

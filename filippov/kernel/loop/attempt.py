@@ -1,6 +1,6 @@
 """A step of the loop: its length, its stages, and whether it stands."""
 
-from filippov.kernel.language.primitives import NAN, Vector, inline, kernel, shift, truncate
+from filippov.kernel.language.primitives import NAN, Vector, apart, inline, kernel, shift, truncate
 from filippov.kernel.loop.control import (
     at_rest,
     error_norm,
@@ -14,7 +14,7 @@ from filippov.kernel.loop.control import (
 )
 from filippov.kernel.loop.field import clear_ranges, field, project
 from filippov.kernel.loop.land import EPS
-from filippov.kernel.loop.model import END_IN_ERROR, IMPLICIT, STAGES, M, N, stages
+from filippov.kernel.loop.model import AFFINE, END_IN_ERROR, IMPLICIT, STAGES, M, N, stages
 from filippov.kernel.loop.state import Trajectory
 from filippov.kernel.tables.codes import (
     AGAIN,
@@ -43,7 +43,7 @@ def choose_step(run: Trajectory) -> int:
     elif abs(step) <= least_step(t, clock.t_start, clock.t_end):
         if now.rested != 0 or not at_rest(run.w):
             return MIN_STEP
-        # The equilibrium of a rough field was reached by ever shorter steps; to stay there needs none.
+        # The equilibrium of a non-Lipschitz field was reached by ever shorter steps; staying needs none.
         now.rested = 1
         clock.step = max(1024.0 * EPS * abs(t), 1e-12 * abs(remaining))
         return AGAIN
@@ -56,9 +56,9 @@ def choose_step(run: Trajectory) -> int:
     now.kept = 1 if clock.relative < 0.0 else 0
     now.slack = 1.0
     if now.kept != 0:
-        now.slack = max(abs(t - clock.rough_from), clock.rough_span)
+        now.slack = max(abs(t - clock.fast_from), clock.fast_span)
     elif now.relative >= 0:
-        now.slack = max(1.0, clock.rough_span / abs(t + step - clock.rough_from))
+        now.slack = max(1.0, clock.fast_span / abs(t + step - clock.fast_from))
     return GO_ON
 
 
@@ -72,9 +72,29 @@ def error_of(run: Trajectory, step: float, y: Vector) -> float:
     )
 
 
+@apart
+@kernel
+def keep_multipliers(run: Trajectory) -> None:
+    """Remember the multipliers at the start of a step, from which Newton's method goes on."""
+    for c in range(run.iw.sliding):
+        i = run.iw.listed[c]
+        run.lam[i] = run.w.mult[i].value
+
+
+@apart
+@kernel
+def go_back(run: Trajectory) -> None:
+    """The multipliers at the start of a step again: from those of a trial Newton's method may go astray."""
+    if not AFFINE and run.iw.sliding > 1:
+        for c in range(run.iw.sliding):
+            i = run.iw.listed[c]
+            run.w.mult[i].value = run.lam[i]
+
+
 @kernel
 def reject(run: Trajectory, length: float, error: float) -> int:
     """Take a shorter step than this one, which was too far off."""
+    go_back(run)
     clock = run.clock
     run.count.rejected += 1
     clock.step = abs(length) * max(0.2, step_factor(error))
@@ -91,6 +111,8 @@ def try_step(run: Trajectory) -> int:
     failed, error, fresh = 0, now.taken, now.taken == 0.0
     if fresh:
         clear_ranges(w, iw)
+        if not AFFINE and iw.sliding > 1:
+            keep_multipliers(run)
         failed = stages(t, x, p, m, step, y, w, iw, ctx)
         error = NAN
     line = failed == 0 and not IMPLICIT and uniform(w)
@@ -123,6 +145,7 @@ def try_step(run: Trajectory) -> int:
 @kernel
 def shrink(run: Trajectory, failed: int) -> int:
     """A shorter step after an invalid one; ARRIVED where a surface is one rounding away."""
+    go_back(run)
     clock, now = run.clock, run.now
     run.count.rejected += 1
     length, surface = shrink_invalid(clock, run.m, run.order, now.step, run.w)

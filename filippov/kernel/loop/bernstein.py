@@ -13,7 +13,7 @@ from filippov.kernel.tables.root_tables import (
     NODES,
     RESOLUTION,
     SIMPLE_ROOT,
-    TOUCHING,
+    TANGENT_ROOT,
 )
 
 
@@ -127,7 +127,7 @@ def first_root(
 ) -> tuple[int, float]:
     """First place in [0, 1] where the polynomial c, positive at the start, stops being positive: (kind, u).
 
-    SIMPLE_ROOT where it changes sign, TOUCHING where it has a least value in [0, touch] inside without
+    SIMPLE_ROOT where it changes sign, TANGENT_ROOT where it has a least value in [0, touch] inside without
     changing sign at the resolution, NO_ROOT otherwise. Scratch: `stack` (DEPTH + 3) * NODES,
     `bounds` (DEPTH + 3) * 2.
     """
@@ -157,16 +157,16 @@ def first_root(
         if changes == 1 and (row[degree] < 0.0 or least >= 0.0):
             return SIMPLE_ROOT, lo + width * bracketed_root(row, degree, work)
         if least > 0.0 and width <= RESOLUTION:
-            # No root here; a least value inside the piece, or on the seam to the one before, is a touching.
+            # No root here; a least value inside the piece, or on the seam to the one before, is a tangency.
             falls, rises = row[1] < row[0], row[degree] > row[degree - 1]
             if (falls or falling) and rises:
                 # The vertex of the parabola with the slopes of both ends.
                 fall, rise = row[0] - row[1], row[degree] - row[degree - 1]
-                return TOUCHING, (lo + width * fall / (fall + rise) if falls else lo)
+                return TANGENT_ROOT, (lo + width * fall / (fall + rise) if falls else lo)
             falling = falls and row[degree] <= touch
             continue
         if top + 2 > DEPTH:
-            return TOUCHING, 0.5 * (lo + hi)
+            return TANGENT_ROOT, 0.5 * (lo + hi)
         middle = 0.5 * (lo + hi)
         halve(row, row, shift(stack, (top + 1) * NODES), degree, work)
         bounds[2 * top], bounds[2 * top + 1] = middle, hi

@@ -67,8 +67,8 @@ def error_norm(
 ) -> float:  # fmt: skip
     """Mean square of the local error over atol + rtol |x|; of guard `relative` over rtol |h| slack too.
 
-    kept (0 or 1): |h| is that of the guard itself, or what it goes in the time `slack` of a lap, so that the
-    next root is as accurate in time; else it is its change over the step.
+    kept (0 or 1): |h| is that of the guard itself, or what it goes in the time `slack` of a cycle, so that
+    the next root is as accurate in time; else it is its change over the step.
     """
     square5, square3 = 0.0, 0.0
     guard5, guard3, rise, terms = 0.0, 0.0, 0.0, 0.0
@@ -185,7 +185,7 @@ def other_stages(
 
 @kernel
 def mark_grazed(m: Vector, start: bool, w: Scratch) -> None:
-    """Keep a touching from being reported twice: the guard has to get clear of 0 in between (hysteresis)."""
+    """Keep a tangency from being reported twice: the guard has to get clear of 0 in between (hysteresis)."""
     for i in range(M):
         clear = abs(w.end[2 * i]) > 1e3 * w.touch[i]
         if start:
@@ -244,7 +244,7 @@ def suspicious(step: float, m: Vector, order: Indices, line: bool, w: Scratch, i
             below, above = mult.least - spread, mult.most + spread
             if not (above < w.radius[2 * i + 1] and below > w.radius[2 * i]):
                 return True
-            if iw.peers[COMPONENT[i]] == 1 and (w.attract[i] < 0.0 or not (mult.slope < 0.0)):
+            if iw.coupled[COMPONENT[i]] == 1 and (w.attract[i] < 0.0 or not (mult.slope < 0.0)):
                 return True
             continue
         if not ALL_LINEAR:
@@ -276,7 +276,7 @@ def guard_state(
 
 
 @kernel
-def is_rough(
+def is_non_lipschitz(
     t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, iw: Integers, ctx: Indices
 ) -> bool:
     """Whether the field off surface i is not Lipschitz in h_i at 0 (a power below 1): clause E8."""
@@ -304,7 +304,7 @@ def is_rough(
 
 
 @kernel
-def creep_off(
+def collocation_start(
     t: float, x: Vector, p: Vector, m: Vector, length: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """A first tiny step off a surface where the field is not Lipschitz: Picard iteration on 3 Gauss nodes.
@@ -313,7 +313,7 @@ def creep_off(
     the same reason `slack` lets the steps that follow be as much less accurate as they are closer to the
     surface.
     """
-    at, f = w.creep, shift(w.creep, 3 * N)
+    at, f = w.collocation, shift(w.collocation, 3 * N)
     for q in range(3):
         for j in range(N):
             at[q * N + j] = x[j]

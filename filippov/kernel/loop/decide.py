@@ -2,10 +2,11 @@
 
 from filippov.kernel.language.primitives import NAN, inline, kernel, shift_indices
 from filippov.kernel.loop.control import guard_state, mark_hits
+from filippov.kernel.loop.corner_event import leave_corner, reach_corner, take_corner
+from filippov.kernel.loop.event_cycle import faint, zeno_horizon, zeno_remaining
 from filippov.kernel.loop.field import field
 from filippov.kernel.loop.land import EPS, guard_scale
-from filippov.kernel.loop.lap import faint, zeno_horizon, zeno_remaining
-from filippov.kernel.loop.locate import BRUSH
+from filippov.kernel.loop.locate import BOUND_TOLERANCE
 from filippov.kernel.loop.model import (
     COMPONENT,
     CONTACT,
@@ -33,6 +34,7 @@ from filippov.kernel.loop.resolve import (
 from filippov.kernel.loop.state import Trajectory
 from filippov.kernel.tables.codes import (
     AGAIN,
+    CORNER,
     ENTRY,
     EXIT_DOWN,
     EXIT_UP,
@@ -64,10 +66,10 @@ def kind_of(run: Trajectory) -> int:
     te, surface, cause = now.t_end, now.surface, now.cause
     # A reset at the instant of a clock is one set with it.
     due = clock.same_instant > 0.0 and (clock.t_end - te) * w.direction <= clock.same_instant
-    # Of a guard that is followed relative to itself roots are known to a part of the last lap.
-    lap = max(abs(te - clock.rough_from), clock.rough_span) if clock.relative < 0.0 else 0.0
-    told = cause == ROOT or clock.relative < 0.0  # a touching is its own answer elsewhere
-    if told and faint(te, x, p, m, surface, te - now.t, clock.rtol * lap, w, iw, ctx):
+    # Of a guard that is followed relative to itself roots are known to a part of the last cycle.
+    cycle = max(abs(te - clock.fast_from), clock.fast_span) if clock.relative < 0.0 else 0.0
+    told = cause == ROOT or clock.relative < 0.0  # a tangency is its own answer elsewhere
+    if told and faint(te, x, p, m, surface, te - now.t, clock.rtol * cycle, w, iw, ctx):
         return NONE
     if cause == TOUCH:
         return resolve_touch(te, x, p, m, surface, w, iw, ctx)
@@ -76,18 +78,23 @@ def kind_of(run: Trajectory) -> int:
             return NONE
         if RESETS and resets_from(surface, m[surface]):
             return apply_reset(te, x, p, m, order, surface, w, iw, ctx)
+        # The sign of the surface acts on the multipliers of what is coupled to it.
+        if M > 1 and iw.coupled[COMPONENT[surface]] > 0:
+            return reach_corner(run)
         rate = w.end[2 * surface + 1] * w.direction
         return resolve_root(te, x, p, m, order, surface, rate, w, iw, ctx)
-    if now.residual <= BRUSH * (abs(w.row[surface]) + abs(w.row[M + surface])):
-        laps = run.zeno[surface]
-        lasted = abs(te - (laps.last if laps.interval[0] > 0.0 else clock.t_start))
+    if now.residual <= BOUND_TOLERANCE * (abs(w.row[surface]) + abs(w.row[M + surface])):
+        if M > 1 and run.count.pair == 1 and iw.coupled[COMPONENT[surface]] == 2:
+            return leave_corner(run)
+        cycles = run.zeno[surface]
+        lasted = abs(te - (cycles.last if cycles.interval[0] > 0.0 else clock.t_start))
         return resolve_exit(m, order, cause, surface, now.slope, lasted, w, iw)
     return NONE
 
 
 @kernel
 def leave_it(run: Trajectory) -> int:
-    """Hand the event to the general path."""
+    """Hand the event to the classification."""
     for i in range(M):
         if run.hit[i] != 0:
             run.w.grazed[i] = 1.0
@@ -122,7 +129,9 @@ def decide(run: Trajectory) -> int:
     run.clock.t = te
     for j in range(N):
         run.x[j] = xe[j]
-    return take(run, kind) if kind != NONE else leave_it(run)
+    if kind == NONE:
+        return leave_it(run)
+    return take_corner(run) if kind == CORNER else take(run, kind)
 
 
 @inline
@@ -153,21 +162,21 @@ def take(run: Trajectory, kind: int) -> int:
         # A guard that turns faster than the motion: the next event is about as far.
         clock.step = min(clock.step, 4.0 * abs(te - t) + 1e3 * EPS * abs(te))
     if clock.relative == -float(surface) - 1.0:
-        clock.rough_span, clock.rough_from = abs(te - clock.rough_from), te
+        clock.fast_span, clock.fast_from = abs(te - clock.fast_from), te
     clock.relative = min(clock.relative, 0.0)
     if count_down(shift_indices(run.stop, STOPS * surface), kind) != 0:
         return STOPPED
     if ROLE[surface] != OBSERVER and kind != GRAZING:
-        laps = run.zeno[surface]
-        horizon = zeno_horizon(te, clock.t_start, w.xe, surface, laps, w)
-        if zeno_remaining(laps, te, horizon) >= 0.0:
+        cycles = run.zeno[surface]
+        horizon = zeno_horizon(te, clock.t_start, w.xe, surface, cycles, w)
+        if zeno_remaining(cycles, te, horizon) >= 0.0:
             return ZENO
     return AGAIN
 
 
 @kernel
 def slide_close(run: Trajectory) -> int:
-    """AGAIN, or how the run ends, where an event left to the general path begins sliding next to an end of
+    """AGAIN, or how the run ends, where an event left to the classification begins sliding next to an end of
     Filippov's own set; else GENERAL.
 
     The motion comes to the surface nearly along it, faster than rounding can tell, and the field beyond leads
@@ -181,7 +190,7 @@ def slide_close(run: Trajectory) -> int:
     for j in range(M):
         if (run.hit[j] != 0) != (j == i):
             return GENERAL
-    simple = run.count.cause == ROOT and m[i] != 0.0 and length > 0.0 and iw.peers[COMPONENT[i]] == 0
+    simple = run.count.cause == ROOT and m[i] != 0.0 and length > 0.0 and iw.coupled[COMPONENT[i]] == 0
     simple = simple and ROLE[i] == SWITCHING and WIDTH[i] == 0.0 and CONTACT[i] == 0 and HELD[i] == 0
     # An event that was left just now, not one decided before.
     simple = simple and clock.t == te and w.grazed[i] != 0.0

@@ -6,7 +6,7 @@ from filippov.kernel.loop.model import TICKS, M, N, P, derive
 from filippov.kernel.loop.start import begin
 from filippov.kernel.loop.state import Trajectories, Trajectory
 from filippov.kernel.loop.ticks import aim
-from filippov.kernel.loop.turn import turn
+from filippov.kernel.loop.time_slice import time_slice
 from filippov.kernel.tables.codes import KINDS, REACHED, STOPS
 
 
@@ -78,7 +78,7 @@ def ensemble(last: int, steps: int, mine: Indices, batch: Trajectories, run: Tra
         if fresh:
             code = launch(run)
         if code == REACHED:
-            code = turn(left, run)
+            code = time_slice(left, run)
         left -= run.count.steps + run.count.rejected - before + 1
         if code != -1:
             batch.codes[q] = code

@@ -46,7 +46,7 @@ def set_mode(m: Vector, iw: Integers) -> None:
     k, first = 0, 0
     for q in range(M):
         i = BY_COMPONENT[q]
-        iw.peers[q] = 0
+        iw.coupled[q] = 0
         if m[i] == 0.0:
             iw.listed[k] = i
             iw.place[i] = k
@@ -58,7 +58,7 @@ def set_mode(m: Vector, iw: Integers) -> None:
             last += 1
         for c in range(first, last):
             iw.group[c] = last
-        iw.peers[here] = last - first
+        iw.coupled[here] = last - first
         first = last
     iw.sliding = k
 

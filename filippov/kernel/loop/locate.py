@@ -35,12 +35,12 @@ from filippov.kernel.loop.sampling import (
 from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.tables.codes import LOWER, NOTHING, OBSERVER, ROOT, TOUCH, UNRESOLVED, UPPER
 from filippov.kernel.tables.layout import CHECKS, SPLITS
-from filippov.kernel.tables.root_tables import DEGREE, NO_ROOT, NODES, TO_BERNSTEIN, TOUCHING
+from filippov.kernel.tables.root_tables import DEGREE, NO_ROOT, NODES, TANGENT_ROOT, TO_BERNSTEIN
 
 NOISY = 64.0
 LEAVES = 16
 # Of the rates on both sides of a sliding surface: an excess of the multiplier that is rounding.
-BRUSH = 1e-10
+BOUND_TOLERANCE = 1e-10
 EPS = 2.220446049250313e-16
 
 
@@ -55,10 +55,10 @@ def sampled_range(row: int, w: Scratch) -> tuple[float, float]:
 
 
 @kernel
-def to_polynomial(row: int, judged: bool, noise: float, brush: float, w: Scratch) -> bool:
+def to_polynomial(row: int, judged: bool, noise: float, tolerance: float, w: Scratch) -> bool:
     """Bernstein coefficients of one guard on the sampled piece; False where they do not stand for it.
 
-    brush: where it is not negative, the guard is asked for its sign as well, if it is not as small as this.
+    tolerance: where it is not negative, the guard is asked for its sign as well, unless it is this small.
     """
     c = w.c
     largest, worst = 0.0, 0.0
@@ -78,7 +78,7 @@ def to_polynomial(row: int, judged: bool, noise: float, brush: float, w: Scratch
             if abs(miss) > 1e-7 * largest + NOISY * noise:
                 return False
             worst = max(worst, abs(miss))
-    if brush >= 0.0 and worst > brush:
+    if tolerance >= 0.0 and worst > tolerance:
         bound, _ = coefficient_range(c)
         least, _ = sampled_range(row, w)
         return bound > 4.0 * worst or least < -4.0 * worst
@@ -155,8 +155,8 @@ def noise_in(
 @inline
 @kernel
 def row_polynomial(
-    row: int, t: float, step: float, lo: float, width: float, brush: float, p: Vector, m: Vector, w: Scratch,
-    iw: Integers, ctx: Indices,
+    row: int, t: float, step: float, lo: float, width: float, tolerance: float, p: Vector, m: Vector,
+    w: Scratch, iw: Integers, ctx: Indices,
 ) -> tuple[int, float]:  # fmt: skip
     """One sampled guard in Bernstein form, in w.c: (0 where that stands for it, noise of the guard).
 
@@ -164,14 +164,14 @@ def row_polynomial(
     """
     i = row if row < M else row - M
     judged, noise = m[i] == 0.0 or LINEAR[i] == 0, -1.0
-    if to_polynomial(row, judged, 0.0, brush, w):
+    if to_polynomial(row, judged, 0.0, tolerance, w):
         return 0, noise
     if m[i] != 0.0:
         noise = noise_in(i, t, step, lo + 0.5 * width, p, m, w, ctx)
-    if noise > 0.0 and to_polynomial(row, judged, noise, brush, w):
+    if noise > 0.0 and to_polynomial(row, judged, noise, tolerance, w):
         return 0, noise
     low, high = sampled_range(row, w)
-    known = 1e3 * (w.touch[i] if m[i] != 0.0 else brush)
+    known = 1e3 * (w.touch[i] if m[i] != 0.0 else tolerance)
     iw.pieces += 1 if high - low > known else 0
     return (1 if max(-low, high) > known else -1), noise
 
@@ -179,7 +179,7 @@ def row_polynomial(
 @inline
 @kernel
 def row_root(
-    row: int, t: float, step: float, lo: float, width: float, brush: float, noise: float, p: Vector,
+    row: int, t: float, step: float, lo: float, width: float, tolerance: float, noise: float, p: Vector,
     m: Vector, order: Indices, w: Scratch, iw: Integers, ctx: Indices,
 ) -> tuple[int, float, int]:  # fmt: skip
     """First place on the piece where the guard in w.c stops being positive: (kind of root, u, degree).
@@ -196,12 +196,12 @@ def row_root(
     if lo == 0.0 and m[i] != 0.0 and order[i] > 0:
         degree = deflate(c, order[i])
         allowed, touch = 0.0, 0.0
-    elif lo == 0.0 and m[i] == 0.0 and (abs(order[i]) > 2 or (abs(order[i]) == 2 and c[0] < -brush)):
+    elif lo == 0.0 and m[i] == 0.0 and (abs(order[i]) > 2 or (abs(order[i]) == 2 and c[0] < -tolerance)):
         # At a two-fold (3) both rates vanish: their size at the start is rounding.
         spread = abs(w.node[i]) + abs(w.node[M + i]) if abs(order[i]) == 2 else 1e300
         degree = deflate(c, order_at_start(c, spread))
     elif allowed > 0.0 or (m[i] != 0.0 and iw.sliding > 0):
-        # A dip below 0 no deeper than rounding is a touching, not two crossings.
+        # A dip below 0 no deeper than rounding is a tangency, not two crossings.
         if stands_still(low, high, allowed, step, i, w):
             return NO_ROOT, 2.0, degree
         dip = rounding(t, step, i, m, w, iw)
@@ -213,7 +213,7 @@ def row_root(
             c[a] += dip
     elif m[i] == 0.0:
         # A multiplier that comes to the end of its set and turns back, does not leave it.
-        dip = brush
+        dip = tolerance
         for a in range(NODES):
             c[a] += dip
     least, most = c[0], c[0]
@@ -229,7 +229,7 @@ def row_root(
         if high <= NOISY * grain and low >= -NOISY * grain:
             return NO_ROOT, 2.0, degree
     kind, u = first_root(c, degree, touch, w.stack, w.bounds, w.work)
-    return (NO_ROOT if kind == TOUCHING and most <= allowed else kind), u, degree
+    return (NO_ROOT if kind == TANGENT_ROOT and most <= allowed else kind), u, degree
 
 
 @inline
@@ -255,23 +255,23 @@ def first_on_piece(
         i = row if row < M else row - M
         if row >= M and m[i] != 0.0:
             continue
-        brush, noise = -1.0, -1.0
+        tolerance, noise = -1.0, -1.0
         if m[i] == 0.0:
-            brush = BRUSH * (abs(w.node[i]) + abs(w.node[M + i]))
+            tolerance = BOUND_TOLERANCE * (abs(w.node[i]) + abs(w.node[M + i]))
         if straight(iw):
             guard_polynomial(i, step, m, w)
         else:
-            off, noise = row_polynomial(row, t, step, lo, width, brush, p, m, w, iw, ctx)
+            off, noise = row_polynomial(row, t, step, lo, width, tolerance, p, m, w, iw, ctx)
             if off != 0 and halve_more:
                 return UNRESOLVED, 0, 0.0, 0.0
             iw.unresolved += 1 if off > 0 else 0
             if iw.unresolved > LEAVES:
                 return UNRESOLVED, 0, 0.0, 0.0
-        kind, u, degree = row_root(row, t, step, lo, width, brush, noise, p, m, order, w, iw, ctx)
+        kind, u, degree = row_root(row, t, step, lo, width, tolerance, noise, p, m, order, w, iw, ctx)
         if kind == NO_ROOT or u >= best:
             continue
         best, surface = u, i
-        if kind == TOUCHING:
+        if kind == TANGENT_ROOT:
             cause = TOUCH
         elif m[i] != 0.0:
             cause = ROOT
@@ -289,7 +289,7 @@ def locate(
 
     order[i]: how often guard i vanishes at the start of the step (the root it starts from is divided out);
     for a sliding surface +-2 says that its multiplier starts at an end of its set, +-3 that the rates of both
-    sides vanish at the start. A least value of a guard below w.touch is a touching. Cause -1: the user's code
+    sides vanish at the start. A least value of a guard below w.touch is a tangency. Cause -1: the user's code
     failed; -2: no sliding; UNRESOLVED: the step is too long for its guards. iw.pieces counts the pieces on
     which a guard was no polynomial, however small; what is no more than rounding is not counted.
     """

@@ -1,4 +1,4 @@
-"""The simple events, decided in the loop: one surface, rates clear of zero. All else is the general path's.
+"""The simple events, decided in the loop: one surface, rates clear of zero. All else is the classification's.
 
 For a surface reached from side sigma with rates h'(+) and h'(-) of the two fields there: both carry on,
 cross; both point to it, slide; a rate within CLEAR_RATE of zero on its own scale, a second surface, or one
@@ -21,7 +21,7 @@ from filippov.kernel.loop.model import (
     gradients,
     rhs,
 )
-from filippov.kernel.loop.state import Integers, Laps, Scratch
+from filippov.kernel.loop.state import EventCycles, Integers, Scratch
 from filippov.kernel.tables.codes import (
     CROSSING_DOWN,
     CROSSING_UP,
@@ -41,7 +41,7 @@ CLEAR_RATE = 1e-6
 NO_EFFECT, ROUNDING = 1e-15, 1e-12
 # Of the time that a slide has lasted: one that would reach a two-fold in less may be drawn into it.
 NEAR_FOLD = 3e-2
-# Depth of a touching over what cannot be told from one: forwards, and backwards.
+# Depth of a tangency over what cannot be told from one: forwards, and backwards.
 SHALLOW, BACKWARDS = 1e-2, 10.0
 
 
@@ -89,9 +89,6 @@ def resolve_root(
 ) -> int:
     """Mode after reaching surface i alone; the kind of event, NONE if it is not simple, -1 on failure."""
     sigma = m[i]
-    # The sign of i acts on the multipliers of what is coupled to it.
-    if iw.peers[COMPONENT[i]] > 0:
-        return NONE
     kind = CROSSING_DOWN if sigma * w.direction > 0.0 else CROSSING_UP
     if ROLE[i] != SWITCHING or WIDTH[i] > 0.0:
         size = abs(w.gt[i])
@@ -142,7 +139,7 @@ def resolve_root(
 def leads_off(
     t: float, x: Vector, p: Vector, m: Vector, i: int, rate: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:  # fmt: skip
-    """Whether the slow rate beyond surface i lasts until h is farther than a touching is deep; -1: failure.
+    """Whether the slow rate beyond surface i lasts until h is farther than a tangency is deep; -1: failure.
 
     So it does into a layer in which the motion relaxes, and does not near a fold of the field beyond.
     """
@@ -179,7 +176,7 @@ def touch_or_root(i: int, length: float, m: Vector, w: Scratch) -> int:
     # Far below what the step resolves and below the height it came down from, however loose the tolerance is;
     # written without squares, which would underflow in a guard of tiny values.
     shallow = min(SHALLOW * w.touch[i], 1e-6 * abs(w.start[2 * i]))
-    # Backwards a slide that was left is met in such a touching, as deep as the integration is in error.
+    # Backwards a slide that was left is met in such a tangency, as deep as the integration is in error.
     if w.direction < 0.0:
         shallow = max(shallow, BACKWARDS * w.touch[i])
     if m[i] * turn > 0.0 and abs(rate) * abs(rate / turn) <= 2.0 * shallow:
@@ -192,7 +189,7 @@ def resolve_touch(
     t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:  # fmt: skip
     """GRAZING, or NONE where the other side leads away from surface i too: then the motion is not unique."""
-    if ROLE[i] == SWITCHING and WIDTH[i] == 0.0 and iw.peers[COMPONENT[i]] == 0:
+    if ROLE[i] == SWITCHING and WIDTH[i] == 0.0 and iw.coupled[COMPONENT[i]] == 0:
         code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
         if code != 0:
             return -1
@@ -204,12 +201,12 @@ def resolve_touch(
 
 
 @kernel
-def widen(zeno: Rows[Laps], w: Scratch, iw: Integers) -> None:
+def widen(zeno: Rows[EventCycles], w: Scratch, iw: Integers) -> None:
     """Keep the largest difference of the rates on both sides of every sliding surface."""
     for c in range(iw.sliding):
         i = iw.listed[c]
-        mult, laps = w.mult[i], zeno[i]
-        laps.widest = max(laps.widest, abs(mult.rate_minus - mult.rate_plus))
+        mult, cycles = w.mult[i], zeno[i]
+        cycles.widest = max(cycles.widest, abs(mult.rate_minus - mult.rate_plus))
 
 
 @kernel
@@ -223,7 +220,7 @@ def resolve_exit(
     """
     mult = w.mult[i]
     spread = w.attract[i] * (mult.rate_minus - mult.rate_plus)
-    if iw.peers[COMPONENT[i]] != 1 or not (spread > 0.0) or not (slope < -CLEAR_RATE * spread):
+    if iw.coupled[COMPONENT[i]] != 1 or not (spread > 0.0) or not (slope < -CLEAR_RATE * spread):
         return NONE
     if HELD[i] != 0:
         return NONE

@@ -103,7 +103,7 @@ def sliding_guards(out: Vector, w: Scratch, iw: Integers) -> None:
         i = iw.listed[c]
         lo, hi = w.radius[2 * i], w.radius[2 * i + 1]
         mult = w.mult[i]
-        if iw.peers[COMPONENT[i]] == 1:
+        if iw.coupled[COMPONENT[i]] == 1:
             plus, minus = w.attract[i] * mult.rate_plus, w.attract[i] * mult.rate_minus
             out[i] = -0.5 * ((1.0 + hi) * plus + (1.0 - hi) * minus)
             out[M + i] = 0.5 * ((1.0 + lo) * plus + (1.0 - lo) * minus)

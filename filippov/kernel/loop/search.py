@@ -1,7 +1,7 @@
 """A step that stands: the length of the next one, the first event in this one, and the way to it."""
 
-from filippov.kernel.language.primitives import Indices, Vector, inline, kernel, shift
-from filippov.kernel.loop.attempt import error_of, reject
+from filippov.kernel.language.primitives import Indices, Vector, apart, inline, kernel, shift
+from filippov.kernel.loop.attempt import error_of, go_back, reject
 from filippov.kernel.loop.control import (
     guard_state,
     hides_order,
@@ -13,12 +13,12 @@ from filippov.kernel.loop.control import (
 from filippov.kernel.loop.field import field
 from filippov.kernel.loop.land import land, reached_before
 from filippov.kernel.loop.locate import NOISY, locate
-from filippov.kernel.loop.model import CLAMPED, LINEAR, RESETS, STAGES, WIDTH, M, N
+from filippov.kernel.loop.model import AFFINE, CLAMPED, LINEAR, RESETS, STAGES, WIDTH, M, N
 from filippov.kernel.loop.record import store_step
 from filippov.kernel.loop.resolve import widen
 from filippov.kernel.loop.sampling import dense_output, guard_noise, straight
 from filippov.kernel.loop.state import Scratch, Trajectory
-from filippov.kernel.tables.codes import AGAIN, ARRIVED, GO_ON, LOST, NOTHING, ROOT, USER_ERROR
+from filippov.kernel.tables.codes import AGAIN, ARRIVED, GO_ON, LOST, LOWER, NOTHING, ROOT, UPPER, USER_ERROR
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
 SAME_END = 1e-11  # times so close to the end of the run, in parts of it, are the end
@@ -80,7 +80,7 @@ def carry_on(run: Trajectory) -> int:
     # Away from the surface, or on the way back to one, the ordinary tolerance is the right one.
     relative = now.relative
     if relative >= 0 and now.kept == 0:
-        away = abs(now.t_end - clock.rough_from) > clock.rough_span
+        away = abs(now.t_end - clock.fast_from) > clock.fast_span
         if away or m[relative] * w.end[2 * relative + 1] * w.direction <= 0.0:
             clock.relative = 0.0
     mark_grazed(m, False, w)
@@ -135,6 +135,7 @@ def search(run: Trajectory) -> int:
 @kernel
 def shorten(run: Trajectory, length: float) -> int:
     """Take another step instead of one that was accepted."""
+    go_back(run)
     run.count.rejected += 1
     run.count.steps -= 1
     run.clock.step = length
@@ -173,16 +174,35 @@ def land_first(run: Trajectory) -> int:
     return failed
 
 
+# How far from the end of its set a multiplier may be that was to reach it.
+ASTRAY_FROM_END = 1e-3
+
+
+@apart
+@kernel
+def astray(run: Trajectory) -> bool:
+    """Whether a landing on the end of a multiplier's set has led to another root of the multipliers."""
+    now, w, i = run.now, run.w, run.now.surface
+    if now.cause != UPPER and now.cause != LOWER:  # noqa: PLR1714 - the kernel language has no `in`
+        return False
+    end = w.radius[2 * i + 1] if now.cause == UPPER else w.radius[2 * i]
+    return not (abs(w.mult[i].value - end) <= ASTRAY_FROM_END * (1.0 + abs(end)))
+
+
 @inline
 @kernel
 def arrive(run: Trajectory) -> int:
     """Land on the event, and keep the dense output of the way to it."""
     clock, count, now, w = run.clock, run.count, run.now, run.w
     t, step = now.t, now.step
+    go_back(run)
     failed = land_first(run)
     if failed == 1:
         return USER_ERROR
+    if not AFFINE and run.iw.sliding > 1 and failed == 0 and astray(run):
+        failed = NOT_CONVERGED
     if failed == NOT_CONVERGED:
+        go_back(run)
         count.rejected += 1
         clock.step = 0.25 * abs(step)
         return AGAIN

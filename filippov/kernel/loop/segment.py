@@ -1,14 +1,21 @@
-"""The start of a segment: field, guards and tolerances there, a rough field crept off, the first step."""
+"""The start of a segment: field, guards and tolerances there, a collocation start, the first step."""
 
 from filippov.kernel.language.primitives import NAN, Indices, Vector, entry, kernel, truncate
-from filippov.kernel.loop.control import creep_off, finite, first_step, guard_state, is_rough, mark_grazed
+from filippov.kernel.loop.control import (
+    collocation_start,
+    finite,
+    first_step,
+    guard_state,
+    is_non_lipschitz,
+    mark_grazed,
+)
 from filippov.kernel.loop.field import field, set_mode
 from filippov.kernel.loop.land import EPS, guard_scale
 from filippov.kernel.loop.model import (
     G_COLUMN,
     G_FIRST,
+    NON_LIPSCHITZ,
     ROLE,
-    ROUGH,
     SERIES,
     WIDTH,
     M,
@@ -52,7 +59,7 @@ def renew_state(
     for i in range(M):
         # The driver marks sliding that repels in the direction of integration by a negative order.
         w.attract[i] = -w.direction if m[i] == 0.0 and order[i] < 0 else w.direction
-    # Closer to 0 than the integration is accurate, a least value of a guard cannot be told from a touching.
+    # Closer to 0 than the integration is accurate, a least value of a guard cannot be told from a tangency.
     for i in range(M):
         w.touch[i] = 0.0
         if ROLE[i] != KINK and WIDTH[i] == 0.0:
@@ -67,13 +74,13 @@ def rough_start(
     clock: Clock, t: float, x: Vector, p: Vector, m: Vector, order: Indices, direction: float, w: Scratch,
     iw: Integers, ctx: Indices,
 ) -> int:  # fmt: skip
-    """Creep off a surface left tangentially where the field is rough: which, -1 for none, -2 at failure."""
-    if ROUGH:
+    """Leave a surface tangentially where the field is not Lipschitz: which, -1 for none, -2 at failure."""
+    if NON_LIPSCHITZ:
         for i in range(M):
             if clock.relative < 0.0:
                 return -1
             leaves = order[i] >= 2 and m[i] != 0.0 and ROLE[i] != OBSERVER
-            if leaves and is_rough(t, x, p, m, i, w, iw, ctx):
+            if leaves and is_non_lipschitz(t, x, p, m, i, w, iw, ctx):
                 span = clock.step
                 if span <= 0.0:
                     size, speed = 0.0, 1e-300
@@ -86,12 +93,12 @@ def rough_start(
                 # Rounding of the rates that cancel where the surface is left: no step can do better.
                 _, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
                 clock.rough_noise = 16.0 * EPS * max(abs(plus), abs(minus), scale) + 1e-300
-                if creep_off(t, x, p, m, tiny, w, iw, ctx) != 0:
+                if collocation_start(t, x, p, m, tiny, w, iw, ctx) != 0:
                     return -2
                 clock.t = t + tiny
                 clock.step = abs(tiny)
                 clock.relative = float(i) + 1.0
-                clock.rough_from, clock.rough_span = t, span
+                clock.fast_from, clock.fast_span = t, span
                 return i
     return -1
 
@@ -113,7 +120,7 @@ def first_length(run: Trajectory) -> int:
 @entry
 @kernel
 def open_segment(run: Trajectory) -> int:
-    """Field, guards, tolerances and first step at the start of a segment; AGAIN where it was crept off."""
+    """Field, guards, tolerances and first step at the start of a segment; AGAIN after a collocation start."""
     clock, x, p, m, order, w = run.clock, run.x, run.p, run.m, run.order, run.w
     t = clock.t
     clock.grow = clock.grow if clock.grow > 0.0 else 10.0

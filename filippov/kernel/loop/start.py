@@ -50,7 +50,7 @@ def second_rate(
             whole = rate
         else:
             half = rate
-    # A rate that does not grow like the time vanishes more often: the general path counts how often.
+    # A rate that does not grow like the time vanishes more often: the classification counts how often.
     if abs(whole - 2.0 * half) > 0.1 * abs(whole):
         return 0, 0.0
     return 0, 1.0 if whole > 0.0 else -1.0
@@ -110,7 +110,7 @@ def on_one_surface(
 @entry
 @kernel
 def begin(run: Trajectory) -> int:
-    """Mode at the start: REACHED where it is found, GENERAL where the general path has to decide."""
+    """Mode at the start: REACHED where it is found, GENERAL where the classification has to decide."""
     clock, x, p, m, order, lam, w, ctx = run.clock, run.x, run.p, run.m, run.order, run.lam, run.w, run.ctx
     t, h = clock.t, w.h
     w.direction = 1.0 if clock.t_end >= t else -1.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from filippov.kernel.language.primitives import Indices, Vector
-from filippov.kernel.language.records import Lanes, Record, Rows, part
+from filippov.kernel.language.records import Lanes, Rows, Struct, part
 from filippov.kernel.tables.layout import CHECKS, LANES, MOST_ENUMERATED, SPLITS
 from filippov.kernel.tables.root_tables import DEPTH, NODES
 from filippov.kernel.tables.tableaus import DOP853
@@ -66,7 +66,7 @@ class Sizes:
         return self.powers if self.series else NODES
 
 
-class Clock(Record):
+class Clock(Struct):
     """What the loop reads and leaves behind about time, and its step control."""
 
     t: float
@@ -77,8 +77,8 @@ class Clock(Record):
     t_start: float
     # Surface + 1 whose guard is followed relative to its own change, negative where relative to itself.
     relative: float
-    rough_from: float
-    rough_span: float
+    fast_from: float
+    fast_span: float
     rough_noise: float
     grow: float
     trend: float
@@ -92,7 +92,7 @@ class Clock(Record):
     taken: float
 
 
-class Count(Record):
+class Count(Struct):
     """Work done, room left in the buffers, and what stopped the loop."""
 
     field_calls: int
@@ -110,9 +110,11 @@ class Count(Record):
     # Time events that the loop looks after, and how many of them are due at the next instant.
     ticks: int
     due: int
+    # 1 while the loop slides on a corner of two that it has decided, 2 where other modes may follow there.
+    pair: int
 
 
-class Tick(Record):
+class Tick(Struct):
     """A time event: start and period, or so many listed instants from the first on; its next instant.
 
     moves: whether it has a reset; due: whether it is due at the instant that the run is led to.
@@ -127,7 +129,7 @@ class Tick(Record):
     due: int
 
 
-class Laps(Record):
+class EventCycles(Struct):
     """Of a surface: its last event, the last three intervals, and for lags of 1, 2 and 3 events how many
     intervals in a row were shorter than the one so many events before.
     """
@@ -139,7 +141,7 @@ class Laps(Record):
     widest: float
 
 
-class Multiplier(Record):
+class Multiplier(Struct):
     """Of a sliding surface: its multiplier, its range over a step, the rates at +1 and -1, their excess."""
 
     value: float
@@ -150,7 +152,7 @@ class Multiplier(Record):
     slope: float
 
 
-class Memory(Record):
+class Memory(Struct):
     """What an implicit method remembers: of its LU factors, of Newton's iteration, of the steps before."""
 
     factored: float
@@ -161,7 +163,7 @@ class Memory(Record):
     past_step: float
 
 
-class Origin(Record):
+class Origin(Struct):
     """Where Taylor coefficients were taken: t is no number where there are none."""
 
     t: float
@@ -169,7 +171,7 @@ class Origin(Record):
     m: Vector = part(lambda of: of.m if of.series else 0)
 
 
-class Tally(Record):
+class Tally(Struct):
     """What every lane counts: steps it may still try, field calls, steps done and refused."""
 
     left: float
@@ -178,7 +180,7 @@ class Tally(Record):
     refused: float
 
 
-class Scratch(Record):
+class Scratch(Struct):
     """Numbers that are made and used on the way; functions of the user write rates by t behind g."""
 
     s: Vector = part(lambda of: of.m)
@@ -212,8 +214,10 @@ class Scratch(Record):
     fall: Vector = part(lambda of: of.m)
     attract: Vector = part(lambda of: of.m)
     direction: float
-    creep: Vector = part(lambda of: 6 * of.n)
+    collocation: Vector = part(lambda of: 6 * of.n)
     jump: Vector = part(lambda of: of.n)
+    # Rates of two surfaces in the four quadrants around their corner, and the scales of both.
+    corner: Vector = part(10)
     # Guards at the Chebyshev points of a piece and where it is checked: 2 m rows each.
     node: Vector = part(lambda of: of.nodes * 2 * of.m)
     check: Vector = part(lambda of: CHECKS * 2 * of.m)
@@ -254,7 +258,7 @@ class Scratch(Record):
     )
 
 
-class Integers(Record):
+class Integers(Struct):
     """The sliding surfaces component by component: how many, which, the end of each one's group in the list,
     its place there, how many slide in every component; what is counted; the pivots of an implicit method.
     """
@@ -269,12 +273,12 @@ class Integers(Record):
     unresolved: int
     group: Indices = part(lambda of: of.m)
     place: Indices = part(lambda of: of.m)
-    peers: Indices = part(lambda of: max(of.m, 1))
+    coupled: Indices = part(lambda of: max(of.m, 1))
     pivots: Indices = part(lambda of: of.kept)
     twins: Indices = part(lambda of: of.kept)
 
 
-class Attempt(Record):
+class Attempt(Struct):
     """The step under way, from its choice to its event.
 
     cause, surface  what was found in it; theta: where, in parts of the step; slope: of a guard by theta
@@ -308,11 +312,11 @@ class Attempt(Record):
     steps_left: int
 
 
-class Trajectory(Record):
+class Trajectory(Struct):
     """One trajectory: where what belongs to it lies, and the step under way.
 
     x, mode m, multipliers lam of the sliding surfaces; order[i]: how often guard i vanishes at the start;
-    hit: the surfaces that are active where the general path is needed; stop: events until a terminal one, a
+    hit: the surfaces that are active where the classification is needed; stop: events until a terminal one, a
     row of STOPS a surface; ticks, instants: time events, with the times of those that list them; rec,
     rec_coef: steps with their dense output; events, marks: what is kept of events; kinds: how
     many of each kind a surface had, where events are only counted; number: in its batch.
@@ -328,7 +332,7 @@ class Trajectory(Record):
     p: Vector
     atol: Vector
     stop: Indices
-    zeno: Rows[Laps]
+    zeno: Rows[EventCycles]
     ticks: Rows[Tick]
     instants: Vector
     rec: Vector
@@ -343,7 +347,7 @@ class Trajectory(Record):
     now: Attempt = part()
 
 
-class Trajectories(Record):
+class Trajectories(Struct):
     """Trajectories by number: what a `Trajectory` names once stands here for each, one behind the other.
 
     queue  what has been taken, how many are done, how many are taken at a time: threads share it
@@ -359,22 +363,22 @@ class Trajectories(Record):
     lams: Vector
     ps: Vector
     stops: Indices
-    zenos: Rows[Laps]
+    zenos: Rows[EventCycles]
     ticks: Rows[Tick]
     kinds: Indices
     codes: Indices
     queue: Indices
 
 
-class Entries(Record):
+class Entries(Struct):
     """Addresses of plain kernels, which belong to a unit of their own."""
 
     launch: int
-    turn: int
+    time_slice: int
     open_segment: int
 
 
-class Group(Record):
+class Group(Struct):
     """The lanes of trajectories that slide, or of those that do not."""
 
     clock: Lanes[Clock]
@@ -387,7 +391,7 @@ class Group(Record):
     w: Lanes[Scratch]
 
 
-RECORDS: tuple[type[Record], ...] = (
-    Clock, Count, Tick, Laps, Multiplier, Memory, Origin, Tally, Scratch, Integers, Attempt, Trajectory,
-    Trajectories, Entries, Group,
+STRUCTS: tuple[type[Struct], ...] = (
+    Clock, Count, Tick, EventCycles, Multiplier, Memory, Origin, Tally, Scratch, Integers, Attempt,
+    Trajectory, Trajectories, Entries, Group,
 )  # fmt: skip

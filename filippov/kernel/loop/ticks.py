@@ -2,7 +2,7 @@
 
 Simple: forwards in time, at most one reset is due, no surface with a reset is near before or after it, and
 after it every surface is clear of 0, or the only one that is slid on still is and its rates tell whether the
-slide lasts. All else is the general path's (`filippov.solving.resets.jumps`).
+slide lasts. All else is the classification's (`filippov.solving.resets.jumps`).
 """
 
 from filippov.kernel.language.primitives import INF, NAN, Vector, kernel, rint, shift_indices
@@ -46,7 +46,7 @@ from filippov.kernel.tables.codes import (
 
 # Instants closer than this part of the time run are one.
 SAME = 1e-12
-# What rounding makes of h, in EPS of its terms: twice what the general path takes for on the surface.
+# What rounding makes of h, in EPS of its terms: twice what the classification takes for on the surface.
 ON_IT = 128.0
 # How far from the ends of its set a multiplier has to be, in parts of the set.
 ROOM = 4e-6
@@ -230,7 +230,7 @@ def note_changes(run: Trajectory) -> int:
 
 @kernel
 def tick(run: Trajectory) -> int:
-    """What is due at an instant, where it is simple; REACHED where the general path has to decide."""
+    """What is due at an instant, where it is simple; REACHED where the classification has to decide."""
     clock, count, x, m, w, now = run.clock, run.count, run.x, run.m, run.w, run.now
     if count.events + M >= count.event_room:
         return EVENTS_FULL

@@ -265,7 +265,7 @@ def estimate(
 def still(
     t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> bool:
-    """Whether to stay at x solves the stages; in a rough equilibrium no Jacobian would find it."""
+    """Whether to stay at x solves the stages; in a non-Lipschitz equilibrium no Jacobian would find it."""
     for i in range(N):
         if w.k[i] != 0.0:
             return False

@@ -21,8 +21,10 @@ CROSSING_EITHER, EXIT_EITHER = 8, 9
 STOPS = 10
 # Kinds that only marks of events have: a time event without and with a reset, a surface jumped over.
 TIME, TIME_RESET, OVER_UP, OVER_DOWN = 10, 11, 12, 13
+# What `kind_of` says of an event that changes the signs of two surfaces.
+CORNER = 14
 
-# What `locate` found: the guard itself, the upper or lower bound of a multiplier, a touching of the surface.
+# What `locate` found: the guard itself, the upper or lower bound of a multiplier, a tangency of the surface.
 # A step that is too long to tell: for its guards, or as multipliers have no value in it.
 NOTHING, ROOT, UPPER, LOWER, TOUCH = 0, 1, 2, 3, 4
 UNRESOLVED, LOST = -3, -2

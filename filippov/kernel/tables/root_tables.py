@@ -9,7 +9,7 @@ DEGREE = 8
 NODES = DEGREE + 1
 DEPTH = 46
 RESOLUTION = 1e-3
-NO_ROOT, SIMPLE_ROOT, TOUCHING = 0, 1, 2
+NO_ROOT, SIMPLE_ROOT, TANGENT_ROOT = 0, 1, 2
 
 
 def _binomial(n: int, k: int) -> float:

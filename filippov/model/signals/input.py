@@ -129,6 +129,10 @@ def check_input_name(name: object) -> str:
     """Return a name that an input may have; ModelError for a function's."""
     from filippov.model.expression import FUNCTIONS
 
+    if not isinstance(name, str):
+        raise ModelError(
+            f"an input has the name {name!r}, expected text. It goes first: Input('r', times, values)."
+        )
     text = check_name(name, "input")
     # A printer asks by the name of its class what to do with a function.
     if text in FUNCTIONS or text == "pi" or hasattr(StrPrinter, f"_print_{text}"):

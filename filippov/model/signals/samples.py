@@ -102,29 +102,29 @@ class Samples:
 
     def neighbours(self, t: float) -> tuple[float, float]:
         """The last knot at or before t and the first one after it; -inf and inf where there is none."""
-        turns = 0.0
+        periods = 0.0
         if self.period is not None:
-            turns = math.floor((t - float(self.t[0])) / self.period)
-            while self._knot(0, turns) > t:
-                turns -= 1
-            while self._knot(0, turns + 1) <= t:
-                turns += 1
-        k = bisect.bisect_right(self.t, t if self.period is None else t - turns * self.period)
+            periods = math.floor((t - float(self.t[0])) / self.period)
+            while self._knot(0, periods) > t:
+                periods -= 1
+            while self._knot(0, periods + 1) <= t:
+                periods += 1
+        k = bisect.bisect_right(self.t, t if self.period is None else t - periods * self.period)
         if self.period is None:
             return (
                 float(self.t[k - 1]) if k else -math.inf,
                 float(self.t[k]) if k < len(self.t) else math.inf,
             )
         k = min(max(k, 1), len(self.t) - 1)
-        while k > 1 and self._knot(k - 1, turns) > t:
+        while k > 1 and self._knot(k - 1, periods) > t:
             k -= 1
-        while k < len(self.t) - 1 and self._knot(k, turns) <= t:
+        while k < len(self.t) - 1 and self._knot(k, periods) <= t:
             k += 1
         last = k == len(self.t) - 1
-        return self._knot(k - 1, turns), self._knot(0, turns + 1) if last else self._knot(k, turns)
+        return self._knot(k - 1, periods), self._knot(0, periods + 1) if last else self._knot(k, periods)
 
-    def _knot(self, k: int, turns: float) -> float:
-        return float(self.t[k]) + turns * float(self.period or 0.0)
+    def _knot(self, k: int, periods: float) -> float:
+        return float(self.t[k]) + periods * float(self.period or 0.0)
 
     def piece(self, low: float, high: float) -> tuple[float, Array]:
         """The polynomial between two neighbouring knots: where it begins, its coefficients."""
@@ -161,7 +161,7 @@ class Samples:
             local = times - np.floor((times - float(self.t[0])) / self.period) * self.period
         k = np.searchsorted(self.t, local, side="right" if side == "+" else "left") - 1
         if self.period is not None and side == "-":
-            # Before the first knot of a turn comes the last piece of the turn before it.
+            # Before the first knot of a period comes the last piece of the period before it.
             local = np.where(k < 0, local + self.period, local)
             k = np.where(k < 0, len(self.coef) - 1, k)
         inside = np.clip(k, 0, len(self.coef) - 1)

@@ -11,6 +11,7 @@ from sympy import Expr
 
 from filippov.base.errors import ModelError
 from filippov.base.keywords import keywords
+from filippov.base.symbolic_value import is_expression
 from filippov.model.check import as_expression
 from filippov.model.parameter import as_number
 from filippov.model.signals.input import Input
@@ -45,6 +46,12 @@ def square(
     start: float = 0.0,
 ) -> Expr:  # fmt: skip
     """A square wave: levels[0] for the part `duty` of each period, from `start` on, then levels[1]."""
+    for what, value in (("period", period), ("duty", duty)):
+        if is_expression(value) and not value.is_number:
+            raise ModelError(
+                f"square {name!r}: {what} is {value}, expected a number. With parameters: Heaviside of a "
+                "ramp state, which TimeEvent('clock', period=p.T, reset={ramp: 0}) sets back."
+            )
     length, part = as_number(period, f"square {name!r}: period"), as_number(duty, f"square {name!r}: duty")
     if not 0.0 < part < 1.0:
         raise ModelError(f"square {name!r}: duty is {part}, expected a number between 0 and 1.")

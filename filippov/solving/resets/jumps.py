@@ -75,9 +75,8 @@ class _State:
 
 def source_name(run: Run, i: int) -> str:
     """Name of a surface, of a time event (they follow the surfaces), or of an input, which follow these."""
-    machine = run.machine
-    names = [*(q.name for q in machine.surfaces), *(q.name for q in machine.system.time_events)]
-    return [*names, *(q.name for q in machine.system.inputs)][i]
+    names: list[str] = [*run.names, *(q.name for q in run.machine.system.inputs)]
+    return names[i]
 
 
 def state_text(run: Run) -> str:
@@ -112,7 +111,7 @@ def starting(run: Run, near: Sequence[int]) -> tuple[list[int], list[int]]:
     return found, [] if found else resting_on(run, near)
 
 
-def touching(run: Run) -> list[int]:
+def reset_surfaces_at(run: Run) -> list[int]:
     """Surfaces with a reset that the present state is on."""
     rates = rates_at(run, run.x, run.mode)
     return [i for i in range(run.machine.m) if run.machine.resets_from[i] and rates.on(i)]
@@ -188,8 +187,8 @@ def on_active_side(run: Run, x: Array, mode: Array) -> Array:
     """The state moved onto the surfaces with resets that it lies behind, seen from their active sides.
 
     Which of several surfaces is reached first is located to rounding of the dense output. What a state lies
-    behind a surface when another one is reached first has no part in its motion; carried on, it would become
-    a root of h on the way back, and hide every other one before it.
+    behind a surface when another one is reached first has no part in its solution; carried on, it would
+    become a root of h on the way back, and hide every other one before it.
     """
     machine = run.machine
     sides = np.array([m if m in r else 0.0 for m, r in zip(mode, machine.resets_from, strict=True)])
@@ -396,7 +395,7 @@ def _next(run: Run, state: _State, x: Array, applied: Sequence[int]) -> _State:
 
 
 def _turns(run: Run, state: _State, i: int, applied: Sequence[int]) -> bool:
-    """Whether the reset of a surface alone turns the motion off it; what does not is led through it."""
+    """Whether the reset of a surface alone turns the solution off it; what does not is led through it."""
     if len(applied) == 1:
         return False
     x = run.machine.reset(i, run.t, state.x, state.mode)
@@ -404,7 +403,7 @@ def _turns(run: Run, state: _State, i: int, applied: Sequence[int]) -> bool:
 
 
 def runs_onto(run: Run, x: Array, mode: Array, rates: Rates, i: int) -> bool:
-    """Whether the motion on its side of surface i runs onto it, by the first derivative that is not 0."""
+    """Whether the solution on its side of surface i runs onto it, by the first derivative that is not 0."""
     if not rates.still(i):
         return rates.into(i, mode[i])
     if run.machine.contacts[i]:
@@ -429,7 +428,7 @@ def _point(run: Run, x: Array, mode: Array) -> Point:
 
 
 def _holds_back(run: Run, x: Array, mode: Array, i: int) -> bool:
-    """Whether the reset turns a motion round that runs onto surface i from rest; else it is led through.
+    """Whether the reset turns a solution round that runs onto surface i from rest; else it is led through.
 
     The state a little later, when it runs onto the surface, and its reset tell.
     """

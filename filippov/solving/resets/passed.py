@@ -11,7 +11,7 @@ from filippov.solving.state.run import Run, guard_terms
 
 # Of the terms of h: deeper than that behind its surface a state has not got by rounding.
 DEPTH = 1e-7
-# Nearer than that a side of a surface is no choice of the motion.
+# Nearer than that a side of a surface is no choice of the solution.
 NEXT = 1e-6
 
 

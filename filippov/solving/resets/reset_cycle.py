@@ -1,10 +1,10 @@
 """Rest on surfaces whose resets lead onto each other, as a rimless wheel comes to stand on two spokes.
 
 Where the impacts on surfaces without a contact accumulate, the limit may be several states at once: each at
-rest on its surface (h = dh/dt = 0), run onto by the motion, and led by its reset to the next, the last to the
-first.
-The motion stays there if it has no velocity: if 0 is a convex combination of the fields at these states, each
-led to the first state by the derivatives of the resets.
+rest on its surface (h = dh/dt = 0), run onto by the solution, and led by its reset to the next, the last to
+the first.
+The solution stays there if it has no velocity: if 0 is a convex combination of the fields at these states,
+each led to the first state by the derivatives of the resets.
 
 Sources: McGeer 1990, section 2 (the rimless wheel); Or & Ames 2011 (what follows a limit of impacts).
 """

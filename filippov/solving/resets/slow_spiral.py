@@ -1,9 +1,9 @@
-"""Laps around a corner that shrink as a power of their number: infinitely many events, no limit in time.
+"""Cycles around a corner that shrink as a power of their number: infinitely many events, no limit in time.
 
-Where the field of every mode is finite at the corner and the laps are marginal to first order, the distance d
-of the n-th lap obeys d' = d - a d**2, so d falls as 1/n; a lap lasts a time in proportion to d, so d falls as
-exp(-rate t) while the number of events grows as exp(rate t). A genetic loop with thresholds does this.
-In the plane the rate is half of that at which the fields shrink areas (tests: two genes, (a + b)/2).
+Where the field of every mode is finite at the corner and the cycles are marginal to first order, the distance
+d of the n-th cycle obeys d' = d - a d**2, so d falls as 1/n; a cycle lasts a time in proportion to d, so d
+falls as exp(-rate t) while the number of events grows as exp(rate t). A genetic loop with thresholds does
+this. In the plane the rate is half of that at which the fields shrink areas (tests: two genes, (a + b)/2).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ RECENT = 64
 
 @dataclass(frozen=True)
 class SlowSpiral:
-    """A spiral into a corner: surfaces, time, point, how far off the motion is, the time that halves it."""
+    """A spiral into a corner: surfaces, time, point, how far off the solution is, the time that halves it."""
 
     surfaces: tuple[int, ...]
     t: float
@@ -54,7 +54,7 @@ class SlowSpiral:
 
 
 def slow_spiral(run: Run) -> SlowSpiral | None:
-    """The spiral that the events so far are laps of, None where they follow no such law."""
+    """The spiral that the events so far are cycles of, None where they follow no such law."""
     machine, events = run.machine, run.events
     if len(events) < 4 * LEAST_LAPS or len(events) < events.total:
         return None

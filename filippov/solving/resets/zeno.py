@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from filippov.base.status import EventKind
+from filippov.kernel.loop.event_cycle import CHOSEN, CYCLES, LONGEST_CYCLE, STEADY
 from filippov.solving.resets.impact_law import hold
-from filippov.solving.state.events import Event
+from filippov.solving.state.event_log import Past
 from filippov.solving.state.machine import Array
 from filippov.solving.state.rates import off_contact, velocity
 from filippov.solving.state.run import Run, guard_terms
@@ -20,20 +22,12 @@ LARGEST_CORNER = 6
 NEAR_REST = 1e-7
 
 
-# Events of one surface that a lap of the motion may have, laps looked at, how steady their ratio is to be.
-LONGEST_LAP, LAPS = 6, 4
-STEADY = 0.05
-SLOWEST = 0.9999
-# Errors of the many steps of a rough field, in tolerances of one.
+# Errors of the many steps of a non-Lipschitz field, in tolerances of one.
 GLOBAL = 4.0
-# The law's answers may move again by as much as they moved in the last laps, and a little more.
-MOVES = 2.0
-# The least of many estimates of an error is too small by more than one of them is.
-CHOSEN = 4.0
 NEAR_END = 1e-6
-# Depth of a lap, in roundings of h, below which its length soon shows them.
+# Depth of a cycle, in roundings of h, below which its length soon shows them.
 GRAINY = 1e5
-# The same in tolerances of h: laps as small as these may shrink by a law of their own.
+# The same in tolerances of h: cycles as small as these may shrink by a law of their own.
 FAINT = 40.0
 # Of a power law: least number of events, and how much shorter each half of them is to be than the one before.
 LEAST_EVENTS, HALVES = 512, 0.9
@@ -46,7 +40,7 @@ class Accumulation:
 
     t, x        time and state of the limit, on all surfaces that take part
     error       estimated error of the time; x_error: of the state (largest component)
-    ratio       by which the laps of the motion shrink
+    ratio       by which the cycles of the solution shrink
     surfaces    numbers of the surfaces that take part
     bend        how far the way there falls from a straight one, where that is known
     """
@@ -69,34 +63,59 @@ class Accumulation:
 
 
 def accumulation(run: Run) -> Accumulation | None:
-    """The limit that the last events point to: t + d r / (1 - r) for laps d that shrink by the ratio r.
+    """The limit that the last events point to: t + d r / (1 - r) for cycles d that shrink by the ratio r.
 
-    A lap is 1 to 6 events of the surface met last: the fewest whose laps shrink steadily. State and error:
-    from the same law, and from what it said a lap before. None where the laps do not shrink steadily: then
-    there is no accumulation. Earlier laps of the same accumulation give the limit where they know it better:
-    the last ones are short and their states small beside the absolute tolerance.
+    A cycle is 1 to 6 events of the surface reached last: the fewest whose cycles shrink steadily. State and
+    error: from the same law (`cycle_limit` in `filippov.kernel.loop.event_cycle`), and from what it said a
+    cycle before. None where the cycles do not shrink steadily: then there is no accumulation.
     """
-    most = (LONGEST_LAP * LAPS + 1) * max(len(run.machine.roles), 1)
-    last = run.events[-1].index
-    recent = run.events[-most:]
-    ends = _steady([e for e in recent if e.index == last and e.kind is not EventKind.GRAZING])
-    if ends is None:
+    asked = run.events.total, run.t, run.x.tobytes(), run.mode.tobytes(), float(run.clock.relative)
+    if run.limit is None or run.limit[0] != asked:
+        run.limit = asked, _accumulation(run)
+    found: Accumulation | None = run.limit[1]
+    return found
+
+
+def lawful(run: Run) -> bool:
+    """Whether the last events follow a law that has a limit."""
+    return len(run.events) > 0 and _told(run) is not None
+
+
+class _Told(NamedTuple):
+    """The last events, those at the ends of the cycles that tell their law, the surfaces that take part."""
+
+    past: Past
+    law: _Law
+    ends: npt.NDArray[np.int64]
+    part: tuple[int, ...]
+
+
+def _told(run: Run) -> _Told | None:
+    most = (LONGEST_CYCLE * CYCLES + 1) * max(len(run.machine.roles), 1)
+    past = run.events.past(2 * most)
+    same = np.flatnonzero((past.surface == past.surface[-1]) & ~past.grazing)
+    times, out = past.t[same], np.zeros(10)
+    recent = int(np.count_nonzero(same >= len(past.t) - most))
+    steps = GLOBAL if run.clock.relative < 0.0 else 1.0
+    found = run.machine.call(
+        "cycle_limit", times=times, count=len(same), recent=recent, direction=run.direction,
+        start=float(run.clock.t_start), rtol=steps * run.options.rtol, out=out,
+    )  # fmt: skip
+    if not found:
         return None
-    part = _taking_part(run, recent, ends)
-    law, sure = _law(run, ends), 1.0
-    earlier = [e for e in run.events[-2 * most :] if e.index == last and e.kind is not EventKind.GRAZING]
-    for length in range(len(earlier) - 1, LAPS, -1):
-        found = _steady(earlier[:length])
-        if found is None:
-            continue
-        other = _law(run, found)
-        error = CHOSEN * other.error
-        if error < sure * law.error and abs(other.t - law.t) <= 2.0 * (error + sure * law.error):
-            ends, law, sure = found, other, CHOSEN
-    best = _limit(run, ends, law, part, sure)
-    if all(run.machine.contacts[i] for i in part):
-        return _at_rest(run, best)
-    return best
+    t, error, ratio, last, cycle, sure, latest = out[:7].tolist()
+    middle, first = (abs(float(times[-1] - times[-1 - k * int(latest)])) for k in (1, 2))
+    part = _taking_part(run, past, most, first, middle)
+    ends = same[int(last) :: -int(cycle)][: CYCLES + 1][::-1]
+    return _Told(past, _Law(t, error, ratio, sure), ends, part)
+
+
+def _accumulation(run: Run) -> Accumulation | None:
+    told = _told(run)
+    if told is None:
+        return None
+    best = _limit(run, told.past.x[told.ends], int(told.past.surface[-1]), told.law, told.part)
+    return _at_rest(run, best) if all(run.machine.contacts[i] for i in told.part) else best
 
 
 def _at_rest(run: Run, limit: Accumulation) -> Accumulation:
@@ -109,6 +128,8 @@ def _at_rest(run: Run, limit: Accumulation) -> Accumulation:
     x, bend = _between_impacts(run, mode, limit.t)
     for _ in range(2):
         h = run.machine.guards(limit.t, x, mode)[contacts]
+        if not np.any(h):
+            break
         g = run.machine.gradients(limit.t, x, mode)[0][contacts]
         step, *_ = np.linalg.lstsq(g, h, rcond=None)
         x = np.ascontiguousarray(x - step)
@@ -121,10 +142,11 @@ def _at_rest(run: Run, limit: Accumulation) -> Accumulation:
 
 
 def interrupted(run: Run, limit: Accumulation) -> bool:
-    """Whether another surface is reached before the limit: then only finitely many of the laps take place.
+    """Whether another surface is reached before the limit: then only finitely many of the cycles take place.
 
-    Where all that is left of the laps are impacts, the way to the limit begins at the state of the run, whose
-    own error moves both alike. The law's error does not excuse what lies on that way: further laps tell.
+    Where all that is left of the cycles are impacts, the way to the limit begins at the state of the run,
+    whose own error moves both alike. The law's error does not excuse what lies on that way: further cycles
+    tell.
     """
     mode, x = off_contact(run, run.mode), np.ascontiguousarray(limit.x)
     h = mode * run.machine.guards(limit.t, x, mode) + run.machine.widths
@@ -154,32 +176,9 @@ def _between_impacts(run: Run, mode: Array, t: float) -> tuple[Array, Array]:
     return np.ascontiguousarray(run.x + dt * mean), dt * (mean - slopes[0])
 
 
-def _steady(same: Sequence[Event]) -> list[Event] | None:
-    """The ends of the last laps of these events, where the laps shrink steadily."""
-    for lap in range(1, LONGEST_LAP + 1):
-        ends = list(same[::-1][::lap][: LAPS + 1][::-1])
-        if len(ends) < LAPS:
-            return None
-        laps = _laps(ends)
-        if not min(laps) > 0.0:
-            return None
-        # Rounding of the times shows in the shortest laps.
-        noise = 4 * EPS * abs(ends[-1].t) / min(laps)
-        ratios = [after / before for before, after in itertools.pairwise(laps)]
-        slowest, spread = max(ratios), max(ratios) - min(ratios)
-        steady = spread <= STEADY * (1.0 - slowest) + 4 * noise
-        if slowest < SLOWEST and (steady or (lap == 1 and spread <= STEADY)):
-            return ends
-    return None
-
-
-def _laps(ends: Sequence[Event]) -> list[float]:
-    return [abs(after.t - before.t) for before, after in itertools.pairwise(ends)]
-
-
 def accumulates(run: Run) -> bool:
     """Whether the last events may be those of an accumulation that the compiled loop did not recognise."""
-    back = 2 * LONGEST_LAP + 1
+    back = 2 * LONGEST_CYCLE + 1
     if len(run.events) < back:
         return False
     elapsed = abs(run.t - float(run.clock.t_start))
@@ -191,11 +190,11 @@ def accumulates(run: Run) -> bool:
 
 
 def _grainy(run: Run) -> bool:
-    """Whether the last lap is so shallow that the next ones show the rounding of h or its tolerance."""
+    """Whether the last cycle is so shallow that the next ones show the rounding of h or its tolerance."""
     last = run.events[-1]
     if last.kind is not EventKind.CROSSING or last.t != run.t:
         return False
-    before = next((e for e in reversed(run.events[-4 * LONGEST_LAP : -1]) if e.index == last.index), last)
+    before = next((e for e in reversed(run.events[-4 * LONGEST_CYCLE : -1]) if e.index == last.index), last)
     mode = np.resize(np.array(last.before, dtype=float), run.machine.m)
     g, gt = run.machine.gradients(run.t, run.x, mode)
     velocity = run.machine.rhs(run.t, run.x, np.where(mode == 0.0, 1.0, mode), mode)
@@ -232,53 +231,43 @@ def power_law(run: Run) -> Accumulation | None:
 
 
 class _Law(NamedTuple):
-    """When laps that shrink by a ratio come to their end, and with which error that is known."""
+    """When cycles that shrink by a ratio come to their end, and with which error that is known.
+
+    sure: by how much errors are to be taken for larger
+    """
 
     t: float
     error: float
     ratio: float
+    sure: float
 
 
-def _law(run: Run, ends: Sequence[Event]) -> _Law:
-    laps, last = _laps(ends), ends[-1].t
-    ratios = [after / before for before, after in itertools.pairwise(laps)]
-    ratio = ratios[-1]
-    ran = list(itertools.accumulate(laps))[1:]
-    limits = [s + d * r / (1.0 - r) for s, d, r in zip(ran, laps[1:], ratios, strict=True)]
-    moves = [abs(after - before) for before, after in itertools.pairwise(limits)]
-    # By how much the law's answer moved in the last lap, which may agree by chance; rounding of the times,
-    # which 1 - r enlarges; the tolerance of the run.
-    error = MOVES * max(move * ratio**k for k, move in enumerate(reversed(moves)))
-    error += 8 * EPS * abs(last) / (1.0 - ratio) ** 2
-    steps = GLOBAL if run.clock.relative < 0.0 else 1.0
-    error += steps * run.options.rtol * abs(last - float(run.clock.t_start))
-    return _Law(last + run.direction * (laps[-1] * ratio / (1.0 - ratio)), error, ratio)
-
-
-def _limit(
-    run: Run, ends: Sequence[Event], law: _Law, surfaces: tuple[int, ...], sure: float
-) -> Accumulation:
-    """The limit of the law with its state; `sure`: by how much its errors are to be taken for larger."""
-    states, (t, error, ratio) = [event.x for event in ends], law
+def _limit(run: Run, states: Array, met: int, law: _Law, surfaces: tuple[int, ...]) -> Accumulation:
+    """The limit of the law with its state, from those at the ends of cycles on the surface met last."""
+    t, error, ratio, sure = law
     x, x_before = (_extrapolated(states[: len(states) - k], ratio) for k in (0, 1))
     on = onto(run, t, x, surfaces)
     known = float(np.max(np.abs(x - x_before) + run.atol + run.options.rtol * np.abs(x)))
     if len(surfaces) > 1 and float(np.max(np.abs(on - x))) > WITHIN * known:
         # Surfaces that do not meet, whose resets lead from one to the other: the limit on the one met last.
-        on = onto(run, t, x, (ends[-1].index,))
+        on = onto(run, t, x, (met,))
     x_error = float(np.max(np.abs(x - x_before) + run.atol + run.options.rtol * np.abs(on)))
     return Accumulation(t, on, sure * error, sure * x_error, ratio, surfaces)
 
 
-def _taking_part(run: Run, recent: Sequence[Event], ends: Sequence[Event]) -> tuple[int, ...]:
-    """The surfaces met in both of the last two laps: what is crossed once on the way has no part in them."""
-    first, middle = (abs(ends[-1].t - ends[k].t) for k in (-3, -2))
-    ago = [(e.index, abs(e.t - ends[-1].t)) for e in recent if run.machine.roles[e.index] != "observer"]
-    last, before = {i for i, d in ago if d < middle}, {i for i, d in ago if middle <= d < first}
+def _taking_part(run: Run, past: Past, most: int, first: float, middle: float) -> tuple[int, ...]:
+    """The surfaces reached in both of the last two cycles, which began so long ago.
+
+    What is crossed once on the way has no part in them. most: events that are looked at
+    """
+    roles, ago = run.machine.roles, np.abs(past.t[-most:] - past.t[-1]).tolist()
+    surfaces = [(i, d) for i, d in zip(past.surface[-most:].tolist(), ago, strict=True) if i < len(roles)]
+    met = [(i, d) for i, d in surfaces if roles[i] != "observer"]
+    last, before = {i for i, d in met if d < middle}, {i for i, d in met if middle <= d < first}
     return tuple(sorted(last & before))
 
 
-def _extrapolated(states: list[Array], slowest: float) -> Array:
+def _extrapolated(states: Array, slowest: float) -> Array:
     """The limit of each component by the ratio of its own last differences (Aitken 1926)."""
     last, earlier = states[-1] - states[-2], states[-2] - states[-3]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -295,12 +284,13 @@ def onto(run: Run, t: float, x: Array, surfaces: tuple[int, ...]) -> Array:
     for _ in range(4):
         x = np.ascontiguousarray(x)
         h = run.machine.guards(t, x, run.mode)[chosen]
-        g, _ = run.machine.gradients(t, x, run.mode)
         if resting:
             h = np.append(h, run.machine.guards(t, x, rest_mode)[resting])
-            g = np.vstack([g[chosen], run.machine.gradients(t, x, rest_mode)[0][resting]])
-        else:
-            g = g[chosen]
+        if not np.any(h):
+            break
+        g = run.machine.gradients(t, x, run.mode)[0][chosen]
+        if resting:
+            g = np.vstack([g, run.machine.gradients(t, x, rest_mode)[0][resting]])
         step, *_ = np.linalg.lstsq(g, h, rcond=None)
         x = x - step
     return np.ascontiguousarray(x)
@@ -330,9 +320,9 @@ NO_INFLUENCE = 1e-9
 def second_order(run: Run, limit: Accumulation) -> Array | None:
     """The limit moved to where the rates of its surfaces vanish as well, if no sign acts on these rates.
 
-    Then the motion can stay on a surface only with h = h' = 0 (sliding of second order: super-twisting), and
-    the limit is known to its error only. None where a sign acts on a rate, or where the error is too small to
-    reach there.
+    Then the solution can stay on a surface only with h = h' = 0 (sliding of second order: super-twisting),
+    and the limit is known to its error only. None where a sign acts on a rate, or where the error is too
+    small to reach there.
     """
     chosen = [i for i in limit.surfaces if run.machine.roles[i] == "switching"]
     if not 0 < len(chosen) <= LARGEST_CORNER or len(chosen) < len(limit.surfaces):
@@ -375,7 +365,7 @@ def _rates(run: Run, t: float, x: Array, chosen: Sequence[int]) -> tuple[Array, 
 
 
 def holds_still(velocities: Array) -> bool:
-    """Whether 0 is a convex combination of velocities, one a row."""
+    """Whether 0 is a convex combination of velocities, one per row."""
     from scipy.optimize import nnls
 
     if not np.all(np.isfinite(velocities)):

@@ -11,6 +11,7 @@ import numpy as np
 
 from filippov.base.errors import UsageError
 from filippov.base.status import mode_text
+from filippov.kernel.loop.corner import TURNS_OUT
 from filippov.solving.selection.modes import Successor, successors
 from filippov.solving.state.events import Mode
 from filippov.solving.state.leading import Terms, leading_term
@@ -24,7 +25,6 @@ CORNER, REPELLING = "ambiguous corner", "repelling sliding"
 SPIRAL = "spiral out of a corner"
 BEFORE_A_RESET = "before a reset"
 VISIBLE, INVISIBLE, MIXED = "visible two-fold", "invisible two-fold", "visible-invisible two-fold"
-NEUTRAL = 1e-9
 TANGENCY, STICTION = "visible tangency", "sliding or slip"
 
 
@@ -132,31 +132,8 @@ def _pairs(point: Point, mode: Mode) -> list[list[int]]:
 
 
 def spirals_out(point: Point, mode: Mode, pair: Sequence[int]) -> bool:
-    """Whether the four fields at a corner turn round it and lead away from it.
-
-    With h' constant in each quadrant a lap takes a distance d from the corner to rho d; rho is the product of
-    the four ratios of the rates. Beyond 1 the corner is left backwards along an infinite number of laps.
-    """
-    if len(pair) != 2:
-        return False
-    at = np.array(mode, dtype=float)
-    g, gt = point.gradients(at)
-    signs = np.where(at == 0.0, 1.0, at)
-    outward = []
-    for vertex in ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)):
-        signs[list(pair)] = vertex
-        velocity = point.rhs(signs, at)
-        rates = [point.direction * (point.machine.rate(i, g, velocity) + float(gt[i])) for i in pair]
-        outward.append([sign * rate for sign, rate in zip(vertex, rates, strict=True)])
-    # Each quadrant is left across one surface while the other gets further away: in turn, either way round.
-    for first in (0, 1):
-        rho = 1.0
-        for q, rates in enumerate(outward):
-            leaving, growing = rates[(q + first) % 2], rates[(q + first + 1) % 2]
-            rho = rho * growing / -leaving if leaving < 0.0 < growing else 0.0
-        if rho > 1.0 + NEUTRAL:
-            return True
-    return False
+    """Whether the four fields at a corner turn round it and lead away from it."""
+    return len(pair) == 2 and bool(point.corner_kind(np.array(mode, dtype=float), pair) & TURNS_OUT)
 
 
 def _side(point: Point, beside: Successor, surface: int, sign: float) -> tuple[int, bool] | None:
@@ -203,12 +180,12 @@ LEAST_TRIAL = 1e-9
 
 
 def point_of(run: Run) -> Point:
-    """The present point, with a trial step on the scale of the motion."""
+    """The present point, with a trial step on the scale of the solution."""
     t_end = float(run.clock.t_end)
     _, field, _, _ = run.machine.probe(run.t, 0.0, run.x, run.mode, run.lam)
     size = float(np.max(np.abs(run.x), initial=0.0)) + 1e-3
     speed = float(np.max(np.abs(field), initial=0.0)) + 1e-300
-    # Steps that shrank towards a rough point say nothing of the motion that follows.
+    # Steps that shrank towards a point where the field is not Lipschitz say nothing of what follows.
     least = LEAST_TRIAL * abs(run.t - float(run.clock.t_start))
     hint = max(float(run.clock.step), least) or np.inf
     step = min(hint, 1e-2 * size / speed, abs(t_end - run.t) or np.inf, run.options.max_step)

@@ -1,8 +1,8 @@
-"""Whether sliding on several surfaces at once is the only motion, while it lasts (U2).
+"""Whether sliding on several surfaces at once is the only solution, while it lasts (U2).
 
 A corner that is slid on can be left where another mode becomes consistent, or where what goes round it
 spirals outwards; the multipliers of the slide show nothing of it. With the rates h' = F(s) of its surfaces
-there is one motion if -F is a P-function of s on the box of the signs: if every principal minor of its
+there is one solution if -F is a P-function of s on the box of the signs: if every principal minor of its
 derivative is positive there (More & Rheinboldt 1973), or for F = r + C s if -C times a positive diagonal is
 symmetric and positive semidefinite (friction). Where neither shows it all modes are tried, step by step.
 
@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.kernel.loop.corner import MINOR, ONE_SOLUTION
 from filippov.kernel.tables import codes
 from filippov.solving.selection.ambiguity import point_of, spirals_out
 from filippov.solving.selection.corner import coupling
@@ -29,9 +30,9 @@ from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
 from filippov.solving.state.run import Run
 
-# What `Attraction.advance` returns where the corner stops being the only motion.
+# What `Attraction.advance` returns where the corner stops being the only solution.
 LOST = 100
-MINOR, FLAT, LEVEL = 1e-9, 1e-9, 1e-12
+FLAT, LEVEL = 1e-9, 1e-12
 MOST_VERTICES, MOST_MINORS = 4, 8
 # How much of a step that ends in an event is looked at; how closely a loss is located, in times of the run.
 INSIDE, CLOSE = 0.999, 1e-13
@@ -75,14 +76,14 @@ def _friction(matrix: Array) -> bool:
     return bool(np.min(np.linalg.eigvalsh(product)) > -LEVEL * size)
 
 
-def _derivatives(point: Point, mode: Array, group: Sequence[int]) -> list[Array] | None:
-    """-dF/ds in units of its rows, where its minors tell for the whole box: C, or at the corners of two."""
+def _derivatives(point: Point, mode: Array, group: Sequence[int]) -> Array | None:
+    """-dF/ds in units of its rows, where it is one for the whole box; None where that is not known."""
     k, machine = len(group), point.machine
-    if machine.affine or k > MOST_VERTICES:
-        if not machine.affine:
-            return None
+    if machine.affine:
         _, C, _ = coupling(point, mode, group)
-        return [_in_rows(-point.direction * C)]
+        return _in_rows(-point.direction * C)
+    if not 2 < k <= MOST_VERTICES:
+        return None
     sizes = mode.copy()
     g, gt = point.gradients(sizes)
     rates: dict[tuple[int, ...], Array] = {}
@@ -99,9 +100,7 @@ def _derivatives(point: Point, mode: Array, group: Sequence[int]) -> list[Array]
             columns.append((rate - rates[other]) * signs[c] / 2)
         out.append(-np.array(columns).T)
     spread = max(float(np.max(np.abs(matrix - out[0]))) for matrix in out)
-    if k > 2 and spread > FLAT * float(np.max(np.abs(out[0]))):
-        return None
-    return [_in_rows(matrix) for matrix in (out if k == 2 else out[:1])]
+    return None if spread > FLAT * float(np.max(np.abs(out[0]))) else _in_rows(out[0])
 
 
 def _in_rows(matrix: Array) -> Array:
@@ -110,13 +109,14 @@ def _in_rows(matrix: Array) -> Array:
 
 
 def surely_one(point: Point, mode: Mode, group: Sequence[int]) -> bool:
-    """Whether the rates show that the corner has one motion; False where they leave it open."""
-    matrices = _derivatives(point, np.array(mode, dtype=float), group)
-    if matrices is None or not all(np.all(np.isfinite(matrix)) for matrix in matrices):
-        return False
-    if len(matrices) == 1 and _friction(matrices[0]):
+    """Whether the rates show that the corner has one solution; False where they leave it open."""
+    at = np.array(mode, dtype=float)
+    if len(group) == 2 and point.corner_kind(at, group) & ONE_SOLUTION:
         return True
-    return len(group) <= MOST_MINORS and all(_minors_positive(matrix) for matrix in matrices)
+    matrix = _derivatives(point, at, group)
+    if matrix is None or not np.all(np.isfinite(matrix)):
+        return False
+    return _friction(matrix) or (len(group) <= MOST_MINORS and _minors_positive(matrix))
 
 
 def _constant(point: Point, mode: Mode, group: Sequence[int]) -> bool:
@@ -140,7 +140,7 @@ def _constant(point: Point, mode: Mode, group: Sequence[int]) -> bool:
 class Attraction:
     """Advances a run; while it slides on a corner of which other modes may follow, step by step.
 
-    group  the surfaces of the corner that has stopped being the only motion
+    group  the surfaces of the corner that has stopped being the only solution
     """
 
     def __init__(self) -> None:
@@ -152,9 +152,13 @@ class Attraction:
     def advance(self, run: Run, steps: int) -> int:
         """A code of the loop, or LOST with the run at the moment from which more than one mode follows."""
         mode = run.signs
-        if mode.count(0) < 2:
+        if mode.count(0) < 2 or run.count.pair != 0:
             self.mode = None
-            return run.advance(steps)
+            code = run.advance(steps)
+            if code != codes.GENERAL or run.count.pair != 2:
+                return code
+            # A corner on which the loop has begun to slide by itself.
+            run.count.pair, mode = 0, run.signs
         if mode not in self.known:
             point = point_of(run)
             self.known[mode] = [
@@ -186,7 +190,7 @@ class Attraction:
             self._go(run, start, t0 + INSIDE * (stopped - t0), end)
         one = self._one(run, mode)
         if one or self.given_up == mode:
-            # What was gone on in as one of several motions is looked at anew once it is the only one.
+            # What was gone on in as one of several solutions is looked at anew once it is the only one.
             self.given_up = None if one else self.given_up
             if not quiet:
                 done.restore(run)
@@ -211,7 +215,7 @@ class Attraction:
         run.clock.t_end = end
 
     def _one(self, run: Run, mode: Mode) -> bool:
-        """Whether the slide is the only motion from here on; else `group` is the corner that tells."""
+        """Whether the slide is the only solution from here on; else `group` is the corner that tells."""
         point = point_of(run)
         for group in self.known[mode]:
             if surely_one(point, mode, group):

@@ -68,7 +68,7 @@ def nearness(base: Mode, i: int, low: float, high: float) -> float:
 
 
 def inside(base: Mode, lam: Array, radii: Array, sliding: Sequence[int]) -> bool | None:
-    """Whether every multiplier is in its set; None where one stands at an end and its motion must decide."""
+    """Whether every multiplier is in its set; None where one is at an end and its solution must decide."""
     undecided = False
     for i in sliding:
         low, high = radii[i]
@@ -136,8 +136,8 @@ def clear_rates(
         scale = float(np.sum(np.abs(terms)))
         rate = float(np.sum(terms)) * mode[i] * point.direction
         # A guard with a root in it has no rate where the root vanishes.
-        rough = not np.isfinite(rate)
-        if rough or i in tangent or abs(rate) <= CLEAR * scale or _balanced(point, i, mode, rate, scale):
+        unbounded = not np.isfinite(rate)
+        if unbounded or i in tangent or abs(rate) <= CLEAR * scale or _balanced(point, i, mode, rate, scale):
             unclear.append(i)
         elif rate < 0:
             return None
@@ -174,8 +174,8 @@ def leaves(
         # A multiplier that stands at its end, as `nearness` says, and the rate of the mode beyond it are one.
         located = LOCATED if i in tangent and i not in point.resting else AT_END
         level = rate is not None and abs(rate) <= max(located * moved, ROUNDING * speed)
-        # Where the motion of this very mode came back to its surface, rounding has decided; backwards the run
-        # is put on the place where the rate vanishes.
+        # Where the solution of this very mode came back to its surface, rounding has decided; backwards the
+        # run is put on the place where the rate vanishes.
         same = i in point.back and i not in point.along and np.array_equal(point.base, mode)
         came_back = level and same and point.direction > 0
         force, own = 0.0, None if rate is None else rate * mode[i]
@@ -186,7 +186,7 @@ def leaves(
         terms = Terms(size, speed, own, level, point.grain, point.fine, force)
         term = leading_term(point, mode, lam, partial(_row, 0, i), terms)
         if came_back and (term is None or term[1] <= 0):
-            # The rate, however little it is, says where the motion goes first.
+            # The rate, however little it is, says where the solution goes first.
             terms = replace(terms, tangent=False)
             term = leading_term(point, mode, lam, partial(_row, 0, i), terms)
         if term is None or term[1] < 0:

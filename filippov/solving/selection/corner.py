@@ -38,7 +38,7 @@ REDUNDANT, AHEAD = 1e-10, 1e-3
 def corners(
     point: Point, base: Mode, met: Sequence[int], hit: Sequence[int] | None, radii: Array
 ) -> list[list[int]]:
-    """The surfaces met, corner by corner, without those on which the motion goes on sliding as it does.
+    """The surfaces met, corner by corner, without those on which the solution goes on sliding as it does.
 
     Such a corner consists of sliding surfaces alone, none of them hit and every multiplier clear of the ends
     of its set: what happens elsewhere does not act on its rates. With hit = None none is left out.
@@ -115,7 +115,7 @@ def with_signs(base: Mode, group: Sequence[int], signs: Sequence[int]) -> Array:
 
 
 def coupling(point: Point, mode: Array, group: Sequence[int]) -> tuple[Array, Array, Array]:
-    """r and C of d/dt h = r + C s on a group, and the derivatives of the field by its signs, one a row.
+    """r and C of d/dt h = r + C s on a group, and the derivatives of the field by its signs, one per row.
 
     Signs outside the group do not act on these rates; a sliding one stands at +1.
     """
@@ -189,7 +189,7 @@ def _settled(point: Point, mode: Array, moving: Sequence[int], radii: Array) -> 
                 low, high = radii[list(moving)].T
                 ends = np.where((z2 >= high) & (high <= 1 + 1e-12), 1.0, 0.0)
                 ends -= np.where((z2 <= low) & (low >= -1 - 1e-12), 1.0, 0.0)
-                # A wall at which others hold the motion may carry some of the load, or none.
+                # A wall at which others hold the solution may carry some of the load, or none.
                 held = [np.where(rests, 0.0, ends), ends] if np.any(rests) else [ends]
                 found.extend(np.where(signs2 != 0.0, signs2, z) for z in held)
     return found

@@ -43,9 +43,9 @@ NEAR = 0.1
 # A two-fold lies ahead where it would be reached in as much less time than the slide has lasted, or at
 # once: after this part of that time.
 AHEAD, AT_ONCE = 30.0, 1e-3
-# A touching is at most so far from where the rate vanishes, of the time of the run.
+# A tangency is at most so far from where the rate vanishes, of the time of the run.
 TURN = 1e-2
-# First moment of what leaves a two-fold along the surface, of the time scale of the motion.
+# First moment of what leaves a two-fold along the surface, of the time scale of the solution.
 MOMENT = 1e-5
 
 
@@ -79,9 +79,9 @@ def _at_fold(
 
 
 def _back_to_tangency(run: Run, hit: Sequence[int] | None) -> None:
-    """Backwards in time, put a run that touches a surface on the place where its rate vanishes.
+    """Backwards in time, move a run that grazes a surface to where its rate vanishes.
 
-    There a slide may have been left; the touching is known only as well as the integration is accurate.
+    There a slide may have been left; the tangency is known only as well as the integration is accurate.
     """
     i = hit[0] if hit is not None and len(hit) == 1 else -1
     if i < 0 or run.direction > 0 or run.mode[i] == 0 or run.hit[i] != codes.TOUCH:

@@ -1,8 +1,8 @@
 """Sliding of higher order as a mode of a run: when it begins, which system follows it, how it is left.
 
-A motion gets onto h = h' = 0 where its laps pile up, where it arrives without any (overdamped
+A solution gets onto h = h' = 0 where its cycles pile up, where it arrives without any (overdamped
 super-twisting), or where it starts there. From then on the run goes on with the machine of a `reduction`; its
-own one comes back where a multiplier leaves its set, or a jump of the state throws the motion off.
+own one comes back where a multiplier leaves its set, or a jump of the state throws the solution off.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ CLEAR = 1e-12
 ACTS = 1e-6
 # Of the terms of a rate: what rates at both signs may differ by where the sign does not act.
 NO_EFFECT = 1e-15
-# Depth of a lap that the run does not know, in tolerances of h, or in roundings where it is followed down to
-# these; and its length in spacings of t, and in the accuracy of the ends of a lap.
+# Depth of a cycle that the run does not know, in tolerances of h, or in roundings where it is followed down
+# to these; and its length in spacings of t, and in the accuracy of the ends of a cycle.
 FAINT, ROUNDED, INSTANT, UNSURE = 40.0, 1e2, 1e5, 4e2
-# Of a lap, what is left of it where h cannot be told from 0 any more.
+# Of a cycle, what is left of it where h cannot be told from 0 any more.
 TOUCHED = 1e-3
-# By how much the speed has come down in one approach where the motion has arrived.
+# By how much the speed has come down in one approach where the solution has arrived.
 CAME_DOWN = 1e-3
-# Faint laps in a row that are looked at, and how far from alike they are where they are noise.
+# Faint cycles in a row that are looked at, and how far from alike they are where they are noise.
 NOISY_LAPS, ALIKE = 6, 1e-2
 NOTE = "sliding of order"
 
@@ -73,19 +73,19 @@ class HigherOrder:
         self.run, self.plain = run, run.machine
         self.start = run.t, run.x.copy()
         self.active: Reduction | None = None
-        # A root of |h| in the rate of h: only what is small beside |h| itself leaves the motion as it is.
-        rough = run.machine.rough
-        if rough is not None:
-            run.clock.relative = -float(rough + 1)
-            run.clock.rough_from = run.t
-            run.clock.rough_span = abs(run.clock.t_end - run.t)
+        # A root of |h| in the rate of h: only what is small beside |h| itself leaves the solution as it is.
+        non_lipschitz = run.machine.non_lipschitz
+        if non_lipschitz is not None:
+            run.clock.relative = -float(non_lipschitz + 1)
+            run.clock.fast_from = run.t
+            run.clock.fast_span = abs(run.clock.t_end - run.t)
 
     # -- beginning -------------------------------------------------------------------------------------
 
     def begin(self, surfaces: Sequence[int], slack: Array | None, mode: Array | None = None) -> Begun | str:
         """Slide on these surfaces and on what is coupled to them, or say why that cannot be.
 
-        slack: how far each component of the state may be moved to get there; None for as far as a lap that
+        slack: how far each component of the state may be moved to get there; None for as far as a cycle that
         is faint.
         """
         run, plain = self.run, self.plain
@@ -168,7 +168,7 @@ class HigherOrder:
                 signs[i] = side
                 velocity = machine.rhs(run.t, x, np.where(signs == 0.0, 1.0, signs), mode)
                 for j, _, _ in found.ties:
-                    # The push that keeps the constraint of a tied surface is none of the motion's.
+                    # The push that keeps the constraint of a tied surface is none of the solution's.
                     velocity = velocity + self._push(machine, j, x, mode)
                 rates.append(float(gt[i]) + machine.rate(i, g, velocity))
             signs[i] = 0.0
@@ -180,7 +180,7 @@ class HigherOrder:
         return np.asarray(g[j])
 
     def _is_faint(self, machine: Machine, found: Reduction, mode: Array, x: Array, pull: float) -> bool:
-        """Whether what is left of the derivatives is gone within a lap no deeper than the tolerance of h."""
+        """Whether what is left of the derivatives is gone within a cycle no deeper than h's tolerance."""
         run = self.run
         away = np.abs(machine.guards(run.t, run.x, mode))
         g, gt = self.plain.gradients(run.t, run.x, mode)
@@ -188,10 +188,10 @@ class HigherOrder:
         known = run.options.rtol * terms + np.abs(g) @ run.atol
         instant = float(INSTANT * np.finfo(float).eps * abs(run.t))
         if run.clock.relative < 0.0:
-            lap = max(abs(run.t - run.clock.rough_from), run.clock.rough_span)
-            instant = max(instant, UNSURE * run.options.rtol * lap)
+            cycle = max(abs(run.t - run.clock.fast_from), run.clock.fast_span)
+            instant = max(instant, UNSURE * run.options.rtol * cycle)
             if np.any(run.hit[list(found.zero)] == codes.TOUCH):
-                instant = max(instant, TOUCHED * lap)
+                instant = max(instant, TOUCHED * cycle)
             known = ROUNDED * np.finfo(float).eps * terms
         for i, order in zip(found.zero, found.orders, strict=True):
             if order < 2 or i not in found.pivots:
@@ -217,9 +217,9 @@ class HigherOrder:
     # -- arrival ---------------------------------------------------------------------------------------
 
     def arrives(self, i: int) -> Begun | str:
-        """Begin on a surface that was crossed with less speed than the run knows, if the motion has settled.
+        """Begin on a surface crossed with no more speed than the run can tell from 0, once that has settled.
 
-        It has where its speed across the surface came down by CAME_DOWN, or where the speeds of such laps
+        It has where its speed across the surface came down by CAME_DOWN, or where the speeds of such cycles
         follow no law.
         """
         if self.active is not None or not _slides(self.plain, i):
@@ -342,7 +342,7 @@ class HigherOrder:
 
 
 def multipliers(machine: Machine, time: float, x: Array, mode: Array) -> Array | None:
-    """The signs that hold a motion to an order above the first; None where it slides to first order."""
+    """The signs that hold a solution to an order above the first; None where it slides to first order."""
     zero = [i for i in range(machine.m) if mode[i] == 0]
     effects = _effects(machine, time, x, mode, zero)
     idle = [i for i, row in zip(zero, effects, strict=True) if not np.any(row)]
@@ -381,7 +381,7 @@ def _slides(machine: Machine, i: int) -> bool:
 
 
 def _noise(speeds: Sequence[float]) -> bool:
-    """Whether speeds neither grow nor shrink by a law, compared with those 1, 2 and 3 laps before."""
+    """Whether speeds neither grow nor shrink by a law, compared with those 1, 2 and 3 cycles before."""
     if len(speeds) <= NOISY_LAPS:
         return False
     values = np.array(speeds) + 1e-300

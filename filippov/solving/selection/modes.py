@@ -1,10 +1,11 @@
 """Which modes can follow at a point on any number of surfaces: the inclusion's own answer (U1, U2).
 
-A candidate gives each surface met a sign, or 0 for sliding. It is consistent if the motion of that mode does
-what the mode says: leaves each surface to the side of its sign (first non-vanishing derivative of h), and
-holds each sliding surface with a multiplier inside its set (at an end of the set: one that moves inwards).
-All consistent candidates are returned; one means that the solution goes on uniquely. Candidates are put
-together from the corners of the point, each decided by its own rates (`filippov.solving.selection.corner`).
+A candidate gives each surface met a sign, or 0 for sliding. It is consistent if the solution of that mode
+does what the mode says: leaves each surface to the side of its sign (first non-vanishing derivative of h),
+and holds each sliding surface with a multiplier inside its set (at an end of the set: one that moves
+inwards). All consistent candidates are returned; one means that the solution goes on uniquely. Candidates
+are put together from the corners of the point, each decided by its own rates
+(`filippov.solving.selection.corner`).
 
 Sources: Filippov 1988, section 10; Dieci & Lopez 2012, section 3; di Bernardo et al. 2008, chapter 5.
 """
@@ -43,12 +44,12 @@ RANK, SAME = 1e-10, 1e-9
 class Successor:
     """A consistent next mode.
 
-    order         how often each guard met vanishes along the motion; for sliding 2 where the multiplier
+    order         how often each guard met vanishes along the solution; for sliding 2 where the multiplier
                   starts at an end of its set, 3 at a two-fold, and negative (-1, -2, -3) where it repels
     multipliers   value of the sign of every sliding surface (0 elsewhere)
     field         the field of the mode at the point
     margin        least rate, on its own scale, by which the mode is consistent; 0 for a tangential one
-    undetermined  surfaces whose multiplier is one of many that give this motion
+    undetermined  surfaces whose multiplier is one of many that give this solution
     """
 
     mode: Mode
@@ -71,7 +72,7 @@ def successors(
     hit: those of the surfaces met at which something happens, an end of a multiplier's set included; None
     where sliding is to be thought over on all of them.
 
-    A mode whose motion leaves a surface and is back within rounding counts where there is no other and
+    A mode whose solution leaves a surface and is back within rounding counts where there is no other and
     nothing slides: so events follow each other where a rate vanishes at the corner that they run into.
     """
     found = _consistent(point, base, met, hit)
@@ -105,11 +106,11 @@ def _consistent(point: Point, base: Mode, met: Sequence[int], hit: Sequence[int]
         return found
     sizes = point.field_terms(base)
     found = _without_doubles(found, sizes)
-    return _one_a_motion(_without_released_sticking(found, radii), sizes)
+    return _one_per_solution(_without_released_sticking(found, radii), sizes)
 
 
 def _along(point: Point, met: Sequence[int]) -> frozenset[int]:
-    """The surfaces met on which the motion stayed without sliding: held there by the others it slides on.
+    """The surfaces met on which the solution stayed without sliding: held there by the others it slides on.
 
     Contacts that others hold as well, and kinks that coincide with a surface slid on; that rounding had one
     of these hit its surface says nothing.
@@ -132,7 +133,7 @@ def _along(point: Point, met: Sequence[int]) -> frozenset[int]:
 def _swept(
     point: Point, base: Mode, groups: list[list[int]], options: list[list[tuple[int, ...]]], radii: Array
 ) -> list[list[tuple[int, ...]]]:
-    """What is left of every corner's choices beside the first choices of all others, swept until it stays."""
+    """What is left of each corner's choices beside the first choices of the others, until nothing changes."""
     kept = [list(option) for option in options]
     for _ in range(SWEEPS):
         before = [option[0] for option in kept]
@@ -173,8 +174,8 @@ def _examined(
         if left is None or (held is None and moving_outwards(point, base, mode, lam, radii, own)):
             continue
         orders, margin = left
-        # Nothing depends on the sign of a surface on which nothing jumps and along which the motion runs. A
-        # wall at which others hold the motion is left so: it carries nothing.
+        # Nothing depends on the sign of a surface on which nothing jumps and along which the solution runs. A
+        # wall at which others hold the solution is left so: it carries nothing.
         idle = [i for i in free if point.machine.roles[i] != "switching" and i not in point.resting]
         if any(orders[i] == 0 and mode[i] != base[i] for i in idle):
             continue
@@ -198,7 +199,7 @@ def _examined(
 
 
 def _families(point: Point, found: Successor, own: Sequence[int], radii: Array) -> list[Successor]:
-    """The candidate itself, marked where other multipliers give the same motion; two where they do not."""
+    """The candidate itself, marked where other multipliers give the same solution; two where they do not."""
     groups: dict[int, list[int]] = {}
     for i in own:
         groups.setdefault(point.machine.component[i], []).append(i)
@@ -223,7 +224,7 @@ def _families(point: Point, found: Successor, own: Sequence[int], radii: Array) 
 def _ends(
     found: Successor, group: Sequence[int], direction: Array, effects: Array, radii: Array
 ) -> list[Successor]:
-    """Two motions of a family: multipliers moved both ways along a direction that no rate resists."""
+    """Two solutions of a family: multipliers moved both ways along a direction that no rate resists."""
     chosen = list(group)
     ends = []
     for sign in (1.0, -1.0):
@@ -249,7 +250,7 @@ def _same_field(a: Successor, b: Successor, sizes: Array) -> bool:
 
 
 def _without_doubles(found: list[Successor], sizes: Array) -> list[Successor]:
-    """Sliding goes before a motion along the surface that is the same: a multiplier at the end of its set."""
+    """Sliding goes before an equal solution along the surface: a multiplier at the end of its set."""
     return [a for a in found if not any(_slides_instead(a, b, sizes) for b in found)]
 
 
@@ -277,11 +278,11 @@ def _without_released_sticking(found: list[Successor], radii: Array) -> list[Suc
     return kept
 
 
-def _one_a_motion(found: list[Successor], sizes: Array) -> list[Successor]:
-    """One candidate for every motion: of those that stay on the same surfaces with the same field the first.
+def _one_per_solution(found: list[Successor], sizes: Array) -> list[Successor]:
+    """One candidate per solution: of those that stay on the same surfaces with the same field the first.
 
     Such candidates share the load among contacts in different ways; the multipliers are not unique, the
-    motion is.
+    solution is.
     """
     kept: list[Successor] = []
     for a in sorted(found, key=lambda c: (-sum(v == 0 for v in c.mode), [-abs(v) for v in c.mode])):

@@ -2,7 +2,7 @@
 
 The sliding field (b F+ - a F-) / (b - a) is 0 over 0 at a two-fold, and no step across it is accurate. In a
 time tau with dt = (b - a) dtau it is smooth, the two-fold is an equilibrium, and which of a, b vanishes, or
-that none does, is found as accurately as any regular motion (Jeffrey & Colombo 2009, section 2).
+that none does, is found as accurately as any regular solution (Jeffrey & Colombo 2009, section 2).
 """
 
 from __future__ import annotations

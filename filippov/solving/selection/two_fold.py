@@ -8,7 +8,7 @@ that is in a time tau with dt = (b - a) dtau, the rates themselves obey near a t
 
 The eigenvectors of this linear flow with a b < 0 are the directions in which sliding enters the two-fold, and
 leaves it, in finite time. Where a < 0 < b the flow runs as tau does, where b < 0 < a against it. A fold is
-visible where the motion beside it leaves the surface: F+a > 0 above, F-b < 0 below.
+visible where the solution beside it leaves the surface: F+a > 0 above, F-b < 0 below.
 
 Sources: Filippov 1988, sections 19 to 22; Teixeira 1990; Jeffrey & Colombo 2009, section 2; Colombo & Jeffrey
 2011, section 3; Cristiano, Carvalho, Tonon & Pagano 2018.
@@ -116,7 +116,7 @@ class TwoFold:
         return 2.0 * weight - 1.0 if left <= OPPOSITE * max(sizes) else None
 
     def velocity(self, multiplier: float) -> Array:
-        """The sliding field with a multiplier, against the clock where the integration is."""
+        """The sliding field with a multiplier; reversed where the integration runs backwards."""
         up, down = self.fields
         return np.asarray(0.5 * ((1.0 + multiplier) * up + (1.0 - multiplier) * down))
 
@@ -124,7 +124,7 @@ class TwoFold:
 def two_fold(point: Point, base: Mode, i: int, span: float) -> TwoFold | None:
     """The linear flow of sliding at a point on surface i; None where a fold is of higher order.
 
-    span: a time in which the motion changes, an upper limit of it.
+    span: a time in which the solution changes, an upper limit of it.
     """
     signs = np.array(base, dtype=float)
     signs = np.where(signs == 0.0, point.guess, signs)

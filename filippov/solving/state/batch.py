@@ -17,8 +17,8 @@ from filippov.kernel.loop.state import (
     Clock,
     Count,
     Entries,
+    EventCycles,
     Group,
-    Laps,
     Tally,
     Tick,
     Trajectories,
@@ -96,12 +96,12 @@ class Batch:
         # threads share them.
         queue = np.array([0, 0, 1])
         self._state, parts = _together(
-            _rows(k, clock.array), _rows(k, count.array), np.zeros((k, m, Laps.size)), np.ones((k, m)),
+            _rows(k, clock.array), _rows(k, count.array), np.zeros((k, m, EventCycles.size)), np.ones((k, m)),
             np.zeros((k, m)), *np.zeros((2, k, m), dtype=np.int64), _rows(k, stop), kinds,
             np.full(k, UNFINISHED, dtype=np.int64), queue,
         )  # fmt: skip
         self.clock, self.count = Rows(Clock, parts[0]), Rows(Count, parts[1])
-        self.zeno = Rows(Laps, parts[2])
+        self.zeno = Rows(EventCycles, parts[2])
         self.mode, self.lam, self.order, self.hit, self.stop, self.kinds, self.code, self.queue = parts[3:]
         # What functions of the user's raised, by row.
         self.raised: dict[int, BaseException] = {}
@@ -247,7 +247,7 @@ class _Room:
             parts["atol"][:] = atol[:, None]
 
     def wipe(self) -> None:
-        """Nothing that one trajectory at a time leaves behind."""
+        """Clear what running one trajectory at a time leaves behind."""
         for array in self.blank:
             array.fill(0)
         self.rows.fill(-1)
@@ -343,7 +343,7 @@ def waits(machine: Machine, k: int) -> bool:
 def _asked(
     machine: Machine, k: int, span: tuple[float, float], stops: tuple[Stop, ...], options: Options
 ) -> tuple[Any, ...] | None:
-    """What small batches are told by that may wait for one another; None for others."""
+    """The key of a small batch that may be kept for the next one; None for others."""
     if not waits(machine, k):
         return None
     # The batch that waits holds its options: no others can be at their place.

@@ -96,7 +96,7 @@ class Clocks:
         return last, [i for i, q in enumerate(due) if last - q <= self.same(last)]
 
     def pieces(self, t: float, direction: float) -> list[tuple[float, float]]:
-        """The knots around the piece of each input that a motion from t on runs through."""
+        """The knots around the piece of each input that a solution from t on runs through."""
         ahead = math.nextafter(t + direction * self.same(t), direction * math.inf)
         ahead = t + self.same(t) if direction > 0 else ahead
         return [samples.neighbours(ahead) for samples in self.inputs]

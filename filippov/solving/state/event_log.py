@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -29,11 +29,24 @@ _KINDS = {
     codes.OVER_UP: EventKind.CROSSING,
     codes.OVER_DOWN: EventKind.CROSSING,
 }
+_CODES = max(_KINDS) + 1
 _JUMPS, _OVER = (codes.RESET, codes.TIME_RESET), (codes.OVER_UP, codes.OVER_DOWN)
+
+
+class Past(NamedTuple):
+    """Events as arrays: times, numbers of surfaces, whether they are grazings, states."""
+
+    t: Array
+    surface: npt.NDArray[np.int64]
+    grazing: npt.NDArray[np.bool_]
+    x: Array
 
 
 class EventLog(Events):
     """The events of a run in the order of integration, growing while it runs."""
+
+    # The group before the first event that is kept.
+    _base = -1
 
     def __init__(
         self, names: tuple[str, ...], sense: int, n: int, keep: int | None = None, always: range = range(0)
@@ -73,7 +86,8 @@ class EventLog(Events):
     ) -> None:  # fmt: skip
         if index in self.always and not note:
             note = self._crowded(t, index)
-        group = self._made[-1].group + (0 if together else 1) if self._made else 0
+        last = self._made[-1].group if self._made else self._base
+        group = max(0, last + (0 if together else 1))
         self._made.append(
             Event(
                 t,
@@ -99,12 +113,21 @@ class EventLog(Events):
 
     def add_rows(self, floats: Array, marks: npt.NDArray[np.int64]) -> None:
         """Append rows as the loop writes them (copied)."""
-        if len(floats):
-            self._raw.append((floats.copy(), marks.copy()))
-            self._waiting += len(floats)
-            for (index, kind), number in Counter(map(tuple, marks[:, :2].tolist())).items():
-                self.counts[index, _KINDS[kind]] += number
-            self._forget()
+        if not len(floats):
+            return
+        numbers = np.bincount(_CODES * marks[:, 0] + marks[:, 1])
+        for place in np.flatnonzero(numbers).tolist():
+            self.counts[place // _CODES, _KINDS[place % _CODES]] += int(numbers[place])
+        if self.keep is not None and not self.always and self.keep <= len(floats) > self._room - len(self):
+            # None of the others would be kept: they need not be made.
+            older = [*(rows for _, rows in self._raw), marks[: len(marks) - self.keep]]
+            last = self._made[-1].group if self._made else self._base
+            self._base = last + sum(int(np.count_nonzero(rows[:, -1] == 0)) for rows in older)
+            floats, marks = floats[-self.keep :], marks[-self.keep :]
+            self._made, self._raw, self._waiting = [], [], 0
+        self._raw.append((floats.copy(), marks.copy()))
+        self._waiting += len(floats)
+        self._forget()
 
     @property
     def total(self) -> int:
@@ -119,7 +142,7 @@ class EventLog(Events):
             self._room = 2 * max(self.keep, len(self))
 
     def add(self, *values: Any, **named: Any) -> Event:
-        """Append one event found by the general path; returns it."""
+        """Append one event found by the classification; returns it."""
         items = self._items
         self._append(*values, **named)
         self.counts[items[-1].index, items[-1].kind] += 1
@@ -134,6 +157,24 @@ class EventLog(Events):
         ]
         return np.concatenate(times), np.concatenate(states) if states else np.zeros((0, 0))
 
+    def past(self, count: int) -> Past:
+        """The last events, at most so many, without making objects of those that are still rows."""
+        rows, missing = [], count
+        for block, notes in reversed(self._raw):
+            floats, marks = block[-missing:], notes[-missing:]
+            states = floats[:, 3 : 3 + self.n]
+            rows.append((floats[:, 0], marks[:, 0], marks[:, 1] == codes.GRAZING, states))
+            missing -= len(floats)
+            if missing <= 0:
+                break
+        made = self._made[-missing:] if missing > 0 else []
+        if made or not rows:
+            kinds = np.array([e.kind is EventKind.GRAZING for e in made], dtype=bool)
+            numbers = np.array([e.index for e in made], dtype=np.int64)
+            states = np.array([e.x for e in made]).reshape(len(made), self.n)
+            rows.append((np.array([e.t for e in made], dtype=float), numbers, kinds, states))
+        return Past(*(np.concatenate(parts) for parts in zip(*rows[::-1], strict=True)))
+
     def __len__(self) -> int:
         return len(self._made) + self._waiting
 
@@ -142,6 +183,6 @@ class EventLog(Events):
 
     def __getstate__(self) -> dict[str, Any]:
         rest = {"_made": self._items, "_raw": [], "_waiting": 0, "keep": self.keep, "counts": self.counts}
-        rest |= {"always": self.always, "_room": self._room}
+        rest |= {"always": self.always, "_room": self._room, "_base": self._base}
         rest |= {"place_of": self.place_of, "states": self.states}
         return {"names": self.names, "sense": self.sense, "n": self.n, **rest}

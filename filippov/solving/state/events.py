@@ -25,7 +25,7 @@ class Event(NamedTuple):
     kind        EventKind
     before      mode before it in the direction of integration, after: the mode then taken
     x           state at the event (after it: x_after, which differs at a reset only)
-    multiplier  value of the surface's sign in sliding, where the motion slides before or after; for a user
+    multiplier  value of the surface's sign in sliding, where the solution slides before or after; for a user
                 event its direction; else NaN
     residual    |h| at the event (for an exit: the guard of the multiplier)
     group       events with the same number happen at the same instant and are one set
@@ -81,6 +81,11 @@ class Events(Sequence[Event]):
     @overload
     def __getitem__(self, item: slice) -> Events: ...
     def __getitem__(self, item: int | slice) -> Event | Events:
+        given: object = item
+        if isinstance(given, str):
+            raise UsageError(
+                f"events go by number or slice, not {item!r}: events.of({item!r}) has those of a name."
+            )
         return Events(self._items[item], self) if isinstance(item, slice) else self._items[item]
 
     def __len__(self) -> int:
@@ -103,7 +108,7 @@ class Events(Sequence[Event]):
 
     @property
     def x(self) -> npt.NDArray[np.float64]:
-        """States at the events, one row an event."""
+        """States at the events, one row per event."""
         return np.array([event.x for event in self._items])
 
     def of(
@@ -141,7 +146,7 @@ class Events(Sequence[Event]):
         return len(self.of(surface, kind, direction))
 
     def to_pandas(self) -> Any:
-        """A pandas.DataFrame with one row an event (see `filippov.io.export`)."""
+        """A pandas.DataFrame with one row per event (see `filippov.io.export`)."""
         return delegate("Events.to_pandas")(self)
 
     def _repr_html_(self) -> str:

@@ -1,4 +1,4 @@
-"""The dense output of a run: one polynomial a step, valid in its own mode."""
+"""The dense output of a run: one polynomial per step, valid in its own mode."""
 
 from __future__ import annotations
 
@@ -44,11 +44,17 @@ class Interpolant:
 
     def __call__(self, t: Any, side: str = "-") -> Array:
         """States at the times, shape (n,) or (n, k)."""
-        times = np.asarray(t, dtype=float)
+        try:
+            times = np.asarray(t, dtype=float)
+        except (TypeError, ValueError):
+            raise UsageError(
+                f"sol was asked for t = {t!r}, expected times. A state by its name is solution['x'], at "
+                "times solution.evaluate('x', t)."
+            ) from None
         flat = np.atleast_1d(times).ravel()
         index = self.locate(flat, side)
         theta = (flat - self.start[index]) / self.step[index]
-        # The last step of a motion that grows beyond the range of numbers may hold infinite coefficients.
+        # The last step of a solution that grows beyond the range of numbers may hold infinite coefficients.
         with np.errstate(over="ignore", invalid="ignore"):
             if len(flat) > len(self.start):
                 value = self._by_power(index, theta[:, None])

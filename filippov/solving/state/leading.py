@@ -1,4 +1,4 @@
-"""The first power of time that does not vanish in a guard along the motion of a mode.
+"""The first power of time that does not vanish in a guard along the solution of a mode.
 
 What stands out of rounding is told by the terms that a guard and its rate are sums of, never by the size of
 the state: a surface that is met where the states in it are 0 is as any other.

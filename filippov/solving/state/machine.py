@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
@@ -12,21 +13,25 @@ import numpy.typing as npt
 from filippov.base.errors import ModelError
 from filippov.kernel.codegen.build import Compiled, build, generation
 from filippov.kernel.codegen.callback import Callbacks, EventCallbacks, callback_unit, new_context
+from filippov.kernel.codegen.entries import ARGUMENTS
 from filippov.kernel.codegen.generated import Generated
 from filippov.kernel.codegen.input_slots import EACH
+from filippov.kernel.language.primitives import KernelError
+from filippov.kernel.language.records import address_of
 from filippov.kernel.tables.layout import RULES
 from filippov.kernel.tables.root_tables import NODES
 from filippov.kernel.tables.tableaus import TABLEAUS, Collocation, Series
-from filippov.model.surface import Surface
+from filippov.model.surface import Role, Surface
 from filippov.model.system import System
 from filippov.model.time_event import TimeEvent
 from filippov.solving.state.pieces import Pieces
 
 Array = npt.NDArray[np.float64]
+_FLOAT = np.dtype(np.float64)
 _SIDES: dict[str, tuple[int, ...]] = {"+": (1,), "-": (-1,), "both": (1, -1)}
 
 
-def _unit(system: System, blended: bool) -> Generated:
+def unit_of(system: System, blended: bool = False) -> Generated:
     """The unit of a system of expressions, made once and kept with it: another process need not make it.
 
     Nor does it use one that another version has made.
@@ -36,6 +41,17 @@ def _unit(system: System, blended: bool) -> Generated:
         system.units[key] = _generated(_Equations(system.digest, system.inputs, system), blended)
     unit: Generated = system.units[key]
     return unit
+
+
+def non_lipschitz_of(system: System) -> int | None:
+    """The surface of a system of expressions whose |h| stands under a root in its own rate, None without."""
+    key = generation(), "rough"
+    if key not in system.units:
+        from filippov.model.reduction import non_lipschitz_surface
+
+        system.units[key] = non_lipschitz_surface(system)
+    found: int | None = system.units[key]
+    return found
 
 
 @dataclass(frozen=True)
@@ -78,6 +94,15 @@ def _placeholder(t: float, x: Any, p: Any) -> float:
     raise NotImplementedError
 
 
+def _address(value: Any) -> int:
+    """Where an array of numbers or a struct lies; refuses arrays of others."""
+    if not isinstance(value, np.ndarray):
+        return address_of(value.array)
+    if value.dtype is not _FLOAT and value.dtype != _FLOAT:
+        raise KernelError(f"an array of {value.dtype} is given to a kernel, expected one of floats")
+    return address_of(value)
+
+
 class Machine:
     """The compiled functions of a system. Each run makes its own: scratch and callbacks are not shared."""
 
@@ -97,7 +122,7 @@ class Machine:
             unit = (
                 _generated_with(system, expressions, len(functions), blended)
                 if events
-                else _unit(system, blended)
+                else unit_of(system, blended)
             )
             self.context = new_context()
             if functions:
@@ -163,13 +188,11 @@ class Machine:
         return self.compiled.arguments("derive", {"p": self.p})
 
     @cached_property
-    def rough(self) -> int | None:
-        """The surface whose |h| stands under a root in its own rate (see `rough_surface`), None without."""
-        if not self.constants["ROUGH"] or self.system.symbolic is None:
+    def non_lipschitz(self) -> int | None:
+        """The surface whose |h| stands under a root in its own rate (`non_lipschitz_surface`), or None."""
+        if not self.constants["NON_LIPSCHITZ"] or self.system.field is not None:
             return None
-        from filippov.model.reduction import rough_surface
-
-        return rough_surface(self.system)
+        return non_lipschitz_of(self.system)
 
     @property
     def formulas(self) -> bool:
@@ -181,25 +204,29 @@ class Machine:
         """The surfaces of the system and the events."""
         return (*self.system.surfaces, *self.events)
 
+    @property
+    def _roles(self) -> tuple[Role, ...]:
+        return (*self.system.roles, *(event.role for event in self.events))
+
     @cached_property
     def roles(self) -> tuple[str, ...]:
         """The kind of each surface."""
-        return tuple(surface.kind for surface in self.surfaces)
+        return tuple(role.kind for role in self._roles)
 
     @cached_property
     def widths(self) -> tuple[float, ...]:
         """The width of the hysteresis of each surface."""
-        return tuple(surface.width for surface in self.surfaces)
+        return tuple(role.width for role in self._roles)
 
     @cached_property
     def resets_from(self) -> tuple[tuple[int, ...], ...]:
         """The signs from which each surface resets the state."""
-        return tuple(() if q.reset is None else _SIDES[q.side] for q in self.surfaces)
+        return tuple(() if role.side is None else _SIDES[role.side] for role in self._roles)
 
     @cached_property
     def contacts(self) -> tuple[int, ...]:
         """The side from which each surface may be rested on, 0 for none."""
-        return tuple(_SIDES[q.side][0] if q.contact else 0 for q in self.surfaces)
+        return tuple(_SIDES[role.side][0] if role.side and role.contact else 0 for role in self._roles)
 
     @cached_property
     def local(self) -> Machine:
@@ -223,7 +250,7 @@ class Machine:
         return self.callbacks is None and not self.system.inputs
 
     def derived(self, values: Array) -> Array:
-        """Parameters, one row a set, with room for what the field derives from them; one set is derived.
+        """Parameters, one row per set, with room for what the field derives from them; one set is derived.
 
         Raises ModelError where a width is not positive for them.
         """
@@ -249,6 +276,17 @@ class Machine:
         self.raise_error()
         return code
 
+    def ask(self, name: str, *values: Any) -> int:
+        """`call` with numbers and arrays in the order of the entry point; the context follows them.
+
+        What asks the formulas at thousands of points is spared to name what it gives.
+        """
+        if self.callbacks is not None or self.pieces is not None or self.compiled.plain:
+            names = [argument for argument, _ in ARGUMENTS[name]]
+            return self.call(name, **dict(zip(names, (*values, self.context), strict=True)))
+        given = [value if type(value) is float else _address(value) for value in values]
+        return int(self.compiled.functions[name](*given, address_of(self.context)))
+
     def raise_error(self) -> None:
         """Raise what a user function raised, unchanged."""
         if self.callbacks is not None and self.callbacks.error is not None:
@@ -259,7 +297,7 @@ class Machine:
         """The vertex field at the given signs, with the sizes |h| of a mode."""
         out = np.empty(self.n)
         self.calls += 1
-        self.call("rhs", t=float(t), x=x, p=self.p, s=signs, m=mode, out=out, ctx=self.context)
+        self.ask("rhs", float(t), x, self.p, signs, mode, out)
         return out
 
     def rate(self, i: int, g: Array, velocity: Array) -> float:
@@ -270,20 +308,20 @@ class Machine:
     def guards(self, t: float, x: Array, mode: Array) -> Array:
         """All switching functions."""
         out = np.empty(self.m)
-        self.call("guards", t=float(t), x=x, p=self.p, m=mode, out=out, ctx=self.context)
+        self.ask("guards", float(t), x, self.p, mode, out)
         return out
 
     def gradients(self, t: float, x: Array, mode: Array) -> tuple[Array, Array]:
         """dh/dx, shape (m, n), and dh/dt, shape (m,)."""
         # Functions of the user write both into the first array, one behind the other.
         g, gt = np.zeros(self.m * self.n + self.m), np.zeros(self.m)
-        self.call("gradients", t=float(t), x=x, p=self.p, m=mode, g=g, gt=gt, ctx=self.context)
+        self.ask("gradients", float(t), x, self.p, mode, g, gt)
         return g[: self.m * self.n].reshape(self.m, self.n), gt
 
     def radii(self, t: float, x: Array) -> Array:
         """The set of each sign at h = 0, shape (m, 2)."""
         out = np.empty((self.m, 2))
-        self.call("radii", t=float(t), x=x, p=self.p, out=out, ctx=self.context)
+        self.ask("radii", float(t), x, self.p, out)
         if not np.all(out[:, 0] <= -1 + 1e-12) or not np.all(out[:, 1] >= 1 - 1e-12):
             i = int(np.argmax((out[:, 0] > -1 + 1e-12) | (out[:, 1] < 1 - 1e-12)))
             raise ModelError(
@@ -292,6 +330,14 @@ class Machine:
                 "[-1, 1]. Check the radius with these parameters."
             )
         return out
+
+    def corner_kind(self, t: float, x: Array, mode: Array, pair: Sequence[int], direction: float) -> int:
+        """What the corner of two surfaces is, in the bits of `kernel.loop.corner`."""
+        self.w.direction = direction
+        return self.call(
+            "corner_kind", t=float(t), x=x, p=self.p, m=mode, i=int(pair[0]), j=int(pair[1]), w=self.w,
+            iw=self.iw, ctx=self.context,
+        )  # fmt: skip
 
     def reset(self, i: int, t: float, x: Array, mode: Array) -> Array:
         """The state after the reset at surface i, reached in a mode; time events follow the surfaces."""
@@ -310,8 +356,5 @@ class Machine:
         """(code, field, multipliers, guards along a trial step) of a mode; guards: shape (NODES, 2, m)."""
         out = np.zeros(self.n + NODES * 2 * self.m)
         lam = np.array(guess, dtype=np.float64)
-        code = self.call(
-            "probe", t=float(t), step=float(step), x=x, m=mode, p=self.p, lam=lam, out=out, w=self.w,
-            iw=self.iw, ctx=self.context,
-        )  # fmt: skip
+        code = self.ask("probe", float(t), float(step), x, mode, self.p, lam, out, self.w, self.iw)
         return code, out[: self.n], lam, out[self.n :].reshape(NODES, 2, self.m)

@@ -74,7 +74,7 @@ ANSWERS: dict[str, str] = {
     "vectorized": "vectorized is not needed: leave it out. For many runs at once use solve_many.",
     "min_step": "min_step is not needed: a step that would fall below the spacing of t ends the run by name.",
     "RelTol": "RelTol is rtol here: rtol=1e-9.",
-    "AbsTol": "AbsTol is atol here: atol=1e-12, or one number a state.",
+    "AbsTol": "AbsTol is atol here: atol=1e-12, or one number per state.",
     "MaxStep": "MaxStep is max_step here.",
     "InitialStep": "InitialStep is first_step here.",
     "Events": "Events are events here: events=g with g(t, y) -> float, as in scipy.",

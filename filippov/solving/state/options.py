@@ -26,7 +26,7 @@ from filippov.solving.state.option_types import METHODS_OF_OTHERS
 STEPPING = "Moreau"
 METHODS = (*INTEGRATORS, STEPPING)
 POLICIES = ("raise", "stick", "slip", "branch")
-# Where none is given; see `filippov.solving.scale` for motions that are small.
+# Where none is given; see `filippov.solving.scale` for solutions that are small.
 LARGEST_ATOL = 1e-12
 SMALLEST_RTOL = 100 * np.finfo(float).eps
 
@@ -144,7 +144,7 @@ class Options:
             )
 
     def tolerances(self, system: System) -> npt.NDArray[np.float64]:
-        """One absolute tolerance a state."""
+        """One absolute tolerance per state."""
         if isinstance(self.atol, float):
             return np.full(system.dimension, self.atol)
         atol = np.asarray(self.atol, dtype=float)
@@ -258,10 +258,11 @@ def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
     array = number_array("x0", x0)
     if array.shape != (system.dimension,):
         raise UsageError(
-            f"x0 has shape {array.shape}, expected {system.dimension} numbers "
+            f"x0 has shape {array.shape}, expected {system.dimension} number{'s'[: system.dimension - 1]} "
             f"(states: {', '.join(system.states)}). Write x0=({', '.join(['0'] * system.dimension)}"
             f"{',' if system.dimension == 1 else ''}), or by name: "
             f"x0={{{', '.join(repr(name) + ': 0' for name in system.states)}}}."
+            f"{' Several initial states: solve_many(system, x0, t_span).' if array.ndim == 2 else ''}"
         )
     for name, value in zip(system.states, array, strict=True):
         if not math.isfinite(value):

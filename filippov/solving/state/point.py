@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,8 +24,8 @@ class Point:
     guess    the last multipliers
     resting  surfaces with a contact on which the state may rest
     met      surfaces that the point lies on
-    back     surfaces that the motion of the mode `base` ran onto
-    along    surfaces on which that motion stayed without sliding on them
+    back     surfaces that the solution of the mode `base` ran onto
+    along    surfaces on which that solution stayed without sliding on them
     longest  step to which the trial step may be lengthened where nothing shows in it
     fine     whether excursions off a surface that are rounding of its terms count
     """
@@ -59,6 +59,10 @@ class Point:
     def rhs(self, signs: Array, mode: Array) -> Array:
         """The vertex field at signs +-1."""
         return self.machine.rhs(self.t, self.x, signs, mode)
+
+    def corner_kind(self, mode: Array, pair: Sequence[int]) -> int:
+        """What the corner of two surfaces is, in bits (see `kernel.loop.corner`)."""
+        return self.machine.corner_kind(self.t, self.x, mode, pair, self.direction)
 
     def reach(self, i: int, mode: Array) -> float:
         """By how much the signs of the surfaces met move the rate of surface i: where they balance, by 0.

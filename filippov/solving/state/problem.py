@@ -24,7 +24,7 @@ _OF_SOLVE = {
 class Problem:
     """x' in F(t, x; p), x(t0) = x0, t in [t0, t1]; immutable.
 
-    x0          one number a state, in order or by name
+    x0          one number per state, in order or by name
     t_span      (t0, t1), finite
     parameters  values by name; the others keep their defaults
     backward    True for a span with t1 < t0, which is refused without it

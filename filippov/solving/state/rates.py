@@ -37,7 +37,7 @@ class Rates:
         return bool(abs(self.rate[i]) <= self.rate_noise[i])
 
     def into(self, i: int, side: float) -> bool:
-        """Whether the motion on this side of surface i runs onto it, clear of rounding."""
+        """Whether the solution on this side of surface i runs onto it, by more than rounding."""
         return bool(self.rate[i] * side < -self.rate_noise[i])
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from filippov.base.errors import ModelError
 from filippov.base.status import EventKind
 from filippov.kernel.language.records import Rows
-from filippov.kernel.loop.state import Clock, Count, Laps, Trajectory
+from filippov.kernel.loop.state import Clock, Count, EventCycles, Trajectory
 from filippov.kernel.tables import codes
 from filippov.kernel.tables.root_tables import NODES
 from filippov.solving.state.clocks import Clocks
@@ -48,16 +48,15 @@ class Run:
         self.order, self.hit = np.zeros((2, m), dtype=np.int64)
         self.clock, self.count = Clock.new(), Count.new()
         self.stop = np.zeros((m, codes.STOPS), dtype=np.int64)
-        self.zeno = Rows(Laps, np.zeros((m, Laps.size)))
+        self.zeno = Rows(EventCycles, np.zeros((m, EventCycles.size)))
         powers = machine.compiled.sizes.powers
         self.record = np.zeros((_RECORD_ROOM, 2))
         self.coef = np.zeros((_RECORD_ROOM, powers, n))
         room = _EVENT_ROOM + m + len(machine.system.time_events)
         self.found = np.zeros((room, machine.event_size))
         self.marks = np.zeros((room, 3 + 2 * m), dtype=np.int64)
-        self.names = tuple(q.name for q in machine.surfaces) + tuple(
-            q.name for q in machine.system.time_events
-        )
+        events, clocks = (q.name for q in machine.events), (q.name for q in machine.system.time_events)
+        self.names: tuple[str, ...] = (*machine.system.surface_names, *events, *clocks)
         self.trajectory = Trajectory.new()
         self.trajectory.refer(
             clock=self.clock, count=self.count, x=self.x, m=self.mode, order=self.order, hit=self.hit,
@@ -85,10 +84,12 @@ class Run:
             options.atol if type(options.atol) is float else options.tolerances(self.machine.system)
         )
         keep = None if options.save_events == "all" else _KEPT
-        users = range(len(self.machine.system.surfaces), m)
+        users = range(len(self.machine.system.roles), m)
         forwards = span[1] >= span[0]
         self.events = EventLog(self.names, 1 if forwards else -1, self.x.size, keep, users)
         self.steps: list[tuple[Array, Array]] = []
+        # The limit of the events so far, and what it was asked for (see `resets.zeno`).
+        self.limit: tuple[Any, Any] | None = None
         # Where the present mode was taken up.
         self.taken = span[0], self.x.copy()
         self.direction = 1.0 if forwards else -1.0
@@ -170,7 +171,7 @@ class Run:
 
     def watch(self, stops: tuple[Stop, ...]) -> None:
         """Set the events at which to stop."""
-        names = [surface.name for surface in self.machine.system.surfaces]
+        names = self.machine.system.surface_names
         for item in stops:
             row = self.stop[names.index(item.surface)]
             row[item.column] = min(item.count, row[item.column] or item.count)
@@ -259,7 +260,7 @@ class Run:
         self.events.add(t, index, kind, before, after, x, multiplier, residual, note, together, x_after)
 
     def count_down(self, index: int, kind: EventKind, direction: int) -> bool:
-        """Count an event found by the general path against the stops; True where the run is to end."""
+        """Count an event of the classification against the stops; True where the run is to end."""
         columns = {
             EventKind.CROSSING: (
                 codes.CROSSING_EITHER, codes.CROSSING_UP if direction > 0 else codes.CROSSING_DOWN

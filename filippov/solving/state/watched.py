@@ -36,7 +36,7 @@ class Watch:
                 run.stop_at(self.surfaces + place, self.users[k].direction)
 
     def ends(self, run: Run, event: Event) -> bool:
-        """Whether the run ends at an event at which the loop stopped; if not, it is let stop at the next."""
+        """Whether the run ends at an event at which the loop stopped; if not, it stops at the next."""
         k = self.user(event.index)
         if k is None:
             return True

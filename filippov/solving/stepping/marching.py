@@ -33,7 +33,7 @@ _ENDS = {
     ),
     box_kernels.SEVERAL: (
         Status.NON_UNIQUE,
-        "several sets of signs solve this step, each with another motion; DOP853 tells which, with nonunique",
+        "several sets of signs solve this step, with different solutions; DOP853 tells which, with nonunique",
     ),
     step_kernels.NO_CONVERGENCE: (
         Status.MIN_STEP, "the equations of this step do not converge; a smaller dt makes them less nonlinear"

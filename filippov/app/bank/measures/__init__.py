@@ -10,10 +10,13 @@ from filippov.app.bank.measures import (
     polynomials,
     sliding,
     states,
-    turns,
+    turning_points,
 )
 from filippov.app.bank.measures import sets as many
 from filippov.app.bank.measures.measure import Measure
 
 QUANTITIES: dict[str, type] = Measure.FAMILY[1]
-GROUPS = (events, states, turns, along, phases, sliding, orbits, accumulations, many, parameters, polynomials)
+GROUPS = (
+    events, states, turning_points, along, phases, sliding, orbits, accumulations, many, parameters,
+    polynomials,
+)  # fmt: skip

@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.measures.measure import Measure
-from filippov.app.bank.motion import Motion
 from filippov.app.bank.outcome import MissingError
 from filippov.base.status import Status
 from filippov.solving.solution import Solution
@@ -19,11 +19,11 @@ LONGER = (1.0, 2.0, 8.0, 32.0)
 NEAREST, MOST = 1e-9, 24
 
 
-def accumulation(motion: Motion) -> Solution:
+def accumulation(runs: CaseRuns) -> Solution:
     """The run up to the limit of its events, from ever longer spans. Raises MissingError."""
-    start, end = motion.built.t_span
+    start, end = runs.built.t_span
     for factor in LONGER:
-        run = motion.solve(t_end=start + factor * (end - start), zeno="stop")
+        run = runs.solve(t_end=start + factor * (end - start), zeno="stop")
         if run.status is Status.ZENO:
             return run
         if not run.status.ok:
@@ -39,7 +39,7 @@ class Accumulation(Measure, quantity="accumulation"):
 
     take: Literal["t", "state_after"] = "t"
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         run = accumulation(subject)
         if self.take == "t":
             return run.t_end if run.zeno is None else run.zeno.t
@@ -60,7 +60,7 @@ class Ratios(Measure, quantity="ratios"):
     between: str
     surface: int | str | None = None
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         events = _tail(subject)
         if self.surface is not None:
             place = subject.place(self.surface)
@@ -70,25 +70,25 @@ class Ratios(Measure, quantity="ratios"):
             raise MissingError("the run has too few such events for ratios")
         return sizes[1:] / sizes[:-1]
 
-    def _sizes(self, motion: Motion, events: list[Event]) -> Any:
+    def _sizes(self, runs: CaseRuns, events: list[Event]) -> Any:
         if self.between == "intervals":
             return np.diff([e.t for e in events])
         if self.between == "distances":
-            machine = Machine(motion.main.problem.system, motion.method, motion.main.problem.p)
+            machine = Machine(runs.main.problem.system, runs.method, runs.main.problem.p)
             rows = [(e.t, np.ascontiguousarray(e.x), np.array(e.before, dtype=float)) for e in events]
             sizes = np.array([np.sum(np.abs(machine.guards(*row))) for row in rows])
             if not np.all(sizes[:-1] > NEAREST):
                 raise MissingError("the events are too near to their limit for ratios")
             return sizes
-        k = motion.component(self.between)
+        k = runs.component(self.between)
         return np.abs([e.x[k] for e in events])
 
 
-def _tail(motion: Motion) -> list[Event]:
+def _tail(runs: CaseRuns) -> list[Event]:
     """Events of the accumulating solution that are far enough from its limit to have digits."""
-    events = motion.events()
+    events = runs.events()
     if len(events) < 6:
-        events = motion.events(accumulation(motion))
+        events = runs.events(accumulation(runs))
     if len(events) < 4:
         raise MissingError("the run has too few events")
     return events[:MOST]

@@ -13,8 +13,8 @@ import sympy
 from scipy.optimize import minimize_scalar
 from sympy import Symbol
 
+from filippov.app.bank.case_runs import CaseRuns, slides
 from filippov.app.bank.measures.measure import Measure, Over, expression, segments_over
-from filippov.app.bank.motion import Motion, slides
 from filippov.app.bank.outcome import MissingError
 from filippov.model.symbols import t as time_symbol
 from filippov.solving.solution import Solution
@@ -43,7 +43,7 @@ class Along(Measure, quantity="along"):
     signs: tuple[str, ...] = ()
     rates: tuple[str, ...] = ()
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         parts = segments_over(subject, self.over)
         run, f = parts[0][0], self._function(subject, parts[0][0])
         if self.take in ("mean", "rms"):
@@ -79,18 +79,18 @@ class Along(Measure, quantity="along"):
             out.append(sign * best)
         return out[0], out[1]
 
-    def _function(self, motion: Motion, run: Solution) -> Callable[[Array], Array]:
+    def _function(self, runs: CaseRuns, run: Solution) -> Callable[[Array], Array]:
         """The formula as a function of times."""
         assert run.sol is not None
         sol = run.sol
         probed = [Symbol(name, real=True) for name in (*self.signs, *self.rates)]
-        whole = expression(motion, self.formula, self.where, {symbol.name: symbol for symbol in probed})
-        compiled = sympy.lambdify([time_symbol, *motion.built.states, *probed], whole, "numpy")
+        whole = expression(runs, self.formula, self.where, {symbol.name: symbol for symbol in probed})
+        compiled = sympy.lambdify([time_symbol, *runs.built.states, *probed], whole, "numpy")
         if not probed:
             return lambda times: np.broadcast_to(np.asarray(compiled(times, *sol(times)), float), times.shape)
 
         def at(time: float) -> float:
-            rates, multipliers = motion.velocity(run, time)
+            rates, multipliers = runs.velocity(run, time)
             on = [m for m, sign in zip(multipliers, run.mode_at(time, "+"), strict=True) if sign == 0]
             count = len(self.signs)
             if len(on) < count:
@@ -122,7 +122,7 @@ class Share(Measure, quantity="share"):
     over: Over = "span"
     take: Literal["fraction", "time"] = "fraction"
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         total = inside = 0.0
         letters = {"+": 1, "-": -1, "0": 0}
         for run, a, b in segments_over(subject, self.over):

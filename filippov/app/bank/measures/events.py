@@ -7,8 +7,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.measures.measure import Measure, Number, When, moment, one_of
-from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import number
 from filippov.app.bank.outcome import MissingError
 from filippov.base.status import EventKind
@@ -43,12 +43,12 @@ class Filter(Measure):
     x0: tuple[Number, ...] | None = None
     until: When = None
 
-    def chosen(self, motion: Motion) -> list[Event]:
+    def chosen(self, runs: CaseRuns) -> list[Event]:
         """The events."""
         if self.over == "period":
-            events: list[Event] = list(motion.cycle.events)
+            events: list[Event] = list(runs.cycle.events)
         else:
-            events = motion.events(self._run(motion))
+            events = runs.events(self._run(runs))
         if self.kind is None:
             events = [e for e in events if e.kind is not EventKind.GRAZING]
         elif self.kind != "any":
@@ -58,28 +58,28 @@ class Filter(Measure):
             events = [e for e in events if e.direction == sign]
         if self.surface is not None:
             many = self.surface if isinstance(self.surface, tuple) else (self.surface,)
-            places = {motion.place(surface) for surface in many}
-            events = [e for e in events if motion.place(e.surface) in places]
+            places = {runs.place(surface) for surface in many}
+            events = [e for e in events if runs.place(e.surface) in places]
         if self.codimension is not None:
             sides = [(e, e.before if e.kind is EventKind.EXIT else e.after) for e in events]
             events = [e for e, mode in sides if sum(sign == 0 for sign in mode) == self.codimension]
-        return [e for e in events if acts(motion, e)] if self.acting else events
+        return [e for e in events if acts(runs, e)] if self.acting else events
 
-    def _run(self, motion: Motion) -> Any:
-        start, end = motion.built.t_span
-        last = end if self.until is None else moment(motion, self.until)
+    def _run(self, runs: CaseRuns) -> Any:
+        start, end = runs.built.t_span
+        last = end if self.until is None else moment(runs, self.until)
         beyond = last > max(start, end)
         if self.x0 is not None:
-            x0 = tuple(number(value, motion.names) for value in self.x0)
-            return motion.solve(x0=x0, t_end=last if beyond else end)
-        return motion.covering(last) if beyond else motion.main
+            x0 = tuple(number(value, runs.names) for value in self.x0)
+            return runs.solve(x0=x0, t_end=last if beyond else end)
+        return runs.covering(last) if beyond else runs.main
 
 
-def acts(motion: Motion, event: Event) -> bool:
+def acts(runs: CaseRuns, event: Event) -> bool:
     """Whether the field, or the state, changes at an event: not all surfaces act everywhere."""
     if event.kind is not EventKind.CROSSING:
         return event.kind is not EventKind.GRAZING
-    fields = motion.built.fields
+    fields = runs.built.fields
     count = len(next(iter(fields), ""))
     modes = (event.before, event.after)
     sides = ["".join("+" if sign >= 0 else "-" for sign in mode[:count]) for mode in modes]
@@ -91,17 +91,17 @@ def word(event: Event) -> str:
     return WORDS[event.kind] + {1: "+", -1: "-"}.get(event.direction, "")
 
 
-def taken(motion: Motion, event: Event, take: str) -> Any:
+def taken(runs: CaseRuns, event: Event, take: str) -> Any:
     """What is asked of an event: t, kind, signed_kind, surface, state, state_after, or a state by name."""
     after = event.x if event.x_after is None else event.x_after
     named = {
         "t": event.t, "kind": WORDS[event.kind], "signed_kind": word(event), "state": event.x,
-        "surface": motion.place(event.surface), "state_after": after,
+        "surface": runs.place(event.surface), "state_after": after,
     }  # fmt: skip
     if take in named:
         return named[take]
     name, _, side = take.partition("@")
-    return (after if side == "after" else event.x)[motion.component(name)]
+    return (after if side == "after" else event.x)[runs.component(name)]
 
 
 class OneEvent(Filter, quantity="event"):
@@ -114,7 +114,7 @@ class OneEvent(Filter, quantity="event"):
     number: int = 1
     take: str = "t"
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         events = self.chosen(subject)
         return taken(subject, one_of(events, self.number, "such events"), self.take)
 
@@ -126,7 +126,7 @@ class SomeEvents(Filter, quantity="events"):
     last: int | None = None
     take: str = "t"
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         events = self.chosen(subject)[: self.first]
         return [taken(subject, e, self.take) for e in events[-self.last if self.last else None :]]
 
@@ -134,7 +134,7 @@ class SomeEvents(Filter, quantity="events"):
 class EventCount(Filter, quantity="event_count"):
     """The number of events that the filter leaves."""
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         return float(len(self.chosen(subject)))
 
 
@@ -165,7 +165,7 @@ class EventList(Measure, quantity="event_list"):
     together: Number = 1e-9
     grazing: bool = False
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         """The largest deviation. Raises MissingError where an event is not in the run."""
         kinds = [e for e in subject.events() if self.grazing or e.kind is not EventKind.GRAZING]
         if not self.events and kinds:
@@ -185,12 +185,12 @@ class EventList(Measure, quantity="event_list"):
                     worst = max(worst, float(np.max(np.abs(got - wanted))) if same else np.inf)
         return worst
 
-    def _match(self, motion: Motion, left: list[Event], record: EventRecord) -> Event | None:
-        within = number(self.together, motion.names)
+    def _match(self, runs: CaseRuns, left: list[Event], record: EventRecord) -> Event | None:
+        within = number(self.together, runs.names)
         for event in left:
             if event.t > left[0].t + within:
                 return None
-            there = record.surface is None or motion.place(record.surface) == motion.place(event.surface)
+            there = record.surface is None or runs.place(record.surface) == runs.place(event.surface)
             if there and record.kind in (None, WORDS[event.kind], word(event)):
                 return event
         return None

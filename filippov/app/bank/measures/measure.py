@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 from sympy import Expr, Symbol
 
-from filippov.app.bank.motion import Motion, slides
+from filippov.app.bank.case_runs import CaseRuns, slides
 from filippov.app.bank.notation import formula, number
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.polynomial import Polynomial
@@ -30,7 +30,7 @@ class Measure:
     """
 
     FAMILY: ClassVar[tuple[str, dict[str, type]]] = ("quantity", {})
-    ABOUT: ClassVar[type] = Motion
+    ABOUT: ClassVar[type] = CaseRuns
     tag: ClassVar[str]
 
     def __init_subclass__(cls, quantity: str = "", **options: Any) -> None:
@@ -82,24 +82,24 @@ def evaluated(subject: Any, text: str, given: dict[str, Any]) -> Any:
     return sympy.lambdify(list(symbols.values()), expression, "numpy")(*given.values())
 
 
-def moment(motion: Motion, when: When) -> float:
+def moment(runs: CaseRuns, when: When) -> float:
     """The time that is meant; the end of the span where none is."""
     if when is None:
-        return motion.t_end
+        return runs.t_end
     if isinstance(when, Measure):
-        return float(np.asarray(when(motion)).reshape(()))
-    return number(when, motion.names)
+        return float(np.asarray(when(runs)).reshape(()))
+    return number(when, runs.names)
 
 
-def segments_over(motion: Motion, over: Over) -> list[tuple[Solution, float, float]]:
+def segments_over(runs: CaseRuns, over: Over) -> list[tuple[Solution, float, float]]:
     """The parts in one mode of what a quantity is about: run, begin and end of each. Raises MissingError."""
     if over == "period":
-        run, (low, high) = motion.cycle.run, motion.cycle.span
+        run, (low, high) = runs.cycle.run, runs.cycle.span
     elif isinstance(over, tuple):
-        low, high = sorted(moment(motion, when) for when in over)
-        run = motion.covering(high if motion.t_end >= motion.built.t_span[0] else low)
+        low, high = sorted(moment(runs, when) for when in over)
+        run = runs.covering(high if runs.t_end >= runs.built.t_span[0] else low)
     else:
-        run = motion.main
+        run = runs.main
         low, high = sorted((run.problem.t_span[0], run.t_end))
     parts = [(s, max(min(s.t0, s.t1), low), min(max(s.t0, s.t1), high)) for s in run.segments]
     sliding = over in ("first_sliding", "sliding")
@@ -110,12 +110,12 @@ def segments_over(motion: Motion, over: Over) -> list[tuple[Solution, float, flo
 
 
 def expression(
-    motion: Motion, text: str, where: dict[str, Measure], given: dict[str, Symbol] | None = None
+    runs: CaseRuns, text: str, where: dict[str, Measure], given: dict[str, Symbol] | None = None
 ) -> Expr:
     """A formula in t, the states, the parameters, quantities that are numbers, and given symbols."""
-    names = {**motion.names, **(given or {}), "t": time_symbol}
+    names = {**runs.names, **(given or {}), "t": time_symbol}
     for name, measure in where.items():
-        names[name] = float(np.asarray(measure(motion)).reshape(()))
+        names[name] = float(np.asarray(measure(runs)).reshape(()))
     return formula(text, names)
 
 

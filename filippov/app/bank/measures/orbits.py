@@ -1,4 +1,4 @@
-"""Periodic motions: period, multipliers, stability; what harmonic balance predicts; folds of orbits."""
+"""Periodic solutions: period, multipliers, stability; what harmonic balance predicts; folds of orbits."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from filippov.analysis.harmonic.describing_function import describing_function
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
 from filippov.analysis.steady.forcing import depends_on_time
+from filippov.app.bank.case_runs import CaseRuns, slides
 from filippov.app.bank.measures.measure import Measure, Number, one_of
-from filippov.app.bank.motion import Motion, slides
 from filippov.app.bank.notation import number
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.recurrence import Cycle
@@ -29,7 +29,7 @@ class PeriodicOrbit(Measure, quantity="orbit"):
     find    "settled", or "near_start", found by Newton's method; default: the first where the run settles,
             else the second
     period  a guess of the period, for near_start
-    half    multipliers of the half map x(0) -> -x(T/2), for motions that are symmetric under x -> -x
+    half    multipliers of the half map x(0) -> -x(T/2), for solutions that are symmetric under x -> -x
     trivial whether lists hold the multiplier 1 of an autonomous system, which single values leave out
     """
 
@@ -39,7 +39,7 @@ class PeriodicOrbit(Measure, quantity="orbit"):
     half: bool = False
     trivial: bool = False
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         """What is taken of it. Raises MissingError."""
         if self.take == "period":
             cycle = self._cycle(subject)
@@ -59,26 +59,26 @@ class PeriodicOrbit(Measure, quantity="orbit"):
                 return float(np.log(abs(largest))) / period
         return abs(largest) if self.take == "modulus" else _real(largest)
 
-    def _cycle(self, motion: Motion) -> Cycle | None:
+    def _cycle(self, runs: CaseRuns) -> Cycle | None:
         try:
-            return motion.cycle if self.find != "near_start" else None
+            return runs.cycle if self.find != "near_start" else None
         except MissingError:
             if self.find == "settled":
                 raise
             return None
 
-    def _orbit(self, motion: Motion) -> Orbit:
-        return motion.orbit(None if self.period is None else number(self.period, motion.names))
+    def _orbit(self, runs: CaseRuns) -> Orbit:
+        return runs.orbit(None if self.period is None else number(self.period, runs.names))
 
-    def _multipliers(self, motion: Motion) -> list[complex]:
-        cycle = self._cycle(motion)
+    def _multipliers(self, runs: CaseRuns) -> list[complex]:
+        cycle = self._cycle(runs)
         wanted = self.trivial and self.take in ("multipliers", "moduli")
         if cycle is not None:
-            values = _eigenvalues(motion, cycle, self.half)
-            if not wanted and not depends_on_time(motion.built.system):
+            values = _eigenvalues(runs, cycle, self.half)
+            if not wanted and not depends_on_time(runs.built.system):
                 values.remove(min(values, key=lambda v: abs(v - 1)))
             return values
-        orbit = self._orbit(motion)
+        orbit = self._orbit(runs)
         found = orbit.half_multipliers if self.half else orbit.multipliers
         if found is None:
             raise MissingError("the periodic solution is not symmetric under x -> -x")
@@ -91,7 +91,7 @@ def _real(value: complex) -> float:
     return value.real
 
 
-def _eigenvalues(motion: Motion, cycle: Cycle, half: bool) -> list[complex]:
+def _eigenvalues(runs: CaseRuns, cycle: Cycle, half: bool) -> list[complex]:
     """Of the derivative of the flow over the period, from the middle of its longest part in one mode."""
     (low, high), tiny = cycle.span, 1e-9 * cycle.period
     parts = [s for s in cycle.run.segments if s.t0 >= low - tiny and s.t1 <= high + tiny]
@@ -103,7 +103,7 @@ def _eigenvalues(motion: Motion, cycle: Cycle, half: bool) -> list[complex]:
     assert cycle.run.sol is not None
     x0 = np.asarray(cycle.run.sol(t0))
     length = cycle.period / (2 if half else 1)
-    run = motion.solve(x0=tuple(float(v) for v in x0), t0=t0, t_end=t0 + length)
+    run = runs.solve(x0=tuple(float(v) for v in x0), t0=t0, t_end=t0 + length)
     if not run.status.ok:
         raise MissingError(run.message)
     if half and np.max(np.abs(run.x_end + x0)) > SYMMETRIC * (1 + np.max(np.abs(x0))):
@@ -121,7 +121,7 @@ class HarmonicBalance(Measure, quantity="harmonic_balance"):
     take: Literal["period", "frequency", "amplitude"]
     number: int = 1
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         try:
             cycles = describing_function(subject.built.system).cycles
         except (ModelError, UsageError) as error:

@@ -8,8 +8,8 @@ from filippov.analysis.bifurcations.continuation import continuation
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.app.bank.build import build
+from filippov.app.bank.case_runs import CaseRuns, in_time
 from filippov.app.bank.measures.measure import Measure, Number, one_of
-from filippov.app.bank.motion import Motion, in_time
 from filippov.app.bank.notation import number
 from filippov.app.bank.outcome import MissingError
 from filippov.base.errors import SolveError, UsageError
@@ -30,28 +30,28 @@ class Threshold(Measure, quantity="threshold"):
     between: tuple[Number, Number]
     width: Number | None = None
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         """The value. Raises MissingError where both ends are alike."""
         check_known("parameter", [self.parameter], subject.built.raw.get("params") or {})
         low, high = sorted(number(value, subject.names) for value in self.between)
         built = build(subject.built.raw, free=self.parameter)
-        motion = Motion(built, subject.settings, subject.deadline)
+        runs = CaseRuns(built, subject.settings, subject.deadline)
         width = high - low if self.width is None else number(self.width, subject.names)
-        first = self._contact(motion, low)
-        if first == self._contact(motion, high):
+        first = self._contact(runs, low)
+        if first == self._contact(runs, high):
             said = "contact" if first else "no contact"
             raise MissingError(f"{said} on both sides, {self.parameter} = {low:.9g} and {high:.9g}")
         while high - low > width * (1 + 1e-9) and low < (middle := 0.5 * (low + high)) < high:
-            low, high = (middle, high) if self._contact(motion, middle) == first else (low, middle)
-        subject.field_calls += motion.field_calls
+            low, high = (middle, high) if self._contact(runs, middle) == first else (low, middle)
+        subject.field_calls += runs.field_calls
         return 0.5 * (low + high)
 
-    def _contact(self, motion: Motion, value: float) -> bool:
-        x0, (start, end) = motion.built.start(self.parameter, value)
+    def _contact(self, runs: CaseRuns, value: float) -> bool:
+        x0, (start, end) = runs.built.start(self.parameter, value)
         last = start + 2 * (end - start)
-        run = motion.solve(x0=x0, t0=start, t_end=last, parameters={self.parameter: value})
+        run = runs.solve(x0=x0, t0=start, t_end=last, parameters={self.parameter: value})
         after = start + SETTLED * (last - start)
-        return any(e.t > after and e.kind is not EventKind.GRAZING for e in motion.events(run))
+        return any(e.t > after and e.kind is not EventKind.GRAZING for e in runs.events(run))
 
 
 class Fold(Measure, quantity="fold"):
@@ -69,7 +69,7 @@ class Fold(Measure, quantity="fold"):
     mode: str | None = None
     number: int = 1
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         """The value. Raises MissingError where no branch is found, or it has no such fold."""
         try:
             found = in_time(subject.deadline, lambda: self._folds(subject))
@@ -77,7 +77,7 @@ class Fold(Measure, quantity="fold"):
             raise MissingError(f"no branch was found: {error}") from None
         return one_of(found, self.number, "folds")
 
-    def _folds(self, subject: Motion) -> list[float]:
+    def _folds(self, subject: CaseRuns) -> list[float]:
         built = build(subject.built.raw, free=self.parameter)
         value = float(built.names[self.parameter])
         low, high = (number(end, subject.names) for end in self.between)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+from filippov.app.bank.case_runs import CaseRuns, slides
 from filippov.app.bank.measures.measure import Measure, one_of
-from filippov.app.bank.motion import Motion, slides
 from filippov.solving.segments import Segment
 
 
@@ -26,7 +26,7 @@ class Phases(Measure, quantity="phases"):
     first: int | None = None
     take: Literal["length", "interval", "begin", "middle", "end"] = "length"
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         segments: tuple[Segment, ...] = subject.main.segments
         if self.over == "period":
             (low, high), tiny = subject.cycle.span, 1e-9 * subject.cycle.period

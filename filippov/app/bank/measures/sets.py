@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.measures.measure import Measure, Number, When, moment
-from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import number
 from filippov.app.bank.outcome import MissingError
 from filippov.base.status import EventKind
@@ -24,7 +24,7 @@ class Reachable(Measure, quantity="reachable"):
     component: str | None = None
     releases: int = 0
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         """The interval, or the points. Raises MissingError where the solution is unique."""
         time = moment(subject, self.t)
         tree = subject.tree(time, self.releases)
@@ -40,7 +40,7 @@ class Reachable(Measure, quantity="reachable"):
 
 
 class Rest(Measure, quantity="rest"):
-    """A motion that is started at a point, for the span of the case but at most a time of 1.
+    """A solution that is started at a point, for the span of the case but at most a time of 1.
 
     take  drift: how far it moves, with its velocity at the end; rests: the text yes or no
     """
@@ -48,7 +48,7 @@ class Rest(Measure, quantity="rest"):
     point: tuple[Number, ...]
     take: Literal["drift", "rests"] = "drift"
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         start, end = subject.built.t_span
         point = np.array([number(value, subject.names) for value in self.point])
         if point.shape != (len(subject.states),):
@@ -73,7 +73,7 @@ class Stop(Measure, quantity="stop"):
     take: str = "t"
     still: Number = 1e-9
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         run = subject.main
         entries = [e for e in subject.events() if e.kind is EventKind.ENTRY]
         velocity, _ = subject.velocity(run)

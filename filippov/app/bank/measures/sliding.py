@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linprog
 
+from filippov.app.bank.case_runs import CaseRuns, slides
 from filippov.app.bank.measures.measure import Measure, When, moment, one_of
 from filippov.app.bank.measures.states import Rule
-from filippov.app.bank.motion import Motion, slides
 from filippov.app.bank.outcome import MissingError
 from filippov.solving.solution import Solution
 from filippov.solving.state.machine import Machine
@@ -19,14 +19,14 @@ from filippov.solving.state.machine import Machine
 Array = npt.NDArray[np.float64]
 
 
-def under(motion: Motion, rule: Rule | None, when: When) -> tuple[Solution, float]:
+def under(runs: CaseRuns, rule: Rule | None, when: When) -> tuple[Solution, float]:
     """The run under a rule of sliding, and the time that is meant. Raises MissingError."""
-    if when is None and not motion.main.status.ok and rule is None:
-        return motion.main, motion.main.t_end
-    t = moment(motion, when)
+    if when is None and not runs.main.status.ok and rule is None:
+        return runs.main, runs.main.t_end
+    t = moment(runs, when)
     if rule is None:
-        return motion.covering(t), t
-    run = motion.solve(sliding=rule)
+        return runs.covering(t), t
+    run = runs.solve(sliding=rule)
     if not run.status.ok:
         raise MissingError(f"with sliding={rule!r} the run ends with {run.status.value} ({run.message})")
     return run, t
@@ -50,7 +50,7 @@ class Signs(Measure, quantity="signs"):
     surface: int | str | None = None
     sliding: Rule | None = None
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         run, t = under(subject, self.sliding, self.t)
         on, (_, multipliers) = _sliding(run, t), subject.velocity(run, t)
         if self.surface is None:
@@ -71,7 +71,7 @@ class Rate(Measure, quantity="rate"):
     component: str | None = None
     sliding: Rule | None = None
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         run, t = under(subject, self.sliding, self.t)
         if self.sliding is not None:
             _sliding(run, t)
@@ -82,7 +82,7 @@ class Rate(Measure, quantity="rate"):
 class VertexWeights(Measure, quantity="moments_weights"):
     """Weights of the vertex fields --, -+, +-, ++, ... in the moments solution at the end of the span."""
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         """Weights with the multipliers as their marginals that satisfy the equations of the moments rule."""
         run, t = under(subject, "moments", None)
         on, (_, multipliers) = _sliding(run, t), subject.velocity(run)
@@ -119,7 +119,7 @@ class RateBounds(Measure, quantity="rate_bounds"):
 
     component: str
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         run = subject.main
         on = _sliding(run, run.t_end)
         _, fields, g, gt = _vertices(run, on)
@@ -147,7 +147,7 @@ class Continuations(Measure, quantity="continuations"):
     number: int | None = None
     take: str = "count"
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         _, every = subject.candidates()
         found = [c for c in every if slides(c.mode) or not self.slides]
         if self.deepest:

@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.measures.measure import Measure, Number, When, moment
-from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import number
 from filippov.app.bank.outcome import MissingError
 from filippov.base.status import mode_text
@@ -29,7 +29,7 @@ class State(Measure, quantity="state"):
     side: Literal["-", "+"] = "-"
     sliding: Rule | None = None
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         t = moment(subject, self.t)
         if self.sliding is None:
             x = subject.state(t, side=self.side)
@@ -41,12 +41,12 @@ class State(Measure, quantity="state"):
         return x if self.component is None else x[subject.component(self.component)]
 
 
-def mode_at(motion: Motion, when: When) -> Mode:
+def mode_at(runs: CaseRuns, when: When) -> Mode:
     """The mode just after a time, or at the end of a run."""
-    t = moment(motion, when)
-    if when is None and not motion.main.status.ok:
-        return motion.main.end_mode
-    run = motion.covering(t)
+    t = moment(runs, when)
+    if when is None and not runs.main.status.ok:
+        return runs.main.end_mode
+    run = runs.covering(t)
     return run.end_mode if t == run.t_end else run.mode_at(t, "+")
 
 
@@ -55,7 +55,7 @@ class ModeAt(Measure, quantity="mode"):
 
     t: When = None
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         return mode_text(mode_at(subject, self.t))[: len(subject.built.declared)]
 
 
@@ -65,7 +65,7 @@ class Segments(Measure, quantity="segments"):
     take: Literal["mode", "length"] = "mode"
     first: int | None = None
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         count, run = len(subject.built.declared), subject.main
         modes, lengths = [mode[:count] for mode in run.modes], [segment.dwell for segment in run.segments]
         return (modes if self.take == "mode" else lengths)[: self.first]
@@ -76,7 +76,7 @@ class SlidingOn(Measure, quantity="sliding_on"):
 
     t: When = None
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         mode = mode_at(subject, self.t)
         return [i for i in range(len(subject.built.declared)) if mode[i] == 0]
 
@@ -91,7 +91,7 @@ class End(Measure, quantity="end"):
     take: Literal["status", "t", "size"] = "status"
     grazing: bool = False
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         run = subject.solve(on_graze="error") if self.grazing else subject.main
         if self.take == "size":
             return float(np.max(np.abs(run.x_end)))
@@ -107,7 +107,7 @@ class Steady(Measure, quantity="steady_state"):
     component: str | None = None
     still: Number = 1e-9
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         start, end = subject.built.t_span
         for factor in (1.0, 4.0, 16.0, 64.0):
             run = subject.solve(t_end=start + factor * (end - start), zeno="continue")

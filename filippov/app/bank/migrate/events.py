@@ -10,12 +10,12 @@ import numpy as np
 from sympy import Symbol
 
 from filippov.app.bank import record
+from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.expectation import LONGEST_LIST
 from filippov.app.bank.measures.events import EventCount, EventList, EventRecord, OneEvent, SomeEvents
 from filippov.app.bank.measures.measure import Measure
 from filippov.app.bank.measures.states import Segments
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
-from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import formula
 from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.base.errors import ModelError
@@ -40,12 +40,12 @@ def kind_word(old: Old, text: str) -> Any:
     word = _SAME.get(text, text)
     if word in ("switch", "switching", "event"):
         return None
-    return "cross" if word == "reset" and not resets(old.motion) else word
+    return "cross" if word == "reset" and not resets(old.runs) else word
 
 
-def resets(motion: Motion) -> bool:
+def resets(runs: CaseRuns) -> bool:
     """Whether a surface resets the state."""
-    return any(surface.reset is not None for surface in motion.built.system.surfaces)
+    return any(surface.reset is not None for surface in runs.built.system.surfaces)
 
 
 def counting(text: str | None) -> int:
@@ -61,14 +61,14 @@ def horizon(old: Old) -> float | None:
         latest = float(np.max(np.atleast_1d(old.wanted()), initial=-np.inf)) + 2 * old.tol
     except NotUnderstoodError:
         return None
-    return latest * (1 + 1e-6) if latest > max(old.motion.built.t_span) else None
+    return latest * (1 + 1e-6) if latest > max(old.runs.built.t_span) else None
 
 
 def _events(old: Old, _: Groups) -> list[Reading]:
     if not isinstance(old.value, list) or not all(isinstance(item, dict) for item in old.value):
         raise NotUnderstoodError("events are no list of objects")
     grazing = any(_base(item) == "graze" for item in old.value)
-    jumps, together = resets(old.motion) or bool(old.motion.built.system.time_events), max(old.tol, 1e-9)
+    jumps, together = resets(old.runs) or bool(old.runs.built.system.time_events), max(old.tol, 1e-9)
     rows = [[_record(old, item, key) for item in old.value] for key in ("state", "state_after")[: 1 + jumps]]
     return old.either(*(EventList(tuple(row), together, grazing) for row in rows), value=0)
 
@@ -116,7 +116,7 @@ def _modes(old: Old, _: Groups) -> list[Reading]:
 
 def _times(old: Old, g: Groups) -> list[Reading]:
     kind, until = kind_word(old, g["what"] or "event"), horizon(old)
-    if g["what"] == "impact" and not resets(old.motion):
+    if g["what"] == "impact" and not resets(old.runs):
         kind = None
     kinds = [(kind, False), (kind, True), *([] if kind else [("any", False)])]
     return sequence(old, lambda n: [SomeEvents(k, acting=a, until=until, first=n) for k, a in kinds])
@@ -144,8 +144,8 @@ def sequence(old: Old, measures: Callable[[int], Sequence[Measure]]) -> list[Rea
 
 def _numbered(old: Old, g: Groups) -> list[Reading]:
     chosen = [int(text) - 1 for text in g["numbers"].split("_")]
-    if any(not 0 <= k < len(old.motion.built.declared) for k in chosen):
-        raise NotUnderstoodError(f"the case has {len(old.motion.built.declared)} surfaces")
+    if any(not 0 <= k < len(old.runs.built.declared) for k in chosen):
+        raise NotUnderstoodError(f"the case has {len(old.runs.built.declared)} surfaces")
     return old.one(SomeEvents("any", surface=tuple(chosen)))
 
 
@@ -156,7 +156,7 @@ def _time(old: Old, g: Groups) -> list[Reading]:
 
 
 enter(
-    Motion,
+    CaseRuns,
     (r"events", _events),
     (r"n_events|number_of_events|event_count", lambda o, _: o.one(EventCount())),
     (r"event_types|event_kinds|event_sequence", _event_types),

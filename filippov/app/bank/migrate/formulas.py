@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.measures.along import Along
 from filippov.app.bank.measures.events import OneEvent
 from filippov.app.bank.measures.measure import Formula, Measure
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
-from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import formula
 from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.base.errors import ModelError
@@ -28,7 +28,7 @@ _SIGN = "sgn_value"
 
 
 def _over(old: Old) -> Any:
-    """What a claim is about: the first sliding, where its name or text say so, else the whole motion."""
+    """What a claim is about: the first sliding, where its name or text say so, else the whole solution."""
     text = f"{old.name} {old.value}".casefold()
     return "first_sliding" if re.search(r"slid|stick|after_ent", text) else "span"
 
@@ -40,10 +40,10 @@ def _known(old: Old) -> dict[str, Measure]:
         known |= {name: OneEvent(kind) for name in times.split()}
         rows = [(state, state + mark) for state in old.states for mark in marks.split()]
         known |= {name: OneEvent(kind, take=state) for state, name in rows if name not in known}
-    for state, value in zip(old.states, old.motion.built.x0, strict=True):
+    for state, value in zip(old.states, old.runs.built.x0, strict=True):
         for mark in ("_0", "0"):
             known.setdefault(state + mark, Formula(repr(value)))
-    return {name: measure for name, measure in known.items() if name not in old.motion.names}
+    return {name: measure for name, measure in known.items() if name not in old.runs.names}
 
 
 def _claims(text: str) -> list[tuple[str, str]]:
@@ -71,7 +71,7 @@ def _at_commas(text: str) -> list[str]:
 
 def _side(old: Old, text: str) -> tuple[str, dict[str, Measure]]:
     """A side of an equation as a formula, x(t) standing for x, and what its names stand for."""
-    names, known = old.motion.names, _known(old)
+    names, known = old.runs.names, _known(old)
     polar = {}
     if len(old.states) == 2:
         x, y = old.states
@@ -133,7 +133,7 @@ def _of_value(old: Old, _: Groups) -> list[Reading]:
 
 
 enter(
-    Motion,
+    CaseRuns,
     (r"(?P<state>{state})\(t\)|(?P<state2>{state})_of_t", _of_time),
     ((r"\w*(?:_law|_invariant|_relation|_identity|_formula)|invariant|after_entry|while_sliding"
      r"|sliding_solution|closed_form|\w+_is_conserved"),

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.measures.accumulations import Accumulation, Ratios
 from filippov.app.bank.measures.along import Along, Share
 from filippov.app.bank.measures.events import EventCount, OneEvent, SomeEvents
@@ -14,10 +15,9 @@ from filippov.app.bank.measures.measure import Formula, Measure
 from filippov.app.bank.measures.orbits import HarmonicBalance, PeriodicOrbit
 from filippov.app.bank.measures.phases import Phases
 from filippov.app.bank.measures.states import Segments
-from filippov.app.bank.measures.turns import LevelTimes
+from filippov.app.bank.measures.turning_points import LevelTimes
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
 from filippov.app.bank.migrate.states import level, velocity
-from filippov.app.bank.motion import Motion
 from filippov.app.bank.outcome import NotUnderstoodError
 
 _FEW = 8
@@ -37,7 +37,7 @@ def _orbit(old: Old, take: Any, **options: Any) -> PeriodicOrbit:
 def _of_period(old: Old, text: str) -> list[Reading]:
     """A formula in the period T: of the solution, or, without surfaces, between risings through a level."""
     orbit = Formula(text, {"T": _orbit(old, "period")}) if text != "T" else _orbit(old, "period")
-    for entry in old.case.expected if not old.motion.built.declared else ():
+    for entry in old.case.expected if not old.runs.built.declared else ():
         match = re.fullmatch(r"(?:first_)?times?_([^=]+?)=([^=]+?)(?:(?:_up|_down)*)", entry.name)
         if match is not None:
             through, ends = level(old, match[1], match[2]), (("a", -2), ("b", -1))
@@ -97,7 +97,7 @@ def _stability(old: Old, _: Groups) -> list[Reading]:
 
 def _ratios(old: Old, g: Groups) -> list[Reading]:
     between = "intervals" if g["gaps"] else velocity(old) if g["speeds"] else "distances"
-    surfaces: list[Any] = [None, *range(len(old.motion.built.declared))]
+    surfaces: list[Any] = [None, *range(len(old.runs.built.declared))]
     return old.either(*(Ratios(between, k) for k in surfaces if k is not None or not g["speeds"]), each=True)
 
 
@@ -138,7 +138,7 @@ def _section(old: Old, _: Groups) -> list[Reading]:
 
 
 enter(
-    Motion,
+    CaseRuns,
     (r"(?:limit_cycle_|orbit_|cycle_|hunting_|steady_)?(?P<half>half_)?period|T_cycle",
      lambda o, g: _of_period(o, "T/2" if g["half"] else "T")),
     (r"(?P<first>first_)?(?P<what>stick|slip|sliding|slide)_(?:duration|time|interval_length)", _duration),

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from filippov.app.bank.case import Case, Entry
+from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.expectation import Expectation, Subject
 from filippov.app.bank.measures.measure import Measure
-from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import number
 from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome
 from filippov.app.bank.polynomial import Polynomial
@@ -65,9 +65,9 @@ class Old:
         return tolerance(self.entry.given)
 
     @property
-    def motion(self) -> Motion:
+    def runs(self) -> CaseRuns:
         """The runs of the case."""
-        assert isinstance(self.subject, Motion)
+        assert isinstance(self.subject, CaseRuns)
         return self.subject
 
     @property
@@ -79,7 +79,7 @@ class Old:
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the states."""
-        return self.subject.states if isinstance(self.subject, Motion) else ()
+        return self.subject.states if isinstance(self.subject, CaseRuns) else ()
 
     def number(self, text: Any) -> float:
         """A number in the case's parameters. Raises NotUnderstoodError."""

@@ -7,17 +7,17 @@ import re
 import numpy as np
 from sympy import Symbol
 
+from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.measures.events import EventCount, OneEvent, SomeEvents
 from filippov.app.bank.measures.measure import Formula
 from filippov.app.bank.measures.parameters import Threshold
 from filippov.app.bank.measures.sets import Reachable, Rest
 from filippov.app.bank.measures.sliding import Continuations, Signs
 from filippov.app.bank.measures.states import End, ModeAt, State, Steady
-from filippov.app.bank.measures.turns import Turns
+from filippov.app.bank.measures.turning_points import TurningPoints
 from filippov.app.bank.migrate.events import counting, kind_word
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
 from filippov.app.bank.migrate.states import moment, velocity
-from filippov.app.bank.motion import Motion
 from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.base.status import Status
 
@@ -86,7 +86,7 @@ def _at_event(old: Old, g: Groups) -> list[Reading]:
 def _corner(old: Old, g: Groups) -> list[Reading]:
     if g["what"] == "exit":
         return old.one(OneEvent("exit", codimension=2, take="state"))
-    return [old.other(OneEvent("slide", codimension=2, take="state"), State(old.motion.built.t_span[0]))]
+    return [old.other(OneEvent("slide", codimension=2, take="state"), State(old.runs.built.t_span[0]))]
 
 
 def _velocity(old: Old, g: Groups) -> list[Reading]:
@@ -121,7 +121,7 @@ def _rest_set(old: Old, _: Groups) -> list[Reading]:
 
 def _grazing(old: Old, g: Groups) -> list[Reading]:
     name, value = g["name"], float(old.wanted())
-    if name not in (old.motion.built.raw.get("params") or {}):
+    if name not in (old.runs.built.raw.get("params") or {}):
         raise NotUnderstoodError(f"the case has no parameter {name!r}")
     if old.tol == 0:
         raise NotUnderstoodError("it has no tolerance")
@@ -129,7 +129,7 @@ def _grazing(old: Old, g: Groups) -> list[Reading]:
 
 
 def _parameter(old: Old, _: Groups) -> list[Reading]:
-    names = old.motion.names
+    names = old.runs.names
     for name in (old.name, old.name + "_"):
         if name in names and not isinstance(names[name], Symbol):
             return old.one(Formula(name))
@@ -137,7 +137,7 @@ def _parameter(old: Old, _: Groups) -> list[Reading]:
 
 
 enter(
-    Motion,
+    CaseRuns,
     (r"must_report|must_name|report|reports|must_warn", _must_report),
     (r"reachable_(?:set_|interval_)?(?:(?P<state>{state})_)?at_(?P<time>[\d./]+)", _reachable),
     (rf"(?:n|number_of|num|count)_(?P<kind>{_KINDS})(?:s|es)?",
@@ -148,7 +148,8 @@ enter(
      lambda o, g: o.one(OneEvent(number=counting(g["k"])))),
     (rf"(?P<state>{{state}}|state)_at_(?P<kind>{_KINDS})(?:_(?P<k>\d+))?", _at_event),
     (r"codim_?2_(?P<what>entry|exit)_(?:point|state)|point_codim_?2_(?P<what2>entry|exit)", _corner),
-    (r"(?:rebound|bounce|apex|peak)_heights", lambda o, _: o.one(Turns(o.states[0], "max", first=o.size))),
+    (r"(?:rebound|bounce|apex|peak)_heights",
+     lambda o, _: o.one(TurningPoints(o.states[0], "max", first=o.size))),
     (r"(?P<kind>crossing|exit|entry|stick|reset|rebound)_(?:velocity|speed)", _velocity),
     (r"(?:final|end|last)_mode|mode_at_(?P<time>.+)", _mode),
     (r"(?:equivalent_control|u_eq|ueq|lambda|multiplier|sign)_at_(?P<time>.+)",

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.measures.along import Along
 from filippov.app.bank.measures.events import OneEvent
 from filippov.app.bank.measures.measure import Formula
@@ -15,7 +16,6 @@ from filippov.app.bank.measures.sets import Rest
 from filippov.app.bank.measures.sliding import Continuations, Rate, RateBounds, Signs, VertexWeights
 from filippov.app.bank.measures.states import State
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
-from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import formula
 from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.base.errors import ModelError
@@ -57,7 +57,7 @@ def _multiplier(old: Old, _: Groups) -> list[Reading]:
 def _of_time(old: Old, text: str) -> str:
     """A formula in t. Raises NotUnderstoodError."""
     try:
-        found = formula(text, old.motion.names)
+        found = formula(text, old.runs.names)
     except ModelError as error:
         raise NotUnderstoodError(str(error)) from None
     if found.free_symbols - {time_symbol}:
@@ -107,7 +107,7 @@ def _capture(old: Old, _: Groups) -> list[Reading]:
     pairs = re.findall(r"\(([^()]*)\)\s*:\s*([-+\d.eE]+)", old.text)
     if not pairs:
         raise NotUnderstoodError("no pairs (state):time were found")
-    start, found = old.motion.built.t_span[0], []
+    start, found = old.runs.built.t_span[0], []
     for state, time in pairs:
         x0 = tuple(old.number(text) for text in state.split(","))
         until = start + 2 * old.number(time)
@@ -116,7 +116,7 @@ def _capture(old: Old, _: Groups) -> list[Reading]:
 
 
 enter(
-    Motion,
+    CaseRuns,
     (r"(?:slide|sliding|stick)_interval", lambda o, _: o.one(_first("interval"))),
     (r"slide_until|sliding_until|slides_to", lambda o, _: o.one(State(_first("end")))),
     (r"sliding_(?:speed|velocity)", _speed),

@@ -7,15 +7,15 @@ from typing import Any
 
 from sympy import Symbol
 
+from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.measures.along import Along
 from filippov.app.bank.measures.events import OneEvent, SomeEvents
 from filippov.app.bank.measures.measure import When
 from filippov.app.bank.measures.sets import Stop
 from filippov.app.bank.measures.states import SlidingOn, State
-from filippov.app.bank.measures.turns import LevelTimes, Turns
+from filippov.app.bank.measures.turning_points import LevelTimes, TurningPoints
 from filippov.app.bank.migrate.events import kind_word, resets, sequence
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
-from filippov.app.bank.motion import Motion
 from filippov.app.bank.notation import formula
 from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.base.errors import ModelError
@@ -30,7 +30,7 @@ def _final(old: Old, _: Groups) -> list[Reading]:
     alone = old.states[0] if old.size == 1 < len(old.states) else None
     value = old.value if isinstance(old.value, list) else [old.value]
     found = [old.e(State(t, alone, side="+"), value=value[0] if alone else value)]
-    sliding, names = given.get("sliding_on"), old.motion.built.declared
+    sliding, names = given.get("sliding_on"), old.runs.built.declared
     if isinstance(sliding, list):
         try:
             places = sorted(names.index(s) if s in names else int(s) for s in sliding)
@@ -97,7 +97,9 @@ def at_events(old: Old, g: Groups, take: str) -> list[Reading]:
 
 def _turns(old: Old, g: Groups) -> list[Reading]:
     name, take = g["state"] or old.states[0], "value" if g["what"].startswith("point") else "t"
-    return sequence(old, lambda n: [Turns(name, start=start, first=n, take=take) for start in (True, False)])
+    return sequence(
+        old, lambda n: [TurningPoints(name, start=start, first=n, take=take) for start in (True, False)]
+    )
 
 
 def _level(old: Old, g: Groups) -> list[Reading]:
@@ -117,7 +119,7 @@ def level(old: Old, left: str, right: str) -> str:
 
 def velocity(old: Old) -> str:
     """The state that is the derivative of the first one, else one whose name begins with v, else the last."""
-    rows = {row[0] for row in old.motion.built.fields.values()}
+    rows = {row[0] for row in old.runs.built.fields.values()}
     only = next(iter(rows)) if len(rows) == 1 else None
     if isinstance(only, Symbol) and only.name in old.states:
         return str(only.name)
@@ -125,7 +127,7 @@ def velocity(old: Old) -> str:
 
 
 def _impact_velocities(old: Old, g: Groups) -> list[Reading]:
-    hits: dict[str, Any] = {"kind": "reset"} if resets(old.motion) else {"kind": "any", "surface": 0}
+    hits: dict[str, Any] = {"kind": "reset"} if resets(old.runs) else {"kind": "any", "surface": 0}
     take = velocity(old)
     formula_in_n = isinstance(old.value, str) and re.search(r"\bn\b", old.value)
     if g["first"] or not (isinstance(old.value, list) or formula_in_n):
@@ -134,7 +136,7 @@ def _impact_velocities(old: Old, g: Groups) -> list[Reading]:
 
 
 enter(
-    Motion,
+    CaseRuns,
     (r"final_state|final|final_value|x_final|x_end|state_final|end_state", _final),
     (r"final_(?P<state>{state})|(?P<state2>{state})_(?:final|end)",
      lambda o, g: o.one(State(None, g["state"], side="+"))),
@@ -155,9 +157,9 @@ enter(
     (r"t_(?:stop|rest)|(?:stop|rest)_time", lambda o, _: o.one(Stop())),
     (r"turn(?:ing)?_(?P<what>points?|times?)(?:_(?P<state>{state}))?", _turns),
     (r"first_turn_(?:(?P<state>{state})|t|time)",
-     lambda o, g: o.one(Turns(o.states[0], number=1, take=g["state"] or "t"))),
+     lambda o, g: o.one(TurningPoints(o.states[0], number=1, take=g["state"] or "t"))),
     (r"first_(?P<what>max|min)_(?P<state>{state})",
-     lambda o, g: o.one(Turns(g["state"], g["what"], number=1))),
+     lambda o, g: o.one(TurningPoints(g["state"], g["what"], number=1))),
     (r"(?:first_)?(?:times?|t)_(?P<left>[^=]+?)=(?P<right>[^=]+?)(?P<way>(?:_up|_down)*)", _level),
     (r"impact_velocit(?:y|ies)|impact_speeds?|(?P<first>first)_impact_(?:velocity|speed|v)",
      _impact_velocities),

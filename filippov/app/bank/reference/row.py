@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from filippov.app.bank.case import Case
-from filippov.app.bank.motion import Settings
+from filippov.app.bank.case_runs import Settings
 from filippov.app.bank.reference.solver import (
     CannotError,
     HangError,
@@ -37,7 +37,7 @@ class SolverRow:
     """
 
     id: str
-    peer: str
+    solver: str
     outcome: str
     reported: bool
     error: float | None

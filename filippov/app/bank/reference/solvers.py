@@ -153,4 +153,4 @@ FAMILIES: dict[str, tuple[ReferenceSolver, ...]] = {
     "heyoka": (ReferenceSolver("heyoka", "heyoka", run_heyoka),),
     "diffrax": tuple(ReferenceSolver(f"diffrax {m}", "diffrax", partial(run_diffrax, m)) for m in STAGES),
 }
-SOLVERS = {peer.name: peer for family in (FILIPPOV, *FAMILIES.values()) for peer in family}
+SOLVERS = {solver.name: solver for family in (FILIPPOV, *FAMILIES.values()) for solver in family}

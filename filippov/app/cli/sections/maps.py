@@ -10,8 +10,8 @@ import numpy as np
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded, loaded_of
-from filippov.app.cli.sections.motion import by_motion, motion_section, suggestion, varied
-from filippov.app.cli.sections.motion_map import run_motion_map
+from filippov.app.cli.sections.along import follows_solution, section_along, suggestion, varied
+from filippov.app.cli.sections.return_pairs import run_return_pairs
 from filippov.app.cli.sweep import engine
 from filippov.base.errors import ModelError, UsageError
 from filippov.plot.maps import plot_diagram, plot_event_map
@@ -32,7 +32,7 @@ def section_of(loaded: Loaded, settings: dict[str, Any]) -> Any:
     if own is None and len(given) < len(PARTS):
         missing = ", ".join(f"--{name}" for name in PARTS if name not in given)
         seen = suggestion(loaded)
-        hint = f" From a short motion: {seen}" if seen else ""
+        hint = f" From a short run: {seen}" if seen else ""
         raise UsageError(f"{loaded.name} proposes no section; give {missing}.{hint}")
     if settings.get(CONDITION) is not None:
         given[CONDITION] = settings[CONDITION]
@@ -67,8 +67,8 @@ def interval_of(loaded: Loaded, settings: dict[str, Any]) -> tuple[float, float]
 def run_event_map(settings: dict[str, Any], console: Console) -> int:
     """Sample the map, find its fixed points, follow an orbit; after Ctrl-C write the samples there are."""
     loaded = loaded_of(settings)
-    if by_motion(loaded, settings):
-        return run_motion_map(loaded, settings, console)
+    if follows_solution(loaded, settings):
+        return run_return_pairs(loaded, settings, console)
     values = loaded.values(settings["parameters"])
     section, (lo, hi) = section_of(loaded, settings), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)
@@ -124,8 +124,8 @@ def run_bifurcation(settings: dict[str, Any], console: Console) -> int:
     values = loaded.values(settings["parameters"])
     parameter, low, high = varied(loaded, settings)
     x0 = interval = None
-    if by_motion(loaded, settings):
-        section, x0 = motion_section(loaded, settings, values, console, (parameter, low, high))
+    if follows_solution(loaded, settings):
+        section, x0 = section_along(loaded, settings, values, console, (parameter, low, high))
     else:
         section, interval = section_of(loaded, settings), interval_of(loaded, settings)
     folder = Folder(settings["output"], console)

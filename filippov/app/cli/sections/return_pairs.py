@@ -1,4 +1,4 @@
-"""filippov event-map without a lift: each event of a section over the one before it, along one motion."""
+"""filippov event-map without a lift: each event of a section over the one before it, along one solution."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from typing import Any
 from filippov.app.cli.console import Console
 from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import Loaded
-from filippov.app.cli.sections.motion import motion_section, section_data
+from filippov.app.cli.sections.along import section_along, section_data
 from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.plot.maps import plot_returns
 
 COLUMNS = ("t", "d", "P")
 
 
-def run_motion_map(loaded: Loaded, settings: dict[str, Any], console: Console) -> int:
-    """Write the pairs, the orbit that the motion goes to, and their picture."""
+def run_return_pairs(loaded: Loaded, settings: dict[str, Any], console: Console) -> int:
+    """Write the pairs, the orbit that the solution goes to, and their picture."""
     values = loaded.values(settings["parameters"])
-    section, x0 = motion_section(loaded, settings, values, console)
+    section, x0 = section_along(loaded, settings, values, console)
     folder = Folder(settings["output"], console)
     from filippov.analysis.diagrams.orbit_points import orbit_points
     from filippov.analysis.maps.returns import returns
@@ -35,7 +35,7 @@ def run_motion_map(loaded: Loaded, settings: dict[str, Any], console: Console) -
                 orbit = find_orbit(loaded.system, found.x[-1], parameters=values, t0=float(found.t[-1]))
             points = orbit_points(section, orbit)
         except (SolveError, UsageError, ModelError, ArithmeticError) as error:
-            note = f"no periodic orbit near the end of the motion: {error}"
+            note = f"no periodic orbit near the end of the solution: {error}"
     if note:
         console.say(note)
     for point in points:

@@ -1,4 +1,4 @@
-"""The runs behind a comparison of motions: the exact motion, and those of an approximation at one width."""
+"""The runs behind a comparison: the exact solution, and those of an approximation at one width."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.comparisons.approximation import Approximation
-from filippov.analysis.comparisons.motion_events import EventReader, Read, ending
+from filippov.analysis.comparisons.solution_ending import ending
+from filippov.analysis.comparisons.solution_events import EventReader, Read
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.status import Status
 from filippov.model.system import System
@@ -42,8 +43,8 @@ def blank_row(name: str, width: float | None) -> dict[str, Any]:
     return dict.fromkeys(OWN) | {"model": name, "width": width, "note": ""}
 
 
-class ExactMotion:
-    """The exact motion at two tolerances, and what every approximation is measured with."""
+class ExactSolution:
+    """The exact solution at two tolerances, and what every approximation is measured with."""
 
     def __init__(
         self, system: System, x0: Any, t_span: Any, parameters: Mapping[str, float] | None, measures: Any,
@@ -64,8 +65,7 @@ class ExactMotion:
         self.times = np.linspace(self.fine.problem.t_span[0], self.fine.t_end, GRID)
         assert self.fine.sol is not None
         self.states = self.fine.sol(self.times)
-        extent = np.ptp(self.states, axis=1)
-        self.extent = np.where(extent > 0, extent, np.maximum(np.max(np.abs(self.states), axis=1), 1e-300))
+        self.extent = _extent(self.states)
         self.reader = EventReader(system, self.p)
         self.reads = self.reader.exact(self.fine)
         self.ending = ending(self.fine, system.dimension, self.extent)
@@ -93,11 +93,11 @@ class ExactMotion:
         }  # fmt: skip
 
     def reads_of(self, solution: Solution) -> tuple[Read, ...]:
-        """What is read of an exact motion."""
+        """What is read of an exact solution."""
         return self.reader.exact(solution)
 
     def measured(self, solution: Solution, reads: Sequence[Read]) -> dict[str, Any]:
-        """What a motion gives, compared with the exact one."""
+        """What a solution gives, compared with the exact one."""
         sol, n = solution.sol, self.system.dimension
         assert sol is not None
         gap = np.abs(sol(self.times)[:n] - self.states) / self.extent[:, None]
@@ -114,7 +114,7 @@ class ExactMotion:
             "drift": max((read.drift for read in reads if read.stays), default=None),
             "stick": sum(read.time for read in reads),
             "entries": [sum(not stay.from_start for stay in read.stays) for read in reads],
-            "ending": last["kind"], "amplitude": last["amplitude"], "period": last["period"],
+            "ending": last.kind, "amplitude": last.amplitude, "period": last.period,
             "field_calls": solution.nfev, "jacobians": solution.njev, "factorisations": solution.nlu,
         }  # fmt: skip
         return found | self._own_measures(solution)
@@ -145,10 +145,16 @@ class ExactMotion:
         return statistics.median(spent)
 
 
-class ModelMotion:
-    """An approximation over the same motion, at any width."""
+def _extent(x: Array) -> Array:
+    """How far each state moves; of one that does not, but for rounding, its size, or 1 where it is 0."""
+    moved, size = np.ptp(x, axis=1), np.max(np.abs(x), axis=1)
+    return np.where(moved > TIGHT * size, moved, np.where(size > 0, size, 1.0))
 
-    def __init__(self, exact: ExactMotion, model: Approximation, narrowest: float) -> None:
+
+class ModelSolutions:
+    """An approximation over the same solution, at any width."""
+
+    def __init__(self, exact: ExactSolution, model: Approximation, narrowest: float) -> None:
         self.exact, self.model = exact, model
         self.method = model.method or self._method(narrowest)
         self.solutions: dict[float, Solution] = {}
@@ -162,7 +168,7 @@ class ModelMotion:
         return IMPLICIT if steepest / narrowest * exact.span / 6.0 > STIFF_STEPS else EXPLICIT
 
     def solve(self, width: float) -> tuple[Solution, System, Array, dict[str, Any]]:
-        """The motion, what was solved, from where and with which options."""
+        """The solution, what was solved, from where and with which options."""
         exact, model = self.exact, self.model
         built = model.build(width)
         system, own = built if isinstance(built, tuple) else (built, {})
@@ -207,17 +213,17 @@ class ModelMotion:
 
 
 def chosen_widths(
-    exact: ExactMotion, given: Sequence[float] | None, decades: Sequence[int], timed: bool = False
+    exact: ExactSolution, given: Sequence[float] | None, decades: Sequence[int], timed: bool = False
 ) -> list[float]:
-    """The widths from the widest on; by default decades of the largest |h| of the motion, or of its span.
+    """The widths from the widest on; by default decades of the largest |h| of the solution, or of its span.
 
     Raises UsageError.
     """
     if given is None and timed:
         return [exact.span * 10.0**-k for k in decades if k < MOST_DECADES]
     if given is None:
-        sizes = [exact.reader.size(exact.fine, name) for name in exact.reader.readers]
-        scale = 10.0 ** round(np.log10(min((q for q in sizes if q > 0), default=1.0)))
+        magnitudes = [exact.reader.magnitude(exact.fine, name) for name in exact.reader.readers]
+        scale = 10.0 ** round(np.log10(min((q for q in magnitudes if q > 0), default=1.0)))
         return [scale * 10.0**-k for k in decades]
     widths = sorted({float(width) for width in given}, reverse=True)
     if not widths or not all(0 < width < np.inf for width in widths):
@@ -226,7 +232,7 @@ def chosen_widths(
 
 
 def needed_width(
-    motion: ModelMotion, rows: Sequence[Mapping[str, Any]], quantity: str, accuracy: float,
+    approximate: ModelSolutions, rows: Sequence[Mapping[str, Any]], quantity: str, accuracy: float,
     compute: Callable[[float], Mapping[str, Any]], tries: int = 8,
 ) -> tuple[float | None, Mapping[str, Any] | None]:  # fmt: skip
     """The widest width found whose error is within the accuracy, and its row: solved for, then run.

@@ -1,4 +1,4 @@
-"""The section of a motion, and what is varied: shared by event-map, diagram and bifurcation."""
+"""The section of a solution, and what is varied: shared by event-map, diagram and bifurcation."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ def varied(loaded: Loaded, settings: dict[str, Any]) -> tuple[str, float, float]
     return name, low, high
 
 
-def by_motion(loaded: Loaded, settings: dict[str, Any]) -> bool:
-    """Whether the motion from one state stands for the lift: none is known, or a state is given."""
+def follows_solution(loaded: Loaded, settings: dict[str, Any]) -> bool:
+    """Whether the solution from one state stands for the lift: none is known, or a state is given."""
     if settings.get("lift") is not None:
         if settings.get("x0") is not None:
-            raise UsageError("--lift says where a turn starts, and so does --x0; give one of them.")
+            raise UsageError("--lift says where a solution starts, and so does --x0; give one of them.")
         return False
     if settings.get("x0") is not None:
         return True
@@ -51,11 +51,11 @@ def by_motion(loaded: Loaded, settings: dict[str, Any]) -> bool:
     return getattr(loaded.model, "section", None) is None and not asked
 
 
-def motion_section(
+def section_along(
     loaded: Loaded, settings: dict[str, Any], values: dict[str, float], console: Console,
     over: tuple[str, float, float] | None = None,
 ) -> tuple[Any, Any]:  # fmt: skip
-    """(section, initial state): the section of the flags, else one found along the motion; says which.
+    """(section, initial state): the section of the flags, else one found along the solution; says which.
 
     over: where the section is looked for at several values of a parameter. Raises UsageError.
     """
@@ -67,13 +67,13 @@ def motion_section(
         if settings.get(name) is not None:
             raise UsageError(
                 f"--{name} is a coordinate from which a lift starts, and there is none: leave it out, the "
-                "motion from --x0 is followed, or give --lift."
+                "solution from --x0 is followed, or give --lift."
             )
     system, given = loaded.system, {k: settings.get(k) for k in ("surface", "event", "after", "t_max")}
     if loaded.x0 is None and settings.get("x0") is None:
         raise UsageError(
             f"{loaded.name} proposes no section, and has no initial state to find one from. Give --x0 "
-            f"{','.join(f'{name}=...' for name in system.states)}: what recurs along the motion is the "
+            f"{','.join(f'{name}=...' for name in system.states)}: what recurs along the solution is the "
             "section; or give --surface, --event, --coordinate, --lift and --interval."
         )
     x0 = check_state(loaded.state(settings.get("x0")), system)
@@ -88,7 +88,7 @@ def motion_section(
     elif given["surface"] is None or given["event"] is None or settings.get("coordinate") is None:
         raise UsageError(
             "a section is given by --surface, --event and --coordinate together; without any of them it is "
-            "found along the motion."
+            "found along the solution."
         )
     else:
         t_max = 100.0 if given["t_max"] is None else given["t_max"]
@@ -128,7 +128,7 @@ def section_data(section: Any) -> dict[str, Any]:
 
 
 def suggestion(loaded: Loaded) -> str:
-    """Flags of a section with a lift, from a short motion of the model; "" where none is seen.
+    """Flags of a section with a lift, from a short run of the model; "" where none is seen.
 
     Of two states the lift is exact: the section is a line. Of more it holds the others where they were at one
     event, which is one choice of many.
@@ -137,7 +137,7 @@ def suggestion(loaded: Loaded) -> str:
     from filippov.analysis.maps.returns import returns
 
     if loaded.x0 is None:
-        return "(name a Problem, with an initial state, and one is looked for along its motion)"
+        return "(name a Problem, with an initial state, and one is looked for along its solution)"
     try:
         section = find_section(loaded.system, loaded.x0, parameters=dict(loaded.parameters))
         if not hasattr(section, "kind"):

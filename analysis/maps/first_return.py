@@ -1,4 +1,4 @@
-"""One turn of an event map for many motions: from their starts to the next event of the section."""
+"""The first return of many solutions to a section: from their starts to its next event."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 
 Array = npt.NDArray[np.float64]
-# A turn takes tens of steps; one that takes this many does not return.
+# A return takes tens of steps; a solution that takes this many does not come back.
 MOST_STEPS = 200_000
 # Events of the section's kind that may pass before one leads into the mode that is wanted.
 MOST_EVENTS = 200
 
 
-def turns(
+def first_returns(
     bound: BoundSection, x0: Array, parameters: Mapping[str, Any], **options: Any
 ) -> tuple[Array, list[Status], npt.NDArray[np.bool_]]:
-    """State (k, n) at the section's next event of each motion, how it ended, whether it rests on the section.
+    """State (k, n) at each solution's next event of the section, how it ended, whether it rests there.
 
-    parameters: numbers or rows (k,) by name. STOPPED: the event was met; SUCCESS: not within t_max.
+    parameters: numbers or rows (k,) by name. STOPPED: the event came; SUCCESS: not within t_max.
     """
     section, system = bound.section, bound.system
     run = {"stop": section.stop, "max_steps": MOST_STEPS, **options}
@@ -51,15 +51,15 @@ def turns(
         goes_on = np.zeros(open_rows.size, dtype=bool)
         for place, (k, ended) in enumerate(zip(open_rows.tolist(), ends.status, strict=True)):
             resting[k] = bool(np.any(ends.mode[place, bound.surfaces] == 0))
-            met = ended is Status.STOPPED and bound.wanted(ends.mode[place])
-            goes_on[place] = ended is Status.STOPPED and not met and spent[k] < section.t_max
-            status[k] = Status.SUCCESS if ended is Status.STOPPED and not met else ended
+            back = ended is Status.STOPPED and bound.wanted(ends.mode[place])
+            goes_on[place] = ended is Status.STOPPED and not back and spent[k] < section.t_max
+            status[k] = Status.SUCCESS if ended is Status.STOPPED and not back else ended
         open_rows = open_rows[goes_on]
     return x, status, resting
 
 
-def motion(bound: BoundSection, x0: Array, parameters: Mapping[str, float], **options: Any) -> Solution:
-    """The motion of one turn; its last event is the section's where its status is STOPPED."""
+def first_return(bound: BoundSection, x0: Array, parameters: Mapping[str, float], **options: Any) -> Solution:
+    """The solution up to its return; its last event is the section's where its status is STOPPED."""
     section, system = bound.section, bound.system
     run: dict[str, Any] = {"parameters": parameters, "max_steps": MOST_STEPS, **options}
 

@@ -7,8 +7,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.measures.measure import Measure, expression, one_of
-from filippov.app.bank.motion import Motion
 from filippov.app.bank.outcome import MissingError
 from filippov.solving.solution import Solution
 
@@ -27,7 +27,7 @@ class LevelTimes(Measure, quantity="level_times"):
     first: int | None = None
     where: dict[str, Measure] = field(default_factory=dict)
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         found = subject.zeros(subject.main, expression(subject, self.formula, self.where))
         ways = [1 if way == "+" else -1 for way in self.directions or ()]
         if self.number is not None:
@@ -42,7 +42,7 @@ class LevelTimes(Measure, quantity="level_times"):
         return times
 
 
-class Turns(Measure, quantity="turns"):
+class TurningPoints(Measure, quantity="turning_points"):
     """Where a state turns: times at which its derivative changes sign, or its values there.
 
     component  its name
@@ -59,45 +59,45 @@ class Turns(Measure, quantity="turns"):
     first: int | None = None
     take: str = "value"
 
-    def __call__(self, subject: Motion) -> Any:
+    def __call__(self, subject: CaseRuns) -> Any:
         run, k = subject.main, subject.component(self.component)
         assert run.sol is not None
         begin = run.problem.t_span[0]
         rows: list[tuple[float, Any, int]] = []
-        for t, way in turns(subject, run, k):
+        for t, way in turning(subject, run, k):
             x = np.asarray(run.sol(t))
             # The end of a time of rest is no turn.
             if (not rows or abs(x[k] - rows[-1][1][k]) > 1e-12) and (self.start or t > begin + 1e-12):
                 rows.append((t, x, way))
         rows = [row for row in rows if self.kind is None or row[2] == (-1 if self.kind == "max" else 1)]
         if self.number is not None:
-            rows = [one_of(rows, self.number, "turns")]
+            rows = [one_of(rows, self.number, "turning points")]
         name = self.component if self.take == "value" else self.take
         found = [t if name == "t" else x[subject.component(name)] for t, x, _ in rows][: self.first]
         return found if self.number is None else found[0]
 
 
-def turns(motion: Motion, run: Solution, k: int) -> list[tuple[float, int]]:
+def turning(runs: CaseRuns, run: Solution, k: int) -> list[tuple[float, int]]:
     """Times at which the derivative of a state vanishes, with the direction in which it does."""
-    rows = {row[k] for row in motion.built.fields.values()}
+    rows = {row[k] for row in runs.built.fields.values()}
     if len(rows) == 1:
-        return _merged(motion.zeros(run, next(iter(rows))))
+        return _merged(runs.zeros(run, next(iter(rows))))
     assert run.sol is not None
-    times = np.unique(np.concatenate([motion.times(run), _stationary(motion, run, k)]))
+    times = np.unique(np.concatenate([runs.times(run), _stationary(runs, run, k)]))
     values = run.sol(times)[k]
     inner = np.flatnonzero((values[1:-1] - values[:-2]) * (values[2:] - values[1:-1]) <= 0) + 1
     return [(float(times[i]), int(np.sign(values[i + 1] - values[i]))) for i in inner]
 
 
-def _stationary(motion: Motion, run: Solution, k: int) -> list[float]:
+def _stationary(runs: CaseRuns, run: Solution, k: int) -> list[float]:
     """Times inside the segments off the surfaces at which the field of a state vanishes."""
-    fields = motion.built.fields
+    fields = runs.built.fields
     count = len(next(iter(fields)))
     found = []
     for segment in run.segments:
         row = fields.get("".join({1: "+", -1: "-"}.get(sign, "0") for sign in segment.mode[:count]))
         if row is not None and segment.t1 > segment.t0:
-            found += [t for t, _ in motion.zeros(run, row[k], segment.t0, segment.t1)]
+            found += [t for t, _ in runs.zeros(run, row[k], segment.t0, segment.t1)]
     return found
 
 

@@ -1,7 +1,7 @@
-"""Figure of a comparison of motions: the motions themselves, errors over the width, errors over the work.
+"""Figure of a comparison of solutions: the solutions themselves, errors over the width, errors over the work.
 
 What is drawn is asked only for its attributes: `rows` (dicts with model, width, error_state, field_calls; the
-first one the exact motion), `models`, `exact` (a Solution), `motions` (Solutions by model) and `trends`.
+first one the exact solution), `models`, `exact` (a Solution), `solutions` (by model) and `trends`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _MARKS = "osD^v<>P"
 SAMPLES = 1500
 
 
-def plot_motions(
+def plot_solution_comparison(
     comparison: Any, *, state: Any = 0, title: str = "", quantity: str = "error_state",
     figure: Figure | None = None,
 ) -> Figure:  # fmt: skip
@@ -43,10 +43,10 @@ def plot_motions(
             order = next(
                 (q.order for q in comparison.trends if (q.model, q.quantity) == (model, quantity)), None
             )
-            told = f"{model}, width {widths[model]:.0e}" if model in comparison.motions else model
+            told = f"{model}, width {widths[model]:.0e}" if model in comparison.solutions else model
             label = told if order is None else f"{told}\norder {order:.2f}"
-            if model in comparison.motions:
-                other = comparison.motions[model].sol(t)[k]
+            if model in comparison.solutions:
+                other = comparison.solutions[model].sol(t)[k]
                 gaps.plot(t, np.maximum(np.abs(other - x), 1e-18), **look)
             else:
                 other = np.full(t.size, np.nan)
@@ -71,13 +71,16 @@ def plot_motions(
     return drawn
 
 
+plot_motions = plot_solution_comparison  # its earlier name
+
+
 def _floor(axes: Any) -> None:
     low, high = axes.get_ylim()
     axes.set_ylim(max(low, 1e-12 * high), high)
 
 
 def _reference(left: Any, right: Any, exact: Any, quantity: str) -> None:
-    """What two tolerances of the exact motion differ by, and its work."""
+    """What two tolerances of the exact solution differ by, and its work."""
     if exact[quantity]:
         for axes in (left, right):
             axes.axhline(exact[quantity], color=GREY, linestyle="--", linewidth=0.9, zorder=1)
@@ -87,6 +90,6 @@ def _reference(left: Any, right: Any, exact: Any, quantity: str) -> None:
         )  # fmt: skip
     right.axvline(exact["field_calls"], color=INK, linestyle=":", linewidth=1.0)
     right.annotate(
-        "exact", (exact["field_calls"], 0.97), xycoords=("data", "axes fraction"), xytext=(3, -8), color=INK,
+        "exact", (exact["field_calls"], 0.16), xycoords=("data", "axes fraction"), xytext=(3, -8), color=INK,
         fontsize=7.5, textcoords="offset points",
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""A comparison of motions as one HTML page: its table, its sentences and its picture; no script."""
+"""A comparison of solutions as one HTML page: its table, its sentences and its picture; no script."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class Settings:
 
 
 @dataclass
-class Motion:
+class CaseRuns:
     """Runs of one case: `options` of the solver are its defaults, the case's own, and what was asked for."""
 
     built: Built
@@ -146,7 +146,7 @@ class Motion:
         inside = (start <= t <= end) if forwards else (end <= t <= start)
         run = self.main if inside else self.solve(t_end=t)
         if abs(t - start) > abs(run.t_end - start) and abs(t - run.t_end) > 1e-12 * (1 + abs(t)):
-            # A motion that accumulates goes on in its limit.
+            # A solution that accumulates goes on in its limit.
             run = self.solve(t_end=max(t, end) if forwards else min(t, end), zeno="continue")
         if abs(t - start) > abs(run.t_end - start) and abs(t - run.t_end) > 1e-12 * (1 + abs(t)):
             raise MissingError(f"the run ends at t = {run.t_end:.9g} ({run.message})")

@@ -1,11 +1,10 @@
-"""The events of a motion as exact and approximate models share them: entries into stick, exits, crossings."""
+"""Events of a solution that exact and approximate models share: entries into stick, exits, crossings."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +25,7 @@ POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 @dataclass(frozen=True)
 class Read:
-    """What is read of a motion on one surface.
+    """What is read of a solution on one surface.
 
     stays      stays in stick
     crossings  times at which h changes its sign outside of them
@@ -55,7 +54,7 @@ class Read:
 
 
 class EventReader:
-    """Reads motions of a system and of its approximations on each of its switching surfaces."""
+    """Reads solutions of a system and of its approximations on each of its switching surfaces."""
 
     def __init__(self, exact: System, p: Array) -> None:
         names = [q.name for q in exact.surfaces if q.kind == "switching"]
@@ -63,7 +62,7 @@ class EventReader:
         self.places = {name: _place(exact, name) for name in names}
 
     def exact(self, solution: Solution) -> tuple[Read, ...]:
-        """What is read of the exact motion."""
+        """What is read of the exact solution."""
         out = []
         for name, reader in self.readers.items():
             stays = reader.of_exact(solution)
@@ -72,7 +71,7 @@ class EventReader:
         return tuple(out)
 
     def model(self, solution: Solution, model: Approximation, width: float) -> tuple[Read, ...]:
-        """What is read of the motion of an approximation."""
+        """What is read of the solution of an approximation."""
         out = []
         for name, reader in self.readers.items():
             if not model.sticks:
@@ -88,14 +87,14 @@ class EventReader:
         return tuple(out)
 
     def jump(self, solution: Solution, name: str) -> float:
-        """The largest |dL| between the two signs of a surface along a motion, halved: L = dh/dt."""
+        """The largest |dL| between the two signs of a surface along a solution, halved: L = dh/dt."""
         reader = self.readers[name]
         chosen = np.unique(np.linspace(0, solution.t.size - 1, 60).astype(int))
         found = [reader.rates(float(solution.t[k]), solution.y[:, k]) for k in chosen]
         return max((0.5 * abs(below - above) for below, above in found), default=0.0)
 
-    def size(self, solution: Solution, name: str) -> float:
-        """The largest |h| along a motion."""
+    def magnitude(self, solution: Solution, name: str) -> float:
+        """The largest |h| along a solution."""
         reader = self.readers[name]
         chosen = np.unique(np.linspace(0, solution.t.size - 1, 400).astype(int))
         return max(abs(reader.height(float(solution.t[k]), solution.y[:, k])) for k in chosen)
@@ -172,41 +171,3 @@ def reader_exact(solution: Solution, name: str) -> list[Stay]:
 
     index = solution.system.surface_index(name)
     return by_mode(solution, lambda mode, t, x: mode[index] == 0)
-
-
-def ending(solution: Solution, count: int, extent: Array) -> dict[str, Any]:
-    """How a motion ends: "rest", "cycle" or "motion", with its amplitude, period and last speed,
-    and half the width within which it goes to and fro at the end.
-
-    A cycle: over each of the last two quarters of the span the state that moves most has the same amplitude
-    (to 5 %) and goes up through its middle at least once. Rest: the last twentieth moves by no more than 1e-9
-    of `extent`. count, extent: states of the exact system and how far each moves.
-    """
-    sol, (t0, t1) = solution.sol, (solution.problem.t_span[0], solution.t_end)
-    assert sol is not None
-    t = np.linspace(t0, t1, 4001)
-    x = sol(t)[:count]
-    moved = [np.ptp(part, axis=1) / extent for part in (x[:, -200:], x[:, -1000:], x[:, -2000:-1000])]
-    last, state = float(np.max(moved[0])), int(np.argmax(moved[0]))
-    net = abs(float(x[state, -1] - x[state, -200])) / float(extent[state])
-    data: dict[str, Any] = {
-        "kind": "motion", "amplitude": None, "period": None, "speed": net / (0.05 * abs(t1 - t0)),
-        "chatter": 0.5 * last if net < 0.5 * last else None, "state": state,
-    }  # fmt: skip
-    if last <= 1e-9:
-        return data | {"kind": "rest"}
-    k = int(np.argmax(moved[1]))
-    now, before = float(moved[1][k]), float(moved[2][k])
-    tail = x[k, -2000:]
-    middle = 0.5 * (float(np.max(tail)) + float(np.min(tail)))
-    above = tail > middle
-    ups = np.flatnonzero(~above[:-1] & above[1:])
-    if ups.size < 2 or now < 1e-6 or abs(now - before) > 0.05 * max(now, before):
-        return data
-    times = [
-        float(brentq(lambda q: float(sol(q)[k]) - middle, t[i - 2000], t[i - 1999], xtol=1e-14)) for i in ups
-    ]
-    return data | {
-        "kind": "cycle", "amplitude": 0.5 * now * float(extent[k]), "state": k,
-        "period": (times[-1] - times[0]) / (len(times) - 1),
-    }  # fmt: skip

@@ -1,4 +1,4 @@
-"""The result of a comparison of motions: rows, orders, needed widths, and what is wrong in kind."""
+"""The result of a comparison of solutions: rows, orders, needed widths, and what is wrong in kind."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
-from filippov.analysis.comparisons.comparison_result import FITTED, SLOWEST, Trend
-from filippov.analysis.comparisons.motion_run import ERRORS, OWN
+from filippov.analysis.comparisons.comparison_result import SLOWEST, Trend, aligned, fitted
+from filippov.analysis.comparisons.solution_run import ERRORS, OWN
 from filippov.base.csv_text import csv_text
 from filippov.base.json_text import json_text
 from filippov.solving.solution import Solution
@@ -51,23 +49,28 @@ class Needed:
 
 
 @dataclass(frozen=True)
-class MotionComparison:
-    """Rows of a comparison of motions, the exact one first.
+class SolutionComparison:
+    """Rows of a comparison of solutions, the exact one first.
 
     rows       one dict per row: model, width (None: exact), method, error_state, error_final (over the extent
                of each state), error_times, drift, stick (time), entries (into stick, by surface), ending,
                amplitude, period, field_calls, jacobians, factorisations, calls_ratio, seconds, note, measures
     faults     a sentence for each difference in kind at the narrowest width computed
     needed     the widths for the accuracy asked for
-    exact      the exact Solution; motions: those of the widest width by model
+    exact      the exact Solution; solutions: those of the widest width by model
     """
 
     rows: tuple[dict[str, Any], ...]
     faults: tuple[str, ...]
     needed: tuple[Needed, ...]
     exact: Solution
-    motions: Mapping[str, Solution]
+    solutions: Mapping[str, Solution]
     left: tuple[str, ...] = ()
+
+    @property
+    def motions(self) -> Mapping[str, Solution]:
+        """`solutions` under its earlier name."""
+        return self.solutions
 
     def of(self, model: str) -> list[dict[str, Any]]:
         """The rows of a model, the widest first."""
@@ -107,19 +110,18 @@ class MotionComparison:
 
     def _trend(self, model: str, quantity: str) -> Trend:
         what = f"{model}: {WORDS[quantity]}"
-        # What two tolerances of the exact motion differ by bounds what can be told.
+        # What two tolerances of the exact solution differ by bounds what can be told.
         floor = 10.0 * (0.0 if quantity == "drift" else self.rows[0][quantity] or 0.0) + 1e-13
         known = [(row["width"], row[quantity]) for row in self.of(model) if row[quantity] is not None]
         if not known:
             return Trend(model, {}, quantity, None, None, f"{what} cannot be compared at any width.")
         width, error = known[-1]
-        above = [(w, e) for w, e in known if e > floor][-FITTED:]
+        above, order = fitted(known, floor)
         if error <= floor and len(above) < 2:
             return Trend(model, {}, quantity, None, True, f"{what} is not more than rounding at {width:g}.")
-        if len(above) < 2:
+        if order is None:
             text = f"{what} is {error:.3g} at {width:g}, one width only."
             return Trend(model, {}, quantity, None, None, text)
-        order = float(np.polyfit(np.log([w for w, _ in above]), np.log([e for _, e in above]), 1)[0])
         if order > SLOWEST:
             text = f"{what} goes to 0 like width^{order:.2f}; {error:.2g} at width {width:.3g}."
             return Trend(model, {}, quantity, order, True, text)
@@ -129,14 +131,7 @@ class MotionComparison:
 
     def to_text(self) -> str:
         """The table, then the orders, the faults and the widths needed."""
-        table = [self.head, *self.cells]
-        sizes = [max(len(line[i]) for line in table) for i in range(len(self.head))]
-        lines = []
-        for line in table:
-            inner = [cell.rjust(size) for cell, size in zip(line[1:-1], sizes[1:-1], strict=True)]
-            lines.append("  ".join([line[0].ljust(sizes[0]), *inner, line[-1]]).rstrip())
-        lines.insert(1, "-" * max(len(line) for line in lines))
-        lines += ["", FOOT, "", *(trend.sentence for trend in self.trends)]
+        lines = [*aligned([self.head, *self.cells]), "", FOOT, "", *(trend.sentence for trend in self.trends)]
         for title, sentences in self.paragraphs():
             lines += ["", title, *(f"  {sentence}" for sentence in sentences)]
         return "\n".join(lines) + "\n"
@@ -172,15 +167,18 @@ class MotionComparison:
 
     def to_html(self) -> str:
         """One page with the table, the sentences and the picture in it."""
-        from filippov.analysis.comparisons.motion_page import page
+        from filippov.analysis.comparisons.solution_page import page
 
         return page(self)
 
     def plot(self, **options: Any) -> Any:
-        """The motions, errors over the width, errors over work (see `filippov.plot.motions`)."""
-        from filippov.plot.motions import plot_motions
+        """The solutions, errors over width and over work (see `filippov.plot.solution_comparison`)."""
+        from filippov.plot.solution_comparison import plot_solution_comparison
 
-        return plot_motions(self, **options)
+        return plot_solution_comparison(self, **options)
+
+
+MotionComparison = SolutionComparison  # its earlier name
 
 
 def cells(row: Mapping[str, Any], measures: Sequence[str] = ()) -> tuple[str, ...]:
@@ -196,34 +194,3 @@ def cells(row: Mapping[str, Any], measures: Sequence[str] = ()) -> tuple[str, ..
         number(row["calls_ratio"], ".2f"), number(None if seconds is None else 1e3 * seconds, ".2f"),
         *(number(row.get(name), ".6g") for name in measures), row["note"],
     )  # fmt: skip
-
-
-def faults(
-    exact: Mapping[str, Any], row: Mapping[str, Any], surfaces: Sequence[str], states: Sequence[str],
-    last: Mapping[str, Any],
-) -> list[str]:  # fmt: skip
-    """What is wrong in kind of the narrowest run of a model, one sentence each."""
-    where = f"{row['model']} at width {row['width']:.3g}"
-    if row["entries"] is None:
-        return [f"{where}: {row['note']}."]
-    out = []
-    for surface, have, want in zip(surfaces, row["entries"], exact["entries"], strict=True):
-        if have is not None and have != want:
-            what = "loses" if have < want else "invents"
-            out.append(
-                f"{where} {what} stick on {surface!r}: {have} entries into it, where the exact solution has "
-                f"{want}."
-            )
-    was, now = exact["ending"], row["ending"]
-    if was == "rest" and now != "rest":
-        out.append(
-            f"{where} loses the rest state: where the exact solution rests, {states[last['state']]} "
-            + (f"goes on in a cycle of amplitude {row['amplitude']:.3g}." if now == "cycle"
-               else f"goes to and fro within {last['chatter']:.2g} of its extent." if last["chatter"]
-               else f"creeps on at {last['speed']:.2g} of its extent in a unit of time.")
-        )  # fmt: skip
-    if was != "rest" and now == "rest":
-        out.append(f"{where} invents a state of rest: the exact solution goes on.")
-    if was == "cycle" and now == "motion":
-        out.append(f"{where} loses the cycle of amplitude {exact['amplitude']:.4g}.")
-    return out

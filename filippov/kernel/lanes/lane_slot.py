@@ -1,5 +1,6 @@
 """A trajectory takes a lane and leaves it: its numbers go in and come back."""
 
+from filippov.kernel.lanes.lane_field import uncoupled
 from filippov.kernel.language.primitives import Indices, Vector, kernel, truncate
 from filippov.kernel.language.records import all_of, size_of
 from filippov.kernel.loop.model import CONTACT, STAGES, M, N, P
@@ -33,11 +34,11 @@ def settled(clock: Clock, m: Vector, order: Indices) -> bool:
             if CONTACT[i] != 0:
                 return False
             sliding += 1
-    return sliding <= 1 and clock.relative == 0.0 and clock.step > 0.0
+    return (sliding <= 1 or uncoupled() == 1) and clock.relative == 0.0 and clock.step > 0.0
 
 
 @kernel
-def vacate(lane: int, group: Group, rows: Indices) -> None:
+def release(lane: int, group: Group, rows: Indices) -> None:
     """An empty lane goes through the motions with a step of 0."""
     clock, m = group.clock, group.m
     rows[lane] = -1

@@ -1,11 +1,11 @@
-"""The slope of an event map at the set where it rests, in closed form: the turn of the linearised inclusion.
+"""The slope of an event map at the set where it rests, in closed form: a return of the linearised inclusion.
 
-From an end of a set of rest positions the slip field vanishes, so a turn from a coordinate d next to the set
-obeys y' = A y on its side of the surface, y(0) = d dx0/dd, until c y = 0 again at T: then P(d)/d -> r y(T)/d,
-with c = grad h and r the gradient of the coordinate. Where the slip field grows out of the surface like
-|h|**e with 0 < e < 1, or does not vanish at the end, a motion from arbitrarily near the set leaves by a
-finite distance: the map jumps there. Source: `filippov.analysis.steady.rest_map`; Hensen & van de Molengraft
-2002, section 3.
+From an end of a set of rest positions the slip field vanishes, so a return from a coordinate d next to the
+set obeys y' = A y on its side of the surface, y(0) = d dx0/dd, until c y = 0 again at T: then P(d)/d -> r
+y(T)/d, with c = grad h and r the gradient of the coordinate. Where the slip field grows out of the surface
+like |h|**e with 0 < e < 1, or does not vanish at the end, a solution from arbitrarily near the set leaves by
+a finite distance: the map jumps there. Source: `filippov.analysis.steady.rest_map`; Hensen & van de
+Molengraft 2002, section 3.
 """
 
 from __future__ import annotations
@@ -38,58 +38,59 @@ ROUNDING = 1e-11
 NEAR = 1e-3
 
 
-def linear_slope(turn: ReturnMap, reach: float) -> float | None:
-    """Limit of P(d)/d for d -> 0 on the side of `reach`, for a map of one turn.
+def linear_slope(return_map: ReturnMap, reach: float) -> float | None:
+    """Limit of P(d)/d for d -> 0 on the side of `reach`, for a map of one return.
 
     inf or -inf where the map jumps at 0 or slip grows without end; None where no formula gives it: a system
-    of plain functions, a section on several surfaces or of another kind than an entry into sliding, a turn
+    of plain functions, a section on several surfaces or of another kind than an entry into sliding, a return
     that does not begin with slip from the end of a set, slip that fades away beside the surface.
     """
-    system, section = turn.system, turn.section
-    if system.symbolic is None or system.time_events or len(turn.bound.surfaces) > 1 or section.after:
+    system, section = return_map.system, return_map.section
+    if system.symbolic is None or system.time_events or len(return_map.bound.surfaces) > 1 or section.after:
         return None
     if section.kind != "sliding entry" or any(s.kind != "switching" for s in system.surfaces):
         return None
-    i, side = turn.bound.surfaces[0], math.copysign(1.0, reach)
-    motion = turn.orbit(NEAR * reach)[0]
-    mode = motion.start_mode
+    i, side = return_map.bound.surfaces[0], math.copysign(1.0, reach)
+    solution = return_map.orbit(NEAR * reach)[0]
+    mode = solution.start_mode
     if mode[i] == 0 or 0 in mode:
         return None
     tiny = side * np.finfo(float).tiny
-    x0 = turn.bound.start(np.array([tiny]), turn.p)[0]
+    x0 = return_map.bound.start(np.array([tiny]), return_map.p)[0]
     signs = np.array([mode], dtype=float)
-    heights = mode_field(system, mode).part("h", np.zeros(1), x0[None], signs, turn.p)[0, :, 0]
+    heights = mode_field(system, mode).part("h", np.zeros(1), x0[None], signs, return_map.p)[0, :, 0]
     size = 1.0 + float(np.max(np.abs(x0)))
     if any((abs(h) <= ROUNDING * size) != (k == i) for k, h in enumerate(heights)):
         return None
-    normal = _normal(turn, mode, x0)[i]
-    outward, at = mode[i] * normal, (*turn.p, *x0)
+    normal = _normal(return_map, mode, x0)[i]
+    outward, at = mode[i] * normal, (*return_map.p, *x0)
     slip = next((case for case in _cases(system, mode, i) if case.condition(*at)), None)
     if slip is None:
         return None
     if slip.growth is not None and (grows := float(outward @ np.array(slip.growth(*at), dtype=float))):
-        return _jumping(turn, reach) if grows > 0 else None
+        return _jumping(return_map, reach) if grows > 0 else None
     if slip.matrix is None:
         return None
     jump = np.array(slip.jump(*at), dtype=float)
     matrix = np.array(slip.matrix(*at), dtype=float)
     if np.max(np.abs(jump)) > ROUNDING * size * max(1.0, float(np.max(np.abs(matrix)))):
-        return _jumping(turn, reach) if outward @ jump > 0 else None
-    y = side * turn.bound.start_slope(tiny, turn.p)
+        return _jumping(return_map, reach) if outward @ jump > 0 else None
+    y = side * return_map.bound.start_slope(tiny, return_map.p)
     if abs(normal @ y) > ROUNDING * float(np.max(np.abs(y))):
         return None
     time = first_zero(matrix, outward, y)
     if time == math.inf:
-        return _jumping(turn, reach)
+        return _jumping(return_map, reach)
     if time is None or not time > 0:
         return None
-    return float(side * turn.bound.slope(x0) @ expm(matrix * time) @ y)
+    return float(side * return_map.bound.slope(x0) @ expm(matrix * time) @ y)
 
 
-def _normal(turn: ReturnMap, mode: tuple[int, ...], x0: Array) -> Array:
+def _normal(return_map: ReturnMap, mode: tuple[int, ...], x0: Array) -> Array:
     """Gradients of the surfaces' h: (m, n)."""
-    rows = mode_field(turn.system, mode).part("hy", np.zeros(1), x0[None], np.array([mode], float), turn.p)
-    return np.asarray(rows[0, :, : turn.system.dimension])
+    field, signs = mode_field(return_map.system, mode), np.array([mode], float)
+    rows = field.part("hy", np.zeros(1), x0[None], signs, return_map.p)
+    return np.asarray(rows[0, :, : return_map.system.dimension])
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ def _cases(system: System, mode: tuple[int, ...], i: int) -> tuple[_Case, ...]:
     )
 
 
-def _jumping(turn: ReturnMap, reach: float) -> float | None:
+def _jumping(return_map: ReturnMap, reach: float) -> float | None:
     """Infinite, with the sign of the map next to 0."""
-    value = float(turn(NEAR * reach))
+    value = float(return_map(NEAR * reach))
     return math.copysign(math.inf, value * reach) if math.isfinite(value) and value else None

@@ -42,7 +42,7 @@ def count_events(run: Trajectory) -> None:
 
 @entry
 @kernel
-def turn(steps: int, run: Trajectory) -> int:
+def time_slice(steps: int, run: Trajectory) -> int:
     """At most `steps` steps; a code of `advance`, -1 where steps of the budget are left."""
     count = run.count
     left = count.step_budget

@@ -1,4 +1,4 @@
-"""A motion of any system, exact and under its approximations: what each costs and what it gets wrong."""
+"""A solution of any system, exact and under its approximations: what each costs and what it gets wrong."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from filippov.analysis.comparisons.approximation import ALPHA, approximations
-from filippov.analysis.comparisons.motion_events import ending
-from filippov.analysis.comparisons.motion_result import MotionComparison, Needed, faults
-from filippov.analysis.comparisons.motion_run import (
+from filippov.analysis.comparisons.solution_ending import ending, faults
+from filippov.analysis.comparisons.solution_result import Needed, SolutionComparison
+from filippov.analysis.comparisons.solution_run import (
     ERRORS,
-    ExactMotion,
-    ModelMotion,
+    ExactSolution,
+    ModelSolutions,
     chosen_widths,
     needed_width,
 )
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
 from filippov.solving.solution import Solution
@@ -24,7 +25,8 @@ AGAINST = ("switch", "karnopp", "band", "tanh")
 DECADES = (2, 3, 4, 5, 6)
 
 
-def compare_motions(
+@keywords()
+def compare_solutions(
     system: System,
     x0: Any,
     t_span: tuple[float, float],
@@ -42,15 +44,15 @@ def compare_motions(
     max_events: int = 20_000,
     repeats: int = 1,
     progress: Callable[..., object] | None = None,
-) -> MotionComparison:
-    """Compare a motion of the inclusion with the same under approximations, over the widths.
+) -> SolutionComparison:
+    """Compare a solution of the inclusion with the same under approximations, over the widths.
 
     system      the inclusion; x0, t_span: as for `solve`
     against     names ("switch", "karnopp", "band", "tanh", "arctan", "sqrt", "hysteresis"; "lugre", "dahl",
-                "elasto-plastic", "maxwell-slip", "memory", "bengisu-akay", see `filippov.model.bristles`;
-                "moreau": time stepping, whose width is its step), a mapping {name: width -> System}, or
-                Approximations; default: the first four, where they fit the system
-    widths      half-widths in the units of h; default: five decades below the largest |h| of the motion
+                "elasto-plastic", "maxwell-slip", "memory", "bengisu-akay", "seven-parameter", see
+                `filippov.model.bristles`; "moreau": time stepping, whose width is its step), a mapping {name:
+                width -> System}, or Approximations; default: the first four, where they fit the system
+    widths      half-widths in the units of h; default: five decades below the largest |h| of the solution
     measures    further numbers of each run, as in sweeps: "amplitude(x)", a function of the Solution
     parameters  values by name, for the exact system and every approximation that has them
     accuracy    of `quantity`: the width that it needs is solved for and checked by a run
@@ -68,7 +70,7 @@ def compare_motions(
         raise UsageError(unknown("quantity", quantity, ERRORS))
     if accuracy is not None and not 0 < accuracy < float("inf"):
         raise UsageError(f"accuracy is {accuracy!r}, expected a number > 0.")
-    exact = ExactMotion(
+    exact = ExactSolution(
         system.exact, x0, t_span, parameters, measures, rtol, atol, max_steps, max_events, repeats
     )
     models, left = _models(system.exact, against, alpha)
@@ -81,29 +83,33 @@ def compare_motions(
         left += [f"{model.name} leaves {surface!r} exact: {why}" for surface, why in model.without.items()]
         own: list[dict[str, Any]] = []
         sizes = chosen_widths(exact, widths, DECADES, model.timed)
-        motion, spent = ModelMotion(exact, model, sizes[-1]), ""
+        approximate, spent = ModelSolutions(exact, model, sizes[-1]), ""
         for width in sizes:
             if progress is not None:
                 progress(len(rows), total, f"{model.name} {width:g}")
-            row = motion.row(width) if not spent else own[-1] | {"width": width, "note": spent}
+            row = approximate.row(width) if not spent else own[-1] | {"width": width, "note": spent}
             own.append(row)
             rows.append(row)
             if "allowed" in row["note"] and not spent:
                 spent = f"not computed: it was not possible at width {width:g}"
         done = [row for row in own if row["entries"] is not None]
         narrow = done[-1] if done else own[0]
-        last = ending(motion.solutions[narrow["width"]], system.dimension, exact.extent) if done else {}
-        wrong += faults(exact.row, narrow, names, system.states, last)
+        narrowest = approximate.solutions[narrow["width"]] if done else None
+        last = ending(narrowest, system.dimension, exact.extent) if narrowest else None
+        wrong += faults(narrow, last, exact.row, exact.ending, names, system.states, exact.extent)
         if done:
-            shown[model.name] = motion.solutions[done[0]["width"]]
+            shown[model.name] = approximate.solutions[done[0]["width"]]
         if accuracy is not None:
-            width_found, row_found = needed_width(motion, done, quantity, accuracy, motion.row)
+            width_found, row_found = needed_width(approximate, done, quantity, accuracy, approximate.row)
             error = None if row_found is None else row_found[quantity]
             ratio = None if row_found is None else row_found["calls_ratio"]
             needs.append(Needed(model.name, quantity, accuracy, width_found, error, ratio))
     if progress is not None:
         progress(total, total)
-    return MotionComparison(tuple(rows), tuple(wrong), tuple(needs), exact.fine, shown, tuple(left))
+    return SolutionComparison(tuple(rows), tuple(wrong), tuple(needs), exact.fine, shown, tuple(left))
+
+
+compare_motions = compare_solutions  # its earlier name
 
 
 def _models(exact: System, against: Any, alpha: float) -> tuple[list[Any], list[str]]:

@@ -1,4 +1,4 @@
-"""The motions and iterates behind a view, each within a budget, the last of each kept."""
+"""The solutions and iterates behind a view, each within a budget, the last of each kept."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from filippov.solving.solver import solve
 
 T = TypeVar("T")
 Array = npt.NDArray[np.float64]
-# A slider never waits longer than for these; a motion that needs more ends early and says so.
+# A slider never waits longer than for these; a solution that needs more ends early and says so.
 MOST_STEPS, MOST_EVENTS = 40_000, 2_000
 KEPT = 8
-# Events of all kinds for one return, at most, of those after which a motion without a lift ends.
+# Events of all kinds for one return, at most, of those after which a solution without a lift ends.
 EVENTS_EACH = 15
 MAP_POINTS, COBWEB, DIAGRAM_VALUES, TRANSIENT, KEEP = 121, 24, 41, 24, 12
-RTOL, ATOL = 1e-8, 1e-10  # of the turns of a map
+RTOL, ATOL = 1e-8, 1e-10  # of the returns of a map
 
 
 class PostponedError(Exception):
@@ -39,8 +39,8 @@ class PostponedError(Exception):
 class MapData:
     """The event map, iterates from a start, and those of them that show where it leads.
 
-    d, image  on an interval, or of a section without a lift the pairs along the motion
-    note      why the motion has less of them; "" where it has not
+    d, image  on an interval, or of a section without a lift the pairs along the solution
+    note      why the solution has less of them; "" where it has not
     """
 
     d: Array
@@ -50,7 +50,7 @@ class MapData:
     note: str = ""
 
 
-class Motions:
+class Solutions:
     """What belongs to a view of one subject: solved when first asked for."""
 
     def __init__(self, subject: Subject) -> None:
@@ -62,16 +62,16 @@ class Motions:
         self._map: Any = None
 
     def exact(self, view: View) -> Solution:
-        """The motion of the inclusion."""
-        key = ("exact", *self._motion_key(view))
+        """The solution of the inclusion."""
+        key = ("exact", *self._solution_key(view))
         return self._kept(key, lambda: self._solve(self.subject.system, view, {}))
 
     def other(self, view: View) -> Solution | None:
-        """The motion of the comparator beside it, None for none. Raises ModelError where it does not fit."""
+        """The comparator's solution beside it, None for none. Raises ModelError where it does not fit."""
         kind = view["against"]
         if kind == EXACT:
             return None
-        key = ("other", kind, view["width"], *self._motion_key(view))
+        key = ("other", kind, view["width"], *self._solution_key(view))
 
         def run() -> Solution:
             system, width = self._system(kind)
@@ -139,7 +139,7 @@ class Motions:
         return MapData(d, event_map(d), orbit[: COBWEB + 1], orbit[-KEEP:])
 
     def _followed(self, view: View) -> MapData:
-        """The pairs that one motion gives, which is as a diagram begins, at t = 0."""
+        """The pairs that one solution gives, which is as a diagram begins, at t = 0."""
         from filippov.analysis.maps.returns import coordinate_of, returns
 
         section, order = self.subject.section, view["order"]
@@ -179,7 +179,7 @@ class Motions:
         if self.hurry.is_set():
             raise PostponedError("A redraw came first: ask for the diagram again.")
 
-    def _motion_key(self, view: View) -> tuple[Any, ...]:
+    def _solution_key(self, view: View) -> tuple[Any, ...]:
         return (*view.parameters.values(), *view.x0, *view.t_span)
 
     def _kept(self, key: Any, make: Callable[[], T]) -> T:

@@ -1,0 +1,172 @@
+"""Event cycles, from a surface back to it: whether they pile up, or are too small to be told from none.
+
+A surface on whose rate its own sign does not act (h'' feels it, or a higher derivative) cannot hold the
+motion by itself; the motion circles around h = h' = 0, in ever smaller cycles where it settles there.
+"""
+
+from filippov.kernel.language.primitives import Indices, Vector, entry, kernel, shift
+from filippov.kernel.loop.land import EPS, guard_scale
+from filippov.kernel.loop.model import ROLE, WIDTH
+from filippov.kernel.loop.resolve import NO_EFFECT, side_rates
+from filippov.kernel.loop.state import EventCycles, Integers, Scratch
+from filippov.kernel.tables.codes import SWITCHING
+
+# Intervals in a row that shrink, for each lag: what a motion that is no accumulation hardly ever does.
+ZENO_STREAK = 6
+# Depth of a cycle, in roundings of h, below which its length soon shows them.
+GRAINY = 1e5
+# Depth of a cycle, in tolerances of h, below which the run does not know it.
+FAINT = 10.0
+# Length of a cycle that is none, in spacings of t and in the accuracy of its ends.
+NO_TIME, UNSURE = 1e4, 1e2
+# Events of one surface that a cycle may have, cycles looked at, how steady their ratio is to be.
+LONGEST_CYCLE, CYCLES = 6, 4
+STEADY, SHRINKING = 0.05, 0.9999
+# The law's answers may move again by as much as they moved in the last cycles, and a little more.
+MOVES = 2.0
+# The least of many estimates of an error is too small by more than one of them is.
+CHOSEN = 4.0
+
+
+@kernel
+def zeno_horizon(t: float, start: float, x: Vector, i: int, cycles: EventCycles, w: Scratch) -> float:
+    """How near an accumulation has to be: 1e-7 of the time run, any distance where cycles near rounding."""
+    if abs(w.end[2 * i + 1] * (t - cycles.last)) <= GRAINY * EPS * guard_scale(i, t, x, w):
+        return 1e300
+    return max(1e-7 * abs(t - start), 1e3 * EPS * abs(t))
+
+
+@kernel
+def zeno_remaining(cycles: EventCycles, t: float, floor: float) -> float:
+    """Time left to the accumulation that shrinking intervals of one surface point to, or -1 without one.
+
+    An interval is compared with the one 1, 2 and 3 events before: a cycle of the motion may meet the surface
+    that often.
+    """
+    interval = abs(t - cycles.last)
+    found, total = -1.0, 0.0
+    for lag in range(1, 4):
+        total += interval if lag == 1 else cycles.interval[lag - 2]
+        previous = cycles.interval[lag - 1]
+        streak = cycles.streak[lag - 1] + 1.0 if 0.0 < interval < 0.9999 * previous else 0.0
+        cycles.streak[lag - 1] = streak
+        if found < 0.0 and streak >= ZENO_STREAK + 2 * (lag - 1):
+            remaining = total * interval / (previous - interval)
+            if remaining < floor:
+                found = remaining
+    cycles.last = t
+    before = cycles.interval
+    before[0], before[1], before[2] = interval, before[0], before[1]
+    return found
+
+
+@kernel
+def faint(
+    t: float, x: Vector, p: Vector, m: Vector, i: int, length: float, time: float, w: Scratch, iw: Integers,
+    ctx: Indices,
+) -> bool:  # fmt: skip
+    """Whether a surface whose sign does not act on its rate is crossed with less speed than the run knows.
+
+    What lies beyond it is a cycle no deeper than the tolerance, or no longer than its times are known:
+    whether the motion goes on circling, or has settled on h = h' = 0, is not for its rates to say.
+    """
+    if ROLE[i] != SWITCHING or WIDTH[i] > 0.0 or m[i] == 0.0:
+        return False
+    rate = w.end[2 * i + 1]
+    if length != 0.0:
+        turn = (rate - w.start[2 * i + 1]) / length
+        short = abs(rate) <= max(NO_TIME * EPS * abs(t), UNSURE * time) * abs(turn)
+        if abs(rate) * abs(rate) > 2.0 * FAINT * w.touch[i] * abs(turn) and not short:
+            return False
+    code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
+    return code == 0 and abs(plus - minus) <= NO_EFFECT * scale
+
+
+@kernel
+def steady_cycle(times: Vector, first: int, last: int) -> int:
+    """How many events make a cycle such that the cycles up to event `last` shrink steadily; 0 for none.
+
+    Events are looked at from the first one on.
+    """
+    for cycle in range(1, LONGEST_CYCLE + 1):
+        cycles = min(CYCLES, (last - first) // cycle)
+        if cycles < CYCLES - 1:
+            return 0
+        shortest, slowest, fastest, before = 1e300, -1e300, 1e300, 0.0
+        for q in range(cycles):
+            end = last - (cycles - 1 - q) * cycle
+            length = abs(times[end] - times[end - cycle])
+            shortest = min(shortest, length)
+            if q > 0:
+                ratio = length / before if before > 0.0 else 1e300
+                slowest, fastest = max(slowest, ratio), min(fastest, ratio)
+            before = length
+        if not shortest > 0.0:
+            return 0
+        # Rounding of the times shows in the shortest cycles.
+        noise, spread = 4.0 * EPS * abs(times[last]) / shortest, slowest - fastest
+        steady = spread <= STEADY * (1.0 - slowest) + 4.0 * noise
+        if slowest < SHRINKING and (steady or (cycle == 1 and spread <= STEADY)):
+            return cycle
+    return 0
+
+
+@kernel
+def cycle_law(
+    times: Vector, first: int, last: int, cycle: int, direction: float, slack: float, out: Vector
+) -> None:  # fmt: skip
+    """Time of the limit of cycles up to event `last`, its error and the ratio of the cycles, into out.
+
+    The error: by how much the law's answer moved in the last cycles, which may agree by chance; rounding of
+    the times, which 1 - ratio enlarges; the slack, which is the tolerance of the run.
+    """
+    cycles = min(CYCLES, (last - first) // cycle)
+    ran, before, limit, ratio, moved, earlier = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for q in range(cycles):
+        end = last - (cycles - 1 - q) * cycle
+        length = abs(times[end] - times[end - cycle])
+        ran += length
+        if q > 0:
+            ratio = length / before
+            now = ran + length * ratio / (1.0 - ratio)
+            if q > 1:
+                earlier, moved = moved, abs(now - limit)
+            limit = now
+        before = length
+    error = MOVES * max(moved, earlier * ratio)
+    error += 8.0 * EPS * abs(times[last]) / ((1.0 - ratio) * (1.0 - ratio)) + slack
+    out[0] = times[last] + direction * (before * ratio / (1.0 - ratio))
+    out[1], out[2] = error, ratio
+
+
+@entry
+@kernel
+def cycle_limit(
+    times: Vector, count: int, recent: int, direction: float, start: float, rtol: float, out: Vector
+) -> int:  # fmt: skip
+    """The law of the events of one surface (E9), into out; 0 where their cycles do not shrink steadily.
+
+    times  so many events from the latest half of a history, the last `recent` of them from its latest part
+    rtol   the error of a run over its time, `start`: where that began
+    out    time of the limit, its error, the ratio; the last event of the cycles that tell it, the events of a
+           cycle; by how much the errors are to be taken for larger; the events of the latest cycles; and room
+
+    Earlier cycles of the same accumulation give the limit where they know it better: the last ones are short
+    and their states small beside the absolute tolerance.
+    """
+    cycle = steady_cycle(times, count - recent, count - 1)
+    if cycle == 0:
+        return 0
+    other = shift(out, 7)
+    cycle_law(times, count - recent, count - 1, cycle, direction, rtol * abs(times[count - 1] - start), out)
+    out[3], out[4], out[5], out[6] = float(count - 1), float(cycle), 1.0, float(cycle)
+    for last in range(count - 2, CYCLES - 1, -1):
+        cycle = steady_cycle(times, 0, last)
+        if cycle == 0:
+            continue
+        cycle_law(times, 0, last, cycle, direction, rtol * abs(times[last] - start), other)
+        error, known = CHOSEN * other[1], out[5] * out[1]
+        if error < known and abs(other[0] - out[0]) <= 2.0 * (error + known):
+            out[0], out[1], out[2] = other[0], other[1], other[2]
+            out[3], out[4], out[5] = float(last), float(cycle), CHOSEN
+    return 1
