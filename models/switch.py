@@ -4,8 +4,8 @@
     stick       |v| <= eta, -Fs+ <= u <= Fs-        v' = -alpha v
     transition  |v| <= eta, u outside             m v' = -u + Fs-  (u > Fs-),  -u - Fs+  (u < -Fs+)
 
-with x' = v, z' = x throughout: the comparator `filippov.Switch` of the plant's inclusion. With
-equal levels the transition is (-u + Fs sgn u)/m.
+with x' = v, z' = x throughout: the comparator `filippov.Switch` of the plant's inclusion with its balance in
+motion, since u holds v as well. With equal levels the transition is (-u + Fs sgn u)/m.
 Sources: Karnopp 1985; Leine 2000.
 """
 
@@ -37,7 +37,7 @@ class Switch:
         Raises ModelError for a law without dry friction.
         """
         return plant.band_system(
-            comparator.Switch(self.eta, self.alpha),
+            comparator.Switch(self.eta, self.alpha, "in motion"),
             **declare("eta", self.eta, "m/s", "half-width of the stick band", SMALLEST),
             **declare("alpha", self.alpha, "1/s", "acceleration coefficient in the stick band"),
         )

@@ -27,6 +27,8 @@ from filippov import (
 )  # fmt: skip
 from filippov.io.stored_system import system_data, system_of
 from filippov.models import get, hunting
+from filippov.models.mass import REFERENCE
+from filippov.models.switch import hunting_switch
 
 x, v, y, w = states("x v y w")
 ETA, ALPHA, DT = 0.3, 7.0, 1e-9
@@ -243,7 +245,7 @@ def test_15_1_a_pendulum_under_a_stick_band_goes_to_the_exact_one(kind: Any) -> 
 def test_15_1_the_model_of_the_hunting_loop_is_the_comparator_of_its_inclusion() -> None:
     """The published model has no viscous part within the band: with b = 0 both are one."""
     built = get("hunting_switch").build()
-    made = hunting().with_comparator(Switch(1e-8, 100))
+    made = hunting().with_comparator(Switch(1e-8, 100, "in motion"))
     zero = {"b": 0.0}
     ends = [solve(q, (0.1, 0, 0), (0, 5), parameters=zero).x_end for q in (built, made)]
     assert ends[0] == pytest.approx(ends[1], abs=1e-12)
@@ -270,6 +272,7 @@ COUPLED = System({x: v, v: -x - sign(v) - sign(v - w), y: w, w: -y + sign(v - w)
         (lambda: BELT.with_comparator(Band(parameters(k=Parameter(1, lower=1)).k)), "another one than that"),
         (lambda: Smooth(0.1, "tan"), "did you mean 'tanh'"),
         (lambda: Switch(0.1, -1), "a rate >= 0"),
+        (lambda: Switch(0.1, 1, "rest"), "did you mean 'at rest'"),
         (lambda: Switch(0), "a number > 0"),
         (
             lambda: System(
@@ -282,3 +285,28 @@ COUPLED = System({x: v, v: -x - sign(v) - sign(v - w), y: w, w: -y + sign(v - w)
 def test_15_1_what_no_comparator_can_stand_for_is_refused(make: Any, message: str) -> None:
     with pytest.raises(ModelError, match=message):
         make()
+
+
+def _leine(state: Any, eta: float, alpha: float, in_motion: bool) -> Any:
+    """The Switch model of the reference system (reference table 1), as its three equations are printed."""
+    x, v, z = state
+    u = 10 * (x + v + 10 * z)
+    if abs(v) > eta:
+        return np.array([v, -u - math.copysign(2 + 2 * math.exp(-((v / 0.1) ** 2)), v) - v, x])
+    tested = u if in_motion else u - 10 * v
+    return np.array([v, -alpha * v if abs(tested) <= 4 else -u + math.copysign(4, tested), x])
+
+
+@pytest.mark.parametrize("in_motion", [True, False])
+def test_15_1_the_switch_model_tests_its_levels_as_it_is_asked_to(in_motion: bool) -> None:
+    """Against fixed steps of 5e-5; the two balances are 8 % apart in what they return."""
+    eta, d, step = 0.01, 0.005, 5e-5
+    state = np.array([d, 0.0, (0.4 - d) / 10])
+    for _ in range(round(0.6 / step)):
+        k1 = _leine(state, eta, 100.0, in_motion)
+        k2 = _leine(state + step / 2 * k1, eta, 100.0, in_motion)
+        state = state + step * _leine(state + step / 2 * k2, eta, 100.0, in_motion)
+    model = hunting_switch(eta) if in_motion else REFERENCE.band_system(Switch(eta))
+    run = solve(model, (d, 0, (0.4 - d) / 10), (0, 0.6))
+    assert run.success
+    np.testing.assert_allclose(run.x_end, state, rtol=0, atol=2e-5)

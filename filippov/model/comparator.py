@@ -23,6 +23,7 @@ from filippov.base.symbolic_value import is_expression
 from filippov.model.parameter import as_number
 
 SHAPES = ("tanh", "arctan", "sqrt")
+BALANCES = ("at rest", "in motion")
 
 
 @dataclass(frozen=True)
@@ -93,14 +94,22 @@ class Switch(_Checked):
         |h| <= eta, L(lo), L(hi) < 0     s = lo, and s = hi where both are > 0: it slips off or through
         |h| <= eta, L(lo) < 0 < L(hi)    the surface repels: s = h/eta
 
-    L(s) is dh/dt at the sign s and |h| = 0, for the tests at h = 0 if h holds one state, linearly (the
-    balance of forces at rest); [lo, hi] is the set of the surface, its static levels. The surfaces are
-    NAME:upper (h - eta), NAME:lower (h + eta), NAME:down (-L(lo)) and NAME:up (-L(hi)).
+    L(s) is dh/dt at the sign s and |h| = 0; [lo, hi] is the set of the surface, its static levels. The
+    surfaces are NAME:upper (h - eta), NAME:lower (h + eta), NAME:down (-L(lo)) and NAME:up (-L(hi)).
     eta, the half-width; alpha >= 0 [1/time]. Source: Leine 2000, after Karnopp 1985.
+
+    balance   "at rest": the tests take L at h = 0, if h holds one state, linearly; "in motion": at the h that
+              is, as damping in the balance makes it: its level may then be slid on, short sticks in a row
     """
 
     eta: Any
     alpha: Any = 100.0
+    balance: str = "at rest"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.balance not in BALANCES:
+            raise ModelError(unknown("balance of Switch", self.balance, BALANCES))
 
 
 @dataclass(frozen=True)

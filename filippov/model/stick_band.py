@@ -6,10 +6,10 @@
                        L(lo), L(hi) > 0        hi        (driven up)
                        L(lo) < 0 < L(hi)       h/width   (the surface repels)
 
-The tests of L take it at h = 0 where h holds one state, linearly: it would else change with h alone, and its
-zeros be slid on. |h| is measured from the edges beyond the band, where the field is smooth, and 0 within it.
-In Karnopp's model everything within the band is taken at the velocity of h = 0, and only its own state has
-the h that it has.
+The tests of L take it at h = 0 where h holds one state, linearly, unless Switch asks for the balance in
+motion: that one changes with h alone, and its zeros may be slid on. |h| is measured from the edges beyond
+the band, where the field is smooth, and 0 within it. In Karnopp's model everything within the band is taken
+at the velocity of h = 0, and only its own state has the h that it has.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
 from filippov.base.symbolic_value import is_expression
-from filippov.model.comparator import Karnopp, Switch, numbers_of
+from filippov.model.comparator import BALANCES, Karnopp, Switch
 from filippov.model.parameter_symbol import ParameterSymbol
 from filippov.model.surface import Surface
 from filippov.model.symbolic import Select, SymbolicForm, convex
@@ -86,11 +86,10 @@ class StickBand:
         # Behind the equations a form may hold an expression that is to be read under this comparator.
         self.equations = form.field[: len(form.x)]
         self.name = f"{type(own).__name__} of surface {surface.name!r}"
-        self.width, self.alpha = (
-            self._number(value, place == 0) for place, value in enumerate(numbers_of(own).values())
-        )
-        width = form.widths[i] if form.widths else None
-        self.h = form.h[i] if width is None else form.h[i] * width
+        width, alpha = (own.DV if isinstance(own, Karnopp) else own.eta), own.alpha
+        self.width, self.alpha = self._number(width, True), self._number(alpha, False)
+        unit = form.widths[i] if form.widths else None
+        self.h = form.h[i] if unit is None else form.h[i] * unit
         if self.h.free_symbols & set(form.a):
             raise ModelError(f"{self.name}: h holds the kink of another surface. {OTHERS}")
         held = [j for j, x in enumerate(form.x) if self.h.has(x)]
@@ -103,7 +102,8 @@ class StickBand:
             self._check_velocity(len(held))
             self.at |= on
         self.rate = self._rate()
-        self.tested = self.rate.xreplace(on)
+        at_rest = isinstance(own, Karnopp) or own.balance == BALANCES[0]
+        self.tested = self.rate.xreplace(on) if at_rest else self.rate
         self.slope = self.rate.diff(self.s)
         if self.slope == 0 or sympy.expand(self.slope.diff(self.s)) != 0:
             what = "does not depend on its sign" if self.slope == 0 else "is not affine in its sign"
