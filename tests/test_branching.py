@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 from filippov import Status, Surface, System, UsageError, sign, solve, states
 from filippov.app.cli.main import main
+from filippov.io.storage import ambiguity_data, ambiguity_of
 from filippov.solving.selection.ambiguity import CORNER, REPELLING, VISIBLE
 from filippov.solving.solution_tree import SolutionTree
 from filippov.solving.state.events import Stop
@@ -257,6 +258,15 @@ def test_graph_repr_and_files(tmp_path: Path) -> None:
     (tmp_path / "cut.npz").write_bytes(cut)
     with pytest.raises(UsageError, match="damaged"):
         SolutionTree.load(tmp_path / "cut.npz")
+
+
+def test_ambiguities_that_were_written_with_their_earlier_name_are_read() -> None:
+    point = tree_of("N04_repelling_plane", release_times=2).root.ambiguity
+    assert point is not None
+    data = ambiguity_data(point)
+    data["hit"] = data.pop("triggered")
+    assert ambiguity_of(data) == point
+    assert point.hit == point.triggered
 
 
 def test_plots_show_every_branch() -> None:

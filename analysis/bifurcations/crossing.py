@@ -177,7 +177,7 @@ class Crossings:
         if edge.distance < 1e-3 * size:
             return "C-bifurcation", f"surface {edge.surface!r} passed at a distance of {edge.distance:.3g}"
         if edge.transversality < 1e-2:
-            return "C-bifurcation", f"an event met with relative speed {edge.transversality:.3g}"
+            return "C-bifurcation", f"an event reached with relative speed {edge.transversality:.3g}"
         return "", ""
 
     def marked(self, a: Along, name: str, note: str) -> BranchPoint:

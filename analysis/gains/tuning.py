@@ -85,8 +85,8 @@ class Tuning:
             f"there the excursions shrink at least by the factor {self.best_ratio:.4g} from stick to stick",
         ]
         for limit in self.limits:
-            low = "none met" if limit.lower is None else f"{limit.lower:.6g}"
-            high = "none met" if limit.upper is None else f"{limit.upper:.6g}"
+            low = "none reached" if limit.lower is None else f"{limit.lower:.6g}"
+            high = "none reached" if limit.upper is None else f"{limit.upper:.6g}"
             rows.append(f"{limit.name} alone: border below {low}, above {high}")
         return "\n".join(rows)
 

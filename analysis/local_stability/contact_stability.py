@@ -119,7 +119,7 @@ def _kinked(context: Context, point: EquilibriumPoint, i: int) -> bool:
 
 
 def _restitution(context: Context, point: EquilibriumPoint, i: int) -> float:
-    """e = -dL+/dL- at the point, along the direction in which the surface pushes, from the side it is hit."""
+    """e = -dL+/dL- at the point, in the direction in which the surface pushes, seen before the impact."""
     form = context.form
     contact, reset = form.contact[i], form.reset[i]
     assert contact is not None
@@ -129,6 +129,6 @@ def _restitution(context: Context, point: EquilibriumPoint, i: int) -> float:
     change = sympy.Matrix(reset).jacobian(form.x) * push
     raised = context.number((rate * push)[0].subs(context.put).subs(put))
     back = -BESIDE * (1 if contact.side > 0 else -1) * (1 if raised > 0 else -1)
-    hit = {q: e + back * d.subs(put) for (q, e), d in zip(put.items(), push, strict=True)}
-    at = hit if branch_points(reset, put, context.values) else put
+    at_impact = {q: e + back * d.subs(put) for (q, e), d in zip(put.items(), push, strict=True)}
+    at = at_impact if branch_points(reset, put, context.values) else put
     return -context.number((rate * change)[0].subs(context.put).subs(at))

@@ -44,7 +44,7 @@ def possible_graph(
 ) -> nx.MultiDiGraph:
     """The transitions that a symbolic system can make, one surface at a time, with their guards as formulas.
 
-    start       modes from which the others are found as they are met; default: the mode at one arbitrary
+    start       modes from which the others are found one after the other; default: the mode at one arbitrary
                 state
     modes       only these modes and what leads from one to another
     parameters  values by name to put into the formulas; the others stay symbols

@@ -142,7 +142,7 @@ class Guards:
 
     def _cross(self, mode: Mode, i: int) -> Transition | None:
         up, target = -mode[i], with_sign(mode, i, -mode[i])
-        on = self.met(mode, i)
+        on = self.at_surface(mode, i)
         bound = self._bound(i, up)
         sides = [(self._text(i, mode), self.rate(mode, i)), (self._text(i, target), self.rate(target, i))]
         if self.system.surfaces[i].kind == "switching" and bound != up:
@@ -159,7 +159,7 @@ class Guards:
         up, target = -mode[i], with_sign(mode, i, 0)
         if self.multipliers(target) is None:
             return None
-        on = self.met(mode, i)
+        on = self.at_surface(mode, i)
         bound = self._bound(i, up)
         far = with_sign(mode, i, up) if bound == up else target
         first, second = self.rate(mode, i), self.rate(far, i, None if bound == up else bound)
@@ -177,7 +177,7 @@ class Guards:
 
     def _exit(self, mode: Mode, i: int, up: int) -> Transition | None:
         target = with_sign(mode, i, up)
-        on = self.met(mode, i)
+        on = self.at_surface(mode, i)
         bound = self._bound(i, up)
         rate = self.rate(mode, i, bound)
         others = self._others(mode, i, bound)
@@ -217,8 +217,8 @@ class Guards:
     def _made(
         self, mode: Mode, target: Mode, i: int, kind: EventKind, items: list[tuple[str, Any]], level: Any = 0
     ) -> Transition | None:
-        met = sympy.Eq(self.h(mode)[i], level)
-        conditions = [met, *(c for _, c in items)]
+        at = sympy.Eq(self.h(mode)[i], level)
+        conditions = [at, *(c for _, c in items)]
         if any(c == sympy.false for c in conditions) or not self.reached(mode, i, level):
             return None
         guard = " and ".join([f"{self.label(i)} = {formula_text(level)}", *(text for text, _ in items)])
@@ -226,7 +226,7 @@ class Guards:
         return Transition(mode, target, self.names[i], kind, guard, kept)
 
     def reached(self, mode: Mode, i: int, level: Any, also: Sequence[Expr] = ()) -> bool:
-        """Whether surface i is met inside a mode: parallel surfaces fix each other's sign there.
+        """Whether surface i is reached inside a mode: parallel surfaces fix each other's sign there.
 
         also   what else is 0 there
         """
@@ -253,7 +253,7 @@ class Guards:
         return [h.xreplace(sizes) for h in self.form.h]
 
     def settled(self, f: Expr, on: Mapping[Symbol, Expr]) -> Expr:
-        """f with the states put that `met` or `on` give; left as it is where that is not defined."""
+        """f with the states that `at_surface` or `on` give; left as it is where that is not defined."""
         return _settled(f, on)
 
     def _text(self, i: int, mode: Mode, bound: Any = None) -> str:
@@ -285,8 +285,8 @@ class Guards:
         solved = matrix.LUsolve(-equations.xreplace(dict.fromkeys(unknown, sympy.S.Zero)))
         return own | dict(zip(unknown, solved, strict=True))
 
-    def met(self, mode: Mode, i: int) -> dict[Symbol, Expr]:
-        """States as surface i fixes them where a mode meets it, with the surfaces that the mode slides on."""
+    def at_surface(self, mode: Mode, i: int) -> dict[Symbol, Expr]:
+        """States as surface i fixes them where a mode reaches it, with the surfaces that it slides on."""
         h = self.h(mode)
         return self.on([h[i], *(h[j] for j, m in enumerate(mode) if m == 0 and j != i)])
 

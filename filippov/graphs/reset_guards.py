@@ -47,7 +47,7 @@ def _reset(guards: Guards, mode: Mode, i: int) -> Iterator[Transition]:
     row = guards.form.reset[i]
     if rate is None or row is None:
         return
-    on = guards.met(mode, i)
+    on = guards.at_surface(mode, i)
     towards = sympy.Lt(guards.settled(rate, on), 0) if mode[i] > 0 else sympy.Gt(guards.settled(rate, on), 0)
     where = sympy.Eq(guards.h(mode)[i], 0)
     if towards == sympy.false or not guards.reached(mode, i, 0):
@@ -106,7 +106,7 @@ def _acceleration(guards: Guards, mode: Mode, i: int) -> tuple[Expr, Expr] | Non
     growth = rate.diff(t) + sum(
         (rate.diff(x) * f for x, f in zip(guards.form.x, field, strict=True)), sympy.S.Zero
     )
-    on = guards.met(mode, i)
+    on = guards.at_surface(mode, i)
     return guards.settled(rate, on), guards.settled(growth, on)
 
 

@@ -195,8 +195,9 @@ def ambiguity_of(data: dict[str, Any]) -> Ambiguity:
         )
         for row in data["candidates"]
     )
-    before, hit = _mode(data["before"]), _mode(data["hit"])
-    return Ambiguity(float(data["t"]), str(data["name"]), candidates, before, hit, bool(data["start"]))
+    # Files written earlier call them "hit".
+    before, triggered = _mode(data["before"]), _mode(data.get("triggered", data.get("hit")))
+    return Ambiguity(float(data["t"]), str(data["name"]), candidates, before, triggered, bool(data["start"]))
 
 
 # -- reading ---------------------------------------------------------------------------------------------

@@ -301,7 +301,7 @@ def _used(entries: Sequence[Entry], field: Sequence[Expr], spare: bool) -> list[
 
 
 def _ordered(entries: Sequence[Entry], declared: Sequence[str]) -> list[Entry]:
-    """Declared surfaces first, in their order, then the others as met; each after those that its h needs."""
+    """Declared surfaces in their order, then the others as found; each after those that its h needs."""
     place_of = {name: k for k, name in enumerate(declared)}
     wanted = sorted(entries, key=lambda e: len(declared) if e.declared is None else place_of[e.declared.name])
     out: dict[Entry, None] = {}

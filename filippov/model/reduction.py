@@ -1,6 +1,6 @@
-"""Sliding of higher order: the motion on surfaces whose signs act on a higher derivative of h only.
+"""Sliding of higher order: the solution on surfaces whose signs act on a higher derivative of h only.
 
-Where the sign of a surface does not act on dh/dt, the motion can stay on it only with h = h' = ... =
+Where the sign of a surface does not act on dh/dt, the solution can stay on it only with h = h' = ... =
 h^(r-1) = 0, and the multiplier follows from h^(r) = 0 (sliding of order r: Levant 1993; Fridman & Levant
 2002, section 1). The derivatives are taken on the surface, where |h| = 0: a term |h|^(1/2) sign h is gone
 there. This is an index reduction: the system that comes out has h^(r-1) in the place of h, slides on it to
@@ -37,15 +37,15 @@ FREE = 1e6
 
 @dataclass(frozen=True)
 class Reduction:
-    """Surfaces slid on together, and the system that follows the motion on them.
+    """Surfaces slid on together, and the system that follows the solution on them.
 
-    system       guards that hold the motion, in a mode with 0 for every surface of `zero`
+    system       guards that hold the solution, in a mode with 0 for every surface of `zero`
     zero         numbers of the surfaces
-    kinks        surfaces without a jump that h = 0 on the motion as well
+    kinks        surfaces without a jump that h = 0 on the solution as well
     orders       order of sliding of each surface of `zero`
     pivots       of those the ones whose multipliers are solved for
     ties         (surface, pivot, factor): a sign that is the factor times that of a pivot
-    constraints  all expressions that vanish on the motion
+    constraints  all expressions that vanish on the solution
     distance     for every state through how many others the signs act on it
     """
 
@@ -94,7 +94,7 @@ def reduction(
 ) -> Reduction | str:
     """The reduction of the surfaces `zero` at a point, or the reason why there is none.
 
-    at: values of t, states, parameters, signs and sizes at a point close to the motion.
+    at: values of t, states, parameters, signs and sizes at a point close to the solution.
     """
     form = system.symbolic
     if form is None:

@@ -24,13 +24,13 @@ def terms(e: Expr) -> int:
 
 
 def _terms(e: Expr, known: dict[Expr, tuple[int, int]]) -> tuple[int, int]:
-    """Terms of the expression multiplied out, and the most terms met on the way."""
+    """Terms of the expression multiplied out, and the largest number of terms on the way."""
     if not e.args:
         return 1, 1
     found = known.get(e)
     if found is None:
         parts = [_terms(arg, known) for arg in e.args]
-        most = max(met for _, met in parts)
+        most = max(largest for _, largest in parts)
         own = 1
         if e.is_Add:
             own = sum(count for count, _ in parts)

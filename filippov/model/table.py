@@ -1,4 +1,4 @@
-"""The surfaces met while a model is read: equal ones are recognised up to a constant factor."""
+"""The surfaces found while a model is read: equal ones are recognised up to a constant factor."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class SurfaceTable:
         if found is not None:
             entry, factor = found
             if entry.declared is None:
-                entry.declared = surface  # met inside another surface before its own turn
+                entry.declared = surface  # found inside another surface before its own turn
                 self._rescale(entry, h, factor)
                 return entry
             raise ModelError(
@@ -111,7 +111,7 @@ class SurfaceTable:
         )
 
     def register(self, h: Expr, written: bool = True) -> tuple[Entry, Expr]:
-        """Enter h as met in an expression; return the entry and h/entry.h.
+        """Enter h as it stands in an expression; return the entry and h/entry.h.
 
         written     h stands as it was written; else it takes the orientation that a written argument has
         """

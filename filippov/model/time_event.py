@@ -1,4 +1,4 @@
-"""Events at known times: clocks and lists of instants, hit exactly."""
+"""Events at known times: clocks and lists of instants, reached exactly."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Instant = Any
 
 @dataclass(frozen=True)
 class TimeEvent:
-    """Instants t = start + k period, k = 0, 1, 2, ..., or `times`: met to the last bit.
+    """Instants t = start + k period, k = 0, 1, 2, ..., or `times`: exact to the last bit.
 
     name     non-empty text, no surface's
     period   > 0: a number, an expression in parameters, or (for systems of functions) a function p -> float

@@ -159,7 +159,7 @@ class _Loop(Settling):
             at, chosen = self.begin
             code, run.mode[:] = codes.REACHED, at.before
             self.start_mode = chosen.mode if at.start else at.before
-            ended = self._take(chosen, at.before, at.hit, str(at), at.start)
+            ended = self._take(chosen, at.before, at.triggered, str(at), at.start)
             if ended is not None:
                 return ended
         if self.begin is None or self.begin.ambiguity.start:
@@ -314,36 +314,36 @@ class _Loop(Settling):
     def _general(self) -> tuple[Status, str] | None:
         """Events the compiled loop does not decide: corners, tangencies, several surfaces at once."""
         run = self.run
-        hit = [i for i in range(run.machine.m) if run.hit[i] != 0]
+        triggered = [i for i in range(run.machine.m) if run.trigger[i] != 0]
         near = self._near()
         sliding = [i for i in range(run.machine.m) if run.mode[i] == 0]
-        met = sorted({*hit, *near, *sliding})
+        reached = sorted({*triggered, *near, *sliding})
         # The same place again and again means that the classification and the solution disagree.
         moved = abs(run.t - self.general_t) > 64 * np.finfo(float).eps * abs(run.t)
         self.stalled = 0 if moved else self.stalled + 1
         self.general_t = run.t
-        roots = [i for i in hit if run.hit[i] == codes.ROOT]
+        roots = [i for i in triggered if run.trigger[i] == codes.ROOT]
         ended = self._back_over(roots)
         active = pending(run, roots)
         if active and self.clocks.due and abs(run.t - run.clock.t_end) <= run.clock.same_instant:
             return self._reached()
         if ended is None:
-            ended = self._decided(active, met, hit)
+            ended = self._decided(active, reached, triggered)
         if ended is None and accumulates(run):
             return self._zeno()
         if ended is None and self.stalled > 4 * (run.machine.m + 1):
             return self._end(Status.NO_CONTINUATION, f"events do not leave the state {state_text(run)}.")
         return ended if ended is not None else self._budgets()
 
-    def _back_over(self, hit: Sequence[int]) -> tuple[Status, str] | None:
+    def _back_over(self, triggered: Sequence[int]) -> tuple[Status, str] | None:
         """Backwards in time a reset is not undone: the end of the run where one may have happened."""
         run = self.run
-        resets = [i for i in hit if i >= run.machine.m or run.machine.resets_from[i]]
+        resets = [i for i in triggered if i >= run.machine.m or run.machine.resets_from[i]]
         names = [source_name(run, i) for i in resets]
         if run.direction > 0 or not names:
             return None
-        hit = tuple(i for i in resets if i < run.machine.m)
-        self.ambiguity = Ambiguity(run.t, BEFORE_A_RESET, (), run.signs, hit, start=False)
+        triggered = tuple(i for i in resets if i < run.machine.m)
+        self.ambiguity = Ambiguity(run.t, BEFORE_A_RESET, (), run.signs, triggered, start=False)
         return self._end(
             Status.NON_UNIQUE,
             f"backwards in time, {', '.join(map(repr, names))} is reached, where a reset may have "
@@ -351,13 +351,13 @@ class _Loop(Settling):
         )
 
     def _reset(
-        self, active: list[int], hit: Sequence[int], jump: Jump | None = None
+        self, active: list[int], triggered: Sequence[int], jump: Jump | None = None
     ) -> tuple[Status, str] | None:
         """Apply the resets of surfaces reached or time events, and find where the solution goes on."""
         run, m = self.run, self.run.machine.m
         jump = jump or Jump(run.signs, run.x.copy())
         self._back()
-        settled = settle(run, active, self.options.simultaneous, hit)
+        settled = settle(run, active, self.options.simultaneous, triggered)
         if settled.status is Status.ZENO and self.options.zeno == "continue":
             led, run.x[:] = run.x.copy(), jump.x
             if any(rests_in_cycle(run, i) for i in active if i < m):
@@ -366,7 +366,7 @@ class _Loop(Settling):
         if settled.status is not None:
             return self._end(settled.status, f"at state {state_text(run)} {settled.detail}")
         jump = replace(jump, by=tuple(i for i in settled.surfaces if i < m))
-        ended = self._classify(settled.met, hit, start=False, jump=jump)
+        ended = self._classify(settled.reached, triggered, start=False, jump=jump)
         run.order[list(settled.left)] = 1
         if ended is None and (why := slipped(run, jump.before)):
             return self._end(Status.NO_CONTINUATION, f"at state {state_text(run)} {why}")
@@ -380,61 +380,66 @@ class _Loop(Settling):
         return [i for i in range(self.run.machine.m) if near[i] and self.run.machine.widths[i] == 0.0]
 
     def _classify(
-        self, met: Sequence[int], hit: Sequence[int], start: bool, jump: Jump | None = None,
+        self, reached: Sequence[int], triggered: Sequence[int], start: bool, jump: Jump | None = None,
         rested: Sequence[int] = (),
     ) -> tuple[Status, str] | None:  # fmt: skip
-        """Find the modes that can follow on the surfaces met, choose one, take it up, record the events.
+        """Find the modes that can follow on the surfaces reached, choose one, enter it, record the events.
 
         rested: contacts whose rate has come to 0, however little it was before.
         """
         run = self.run
         before = run.signs
         base = tuple(0 if i in rested else sign for i, sign in enumerate(before))
-        if jump is not None and not met:
+        if jump is not None and not reached:
             run.put(before, (0,) * run.machine.m, tuple(run.lam))
-            return self._record(before, np.zeros(run.machine.m), hit, "", jump)
-        happens = None if start or jump is not None else hit
-        name, candidates, point = followers(run, base, met, happens)
+            return self._record(before, np.zeros(run.machine.m), triggered, "", jump)
+        happens = None if start or jump is not None else triggered
+        name, candidates, point = followers(run, base, reached, happens)
         begun = self.higher.idle(candidates) if jump is None else ""
         if isinstance(begun, Begun):
-            return None if start else self._changed(before, begun.mode, begun.multipliers, hit, begun.note)
+            mode, multipliers = begun.mode, begun.multipliers
+            return None if start else self._changed(before, mode, multipliers, triggered, begun.note)
         if len(candidates) == 1 and name != SPIRAL:
             note = noted(point, name, candidates[0]) or close_call(run, candidates[0])
-            return self._take(candidates[0], before, hit, note, start, jump)
-        names = ", ".join(repr(run.machine.surfaces[i].name) for i in met)
+            return self._take(candidates[0], before, triggered, note, start, jump)
+        names = ", ".join(repr(run.machine.surfaces[i].name) for i in reached)
         where = f"at state {state_text(run)} on {names}"
         if not candidates:
-            begun = self.higher.begin(met, 1e2 * (run.atol + run.options.rtol * np.abs(run.x)))
+            begun = self.higher.begin(reached, 1e2 * (run.atol + run.options.rtol * np.abs(run.x)))
             if isinstance(begun, Begun):
                 jump = jump or Jump(before, run.x.copy())
-                return None if start else self._record(begun.mode, begun.multipliers, hit, begun.note, jump)
+                mode, multipliers = begun.mode, begun.multipliers
+                return None if start else self._record(mode, multipliers, triggered, begun.note, jump)
             # A corner entered tangentially may be none of the solution's modes, and yet a place to rest in.
-            if jump is None and rests(run, met):
-                rest(run, met)
+            if jump is None and rests(run, reached):
+                rest(run, reached)
                 return self._reached()
             return self._end(Status.NO_CONTINUATION, f"{where}. {suspect(run)}".rstrip())
-        taken = self._choose(candidates, before, hit if jump is None else ())
-        ambiguity = Ambiguity(run.t, name, candidates, before, tuple(hit) if jump is None else (), start)
+        causes = tuple(triggered) if jump is None else ()
+        taken = self._choose(candidates, before, causes)
+        ambiguity = Ambiguity(run.t, name, candidates, before, causes, start)
         if taken is None:
             self.ambiguity = ambiguity
             if jump is not None:
-                self._record(before, np.zeros(run.machine.m), hit, str(ambiguity), jump)
+                self._record(before, np.zeros(run.machine.m), triggered, str(ambiguity), jump)
             name += ", backwards in time" if run.direction < 0 else ""
             return self._end(Status.NON_UNIQUE, f"{name}, {where} can follow: {listing(candidates)}.")
-        return self._take(taken, before, hit, str(ambiguity), start, jump)
+        return self._take(taken, before, triggered, str(ambiguity), start, jump)
 
-    def _choose(self, candidates: Sequence[Successor], before: Mode, hit: Sequence[int]) -> Successor | None:
+    def _choose(
+        self, candidates: Sequence[Successor], before: Mode, triggered: Sequence[int]
+    ) -> Successor | None:
         # A surface only touched: the solution goes on where it was, if the other side does not lead away.
-        off = [i for i in hit if before[i] != 0]
+        off = [i for i in triggered if before[i] != 0]
         parted = any(c.mode[i] == -before[i] and c.order[i] == 1 for c in candidates for i in off)
-        if off and len(off) == len(hit) and not parted:
+        if off and len(off) == len(triggered) and not parted:
             same = [c for c in candidates if c.mode == before]
             if same:
                 return same[0]
         return picked(self.options.nonunique, candidates)
 
     def _take(
-        self, chosen: Successor, before: Mode, hit: Sequence[int], note: str, start: bool,
+        self, chosen: Successor, before: Mode, triggered: Sequence[int], note: str, start: bool,
         jump: Jump | None = None,
     ) -> tuple[Status, str] | None:  # fmt: skip
         run = self.run
@@ -444,12 +449,12 @@ class _Loop(Settling):
             run.clock.step = 0.0
         jump = jump or Jump(before, run.x.copy())
         multipliers = np.array(chosen.multipliers)
-        ended = None if start else self._record(chosen.mode, multipliers, hit, note, jump)
+        ended = None if start else self._record(chosen.mode, multipliers, triggered, note, jump)
         depart(run, chosen)
         return ended
 
     def _record(
-        self, after: Mode, multipliers: Array, hit: Sequence[int], note: str, jump: Jump
+        self, after: Mode, multipliers: Array, triggered: Sequence[int], note: str, jump: Jump
     ) -> tuple[Status, str] | None:
         """Record the change from the mode before to the one after, an event per surface; tell if it ends."""
         run, before = self.run, jump.before
@@ -457,14 +462,15 @@ class _Loop(Settling):
         together = jump.together
         residual, _ = run.scales()
         for i in range(run.machine.m):
-            kind = EventKind.RESET if i in jump.by else change_of(before[i], after[i], i in hit)
+            kind = EventKind.RESET if i in jump.by else change_of(before[i], after[i], i in triggered)
             if kind is None:
                 continue
             multiplier = float(multipliers[i]) if after[i] == 0 else float("nan")
-            over = kind is EventKind.CROSSING and i not in hit and bool(jump.by or jump.clocks)
-            met = i in hit or (jump.knot is not None and i in jump.knot and before[i] != 0)
-            caused = jump.knot is not None and not met
-            root = kind in (EventKind.CROSSING, EventKind.ENTRY) and i in hit and run.hit[i] == codes.ROOT
+            over = kind is EventKind.CROSSING and i not in triggered and bool(jump.by or jump.clocks)
+            at = i in triggered or (jump.knot is not None and i in jump.knot and before[i] != 0)
+            caused = jump.knot is not None and not at
+            changes = kind in (EventKind.CROSSING, EventKind.ENTRY)
+            root = changes and i in triggered and run.trigger[i] == codes.ROOT
             # Of a contact that is rested on the residual is that of its rate.
             root = root and not (after[i] == 0 and run.machine.contacts[i])
             if root and run.machine.callbacks is not None and not (jump.by or jump.clocks):
@@ -496,5 +502,7 @@ class _Loop(Settling):
             together = True
         return ended
 
-    def _changed(self, before: Mode, after: Mode, multipliers: Array, hit: Sequence[int], note: str) -> Ended:
-        return self._record(after, multipliers, hit, note, Jump(before, self.run.x.copy()))
+    def _changed(
+        self, before: Mode, after: Mode, multipliers: Array, triggered: Sequence[int], note: str
+    ) -> Ended:
+        return self._record(after, multipliers, triggered, note, Jump(before, self.run.x.copy()))

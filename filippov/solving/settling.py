@@ -61,16 +61,18 @@ class Settling(ABC):
     def _near(self) -> list[int]: ...
 
     @abstractmethod
-    def _reset(self, active: list[int], hit: Sequence[int], jump: Jump | None = None) -> Ended: ...
+    def _reset(self, active: list[int], triggered: Sequence[int], jump: Jump | None = None) -> Ended: ...
 
     @abstractmethod
     def _classify(
-        self, met: Sequence[int], hit: Sequence[int], start: bool, jump: Jump | None = None,
+        self, reached: Sequence[int], triggered: Sequence[int], start: bool, jump: Jump | None = None,
         rested: Sequence[int] = (),
     ) -> Ended: ...  # fmt: skip
 
     @abstractmethod
-    def _changed(self, before: Mode, after: Mode, multipliers: Array, hit: Sequence[int], note: str) -> Ended:
+    def _changed(
+        self, before: Mode, after: Mode, multipliers: Array, triggered: Sequence[int], note: str
+    ) -> Ended:
         """Record a change of mode that has been taken up."""
 
     def _zeno(self) -> Ended:
@@ -115,8 +117,8 @@ class Settling(ABC):
         begun = self.higher.begin([*limit.surfaces, *zero], np.full(machine.n, WITHIN * limit.x_error))
         self.patience.limited(begun if isinstance(begun, str) else "")
         if isinstance(begun, Begun):
-            met = limit.surfaces
-            ended = self._changed(before, begun.mode, begun.multipliers, met, begun.note)
+            reached = limit.surfaces
+            ended = self._changed(before, begun.mode, begun.multipliers, reached, begun.note)
             return ended or self._budgets()
         higher = second_order(run, limit)
         if higher is not None:
@@ -140,26 +142,26 @@ class Settling(ABC):
         self.spiral = spiral
         return self._classify(spiral.surfaces, spiral.surfaces, start=False)
 
-    def _decided(self, active: list[int], met: Sequence[int], hit: Sequence[int]) -> Ended:
+    def _decided(self, active: list[int], reached: Sequence[int], triggered: Sequence[int]) -> Ended:
         """Decide events by resets, by sliding of higher order, or by the modes that can follow."""
-        if active or bouncing(self.run, [i for i in hit if self.run.hit[i] == codes.ROOT]):
-            return self._reset(active, hit)
+        if active or bouncing(self.run, [i for i in triggered if self.run.trigger[i] == codes.ROOT]):
+            return self._reset(active, triggered)
         if self.higher.active is not None:
-            return self._besides(hit)
-        if len(hit) == 1 and self.run.hit[hit[0]] in (codes.ROOT, codes.TOUCH):
+            return self._besides(triggered)
+        if len(triggered) == 1 and self.run.trigger[triggered[0]] in (codes.ROOT, codes.TOUCH):
             if accumulates(self.run):
                 return self._zeno()
             before = self.run.signs
             # Cycles that shrink by a law go on until their limit is near.
-            root = self.run.hit[hit[0]] == codes.ROOT
-            begun = "" if root and lawful(self.run) else self.higher.arrives(hit[0])
+            root = self.run.trigger[triggered[0]] == codes.ROOT
+            begun = "" if root and lawful(self.run) else self.higher.arrives(triggered[0])
             if isinstance(begun, Begun):
-                return self._changed(before, begun.mode, begun.multipliers, hit, begun.note)
-            over = self.higher.across(hit[0]) if root and hit[0] in self._near() else None
+                return self._changed(before, begun.mode, begun.multipliers, triggered, begun.note)
+            over = self.higher.across(triggered[0]) if root and triggered[0] in self._near() else None
             if over is not None:
                 self.run.put(over.mode, over.order, tuple(self.run.lam.tolist()))
-                return self._changed(before, over.mode, self.run.lam, hit, "")
-        return self._classify(met, hit, start=False)
+                return self._changed(before, over.mode, self.run.lam, triggered, "")
+        return self._classify(reached, triggered, start=False)
 
     def _arrived(self) -> bool:
         """Whether a solution that no step leads on has arrived where sliding of higher order begins."""
@@ -175,19 +177,19 @@ class Settling(ABC):
         """Interrupt sliding of higher order; returns the surfaces that it was on."""
         return () if self.higher.active is None else self.higher.suspend()
 
-    def _besides(self, hit: Sequence[int]) -> Ended:
+    def _besides(self, triggered: Sequence[int]) -> Ended:
         """An event during sliding of higher order: its end, or something on other surfaces."""
         run, higher = self.run, self.higher
-        found, left = higher.active, higher.left(hit)
+        found, left = higher.active, higher.left(triggered)
         assert found is not None
         if left is None:
-            others = [i for i in {*hit, *self._near()} if i not in (*found.zero, *found.kinks)]
-            return self._classify(sorted(others), hit, start=False)
+            others = [i for i in {*triggered, *self._near()} if i not in (*found.zero, *found.kinks)]
+            return self._classify(sorted(others), triggered, start=False)
         before = run.signs
         higher.suspend()
         run.put(left.mode, left.order, tuple(run.lam.tolist()))
         run.clock.step = 0.0
-        ended = self._changed(before, left.mode, run.lam, hit, "")
+        ended = self._changed(before, left.mode, run.lam, triggered, "")
         if ended is None and left.remaining:
             slack = 1e2 * (run.atol + run.options.rtol * np.abs(run.x))
             again = higher.begin(left.remaining, slack)

@@ -23,20 +23,20 @@ class Decisions(AtState):
         for _ in range(2):  # sizes |h| inside other switching functions follow the signs found first
             h = self.model.guards(self.t, self.x, self.p, self.m)
             self.m = [-1 if value < 0 else 1 for value in h]
-        met = [
+        reached = [
             i for i, value in enumerate(h)
             if self.model.WIDTH[i] == 0 and abs(value) <= self.noise(i, self.t, self.x)
         ]  # fmt: skip
-        if any(self.model.RESET_FROM[i] for i in met):
-            raise Refusal("corner", f"the state starts on surface {self.named(met)}, which has a reset.")
-        self.decide_on(met)
+        if any(self.model.RESET_FROM[i] for i in reached):
+            raise Refusal("corner", f"the state starts on surface {self.named(reached)}, which has a reset.")
+        self.decide_on(reached)
 
-    def decide_on(self, met: Sequence[int]) -> None:
+    def decide_on(self, reached: Sequence[int]) -> None:
         """The signs of surfaces that the state lies on, by the rates of h on both sides."""
-        parts = [self.model.COMPONENT[i] for i in met]
+        parts = [self.model.COMPONENT[i] for i in reached]
         if len(set(parts)) < len(parts):
-            raise Refusal("corner", f"the state lies on coupled surfaces: {self.named(met)}.")
-        for i in met:
+            raise Refusal("corner", f"the state lies on coupled surfaces: {self.named(reached)}.")
+        for i in reached:
             upper, lower, size = self.at_ends(i, self.t, self.x)
             clear = CLEAR * size
             slides = self.model.ROLE[i] == "switching" and self.model.WIDTH[i] == 0
@@ -74,7 +74,7 @@ class Decisions(AtState):
         but     a surface that has its sign already
         """
         h = self.model.guards(self.t, self.x, self.p, [sign or 1 for sign in before])
-        met = []
+        reached = []
         for i, sign in enumerate(before):
             if i == but:
                 continue
@@ -85,7 +85,7 @@ class Decisions(AtState):
                     raise Refusal(
                         "corner", f"the state jumps on surface {self.named([i])}, which has a reset."
                     )
-                met.append(i)
+                reached.append(i)
             elif beyond or (width == 0 and (sign == 0 or sign * h[i] < 0)):
                 if self.model.RESET_FROM[i] != 0:
                     raise Refusal(
@@ -94,7 +94,7 @@ class Decisions(AtState):
                 self.m[i], self.order[i] = (1 if h[i] > 0 else -1), 0
             else:
                 self.order[i] = 0
-        self.decide_on(met)
+        self.decide_on(reached)
         kinds = {True: "sliding exit", False: "crossing"}
         return [
             (i, "sliding entry" if self.m[i] == 0 else kinds[sign == 0])
@@ -108,13 +108,13 @@ class Decisions(AtState):
             self.jump(i)
             return "reset"
         if model.ROLE[i] in ("switching", "reset") and self.coupled(i):
-            raise Refusal("corner", f"surface {self.named([i])} is reached while the motion slides on "
+            raise Refusal("corner", f"surface {self.named([i])} is reached while the solution slides on "
                           f"{self.named(self.coupled(i))}.")  # fmt: skip
         if model.ROLE[i] != "switching" or model.WIDTH[i] > 0:
             row, f = self.gradients(self.t, self.x)[i], self.velocity(self.t, self.x)
             size = abs(row[-1]) + sum(abs(g * v) for g, v in zip(row[:-1], f, strict=True))
             if not -sign * rate(row, f) > CLEAR * size:
-                raise Refusal("tangency", f"the motion touches surface {self.named([i])}.")
+                raise Refusal("tangency", f"the solution touches surface {self.named([i])}.")
             self.m[i], self.order[i] = -sign, (0 if model.WIDTH[i] > 0 else 1)
             return "crossing"
         plus, minus, size = self.sides(i, self.t, self.x)
@@ -125,9 +125,8 @@ class Decisions(AtState):
             self.m[i], self.order[i] = -sign, 1  # the sign does not act on this rate
             return "crossing"
         if not -sign * here > clear or min(abs(upper), abs(lower), abs(beyond)) <= clear:
-            said = (
-                f"the motion reaches surface {self.named([i])} where the field on one side is tangent to it."
-            )
+            where = self.named([i])
+            said = f"the solution reaches surface {where} where the field on one side is tangent to it."
             raise Refusal("tangency", said)
         if upper < 0 < lower:
             self.enter(i)
@@ -136,7 +135,7 @@ class Decisions(AtState):
             self.m[i], self.order[i] = -sign, 1
             return "crossing"
         raise Refusal(
-            "non_unique", f"at surface {self.named([i])} the motion can go on in more than one way."
+            "non_unique", f"at surface {self.named([i])} the solution can go on in more than one way."
         )
 
     def leave(self, i: int, which: str, slope: float) -> str:

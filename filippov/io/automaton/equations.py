@@ -1,7 +1,7 @@
 """What the exact automaton of a system is made of, as expressions that name the states, signs and modes.
 
 Signs s and modes m stand for what the runtime hands over: in a mode s_i = m_i = +1 or -1; on a surface that
-the motion slides on m_i = 0, and the runtime asks for the field at s_i = +1 and -1 and combines both.
+the solution slides on m_i = 0, and the runtime asks for the field at s_i = +1 and -1 and combines both.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ def rates_function(n: int, m: int, k: int) -> list[str]:
 
 
 def slides(eq: Equations, i: int) -> bool:
-    """Whether the motion can slide on a surface."""
+    """Whether the solution can slide on a surface."""
     return eq.system.surfaces[i].kind == "switching" and eq.widths[i] == 0
 
 

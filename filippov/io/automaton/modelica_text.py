@@ -70,7 +70,7 @@ def modelica_text(
         free = "true" if mode[i] and abs(heights[i]) > 1e-9 else "false"
         lines.append(f"  Integer mode{i + 1}{end}(start = {mode[i]}, fixed = true) {_string(surface.name)};")
         lines.append(f'  Boolean free{i + 1}{end}(start = {free}, fixed = true) "clear of the surface";')
-        lines.append(f"  Boolean hit{i + 1}{end}(start = false, fixed = true);")
+        lines.append(f"  Boolean event{i + 1}{end}(start = false, fixed = true);")
     lines += [f"  Real f{end}[{n}]; Real h{end}[{m}]; Real r{end}[{2 * m}];"]
     jumps = list(_jumps(eq))
     if jumps:
@@ -158,7 +158,7 @@ def _jumps(eq: Equations) -> Iterator[tuple[str, int]]:
 
 
 def _when(word: str, i: int, end: str) -> str:
-    return f"{'clock' if word == 'strike' else 'hit'}{i + 1}{end}"
+    return f"{'clock' if word == 'strike' else 'event'}{i + 1}{end}"
 
 
 def _chain(parts: Sequence[tuple[str, Sequence[str]]]) -> list[str]:
@@ -172,16 +172,16 @@ def _chain(parts: Sequence[tuple[str, Sequence[str]]]) -> list[str]:
 def _surface(eq: Equations, i: int, end: str, jumps: Sequence[tuple[str, int]]) -> list[str]:
     """The when-equations of a surface, and what ends the run there."""
     k, surface, width = i + 1, eq.system.surfaces[i], eq.widths[i]
-    mode, free, hit, h = f"mode{k}{end}", f"free{k}{end}", f"hit{k}{end}", f"h{end}[{k}]"
+    mode, free, event, h = f"mode{k}{end}", f"free{k}{end}", f"event{k}{end}", f"h{end}[{k}]"
     upper, lower, near = f"r{end}[{2 * k - 1}]", f"r{end}[{2 * k}]", f"near{end}"
     side = f" and pre({mode}) == {eq.reset_from[i]}" if eq.reset_from[i] in (1, -1) else ""
     reached = f"pre({free}) and pre({mode})*{h} + {width!r} < 0"
-    lines = [f"  {hit} = {reached}{side if eq.reset_from[i] else ''};"]
+    lines = [f"  {event} = {reached}{side if eq.reset_from[i] else ''};"]
     jumped = " or ".join(_when(word, j, end) for word, j in jumps)
     chain = [(jumped, [f"{mode} = {_sign_of(f'm{end}[{k}]')};"])] if jumps else []
     sliding = slides(eq, i)
     if not eq.reset_from[i] or side:
-        where = f"{hit}" if not side else f"{reached} and not {hit}"
+        where = event if not side else f"{reached} and not {event}"
         decided = f"if {upper} < 0 and {lower} > 0 then 0 else -pre({mode})" if sliding else f"-pre({mode})"
         chain.append((where, [f"{mode} = {decided};"]))
     if sliding:
@@ -190,7 +190,7 @@ def _surface(eq: Equations, i: int, end: str, jumps: Sequence[tuple[str, int]]) 
     lines += _chain(chain)
     clear = f"{mode}*{h} + {width!r} > {near}*1e-3"
     lines += _chain(
-        [(f"{hit} or {mode} <> pre({mode})", [f"{free} = {clear};"]), (clear, [f"{free} = true;"])]
+        [(f"{event} or {mode} <> pre({mode})", [f"{free} = {clear};"]), (clear, [f"{free} = true;"])]
     )
     told = surface.name
     behind = f"not pre({free}) and pre({mode})*{h} + {width!r} < -{near}"
@@ -201,8 +201,8 @@ def _surface(eq: Equations, i: int, end: str, jumps: Sequence[tuple[str, int]]) 
         )
         for j, part in enumerate(eq.component):
             if part == eq.component[i] and j != i and eq.system.surfaces[j].kind == "switching":
-                met = f"{reached} and pre(mode{j + 1}{end}) == 0"
-                lines += _ending(met, f"corner: surface {told} is reached while a coupled one is slid on")
+                corner = f"{reached} and pre(mode{j + 1}{end}) == 0"
+                lines += _ending(corner, f"corner: surface {told} is reached while a coupled one is slid on")
     return lines
 
 

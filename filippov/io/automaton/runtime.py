@@ -273,8 +273,8 @@ class Automaton(Decisions):
             length = min(max(length + moved, 0.25 * length), 2 * length)
         if value == 0.0 or abs(moved) <= 1e3 * EPS * max(abs(t), length):
             return length
-        raise Refusal("tangency", f"the motion touches surface {self.named([key[0]])}, or crosses it almost "
-                      "along it.")  # fmt: skip
+        raise Refusal("tangency", f"the solution touches surface {self.named([key[0]])}, or crosses it "
+                      "almost along it.")  # fmt: skip
 
     def strike(self) -> None:
         """The clocks that are due now, one after the other in their order, and the signs after them."""

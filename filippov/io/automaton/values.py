@@ -111,7 +111,7 @@ class AtState:
         self.since, self.widest = [self.t] * len(self.m), [0.0] * len(self.m)
 
     def sliding(self) -> list[int]:
-        """The surfaces that the motion slides on."""
+        """The surfaces that the solution slides on."""
         return [i for i, sign in enumerate(self.m) if sign == 0]
 
     def gradients(self, t: float, x: Sequence[float]) -> list[list[float]]:
@@ -125,7 +125,7 @@ class AtState:
         if not sliding:
             return self.model.field(t, x, self.p, self.m, self.m)  # type: ignore[no-any-return]
         if len(sliding) > 1 and not self.model.AFFINE:
-            raise Refusal("corner", f"the motion slides on {self.named(sliding)} under a product of signs.")
+            raise Refusal("corner", f"the solution slides on {self.named(sliding)} under a product of signs.")
         rows, signs = self.gradients(t, x), [sign or -1 for sign in self.m]
         low = self.model.field(t, x, self.p, signs, self.m)
         out = list(low)
@@ -136,7 +136,7 @@ class AtState:
             minus, plus = rate(rows[i], low), rate(rows[i], high)
             if not minus - plus > 1e-9 * (abs(minus) + abs(plus)) and self.model.CONTACT[i] == 0:
                 raise Refusal(
-                    "no_sliding", f"nothing holds the motion on surface {self.model.SURFACES[i]!r}."
+                    "no_sliding", f"nothing holds the solution on surface {self.model.SURFACES[i]!r}."
                 )
             weight = minus / (minus - plus)
             out = [v + weight * (b - a) for v, a, b in zip(out, low, high, strict=True)]
@@ -180,7 +180,7 @@ class AtState:
         return 8 * EPS * terms + INSTANT * abs(t * rate(row, self.model.field(t, x, self.p, held, self.m)))
 
     def coupled(self, i: int) -> list[int]:
-        """The surfaces that the motion slides on and whose signs have to do with surface i."""
+        """The surfaces that the solution slides on and whose signs have to do with surface i."""
         part = self.model.COMPONENT
         return [j for j in self.sliding() if j != i and part[j] == part[i]]
 

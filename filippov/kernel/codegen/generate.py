@@ -251,7 +251,7 @@ def non_lipschitz(form: SymbolicForm) -> bool:
 def straight_rates(
     form: SymbolicForm, rows: Sequence[Mapping[int, Expr]], linear: Sequence[bool], varying: set[Symbol]
 ) -> list[bool]:
-    """Which surfaces have a rate that is affine in what varies while the motion slides on them."""
+    """Which surfaces have a rate that is affine in what varies while the solution slides on them."""
     roles: dict[Symbol, Hashable] = dict.fromkeys(form.x, "x") | dict.fromkeys(form.s, "s")
     roles |= {a: f"size {bent}" for a, bent in zip(form.a, linear, strict=True)}
     # Most blocks of a long chain are alike.

@@ -21,7 +21,7 @@ Printer = Callable[[Expr], str]
 
 @dataclass
 class Node:
-    """One operation: `kind`, operands by number, and text that does not change along the motion.
+    """One operation: `kind`, operands by number, and text that does not change along the solution.
 
     kinds   constant (text), leaf (place of the state), time, sum (one factor an operand in `texts`), product,
             quotient, power (exponent in texts), integral (operands u and g; value of order 0 in texts),
@@ -40,7 +40,7 @@ class Node:
 class JetGraph:
     """Nodes in an order in which each comes after its operands, but for the g of an integral.
 
-    constant  prints an expression that does not change along the motion
+    constant  prints an expression that does not change along the solution
     states, time, given: the symbols that change; `given` are expressions in place of symbols
     """
 

@@ -3,7 +3,7 @@
     L = dh/dt = h_t + grad h . f,   x' = f + side (1 - side s)/2 D,   L' = 0
 
 D is the direction in which the reset moves a state that runs onto the surface, just off rest. Its length does
-not act on the motion, as s follows from L' = 0. Derivatives are differences, those of L of differences.
+not act on the solution, as s follows from L' = 0. Derivatives are differences, those of L of differences.
 """
 
 from __future__ import annotations

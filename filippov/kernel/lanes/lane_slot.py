@@ -39,7 +39,7 @@ def settled(clock: Clock, m: Vector, order: Indices) -> bool:
 
 @kernel
 def release(lane: int, group: Group, rows: Indices) -> None:
-    """An empty lane goes through the motions with a step of 0."""
+    """An empty lane is stepped along with a step of 0."""
     clock, m = group.clock, group.m
     rows[lane] = -1
     clock.t_end[lane] = clock.t[lane]

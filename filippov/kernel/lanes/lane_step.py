@@ -57,7 +57,7 @@ def step_factor(square: float) -> float:
 
 @lanes
 def bent(w: Scratch) -> bool:
-    """Where the stages met different fields; see `control.uniform`."""
+    """Where the stages saw different fields; see `control.uniform`."""
     change = 0.0
     for a in range(N, (STAGES - 1) * N):
         change = max(change, abs(w.k[a] - w.k[a % N]))
@@ -101,13 +101,13 @@ def may_vanish(step: float, m: Vector, order: Vector, w: Scratch, iw: Integers) 
 @lanes
 def ends_at_surface(t: float, start: float, m: Vector, order: Vector, w: Scratch) -> bool:
     """Where a guard vanishes within rounding after the end of the run; see `search.event_at_end`."""
-    met = 0.0
+    reached = 0.0
     for i in range(M):
         rate = m[i] * w.end[2 * i + 1]
         wait = -(m[i] * w.end[2 * i] + WIDTH[i]) / rate
         near = rate < 0.0 and order[i] == 0.0 and not (wait > 1e-12 * max(abs(t), abs(t - start)))
-        met = 1.0 if near else met
-    return met > 0.0
+        reached = 1.0 if near else reached
+    return reached > 0.0
 
 
 @lanes

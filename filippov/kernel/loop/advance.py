@@ -2,7 +2,7 @@
 
 Contract (clauses E1-E9 of docs/event-loop): the field of a segment is smooth, the mode is the memory; an
 accepted step is searched for its first event; the event is landed on by a real step; simple ones are decided
-in `resolve`, everything else returns GENERAL with the state at the event and the surfaces that are hit.
+in `resolve`, everything else returns GENERAL with the state at the event and the surfaces that triggered it.
 
 Each part works on a trajectory and its step under way (`Trajectory.now`), and returns GO_ON to the next part,
 AGAIN for another step, ARRIVED at an event, or a code of `advance`.

@@ -155,7 +155,7 @@ def shrink(run: Trajectory, failed: int) -> int:
         if length > least_step(now.t, clock.t_start, clock.t_end):
             return AGAIN
         return NO_SLIDING if failed == 2 else MIN_STEP if failed == NOT_CONVERGED else NOT_FINITE
-    # The motion has arrived, without a step across.
+    # The solution has arrived, without a step across.
     now.cause, now.surface = ROOT, surface
     clock.step = abs(now.step)
     now.t_end = now.t

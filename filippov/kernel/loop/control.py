@@ -152,7 +152,7 @@ def at_rest(w: Scratch) -> bool:
 
 @kernel
 def uniform(w: Scratch) -> bool:
-    """Whether all stages met the same field: then the step is a straight line."""
+    """Whether all stages saw the same field: then the step is a straight line."""
     if SERIES:
         return constant_series(w)
     for r in range(1, STAGES - 1):
@@ -228,8 +228,8 @@ def suspicious(step: float, m: Vector, order: Indices, line: bool, w: Scratch, i
     For linear guards the test is on the cubic through both ends of the step; it is skipped for others, which
     are always sampled. One that starts from 0 is clear if it grows throughout (see `leaves`). Multipliers are
     judged by their range over the stages, if these are many and the ends of their sets stand still: what
-    holds a motion on a surface may turn faster than the motion, which then takes steps as long as it likes.
-    On a straight line it can always do so, unless the rates are straight too.
+    holds a solution on a surface may turn faster than the solution, which then takes steps as long as it
+    likes. On a straight line it can always do so, unless the rates are straight too.
     """
     if SERIES:
         return not series_clear(step, m, order, w, iw)
@@ -373,14 +373,15 @@ def hides_order(t: float, length: float, step: float) -> bool:
 
 @kernel
 def falls(j: int, m: Vector, w: Scratch) -> bool:
-    """Whether the motion runs onto surface j, off which it ran at the start of the step."""
+    """Whether the solution runs onto surface j, off which it ran at the start of the step."""
     speed = float(m[j] * w.end[2 * j + 1] * w.direction)
     return speed < 0.0
 
 
 @kernel
-def mark_hits(
-    t: float, x: Vector, m: Vector, order: Indices, cause: int, i: int, step: float, hit: Indices, w: Scratch
+def mark_triggers(
+    t: float, x: Vector, m: Vector, order: Indices, cause: int, i: int, step: float, trigger: Indices,
+    w: Scratch,
 ) -> int:
     """Mark every surface whose guard vanishes at the event within rounding, and return how many.
 
@@ -388,25 +389,25 @@ def mark_hits(
     """
     total = 0
     for j in range(M):
-        hit[j] = 0
+        trigger[j] = 0
         if j == i:
-            hit[j] = cause
+            trigger[j] = cause
         elif m[j] != 0.0 and (order[j] == 0 or (RESET_FROM[j] != 0 and falls(j, m, w))):
             near = 8.0 * EPS * guard_scale(j, t, x, w)
             near += abs(w.end[2 * j + 1]) * 32.0 * EPS * max(abs(t), abs(step))
             value = m[j] * w.end[2 * j] + WIDTH[j]
             # A reset is not to be missed where the interpolant took its surface for the later one.
             if abs(value) <= near or (RESET_FROM[j] != 0 and value < 0.0):
-                hit[j] = ROOT
+                trigger[j] = ROOT
         elif m[j] == 0.0 and abs(order[j]) < 2:
             mult = w.mult[j]
             lo, hi = w.radius[2 * j], w.radius[2 * j + 1]
             near = 64.0 * EPS * (1.0 + min(abs(lo), abs(hi)))
             near += abs(mult.most - mult.least) * 32.0 * EPS * max(abs(t) / abs(step), 1.0)
             if hi - mult.value <= near:
-                hit[j] = UPPER
+                trigger[j] = UPPER
             elif mult.value - lo <= near:
-                hit[j] = LOWER
-        if hit[j] != 0:
+                trigger[j] = LOWER
+        if trigger[j] != 0:
             total += 1
     return total

@@ -1,7 +1,7 @@
 """Corners of two surfaces that a trajectory reaches, slides on and leaves, where their rates decide clearly.
 
 A surface is reached while one that is coupled to it is slid on; while both are slid on, each step asks
-whether that is still the only motion; a multiplier reaches the end of its set. All else is left to
+whether that is still the only solution; a multiplier reaches the end of its set. All else is left to
 `filippov.solving.selection.modes`.
 """
 
@@ -128,7 +128,7 @@ def reach_corner(run: Trajectory) -> int:
 def leave_corner(run: Trajectory) -> int:
     """CORNER with the mode after a multiplier of a corner has clearly reached an end of its set; else NONE.
 
-    There is one motion, and the slide on both surfaces goes on outwards: it is the one that leaves the
+    There is one solution, and the slide on both surfaces goes on outwards: it is the one that leaves the
     surface, tangentially, and slides on the other.
     """
     m, w, iw, now, i, j = run.m, run.w, run.iw, run.now, run.now.surface, -1
@@ -184,7 +184,7 @@ def take_corner(run: Trajectory) -> int:
             run.marks[run.count.events * (3 + 2 * M) - 1] = 1
         first = False
         if w.before[k] == 0.0:
-            # The step of a slide says nothing about the motion that leaves it.
+            # The step of a slide says nothing about the solution that leaves it.
             clock.step = 0.0
         if count_down(shift_indices(run.stop, STOPS * k), kind) != 0:
             stopped = k
@@ -202,7 +202,7 @@ def take_corner(run: Trajectory) -> int:
 @apart
 @kernel
 def look_at_corner(run: Trajectory) -> int:
-    """GO_ON while the corner that the loop has decided to slide on is left by no other motion, else GENERAL.
+    """GO_ON while no other solution leaves the corner that the loop has decided to slide on, else GENERAL.
 
     Then the step is not taken, and `count.pair` is 2: other modes may follow, or a spiral lead away.
     """
@@ -224,6 +224,6 @@ def look_at_corner(run: Trajectory) -> int:
     if code == 0 and one_solution(w.corner):
         return GO_ON
     for k in range(M):
-        run.hit[k] = 0
+        run.trigger[k] = 0
     run.count.pair = 2
     return USER_ERROR if code != 0 else GENERAL

@@ -1,7 +1,7 @@
 """An event that has been reached: what else happens there, what it is, and how the trajectory goes on."""
 
 from filippov.kernel.language.primitives import NAN, inline, kernel, shift_indices
-from filippov.kernel.loop.control import guard_state, mark_hits
+from filippov.kernel.loop.control import guard_state, mark_triggers
 from filippov.kernel.loop.corner_event import leave_corner, reach_corner, take_corner
 from filippov.kernel.loop.event_cycle import faint, zeno_horizon, zeno_remaining
 from filippov.kernel.loop.field import field
@@ -96,7 +96,7 @@ def kind_of(run: Trajectory) -> int:
 def leave_it(run: Trajectory) -> int:
     """Hand the event to the classification."""
     for i in range(M):
-        if run.hit[i] != 0:
+        if run.trigger[i] != 0:
             run.w.grazed[i] = 1.0
     return GENERAL
 
@@ -119,10 +119,10 @@ def decide(run: Trajectory) -> int:
     if now.cause == ROOT and m[surface] != 0.0 and te != t:
         now.cause = touch_or_root(surface, te - t, m, w)
     run.count.surface, run.count.cause = surface, now.cause
-    hits = mark_hits(te, xe, m, run.order, now.cause, surface, now.step, run.hit, w)
+    triggered = mark_triggers(te, xe, m, run.order, now.cause, surface, now.step, run.trigger, w)
     now.multiplier = w.mult[surface].value if m[surface] == 0.0 else NAN
     kind = NONE
-    if failed == 0 and hits == 1:
+    if failed == 0 and triggered == 1:
         kind = kind_of(run)
     if kind == -1:
         return USER_ERROR
@@ -156,10 +156,10 @@ def take(run: Trajectory, kind: int) -> int:
     now.renew = 1
     clock.trend = 1e-300
     if kind == EXIT_UP or kind == EXIT_DOWN:  # noqa: PLR1714, SIM109 - the kernel language has no `in`
-        # The step of a slide says nothing about the motion that leaves it.
+        # The step of a slide says nothing about the solution that leaves it.
         clock.step = 0.0
     if LINEAR[surface] == 0 and abs(te - t) < 0.25 * abs(now.step):
-        # A guard that turns faster than the motion: the next event is about as far.
+        # A guard that turns faster than the solution: the next event is about as far.
         clock.step = min(clock.step, 4.0 * abs(te - t) + 1e3 * EPS * abs(te))
     if clock.relative == -float(surface) - 1.0:
         clock.fast_span, clock.fast_from = abs(te - clock.fast_from), te
@@ -179,8 +179,8 @@ def slide_close(run: Trajectory) -> int:
     """AGAIN, or how the run ends, where an event left to the classification begins sliding next to an end of
     Filippov's own set; else GENERAL.
 
-    The motion comes to the surface nearly along it, faster than rounding can tell, and the field beyond leads
-    back: no other mode is consistent. For runs that count their events; one that is kept says by which
+    The solution comes to the surface nearly along it, faster than rounding can tell, and the field beyond
+    leads back: no other mode is consistent. For runs that count their events; one that is kept says by which
     margin it was decided (`filippov.solving.diagnosis`).
     """
     clock, m, w, iw, now = run.clock, run.m, run.w, run.iw, run.now
@@ -188,7 +188,7 @@ def slide_close(run: Trajectory) -> int:
     if TICKS or i < 0 or i >= M:
         return GENERAL
     for j in range(M):
-        if (run.hit[j] != 0) != (j == i):
+        if (run.trigger[j] != 0) != (j == i):
             return GENERAL
     simple = run.count.cause == ROOT and m[i] != 0.0 and length > 0.0 and iw.coupled[COMPONENT[i]] == 0
     simple = simple and ROLE[i] == SWITCHING and WIDTH[i] == 0.0 and CONTACT[i] == 0 and HELD[i] == 0
@@ -206,7 +206,7 @@ def slide_close(run: Trajectory) -> int:
     deep = arrives * arrives > 8.0 * NO_DEPTH * guard_scale(i, te, w.xe, w) * turn
     if code != 0 or not (arrives > SLOWEST * scale and returns > CLEAR_RATE * scale and deep):
         return GENERAL
-    run.hit[i] = 0
+    run.trigger[i] = 0
     w.grazed[i] = 0.0
     m[i] = 0.0
     run.order[i] = 0

@@ -20,8 +20,8 @@ def take_row(q: int, batch: Trajectories, run: Trajectory) -> None:
         shift(batch.ms, q * M),
         shift_indices(batch.orders, q * M),
     )
-    run.hit, run.lam, run.p = (
-        shift_indices(batch.hits, q * M),
+    run.trigger, run.lam, run.p = (
+        shift_indices(batch.triggers, q * M),
         shift(batch.lams, q * M),
         shift(batch.ps, q * P),
     )

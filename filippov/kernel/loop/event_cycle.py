@@ -1,7 +1,7 @@
 """Event cycles, from a surface back to it: whether they pile up, or are too small to be told from none.
 
 A surface on whose rate its own sign does not act (h'' feels it, or a higher derivative) cannot hold the
-motion by itself; the motion circles around h = h' = 0, in ever smaller cycles where it settles there.
+solution by itself, which circles around h = h' = 0, in ever smaller cycles where it settles there.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, entry, kernel, shift
@@ -11,7 +11,7 @@ from filippov.kernel.loop.resolve import NO_EFFECT, side_rates
 from filippov.kernel.loop.state import EventCycles, Integers, Scratch
 from filippov.kernel.tables.codes import SWITCHING
 
-# Intervals in a row that shrink, for each lag: what a motion that is no accumulation hardly ever does.
+# Intervals in a row that shrink, for each lag: what a solution that is no accumulation hardly ever does.
 ZENO_STREAK = 6
 # Depth of a cycle, in roundings of h, below which its length soon shows them.
 GRAINY = 1e5
@@ -40,8 +40,8 @@ def zeno_horizon(t: float, start: float, x: Vector, i: int, cycles: EventCycles,
 def zeno_remaining(cycles: EventCycles, t: float, floor: float) -> float:
     """Time left to the accumulation that shrinking intervals of one surface point to, or -1 without one.
 
-    An interval is compared with the one 1, 2 and 3 events before: a cycle of the motion may meet the surface
-    that often.
+    An interval is compared with the one 1, 2 and 3 events before: a cycle of the solution may reach the
+    surface that often.
     """
     interval = abs(t - cycles.last)
     found, total = -1.0, 0.0
@@ -68,7 +68,7 @@ def faint(
     """Whether a surface whose sign does not act on its rate is crossed with less speed than the run knows.
 
     What lies beyond it is a cycle no deeper than the tolerance, or no longer than its times are known:
-    whether the motion goes on circling, or has settled on h = h' = 0, is not for its rates to say.
+    whether the solution goes on circling, or has settled on h = h' = 0, is not for its rates to say.
     """
     if ROLE[i] != SWITCHING or WIDTH[i] > 0.0 or m[i] == 0.0:
         return False

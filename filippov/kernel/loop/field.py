@@ -132,7 +132,7 @@ def take_out(vector: Vector, h: Vector, out: Vector, w: Scratch, iw: Integers) -
 @inline
 @kernel
 def only_sliding(iw: Integers) -> int:
-    """The surface of a motion that slides on one; known beforehand where there is no other."""
+    """The surface of a solution that slides on one; known beforehand where there is no other."""
     return 0 if M == 1 else iw.listed[0]
 
 
@@ -166,7 +166,7 @@ def slide_one(
         return 1
     iw.calls += 2
     minus, plus = rate(i, low, w), rate(i, high, w)
-    # Both rates alike and not zero: the sign does not act on the surface, nothing holds the motion on it.
+    # Both rates alike and not zero: the sign does not act on the surface, nothing holds the solution on it.
     # A contact always holds it: its rates differ by 1, however large both are.
     if CONTACT[i] == 0 and abs(plus - minus) < 1e-9 * (abs(plus) + abs(minus)):
         return 2
@@ -260,7 +260,7 @@ def slide_affine(
             shift_by = 0.0
             if not solve_or_least(w.mat, w.vec, size, SIDE, 0):
                 couple(first, last, m, w, iw)
-                # Of many multipliers that hold the motion, those closest to the middle of their sets.
+                # Of many multipliers that hold the solution, those closest to the middle of their sets.
                 for c in range(size):
                     for d in range(size):
                         w.vec[c] -= w.mat[c * SIDE + d]

@@ -70,7 +70,7 @@ def go(
 
 @kernel
 def reached_before(t: float, x: Vector, f: Vector, m: Vector, i: int, w: Scratch) -> tuple[int, float]:
-    """Of the surfaces with resets that the motion has run behind, the one longest ago: (number, how long).
+    """Of the surfaces with resets that the solution has run behind, the one longest ago: (number, how long).
 
     (-1, 0.0) for none. The guards and their rates at (t, x) are those in w.end, f is the field; surface i is
     left out. The dense output shows roots, and their order, to its rounding; a step shows them to that of x.

@@ -220,7 +220,7 @@ def row_root(
     for a in range(1, degree + 1):
         least = min(least, c[a])
         most = max(most, c[a])
-    # A guard that is zero throughout says nothing: its surface is a first integral of the motion.
+    # A guard that is zero throughout says nothing: its surface is a first integral of the solution.
     if least > allowed or (least >= 0.0 and most <= 2.0 * dip):
         return NO_ROOT, 2.0, degree
     if m[i] != 0.0 and LINEAR[i] == 0 and degree == DEGREE:

@@ -162,7 +162,7 @@ def error_terms(i: int, w: Scratch) -> tuple[float, float]:
 
 @kernel
 def jets(t: float, x: Vector, p: Vector, m: Vector, work: Vector, out: Vector, iw: Integers) -> int:
-    """Taylor coefficients along the motion, JETS of each order: field, guards; nonzero where there are none.
+    """Taylor coefficients along the solution, JETS per order: field, guards; nonzero where there are none.
 
     Row N + i: h_i, and row N + M + i nothing. Of a sliding surface the rates of its two guards, as
     `sliding_guards` has them.

@@ -1,4 +1,4 @@
-"""Guards of a motion that slides on one surface, at several points of a step side by side.
+"""Guards of a solution that slides on one surface, at several points of a step side by side.
 
 The points of a sample do not wait for each other, so a vector takes as many as it holds: LANES of them. Only
 small symbolic fields are sampled like this (WIDE); `sampling.sample` has the plain way.

@@ -1,9 +1,9 @@
 """Resets x+ = r(t, x, p) at a surface reached from an active side: the simple ones, decided in the loop.
 
 Simple: one surface, nothing slides, and after the jump every other surface is clear of 0 on the side it was.
-Where the motion goes from x+ is told by h there and, on the surface itself, by its rate: back to the side it
-came from, through, or, with no rate left, into a resting contact; where the field jumps there, by the rates
-on both sides. All else is the classification's.
+Where the solution goes from x+ is told by h there and, on the surface itself, by its rate: back to the side
+it came from, through, or, with no rate left, into a resting contact; where the field jumps there, by the
+rates on both sides. All else is the classification's.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel

@@ -141,7 +141,7 @@ def leads_off(
 ) -> int:  # fmt: skip
     """Whether the slow rate beyond surface i lasts until h is farther than a tangency is deep; -1: failure.
 
-    So it does into a layer in which the motion relaxes, and does not near a fold of the field beyond.
+    So it does into a layer in which the solution relaxes, and does not near a fold of the field beyond.
     """
     if iw.sliding > 0:
         return 0
@@ -176,7 +176,7 @@ def touch_or_root(i: int, length: float, m: Vector, w: Scratch) -> int:
     # Far below what the step resolves and below the height it came down from, however loose the tolerance is;
     # written without squares, which would underflow in a guard of tiny values.
     shallow = min(SHALLOW * w.touch[i], 1e-6 * abs(w.start[2 * i]))
-    # Backwards a slide that was left is met in such a tangency, as deep as the integration is in error.
+    # Backwards a slide that was left is reached in such a tangency, as deep as the integration is in error.
     if w.direction < 0.0:
         shallow = max(shallow, BACKWARDS * w.touch[i])
     if m[i] * turn > 0.0 and abs(rate) * abs(rate / turn) <= 2.0 * shallow:
@@ -188,7 +188,7 @@ def touch_or_root(i: int, length: float, m: Vector, w: Scratch) -> int:
 def resolve_touch(
     t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:  # fmt: skip
-    """GRAZING, or NONE where the other side leads away from surface i too: then the motion is not unique."""
+    """GRAZING, or NONE where the other side leads away from surface i too: the solution is not unique."""
     if ROLE[i] == SWITCHING and WIDTH[i] == 0.0 and iw.coupled[COMPONENT[i]] == 0:
         code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
         if code != 0:

@@ -1,8 +1,8 @@
 """The dense output of a step, and its guards at points of it: what `locate` looks for events in.
 
-Guards of surfaces off which the motion runs are h_i itself; a sliding surface has two, the rates at the ends
-of its set of signs or, where another surface coupled to it slides too, the distance of its multiplier from
-them. Each is written so that it is positive while the mode lasts.
+Guards of surfaces off which the solution runs are h_i itself; a sliding surface has two, the rates at the
+ends of its set of signs or, where another surface coupled to it slides too, the distance of its multiplier
+from them. Each is written so that it is positive while the mode lasts.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel, shift, sqrt
@@ -151,7 +151,7 @@ def sample_in_lanes(
     iw: Integers,
     ctx: Indices,
 ) -> int:
-    """As `sample`, for a motion that slides on one surface of a small symbolic system."""
+    """As `sample`, for a solution that slides on one surface of a small symbolic system."""
     i, first, x = only_sliding(iw), 0, w.xm
     prepare_points(p, m, w)
     while first < NODES + CHECKS:

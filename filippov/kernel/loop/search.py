@@ -114,7 +114,7 @@ def search(run: Trajectory) -> int:
     if failed == 1 or cause == -1:
         return USER_ERROR
     if look and iw.pieces > PIECES:
-        # Guards that turn faster than the motion: longer steps cost more and hide what happens.
+        # Guards that turn faster than the solution: longer steps cost more and hide what happens.
         clock.step = min(clock.step, abs(step) * float(PIECES) / float(iw.pieces))
     if RESETS and cause == NOTHING:
         surface, ago = reached_before(te, w.y, shift(w.k, (STAGES - 1) * N), m, -1, w)

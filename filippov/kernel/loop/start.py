@@ -127,14 +127,14 @@ def begin(run: Trajectory) -> int:
             m[i] = -1.0 if h[i] < 0.0 else 1.0
     if gradients(t, x, p, m, w.g, w.gt, ctx) != 0:
         return USER_ERROR
-    met, total = -1, 0
+    reached, total = -1, 0
     for i in range(M):
         # A relay with hysteresis is inside its band there, and h = 0 is as good as any other place.
         if WIDTH[i] == 0.0 and not (abs(h[i]) > 8.0 * EPS * guard_scale(i, t, x, w)):
-            met = i
+            reached = i
             total += 1
     if total == 0:
         return REACHED
-    if total > 1 or ROLE[met] != SWITCHING:
+    if total > 1 or ROLE[reached] != SWITCHING:
         return GENERAL
-    return on_one_surface(t, x, p, m, order, lam, met, w, run.iw, ctx)
+    return on_one_surface(t, x, p, m, order, lam, reached, w, run.iw, ctx)

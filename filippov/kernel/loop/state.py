@@ -316,8 +316,8 @@ class Trajectory(Struct):
     """One trajectory: where what belongs to it lies, and the step under way.
 
     x, mode m, multipliers lam of the sliding surfaces; order[i]: how often guard i vanishes at the start;
-    hit: the surfaces that are active where the classification is needed; stop: events until a terminal one, a
-    row of STOPS a surface; ticks, instants: time events, with the times of those that list them; rec,
+    trigger: the surfaces that are active where the classification is needed; stop: events until a terminal
+    one, a row of STOPS a surface; ticks, instants: time events, with the times of those that list them; rec,
     rec_coef: steps with their dense output; events, marks: what is kept of events; kinds: how
     many of each kind a surface had, where events are only counted; number: in its batch.
     """
@@ -327,7 +327,7 @@ class Trajectory(Struct):
     x: Vector
     m: Vector
     order: Indices
-    hit: Indices
+    trigger: Indices
     lam: Vector
     p: Vector
     atol: Vector
@@ -359,7 +359,7 @@ class Trajectories(Struct):
     xs: Vector
     ms: Vector
     orders: Indices
-    hits: Indices
+    triggers: Indices
     lams: Vector
     ps: Vector
     stops: Indices

@@ -196,7 +196,7 @@ def jump(run: Trajectory, t: float, i: int) -> bool:
         lo, hi = w.radius[2 * on], w.radius[2 * on + 1]
         room = min(lam[on] - lo, hi - lam[on])
         if m[on] != 0.0:
-            # The step of a slide says nothing about the motion that leaves it.
+            # The step of a slide says nothing about the solution that leaves it.
             clock.step = 0.0
         return code == REACHED and order[on] != 2 and (m[on] != 0.0 or room > ROOM * (hi - lo))
     return True

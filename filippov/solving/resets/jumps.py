@@ -48,12 +48,12 @@ class Settled:
     """What the resets of an instant came to.
 
     surfaces   numbers of those that reset the state, time events after the surfaces
-    met        surfaces that the state is on in the end; left: contacts that it leaves
+    reached    surfaces that the state is on in the end; left: contacts that it leaves
     status     None, or how the run ends here; detail: why
     """
 
     surfaces: tuple[int, ...] = ()
-    met: tuple[int, ...] = ()
+    reached: tuple[int, ...] = ()
     left: tuple[int, ...] = ()
     status: Status | None = None
     detail: str = ""
@@ -216,8 +216,8 @@ def _put(run: Run, end: _State) -> Settled:
         closed = [i for i in range(run.machine.m) if run.machine.contacts[i] == mode[i] != 0 and rates.on(i)]
         x = hold(run, x, mode, [i for i in closed if i in tiny or rates.still(i)])
         rates = rates_at(run, x, mode, rates)
-    met = [i for i in range(run.machine.m) if run.machine.widths[i] == 0.0 and rates.on(i)]
-    for i in met:
+    reached = [i for i in range(run.machine.m) if run.machine.widths[i] == 0.0 and rates.on(i)]
+    for i in reached:
         if run.machine.contacts[i] == mode[i] and (i in tiny or rates.still(i)):
             mode[i] = 0.0
         elif mode[i] == 0.0 and not run.machine.contacts[i]:
@@ -225,8 +225,8 @@ def _put(run: Run, end: _State) -> Settled:
             mode[i] = 1.0 if rates.h[i] >= 0.0 else -1.0
     run.x[:], run.mode[:] = x, mode
     # The rate of a contact depends on no sign: where it is clear of rounding the contact is left.
-    left = tuple(i for i in met if run.machine.contacts[i] == mode[i] != 0 and not rates.still(i))
-    return Settled(end.done, tuple(i for i in met if i not in left), left)
+    left = tuple(i for i in reached if run.machine.contacts[i] == mode[i] != 0 and not rates.still(i))
+    return Settled(end.done, tuple(i for i in reached if i not in left), left)
 
 
 def _stop(run: Run, state: _State, status: Status, detail: str) -> Settled:
@@ -422,7 +422,7 @@ def _guard(i: int, rows: Array) -> Array:
 def _point(run: Run, x: Array, mode: Array) -> Point:
     kept = run.x.copy(), run.mode.copy()
     run.x[:], run.mode[:] = x, mode
-    point = replace(point_of(run), resting=frozenset(), met=frozenset())
+    point = replace(point_of(run), resting=frozenset(), reached=frozenset())
     run.x[:], run.mode[:] = kept
     return point
 

@@ -242,15 +242,16 @@ class _Law(NamedTuple):
     sure: float
 
 
-def _limit(run: Run, states: Array, met: int, law: _Law, surfaces: tuple[int, ...]) -> Accumulation:
-    """The limit of the law with its state, from those at the ends of cycles on the surface met last."""
+def _limit(run: Run, states: Array, last: int, law: _Law, surfaces: tuple[int, ...]) -> Accumulation:
+    """The limit of the law with its state, from those at the ends of cycles on the surface reached last."""
     t, error, ratio, sure = law
     x, x_before = (_extrapolated(states[: len(states) - k], ratio) for k in (0, 1))
     on = onto(run, t, x, surfaces)
     known = float(np.max(np.abs(x - x_before) + run.atol + run.options.rtol * np.abs(x)))
     if len(surfaces) > 1 and float(np.max(np.abs(on - x))) > WITHIN * known:
-        # Surfaces that do not meet, whose resets lead from one to the other: the limit on the one met last.
-        on = onto(run, t, x, (met,))
+        # Surfaces that do not meet, whose resets lead from one to the other: the limit on the one reached
+        # last.
+        on = onto(run, t, x, (last,))
     x_error = float(np.max(np.abs(x - x_before) + run.atol + run.options.rtol * np.abs(on)))
     return Accumulation(t, on, sure * error, sure * x_error, ratio, surfaces)
 
@@ -262,8 +263,8 @@ def _taking_part(run: Run, past: Past, most: int, first: float, middle: float) -
     """
     roles, ago = run.machine.roles, np.abs(past.t[-most:] - past.t[-1]).tolist()
     surfaces = [(i, d) for i, d in zip(past.surface[-most:].tolist(), ago, strict=True) if i < len(roles)]
-    met = [(i, d) for i, d in surfaces if roles[i] != "observer"]
-    last, before = {i for i, d in met if d < middle}, {i for i, d in met if middle <= d < first}
+    passed = [(i, d) for i, d in surfaces if roles[i] != "observer"]
+    last, before = {i for i, d in passed if d < middle}, {i for i, d in passed if middle <= d < first}
     return tuple(sorted(last & before))
 
 

@@ -40,7 +40,7 @@ class Ambiguity:
                 candidates: the state from which the reset led here is not determined
     candidates  every consistent next mode
     before      the mode in which the point was reached
-    hit         numbers of the surfaces that were reached there
+    triggered   numbers of the surfaces that were reached there (`hit`: its earlier name)
     start       whether it is the initial state
     """
 
@@ -48,8 +48,13 @@ class Ambiguity:
     name: str
     candidates: tuple[Successor, ...]
     before: Mode
-    hit: tuple[int, ...]
+    triggered: tuple[int, ...]
     start: bool
+
+    @property
+    def hit(self) -> tuple[int, ...]:
+        """`triggered` under its earlier name."""
+        return self.triggered
 
     def __str__(self) -> str:
         if not self.candidates:
@@ -70,7 +75,7 @@ def noted(point: Point, name: str, chosen: Successor) -> str:
 
 
 def name_point(
-    point: Point, met: Sequence[int], candidates: Sequence[Successor]
+    point: Point, reached: Sequence[int], candidates: Sequence[Successor]
 ) -> tuple[str, tuple[Successor, ...]]:
     """What the point is called where several modes follow, or where two folds meet; else "".
 
@@ -78,7 +83,7 @@ def name_point(
     repels where both folds are visible and attracts where both are invisible; the rates, which are zero
     there, do not show it. Names after Kuznetsov, Rinaldi & Gragnani 2003, in the direction of integration.
     """
-    name, surface = _name(point, met, candidates)
+    name, surface = _name(point, reached, candidates)
     order = {VISIBLE: -3, INVISIBLE: 3}.get(name, 0)
     if order == 0:
         return name, tuple(candidates)
@@ -90,7 +95,7 @@ def name_point(
     )
 
 
-def _name(point: Point, met: Sequence[int], candidates: Sequence[Successor]) -> tuple[str, int]:
+def _name(point: Point, reached: Sequence[int], candidates: Sequence[Successor]) -> tuple[str, int]:
     """The name of a point and the surface it is about, -1 for a corner."""
     if not candidates:
         return "", -1
@@ -99,10 +104,10 @@ def _name(point: Point, met: Sequence[int], candidates: Sequence[Successor]) -> 
         spirals_out(point, candidates[0].mode, pair) for pair in _pairs(point, candidates[0].mode)
     ):
         return SPIRAL, -1
-    differ = sorted({i for c in candidates for i in met if c.mode[i] != candidates[0].mode[i]})
+    differ = sorted({i for c in candidates for i in reached if c.mode[i] != candidates[0].mode[i]})
     if len(candidates) > 1 and len(differ) != 1:
         return CORNER, -1
-    able = [i for i in met if machine.roles[i] == "switching" and machine.widths[i] == 0.0]
+    able = [i for i in reached if machine.roles[i] == "switching" and machine.widths[i] == 0.0]
     able = [i for i in able if not machine.contacts[i]]
     if not differ and len(able) != 1:
         return "", -1
@@ -205,8 +210,8 @@ def ambiguity_at(
     machine = Machine(problem.system, options.stepper, problem.p, sliding=options.sliding)
     run = Run(machine, x, (t, problem.t_span[1]), options)
     run.put(mode, (0,) * len(mode), tuple(multipliers.tolist()))
-    point, met = point_of(run), [i for i, sign in enumerate(mode) if sign == 0]
-    found = successors(point, mode, met)
+    point, reached = point_of(run), [i for i, sign in enumerate(mode) if sign == 0]
+    found = successors(point, mode, reached)
     if len(found) < 2:
         return None
-    return Ambiguity(t, *name_point(point, met, found), mode, (), False)
+    return Ambiguity(t, *name_point(point, reached, found), mode, (), False)

@@ -239,7 +239,7 @@ class _Saved:
 
     @staticmethod
     def _arrays(run: Run) -> list[npt.NDArray[Any]]:
-        state: list[npt.NDArray[Any]] = [run.x, run.mode, run.order, run.hit, run.lam]
+        state: list[npt.NDArray[Any]] = [run.x, run.mode, run.order, run.trigger, run.lam]
         records = (run.clock, run.count, run.zeno, run.machine.w, run.machine.iw)
         return [*state, run.stop, *(record.array for record in records)]
 

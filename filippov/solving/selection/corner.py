@@ -1,9 +1,9 @@
 """Signs for the surfaces of one corner: those that act on each other's rates at a point.
 
 Where surfaces do not act on each other, each corner is decided by itself: 3 choices for every surface of a
-corner, not 3 to the power of all surfaces met. Up to ENUMERATED surfaces every choice is tried; beyond that
-the rates, affine in the signs, make a complementarity problem: s in its box, h' = r + C s, zero inside the
-box, outwards at an end (Leine & Nijmeijer 2004, chapter 5; Cottle, Pang & Stone 1992).
+corner, not 3 to the power of all surfaces reached. Up to ENUMERATED surfaces every choice is tried; beyond
+that the rates, affine in the signs, make a complementarity problem: s in its box, h' = r + C s, zero inside
+the box, outwards at an end (Leine & Nijmeijer 2004, chapter 5; Cottle, Pang & Stone 1992).
 """
 
 from __future__ import annotations
@@ -36,27 +36,27 @@ REDUNDANT, AHEAD = 1e-10, 1e-3
 
 
 def corners(
-    point: Point, base: Mode, met: Sequence[int], hit: Sequence[int] | None, radii: Array
+    point: Point, base: Mode, reached: Sequence[int], triggered: Sequence[int] | None, radii: Array
 ) -> list[list[int]]:
-    """The surfaces met, corner by corner, without those on which the solution goes on sliding as it does.
+    """The surfaces reached, corner by corner, without those on which the solution goes on sliding as it does.
 
-    Such a corner consists of sliding surfaces alone, none of them hit and every multiplier clear of the ends
-    of its set: what happens elsewhere does not act on its rates. With hit = None none is left out.
+    Such a corner consists of sliding surfaces alone, none of them triggered and every multiplier clear of the
+    ends of its set: what happens elsewhere does not act on its rates. With triggered = None none is left out.
     """
     groups: dict[int, list[int]] = {}
-    for i in met:
+    for i in reached:
         groups.setdefault(point.machine.component[i], []).append(i)
     sliding = [i for i in range(point.machine.m) if base[i] == 0]
     lam: Array | None = None
-    if sliding and hit is not None:
+    if sliding and triggered is not None:
         code, _, found, _ = point.probe(0.0, np.array(base, dtype=float), point.guess)
         lam = found if code == 0 and np.all(np.isfinite(found)) else None
     return [
         group
         for group in groups.values()
         if lam is None
-        or hit is None
-        or any(base[i] != 0 or i in hit for i in group)
+        or triggered is None
+        or any(base[i] != 0 or i in triggered for i in group)
         or inside(base, lam, radii, group) is not True
     ]
 
@@ -181,7 +181,7 @@ def _settled(point: Point, mode: Array, moving: Sequence[int], radii: Array) -> 
         velocity = _field_at(point, mode, moving, z, effects)
         ahead = point.direction * AHEAD * abs(point.step)
         later = replace(
-            point, t=point.t + ahead, x=point.x + ahead * velocity, summed={}, reached={}, probed={}
+            point, t=point.t + ahead, x=point.x + ahead * velocity, summed={}, reaches={}, probed={}
         )
         r2, C2, _ = coupling(later, mode, moving)
         for _, z2, signs2 in _held(later, r2, C2, moving, radii, np.zeros(len(moving))):

@@ -50,41 +50,41 @@ MOMENT = 1e-5
 
 
 def followers(
-    run: Run, base: Mode, met: Sequence[int], hit: Sequence[int] | None
+    run: Run, base: Mode, reached: Sequence[int], triggered: Sequence[int] | None
 ) -> tuple[str, tuple[Successor, ...], Point]:
-    """Name of the point, all that can follow on the surfaces met, and the point.
+    """Name of the point, all that can follow on the surfaces reached, and the point.
 
-    base, hit: as in `filippov.solving.selection.modes.successors`. The run is moved onto a two-fold into
-    which its slide leads.
+    base, triggered: as in `filippov.solving.selection.modes.successors`. The run is moved onto a two-fold
+    into which its slide leads.
     """
-    _back_to_tangency(run, hit)
+    _back_to_tangency(run, triggered)
     point = point_of(run)
-    if (found := _at_fold(run, point, base, met, hit, behind=False)) is not None:
+    if (found := _at_fold(run, point, base, reached, triggered, behind=False)) is not None:
         return found
-    name, candidates = name_point(point, met, successors(point, base, met, hit))
+    name, candidates = name_point(point, reached, successors(point, base, reached, triggered))
     # A step that went past a two-fold ends where nothing follows.
-    lost = None if candidates else _at_fold(run, point, base, met, hit, behind=True)
+    lost = None if candidates else _at_fold(run, point, base, reached, triggered, behind=True)
     return (name, candidates, point) if lost is None else lost
 
 
 def _at_fold(
-    run: Run, point: Point, base: Mode, met: Sequence[int], hit: Sequence[int] | None, behind: bool
+    run: Run, point: Point, base: Mode, reached: Sequence[int], triggered: Sequence[int] | None, behind: bool
 ) -> tuple[str, tuple[Successor, ...], Point] | None:
     """What can follow at a two-fold, or where a slide came close to one; None elsewhere."""
-    fold = _fold(run, point, base, met, hit, behind)
+    fold = _fold(run, point, base, reached, triggered, behind)
     if isinstance(fold, Way):
         return "", (_exit(point, base, fold),), point
     found = [] if fold is None else _continuations(point, base, fold)
     return (fold.name, tuple(found), point) if fold is not None and found else None
 
 
-def _back_to_tangency(run: Run, hit: Sequence[int] | None) -> None:
+def _back_to_tangency(run: Run, triggered: Sequence[int] | None) -> None:
     """Backwards in time, move a run that grazes a surface to where its rate vanishes.
 
     There a slide may have been left; the tangency is known only as well as the integration is accurate.
     """
-    i = hit[0] if hit is not None and len(hit) == 1 else -1
-    if i < 0 or run.direction > 0 or run.mode[i] == 0 or run.hit[i] != codes.TOUCH:
+    i = triggered[0] if triggered is not None and len(triggered) == 1 else -1
+    if i < 0 or run.direction > 0 or run.mode[i] == 0 or run.trigger[i] != codes.TOUCH:
         return
     point, base = point_of(run), run.signs
     if not can_slide(point, i):
@@ -105,14 +105,14 @@ def _back_to_tangency(run: Run, hit: Sequence[int] | None) -> None:
 
 
 def _fold(
-    run: Run, point: Point, base: Mode, met: Sequence[int], hit: Sequence[int] | None, behind: bool
+    run: Run, point: Point, base: Mode, reached: Sequence[int], triggered: Sequence[int] | None, behind: bool
 ) -> TwoFold | Way | None:
     """The two-fold of the only surface on which something happens, where the run is at one.
 
     The way out of a slide where that comes close to a two-fold and leaves beside it.
     """
     machine = run.machine
-    active = [i for i in met if hit is None or base[i] != 0 or i in hit]
+    active = [i for i in reached if triggered is None or base[i] != 0 or i in triggered]
     if len(active) != 1 or not can_slide(point, active[0]) or machine.contacts[active[0]]:
         return None
     i = active[0]
@@ -122,7 +122,7 @@ def _fold(
         return None
     if not machine.affine and 0 in [base[j] for j in range(machine.m) if j != i]:
         return None
-    if hit is not None and base[i] == 0 and run.hit[i] in (codes.UPPER, codes.LOWER):
+    if triggered is not None and base[i] == 0 and run.trigger[i] in (codes.UPPER, codes.LOWER):
         found = _left(run, point, base, i, behind)
         if found is not None:
             return found
@@ -167,8 +167,8 @@ def funnelled(run: Run, behind: bool = False) -> list[int]:
         if fold is None:
             continue
         if _distance(run, fold) <= NEAR if behind else _near(run, fold, lasted):
-            run.hit[:] = 0
-            run.hit[i] = codes.UPPER
+            run.trigger[:] = 0
+            run.trigger[i] = codes.UPPER
             return [i]
     return []
 

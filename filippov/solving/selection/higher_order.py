@@ -190,7 +190,7 @@ class HigherOrder:
         if run.clock.relative < 0.0:
             cycle = max(abs(run.t - run.clock.fast_from), run.clock.fast_span)
             instant = max(instant, UNSURE * run.options.rtol * cycle)
-            if np.any(run.hit[list(found.zero)] == codes.TOUCH):
+            if np.any(run.trigger[list(found.zero)] == codes.TOUCH):
                 instant = max(instant, TOUCHED * cycle)
             known = ROUNDED * np.finfo(float).eps * terms
         for i, order in zip(found.zero, found.orders, strict=True):
@@ -292,11 +292,11 @@ class HigherOrder:
         self.active = None
         return found.zero
 
-    def left(self, hit: Sequence[int]) -> Left | None:
+    def left(self, triggered: Sequence[int]) -> Left | None:
         """What follows where multipliers reached the ends of their sets; None where none of them did."""
         found, run = self.active, self.run
         assert found is not None
-        sides = {i: 1.0 if run.hit[i] == codes.UPPER else -1.0 for i in hit if i in found.pivots}
+        sides = {i: 1.0 if run.trigger[i] == codes.UPPER else -1.0 for i in triggered if i in found.pivots}
         if not sides:
             return None
         sides |= {i: sides[pivot] * factor for i, pivot, factor in found.ties if pivot in sides}

@@ -1,6 +1,6 @@
 """Which modes can follow at a point on any number of surfaces: the inclusion's own answer (U1, U2).
 
-A candidate gives each surface met a sign, or 0 for sliding. It is consistent if the solution of that mode
+A candidate gives each surface reached a sign, or 0 for sliding. It is consistent if the solution of that mode
 does what the mode says: leaves each surface to the side of its sign (first non-vanishing derivative of h),
 and holds each sliding surface with a multiplier inside its set (at an end of the set: one that moves
 inwards). All consistent candidates are returned; one means that the solution goes on uniquely. Candidates
@@ -44,7 +44,7 @@ RANK, SAME = 1e-10, 1e-9
 class Successor:
     """A consistent next mode.
 
-    order         how often each guard met vanishes along the solution; for sliding 2 where the multiplier
+    order         how often each guard reached vanishes along the solution; for sliding 2 where the multiplier
                   starts at an end of its set, 3 at a two-fold, and negative (-1, -2, -3) where it repels
     multipliers   value of the sign of every sliding surface (0 elsewhere)
     field         the field of the mode at the point
@@ -65,33 +65,35 @@ class Successor:
 
 
 def successors(
-    point: Point, base: Mode, met: Sequence[int], hit: Sequence[int] | None = None
+    point: Point, base: Mode, reached: Sequence[int], triggered: Sequence[int] | None = None
 ) -> list[Successor]:
-    """All consistent next modes at a point on the surfaces `met`; the others keep their sign in `base`.
+    """All consistent next modes at a point on the surfaces `reached`; the others keep their sign in `base`.
 
-    hit: those of the surfaces met at which something happens, an end of a multiplier's set included; None
-    where sliding is to be thought over on all of them.
+    triggered: those of the surfaces reached at which something happens, an end of a multiplier's set
+    included; None to reconsider sliding on all of them.
 
     A mode whose solution leaves a surface and is back within rounding counts where there is no other and
     nothing slides: so events follow each other where a rate vanishes at the corner that they run into.
     """
-    found = _consistent(point, base, met, hit)
-    if found or not hit or any(sign == 0 for sign in base):
+    found = _consistent(point, base, reached, triggered)
+    if found or not triggered or any(sign == 0 for sign in base):
         return found
-    return _consistent(replace(point, fine=True), base, met, hit)
+    return _consistent(replace(point, fine=True), base, reached, triggered)
 
 
-def _consistent(point: Point, base: Mode, met: Sequence[int], hit: Sequence[int] | None) -> list[Successor]:
+def _consistent(
+    point: Point, base: Mode, reached: Sequence[int], triggered: Sequence[int] | None
+) -> list[Successor]:
     """All consistent next modes, excursions counted as the point says."""
-    resting = [i for i in met if point.machine.contacts[i] and (base[i] == 0 or at_rest(point, base, i))]
-    back = frozenset(i for i in hit or () if base[i] != 0)
-    point = replace(point, resting=frozenset(resting), met=frozenset(met), base=base, back=back)
-    point = replace(point, along=_along(point, met))
+    resting = [i for i in reached if point.machine.contacts[i] and (base[i] == 0 or at_rest(point, base, i))]
+    back = frozenset(i for i in triggered or () if base[i] != 0)
+    point = replace(point, resting=frozenset(resting), reached=frozenset(reached), base=base, back=back)
+    point = replace(point, along=_along(point, reached))
     if back:
         # What the loop does not see on the scale of its steps must not send it there again.
         point = replace(point, longest=0.0)
     radii = point.machine.radii(point.t, point.x)
-    groups = corners(point, base, met, hit, radii)
+    groups = corners(point, base, reached, triggered, radii)
     options = [list(choices(point, base, group, radii)) for group in groups]
     if not all(options):
         return []
@@ -109,15 +111,15 @@ def _consistent(point: Point, base: Mode, met: Sequence[int], hit: Sequence[int]
     return _one_per_solution(_without_released_sticking(found, radii), sizes)
 
 
-def _along(point: Point, met: Sequence[int]) -> frozenset[int]:
-    """The surfaces met on which the solution stayed without sliding: held there by the others it slides on.
+def _along(point: Point, reached: Sequence[int]) -> frozenset[int]:
+    """The surfaces reached on which the solution stayed without sliding, held there by those it slides on.
 
-    Contacts that others hold as well, and kinks that coincide with a surface slid on; that rounding had one
-    of these hit its surface says nothing.
+    Contacts that others hold as well, and kinks that coincide with a surface slid on; that rounding
+    triggered one of these says nothing.
     """
     mode = np.array(point.base, dtype=float)
-    idle = [i for i in met if point.machine.roles[i] != "switching"]
-    own = [i for i in met if mode[i] != 0.0 and (i in idle or i not in point.back)]
+    idle = [i for i in reached if point.machine.roles[i] != "switching"]
+    own = [i for i in reached if mode[i] != 0.0 and (i in idle or i not in point.back)]
     if not own or np.all(mode != 0.0):
         return frozenset()
     code, velocity, _, _ = point.probe(0.0, mode, point.guess)

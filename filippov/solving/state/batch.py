@@ -102,7 +102,8 @@ class Batch:
         )  # fmt: skip
         self.clock, self.count = Rows(Clock, parts[0]), Rows(Count, parts[1])
         self.zeno = Rows(EventCycles, parts[2])
-        self.mode, self.lam, self.order, self.hit, self.stop, self.kinds, self.code, self.queue = parts[3:]
+        self.mode, self.lam, self.order, self.trigger = parts[3:7]
+        self.stop, self.kinds, self.code, self.queue = parts[7:]
         # What functions of the user's raised, by row.
         self.raised: dict[int, BaseException] = {}
         self.atol = options.tolerances(machine.system)
@@ -110,9 +111,9 @@ class Batch:
         self.ticks, self.instants = _ticks(events, machine.system.parameters.names, values)
         self.rows = Trajectories.new()
         self.rows.refer(
-            clocks=self.clock, counts=self.count, xs=self.x, ms=self.mode, orders=self.order, hits=self.hit,
-            lams=self.lam, ps=self.p, stops=self.stop, zenos=self.zeno, kinds=self.kinds, codes=self.code,
-            queue=self.queue, ticks=self.ticks,
+            clocks=self.clock, counts=self.count, xs=self.x, ms=self.mode, orders=self.order,
+            triggers=self.trigger, lams=self.lam, ps=self.p, stops=self.stop, zenos=self.zeno,
+            kinds=self.kinds, codes=self.code, queue=self.queue, ticks=self.ticks,
         )  # fmt: skip
         self.asked = _asked(machine, k, span, stops, options)
         self._chunk: _Chunks | None = None

@@ -25,10 +25,10 @@ class Jump:
     knot: tuple[int, ...] | None = None
 
 
-def change_of(before: int, after: int, hit: bool) -> EventKind | None:
+def change_of(before: int, after: int, reached: bool) -> EventKind | None:
     """The kind of event on a surface whose sign was `before` and is `after`; None where nothing happens."""
     if before == after:
-        return EventKind.GRAZING if hit and before != 0 else None
+        return EventKind.GRAZING if reached and before != 0 else None
     if after == 0:
         return EventKind.ENTRY
     return EventKind.EXIT if before == 0 else EventKind.CROSSING

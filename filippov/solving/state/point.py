@@ -23,7 +23,7 @@ class Point:
 
     guess    the last multipliers
     resting  surfaces with a contact on which the state may rest
-    met      surfaces that the point lies on
+    reached  surfaces that the point lies on
     back     surfaces that the solution of the mode `base` ran onto
     along    surfaces on which that solution stayed without sliding on them
     longest  step to which the trial step may be lengthened where nothing shows in it
@@ -37,13 +37,13 @@ class Point:
     step: float
     guess: Array
     resting: frozenset[int] = frozenset()
-    met: frozenset[int] = frozenset()
+    reached: frozenset[int] = frozenset()
     base: Mode = ()
     back: frozenset[int] = frozenset()
     along: frozenset[int] = frozenset()
     longest: float = 0.0
     fine: bool = False
-    reached: dict[int, float] = field(default_factory=dict, compare=False, repr=False)
+    reaches: dict[int, float] = field(default_factory=dict, compare=False, repr=False)
     summed: dict[bytes, Array] = field(default_factory=dict, compare=False, repr=False)
     probed: dict[tuple[float, bytes, bytes], Probe] = field(default_factory=dict, compare=False, repr=False)
 
@@ -65,13 +65,13 @@ class Point:
         return self.machine.corner_kind(self.t, self.x, mode, pair, self.direction)
 
     def reach(self, i: int, mode: Array) -> float:
-        """By how much the signs of the surfaces met move the rate of surface i: where they balance, by 0.
+        """By how much the signs of the surfaces reached move the rate of surface i: where they balance, by 0.
 
         What is left of forces in balance is rounding of these, however small the sum itself is.
         """
-        if i not in self.reached:
+        if i not in self.reaches:
             component = self.machine.component
-            group = [j for j in self.met if component[j] == component[i]]
+            group = [j for j in self.reached if component[j] == component[i]]
             g, _ = self.gradients(mode)
             signs = np.where(mode == 0.0, 1.0, mode)
             effects = []
@@ -82,8 +82,8 @@ class Point:
             base = self.rhs(signs, mode)
             for k in {i, *group}:
                 change = [abs(self.machine.rate(k, g, effect - base)) for effect in effects]
-                self.reached[k] = float(np.nansum(change))
-        return self.reached[i]
+                self.reaches[k] = float(np.nansum(change))
+        return self.reaches[i]
 
     def terms(self, i: int, mode: Array) -> float:
         """Size of the terms that the rate of surface i is a sum of: what rounding in it is measured by.

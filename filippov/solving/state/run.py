@@ -45,7 +45,7 @@ class Run:
         self.x, self.atol = np.zeros(n), np.zeros(n)
         self.mode, self.lam, self.h, self.held = np.zeros((4, m))
         self.probed = np.zeros(n + NODES * 2 * m)
-        self.order, self.hit = np.zeros((2, m), dtype=np.int64)
+        self.order, self.trigger = np.zeros((2, m), dtype=np.int64)
         self.clock, self.count = Clock.new(), Count.new()
         self.stop = np.zeros((m, codes.STOPS), dtype=np.int64)
         self.zeno = Rows(EventCycles, np.zeros((m, EventCycles.size)))
@@ -59,7 +59,7 @@ class Run:
         self.names: tuple[str, ...] = (*machine.system.surface_names, *events, *clocks)
         self.trajectory = Trajectory.new()
         self.trajectory.refer(
-            clock=self.clock, count=self.count, x=self.x, m=self.mode, order=self.order, hit=self.hit,
+            clock=self.clock, count=self.count, x=self.x, m=self.mode, order=self.order, trigger=self.trigger,
             lam=self.lam, atol=self.atol, stop=self.stop, zeno=self.zeno, rec=self.record,
             rec_coef=self.coef, events=self.found, marks=self.marks,
         )  # fmt: skip
@@ -97,7 +97,7 @@ class Run:
     def again(self, p: Array, x0: Array, span: tuple[float, float], options: Options) -> None:
         """As a new run of the same machine, with other values."""
         self.machine.again(p)
-        for array in (self.order, self.hit, self.lam, self.stop, self.zeno.array):
+        for array in (self.order, self.trigger, self.lam, self.stop, self.zeno.array):
             array.fill(0)
         for record in (self.clock, self.count, self.trajectory.now):
             record.array.fill(0)

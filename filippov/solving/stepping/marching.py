@@ -51,17 +51,17 @@ class Rows:
     states: Array
     modes: Array
     signs: Array
-    hits: Array
+    impacts: Array
 
     def last(self) -> Rows:
         """The last of them."""
         before = self.states[-2] if len(self.states) > 1 else self.before
         first = self.first + len(self.states) - 1
-        return Rows(first, before, self.states[-1:], self.modes[-1:], self.signs[-1:], self.hits[-1:])
+        return Rows(first, before, self.states[-1:], self.modes[-1:], self.signs[-1:], self.impacts[-1:])
 
     def then(self, other: Rows) -> Rows:
         """These and what follows them."""
-        mine, more = ((q.states, q.modes, q.signs, q.hits) for q in (self, other))
+        mine, more = ((q.states, q.modes, q.signs, q.impacts) for q in (self, other))
         return Rows(self.first, self.before, *(np.vstack(pair) for pair in zip(mine, more, strict=True)))
 
 
@@ -125,15 +125,15 @@ class March:
         """Take some steps and keep what they gave; returns the code at which they ended."""
         n, m = self.n, self.m
         states, modes = np.empty((count, n)), np.empty((count, m))
-        signs, hits = np.empty((count, m)), np.zeros((count, m))
+        signs, impacts = np.empty((count, m)), np.zeros((count, m))
         before, start = self.z.copy(), self.x.copy()
         code = self.kernels(
             "march", self.done, self.done + count, self.problem.t_span[0], self.step, self.theta, self.x,
-            self.z, self.s, self.p, self.scale, self.lu, states, modes, signs, hits, self.w, self.iw,
+            self.z, self.s, self.p, self.scale, self.lu, states, modes, signs, impacts, self.w, self.iw,
             self.ctx,
         )  # fmt: skip
         done = int(self.iw[step_kernels.K_LIST + 3 * m + n])
-        rows = Rows(self.done, start, states[:done], modes[:done], signs[:done], hits[:done])
+        rows = Rows(self.done, start, states[:done], modes[:done], signs[:done], impacts[:done])
         if self.done == 0 and done:
             # Where the state starts on a surface and leaves it, it has left it from the start.
             held = np.array([q.kind == "switching" for q in self.system.surfaces], dtype=bool)
@@ -161,13 +161,13 @@ class March:
         modes = np.vstack([before[None, :], rows.modes])
         through = (modes[1:-1] == 0.0) & (modes[:-2] != 0.0) & (modes[2:] != 0.0)
         modes[1:-1][through] = modes[2:][through]
-        changed = np.any(modes[1:] != modes[:-1], axis=1) | np.any(rows.hits != 0.0, axis=1)
+        changed = np.any(modes[1:] != modes[:-1], axis=1) | np.any(rows.impacts != 0.0, axis=1)
         if not last:
             changed[-1:] = False
         for row in np.flatnonzero(changed).tolist():
             now, target, first = _mode(modes[row]), _mode(modes[row + 1]), True
             kinds = [
-                EventKind.RESET if rows.hits[row, i] else _kind(now[i], target[i]) for i in range(self.m)
+                EventKind.RESET if rows.impacts[row, i] else _kind(now[i], target[i]) for i in range(self.m)
             ]
             # A surface is left from the start of the step, and landed on at its end.
             for i in sorted(range(self.m), key=lambda i: kinds[i] is not EventKind.EXIT):

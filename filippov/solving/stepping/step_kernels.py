@@ -207,9 +207,9 @@ def linearise(
 @kernel
 def step_once(
     t: float, step: float, theta: float, x: Vector, z: Vector, s: Vector, p: Vector, scale: Vector,
-    lu: Vector, hit: Vector, w: Vector, iw: Indices, ctx: Indices,
+    lu: Vector, impacts: Vector, w: Vector, iw: Indices, ctx: Indices,
 ) -> int:  # fmt: skip
-    """One step, in the place of x, z and s; hit: which contacts had an impact in it."""
+    """One step, in the place of x, z and s; impacts: which contacts had an impact in it."""
     n, surfaces = SIZES[0], SIZES[1]
     end = t + step
     m, target, low, high = shift(w, 0), shift(w, surfaces), shift(w, 2 * surfaces), shift(w, 3 * surfaces)
@@ -292,7 +292,7 @@ def step_once(
                 m[i] = sets[k]
                 same = False
         if same and (size <= SETTLED or (size <= ROUNDED and size > 0.3 * before)):
-            return finish(x, z, s, m, at, sets, target, scale, hit, iw)
+            return finish(x, z, s, m, at, sets, target, scale, impacts, iw)
         if trial > 0 and size > SLOW * before:
             iw[K_KNOWN] = 0
         before = size
@@ -302,12 +302,12 @@ def step_once(
 @kernel
 def finish(
     x: Vector, z: Vector, s: Vector, m: Vector, at: Vector, sets: Vector, target: Vector, scale: Vector,
-    hit: Vector, iw: Indices,
+    impacts: Vector, iw: Indices,
 ) -> int:  # fmt: skip
     """Take over the state at the end of a step, its sets and signs."""
     n, surfaces = SIZES[0], SIZES[1]
     for i in range(surfaces):
-        hit[i] = 0.0
+        impacts[i] = 0.0
         if CONTACT[i] != 0:
             z[i] = float(CONTACT[i])
         elif ROLE[i] != SWITCHING:
@@ -319,7 +319,7 @@ def finish(
         i = iw[K_LIST + k]
         z[i] = sets[k]
         if CONTACT[i] != 0 and sets[k] == 0.0 and float(CONTACT[i]) * target[i] > 0.0:
-            hit[i], z[i], s[i] = 1.0, float(CONTACT[i]), float(CONTACT[i])
+            impacts[i], z[i], s[i] = 1.0, float(CONTACT[i]), float(CONTACT[i])
     for j in range(n):
         x[j] = at[j]
         scale[j] = max(scale[j], abs(at[j]))
@@ -329,7 +329,7 @@ def finish(
 @kernel
 def march(
     first: int, last: int, t0: float, step: float, theta: float, x: Vector, z: Vector, s: Vector, p: Vector,
-    scale: Vector, lu: Vector, states: Vector, modes: Vector, signs: Vector, hits: Vector, w: Vector,
+    scale: Vector, lu: Vector, states: Vector, modes: Vector, signs: Vector, impacts: Vector, w: Vector,
     iw: Indices, ctx: Indices,
 ) -> int:  # fmt: skip
     """Steps first to last - 1 of equal length, a row each; how many were done is put behind the lists."""
@@ -339,7 +339,7 @@ def march(
     for number in range(first, last):
         row, t = number - first, t0 + float(number) * step
         code = step_once(
-            t, step, theta, x, z, s, p, scale, lu, shift(hits, row * surfaces), w, iw, ctx
+            t, step, theta, x, z, s, p, scale, lu, shift(impacts, row * surfaces), w, iw, ctx
         )  # fmt: skip
         if code != 0:
             return code
