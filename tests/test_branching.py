@@ -261,8 +261,7 @@ def test_graph_repr_and_files(tmp_path: Path) -> None:
 
 
 def test_ambiguities_that_were_written_with_their_earlier_name_are_read() -> None:
-    point = tree_of("N04_repelling_plane", release_times=2).root.ambiguity
-    assert point is not None
+    point = tree_of("N04_repelling_plane", release_times=2).root.solution.ambiguity
     data = ambiguity_data(point)
     data["hit"] = data.pop("triggered")
     assert ambiguity_of(data) == point

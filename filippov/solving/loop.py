@@ -476,18 +476,10 @@ class _Loop(Settling):
             if root and run.machine.callbacks is not None and not (jump.by or jump.clocks):
                 run.check_root(run.t, i, jump.x.copy(), float(residual[i]))
             run.add_event(
-                run.t,
-                i,
-                kind,
-                before,
-                after,
-                jump.x.copy(),
-                multiplier,
-                float(residual[i]),
-                AT_KNOT if caused else JUMPED_OVER if over else note,
-                together,
+                run.t, i, kind, before, after, jump.x.copy(), multiplier, float(residual[i]),
+                AT_KNOT if caused else JUMPED_OVER if over else note, together,
                 run.x.copy() if jump.by else None,
-            )
+            )  # fmt: skip
             together = True
             if run.count_down(i, kind, run.events[-1].direction):
                 ended = self._stopped(run.events[-1]) or ended
