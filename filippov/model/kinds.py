@@ -15,7 +15,7 @@ from filippov.model.parameter_symbol import ParameterSymbol
 from filippov.model.surface import Kind, Surface
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.symbols import t
-from filippov.model.table import decimal, number, samples
+from filippov.model.table import as_decimals, decimal, number, samples
 
 MAX_COMBINATIONS = 1024
 ROUNDING = 1e-12
@@ -141,7 +141,7 @@ def _points_on(h: Expr, symbols: set[Symbol]) -> list[dict[Symbol, Expr]]:
     """Return a few points with h = 0."""
     variables = sorted(h.free_symbols, key=lambda q: (isinstance(q, ParameterSymbol), q == t, q.name))
     points = []
-    for point in samples(h.free_symbols | symbols, 6):
+    for point in (as_decimals(at, h) for at in samples(h.free_symbols | symbols, 6)):
         for variable in variables:
             rest = {q: v for q, v in point.items() if q != variable}
             line = h.xreplace(rest)
@@ -169,7 +169,8 @@ def _root(line: Expr, variable: Symbol, start: Expr) -> Expr | None:
 def _possible(form: SymbolicForm, i: int, mode: Mapping[Symbol, int], point: Mapping[Symbol, Expr]) -> bool:
     """Whether the signs in `mode` can occur together on surface i, at the parameters of `point`.
 
-    True where a switching function involved is not affine in state and time: the question is left open.
+    True where a switching function involved is not affine in state and time, or has no value at 0: the
+    question is left open.
     """
     if not mode:
         return True
@@ -194,6 +195,8 @@ def _possible(form: SymbolicForm, i: int, mode: Mapping[Symbol, int], point: Map
         if any(slope.free_symbols for slope in slopes):
             return True
         line = [float(slope) for slope in slopes] + [float(h.xreplace(dict.fromkeys(variables, Integer(0))))]
+        if not np.all(np.isfinite(line)):
+            return True
         scale = max(abs(c) for c in line) or 1.0
         (above if sign else equal).append([(sign or 1) * c / scale for c in line])
     return _feasible(np.array(equal), np.array(above))

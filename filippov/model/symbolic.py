@@ -308,6 +308,11 @@ class _Power(sympy.Function):
         return _Power(base, exponent) * sympy.log(base)
 
 
+def slope_of(f: Expr, by: Symbol) -> Expr:
+    """The partial derivative of f, with a value wherever its powers have one."""
+    return _rebuilt(_rebuilt(f, hide=True).diff(by), hide=False)
+
+
 def _derivative(functions: Sequence[Expr], by: Sequence[Symbol]) -> sympy.Matrix:
     hidden = [_rebuilt(f, hide=True) for f in functions]
     return sympy.Matrix(len(functions), len(by), lambda i, j: _rebuilt(hidden[i].diff(by[j]), hide=False))

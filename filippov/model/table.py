@@ -174,7 +174,8 @@ class SurfaceTable:
             return None
         constant = cancelled(h / k)
         if dynamic(constant):
-            constant = cancelled((h / k).xreplace({s: q for s, q in points[0].items() if dynamic(s)}))
+            moving = {s: q for s, q in points[0].items() if dynamic(s)}
+            constant = cancelled((h / k).xreplace(as_decimals(moving, h / k)))
         return constant
 
 
@@ -186,17 +187,24 @@ def decimal(expr: Expr) -> Expr:
 
 def number(expr: Expr, at: dict[Symbol, Expr], divisor: Expr = S.One) -> Expr | None:
     """Return expr/divisor at a point as a number of 30 digits, None where it is not finite."""
-    if any(q.exp.free_symbols for q in expr.atoms(sympy.Pow)):
-        # Of a fraction to the power of a fraction sympy first looks for the prime factors, which takes long.
-        at = {q: sympy.Float(value, 2 * DIGITS) for q, value in at.items()}
     try:
-        top = expr.xreplace(at).evalf(DIGITS)
-        bottom = divisor.xreplace(at).evalf(DIGITS)
+        top = expr.xreplace(as_decimals(at, expr)).evalf(DIGITS)
+        bottom = divisor.xreplace(as_decimals(at, divisor)).evalf(DIGITS)
     except (TypeError, ValueError):  # Max and Min of what is not real there
         return None
     if not (top.is_number and bottom.is_number) or bottom.is_zero or top.is_finite is not True:
         return None
     return top / bottom
+
+
+def as_decimals(at: dict[Symbol, Expr], expr: Expr) -> dict[Symbol, Expr]:
+    """Return a point with decimals of 80 digits where expr has powers that are not whole, else as it is.
+
+    Of a fraction to the power of a fraction sympy looks for the prime factors, and writes out what it finds.
+    """
+    if all(q.exp.is_Integer for q in expr.atoms(sympy.Pow)):
+        return at
+    return {q: sympy.Float(value, 2 * DIGITS) for q, value in at.items()}
 
 
 def vanishes(e: Expr) -> bool:

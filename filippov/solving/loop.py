@@ -315,14 +315,14 @@ class _Loop(Settling):
         """Events the compiled loop does not decide: corners, tangencies, several surfaces at once."""
         run = self.run
         triggered = [i for i in range(run.machine.m) if run.trigger[i] != 0]
-        near = self._near()
+        roots = [i for i in triggered if run.trigger[i] == codes.ROOT]
+        near = self._near(roots)
         sliding = [i for i in range(run.machine.m) if run.mode[i] == 0]
         reached = sorted({*triggered, *near, *sliding})
         # The same place again and again means that the classification and the solution disagree.
         moved = abs(run.t - self.general_t) > 64 * np.finfo(float).eps * abs(run.t)
         self.stalled = 0 if moved else self.stalled + 1
         self.general_t = run.t
-        roots = [i for i in triggered if run.trigger[i] == codes.ROOT]
         ended = self._back_over(roots)
         active = pending(run, roots)
         if active and self.clocks.due and abs(run.t - run.clock.t_end) <= run.clock.same_instant:
@@ -372,9 +372,9 @@ class _Loop(Settling):
             return self._end(Status.NO_CONTINUATION, f"at state {state_text(run)} {why}")
         return ended
 
-    def _near(self) -> list[int]:
-        """Surfaces that the present point lies on, to rounding."""
-        sizes, scale = self.run.scales()
+    def _near(self, roots: Sequence[int] = ()) -> list[int]:
+        """Surfaces that the present point lies on, to rounding; `roots`: those that it was led to."""
+        sizes, scale = self.run.scales(roots)
         near = sizes <= 8 * np.finfo(float).eps * scale
         # A relay with hysteresis switches at the edges of its band, not where h is 0.
         return [i for i in range(self.run.machine.m) if near[i] and self.run.machine.widths[i] == 0.0]

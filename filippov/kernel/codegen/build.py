@@ -245,6 +245,7 @@ def _sizes(constants: Mapping[str, Constant], method: str) -> Sizes:
         n, m, bool(constants["AFFINE"]), colours, largest, constants["RULE"] == MOMENTS,
         points if constants["WIDE"] else None, tableau.stages, len(tableau.extra), len(tableau.dense[0]),
         isinstance(tableau, Collocation), isinstance(tableau, Series), room,
+        bool(constants["ROOTS"]),
     )  # fmt: skip
 
 

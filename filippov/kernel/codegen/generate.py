@@ -27,7 +27,7 @@ from filippov.kernel.codegen.structure import Structure
 from filippov.model.signals.input import Sampled
 from filippov.model.size import expanded
 from filippov.model.surface import Surface
-from filippov.model.symbolic import SymbolicForm, convex
+from filippov.model.symbolic import Select, SymbolicForm, convex, slope_of
 from filippov.model.symbols import t
 
 INLINED = 2500
@@ -210,16 +210,21 @@ def _sizes(form: SymbolicForm, printer: KernelPrinter, used: set[Symbol]) -> lis
 
 
 def total_gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[Expr]]:
-    """Total derivatives of each h by the states and by t, through the sizes of earlier surfaces."""
+    """Total derivatives of each h by the states and by t, through the sizes of earlier surfaces.
+
+    A size that is 0 while its surface is slid on has no slope, in a root of it either.
+    """
     place = {q: j for j, q in enumerate((*form.x, t))}
     rows: list[list[Expr]] = []
     for i, h in enumerate(form.h):
         inside = h.free_symbols
         row = [sympy.S.Zero] * len(place)
         for q in inside & place.keys():
-            row[place[q]] = h.diff(q)
+            row[place[q]] = slope_of(h, q)
         for k in (k for k in range(i) if form.a[k] in inside):
-            slope = h.diff(form.a[k]) * modes[k]
+            slope = slope_of(h, form.a[k]) * modes[k]
+            if _roots(slope, {form.a[k]}):
+                slope = Select(2 * modes[k] ** 2 - 1, slope, 0)
             row = [total + slope * inner for total, inner in zip(row, rows[k], strict=True)]
         rows.append(row)
     return rows
@@ -239,13 +244,24 @@ def jointly_affine(form: SymbolicForm) -> bool:
 
 def non_lipschitz(form: SymbolicForm) -> bool:
     """Whether the field holds a power of a size |h| that may lie below 1."""
-    sizes = set(form.a)
-    for f in form.field:
-        for power in f.atoms(sympy.Pow):
-            whole = power.exp.is_Integer or (power.exp.is_number and power.exp >= 1)
-            if power.base.free_symbols & sizes and not whole:
-                return True
-    return False
+    return any(_roots(f, set(form.a)) for f in form.field)
+
+
+def rooted(form: SymbolicForm) -> list[bool]:
+    """Which guards hold a power of an earlier size |h| that may lie below 1, and are infinitely steep at 0."""
+    own = [_roots(h, set(form.a)) for h in form.h]
+    for i, h in enumerate(form.h):
+        own[i] = own[i] or any(own[k] for k in range(i) if form.a[k] in h.free_symbols)
+    return own
+
+
+def _roots(e: Expr, sizes: set[Symbol]) -> bool:
+    """Whether an expression holds a power of these sizes that may lie below 1."""
+    return any(
+        power.base.free_symbols & sizes
+        and not (power.exp.is_Integer or (power.exp.is_number and power.exp >= 1))
+        for power in e.atoms(sympy.Pow)
+    )
 
 
 def straight_rates(
@@ -370,6 +386,7 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
         moving=[any(e.free_symbols & varying for e in ends) for ends in form.radius],
         straight=straight_rates(form, plain_rows, linear, varying),
         wide=lines[0] == "@inline" and m > 0 and not form.inputs, held=form.held, ticks=form.time_reset,
+        roots=rooted(form),
     )  # fmt: skip
     return Generated("\n".join(lines), constants)
 

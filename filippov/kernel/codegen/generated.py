@@ -47,6 +47,7 @@ def unit_constants(
     held: Sequence[bool] = (),
     clamped: bool = True,
     ticks: Sequence[object] = (),
+    roots: Sequence[bool] = (),
 ) -> dict[str, Constant]:
     """The constants of `filippov.kernel.loop.model` that belong to the system.
 
@@ -66,6 +67,8 @@ def unit_constants(
         "MOVING": [int(flag) for flag in moving] or [0],
         "STRAIGHT": [int(flag) for flag in straight] or [0],
         "ALL_LINEAR": all(linear),
+        "ROOTS": any(roots),
+        "ROOTED": [int(flag) for flag in roots] or [0] * max(len(surfaces), 1),
         "HELD": [int(flag) for flag in held] or [0] * max(len(surfaces), 1),
         **_reset_constants(n, surfaces, ticks),
     }

@@ -1,18 +1,23 @@
 """Step control: error norm, first step, and the tests that say whether a step needs a closer look."""
 
-from filippov.kernel.language.primitives import Indices, Vector, from_bits, kernel, shift, sqrt, to_bits
+from filippov.kernel.language.primitives import INF, Indices, Vector, from_bits, kernel, shift, sqrt, to_bits
 from filippov.kernel.loop.field import field, rate
 from filippov.kernel.loop.land import EPS, guard_scale
 from filippov.kernel.loop.model import (
     ALL_LINEAR,
     COMPONENT,
+    CONTACT,
     EXTRA,
+    G_COLUMN,
+    G_FIRST,
     IMPLICIT,
     MOVING,
     ORDER,
     PER_NODE,
     RESET_FROM,
     RESETS,
+    ROOTED,
+    ROOTS,
     SERIES,
     STAGES,
     STRAIGHT,
@@ -266,12 +271,43 @@ def suspicious(step: float, m: Vector, order: Indices, line: bool, w: Scratch, i
 def guard_state(
     t: float, x: Vector, p: Vector, m: Vector, f: Vector, state: Vector, w: Scratch, ctx: Indices
 ) -> int:
-    """Guards and their rates along f, in turn, into `state`."""
+    """Guards and their rates along f, in turn, into `state`; 0 for a slope that a root has none of."""
     h = w.h
     if guards(t, x, p, m, h, ctx) != 0 or gradients(t, x, p, m, w.g, w.gt, ctx) != 0:
         return 1
     for i in range(M):
+        if ROOTS:
+            w.gt[i] = w.gt[i] if abs(w.gt[i]) < INF else 0.0
+            for a in range(G_FIRST[i], G_FIRST[i + 1]):
+                slope = w.g[i * N + G_COLUMN[a]]
+                w.g[i * N + G_COLUMN[a]] = slope if abs(slope) < INF else 0.0
         state[2 * i], state[2 * i + 1] = h[i], rate(i, f, w)
+    return 0
+
+
+@kernel
+def guards_on(
+    t: float, x: Vector, p: Vector, m: Vector, order: Indices, surface: int, f: Vector, state: Vector,
+    w: Scratch, ctx: Indices,
+) -> int:  # fmt: skip
+    """`guard_state` of guards with roots in them, at a point on surfaces: there |h| is 0, whatever h is left.
+
+    surface: the one that was reached, -1 for none; a segment starts from those of positive order. A root of
+    what rounding left would have any slope; its own, which is infinite, says nothing of the guard elsewhere.
+    """
+    g, gt = w.rooted, shift(w.rooted, M * N)
+    for j in range(M):
+        w.s[j] = 0.0 if CONTACT[j] == 0 and (j == surface or order[j] > 0) else m[j]
+    if guards(t, x, p, w.s, w.h, ctx) != 0 or gradients(t, x, p, w.s, g, gt, ctx) != 0:
+        return 1
+    for i in range(M):
+        if ROOTED[i] == 0:
+            continue
+        w.gt[i] = gt[i] if abs(gt[i]) < INF else 0.0
+        for a in range(G_FIRST[i], G_FIRST[i + 1]):
+            slope = g[i * N + G_COLUMN[a]]
+            w.g[i * N + G_COLUMN[a]] = slope if abs(slope) < INF else 0.0
+        state[2 * i], state[2 * i + 1] = w.h[i], rate(i, f, w)
     return 0
 
 

@@ -1,7 +1,7 @@
 """An event that has been reached: what else happens there, what it is, and how the trajectory goes on."""
 
 from filippov.kernel.language.primitives import NAN, inline, kernel, shift_indices
-from filippov.kernel.loop.control import guard_state, mark_triggers
+from filippov.kernel.loop.control import guard_state, guards_on, mark_triggers
 from filippov.kernel.loop.corner_event import leave_corner, reach_corner, take_corner
 from filippov.kernel.loop.event_cycle import faint, zeno_horizon, zeno_remaining
 from filippov.kernel.loop.field import field
@@ -15,6 +15,7 @@ from filippov.kernel.loop.model import (
     RESET_FROM,
     RESETS,
     ROLE,
+    ROOTS,
     TICKS,
     WIDTH,
     M,
@@ -113,6 +114,7 @@ def decide(run: Trajectory) -> int:
     if (
         failed == 1
         or guard_state(te, xe, p, m, w.f, w.end, w, ctx) != 0
+        or (ROOTS and guards_on(te, xe, p, m, run.order, surface, w.f, w.end, w, ctx) != 0)
         or radii(te, xe, p, w.radius, ctx) != 0
     ):
         return USER_ERROR

@@ -13,6 +13,8 @@ from filippov.kernel.loop.model import (
     IMPLICIT,
     RESET_FROM,
     ROLE,
+    ROOTED,
+    ROOTS,
     WIDTH,
     M,
     N,
@@ -143,6 +145,8 @@ def land(
     dense_length = length
     code = go(t, x, p, m, length, line, xe, w, iw, ctx)
     value, change, last = 0.0, 0.0, 1e300
+    # Lengths on both sides of the root of a guard with a root in it, which may bend Newton's steps anywhere.
+    bent, before, behind = ROOTS and cause == ROOT and ROOTED[i] != 0, 0.0, INF
     for attempt in range(48):
         if code != 0 or cause == TOUCH:
             break
@@ -167,7 +171,12 @@ def land(
             delta = step - length
         if (length + delta) / step < 0.0:
             delta = -0.5 * length
-        if abs(delta) <= 2.0 * EPS * abs(te) or (attempt > 2 and abs(value) >= last):
+        if bent:
+            before = max(before, length / step) if m[i] * value > 0.0 else before
+            behind = min(behind, length / step) if m[i] * value < 0.0 else behind
+            if behind < INF and not (before < (length + delta) / step < behind):
+                delta = 0.5 * (before + behind) * step - length
+        if abs(delta) <= 2.0 * EPS * abs(te) or (attempt > 2 and abs(value) >= last and not bent):
             break
         last = abs(value)
         # An explicit correction of a stiff field is no small one.
@@ -184,7 +193,7 @@ def land(
         length += delta
     # The state may have got to where the field, or a guard, has no value.
     sound = abs(value) < 1e300 and abs(change) <= INF
-    if CLAMPED and code == 0 and sound and cause == ROOT and ROLE[i] == SWITCHING:
+    if (CLAMPED or bent) and code == 0 and sound and cause == ROOT and ROLE[i] == SWITCHING:
         # What is farther off than the integration is accurate is no landing: a field that stands still beyond
         # the surface leads Newton's method off.
         went = (abs(t) + abs(length)) * (abs(w.start[2 * i + 1]) + abs(rate(i, f, w)))

@@ -20,6 +20,8 @@ from filippov.kernel.loop.model import (
     LINEAR,
     OWNER,
     ROLE,
+    ROOTED,
+    ROOTS,
     M,
     N,
 )
@@ -39,6 +41,8 @@ from filippov.kernel.tables.root_tables import DEGREE, NO_ROOT, NODES, TANGENT_R
 
 NOISY = 64.0
 LEAVES = 16
+# Rounding of a guard with a root in it, at most, in parts of its magnitude on the step.
+STEEP = 1e-9
 # Of the rates on both sides of a sliding surface: an excess of the multiplier that is rounding.
 BOUND_TOLERANCE = 1e-10
 EPS = 2.220446049250313e-16
@@ -52,6 +56,15 @@ def sampled_range(row: int, w: Scratch) -> tuple[float, float]:
         least = min(least, w.node[a * 2 * M + row])
         most = max(most, w.node[a * 2 * M + row])
     return least, most
+
+
+@kernel
+def rises(row: int, w: Scratch) -> bool:
+    """Whether all samples of a guard but that at the start are positive: with a root of time it begins so."""
+    least = float(w.node[2 * M + row])
+    for a in range(2, NODES):
+        least = min(least, w.node[a * 2 * M + row])
+    return least > 0.0
 
 
 @kernel
@@ -205,6 +218,9 @@ def row_root(
         if stands_still(low, high, allowed, step, i, w):
             return NO_ROOT, 2.0, degree
         dip = rounding(t, step, i, m, w, iw)
+        if ROOTS and ROOTED[i] != 0:
+            # Where its root vanishes a guard is as steep as can be, and nowhere else on the step.
+            dip = min(dip, STEEP * max(-low, high))
         touch += dip if touch > 0.0 else 0.0
         allowed += dip
         # A root at the very end of a clear descent is none of these.
@@ -267,6 +283,8 @@ def first_on_piece(
             iw.unresolved += 1 if off > 0 else 0
             if iw.unresolved > LEAVES:
                 return UNRESOLVED, 0, 0.0, 0.0
+            if ROOTS and off != 0 and lo == 0.0 and m[i] != 0.0 and order[i] > 0 and rises(row, w):
+                continue
         kind, u, degree = row_root(row, t, step, lo, width, tolerance, noise, p, m, order, w, iw, ctx)
         if kind == NO_ROOT or u >= best:
             continue

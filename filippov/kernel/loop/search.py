@@ -13,7 +13,20 @@ from filippov.kernel.loop.control import (
 from filippov.kernel.loop.field import field
 from filippov.kernel.loop.land import land, reached_before
 from filippov.kernel.loop.locate import NOISY, locate
-from filippov.kernel.loop.model import AFFINE, CLAMPED, LINEAR, RESETS, STAGES, WIDTH, M, N
+from filippov.kernel.loop.model import (
+    AFFINE,
+    CLAMPED,
+    CONTACT,
+    LINEAR,
+    RESETS,
+    ROOTED,
+    ROOTS,
+    STAGES,
+    WIDTH,
+    M,
+    N,
+    guards,
+)
 from filippov.kernel.loop.record import store_step
 from filippov.kernel.loop.resolve import widen
 from filippov.kernel.loop.sampling import dense_output, guard_noise, straight
@@ -27,16 +40,29 @@ PIECES = 64
 
 
 @kernel
+def turns(
+    i: int, t: float, x: Vector, length: float, p: Vector, m: Vector, w: Scratch, ctx: Indices
+) -> bool:
+    """Whether guard i is negative so much later along the field at the end of the step."""
+    last_k = shift(w.k, (STAGES - 1) * N)
+    for j in range(N):
+        w.xm[j] = x[j] + length * last_k[j]
+    return guards(t + length, w.xm, p, m, w.h, ctx) == 0 and m[i] * w.h[i] + WIDTH[i] < 0.0
+
+
+@kernel
 def event_at_end(
     t: float, x: Vector, p: Vector, start: float, m: Vector, order: Indices, w: Scratch, ctx: Indices
 ) -> int:
     """The surface whose guard vanishes within rounding after the end of the run, -1 if none: clause E4."""
     for i in range(M):
-        rate = m[i] * w.end[2 * i + 1]
+        rate = m[i] * w.end[2 * i + 1] * w.direction
         if rate < 0.0 and order[i] == 0:
             wait = -(m[i] * w.end[2 * i] + WIDTH[i]) / rate
             if wait <= 1e-12 * max(abs(t), abs(t - start)):
                 if LINEAR[i] == 0 and abs(w.end[2 * i]) <= NOISY * guard_noise(i, t, x, p, m, w, ctx):
+                    continue
+                if ROOTS and ROOTED[i] != 0 and not turns(i, t, x, 2.0 * w.direction * wait, p, m, w, ctx):
                     continue
                 return i
     return -1
@@ -189,6 +215,29 @@ def astray(run: Trajectory) -> bool:
     return not (abs(w.mult[i].value - end) <= ASTRAY_FROM_END * (1.0 + abs(end)))
 
 
+# How far beyond 0 a guard with a root in it is at an event that came after its own, of what it was before.
+SKIPPED = 1e-6
+
+
+@apart
+@kernel
+def skipped(run: Trajectory) -> bool:
+    """Whether a guard with a root in it changed its sign on the way to the surface where that vanishes.
+
+    It may do so in less time than the step is told apart into.
+    """
+    w, now = run.w, run.now
+    for j in range(M):
+        w.s[j] = 0.0 if j == now.surface and CONTACT[j] == 0 else run.m[j]
+    if guards(now.t + now.length, w.xe, run.p, w.s, w.h, run.ctx) != 0:
+        return False
+    for j in range(M):
+        off = ROOTED[j] != 0 and run.m[j] != 0.0 and j != now.surface and run.order[j] == 0
+        if off and run.m[j] * w.h[j] < -SKIPPED * abs(w.start[2 * j]):
+            return True
+    return False
+
+
 @inline
 @kernel
 def arrive(run: Trajectory) -> int:
@@ -200,6 +249,8 @@ def arrive(run: Trajectory) -> int:
     if failed == 1:
         return USER_ERROR
     if not AFFINE and run.iw.sliding > 1 and failed == 0 and astray(run):
+        failed = NOT_CONVERGED
+    if ROOTS and now.cause == ROOT and failed == 0 and skipped(run):
         failed = NOT_CONVERGED
     if failed == NOT_CONVERGED:
         go_back(run)

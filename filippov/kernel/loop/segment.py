@@ -6,6 +6,7 @@ from filippov.kernel.loop.control import (
     finite,
     first_step,
     guard_state,
+    guards_on,
     is_non_lipschitz,
     mark_grazed,
 )
@@ -16,6 +17,7 @@ from filippov.kernel.loop.model import (
     G_FIRST,
     NON_LIPSCHITZ,
     ROLE,
+    ROOTS,
     SERIES,
     WIDTH,
     M,
@@ -50,6 +52,8 @@ def renew_state(
     code = field(t, x, p, m, w.k, w, iw, ctx)
     if code == 0:
         code = guard_state(t, x, p, m, w.k, w.start, w, ctx)
+    if ROOTS and code == 0:
+        code = guards_on(t, x, p, m, order, -1, w.k, w.start, w, ctx)
     if code == 0:
         code = radii(t, x, p, w.radius, ctx)
     if code != 0:

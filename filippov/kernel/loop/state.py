@@ -23,6 +23,7 @@ class Sizes:
     largest  surfaces in the largest component
     powers   of the dense output
     jet_room scratch of the recurrences of Taylor's method
+    roots    whether guards hold roots of |h|
     points   parameters of a field that is sampled in lanes (see `points`), None where it is not
     """
 
@@ -39,6 +40,7 @@ class Sizes:
     implicit: bool = False
     series: bool = False
     jet_room: int = 0
+    roots: bool = False
 
     @property
     def side(self) -> int:
@@ -187,6 +189,8 @@ class Scratch(Struct):
     s2: Vector = part(lambda of: of.m)
     g: Vector = part(lambda of: of.m * (of.n + 1))
     gt: Vector = part(lambda of: of.m)
+    # Gradients of guards with roots in them, where these vanish.
+    rooted: Vector = part(lambda of: of.m * (of.n + 1) if of.roots else 0)
     vert: Vector = part(lambda of: of.vertices * of.n)
     rate: Vector = part(lambda of: 0 if of.affine else of.vertices * of.side)
     mat: Vector = part(lambda of: 2 * of.side * of.side)

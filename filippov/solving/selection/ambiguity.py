@@ -19,7 +19,7 @@ from filippov.solving.state.machine import Array, Machine
 from filippov.solving.state.options import Options
 from filippov.solving.state.point import Point
 from filippov.solving.state.problem import Problem
-from filippov.solving.state.run import Run
+from filippov.solving.state.run import Run, guard_terms
 
 CORNER, REPELLING = "ambiguous corner", "repelling sliding"
 SPIRAL = "spiral out of a corner"
@@ -147,7 +147,7 @@ def _side(point: Point, beside: Successor, surface: int, sign: float) -> tuple[i
     mode[surface] = sign
     lam = np.array(beside.multipliers)
     g, gt = point.gradients(mode)
-    size = float(np.sum(np.abs(g[surface] * point.x)) + abs(gt[surface] * point.t))
+    size = float(guard_terms(g, gt, point.t, point.x)[surface])
     terms = Terms(size, point.terms(surface, mode), grain=point.grain)
     term = leading_term(point, mode, lam, partial(_guard, surface), terms)
     return None if term is None or term[0] == 0 else (term[0], term[1] > 0)

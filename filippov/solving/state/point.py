@@ -73,6 +73,7 @@ class Point:
             component = self.machine.component
             group = [j for j in self.reached if component[j] == component[i]]
             g, _ = self.gradients(mode)
+            g = np.where(np.isfinite(g), g, 0.0)
             signs = np.where(mode == 0.0, 1.0, mode)
             effects = []
             for j in group:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,12 @@ _LOOKED_AT = 32
 
 
 def guard_terms(g: Array, gt: Array, t: float, x: Array) -> Array:
-    """The size of the terms of every h, sum_k |x_k dh/dx_k| + |t dh/dt|: what rounding in it is part of."""
-    return np.asarray(np.sum(np.abs(g * x), axis=1) + np.abs(gt * t))
+    """The size of the terms of every h, sum_k |x_k dh/dx_k| + |t dh/dt|: what rounding in it is part of.
+
+    Without those of an infinite slope, that of a root which is 0.
+    """
+    slopes, drift = (np.where(np.isfinite(q), np.abs(q), 0.0) for q in (g, gt))
+    return np.asarray(slopes @ np.abs(x) + drift * abs(t))
 
 
 class Run:
@@ -302,9 +307,11 @@ class Run:
         """Jacobians taken and LU factorisations made by an implicit method, as scipy counts them."""
         return int(self.machine.iw.jacobians), int(self.machine.iw.factors)
 
-    def scales(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """|h| and the size of its terms, for every surface at the present point."""
-        machine = self.machine
-        h = np.abs(machine.guards(self.t, self.x, self.mode))
+    def scales(self, on: Sequence[int] = ()) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """|h| and the size of its terms, for every surface at the present point, which lies on some."""
+        machine, resting = self.machine, self.mode.copy()
+        # On its own surface |h| is 0, whatever rounding left of h: a root would make much of it.
+        resting[[i for i in on if machine.contacts[i] == 0]] = 0.0
+        h = np.abs(machine.guards(self.t, self.x, resting))
         g, gt = machine.gradients(self.t, self.x, self.mode)
         return h, guard_terms(g, gt, self.t, self.x)
