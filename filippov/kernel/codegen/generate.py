@@ -248,7 +248,7 @@ def non_lipschitz(form: SymbolicForm) -> bool:
 
 
 def rooted(form: SymbolicForm) -> list[bool]:
-    """Which guards hold a power of an earlier size |h| that may lie below 1, and are infinitely steep at 0."""
+    """Which guards hold a power of a size |h| that may lie below 1, and are infinitely steep at 0."""
     own = [_roots(h, set(form.a)) for h in form.h]
     for i, h in enumerate(form.h):
         own[i] = own[i] or any(own[k] for k in range(i) if form.a[k] in h.free_symbols)
