@@ -1,6 +1,7 @@
 """Inputs on which trusted event-driven solvers were wrong: one test a row, named by its id."""
 
 import itertools
+import math
 from typing import Any
 
 import numpy as np
@@ -369,14 +370,26 @@ def test_a26_guard_that_is_zero_but_for_noise() -> None:
         assert len(got.events) == 0
 
 
-@pytest.mark.parametrize("start", [0.3, 0.25, 0.7, 1 / 3])
-def test_a26_guard_of_rounding_alone(start: float) -> None:
-    """(x + 1) - 1 - x is 0 but for rounding, on which nothing may depend."""
-    guard = Surface("s", lambda _, z, __: ((z[0] + 1) - 1) - z[0], kind="observer")
-    got = solve(System(field=lambda *_: [1.0], surfaces=[guard], states="x"), (start,), (0, 5))
-    assert got.success, got.message
-    assert len(got.events) <= 4
-    assert got.x_end[0] == pytest.approx(start + 5, abs=1e-13)
+ROUNDING = {
+    "sum": lambda z: ((z + 1) - 1) - z,
+    "product": lambda z: 3 * z / 7 * 7 / 3 - z,
+    "circle": lambda z: math.sin(z) ** 2 + math.cos(z) ** 2 - 1,
+    "root": lambda z: math.sqrt(z) ** 2 - z,
+    "shifted": lambda z: (z - 1e3) + 1e3 - z,
+}
+
+
+@pytest.mark.parametrize("name", ROUNDING)
+def test_a26_guard_of_rounding_alone(name: str) -> None:
+    """Guards that are 0 but for rounding, on which neither the end of a run nor its events depend."""
+    h = ROUNDING[name]
+    guard = Surface("s", lambda _, z, __: h(float(z[0])), kind="observer")
+    system = System(field=lambda *_: [1.0], surfaces=[guard], states="x")
+    for start in [0.3, 0.25, 0.7, 1 / 3, *np.random.default_rng(26).uniform(0, 3, 40)]:
+        got = solve(system, (start,), (0, 5))
+        assert got.success, got.message
+        assert len(got.events) <= 4
+        assert got.x_end[0] == pytest.approx(start + 5, abs=1e-13)
 
 
 @pytest.mark.parametrize("options", [{}, TIGHT, {"method": "DP5"}])

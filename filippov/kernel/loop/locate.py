@@ -239,7 +239,7 @@ def row_root(
     # A guard that is zero throughout says nothing: its surface is a first integral of the solution.
     if least > allowed or (least >= 0.0 and most <= 2.0 * dip):
         return NO_ROOT, 2.0, degree
-    if m[i] != 0.0 and LINEAR[i] == 0 and degree == DEGREE:
+    if m[i] != 0.0 and LINEAR[i] == 0:
         grain = noise if noise >= 0.0 else noise_in(i, t, step, lo + 0.5 * width, p, m, w, ctx)
         # A guard that is nothing but rounding says nothing.
         if high <= NOISY * grain and low >= -NOISY * grain:
