@@ -174,8 +174,8 @@ BREAK_AWAY = "(sign(d)*{level}/P - d)/I"
 
 
 def _section(level: str) -> SectionData:
-    lift = {"x": "d", "v": "0", "z": BREAK_AWAY.format(level=level)}
-    return SectionData("velocity", "sliding entry", "x", lift, (0.0, 0.5))
+    parametrisation = {"x": "d", "v": "0", "z": BREAK_AWAY.format(level=level)}
+    return SectionData("velocity", "sliding entry", "x", parametrisation, (0.0, 0.5))
 
 
 STICK = (Invariant("position in stick", _position, "0"),)

@@ -22,7 +22,7 @@ EXAMPLES: dict[str, str] = {
         "filippov attractors impact_oscillator --box x=-2:0 --box v=-2:2 --plane x,v -o "
         "results/attractors"
     ),
-    "lyapunov": "filippov lyapunov buck_pwm -p Vin=33 --duration 0.1 --stretch 4e-4 --transient 0.04",
+    "lyapunov": "filippov lyapunov buck_pwm -p Vin=33 --duration 0.1 --interval 4e-4 --transient 0.04",
     "diagram": "filippov diagram hunting --parameter P --values 10 31 -o results/diagram",
     "tune": "filippov tune hunting --ranges P=5:60 --ranges I=1:20 -o results/tuning",
     "identify": (

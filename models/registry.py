@@ -16,6 +16,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import closest
 
 if TYPE_CHECKING:
@@ -108,17 +109,24 @@ class SectionData:
     """The event map a model proposes, as plain data (see `filippov.analysis.maps.section.Section`).
 
     surface, kind  the event that is a return; coordinate: the state, or a formula in states, read there
-    lift           where a solution starts: an expression per state, as text in d and the parameters
+    parametrisation
+                   where a solution starts: an expression per state, as text in d and the parameters; `lift`
+                   is taken as well
     interval       of the coordinate that is looked at; t_max: longest return; after: mode after the event
     """
 
     surface: str
     kind: str
     coordinate: str
-    lift: Mapping[str, str]
+    parametrisation: Mapping[str, str]
     interval: tuple[float, float]
     t_max: float = 100.0
     after: str = ""
+
+
+SectionData.__init__ = keywords("keyword", same={"lift": "parametrisation"})(  # type: ignore[method-assign]
+    SectionData.__init__
+)
 
 
 @dataclass(frozen=True)

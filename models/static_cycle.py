@@ -136,9 +136,9 @@ def static_cycles(
         raise UsageError(f"Fs = {Fs}, Fc = {Fc}: expected Fs > Fc >= 0; with Fs = Fc use coulomb_ratio.")
     slip = LinearSlip(m=m, P=P, D=D, I=I, b=b)
     ratios = np.geomspace(1e-4, 1e4, RATIOS)
-    rough = np.array([slip.roughly(float(ratio)) for ratio in ratios])
+    balance = np.array([slip.roughly(float(ratio)) for ratio in ratios])
     # A root may be on the other side of a point of the scan than it seems.
-    near = np.flatnonzero(rough[:-1] * rough[1:] < 0)
+    near = np.flatnonzero(balance[:-1] * balance[1:] < 0)
     near = np.unique(np.clip([near - 1, near, near + 1], 0, RATIOS - 2))
     cycles = []
     for low, high in zip(ratios[near], ratios[near + 1], strict=True):

@@ -14,7 +14,7 @@ from filippov.app.cli.main import main
 ROOT = Path(__file__).resolve().parent.parent
 SECTION = (
     "--surface", "velocity", "--event", "sliding entry", "--coordinate", "x",
-    "--lift", "x=d, v=0, z=(sign(d)*Fs/P - d)/I",
+    "--parametrisation", "x=d, v=0, z=(sign(d)*Fs/P - d)/I",
 )  # fmt: skip
 
 # x'' = -sign(x'): from v0 it stops after the time v0.

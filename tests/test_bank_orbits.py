@@ -83,7 +83,7 @@ def test_multipliers_agree_with_central_differences(name: str) -> None:
 
 
 def test_multipliers_of_the_stiff_orbit_agree_with_central_differences() -> None:
-    # LuGre's stick-slip in the stretch y = x - t/10 of the spring, in which it is periodic.
+    # LuGre's stick-slip in the extension y = x - t/10 of the spring, in which it is periodic.
     y, v, z = states("y v z")
     s0, g = 1e5, 1 + 0.5 * exp(-((v / 0.001) ** 2))
     rate = v - z * Abs(v) * s0 / g

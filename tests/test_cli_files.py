@@ -107,7 +107,7 @@ def test_event_map_writes_its_files(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 def test_a_model_without_a_section_says_what_to_give(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["event-map", f"{own}:plain", "--surface", "v", "--interval", "0", "1"]) == 2
-    assert "proposes no section; give --event, --coordinate, --lift" in capsys.readouterr().err
+    assert "proposes no section; give --event, --coordinate, --parametrisation" in capsys.readouterr().err
 
 
 def test_bifurcation_writes_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

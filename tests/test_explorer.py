@@ -318,7 +318,7 @@ def test_16_8_the_script_makes_the_data_again(name: str, tmp_path: Path) -> None
     else:
         assert main(["explore", name, "-p", "P=20", "-o", str(tmp_path), "--quiet"]) == 0
     written = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert written["motion.png"].startswith(b"\x89PNG")
+    assert written["solution.png"].startswith(b"\x89PNG")
     code = "import sys; sys.path.insert(0, sys.argv[1]); import runpy; runpy.run_path('view.py')"
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code, str(ROOT)], cwd=tmp_path, capture_output=True, text=True,
@@ -326,7 +326,7 @@ def test_16_8_the_script_makes_the_data_again(name: str, tmp_path: Path) -> None
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     old, new = (list(csv.reader(io.StringIO(text.decode()))) for text in (
-        written["motion.csv"], (tmp_path / "motion.csv").read_bytes()))  # fmt: skip
+        written["solution.csv"], (tmp_path / "solution.csv").read_bytes()))  # fmt: skip
     assert old[0] == new[0]
     assert [[float(v) for v in line] for line in old[1:]] == [[float(v) for v in line] for line in new[1:]]
 
@@ -374,7 +374,7 @@ def test_16_8_the_page_names_no_other_machine(client: Any) -> None:
 
 def test_16_8_files_by_link(client: Any) -> None:
     here = {"Host": "localhost:80"}
-    answer = client.get("/export/motion.csv?p.k=2.0&t1=6", headers=here)
+    answer = client.get("/export/solution.csv?p.k=2.0&t1=6", headers=here)
     assert float(answer.text.splitlines()[-1].split(",")[1]) == pytest.approx(1.0, abs=1e-8)
     assert client.get("/export/map.csv?p.k=9", headers=here).status_code == 400
     assert "root:" not in client.get("/export/../../etc/passwd", headers=here).text

@@ -249,11 +249,11 @@ def test_15_6_the_fmu_is_valid_and_follows_the_exact_run(tmp_path: Path) -> None
 def test_15_6_what_the_automaton_does_not_decide_stops_by_name(tmp_path: Path) -> None:
     x, y = states("x y")
     corner = System({x: -sign(x) - 0.5 * sign(y), y: -sign(y) + 0.5 * sign(x)})
-    rough = System({x: -(abs(x) ** 0.5) * sign(x)})
+    power = System({x: -(abs(x) ** 0.5) * sign(x)})
     fold = System({x: 1 + 0 * x, y: -(1 - x) * sign(y)}, surfaces=[Surface("fold", y)])
     cases: list[tuple[System, Any, Any, str]] = [
         (corner, (0.3, 0.7), (0, 3), "corner"), (corner, (0, 0), (0, 1), "corner"),
-        (rough, (1,), (0, 3), "rough"), (fold, (0, 0), (0, 2), "no_sliding"),
+        (power, (1,), (0, 3), "non_lipschitz"), (fold, (0, 0), (0, 2), "no_sliding"),
         (registry.get("bouncing_ball").build(), (0, 1), (0, 1), "corner"),
     ]  # fmt: skip
     for k, (system, x0, span, status) in enumerate(cases):

@@ -131,7 +131,9 @@ def talkative(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     return
 
 
-SECTION = ("--coordinate", "x", "--event", "crossing", "--lift", "x=d,v=0", "--interval", "0.1", "1")
+SECTION = (
+    "--coordinate", "x", "--event", "crossing", "--parametrisation", "x=d,v=0", "--interval", "0.1", "1",
+)  # fmt: skip
 COMMANDS: dict[str, tuple[str, ...]] = {
     "simulate": ("--events", "x - 1/2"),
     "graph": (),

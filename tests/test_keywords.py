@@ -3,14 +3,19 @@
 import inspect
 import itertools
 from dataclasses import fields
+from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import numpy as np
 import pytest
 
 from filippov import Problem, Sweep, System, UsageError, sign, solve, solve_many, states
+from filippov.analysis.maps.section import Section
+from filippov.analysis.sensitivity.lyapunov import lyapunov
+from filippov.app.cli.main import main
 from filippov.kernel.codegen.interpreted import BACKENDS
 from filippov.kernel.tables.layout import RULES
+from filippov.models.registry import SectionData
 from filippov.solving.state import option_types
 from filippov.solving.state.options import METHODS, Options
 
@@ -127,3 +132,42 @@ def test_16_1_options_at_their_defaults_are_no_options() -> None:
     for one, other in itertools.combinations([{}, *changed], 2):
         first, second = (Sweep(problem, {"x0.x": [1.0]}, **given).fields for given in (one, other))
         assert first != second
+
+
+# -- earlier names of keywords --------------------------------------------------------------------------
+
+
+def test_13_7_a_section_takes_its_parametrisation_under_the_earlier_name() -> None:
+    start = {"x": "d", "v": 0}
+    now = Section("v", "crossing", "x", parametrisation=start)
+    assert Section("v", "crossing", "x", lift=start) == now  # type: ignore[call-arg]
+    assert now.lift == start
+    assert SectionData("v", "crossing", "x", lift=start, interval=(0, 1)).parametrisation == start  # type: ignore[call-arg]
+    with pytest.raises(UsageError, match="lift and parametrisation mean the same"):
+        Section("v", "crossing", "x", start, lift=start)  # type: ignore[call-arg]
+
+
+def test_13_7_the_interval_of_exponents_has_its_earlier_name() -> None:
+    """x' = -x/2: the exponent is -1/2."""
+    found = lyapunov(System({x: -x / 2}), (1.0,), 20.0, stretch=1.0)  # type: ignore[call-arg]
+    assert found.exponents == pytest.approx([-0.5], abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    "words", [("--stretch", "4e-4"), ("--interval", "4e-4"), ()], ids=["earlier", "present", "file"]
+)
+def test_13_7_flags_and_files_take_earlier_names(
+    words: tuple[str, ...], tmp_path: Path
+) -> None:
+    """Over ten periods of a converter: a decomposition each, of which the first only turns the basis."""
+    file = tmp_path / "chaos.toml"
+    file.write_text("duration = 4e-3\n" + ("" if words else "stretch = 4e-4\n"), encoding="utf-8")
+    command = ["lyapunov", "buck_pwm", "-p", "Vin=20", "--config", str(file), *words]
+    assert main([*command, "-o", str(tmp_path)]) == 0
+    assert len((tmp_path / "exponents.csv").read_text(encoding="utf-8").splitlines()) == 1 + 9
+
+
+def test_13_7_both_names_at_once_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["lyapunov", "buck_pwm", "--duration", "1", "--stretch", "1", "--interval", "1"]
+    assert main([*words, "-o", str(tmp_path)]) == 2
+    assert "'stretch' and 'interval' mean the same" in capsys.readouterr().err

@@ -20,7 +20,7 @@ from filippov.models import get
 
 def test_smooth_linear_system() -> None:
     x, y = states("x y")
-    got = lyapunov(System({x: -0.3 * x + y, y: -2 * y}), (1, 1), 60, stretch=1.0)
+    got = lyapunov(System({x: -0.3 * x + y, y: -2 * y}), (1, 1), 60, interval=1.0)
     assert got.exponents == pytest.approx([-0.3, -2.0], abs=0.02)
 
 
@@ -28,7 +28,7 @@ def test_baker_map_by_resets() -> None:
     """z' = 1 with z -> z - 1 at 1, where x -> 2 x: a factor of 2 per unit of time, exponent log 2."""
     x, z = states("x z")
     tick = Surface("tick", 1 - z, reset={z: z - 1, x: 2 * x})
-    got = lyapunov(System({x: 0 * x, z: 1 + 0 * z}, surfaces=[tick]), (1e-15, 0.25), 100, stretch=1.0)
+    got = lyapunov(System({x: 0 * x, z: 1 + 0 * z}, surfaces=[tick]), (1e-15, 0.25), 100, interval=1.0)
     assert got.exponents[0] == pytest.approx(math.log(2), abs=1e-6)
     assert got.exponents[1] == pytest.approx(0.0, abs=1e-6)
 
@@ -37,14 +37,14 @@ def test_relay_cycle_has_the_logarithms_of_its_multipliers() -> None:
     system = case("R05_relay_oscillator_no_sliding").system
     start = solve(system, (0, 0.3, 0.15), (0, 60), rtol=1e-10).x_end
     orbit = find_orbit(system, start)
-    got = lyapunov(system, orbit.x0, 60 * orbit.period, stretch=orbit.period)
+    got = lyapunov(system, orbit.x0, 60 * orbit.period, interval=orbit.period)
     wanted = np.sort(np.log(np.abs([orbit.trivial, *orbit.multipliers])) / orbit.period)[::-1]
     assert got.exponents[:2] == pytest.approx(wanted[:2], abs=2e-3)
 
 
 def test_sliding_loses_an_exponent() -> None:
     x, y = states("x y")
-    got = lyapunov(System({x: -sign(x) + 0.1 * y, y: -y}), (0.5, 0.2), 30, stretch=3.0, transient=5.0)
+    got = lyapunov(System({x: -sign(x) + 0.1 * y, y: -y}), (0.5, 0.2), 30, interval=3.0, transient=5.0)
     assert got.exponents[0] == pytest.approx(-1.0, abs=0.02)
     assert got.exponents[1] == -math.inf
 
@@ -66,10 +66,10 @@ def test_brute_force_finds_the_stable_cycle_and_then_none() -> None:
 def test_bad_requests_are_named() -> None:
     x, y = states("x y")
     system = System({x: y, y: -x - sign(y)})
-    with pytest.raises(UsageError, match="0 < stretch <= duration"):
-        lyapunov(system, (1, 0), 1.0, stretch=2.0)
+    with pytest.raises(UsageError, match="0 < interval <= duration"):
+        lyapunov(system, (1, 0), 1.0, interval=2.0)
     with pytest.raises(UsageError, match="number is 3"):
-        lyapunov(system, (1, 0), 2.0, stretch=1.0, number=3)
+        lyapunov(system, (1, 0), 2.0, interval=1.0, number=3)
     model = get("hunting")
     with pytest.raises(UsageError, match="did you mean 'P'"):
         brute_force(model.build(), Section.from_model(model), "p", [1.0], 0.1)
@@ -81,7 +81,7 @@ def test_pulse_width_modulation_from_period_one_to_chaos() -> None:
     system, period = model.build(), 400e-6
     for supply, chaotic in ((20.0, False), (33.0, True)):
         got = lyapunov(
-            system, model.x0, 100 * period, stretch=period, transient=50 * period, parameters={"Vin": supply}
+            system, model.x0, 100 * period, interval=period, transient=50 * period, parameters={"Vin": supply}
         )
         assert got.exponents[:2].sum() == pytest.approx(-1 / (22 * 47e-6), rel=1e-6)
         assert bool(got.exponents[0] > 100) is chaotic
@@ -90,7 +90,7 @@ def test_pulse_width_modulation_from_period_one_to_chaos() -> None:
 
 def test_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = ["--json", "--quiet", "-o", str(tmp_path)]
-    run = ["lyapunov", "buck_pwm", "-p", "Vin=20", "--duration", "8e-3", "--stretch", "4e-4"]
+    run = ["lyapunov", "buck_pwm", "-p", "Vin=20", "--duration", "8e-3", "--interval", "4e-4"]
     assert main([*run, "--number", "2", *out]) == 0
     found = json.loads(capsys.readouterr().out)
     assert len(found["exponents"]) == 2

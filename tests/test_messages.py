@@ -317,7 +317,9 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "load": (lambda: Solution.load("nowhere.npz"), "nowhere.npz", "No such file"),
     "save": (lambda: RUN.save("no/such/folder.npz"), "'no/such/folder.npz'", "cannot be written"),
     "no section": (lambda: find_section(LINEAR, (1.0,)), "there is none", "--surface, --event"),
-    "no lift": (lambda: EventMap(S, Section("v", "crossing", "x"))(0.1), "no lift", "returns(system"),
+    "no parametrisation": (
+        lambda: EventMap(S, Section("v", "crossing", "x"))(0.1), "no parametrisation", "returns(system",
+    ),
     "nothing forces": (lambda: returns(S, Stroboscope("x"), START, 2), "no clock ticks", "find_section("),
     "film": (lambda: RUN.animate("film.avi"), "film.avi", ".gif or .mp4"),
     "jacobian": (lambda: S.jacobian("++"), "'++'", "expected 1 entries"),

@@ -1,4 +1,4 @@
-"""Sections without a lift: what recurs along a motion is found, and the motion goes from event to event."""
+"""Sections without a parametrisation: what recurs along a solution is found, and followed by events."""
 
 import json
 import math
@@ -39,7 +39,7 @@ def hunting_start(d: float) -> np.ndarray:
 
 
 def test_16_5_the_motion_gives_the_points_of_the_declared_section() -> None:
-    """The lift of hunting and the motion are two ways to the same stick positions."""
+    """The parametrisation of hunting and the motion are two ways to the same stick positions."""
     model = get("hunting")
     system, declared = model.build(), Section.from_model(model)
     values, keywords = [10.0, 15.0, 20.0], {"transient": 150, "keep": 8, "rtol": 1e-10}
@@ -123,7 +123,7 @@ def test_16_5_a_motion_that_comes_to_rest_has_its_place() -> None:
     assert all("the solution rests" in note for note in found.notes)
     with pytest.raises(UsageError, match="comes back again and again"):
         find_section(DRY, (1, 0))
-    with pytest.raises(UsageError, match="has no lift"):
+    with pytest.raises(UsageError, match="has no parametrisation"):
         EventMap(DRY, turns)(0.5)
     frictionless = returns(
         DRY, Section("v", "crossing up", "x", t_max=1.0), (1, 0), 3, parameters={"mu": 0.0}
@@ -183,7 +183,7 @@ def test_16_5_commands_find_the_section(tmp_path: Path, capsys: pytest.CaptureFi
         (["diagram", "buck_pwm", "--over", "Vim=1:2"], "did you mean 'Vin'"),
         (["diagram", "buck_pwm", "--over", "Vin=1:2", "--over", "R=1:2"], "takes one parameter"),
         (["diagram", "buck_pwm", "--over", "Vin=1:2", "--parameter", "R"], "give one or the other"),
-        (["diagram", "buck_pwm", "--over", "Vin=1:2", "--start", "3"], "--event, --coordinate, --lift"),
+        (["diagram", "buck_pwm", "--over", "Vin=1:2", "--start", "3"], "--coordinate, --parametrisation"),
         (["event-map", "belt", "--x0", "0,0", "--interval", "0", "1"], "leave it out"),
         (["event-map", "belt", "--surface", "belt"], "--surface, --event and --coordinate together"),
         (["event-map", "hunting", "--x0", "0,0,0", "--lift", "x=d"], "give one of them"),

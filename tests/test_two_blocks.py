@@ -89,7 +89,7 @@ def test_derivative_by_the_speed_of_the_belt() -> None:
 
 
 def test_sections_that_do_not_fit_are_named() -> None:
-    parts = (SECTION.kind, SECTION.coordinate, SECTION.lift)
+    parts = (SECTION.kind, SECTION.coordinate, SECTION.parametrisation)
     with pytest.raises(UsageError, match="expected 2 signs, for block 1, block 2"):
         Section("block 1", *parts, after="0").bind(SYSTEM)
     with pytest.raises(UsageError, match="expected signs"):
@@ -97,7 +97,7 @@ def test_sections_that_do_not_fit_are_named() -> None:
     with pytest.raises(UsageError, match="block 3"):
         Section("block 1, block 3", *parts).bind(SYSTEM)
     with pytest.raises(UsageError, match="a state or a formula in states"):
-        Section("block 1", SECTION.kind, "x1 - y", SECTION.lift).bind(SYSTEM)
+        Section("block 1", SECTION.kind, "x1 - y", SECTION.parametrisation).bind(SYSTEM)
     with pytest.raises(UsageError, match="expected one state"):
         basin(SYSTEM, SECTION, ("x1", [0.0, 1.0]), ("x2", [0.0, 1.0]), (-0.6, 0.6))
 

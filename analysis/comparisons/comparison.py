@@ -8,10 +8,10 @@ Compared, at every width and for every combination of a model's options:
     drift               largest |position(t) - position(entry)| during the stays in stick of the response
     field_calls, seconds   of the same solutions over the same span, ratios to the exact system beside them
 
-P(d) is the section's coordinate where the solution that starts at lift(d) enters stick (see `band_model` for
-what that is); the order-th return is its order-th entry, in one solution, so that what the model does during
-stick is in it. The exact system is computed at two tolerances; its row holds how far they differ, and that
-bounds what can be told.
+P(d) is the section's coordinate where the solution that starts on the section at d enters stick (see
+`band_model` for what that is); the order-th return is its order-th entry, in one solution, so that what the
+model does during stick is in it. The exact system is computed at two tolerances; its row holds how far they
+differ, and that bounds what can be told.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def compare_sections(
     comparators  regularisations of `exact` itself to try too: "band", "smooth"
     coordinates  d at which P(d) is compared; default five over the interval, else 0.1 ... 0.5
     interval     where fixed points of the order-th return are sought; None: not compared
-    x0           start of the response, default the lift of the middle coordinate; events: how many to compare
+    x0           start of the response, default that of the middle coordinate; events: how many to compare
     position     quantity (t, x, p) that stick keeps, p of the exact system; default the coordinate
     parameters   values by name, for the exact system and every model that has them
     max_steps    budget of one solution; a model that uses it up is not tried at smaller widths

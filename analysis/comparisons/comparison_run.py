@@ -266,7 +266,7 @@ class BandRun:
         return solution
 
     def nth_return(self, d: float, count: int, horizon: float) -> float:
-        """Coordinate at the count-th entry into stick of the solution from lift(d); NaN if there is none."""
+        """Coordinate at the count-th entry into stick of the solution from d; NaN if there is none."""
         start, by_layer = self.exact.start(d), self.model.stick is None
         most = 100_000 if by_layer else 8 * count
         while True:

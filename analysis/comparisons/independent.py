@@ -1,6 +1,7 @@
 """Cycles of an event map by methods that share no step, event or interpolant with the solver.
 
-A return is one smooth segment off the surface, from the lift of d to the next zero of h. Two methods:
+A return is one smooth segment off the surface, from the point of the section with coordinate d to the next
+zero of h. Two methods:
 
     shooting     scipy's solve_ivp(DOP853) with an event, and brentq on P^order(d) - d
     collocation  Gauss collocation of the whole orbit as one boundary-value problem in (x, T, d), by Newton
@@ -46,7 +47,7 @@ class Side:
 class Orbits:
     """Fixed points of an event map of a symbolic, autonomous system with one surface.
 
-    Raises UsageError for another system, and from a lift where the solution stays on the surface.
+    Raises UsageError for another system, and from a point where the solution stays on the surface.
     """
 
     def __init__(self, event_map: EventMap) -> None:

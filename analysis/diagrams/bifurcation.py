@@ -56,10 +56,10 @@ def bifurcation(
     """Fixed points of the order-th iterate of the section's map over values of one parameter.
 
     interval    of the coordinate that is searched
-    x0          in place of an interval, where the section has no lift (None: it is found): a state whose
-                solution goes to an orbit, which is followed over the parameter together with the orbits that
-                branch off it (see `filippov.analysis.diagrams.orbit_diagram`); order, points, atol and engine
-                are of no meaning then
+    x0          in place of an interval, where the section has no parametrisation (None: it is found): a state
+                whose solution goes to an orbit, which is followed over the parameter together with the orbits
+                that branch off it (see `filippov.analysis.diagrams.orbit_diagram`); order, points, atol and
+                engine are of no meaning then
     points      of the grid on it
     engine      keywords of `filippov.sweep.run.run`, such as {"folder": ..., "jobs": 8, "resume": True}: the
                 values are computed by worker processes and kept in the folder; None: in this process
@@ -75,8 +75,8 @@ def bifurcation(
         )
     if not isinstance(section, Section) or interval is None:
         raise UsageError(
-            "bifurcation needs a section with a lift and interval=(lo, hi), or x0=, the state of a solution "
-            "that goes to an orbit."
+            "bifurcation needs a section with a parametrisation and interval=(lo, hi), or x0=, the state of "
+            "a solution that goes to an orbit."
         )
     base = EventMap(system, section, parameters=parameters, order=order, rtol=rtol, atol=atol)
     ordered = sorted(float(v) for v in values)

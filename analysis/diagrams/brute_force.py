@@ -30,10 +30,11 @@ class BruteForce:
 
     parameter, values   what is varied, (k,)
     d        iterates kept, (k, keep); NaN after a solution that does not return; where a solution without a
-             lift comes to rest, the coordinate at which it does
+             parametrisation comes to rest, the coordinate at which it does
     period   least p with d[i + p] = d[i] to 1e-6 of the range of d, 0 where there is none up to half of keep
     complete False where it was interrupted
-    notes    for each value, of a solution without a lift, why it did not return so often; "" where it did
+    notes    for each value, of a solution without a parametrisation, why it did not return so often; "" where
+             it did
     """
 
     parameter: str
@@ -63,14 +64,15 @@ def brute_force(
 ) -> BruteForce:
     """Iterate the event map from `start` for every value of a parameter, all values side by side.
 
-    section          where the map is taken; without a lift (or a `Stroboscope`) one solution is followed from
-                     event to event at each value; None: found (`filippov.analysis.maps.find_section`)
-    start            the first coordinate; without a lift the initial state, in order or by name
+    section          where the map is taken; without a parametrisation (or a `Stroboscope`) one solution is
+                     followed from event to event at each value; None: found
+                     (`filippov.analysis.maps.find_section`)
+    start            the first coordinate; without a parametrisation the initial state, in order or by name
     transient, keep  iterates that are dropped, and those that are kept
     follow           start each value at the last iterate of the one before it: branches are followed, one
                      value after the other
     rtol             of a return; threads: of all values side by side
-    max_events       of all kinds in one solution, without a lift
+    max_events       of all kinds in one solution, without a parametrisation
 
     An excursion below 1e-8 of the start is taken for rest. Ctrl-C returns what there is. Raises UsageError.
     """
@@ -78,7 +80,7 @@ def brute_force(
         raise UsageError(unknown("parameter", parameter, system.parameters))
     if transient < 0 or keep < 1:
         raise UsageError(f"transient {transient}, keep {keep}: expected at least 0 and 1.")
-    if not isinstance(section, Section) or section.lift is None:
+    if not isinstance(section, Section) or section.parametrisation is None:
         chosen = section or first_section(system, start, parameter, values, parameters)
         return _along_solutions(
             system, chosen, parameter, np.asarray(values, dtype=float), start, transient, keep,
@@ -133,7 +135,7 @@ def _along_solutions(
     keep: int, parameters: dict[str, float], follow: bool, options: dict[str, Any],
     progress: Callable[[int, int], None] | None,
 ) -> BruteForce:  # fmt: skip
-    """The iterates of one solution at each value: where it goes from event to event, no lift is needed."""
+    """The iterates of one solution, followed from event to event, at each value."""
     if follow:
         _same_phase(system, section, [{**parameters, parameter: value} for value in grid.tolist()])
     d, notes, state = np.full((grid.size, keep), np.nan), [""] * grid.size, x0

@@ -33,11 +33,12 @@ _NUMBERS = ("d", "slope", "residual", "period")
 
 
 def _fields(system: System, section: Section, **others: Any) -> dict[str, str]:
-    lift = _depends(section.lift).digest if callable(section.lift) else str(dict(section.lift or {}))
+    given = section.parametrisation
+    at = _depends(given).digest if callable(given) else str(dict(given or {}))
     said = {
         "filippov": f"{package_version()} {own_sources()}", **toolchain(),
         "model": system.digest or _model(system).digest,
-        "section": f"{section.stop!r} {section.coordinate} {lift} {section.t_max!r} {section.after}".rstrip(),
+        "section": f"{section.stop!r} {section.coordinate} {at} {section.t_max!r} {section.after}".rstrip(),
     }  # fmt: skip
     return said | {name: json.dumps(value) for name, value in others.items()}
 
@@ -46,12 +47,12 @@ def _model(system: System) -> Dependence:
     return Dependence("") if system.field is None else dependence(*plain_system(system))
 
 
-def _depends(lift: Any) -> Dependence:
-    return dependence(lift) if callable(lift) else Dependence("")
+def _depends(parametrisation: Any) -> Dependence:
+    return dependence(parametrisation) if callable(parametrisation) else Dependence("")
 
 
 def _unseen(system: System, section: Section) -> tuple[str, ...]:
-    return (*_model(system).unseen, *_depends(section.lift).unseen)
+    return (*_model(system).unseen, *_depends(section.parametrisation).unseen)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Bifurcation diagram of a section without a lift: periodic orbits followed over a parameter.
+"""Bifurcation diagram of a section without a parametrisation: periodic orbits followed over a parameter.
 
 The orbit that the solution from one state goes to is followed by pseudo-arclength continuation, and so is
 each branch that leaves it at a period doubling, a branch point or a symmetry breaking; all on full states.

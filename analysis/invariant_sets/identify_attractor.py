@@ -195,13 +195,13 @@ class Identifier:
         if drift > 10 * STEADY:
             return None
         value, error = float("nan"), float("nan")
-        stretch = flow.duration
+        interval = flow.duration
         if flow.kind == "section":
             ends = flow(y[-1:])[1]
-            stretch = float(ends.t[0])
+            interval = float(ends.t[0])
         try:
             found = lyapunov(
-                flow.system, y[-1], EXPONENT * stretch, stretch=stretch, t0=flow.t0, number=1,
+                flow.system, y[-1], EXPONENT * interval, interval=interval, t0=flow.t0, number=1,
                 parameters=flow.parameters,
             )  # fmt: skip
             if "interrupted" in found.message:
@@ -209,7 +209,7 @@ class Identifier:
             value, error = float(found.exponents[0]), float(found.error[0])
         except (*FAILS, UsageError):
             pass
-        chaotic = np.isfinite(value) and value > ERRORS * error and value * EXPONENT * stretch > 5.0
+        chaotic = np.isfinite(value) and value > ERRORS * error and value * EXPONENT * interval > 5.0
         if not chaotic and drift > STEADY:
             return None
         note = (

@@ -151,7 +151,8 @@ class EventMap:
     def jet(self, d: float, parameters: Sequence[str] = ()) -> Array:
         """P(d), dP/dd, and dP/dq for the named parameters q, in one array; NaN where the map does not return.
 
-        All derivatives come from saltation matrices; that of the lift by parameters from differences.
+        All derivatives come from saltation matrices; that of the parametrisation by parameters from
+        differences.
         """
         names = tuple(parameters)
         out = np.zeros(2 + len(names))

@@ -39,7 +39,7 @@ def find_section(
     system: System, x0: Any, *, parameters: Mapping[str, float] | None = None, t_max: float | None = None,
     period: Any = None, coordinate: Any = None,
 ) -> Section | Stroboscope:  # fmt: skip
-    """The section on which the solution from x0 returns, without a lift: the solution is one.
+    """The section on which the solution from x0 returns, without a parametrisation.
 
     Of a system that t or a clock forces, its states once a period (`Stroboscope`); of any other the kind of
     event on a surface that recurs, the most seldom one, as others may come several times per return.

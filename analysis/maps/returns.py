@@ -1,4 +1,4 @@
-"""A section without a lift: the states at its events along one solution.
+"""A section without a parametrisation: the states at its events along one solution.
 
 The solution goes from one event of the section to the next, so its own states are where the returns start.
 """
@@ -61,7 +61,7 @@ def returns(
     parameters: Mapping[str, float] | None = None, t0: float = 0.0, rtol: float = 1e-10, atol: Any = None,
     method: str = "DOP853", max_events: int = 1_000_000,
 ) -> Returns:  # fmt: skip
-    """The next `count` events of a section along the solution from x0 at t0; its lift is not asked for.
+    """The next `count` events of a section along the solution from x0 at t0; no parametrisation is needed.
 
     x0           a state, in order or by name
     parameters   values by name

@@ -13,6 +13,7 @@ import sympy
 
 from filippov.analysis.maps.coordinate import Coordinate
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.expression import parse_expression
 from filippov.model.system import System
@@ -30,9 +31,10 @@ class Section:
     surface, kind  the event that is a return of the map (as in `Stop`); several surfaces with commas between.
                    A surface is named, or given by the formula of its h, written either way round
     coordinate     what is read there: the name of a state, or a formula in states (sympy or text)
-    lift           where a solution starts for a coordinate d: an expression per state (sympy or text) in `d`
-                   and the parameters, or a function (d, p) -> x0 with p by name; None: the solution itself,
-                   from one initial state (see `filippov.analysis.maps.returns`)
+    parametrisation
+                   the state at coordinate d, where a solution starts: an expression per state (sympy or text)
+                   in `d` and the parameters, or a function (d, p) -> x0 with p by name; None: one solution is
+                   followed from an initial state (`filippov.analysis.maps.returns`). `lift` is taken as well
     t_max          longest time of a return; a solution that takes longer does not return
     after          mode after the event, such as "0" or "+0" with * for any sign, one per surface:
                    other events are no return; "": any. For systems that do not depend on time
@@ -43,7 +45,7 @@ class Section:
     surface: str
     kind: str
     coordinate: str
-    lift: Mapping[str, Any] | Callable[..., Any] | None = field(default=None, hash=False)
+    parametrisation: Mapping[str, Any] | Callable[..., Any] | None = field(default=None, hash=False)
     t_max: float = 100.0
     after: str = ""
 
@@ -61,9 +63,15 @@ class Section:
         data = getattr(model, "section", None)
         if data is None:
             raise UsageError(
-                f"model {model.name!r} proposes no section; give Section(surface, kind, coordinate, lift)."
+                f"model {model.name!r} proposes no section; give Section(surface, kind, "
+                "coordinate, parametrisation)."
             )
-        return cls(data.surface, data.kind, data.coordinate, data.lift, data.t_max, data.after)
+        return cls(data.surface, data.kind, data.coordinate, data.parametrisation, data.t_max, data.after)
+
+    @property
+    def lift(self) -> Mapping[str, Any] | Callable[..., Any] | None:
+        """`parametrisation` under its earlier name."""
+        return self.parametrisation
 
     @property
     def surfaces(self) -> tuple[str, ...]:
@@ -81,7 +89,7 @@ class Section:
         return self.stops[0] if len(self.stops) == 1 else self.stops
 
     def bind(self, system: System) -> BoundSection:
-        """The section on a system: names checked, the lift compiled to numpy with its derivative."""
+        """The section on a system: names checked, parametrisation and derivative compiled to numpy."""
         names = system.surface_names
         try:
             places = [system.surface_place(name) for name in self.surfaces]
@@ -101,6 +109,11 @@ class Section:
         return BoundSection(replace(self, surface=surface, kind=kinds.pop()), system)
 
 
+Section.__init__ = keywords("keyword", same={"lift": "parametrisation"})(  # type: ignore[method-assign]
+    Section.__init__
+)
+
+
 class BoundSection:
     """A section on one system."""
 
@@ -109,10 +122,11 @@ class BoundSection:
         self.surfaces = [system.surface_index(name) for name in section.surfaces]
         self._coordinate = Coordinate(section.coordinate, system)
         self._functions: tuple[Callable[..., Any], Callable[..., Any]] | None = None
-        if section.lift is not None and not callable(section.lift):
+        given = section.parametrisation
+        if given is not None and not callable(given):
             # Sections are bound again and again: to systems that differ in numbers, by every search.
             self._functions = _compiled(
-                tuple(section.lift.items()), tuple(system.states), tuple(system.parameters)
+                tuple(given.items()), tuple(system.states), tuple(system.parameters)
             )
 
     @property
@@ -145,24 +159,25 @@ class BoundSection:
 
     def start(self, d: Array, p: Array) -> Array:
         """Initial states for coordinates d (k,) and parameter rows p (k, P) or (P,): (k, n)."""
-        if self.section.lift is None:
+        given: Any = self.section.parametrisation
+        if given is None:
+            wanted = ", ".join(f"{name!r}: ..." for name in self.system.states)
             raise UsageError(
-                "the section has no lift, so no solution starts from a coordinate. Give Section(..., lift={"
-                f"{', '.join(f'{name!r}: ...' for name in self.system.states)}}}), or start from a state: "
-                "returns(system, section, x0, count), brute_force(..., start=x0), bifurcation(..., x0=x0)."
+                "the section has no parametrisation, so no solution starts from a coordinate. Give "
+                f"Section(..., parametrisation={{{wanted}}}), or start from a state: returns(system, "
+                "section, x0, count), brute_force(..., start=x0), bifurcation(..., x0=x0)."
             )
         values = np.atleast_1d(np.asarray(d, dtype=float))
         if self._functions is not None:
             return self._stack(self._functions[0], values, p)
         rows = np.broadcast_to(p, (values.size, p.shape[-1]))
-        lift: Any = self.section.lift
         out = [
-            lift(float(v), self.system.parameters.record(row)) for v, row in zip(values, rows, strict=True)
+            given(float(v), self.system.parameters.record(row)) for v, row in zip(values, rows, strict=True)
         ]
         return np.array(out, dtype=float).reshape(values.size, self.system.dimension)
 
     def start_slope(self, d: float, p: Array) -> Array:
-        """Derivative of the initial state by d: (n,). A lift given as a function is differenced."""
+        """Derivative of the initial state by d: (n,). A function is differenced."""
         if self._functions is not None:
             return np.asarray(self._stack(self._functions[1], np.array([d]), p)[0])
         reach = 1e-6 * max(abs(d), 1e-3)
@@ -193,22 +208,22 @@ class BoundSection:
 
 @lru_cache(maxsize=64)
 def _compiled(
-    lift: tuple[tuple[str, Any], ...], states: tuple[str, ...], parameters: tuple[str, ...]
+    given: tuple[tuple[str, Any], ...], states: tuple[str, ...], parameters: tuple[str, ...]
 ) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """The initial state for (d, parameters), and its derivative by d, in numpy."""
-    given, symbols = dict(lift), {name: sympy.Symbol(name, real=True) for name in parameters}
-    missing = [name for name in states if name not in given]
+    formulas, symbols = dict(given), {name: sympy.Symbol(name, real=True) for name in parameters}
+    missing = [name for name in states if name not in formulas]
     if missing:
         raise UsageError(
-            f"the lift has no expression for state {', '.join(missing)}; give one for every state."
+            f"the parametrisation has no expression for state {', '.join(missing)}; give one for every state."
         )
-    for name in given:
+    for name in formulas:
         if name not in states:
             raise UsageError(unknown("state", name, states))
     names: dict[str, Any] = {**symbols, "d": D}
     rows = []
     for state in states:
-        value = given[state]
+        value = formulas[state]
         expression = parse_expression(value, names) if isinstance(value, str) else sympy.S(value)
         expression = expression.xreplace(
             {s: names[s.name] for s in expression.free_symbols if s.name in names}
@@ -216,8 +231,8 @@ def _compiled(
         extra = expression.free_symbols - set(names.values())
         if extra:
             raise ModelError(
-                f"the lift of {state!r} holds {sorted(map(str, extra))}, expected d and parameters of "
-                "the system."
+                f"the parametrisation of {state!r} holds {sorted(map(str, extra))}, expected d and "
+                "parameters of the system."
             )
         rows.append(expression)
     arguments = [D, *symbols.values()]

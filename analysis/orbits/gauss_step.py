@@ -131,13 +131,13 @@ def gauss_steps(field: ModeField, states: Array, t0: float, t1: float, grid: Arr
         raise SolveError("the equations of a collocation step were not solved: the mesh is too coarse there.")
     # dK_i = A_i (dx + dt sum_k a_ik dK_k + d(dt) sum_k a_ik K_k) + f_t dt_i + f_q dq.
     inner = np.einsum("ik,jkn->jin", _A, f) * shares[:, None, None]
-    stretch = np.einsum("jiab,jib->jia", a[..., :n], inner)
+    by_state = np.einsum("jiab,jib->jia", a[..., :n], inner)
     by_t = a[..., -1]
     right = np.concatenate(
         [
             a[..., :n],
-            (by_t * (1 - places)[..., None] - stretch)[..., None],
-            (by_t * places[..., None] + stretch)[..., None],
+            (by_t * (1 - places)[..., None] - by_state)[..., None],
+            (by_t * places[..., None] + by_state)[..., None],
             a[..., n:-1],
         ],
         axis=3,

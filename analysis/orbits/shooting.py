@@ -156,12 +156,12 @@ class Shooting:
             out[rows, i * n : (i + 1) * n] = by[:n, :n] @ tangent(solution, self.sliding[i])
             last = solution.end_mode, solution.t_end, solution.x_end
             end = velocity_at(self.system, *last, p, self.jacobian)
-            stretch = share / self.symmetry_order * end
+            length = share / self.symmetry_order * end
             if self.period is None:
-                out[rows, self.size - 1] = stretch
+                out[rows, self.size - 1] = length
             # Parameters move the state, the start of the node's solution, and its length.
             by_start = by[:n, -1] * begin / self.symmetry_order
-            out[rows, self.size :] = by[:n, n : n + e] + np.multiply.outer(stretch + by_start, fixed)
+            out[rows, self.size :] = by[:n, n : n + e] + np.multiply.outer(length + by_start, fixed)
             begin += share
             following = ((i + 1) % k) * n
             out[rows, following : following + n] -= self.gate if i == k - 1 else np.eye(n)

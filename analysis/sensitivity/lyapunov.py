@@ -1,8 +1,8 @@
 """Lyapunov exponents of a solution with events: growth of small displacements, saltation included.
 
-The derivative of the flow over stretches of time, with a QR decomposition after each; the logarithms of the
+The derivative of the flow over intervals of time, with a QR decomposition after each; the logarithms of the
 diagonals add up (Benettin et al. 1980). Sliding loses rank, which is an exponent of minus infinity. The first
-tenth of the stretches only turns the basis into its directions and is not counted.
+tenth of the intervals only turns the basis into its directions and is not counted.
 Source for the events: Mueller 1995 (saltation in Lyapunov exponents); Leine & Nijmeijer 2004.
 """
 
@@ -35,7 +35,7 @@ class Lyapunov:
 
     exponents  (k,), -inf where rank is lost in sliding; error: from the scatter over 8 parts of the run
     t, running times and the exponents estimated up to them, (r,), (r, k): whether they have settled
-    skipped    stretches left out because the solution touches a surface in them
+    skipped    intervals left out because the solution touches a surface in them
     message    how the run ended, "" for as planned
     """
 
@@ -51,13 +51,13 @@ class Lyapunov:
         return f"Lyapunov exponents over {self.t[-1] - self.t[0]:.6g}: " + ", ".join(rows)
 
 
-@keywords()
+@keywords(same={"stretch": "interval"})
 def lyapunov(
     system: System,
     x0: Any,
     duration: float,
     *,
-    stretch: float,
+    interval: float,
     transient: float = 0.0,
     t0: float = 0.0,
     number: int | None = None,
@@ -66,16 +66,16 @@ def lyapunov(
     atol: float = 1e-12,
     progress: Callable[[float, float], None] | None = None,
 ) -> Lyapunov:
-    """Exponents along the solution from x0: `transient` is run first, then `duration` in stretches.
+    """Exponents along the solution from x0: `transient` is run first, then `duration` in intervals.
 
-    stretch   time between two decompositions; of a forced system a multiple of the period
+    interval  time between two decompositions; of a forced system a multiple of the period
     number    how many exponents, the largest ones; default: all
 
     A run that fails, or Ctrl-C, ends the average where it is, and the message says so. Raises UsageError.
     """
-    if not (0 < stretch <= duration and transient >= 0):
+    if not (0 < interval <= duration and transient >= 0):
         raise UsageError(
-            f"stretch {stretch}, duration {duration}, transient {transient}: expected 0 < stretch <= "
+            f"interval {interval}, duration {duration}, transient {transient}: expected 0 < interval <= "
             "duration and transient >= 0."
         )
     n = system.dimension
@@ -94,8 +94,8 @@ def lyapunov(
     times = [t]
     skipped, end = 0, t + duration
     try:
-        while t < end - 1e-9 * stretch:
-            run = solve(system, x, (t, min(t + stretch, end)), **options)
+        while t < end - 1e-9 * interval:
+            run = solve(system, x, (t, min(t + interval, end)), **options)
             if not run.success:
                 message = run.message
                 break
@@ -117,7 +117,7 @@ def lyapunov(
     except KeyboardInterrupt:
         message = f"interrupted at t = {t:.9g}"
     if not logs:
-        raise UsageError(f"no time slice could be used: {message or 'all of them touch a surface'}")
+        raise UsageError(f"no interval could be used: {message or 'all of them touch a surface'}")
     settling = len(logs) // 10
     table, times = np.array(logs[settling:]), times[settling:]
     spans = np.diff(times)
@@ -126,7 +126,7 @@ def lyapunov(
 
 
 def _along(run: Solution, basis: Array) -> Array:
-    """The basis without its components off the surfaces on which the stretch starts sliding."""
+    """The basis without its components off the surfaces on which the interval starts sliding."""
     sliding = [i for i, sign in enumerate(run.start_mode) if sign == 0]
     if not sliding:
         return basis

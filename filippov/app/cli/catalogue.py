@@ -315,8 +315,8 @@ _ALL = (
         "chaos",
         (MODEL, PARAMETERS, INPUT, START[0],
          Option("duration", "time over which they are taken", number, metavar="T"),
-         Option("stretch", "time between two decompositions; of a forced system a multiple of the period",
-                number, metavar="T"),
+         Option("interval", "time between two decompositions; of a forced system a multiple of the period",
+                number, metavar="T", earlier="stretch"),
          Option("transient", "time to run before", number, metavar="T", default=0.0),
          Option("number", "how many, the largest ones; default: all", whole, metavar="K"),
          Option("rtol", "relative tolerance of a step", number, metavar="R"),
@@ -418,7 +418,7 @@ _ALL = (
     ),
     Command(
         "explore", "a page on this machine with sliders for the parameters; with -o the files of its view: "
-        "view.py, motion.csv, events.csv, motion.png, phase.png, solution.npz, of a section map.csv, "
+        "view.py, solution.csv, events.csv, solution.png, phase.png, solution.npz, of a section map.csv, "
         "diagram.csv", "filippov.app.explorer.command",
         (MODEL, PARAMETERS, INPUT, *START[:2],
          Option("view", "a link of the page, or its part after the question mark: the view to begin with",
@@ -441,7 +441,7 @@ _ALL = (
          Option("max_time", "seconds for each case", number, metavar="SECONDS"),
          Option("jobs", "processes", whole, metavar="N", flags=("-j", "--jobs"), default=1),
          Option("solvers", "compare: the reference solvers, with commas", words, metavar="NAME,NAME,...",
-                flags=("--solvers", "--peers"))),
+                earlier="peers")),
         "filippov bank run cases.json --json rows.json",
     ),
     Command(

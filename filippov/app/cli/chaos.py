@@ -19,7 +19,7 @@ def run_lyapunov(settings: dict[str, Any], console: Console) -> int:
     """Write the exponents and how they settle; after Ctrl-C those of the time that was run."""
     loaded = loaded_of(settings)
     problem = loaded.problem({**settings, "t_span": (0.0, 1.0)})
-    for name in ("duration", "stretch"):
+    for name in ("duration", "interval"):
         if settings[name] is None:
             raise UsageError(f"how long? give --{name} TIME.")
     folder = Folder(settings["output"], console)
@@ -28,7 +28,7 @@ def run_lyapunov(settings: dict[str, Any], console: Console) -> int:
     options = {name: settings[name] for name in ("number", "rtol", "atol") if settings[name] is not None}
     with console.progress("exponents") as progress:
         found = module.lyapunov(
-            problem.system, problem.x0, settings["duration"], stretch=settings["stretch"],
+            problem.system, problem.x0, settings["duration"], interval=settings["interval"],
             transient=settings["transient"], parameters=problem.parameters, progress=progress, **options,
         )  # fmt: skip
     console.say(str(found))

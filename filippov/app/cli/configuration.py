@@ -55,6 +55,7 @@ class Option:
     default  value where neither the command line nor the file has one
     flags    short and long flag, or the bare name of a positional argument
     repeat   whether the flag can be given several times
+    earlier  an earlier name, taken as well
     """
 
     name: str
@@ -65,6 +66,7 @@ class Option:
     default: Any = None
     flags: tuple[str, ...] = ()
     repeat: bool = False
+    earlier: str = ""
 
     @property
     def flag(self) -> str:
@@ -105,6 +107,7 @@ def merge(
         top, own = _tables(read_file(path), command, commands, str(path))
         layers = [(top, f"{path}: "), (own, f"{path}: {command}.")]
     layers.append((given, ""))
+    layers = [(_by_present_names(options, layer, where), where) for layer, where in layers]
     settings: dict[str, Any] = {}
     for option in options:
         value = option.default
@@ -115,6 +118,17 @@ def merge(
                 value = {**value, **new} if both else new
         settings[option.name] = value
     return settings
+
+
+def _by_present_names(options: Sequence[Option], layer: Mapping[str, Any], where: str) -> Mapping[str, Any]:
+    """A layer with every setting under its present name. Raises UsageError where it has both names."""
+    for option in options:
+        if option.earlier in layer:
+            if option.name in layer:
+                names = f"{option.earlier!r} and {option.name!r}"
+                raise UsageError(f"{where}{names} mean the same, and both are given. Leave one out.")
+            layer = {option.name if key == option.earlier else key: value for key, value in layer.items()}
+    return layer
 
 
 def _tables(
@@ -204,12 +218,12 @@ SECTION = (
     Option("surface", "surface of the section, where the model proposes none; several with commas", text,
            metavar="NAME"),
     Option("event", "kind of event that completes a return, such as 'sliding entry'", text, metavar="KIND"),
-    Option("after", "mode after the event, such as 0 or +0, with * for any sign: other events do not end a "
-           "turn", text, metavar="MODE"),
+    Option("after", "mode after the event, such as 0 or +0, with * for any sign: other events end no "
+           "return", text, metavar="MODE"),
     Option("coordinate", "what is read on the section: a state or a formula in states", text,
            metavar="STATE"),
-    Option("lift", "where a return starts, a formula in d and parameters for each state: x=d,v=0", formulas,
-           metavar="FORMULAS"),
+    Option("parametrisation", "the state at coordinate d, a formula in d and parameters for each state: "
+           "x=d,v=0", formulas, metavar="FORMULAS", earlier="lift"),
     Option("t_max", "longest time of a return", number, metavar="T"),
 )  # fmt: skip
 X_AXIS = Option("x", "horizontal axis: name with its first and last value", named_ranges,

@@ -48,6 +48,9 @@ class Parser(argparse.ArgumentParser):
             return
         flags = option.flags or (option.flag,)
         self.words += flags
+        if option.earlier:
+            self.add_argument(f"--{option.earlier}", dest=option.earlier, default=argparse.SUPPRESS,
+                              help=argparse.SUPPRESS)  # fmt: skip
         if option.read is switch:
             self.add_argument(*flags, dest=option.name, action=argparse.BooleanOptionalAction, **shared)
         else:
@@ -184,7 +187,10 @@ def _main(argv: list[str], show: dict[str, bool], for_good: bool) -> int:
         raise UsageError(f"unknown argument {word!r}{'; ' + hint if hint else ''} (see {part.prog} --help)")
     command = known[given.pop("command")]
     show["traceback"] = bool(given.get("traceback"))
-    keys = {name: [option.name for option in other.settings] for name, other in known.items()}
+    keys = {
+        name: [key for option in other.settings for key in (option.name, option.earlier) if key]
+        for name, other in known.items()
+    }
     settings = merge(command.name, command.settings, given, keys)
     show["traceback"] = settings["traceback"]
     console = Console(settings["json"] is True, settings["quiet"])

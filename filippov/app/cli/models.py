@@ -69,7 +69,7 @@ def _section(model: registry.Model | None) -> dict[str, Any] | None:
     section = getattr(model, "section", None)
     if section is None:
         return None
-    names = ("surface", "kind", "coordinate", "lift", "interval", "t_max")
+    names = ("surface", "kind", "coordinate", "parametrisation", "interval", "t_max")
     return {name: getattr(section, name, None) for name in names}
 
 

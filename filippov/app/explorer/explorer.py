@@ -34,8 +34,8 @@ class Explorer:
     system       a System, a Problem, or a registered Model (filippov.models.get(NAME))
     x0, t_span   where the solution starts and how long it is followed; default those of the Problem or Model
     parameters   values by name, over the defaults
-    section      the event map that is shown, with the interval of its coordinate where it has a lift; default
-                 the Model's own, else one that is found along the solution
+    section      the event map that is shown, with the interval of its coordinate where it has a
+                 parametrisation; default the Model's own, else one that is found along the solution
     view         the link, or its part after the question mark, that another page gave
 
     As the value of a notebook's cell it is the page itself; `open()` shows it in a browser. The page is

@@ -70,7 +70,7 @@ def solution_npz(solutions: Solutions, view: View) -> bytes:
 
 
 def script(solutions: Solutions, view: View) -> str:
-    """Python that solves the view again and writes motion.csv and its pictures."""
+    """Python that solves the view again and writes solution.csv and its pictures."""
     subject = solutions.subject
     lines = [
         f"# {subject.name!r}, as the explorer showed it: {view.query or 'nothing changed'}",
@@ -81,8 +81,8 @@ def script(solutions: Solutions, view: View) -> str:
         "solution = solve(system, x0, t_span, parameters=parameters, **budget)", "print(solution.message)",
         f"columns = {('t', *subject.quantities)!r}",
         "rows = np.column_stack([solution[name] for name in columns])",
-        "np.savetxt('motion.csv', rows, fmt='%.17g', delimiter=',', header=','.join(columns), comments='')",
-        "solution.plot().savefig('motion.png')",
+        "np.savetxt('solution.csv', rows, fmt='%.17g', delimiter=',', header=','.join(columns), comments='')",
+        "solution.plot().savefig('solution.png')",
     ]  # fmt: skip
     if view["x"] != view["y"]:
         lines += ["", "from filippov.plot import plot_phase", "",
@@ -100,8 +100,8 @@ def script(solutions: Solutions, view: View) -> str:
             f"section = {section!r}",
             f"print(returns(system, section, x0, 24, parameters=parameters, rtol={RTOL!r}).d)",
         ]  # fmt: skip
-    lift = getattr(section, "lift", None)
-    if isinstance(lift, dict) and all(isinstance(text, str) for text in lift.values()):
+    given = getattr(section, "parametrisation", None)
+    if isinstance(given, dict) and all(isinstance(text, str) for text in given.values()):
         lines += [
             "", "from filippov.analysis import EventMap, Section", "", f"section = {section!r}",
             f"turns = {{'order': {view['order']}, 'rtol': {RTOL!r}, 'atol': {ATOL!r}}}",
@@ -113,9 +113,9 @@ def script(solutions: Solutions, view: View) -> str:
 
 # What the page and `filippov explore -o DIR` offer: name -> (how it is made, its type).
 FILES: dict[str, tuple[Callable[[Solutions, View], str | bytes], str]] = {
-    "view.py": (script, "text/x-python"), "motion.csv": (solution_csv, "text/csv"),
+    "view.py": (script, "text/x-python"), "solution.csv": (solution_csv, "text/csv"),
     "events.csv": (events_csv, "text/csv"), "map.csv": (map_csv, "text/csv"),
-    "diagram.csv": (diagram_csv, "text/csv"), "motion.png": (solution_png, "image/png"),
+    "diagram.csv": (diagram_csv, "text/csv"), "solution.png": (solution_png, "image/png"),
     "phase.png": (phase_png, "image/png"), "solution.npz": (solution_npz, "application/octet-stream"),
 }  # fmt: skip
 

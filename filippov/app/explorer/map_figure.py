@@ -19,7 +19,7 @@ Array = npt.NDArray[np.float64]
 def map_figure(view: View, found: MapData) -> Figure:
     """P(d), the diagonal, and the steps from the start that was chosen.
 
-    Without a lift P is known where the solution has been, as points.
+    Without a parametrisation P is known where the solution has been, as points.
     """
     known = found.orbit[np.isfinite(found.orbit)]
     if view.subject.interval is None and not found.d.size:

@@ -25,7 +25,7 @@ Array = npt.NDArray[np.float64]
 # A slider never waits longer than for these; a solution that needs more ends early and says so.
 MOST_STEPS, MOST_EVENTS = 40_000, 2_000
 KEPT = 8
-# Events of all kinds for one return, at most, of those after which a solution without a lift ends.
+# Events of all kinds for one return, at most, of those after which a solution without a parametrisation ends.
 EVENTS_EACH = 15
 MAP_POINTS, COBWEB, DIAGRAM_VALUES, TRANSIENT, KEEP = 121, 24, 41, 24, 12
 RTOL, ATOL = 1e-8, 1e-10  # of the returns of a map
@@ -39,7 +39,7 @@ class PostponedError(Exception):
 class MapData:
     """The event map, iterates from a start, and those of them that show where it leads.
 
-    d, image  on an interval, or of a section without a lift the pairs along the solution
+    d, image  on an interval, or of a section without a parametrisation the pairs along the solution
     note      why the solution has less of them; "" where it has not
     """
 

@@ -29,7 +29,7 @@ class Subject:
     x0, t_span   where the solution starts, and how long it is followed
     parameters   values by name, one for every parameter of the system
     section      the event map that is shown; None for none
-    interval     of the section's coordinate; None for a section without a lift: the solution itself is it
+    interval     of the section's coordinate; None for a section without a parametrisation
     origin       lines of Python that make `system`, for the script
     """
 
@@ -108,14 +108,14 @@ def subject(
 def _checked(
     system: System, section: Section | Stroboscope, interval: tuple[float, float] | None
 ) -> tuple[float, float] | None:
-    """The interval of a section that fits the system; None of one without a lift. Raises UsageError."""
+    """The interval of a section that fits the system; None without a parametrisation. Raises UsageError."""
     from filippov.analysis.maps.stroboscope import Stroboscope as Periods
 
     if isinstance(section, Periods):
         section.period_on(system)
         return None
     section.bind(system)
-    if section.lift is None:
+    if section.parametrisation is None:
         return None
     if interval is None or not interval[0] < interval[1]:
         raise UsageError(f"interval is {interval!r}, expected (lo, hi) of the section's coordinate, lo < hi.")

@@ -72,10 +72,10 @@ def response(run: StudyRun) -> Section:
 def event_map(run: StudyRun) -> Section:
     """The map with the iterates of the response."""
     main, proposed = run.main, run.proposed
-    lift = ", ".join(f"{k} = {v}" for k, v in proposed.lift.items())
+    at = ", ".join(f"{k} = {v}" for k, v in proposed.parametrisation.items())
     parts: list[Any] = [Words("p", (
         f"{run.study.letter}(d) is the {proposed.coordinate} of the next {proposed.kind} of a solution that "
-        f"starts on the section at d: {lift}."
+        f"starts on the section at d: {at}."
     ))]  # fmt: skip
     if len(main.orbit):
         caption = (

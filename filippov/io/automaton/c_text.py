@@ -25,11 +25,11 @@ HEADER = """/* The exact automaton of a system, written by `filippov export`. C9
 #include <string.h>
 
 enum { SWITCHING, KINK, OBSERVER, RESETTING };
-static int rough; /* a power of |h| below 1 was there */
+static int non_lipschitz; /* a power of |h| below 1 was there */
 
 /* A power of a size |h|, which is negative in stages beyond its surface: held at 0 there. */
 static double size_power(double size, double exponent) {
-    if (exponent < 1) rough = 1;
+    if (exponent < 1) non_lipschitz = 1;
     return exponent == 2 ? size * size : exponent == 1 ? size : pow(fmax(size, 0), exponent);
 }
 

@@ -18,7 +18,7 @@ HELPERS = """
     input Real exponent;
     output Real y;
   algorithm
-    assert(exponent >= 1, "rough: the field holds a power of |h| below 1");
+    assert(exponent >= 1, "non_lipschitz: the field holds a power of |h| below 1");
     y := if exponent == 1 then size elseif exponent == 2 then size*size
       elseif size > 0 then size^exponent else 0;
   end size_power;

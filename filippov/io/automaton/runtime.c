@@ -28,10 +28,10 @@ static const double DENSE[7][4] = {
     {0., 40617522. / 29380423., -110615467. / 29380423., 69997945. / 29380423.}};
 static const double PROBES[4] = {0.085, 0.31, 0.63, 0.925};
 
-enum { SUCCESS, CORNER, TANGENCY, TWO_FOLD, NON_UNIQUE, NO_SLIDING, ZENO, ROUGH, NOT_FINITE, MIN_STEP, MAX_STEPS,
+enum { SUCCESS, CORNER, TANGENCY, TWO_FOLD, NON_UNIQUE, NO_SLIDING, ZENO, NON_LIPSCHITZ, NOT_FINITE, MIN_STEP, MAX_STEPS,
        BAD_ARGUMENT };
 static const char *const STATUS[] = {"success", "corner", "tangency", "two-fold", "non_unique", "no_sliding", "zeno",
-                                     "rough", "not_finite", "min_step", "max_steps", "bad_argument"};
+                                     "non_lipschitz", "not_finite", "min_step", "max_steps", "bad_argument"};
 enum { WATCH_H, WATCH_UPPER, WATCH_LOWER };
 
 typedef struct {
@@ -141,7 +141,7 @@ static int velocity(Run *r, double t, const double *x, double *out) {
     int sliding = 0;
     for (int i = 0; i < SURFACES; i++) sliding += r->m[i] == 0;
     signs(r->m, -1, s);
-    rough = 0;
+    non_lipschitz = 0;
     (void)sign_of, (void)size_power; /* not every field has one */
     if (sliding > 1 && !AFFINE) return CORNER;
     if (sliding) gradients(t, x, r->p, r->m, g);
@@ -162,7 +162,7 @@ static int velocity(Run *r, double t, const double *x, double *out) {
         weight = minus / (minus - plus);
         for (int j = 0; j < N; j++) out[j] += weight * (high[j] - low[j]);
     }
-    return rough ? ROUGH : SUCCESS;
+    return non_lipschitz ? NON_LIPSCHITZ : SUCCESS;
 }
 
 /* dh_i/dt under the fields at s_i = +1 and -1, and the size of their terms. */

@@ -79,7 +79,7 @@ def size_power(size: float, exponent: float) -> float:
     """A power of a size |h|, which is negative in stages beyond its surface: held at 0 there."""
     if exponent < 1:
         raise Refusal(
-            "rough", f"the field holds |h|**{exponent:g}: an exported automaton needs a power >= 1."
+            "non_lipschitz", f"the field holds |h|**{exponent:g}: an exported automaton needs a power >= 1."
         )
     return size**2 if exponent == 2 else size if exponent == 1 else math.pow(max(size, 0.0), exponent)
 

@@ -68,7 +68,7 @@ def error_of(run: Trajectory, step: float, y: Vector) -> float:
     """The square of the error of a step from x to y."""
     clock, now = run.clock, run.now
     return error_norm(
-        run.x, y, step, clock.rtol, run.atol, now.relative, now.kept, now.slack, clock.rough_noise, run.w
+        run.x, y, step, clock.rtol, run.atol, now.relative, now.kept, now.slack, clock.start_noise, run.w
     )
 
 

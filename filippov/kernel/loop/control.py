@@ -345,8 +345,8 @@ def collocation_start(
 ) -> int:
     """A first tiny step off a surface where the field is not Lipschitz: Picard iteration on 3 Gauss nodes.
 
-    A relative error in h decays like 1/t from there on, so the step may be rough as long as it is tiny; for
-    the same reason `slack` lets the steps that follow be as much less accurate as they are closer to the
+    A relative error in h decays like 1/t from there on, so the step may be inaccurate as long as it is tiny;
+    for the same reason `slack` lets the steps that follow be as much less accurate as they are closer to the
     surface.
     """
     at, f = w.collocation, shift(w.collocation, 3 * N)

@@ -74,7 +74,7 @@ def renew_state(
 
 
 @kernel
-def rough_start(
+def non_lipschitz_start(
     clock: Clock, t: float, x: Vector, p: Vector, m: Vector, order: Indices, direction: float, w: Scratch,
     iw: Integers, ctx: Indices,
 ) -> int:  # fmt: skip
@@ -96,7 +96,7 @@ def rough_start(
                 tiny = direction * 1e-8 * span
                 # Rounding of the rates that cancel where the surface is left: no step can do better.
                 _, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
-                clock.rough_noise = 16.0 * EPS * max(abs(plus), abs(minus), scale) + 1e-300
+                clock.start_noise = 16.0 * EPS * max(abs(plus), abs(minus), scale) + 1e-300
                 if collocation_start(t, x, p, m, tiny, w, iw, ctx) != 0:
                     return -2
                 clock.t = t + tiny
@@ -138,7 +138,7 @@ def open_segment(run: Trajectory) -> int:
         w.touch[near] = GRAIN * EPS * guard_scale(near, t, x, w)
     if t == clock.t_start:
         mark_grazed(m, True, w)
-    surface = rough_start(clock, t, x, p, m, order, w.direction, w, run.iw, run.ctx)
+    surface = non_lipschitz_start(clock, t, x, p, m, order, w.direction, w, run.iw, run.ctx)
     if surface == -2:
         return USER_ERROR
     if surface >= 0:

@@ -81,7 +81,7 @@ class Clock(Struct):
     relative: float
     fast_from: float
     fast_span: float
-    rough_noise: float
+    start_noise: float
     grow: float
     trend: float
     same_instant: float

@@ -68,7 +68,7 @@ def keep(place: str, problem: Problem) -> None:
     record = {name: getattr(system, name) for name in _PLAIN} | {
         "parameters": {name: asdict(parameters[name]) for name in parameters},
         "roles": [role._asdict() for role in system.roles], "digest": system.digest, "named": system._named,
-        "rough": non_lipschitz_of(system) if unit.constants["NON_LIPSCHITZ"] else None,
+        "non_lipschitz": non_lipschitz_of(system) if unit.constants["NON_LIPSCHITZ"] else None,
         "source": unit.source, "constants": unit.constants,
         "exact": system.comparator == Exact(), "x0": problem.x0.tolist(), "t_span": problem.t_span,
     }  # fmt: skip
@@ -97,7 +97,7 @@ def _system(record: dict[str, Any], whole: Callable[[], System]) -> System:
     if record["exact"]:
         content["comparator"] = Exact()
     unit = Generated(record["source"], record["constants"])
-    content["units"] = {(generation(), False): unit, (generation(), "rough"): record["rough"]}
+    content["units"] = {(generation(), False): unit, (generation(), "non_lipschitz"): record["non_lipschitz"]}
     system = System.__new__(System)
     system.__setstate__(content)
     return system

@@ -45,7 +45,7 @@ def unit_of(system: System, blended: bool = False) -> Generated:
 
 def non_lipschitz_of(system: System) -> int | None:
     """The surface of a system of expressions whose |h| stands under a root in its own rate, None without."""
-    key = generation(), "rough"
+    key = generation(), "non_lipschitz"
     if key not in system.units:
         from filippov.model.reduction import non_lipschitz_surface
 

@@ -1,1 +1,1 @@
-"""Sections of the command line that no lift is given for: the solution from one initial state is the lift."""
+"""Sections of the command line; where none is parametrised, the solution from one state is followed."""

@@ -13,8 +13,8 @@ from filippov.base.errors import ModelError, UsageError
 from filippov.base.names import unknown
 from filippov.solving.state.options import check_state
 
-# Settings that speak of a section with a lift.
-WITH_LIFT = ("interval", "start")
+# Settings of a section with a parametrisation.
+OF_A_COORDINATE = ("interval", "start")
 
 
 def varied(loaded: Loaded, settings: dict[str, Any]) -> tuple[str, float, float]:
@@ -40,14 +40,16 @@ def varied(loaded: Loaded, settings: dict[str, Any]) -> tuple[str, float, float]
 
 
 def follows_solution(loaded: Loaded, settings: dict[str, Any]) -> bool:
-    """Whether the solution from one state stands for the lift: none is known, or a state is given."""
-    if settings.get("lift") is not None:
+    """Whether the solution from one state is followed: no parametrisation is known, or a state is given."""
+    if settings.get("parametrisation") is not None:
         if settings.get("x0") is not None:
-            raise UsageError("--lift says where a solution starts, and so does --x0; give one of them.")
+            raise UsageError(
+                "--parametrisation says where a solution starts, and so does --x0; give one of them."
+            )
         return False
     if settings.get("x0") is not None:
         return True
-    asked = any(settings.get(name) is not None for name in WITH_LIFT)
+    asked = any(settings.get(name) is not None for name in OF_A_COORDINATE)
     return getattr(loaded.model, "section", None) is None and not asked
 
 
@@ -63,18 +65,19 @@ def section_along(
     from filippov.analysis.maps.find_section import find_section
     from filippov.analysis.maps.section import Section
 
-    for name in WITH_LIFT:
+    for name in OF_A_COORDINATE:
         if settings.get(name) is not None:
             raise UsageError(
-                f"--{name} is a coordinate from which a lift starts, and there is none: leave it out, the "
-                "solution from --x0 is followed, or give --lift."
+                f"--{name} is a coordinate, and the section has no parametrisation: leave it out, and the "
+                "solution from --x0 is followed, or give --parametrisation."
             )
     system, given = loaded.system, {k: settings.get(k) for k in ("surface", "event", "after", "t_max")}
     if loaded.x0 is None and settings.get("x0") is None:
         raise UsageError(
             f"{loaded.name} proposes no section, and has no initial state to find one from. Give --x0 "
             f"{','.join(f'{name}=...' for name in system.states)}: what recurs along the solution is the "
-            "section; or give --surface, --event, --coordinate, --lift and --interval."
+            "section; or give --surface, --event, --coordinate, --parametrisation "
+            "and --interval."
         )
     x0 = check_state(loaded.state(settings.get("x0")), system)
     if given["surface"] is None and given["event"] is None and given["after"] is None:
@@ -128,10 +131,10 @@ def section_data(section: Any) -> dict[str, Any]:
 
 
 def suggestion(loaded: Loaded) -> str:
-    """Flags of a section with a lift, from a short run of the model; "" where none is seen.
+    """Flags of a parametrised section, from a short run of the model; "" where none is seen.
 
-    Of two states the lift is exact: the section is a line. Of more it holds the others where they were at one
-    event, which is one choice of many.
+    Of two states the parametrisation is exact: the section is a line. Of more it holds the others where they
+    were at one event, which is one choice of many.
     """
     from filippov.analysis.maps.find_section import find_section
     from filippov.analysis.maps.returns import returns
@@ -148,9 +151,9 @@ def suggestion(loaded: Loaded) -> str:
     if not seen.d.size:
         return ""
     last = dict(zip(loaded.system.states, seen.x[-1].tolist(), strict=True))
-    lift = ",".join(f"{n}={'d' if n == section.coordinate else f'{v:.6g}'}" for n, v in last.items())
+    start = ",".join(f"{n}={'d' if n == section.coordinate else f'{v:.6g}'}" for n, v in last.items())
     reach = 2.0 * float(np.max(np.abs(seen.d))) or 1.0
     low, high = -reach * float(np.any(seen.d < 0)), reach * float(not np.all(seen.d < 0))
-    words = ["--lift", lift, "--interval", f"{low:.3g}", f"{high:.3g}"]
-    note = "" if loaded.system.dimension == 2 else " (the lift holds the other states: one choice of many)"
+    words = ["--parametrisation", start, "--interval", f"{low:.3g}", f"{high:.3g}"]
+    note = "" if loaded.system.dimension == 2 else " (it holds the other states: one choice of many)"
     return f"{flags(section)} {shlex.join(words)}{note}"

@@ -16,7 +16,7 @@ from filippov.app.cli.sweep import engine
 from filippov.base.errors import ModelError, UsageError
 from filippov.plot.maps import plot_diagram, plot_event_map
 
-PARTS = ("surface", "event", "coordinate", "lift")
+PARTS = ("surface", "event", "coordinate", "parametrisation")
 CONDITION = "after"
 SPECIAL_COLUMNS = ("kind", "value", "d", "residual", "note")
 POINT_COLUMNS = ("d", "kind", "slope", "stable", "residual", "period", "note")
@@ -37,17 +37,18 @@ def section_of(loaded: Loaded, settings: dict[str, Any]) -> Any:
     if settings.get(CONDITION) is not None:
         given[CONDITION] = settings[CONDITION]
     base = {} if own is None else {
-        "surface": own.surface, "event": own.kind, "coordinate": own.coordinate, "lift": own.lift,
+        "surface": own.surface, "event": own.kind, "coordinate": own.coordinate,
+        "parametrisation": own.parametrisation,
         CONDITION: own.after if given.keys().isdisjoint(("surface", "event")) else "",
     }  # fmt: skip
     chosen = base | given
     own_time = 100.0 if own is None else own.t_max
     t_max = own_time if settings.get("t_max") is None else settings["t_max"]
-    made = Section(chosen["surface"], chosen["event"], chosen["coordinate"], chosen["lift"], t_max,
-                   chosen.get(CONDITION, ""))  # fmt: skip
+    made = Section(chosen["surface"], chosen["event"], chosen["coordinate"], chosen["parametrisation"],
+                   t_max, chosen.get(CONDITION, ""))  # fmt: skip
     try:
         made.bind(loaded.system)
-    except ModelError as error:  # the system is made, so it is the lift
+    except ModelError as error:  # the system is made, so it is the parametrisation
         raise UsageError(str(error)) from None
     return made
 

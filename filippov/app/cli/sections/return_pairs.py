@@ -1,4 +1,4 @@
-"""filippov event-map without a lift: each event of a section over the one before it, along one solution."""
+"""filippov event-map along one solution: each event of a section over the one before it."""
 
 from __future__ import annotations
 
