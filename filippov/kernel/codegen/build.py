@@ -45,6 +45,7 @@ _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_slot"
 # `points`).
 _OF_SYSTEM = ("rhs", "pair", "guards", "gradients", "radii", "resets", "derive")
 _OF_SERIES = ("jets", "series_end")
+_OF_WIDE_SERIES = ("look_beside",)
 _OF_SYSTEM_IN_LANES = ("pair", "guards", "gradients", "radii")
 # The constants of a system for which a loop is made; it reads the others where it runs.
 _MADE_FOR = ("WIDE",)
@@ -155,7 +156,7 @@ def _unit(source: str, constants: Mapping[str, Constant], method: str, sizes: Si
     files = ("system", "method", *(f"{name}.py" for name in _LANE_FILES))
     unit = Unit(width=max(lanes, LANES), records=_sized(sizes))
     numbers = {**shared, "LANES": unit.width, "SIDE": sizes.side, **method_constants(tableau), **constants}
-    unit.constants.update(numbers)
+    unit.constants.update(numbers | {"VECTORS": True})
     for file, text in zip(files, (source, method_source(tableau), *texts), strict=True):
         add_kernels(unit, text, file)
     return unit
@@ -177,12 +178,14 @@ def _shape(constants: Mapping[str, Constant], sizes: Sizes) -> dict[str, int]:
     return dict(sorted(found.items()))
 
 
-def _interface(method: str) -> tuple[str, ...]:
-    return (*_OF_SYSTEM, *(_OF_SERIES if isinstance(TABLEAUS[method], Series) else ()))
+def _interface(constants: Mapping[str, Constant], method: str) -> tuple[str, ...]:
+    if not isinstance(TABLEAUS[method], Series):
+        return _OF_SYSTEM
+    return (*_OF_SYSTEM, *_OF_SERIES, *(_OF_WIDE_SERIES if constants["WIDE"] else ()))
 
 
 def _compile_loop(source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes) -> bytes:
-    unit, own = _unit(source, constants, method, sizes), _interface(method)
+    unit, own = _unit(source, constants, method, sizes), _interface(constants, method)
     # No other kernel of this system may get into a unit that others will use.
     for name in [name for name, file in unit.files.items() if file == "system" and name not in own]:
         del unit.texts[name]
@@ -200,7 +203,7 @@ def _compile_whole(
 
 
 def _compile_system(source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes) -> bytes:
-    unit, own = _unit(source, constants, method, sizes), _interface(method)
+    unit, own = _unit(source, constants, method, sizes), _interface(constants, method)
     in_lanes = _OF_SYSTEM_IN_LANES if constants["WIDE"] else ()
     given = _tables(constants) | {"SHAPE": list(_shape(constants, sizes).values())}
     return compile_unit(unit, {}, own, in_lanes, given)
@@ -228,7 +231,8 @@ def _plain(source: str, constants: Mapping[str, Constant], method: str) -> Compi
     texts = {"system": source, "method": method_source(tableau)}
     files = tuple(kernel_file(name) for name in _FILES)
     # Python has no lanes: points of a sample are taken one after the other.
-    numbers = {**_shared()[0], "SIDE": sizes.side, **method_constants(tableau), **constants, "WIDE": False}
+    numbers = {**_shared()[0], "SIDE": sizes.side, **method_constants(tableau), **constants}
+    numbers |= {"WIDE": False, "VECTORS": False}
     entries = tuple(name for name in PLAIN if name not in Entries.places and name != "ensemble")
     return Compiled(interpreted.interpret(texts, files, numbers, entries, records), {}, sizes, records, None)
 

@@ -9,6 +9,8 @@ from filippov.kernel.tables.root_tables import DEGREE, by_degree, to_bernstein
 from filippov.kernel.tables.tableaus import DOP853, Collocation, Method, Row, Series, Tableau, weighted
 
 _IMPLICIT = ("dense_lu", "radau")
+# What another of them imports comes last, so that its own functions stand.
+_SERIES = ("taylor", "inside")
 _SIGNATURE = "t: float, x: Vector, p: Vector, m: Vector"
 _SCRATCH = "w: Scratch, iw: Integers, ctx: Indices"
 
@@ -49,7 +51,8 @@ def method_source(method: Method) -> str:
     if isinstance(method, Collocation):
         return "\n\n".join(kernel_file(name).read_text(encoding="utf-8") for name in _IMPLICIT)
     if isinstance(method, Series):
-        return kernel_file("taylor").read_text(encoding="utf-8") + _stand_in()
+        files = (kernel_file(name).read_text(encoding="utf-8") for name in _SERIES)
+        return "\n\n".join(files) + _stand_in()
     return _explicit_source(method)
 
 

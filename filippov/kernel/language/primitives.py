@@ -8,9 +8,9 @@ kernels and of the functions below. Matrices are flat, row by row. Run by Python
 same numbers, only slower, which is how its parts are tested.
 
 A lane kernel (`lanes`) runs several trajectories side by side: its floats are vectors with a number for each,
-its `Vector`s are arrays of them, its integers are common to all. A plain kernel called from a lane
-kernel is widened in the same way. Comparisons give a mask: `a if mask else b` blends, both sides computed;
-`if` takes `anywhere(mask)` or `everywhere(mask)`.
+its `Vector`s are arrays of them, its integers and its `Shared` arrays of numbers are common to all. A plain
+kernel called from a lane kernel is widened in the same way. Comparisons give a mask: `a if mask else b`
+blends, both sides computed; `if` takes `anywhere(mask)` or `everywhere(mask)`.
 """
 
 import math
@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 Vector = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
+Shared = Vector
 Function = TypeVar("Function", bound=Callable[..., object])
 
 

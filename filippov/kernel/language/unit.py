@@ -17,6 +17,7 @@ from filippov.kernel.tables.layout import LANES
 DOUBLE, LONG, BIT, VOID = ir.DoubleType(), ir.IntType(64), ir.IntType(1), ir.VoidType()
 VECTOR, INDICES = DOUBLE.as_pointer(), LONG.as_pointer()
 _ANNOTATED = {"float": DOUBLE, "int": LONG, "bool": BIT, "Vector": VECTOR, "Indices": INDICES}
+_ANNOTATED["Shared"] = VECTOR
 
 Constant = int | float | bool | list[float] | list[int]
 
@@ -70,7 +71,7 @@ class Unit:
         self.wide_vector = self.wide.as_pointer()
         self.in_lanes = {
             "float": self.wide, "int": LONG, "bool": self.wide_bit, "Vector": self.wide_vector,
-            "Indices": INDICES,
+            "Indices": INDICES, "Shared": VECTOR,
         }  # fmt: skip
 
     def external(self, name: str, count: int) -> ir.Function:
@@ -117,7 +118,7 @@ class Unit:
             shape, inner = node.value.id, node.slice
         if shape in ("Struct", "Rows", "Lanes") and isinstance(inner, ast.Name) and inner.id in self.records:
             return self.record(self.records[inner.id], wide, shape)
-        known = ", ".join(("float, int, bool, Vector, Indices", *self.records))
+        known = ", ".join(("float, int, bool, Vector, Indices, Shared", *self.records))
         raise KernelError(f"{where}: annotate with {known}; or Rows or Lanes of a record")
 
     def record(self, of: type[Struct], wide: bool, shape: str = "Struct") -> StructPointer:

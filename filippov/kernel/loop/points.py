@@ -6,6 +6,7 @@ small symbolic fields are sampled like this (WIDE); `sampling.sample` has the pl
 
 from filippov.kernel.language.primitives import Indices, Vector, anywhere, contract, kernel, lanes, shift
 from filippov.kernel.loop.model import (
+    CONTACT,
     G_COLUMN,
     G_FIRST,
     WIDTH,
@@ -54,6 +55,40 @@ def rows_beside(
     rows[i] = -0.5 * attract * ((1.0 + hi) * plus + (1.0 - hi) * minus)
     rows[M + i] = 0.5 * attract * ((1.0 + lo) * plus + (1.0 - lo) * minus)
     return 1 if anywhere(abs(plus - minus) < 1e-9 * (abs(plus) + abs(minus))) else 0
+
+
+@contract
+@lanes
+def sliding_beside(
+    t: float, x: Vector, p: Vector, m: Vector, i: int, known: float, out: Vector, room: Vector, ctx: Indices
+) -> int:
+    """As `field.slide_one` on surface i; known: its multiplier where its sign does nothing."""
+    s, s2, gt, g = room, shift(room, M), shift(room, 2 * M), shift(room, 3 * M)
+    low, high = shift(room, 3 * M + M * N), shift(room, 3 * M + M * N + N)
+    gradients(t, x, p, m, g, gt, ctx)
+    for j in range(M):
+        s[j] = -1.0 if j == i else m[j]
+        s2[j] = 1.0 if j == i else m[j]
+    pair(t, x, p, s, s2, m, low, high, ctx)
+    minus, plus, size = gt[i], gt[i], 0.0
+    for a in range(G_FIRST[i], G_FIRST[i + 1]):
+        j = G_COLUMN[a]
+        minus += g[i * N + j] * low[j]
+        plus += g[i * N + j] * high[j]
+        size += g[i * N + j] * g[i * N + j]
+    apart = plus - minus
+    if CONTACT[i] == 0 and anywhere(abs(apart) < 1e-9 * (abs(plus) + abs(minus))):
+        return 1
+    value = known if apart == 0.0 else -(plus + minus) / apart
+    weight, left = 0.5 * (1.0 + value), gt[i]
+    for j in range(N):
+        out[j] = low[j] + weight * (high[j] - low[j])
+    for a in range(G_FIRST[i], G_FIRST[i + 1]):
+        left += g[i * N + G_COLUMN[a]] * out[G_COLUMN[a]]
+    left = left / size if size > 0.0 else 0.0
+    for a in range(G_FIRST[i], G_FIRST[i + 1]):
+        out[G_COLUMN[a]] -= left * g[i * N + G_COLUMN[a]]
+    return 0
 
 
 @kernel

@@ -254,6 +254,7 @@ class Scratch(Struct):
     jet_end: Vector = part(lambda of: of.n if of.series else 0)
     miss: Vector = part(lambda of: of.n if of.series else 0)
     checked: float
+    inside: Vector = part(lambda of: LANES * 3 * of.n if of.series else 0)
     explicit: float
     rk: Vector = part(lambda of: (DOP853.stages + len(DOP853.extra)) * of.n if of.series else 0)
     jet_room: Vector = part(lambda of: of.jet_room)

@@ -1,11 +1,9 @@
 """The stages of Taylor's method, in place of those that a tableau is written out to (see `series`)."""
 
 from filippov.kernel.language.primitives import Indices, Vector, contract, kernel, sqrt
-from filippov.kernel.loop.field import field
 from filippov.kernel.loop.model import (
     JETS,
     ORDER,
-    PER_POWER,
     STAGES,
     STAND_IN,
     STAND_IN_STAGES,
@@ -18,7 +16,7 @@ from filippov.kernel.loop.model import (
     series_end,
 )
 from filippov.kernel.loop.state import Integers, Scratch
-from filippov.kernel.tables.layout import GOLDEN, LOOKS
+from filippov.kernel.methods.inside import look_inside
 
 
 @kernel
@@ -57,38 +55,6 @@ def take_jets(t: float, x: Vector, p: Vector, m: Vector, w: Scratch, iw: Integer
     for a in range(JETS):
         total += w.jet[top + a] * 0.0
     w.explicit = 0.0 if code == 0 and total == 0.0 else 1.0
-
-
-@kernel
-def look_inside(
-    t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
-) -> int:
-    """Compare field and polynomial inside a step.
-
-    A series that ends, or seems to, knows of no wall and no peak on the way, and far from a peak the terms
-    that it adds up to are all below the tolerance: the step is sampled as densely as by an explicit method.
-    """
-    at, f = w.stage, w.f
-    w.checked = abs(step)
-    for j in range(N):
-        w.miss[j] = 0.0
-    theta = 0.0
-    for _ in range(LOOKS):
-        theta = theta + GOLDEN - (1.0 if theta + GOLDEN >= 1.0 else 0.0)
-        for j in range(N):
-            total = 0.0
-            for k in range(STAGES - 2, -1, -1):
-                total = total * theta + w.k[k * N + j] * PER_POWER[k]
-            at[j] = x[j] + theta * step * total
-        code = field(t + theta * step, at, p, m, f, w, iw, ctx)
-        if code != 0:
-            return code
-        for j in range(N):
-            rate = 0.0
-            for k in range(STAGES - 2, -1, -1):
-                rate = rate * theta + w.k[k * N + j]
-            w.miss[j] = max(w.miss[j], abs(f[j] - rate))
-    return 0
 
 
 @contract

@@ -153,7 +153,10 @@ class Machine:
         if isinstance(tableau, Series):
             assert system.symbolic is not None
             jets = _jets(system, self.m, tableau.order, sliding == "utkin" and not self.constants["AFFINE"])
-            source, self.constants = source + jets.source, self.constants | jets.constants
+            # Also without surfaces: the points inside a step are looked at side by side.
+            small = self.m == 0 and source.startswith("@inline") and not system.inputs
+            self.constants = self.constants | jets.constants | {"WIDE": self.constants["WIDE"] or small}
+            source += jets.source
         self.compiled: Compiled = build(source, self.constants, method)
         self.p = self.derived(p)
         self.w, self.iw = self.compiled.scratch(), self.compiled.integers()
