@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from filippov import Status, Stop, Surface, System, TimeEvent, parameters, sign, solve, solve_many, states
+from filippov import Status, Stop, Surface, System, TimeEvent, parameters, sign, sin, solve, solve_many, states, t
 from filippov.kernel.loop.state import Tick
 from filippov.kernel.loop.ticks import following, preceding
 
@@ -71,6 +71,42 @@ def test_14_1_instants_are_decided_as_by_the_general_path() -> None:
                 assert one.x_after == pytest.approx(other.x_after, rel=1e-8, abs=1e-8)
         left += any(e.kind == "sliding exit" and e.t in here.t_events[2] for e in here.events)
     assert left > 3
+
+
+def test_14_1_a_reset_that_takes_its_sign_from_a_slide_is_decided_in_the_loop(alone) -> None:
+    """x' = (1 - q^2) (w sin - k Sgn(x)) + q u, q = -1, 0, 1 by clocks: no sign holds x = 0 while q is not 0."""
+    q, r = states("x q")
+    by = parameters(k=1.0, u=0.5, T=0.3, w=0.4, d=0.1)
+    bridge = System(
+        {q: (1 - r**2) * (by.w * sin(7 * t) - by.k * sign(q)) + r * by.u - 0.2 * q, r: 0 * r},
+        surfaces=[Surface("current", q)],
+        parameters=by,
+        time_events=[
+            TimeEvent("up", period=2 * by.T, start=by.d, reset={r: 1}),
+            TimeEvent("off", period=by.T, start=by.T, reset={r: 0}),
+            TimeEvent("down", period=2 * by.T, start=by.T + by.d, reset={r: -1}),
+        ],
+    )
+    rng, count = np.random.default_rng(8), 64
+    starts = np.column_stack([rng.uniform(-0.3, 0.3, count), np.zeros(count)])
+    rows = {"k": rng.uniform(0.5, 3, count), "u": rng.uniform(-1, 1, count), "T": rng.uniform(0.2, 0.6, count)}
+    rows |= {"w": rng.uniform(0, 2, count), "d": rng.uniform(0.05, 0.15, count)}
+    singles, released = [], 0
+    for k in range(count):
+        values = {name: float(column[k]) for name, column in rows.items()}
+        here = solve(bridge, starts[k], SPAN, parameters=values)
+        singles.append(here)
+        if k < 12:
+            there = solve(bridge, starts[k], SPAN, parameters=values, events=lambda t, y: 1.0)
+            assert shown(here) == shown(there)
+            assert here.x_end == pytest.approx(there.x_end, rel=1e-9, abs=1e-9)
+        released += any(e.kind == "sliding exit" and e.x[0] == 0 and e.note == "" for e in here.events)
+    assert released > 20
+    alone()
+    for lanes in (1, 8):
+        many = solve_many(bridge, starts, SPAN, parameters=rows, lanes=lanes)
+        assert many.success.all()
+        assert np.allclose(many.x, [run.x_end for run in singles], rtol=1e-7, atol=1e-8)
 
 
 def test_14_1_batches_and_lanes_follow_time_events(alone) -> None:

@@ -23,6 +23,7 @@ from filippov.kernel.loop.model import (
     gradients,
     guards,
     resets,
+    rhs,
 )
 from filippov.kernel.loop.record import count_down, record_event
 from filippov.kernel.loop.start import on_one_surface
@@ -48,6 +49,8 @@ from filippov.kernel.tables.codes import (
 SAME = 1e-12
 # What rounding makes of h, in EPS of its terms: twice what the classification takes for on the surface.
 ON_IT = 128.0
+# The code of `field` where no multipliers hold the motion.
+LOOSE = 2
 # How far from the ends of its set a multiplier has to be, in parts of the set.
 ROOM = 4e-6
 
@@ -124,10 +127,18 @@ def grain(i: int, t: float, x: Vector, start: float, w: Scratch) -> float:
 
 @kernel
 def look(run: Trajectory, t: float, x: Vector) -> bool:
-    """Field, guards and gradients of the present mode at a state; whether there are any."""
+    """Field, guards and gradients of the present mode at a state; whether there are any.
+
+    Where nothing holds the motion on what it slides on, the field is that of the upper sides.
+    """
     p, m, w, iw, ctx = run.p, run.m, run.w, run.iw, run.ctx
     set_mode(m, iw)
     failed = field(t, x, p, m, w.f, w, iw, ctx)
+    if failed == LOOSE:
+        for i in range(M):
+            w.s[i] = m[i] if m[i] != 0.0 else 1.0
+        iw.calls += 1
+        failed = rhs(t, x, p, w.s, m, w.f, ctx)
     failed += guards(t, x, p, m, w.h, ctx) + gradients(t, x, p, m, w.g, w.gt, ctx)
     return failed == 0 and finite(w.f, N) and finite(w.h, M)
 
