@@ -5,7 +5,20 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from filippov import Status, Stop, Surface, System, TimeEvent, parameters, sign, sin, solve, solve_many, states, t
+from filippov import (
+    Status,
+    Stop,
+    Surface,
+    System,
+    TimeEvent,
+    parameters,
+    sign,
+    sin,
+    solve,
+    solve_many,
+    states,
+    t,
+)
 from filippov.kernel.loop.state import Tick
 from filippov.kernel.loop.ticks import following, preceding
 
@@ -74,7 +87,7 @@ def test_14_1_instants_are_decided_as_by_the_general_path() -> None:
 
 
 def test_14_1_a_reset_that_takes_its_sign_from_a_slide_is_decided_in_the_loop(alone) -> None:
-    """x' = (1 - q^2) (w sin - k Sgn(x)) + q u, q = -1, 0, 1 by clocks: no sign holds x = 0 while q is not 0."""
+    """x' = (1 - q^2) (w sin - k Sgn(x)) + q u, q = -1, 0, 1 by clocks: nothing holds x = 0 unless q = 0."""
     q, r = states("x q")
     by = parameters(k=1.0, u=0.5, T=0.3, w=0.4, d=0.1)
     bridge = System(
@@ -89,8 +102,8 @@ def test_14_1_a_reset_that_takes_its_sign_from_a_slide_is_decided_in_the_loop(al
     )
     rng, count = np.random.default_rng(8), 64
     starts = np.column_stack([rng.uniform(-0.3, 0.3, count), np.zeros(count)])
-    rows = {"k": rng.uniform(0.5, 3, count), "u": rng.uniform(-1, 1, count), "T": rng.uniform(0.2, 0.6, count)}
-    rows |= {"w": rng.uniform(0, 2, count), "d": rng.uniform(0.05, 0.15, count)}
+    ranges = {"k": (0.5, 3), "u": (-1, 1), "T": (0.2, 0.6), "w": (0, 2), "d": (0.05, 0.15)}
+    rows = {name: rng.uniform(*ends, count) for name, ends in ranges.items()}
     singles, released = [], 0
     for k in range(count):
         values = {name: float(column[k]) for name, column in rows.items()}

@@ -177,10 +177,11 @@ def solve_many(
     backward    True for t_span = (t0, t1) with t1 < t0, as in `solve`
 
     Other options as in `solve`. What lanes cannot follow (an event, a corner) the plain compiled loop takes
-    over for that trajectory alone; what that loop does not decide (an accumulation of events, a non-unique
-    point) is solved again by `solve`. Results agree with those of the plain loop to within the tolerance. At
-    Ctrl-C the trajectories done so far are returned, with `complete` False. An exception in a function of the
-    user's ends its own trajectory, with Status.ERROR and the exception in its message.
+    over for that trajectory alone; what that loop does not decide (an accumulation of events on several
+    surfaces, a non-unique point) is solved again by `solve`. Results agree with those of the plain loop to
+    within the tolerance. At Ctrl-C the trajectories done so far are returned, with `complete` False. An
+    exception in a function of the user's ends its own trajectory, with Status.ERROR and the exception in its
+    message.
     Raises UsageError, ModelError, and what `measure` and `progress` raise.
     """
     options = given_options({**locals(), "stop": ()})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,10 +19,12 @@ from filippov.solving.resets.zeno import (
     Accumulation,
     accumulates,
     accumulation,
+    beyond,
     bridge,
     interrupted,
     lawful,
     rest,
+    rest_on_contact,
     rests,
     second_order,
 )
@@ -78,10 +81,19 @@ class Settling(ABC):
     def _zeno(self) -> Ended:
         """Events accumulate: name the limit, and stop there or go on in the limit mode."""
         run = self.run
-        limit = accumulation(run)
-        if limit is None or interrupted(run, limit):
+        code, limit = codes.GENERAL, None
+        if self.options.zeno == "continue" and self.higher.active is None:
+            before = run.signs
+            code, limit = rest_on_contact(run)
+        if code == codes.ENTRY and limit is not None:
+            self.accumulations.append(limit)
+            return self._changed(before, run.signs, run.lam, limit.surfaces, "") or self._budgets()
+        limit = None if code == codes.NONE else accumulation(run)
+        if limit is None or beyond(run, limit) or interrupted(run, limit):
             run.zeno.array[:] = 0.0
             return self._budgets()
+        if (limit.t - float(run.clock.t_end)) * run.direction > 0.0:
+            limit = replace(limit, t=float(run.clock.t_end))
         self.accumulations.append(limit)
         detail = (
             f"events accumulate at t = {limit.t:.12g} (error about {limit.error:.1g}), state "

@@ -34,10 +34,10 @@ from filippov.kernel.tables.layout import LANES, MOST_LANES
 from filippov.kernel.tables.tableaus import TABLEAUS, Collocation, Series
 
 _FILES = (
-    "elementary", "recurrences", "series", "bernstein", "dense", "multiplier", "rules", "field", "points",
+    "elementary", "recurrences", "series", "bernstein", "dense", "rules", "field", "points",
     "sampling", "land", "locate", "control", "resolve", "event_cycle", "reset", "record", "corner",
     "corner_event", "segment", "attempt", "search", "decide", "ticks", "advance", "probe", "start",
-    "time_slice", "ensemble",
+    "limit", "time_slice", "ensemble",
 )  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of another unit by their addresses.
 _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_slot", "lane_run")

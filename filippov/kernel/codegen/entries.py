@@ -35,7 +35,8 @@ def _heads(*files: str) -> dict[str, tuple[tuple[str, str], ...]]:
 
 
 PLAIN_ARGUMENTS = _heads(
-    "model", "advance", "ensemble", "time_slice", "segment", "start", "probe", "corner", "event_cycle"
+    "model", "advance", "ensemble", "time_slice", "segment", "start", "probe", "corner", "event_cycle",
+    "limit",
 )
 IN_LANES = ("lane_run",)
 PLAIN = tuple(PLAIN_ARGUMENTS)

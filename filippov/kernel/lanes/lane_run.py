@@ -21,13 +21,14 @@ from filippov.kernel.language.primitives import (
 from filippov.kernel.language.records import Rows
 from filippov.kernel.loop.ensemble import another, take_row
 from filippov.kernel.loop.model import TICKS, M
-from filippov.kernel.loop.state import Entries, Group, Integers, Trajectories, Trajectory
+from filippov.kernel.loop.state import Entries, Group, Integers, Past, Trajectories, Trajectory
 from filippov.kernel.tables.codes import GO_ON, REACHED
 from filippov.kernel.tables.layout import LANES
 
 # In `rows`: what is left of the trajectories that the thread has taken, how many wait for either group, the
 # one in each lane of both groups, and the ones that wait, with what they have grazed: room for 3 LANES each,
-# since no more are under way when the queue is asked only while fewer than LANES wait.
+# since no more are under way when the queue is asked only while fewer than LANES wait. Behind them how many
+# pasts are taken, and the numbers of the others: from the number of taken ones on.
 TAKEN_AT, WAITING_AT, LANES_AT = 0, 2, 4
 
 
@@ -79,33 +80,58 @@ def wait(group: int, run: Trajectory, rows: Indices) -> None:
 
 
 @kernel
-def end_row(code: int, batch: Trajectories, run: Trajectory) -> None:
+def take_up_row(q: int, pasts: Rows[Past], batch: Trajectories, run: Trajectory) -> None:
+    """Let `run` be trajectory q, with its past."""
+    take_row(q, batch, run)
+    run.past = pasts[run.count.past]
+
+
+@kernel
+def begin_row(q: int, rows: Indices, pasts: Rows[Past], batch: Trajectories, run: Trajectory) -> None:
+    """Let `run` be trajectory q, with an empty past of its own."""
+    taken = place_of(2, 0)
+    take_row(q, batch, run)
+    run.count.past = rows[taken + 1 + rows[taken]]
+    rows[taken] += 1
+    run.past = pasts[run.count.past]
+    run.past.count = 0
+
+
+@kernel
+def end_row(code: int, rows: Indices, batch: Trajectories, run: Trajectory) -> None:
     """A trajectory has come to its end."""
+    taken = place_of(2, 0)
+    rows[taken] -= 1
+    rows[taken + 1 + rows[taken]] = run.count.past
     batch.codes[run.number] = code
     claim(batch.queue, 1)
 
 
 @kernel
-def recall(group: int, rows: Indices, entries: Entries, batch: Trajectories, run: Trajectory) -> None:
+def recall(
+    group: int, rows: Indices, entries: Entries, pasts: Rows[Past], batch: Trajectories, run: Trajectory
+) -> None:  # fmt: skip
     """Take up the trajectory that has waited least for a group, with its field and its guards."""
     rows[WAITING_AT + group] -= 1
     place = place_of(group, rows[WAITING_AT + group])
-    take_row(rows[place], batch, run)
+    take_up_row(rows[place], pasts, batch, run)
     call_at(entries.open_segment, run)
     for i in range(M):
         run.w.grazed[i] = 1.0 if rows[place + 1 + i] != 0 else 0.0
 
 
 @kernel
-def fetch(last: int, rows: Indices, entries: Entries, batch: Trajectories, run: Trajectory) -> int:
+def fetch(
+    last: int, rows: Indices, entries: Entries, pasts: Rows[Past], batch: Trajectories, run: Trajectory
+) -> int:  # fmt: skip
     """Take up the next trajectory that does not slide from the queue: 1, 0 (too many wait) or -1 (none)."""
     while rows[WAITING_AT + 1] < LANES:
         if not another(last, batch.queue, shift_indices(rows, TAKEN_AT)):
             return -1
-        take_row(rows[TAKEN_AT], batch, run)
+        begin_row(rows[TAKEN_AT], rows, pasts, batch, run)
         code = drive(True, entries, run)
         if code != -1:
-            end_row(code, batch, run)
+            end_row(code, rows, batch, run)
         elif slides(run.m) == 1:
             wait(1, run, rows)
         else:
@@ -115,8 +141,8 @@ def fetch(last: int, rows: Indices, entries: Entries, batch: Trajectories, run: 
 
 @kernel
 def fill(
-    group: int, empty: int, last: int, rows: Indices, entries: Entries, lanes_of: Group, batch: Trajectories,
-    run: Trajectory,
+    group: int, empty: int, last: int, rows: Indices, entries: Entries, lanes_of: Group, pasts: Rows[Past],
+    batch: Trajectories, run: Trajectory,
 ) -> int:  # fmt: skip
     """Fill empty lanes of a group by who waits, or (not those that slide) from the queue; how many stay.
 
@@ -126,10 +152,10 @@ def fill(
     while empty > 0:
         found = 0
         if rows[WAITING_AT + group] > 0:
-            recall(group, rows, entries, batch, run)
+            recall(group, rows, entries, pasts, batch, run)
             found = 1
         elif group == 0 and more:
-            found = fetch(last, rows, entries, batch, run)
+            found = fetch(last, rows, entries, pasts, batch, run)
             more = found >= 0
         if found <= 0:
             break
@@ -156,6 +182,7 @@ def put_off(
     rows: Indices,
     entries: Entries,
     lanes_of: Group,
+    pasts: Rows[Past],
     batch: Trajectories,
     run: Trajectory,
 ) -> int:
@@ -166,7 +193,7 @@ def put_off(
         finished = (masks >> (FINISHED + lane)) & 1 != 0
         if q < 0 or not (finished or (masks >> lane) & 1 != 0):
             continue
-        take_row(q, batch, run)
+        take_up_row(q, pasts, batch, run)
         leave(lane, run, lanes_of)
         code, next_group = REACHED, group
         # At an instant of time events the plain loop goes on.
@@ -180,7 +207,7 @@ def put_off(
         if code == -1:
             wait(next_group, run, rows)
         else:
-            end_row(code, batch, run)
+            end_row(code, rows, batch, run)
         release(lane, lanes_of, own)
         left += 1
     return left
@@ -190,15 +217,15 @@ def put_off(
 @kernel
 def lane_run(
     last: int, steps: int, rows: Indices, entries: Entries, groups: Rows[Group], iw_l: Integers,
-    batch: Trajectories, run: Trajectory,
+    pasts: Rows[Past], batch: Trajectories, run: Trajectory,
 ) -> int:  # fmt: skip
     """As `ensemble`, in lanes; what is under way outlives the call in `rows`."""
     open_to, free, sliding = last, empty_in(0, rows), empty_in(1, rows)
     for _ in range(steps):
         if sliding > 0:
-            sliding = fill(1, sliding, last, rows, entries, groups[1], batch, run)
+            sliding = fill(1, sliding, last, rows, entries, groups[1], pasts, batch, run)
         if free > 0:
-            free = fill(0, free, open_to, rows, entries, groups[0], batch, run)
+            free = fill(0, free, open_to, rows, entries, groups[0], pasts, batch, run)
             if free < 0:
                 open_to, free = 0, -1 - free
         if free == LANES and sliding == LANES and rows[WAITING_AT + 1] == 0:
@@ -208,7 +235,7 @@ def lane_run(
         iw_l.sliding = group
         masks = lane_step(groups[group], iw_l, run.ctx)
         if masks != 0:
-            left = put_off(group, masks, rows, entries, groups[group], batch, run)
+            left = put_off(group, masks, rows, entries, groups[group], pasts, batch, run)
             sliding += left if group == 1 else 0
             free += left if group == 0 else 0
     return 1

@@ -76,6 +76,7 @@ def ensemble(last: int, steps: int, mine: Indices, batch: Trajectories, run: Tra
         take_row(q, batch, run)
         code, before = REACHED, run.count.steps + run.count.rejected
         if fresh:
+            run.past.count = 0
             code = launch(run)
         if code == REACHED:
             code = time_slice(left, run)

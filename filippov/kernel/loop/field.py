@@ -34,8 +34,7 @@ from filippov.kernel.loop.model import (
     pair,
     rhs,
 )
-from filippov.kernel.loop.multiplier import track
-from filippov.kernel.loop.rules import MOMENTS, UTKIN, slide_moments, slide_utkin
+from filippov.kernel.loop.rules import MOMENTS, UTKIN, slide_moments, slide_utkin, track
 from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.tables.layout import MOST_ENUMERATED
 

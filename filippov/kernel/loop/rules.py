@@ -19,12 +19,22 @@ from filippov.kernel.loop.model import (
     N,
     rhs,
 )
-from filippov.kernel.loop.multiplier import track
 from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.tables.layout import MOST_ENUMERATED
 
 FILIPPOV, MOMENTS, UTKIN = 0, 1, 2
 DELTA, ENOUGH = 1e-6, 1e-14
+
+
+@kernel
+def track(w: Scratch, i: int, value: float, plus: float, minus: float) -> None:
+    """Note a multiplier with the rates it comes from, and its range over a step."""
+    mult = w.mult[i]
+    mult.value = value
+    mult.rate_plus, mult.rate_minus = plus, minus
+    mult.least = min(mult.least, value)
+    mult.most = max(mult.most, value)
+    mult.slope = max(mult.slope, plus - minus)
 
 
 @kernel

@@ -114,6 +114,8 @@ class Count(Struct):
     due: int
     # 1 while the loop slides on a corner of two that it has decided, 2 where other modes may follow there.
     pair: int
+    # Which of the pasts of its thread is that of the trajectory.
+    past: int
 
 
 class Tick(Struct):
@@ -141,6 +143,30 @@ class EventCycles(Struct):
     streak: Vector = part(3)
     # The largest difference of the rates on both sides since sliding on the surface began.
     widest: float
+
+
+class Past(Struct):
+    """The last events of a trajectory, and the limit that they accumulate at (see `limit`).
+
+    count, room  how many there are and how many may be, 0 where none are kept
+    most         among how many of the last ones a law is looked for; earlier ones may know its limit better
+    times        of each; reached: its surface i (time events follow), -1 - i where that was grazed
+    same         the times of those on one surface, `alike` of them; law: as `cycle_limit` leaves it
+    t, error     time of the limit and its error; x_error: of its state; bend: of the way there, off a line
+    """
+
+    count: int
+    room: int
+    most: int
+    alike: int
+    times: Vector
+    reached: Indices
+    same: Vector
+    law: Vector = part(10)
+    t: float
+    error: float
+    x_error: float
+    bend: Vector = part(lambda of: of.n)
 
 
 class Multiplier(Struct):
@@ -324,7 +350,8 @@ class Trajectory(Struct):
     trigger: the surfaces that are active where the classification is needed; stop: events until a terminal
     one, a row of STOPS a surface; ticks, instants: time events, with the times of those that list them; rec,
     rec_coef: steps with their dense output; events, marks: what is kept of events; kinds: how
-    many of each kind a surface had, where events are only counted; number: in its batch.
+    many of each kind a surface had, where events are only counted; past: what accumulations are told by;
+    number: in its batch.
     """
 
     clock: Clock
@@ -345,6 +372,7 @@ class Trajectory(Struct):
     events: Vector
     marks: Indices
     kinds: Indices
+    past: Past
     w: Scratch
     iw: Integers
     ctx: Indices
@@ -397,6 +425,6 @@ class Group(Struct):
 
 
 STRUCTS: tuple[type[Struct], ...] = (
-    Clock, Count, Tick, EventCycles, Multiplier, Memory, Origin, Tally, Scratch, Integers, Attempt,
+    Clock, Count, Tick, EventCycles, Past, Multiplier, Memory, Origin, Tally, Scratch, Integers, Attempt,
     Trajectory, Trajectories, Entries, Group,
 )  # fmt: skip

@@ -22,6 +22,7 @@ from functools import partial
 import numpy as np
 
 from filippov.base.status import Status
+from filippov.kernel.loop.limit import KEPT
 from filippov.solving.resets.impact_law import generalised_newton, hold, too_close, unresolved
 from filippov.solving.selection.ambiguity import point_of
 from filippov.solving.state.leading import Terms, leading_term
@@ -36,7 +37,7 @@ LONGEST_CHAIN, MOST_STATES, MOST_AT_REST = 4096, 500, 8
 # A chain that fades comes to an end: so many impacts at most, where speeds are so much smaller.
 LATEST, FADED = 4 * LONGEST_CHAIN, 1e-3
 ACCUMULATES = "accumulation"
-SAME, KEPT = 1e-9, 1e-6
+SAME = 1e-9
 LATER = 8
 MOST_TOGETHER = 6
 # Steps towards the sides of several surfaces at once: one may lead behind another.

@@ -5,15 +5,18 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from filippov.base.status import EventKind
 from filippov.kernel.loop.event_cycle import CHOSEN, CYCLES, LONGEST_CYCLE, STEADY
+from filippov.kernel.loop.limit import GLOBAL
+from filippov.kernel.loop.state import Past as PastRecord
+from filippov.kernel.tables import codes
 from filippov.solving.resets.impact_law import hold
-from filippov.solving.state.event_log import Past
+from filippov.solving.state.event_log import Past, looked_at
 from filippov.solving.state.machine import Array
 from filippov.solving.state.rates import off_contact, velocity
 from filippov.solving.state.run import Run, guard_terms
@@ -22,8 +25,6 @@ LARGEST_CORNER = 6
 NEAR_REST = 1e-7
 
 
-# Errors of the many steps of a non-Lipschitz field, in tolerances of one.
-GLOBAL = 4.0
 NEAR_END = 1e-6
 # Depth of a cycle, in roundings of h, below which its length soon shows them.
 GRAINY = 1e5
@@ -76,6 +77,42 @@ def accumulation(run: Run) -> Accumulation | None:
     return found
 
 
+def rest_on_contact(run: Run) -> tuple[int, Accumulation | None]:
+    """ENTRY where the run has gone to the limit of impacts on one contact, at rest there, with that limit.
+
+    NONE where the last events are no such accumulation, GENERAL where that is to be seen (`rest_in_limit` in
+    `filippov.kernel.loop.limit`).
+    """
+    past = run.events.past(2 * looked_at(len(run.machine.roles)))
+    record = cast(type[PastRecord], run.machine.compiled.records["Past"]).new()
+    record.refer(
+        times=past.t, reached=np.where(past.grazing, -1 - past.surface, past.surface),
+        same=np.empty(len(past.t)),
+    )  # fmt: skip
+    record.count = record.room = len(past.t)
+    record.most = looked_at(len(run.machine.roles))
+    run.trajectory.refer(past=record)
+    before = run.t, run.x.copy()
+    code = run.machine.call("rest_in_limit", run=run.trajectory)
+    if code != codes.ENTRY:
+        return code, None
+    i, ratio = int(past.surface[-1]), float(record.law[2])
+    limit = Accumulation(
+        float(record.t), run.x.copy(), float(record.error), float(record.x_error), ratio, (i,),
+        record.bend.copy(),
+    )  # fmt: skip
+    run.clock.t, run.x[:] = before
+    bridge(run, limit)
+    run.x[:] = limit.x
+    run.taken = run.t, limit.x
+    return code, limit
+
+
+def beyond(run: Run, limit: Accumulation) -> bool:
+    """Whether the run is to stop, or something is due, before the limit: by more than that is known to."""
+    return (limit.t - float(run.clock.t_end)) * run.direction > limit.error
+
+
 def lawful(run: Run) -> bool:
     """Whether the last events follow a law that has a limit."""
     return len(run.events) > 0 and _told(run) is not None
@@ -91,7 +128,7 @@ class _Told(NamedTuple):
 
 
 def _told(run: Run) -> _Told | None:
-    most = (LONGEST_CYCLE * CYCLES + 1) * max(len(run.machine.roles), 1)
+    most = looked_at(len(run.machine.roles))
     past = run.events.past(2 * most)
     same = np.flatnonzero((past.surface == past.surface[-1]) & ~past.grazing)
     times, out = past.t[same], np.zeros(10)
@@ -186,7 +223,9 @@ def accumulates(run: Run) -> bool:
     if abs(run.t - run.events[-back].t) > near:
         return False
     limit = accumulation(run)
-    return limit is not None and abs(limit.t - run.t) <= near and not interrupted(run, limit)
+    if limit is None or beyond(run, limit):
+        return False
+    return abs(limit.t - run.t) <= near and not interrupted(run, limit)
 
 
 def _grainy(run: Run) -> bool:

@@ -6,7 +6,7 @@ import os
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ from filippov.kernel.loop.state import (
     Entries,
     EventCycles,
     Group,
+    Past,
     Tally,
     Tick,
     Trajectories,
@@ -28,6 +29,7 @@ from filippov.kernel.tables import codes
 from filippov.model.system import System
 from filippov.model.time_event import TimeEvent
 from filippov.solving.state.clocks import tick_rows
+from filippov.solving.state.event_log import looked_at
 from filippov.solving.state.events import Stop
 from filippov.solving.state.gradients import check_gradients
 from filippov.solving.state.machine import Array, Machine
@@ -47,6 +49,8 @@ FEW, _SMALL, _MOST_WAITING = 16, 1024, 16
 UNFINISHED = -1
 # Lanes of trajectories that do not slide, and of those that do.
 _GROUPS = 2
+# Rows under way for every lane: in both groups, and three times as many that wait for either.
+_UNDER_WAY = 8
 
 
 def cores() -> int:
@@ -199,14 +203,21 @@ class _Room:
         events = _EVENT_ROOM + m + len(machine.time_events)
         lanes = 1 if unit is None else unit.lanes
         run = self.run = Trajectory.new()
+        # The rows under way, each with its past.
+        count = 1 if unit is None else _UNDER_WAY * lanes + 1
+        self.pasts, self.kept = _pasts(machine, count)
         run.refer(
+            past=self.pasts[0],
             w=machine.compiled.scratch(), iw=machine.compiled.integers(), ctx=machine.context,
             events=np.zeros(events * machine.event_size),
             marks=np.zeros(events * (3 + 2 * m), dtype=np.int64),
         )  # fmt: skip
         # The rows under way, what is left of those that the thread has taken, and in lanes those that wait.
-        mine = np.zeros(3 if unit is None else 4 + _GROUPS * lanes * (1 + 3 * (1 + m)), dtype=np.int64)
+        # Behind them, how many have a past, and the numbers of the pasts that are free.
+        waiting = 4 + _GROUPS * lanes * (1 + 3 * (1 + m))
+        mine = np.zeros(3 if unit is None else waiting + 1 + count, dtype=np.int64)
         self.rows = mine[:1] if unit is None else mine[4 : 4 + _GROUPS * lanes]
+        self.free = mine[3:] if unit is None else mine[waiting + 1 :]
         # By the names of the entry point's arguments.
         self.places: dict[str, Any] = {"run": run, "mine" if unit is None else "rows": mine}
         # What a batch starts with in zeros, and the lanes of each group by their names.
@@ -235,11 +246,15 @@ class _Room:
             setattr(entries, name, unit.addresses[name])
         iw = machine.compiled.integers()
         self.blank.append(iw.array)
-        self.places |= {"entries": entries, "groups": rows, "iw_l": iw}
+        self.places |= {"entries": entries, "groups": rows, "iw_l": iw, "pasts": self.pasts}
 
-    def clear(self, atol: Array, instants: Array) -> None:
-        """As new: what a batch leaves behind must not reach the next."""
+    def clear(self, atol: Array, instants: Array, settling: bool) -> None:
+        """As new: what a batch leaves behind must not reach the next.
+
+        settling: trajectories go on from limits of events
+        """
         self.run.refer(atol=atol, instants=instants)
+        self.pasts.column("room")[:] = self.kept[0].shape[-1] if settling else 0
         self.wipe()
         for parts in self.wide:
             for name in ("rtol", "trend"):
@@ -252,6 +267,20 @@ class _Room:
         for array in self.blank:
             array.fill(0)
         self.rows.fill(-1)
+        self.free[:] = np.arange(self.free.size)
+
+
+def _pasts(machine: Machine, count: int) -> tuple[Rows[Past], tuple[npt.NDArray[Any], ...]]:
+    """The pasts of so many trajectories, and the arrays that they lead to; empty where nothing can rest."""
+    kind = cast(type[Past], machine.compiled.records["Past"])
+    pasts, most = Rows(kind, np.zeros((count, kind.size), dtype=np.int64)), looked_at(machine.m)
+    # What is told by so many is told better by twice as many; the earlier half of all is given up at once.
+    room = 4 * most if any(machine.contacts) else 0
+    pasts.column("most")[:] = most
+    times, reached = np.zeros((2, count, room)), np.zeros((count, room), dtype=np.int64)
+    for q in range(count):
+        pasts[q].refer(times=times[0, q], same=times[1, q], reached=reached[q])
+    return pasts, (times, reached)
 
 
 def _aligned(size: int) -> Array:
@@ -276,7 +305,7 @@ class _Chunks:
             self.room = self.rooms.pop()
         except IndexError:
             self.room = _Room(machine, unit)
-        self.room.clear(batch.atol, batch.instants)
+        self.room.clear(batch.atol, batch.instants, batch.options.zeno == "continue")
         values = {"last": 0, "steps": 0, "batch": batch.rows, **self.room.places}
         _, _, *self.arguments = compiled.arguments(name, values)
         self.row = 0

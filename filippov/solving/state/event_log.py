@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.status import JUMPED_OVER, EventKind
+from filippov.kernel.loop.event_cycle import CYCLES, LONGEST_CYCLE
 from filippov.kernel.tables import codes
 from filippov.solving.state.events import Event, Events, Mode
 
@@ -31,6 +32,11 @@ _KINDS = {
 }
 _CODES = max(_KINDS) + 1
 _JUMPS, _OVER = (codes.RESET, codes.TIME_RESET), (codes.OVER_UP, codes.OVER_DOWN)
+
+
+def looked_at(surfaces: int) -> int:
+    """Among how many of the last events cycles are looked for that accumulate."""
+    return (LONGEST_CYCLE * CYCLES + 1) * max(surfaces, 1)
 
 
 class Past(NamedTuple):
