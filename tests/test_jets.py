@@ -16,6 +16,7 @@ from filippov.base.elementary import ELEMENTARY, LIBRARY
 from filippov.kernel.codegen import jets
 from filippov.kernel.codegen.generate import KernelPrinter
 from filippov.kernel.codegen.jet_graph import JetGraph
+from filippov.kernel.codegen.jet_groups import GroupedLoops
 from filippov.kernel.language import primitives
 from filippov.kernel.loop import elementary
 from filippov.kernel.methods import recurrences
@@ -35,13 +36,16 @@ def coefficients(field: list[sympy.Expr], x0: list[float], p: float, loops: bool
     printer = KernelPrinter({X: "x[0]", Y: "x[1]", P: "p[0]", t: "t"}, set())
     graph = JetGraph(printer._print, {X: 0, Y: 1}, t, {})
     results = [graph(f) for f in field]
-    writer = jets._Loops if loops else jets._WrittenOut
-    lines = writer(graph, results, ORDER, jets._used(graph, results)).lines()
+    writer = GroupedLoops if loops else jets._WrittenOut
+    made = writer(graph, results, ORDER, jets._used(graph, results))
+    lines = made.lines()
     names: dict[str, Any] = {k: v for k, v in vars(primitives).items() if callable(v)}
     names |= {k: partial(primitives.each, k) for k in LIBRARY} | {"fabs": abs}
     names |= {k: v for m in (recurrences, elementary) for k, v in vars(m).items() if callable(v)}
     exec("def made(t, x, p, s, m, work, out):\n" + "\n".join(lines), names)  # noqa: S102 - our own text
-    out, work = np.zeros(ORDER * len(field)), np.full(ORDER * len(graph.nodes), np.nan)
+    # In Python a vector holds one number.
+    names["VECTORS"] = 1
+    out, work = np.zeros(ORDER * len(field)), np.full(getattr(made, "room", 0), np.nan)
     with np.errstate(all="ignore"):
         names["made"](0.3, np.array(x0), np.array([p]), None, None, work, out)
     return out.reshape(ORDER, len(field))

@@ -13,12 +13,14 @@ from filippov import (
     Surface,
     System,
     UsageError,
+    cos,
     exp,
     models,
     parameters,
     sign,
     sin,
     solve,
+    sqrt,
     states,
     t,
     tanh,
@@ -137,6 +139,28 @@ def test_14_2_large_fields_run_in_loops(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(jets, "WRITTEN_OUT", 0)
     loops = taylor(System({x: v, v: -sin(x) * 1.0, y: 0 * y}), (1.0, 0.3, 0.0), 10, rtol=1e-10)
     np.testing.assert_allclose(loops.x_end[:2], written.x_end, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("backend", ["compiled", "python"])
+@pytest.mark.parametrize("count", [1, 3, 8, 11])
+def test_14_2_operations_of_one_kind_side_by_side(
+    count: int, backend: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every kind of recurrence in groups of any number: each copy moves as the one that is written out."""
+
+    def field(a: Any, b: Any) -> tuple[Any, Any]:
+        root = sqrt(2 + a**2)
+        return b / root + sin(a * t), -a * b**2 / (1 + b**4) ** 1.3 + cos(b) * exp(-a * root) - 0.1 * b
+
+    end, starts = 2.0 if backend == "compiled" else 0.4, np.linspace(0.3, 0.9, count)
+    pair = System(dict(zip((x, v), field(x, v), strict=True)))
+    known = [taylor(pair, (a, -a / 2), end, rtol=1e-12).x_end for a in starts]
+    monkeypatch.setattr(jets, "WRITTEN_OUT", 0)
+    names = states([f"a{i}" for i in range(count)] + [f"b{i}" for i in range(count)])
+    rates = [field(a, b) for a, b in zip(names[:count], names[count:], strict=True)]
+    many = System(dict(zip(names, [r[0] for r in rates] + [r[1] for r in rates], strict=True)))
+    run = taylor(many, (*starts, *-starts / 2), end, rtol=1e-12, backend=backend)
+    np.testing.assert_allclose(run.x_end.reshape(2, count).T, known, rtol=0, atol=2e-11)
 
 
 # Each with a peak inside of a step, off all surfaces, on one, and at rest on a table.

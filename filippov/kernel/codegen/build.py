@@ -44,7 +44,10 @@ _LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_slot"
 # What the loop calls of a system's unit: what is written for the system. Then what it calls in lanes (see
 # `points`).
 _OF_SYSTEM = ("rhs", "pair", "guards", "gradients", "radii", "resets", "derive")
-_OF_SERIES = ("jets", "series_end")
+# The rest is small loops over states and surfaces, which are no loops where the numbers of these are known.
+_OF_SERIES = (
+    "jets", "series_end", "series_step", "take_jets", "error_norm", "series_clear", "guard_state", "carry_on",
+)  # fmt: skip
 _OF_WIDE_SERIES = ("look_beside",)
 _OF_SYSTEM_IN_LANES = ("pair", "guards", "gradients", "radii")
 # The constants of a system for which a loop is made; it reads the others where it runs.
@@ -156,7 +159,7 @@ def _unit(source: str, constants: Mapping[str, Constant], method: str, sizes: Si
     files = ("system", "method", *(f"{name}.py" for name in _LANE_FILES))
     unit = Unit(width=max(lanes, LANES), records=_sized(sizes))
     numbers = {**shared, "LANES": unit.width, "SIDE": sizes.side, **method_constants(tableau), **constants}
-    unit.constants.update(numbers | {"VECTORS": True})
+    unit.constants.update(numbers | {"VECTORS": unit.width})
     for file, text in zip(files, (source, method_source(tableau), *texts), strict=True):
         add_kernels(unit, text, file)
     return unit
@@ -232,7 +235,7 @@ def _plain(source: str, constants: Mapping[str, Constant], method: str) -> Compi
     files = tuple(kernel_file(name) for name in _FILES)
     # Python has no lanes: points of a sample are taken one after the other.
     numbers = {**_shared()[0], "SIDE": sizes.side, **method_constants(tableau), **constants}
-    numbers |= {"WIDE": False, "VECTORS": False}
+    numbers |= {"WIDE": False, "VECTORS": 1}
     entries = tuple(name for name in PLAIN if name not in Entries.places and name != "ensemble")
     return Compiled(interpreted.interpret(texts, files, numbers, entries, records), {}, sizes, records, None)
 

@@ -7,13 +7,14 @@ made of themselves become an `integral`, y' = g u', with g another node of the g
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import sympy
 from sympy import Expr, Symbol
 
+from filippov.kernel.codegen.generate import joined
 from filippov.model.symbolic import Select
 
 Printer = Callable[[Expr], str]
@@ -253,3 +254,24 @@ class JetGraph:
         one = self._integral(y, "atan2({1}, {0})", lambda _: first, x, y)
         other = self._integral(x, "0.0", lambda _: second, x, y)
         return self.total([("1.0", one), ("-1.0", other)])
+
+
+def first_value(node: Node, values: Sequence[str], asked: Sequence[str]) -> str:
+    """The value of a node, by those of its operands and of what it asks for."""
+    u, v = (*values, "", "")[:2]
+    if node.kind == "leaf":
+        return f"x[{node.place}]"
+    if node.kind == "time":
+        return "t"
+    if node.kind == "sum":
+        return joined(" + ", [f"{f} * {a}" for f, a in zip(node.texts, values, strict=True)])
+    if node.kind in ("product", "quotient"):
+        return f"{u} {'*' if node.kind == 'product' else '/'} {v}"
+    if node.kind == "root":
+        return f"sqrt({u})"
+    if node.kind == "power":
+        return f"{node.texts[1]}({u}, {node.texts[0]})"
+    said = node.texts[0].format(*asked)
+    if node.kind == "choice":
+        return u if u == v else f"({u} if {said} else {v})"
+    return said

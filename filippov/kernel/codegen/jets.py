@@ -1,7 +1,8 @@
 """Kernel source of Taylor coefficients: recurrences over a graph of operations, written out or as loops.
 
 Small graphs are written out order by order, coefficients that are 0 left away: the compiler then sees
-independent sums. Larger ones become loops over the coefficients, which keeps the code linear in the graph.
+independent sums. Larger ones become loops over the coefficients (see `jet_groups`), which keeps the code
+linear in the graph.
 """
 
 from __future__ import annotations
@@ -9,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from filippov.kernel.codegen.generate import joined
-from filippov.kernel.codegen.jet_graph import JetGraph, Node
+from filippov.kernel.codegen.jet_graph import JetGraph, Node, first_value
+from filippov.kernel.codegen.jet_groups import GroupedLoops
 
 # Products of coefficients in a kernel that is written out.
 WRITTEN_OUT = 8000
@@ -22,14 +23,16 @@ def heavy(graph: JetGraph, order: int) -> bool:
     return costly * order * order > 2 * WRITTEN_OUT or len(graph.nodes) * order > WRITTEN_OUT
 
 
-def jet_lines(graph: JetGraph, results: Sequence[int], order: int) -> list[str]:
+def jet_lines(graph: JetGraph, results: Sequence[int], order: int) -> tuple[list[str], int]:
     """Statements that store coefficients 0 ... order - 1 of the results in `out`, one order after the other.
 
-    Result i below the number of states is the rate of state i. Loops use `work`, `order` numbers a node.
+    Result i below the number of states is the rate of state i. Then how many numbers of `work` they use.
     """
     used = _used(graph, results)
-    writer = (_Loops if heavy(graph, order) else _WrittenOut)(graph, results, order, used)
-    return writer.lines()
+    if not heavy(graph, order):
+        return _WrittenOut(graph, results, order, used).lines(), 0
+    loops = GroupedLoops(graph, results, order, used)
+    return loops.lines(), loops.room
 
 
 def _used(graph: JetGraph, results: Sequence[int]) -> list[int]:
@@ -88,7 +91,7 @@ class _WrittenOut:
     def _coefficient(self, number: int, node: Node, k: int) -> str | None:
         if k == 0:
             known = {n: self.value.get((n, 0)) or "0.0" for n in (*node.operands, *node.asked)}
-            return _first(node, [known[n] for n in node.operands], [known[n] for n in node.asked])
+            return first_value(node, [known[n] for n in node.operands], [known[n] for n in node.asked])
         u, v = (*node.operands, -1, -1)[:2]
         if node.kind in ("constant", "step"):
             return None
@@ -152,95 +155,6 @@ class _WrittenOut:
         # Exponents that the parameters make whole leave no division by a base that may be 0.
         square, itself = self._product(u, u, k) or "0.0", self.value[u, k] or "0.0"
         return f"(({square}) if {exponent} == 2.0 else ({itself} if {exponent} == 1.0 else {said or '0.0'}))"
-
-
-@dataclass
-class _Loops:
-    graph: JetGraph
-    results: Sequence[int]
-    order: int
-    used: list[int]
-
-    def lines(self) -> list[str]:
-        self.place = {number: i * self.order for i, number in enumerate(self.used)}
-        count = len(self.results)
-        out = [f"    work[{self.place[n]}] = {self._start(self.graph.nodes[n])}" for n in self.used]
-        out += [f"    out[{i}] = {self._at(result, '0')}" for i, result in enumerate(self.results)]
-        out.append(f"    for k in range(1, {self.order}):")
-        for number in self.used:
-            out.append(f"        {self._at(number, 'k')} = {self._later(number, self.graph.nodes[number])}")
-        for i, result in enumerate(self.results):
-            out.append(f"        out[k * {count} + {i}] = {self._at(result, 'k')}")
-        return out
-
-    def _at(self, number: int, k: str) -> str:
-        return f"work[{self.place[number]} + {k}]"
-
-    def _row(self, number: int) -> str:
-        return f"shift(work, {self.place[number]})"
-
-    def _start(self, node: Node) -> str:
-        values = [self._at(n, "0") if n in self.place else "" for n in node.operands]
-        return _first(node, values, [self._at(n, "0") for n in node.asked])
-
-    def _asked(self, node: Node) -> str:
-        return node.texts[0].format(*(self._at(n, "0") for n in node.asked))
-
-    def _later(self, number: int, node: Node) -> str:
-        u, v = (*node.operands, -1, -1)[:2]
-        if node.kind in ("constant", "step"):
-            return "0.0"
-        if node.kind == "time":
-            return "1.0 if k == 1 else 0.0"
-        if node.kind == "leaf":
-            return f"work[{self.place[self.results[node.place]]} + k - 1] / k"
-        if node.kind == "sum":
-            terms = [
-                f"{f} * {self._at(n, 'k')}"
-                for f, n in zip(node.texts, node.operands, strict=True)
-                if self.graph.nodes[n].kind != "constant"
-            ]
-            return joined(" + ", terms) if terms else "0.0"
-        if node.kind == "choice":
-            return f"({self._at(u, 'k')} if {self._asked(node)} else {self._at(v, 'k')})"
-        if node.kind == "product":
-            return f"folded(k, 0, {self._row(u)}, {self._row(v)})"
-        own = self._row(number)
-        if node.kind == "quotient":
-            return f"({self._at(u, 'k')} - folded(k, 1, {self._row(v)}, {own})) / {self._at(v, '0')}"
-        if node.kind == "root":
-            return f"0.5 * ({self._at(u, 'k')} - folded_inside(k, {own})) / {self._at(number, '0')}"
-        if node.kind == "power":
-            exponent, name = node.texts
-            said = f"power_term(k, {exponent}, {self._row(u)}, {own})"
-            if name == "power":
-                return said
-            square = f"folded(k, 0, {self._row(u)}, {self._row(u)})"
-            whole = f"{self._at(u, 'k')} if {exponent} == 1.0 else {said}"
-            return f"({square} if {exponent} == 2.0 else ({whole}))"
-        sign = "-" if len(node.texts) > 1 and node.texts[1] == "-1.0" else ""
-        return f"{sign}integral_term(k, {self._row(u)}, {self._row(v)})"
-
-
-def _first(node: Node, values: Sequence[str], asked: Sequence[str]) -> str:
-    """The value of a node, by those of its operands and of what it asks for."""
-    u, v = (*values, "", "")[:2]
-    if node.kind == "leaf":
-        return f"x[{node.place}]"
-    if node.kind == "time":
-        return "t"
-    if node.kind == "sum":
-        return joined(" + ", [f"{f} * {a}" for f, a in zip(node.texts, values, strict=True)])
-    if node.kind in ("product", "quotient"):
-        return f"{u} {'*' if node.kind == 'product' else '/'} {v}"
-    if node.kind == "root":
-        return f"sqrt({u})"
-    if node.kind == "power":
-        return f"{node.texts[1]}({u}, {node.texts[0]})"
-    said = node.texts[0].format(*asked)
-    if node.kind == "choice":
-        return u if u == v else f"({u} if {said} else {v})"
-    return said
 
 
 def _in_two(terms: Sequence[str]) -> str | None:

@@ -15,7 +15,7 @@ from sympy import Expr, Symbol
 from filippov.kernel.codegen.generate import KernelPrinter, symbol_names, total_gradients
 from filippov.kernel.codegen.generated import Generated
 from filippov.kernel.codegen.jet_graph import JetGraph
-from filippov.kernel.codegen.jets import heavy, jet_lines
+from filippov.kernel.codegen.jets import jet_lines
 from filippov.model.size import expanded
 from filippov.model.surface import Surface
 from filippov.model.symbolic import SymbolicForm, convex
@@ -44,10 +44,9 @@ def system_jets(
         name = "free_jets" if i < 0 else f"sliding_jets_{i}"
         lines += ["", "@contract"]
         lines += [f"def {name}({_ARGUMENTS}) -> int:"]
-        lines += jet_lines(graph, results, order)
-        lines += ["    return 0", ""]
-        if heavy(graph, order):
-            room = max(room, len(graph.nodes) * order)
+        text, used = jet_lines(graph, results, order)
+        lines += [*text, "    return 0", ""]
+        room = max(room, used)
     lines += [
         "", "@kernel",
         "def jets(",
@@ -80,20 +79,19 @@ def _end_lines(n: int, width: int, order: int) -> list[str]:
         for j in range(order - 2, -1, -1):
             lines += [f"        s += k[{j * n} + i] * {1.0 / (j + 1)!r}", f"        r += k[{j * n} + i]"]
         return [*lines, "        y[i] = x[i] + step * s", "        rate[i] = r", ""]
-    for i in range(n):
-        lines.append(f"    c0_{i} = k[{i}]")
-        lines += [f"    c{j}_{i} = jet[{j * width + i}] * h{j}" for j in range(1, order)]
-    for i in range(n):
-        lines += [f"    k[{j * n + i}] = c{j}_{i}" for j in range(1, order)]
-        # Two chains of half the length each, the small terms of both first.
-        for name, weights in (("s", [1.0 / (j + 1) for j in range(order)]), ("r", [1.0] * order)):
-            for part in (0, 1):
-                terms = [j for j in range(order) if j % 2 == part]
-                text = f"c{terms[-1]}_{i} * {weights[terms[-1]]!r}"
-                for j in reversed(terms[:-1]):
-                    text = f"({text}) + c{j}_{i} * {weights[j]!r}"
-                lines.append(f"    {name}{part}_{i} = {text}")
-        lines += [f"    y[{i}] = x[{i}] + step * (s0_{i} + s1_{i})", f"    rate[{i}] = r0_{i} + r1_{i}"]
+    # State beside state, so that neighbours share a vector; two chains of sums, small terms first.
+    for j in range(order - 1, -1, -1):
+        for i in range(n):
+            lines.append(f"    c{j}_{i} = jet[{j * width + i}] * h{j}" if j else f"    c0_{i} = k[{i}]")
+        for name, weight in (("s", 1.0 / (j + 1)), ("r", 1.0)):
+            for i in range(n):
+                term = f"c{j}_{i} * {weight!r}" if weight != 1.0 else f"c{j}_{i}"
+                before = f"{name}{j % 2}_{i} + " if j < order - 2 else ""
+                lines.append(f"    {name}{j % 2}_{i} = {before}{term}")
+        if j:
+            lines += [f"    k[{j * n + i}] = c{j}_{i}" for i in range(n)]
+    lines += [f"    y[{i}] = x[{i}] + step * (s0_{i} + s1_{i})" for i in range(n)]
+    lines += [f"    rate[{i}] = r0_{i} + r1_{i}" for i in range(n)]
     return [*lines, ""]
 
 

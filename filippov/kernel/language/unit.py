@@ -175,7 +175,7 @@ def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
     for argument, value in zip(node.args.args, function.args, strict=True):
         # No other name writes to them: what depends on them alone is computed once.
         pointer = value.type in (VECTOR, unit.wide_vector)
-        if pointer and "contract" in said and argument.arg in ("x", "p", "m"):
+        if pointer and "contract" in said and argument.arg in ("x", "p", "m", "jet"):
             value.add_attribute("noalias")
     kernel = Kernel(node, function, ("contract",) if "contract" in said else (), wide)
     unit.waiting.append(kernel)

@@ -10,7 +10,7 @@ its hysteresis. MOVING[i]: the ends of its set of signs depend on t or x. STRAIG
 both sides are affine in t and x on it.
 AFFINE: the field is jointly affine in the signs. NON_LIPSCHITZ: it may hold a power of |h| below 1; CLAMPED:
 one that stands still in stages beyond its surface. WIDE: it is small enough to be sampled in lanes. VECTORS:
-there are lanes, which Python has not.
+how many numbers a vector holds, 1 in Python.
 ROOTED[i]: guard i may hold such a power too, and is infinitely steep where it vanishes; ROOTS: one does.
 RESET_FROM[i]: the side from which surface i resets the state, 2 for both, 0 for none; CONTACT[i]: the side on
 which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are any; TICKS: whether there are
@@ -30,7 +30,7 @@ from filippov.kernel.tables.tableaus import DOP853, weighted
 
 N, M, P = 1, 1, 1
 AFFINE, NON_LIPSCHITZ, CLAMPED, ALL_LINEAR, WIDE, ROOTS = True, False, False, True, False, False
-VECTORS = False
+VECTORS = 1
 STAGES, EXTRA, DEGREE_DENSE = 13, 3, 7
 RULE = 0
 ORDER, END_IN_ERROR, IMPLICIT, SERIES = 8, False, False, False

@@ -122,7 +122,7 @@ def look_inside(
     if WIDE:  # noqa: SIM102 - told apart when the unit is made
         if iw.sliding == 0 or (iw.sliding == 1 and (AFFINE or RULE != UTKIN)):
             return look_beside(t, x, p, m, step, w, iw, ctx)
-    if VECTORS:
+    if VECTORS > 1:
         return look_in_turn(t, x, p, m, step, w, iw, ctx)
     at, f = w.stage, w.f
     for q in range(LANES):
