@@ -1,4 +1,4 @@
-"""Between systems here and linear plants of python-control: a relay loop from a plant, a plant from a loop.
+"""Conversion to and from linear plants of python-control: a relay loop from a plant, a plant from a loop.
 
 Needs the extra `filippov[control]`.
 """
@@ -16,6 +16,7 @@ from filippov.analysis.sensitivity.variation import mode_field
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
+from filippov.interop.control_blocks import control_module
 from filippov.model.surface import Surface
 from filippov.model.symbolic import convex
 from filippov.model.symbols import sign, states
@@ -25,25 +26,15 @@ from filippov.solving.reading import expression_of
 from filippov.solving.state.options import check_state
 
 
-def _control() -> Any:
-    try:
-        import control
-    except ImportError:
-        raise ImportError(
-            "this needs python-control, which is not installed: pip install filippov[control]"
-        ) from None
-    return control
-
-
 @keywords()
 def relay_loop(plant: Any) -> System:
     """x' = A x - B sgn(y), y = C x: the plant of python-control under relay feedback; surface "output".
 
     plant   a TransferFunction or StateSpace with one input and one output, strictly proper, continuous time
 
-    Raises ModelError for another one: with feed-through the relay would act on its own input at once.
+    Raises ModelError for any other plant: with feed-through the relay would act on its own input at once.
     """
-    control = _control()
+    control = control_module()
     if not isinstance(plant, control.TransferFunction | control.StateSpace):
         raise ModelError(
             f"plant is {type(plant).__name__}, expected a TransferFunction or StateSpace of python-control."
@@ -91,7 +82,7 @@ def linear_mode(
 
     x' - f = A (x - x0) + B (p - p0), y - y0 = C (x - x0) + D (p - p0). Raises ModelError, UsageError.
     """
-    control, form = _control(), system.symbolic
+    control, form = control_module(), system.symbolic
     if form is None:
         raise ModelError("linear_mode is for systems in expressions; this has functions.")
     signs, names = form.signs(mode), tuple(system.parameters.names if inputs is None else inputs)
@@ -137,12 +128,12 @@ def _in_mode(system: System, name: str, signs: tuple[int, ...]) -> sympy.Expr:
 
 
 def linear_plant(system: System, surface: str, parameters: Mapping[str, float] | None = None) -> Any:
-    """The linear part of a loop as a StateSpace: from what the sign of one surface multiplies to its h.
+    """The linear part of a loop as a StateSpace: from the input at the sign of one surface to its h.
 
     x' = A x + b sgn(h), h = c x: returns -c (sI - A)^-1 b, so that the loop is closed by a relay with
     negative feedback. Raises ModelError where the field is not of this form.
     """
-    control = _control()
+    control = control_module()
     split = lure(system, surface, parameters)
     if split.widths.size != 1 or split.widths[0] != 0.0 or split.offset != 0.0:
         raise ModelError(f"expected one surface without hysteresis, h = c x; {surface!r} has more.")

@@ -30,7 +30,7 @@ def floquet(
     """The verdict of the multipliers of a mode's linear part over the common period, and a sentence.
 
     matrix   A(t), shape (n, n), of a point x of the mode; moves: whether it depends on time
-    sliding  what brings the state back to the surfaces that it slides on, where it does
+    sliding  what returns the state to the surfaces on which it slides, if it slides
     """
     clocks = common_period(context, moves)
     if isinstance(clocks, str):
@@ -45,6 +45,11 @@ def floquet(
     if sliding is not None:
         met = "the surface attracts" if sliding.surfaces == 1 else f"the {sliding.surfaces} surfaces attract"
         head = f"{met} at all times, |h| falls at {sliding.approach:.6g} at least; {head}"
+    return by_modulus(largest, head)
+
+
+def by_modulus(largest: float, head: str) -> tuple[Answer, str]:
+    """The verdict by the largest modulus of a multiplier; head: what the reason begins with."""
     if largest < 1.0 - CLEAR:
         return "asymptotically stable", f"{head} < 1"
     if largest > 1.0 + CLEAR:
@@ -80,8 +85,9 @@ def monodromy(
 ) -> Array | None:  # fmt: skip
     """The product of flows and resets over one period, from just after the phase 0.
 
-    onto    where the state is brought before it flows on
-    beside  of one state: how far from x the resets have their derivatives taken, so that they have one
+    onto    where the state is moved before the flow continues
+    beside  for one state: the distance from x at which the resets are differentiated, so that they have a
+            derivative
     """
     from scipy.integrate import solve_ivp
 

@@ -1,9 +1,9 @@
 """Equilibria on kinks of systems that depend on time or are reset by a clock: the multipliers of all sides.
 
-The multipliers of one side say nothing of a point on a kink. Where all sides have the same linear part and
-the same resets they are those of the point. A single state keeps its side between the clocks: the sides have
-a factor each over the period, and the cycles that these form decide. In the plane the map of directions over
-the period does.
+The multipliers of one side do not decide for a point on a kink. If all sides have the same linear part and
+the same resets, their multipliers are those of the point. A single state keeps its side between the clocks:
+each side has a factor over the period, and the cycles that they form decide. In the plane the map of
+directions over the period decides.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import sympy
 
-from filippov.analysis.local_stability.floquet import CLEAR, common_period, floquet, monodromy
+from filippov.analysis.local_stability.floquet import by_modulus, common_period, floquet, monodromy
 from filippov.analysis.local_stability.kink_stability import modes_beside
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import Answer
@@ -91,11 +91,7 @@ def on_line(context: Context, found: EquilibriumPoint, on: list[int], clocks: Ph
     factors = [size for start, (side, size) in ends.items() if side == start]
     largest = max(factors) if factors else math.sqrt(ends[1][1] * ends[-1][1])
     head = f"it lies on a kink: over the period {clocks.period:.6g} its sides are multiplied by up to"
-    if largest < 1.0 - CLEAR:
-        return "asymptotically stable", f"{head} {largest:.6g} < 1"
-    if largest > 1.0 + CLEAR:
-        return "unstable", f"{head} {largest:.6g} > 1"
-    return "undecided", f"{head} {largest:.6g}: the linear parts do not decide"
+    return by_modulus(largest, f"{head} {largest:.6g}")
 
 
 def _plane(

@@ -1,4 +1,4 @@
-"""What a certificate is: a verdict with the theorem that gives it and the hypotheses that were checked."""
+"""Certificates: verdicts with the theorem that gives them and the hypotheses that were checked."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Certificate:
     theorem  what gives the verdict, in words
     source   where the theorem is proved
     checked  the hypotheses, each with what was found
-    reach    "local", or "global" where all solutions come to the equilibrium or set
+    reach    "local", or "global" where all solutions converge to the equilibrium or set
     """
 
     answer: Answer

@@ -1,4 +1,4 @@
-"""The certificates in the order in which they are asked, for what the linear part leaves undecided."""
+"""The certificates in the order in which they are tried, where the linear part does not decide."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _unasked(context: Context, item: EquilibriumStability) -> EquilibriumStabili
 def first(context: Context, item: EquilibriumStability, *, wide: bool = False) -> Certificate | None:
     """The first certificate for an equilibrium, or None.
 
-    wide   ask what holds for all solutions before what holds near the equilibrium, also where it costs more
+    wide   try what holds for all solutions before what holds near the equilibrium, even at a higher cost
     """
     system, found = context.system, item.equilibrium
     if depends_on_time(system):

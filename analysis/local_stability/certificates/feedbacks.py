@@ -30,6 +30,7 @@ from filippov.analysis.local_stability.certificates.matrix_inequality import (
     feasible,
     positive_definite,
     rounded,
+    symmetric,
 )
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
@@ -75,10 +76,7 @@ def feedbacks(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Cer
     n, m = parts.B.shape
     names = sympy.symbols(f"p0:{n * (n + 1) // 2 + 2 * m}")
     free = iter(names)
-    P = sympy.zeros(n, n)
-    for i in range(n):
-        for j in range(i + 1):
-            P[i, j] = P[j, i] = next(free)
+    P = symmetric(n, free)
     Q, T = (sympy.diag(*[next(free) for _ in range(m)]) for _ in range(2))
     L = parts.inequality(P, Q, T)
     tied = parts.tied()

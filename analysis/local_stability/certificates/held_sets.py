@@ -25,6 +25,7 @@ from filippov.analysis.local_stability.certificates.matrix_inequality import (
     feasible,
     positive_definite,
     rounded,
+    symmetric,
 )
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
@@ -51,10 +52,7 @@ def held_sets(context: Context, found: EquilibriumPoint | EquilibriumSet) -> Cer
         return None
     names = sympy.symbols(f"p0:{n * (n + 1) // 2 + m}")
     free = iter(names)
-    P = sympy.zeros(n, n)
-    for i in range(n):
-        for j in range(i + 1):
-            P[i, j] = P[j, i] = next(free)
+    P = symmetric(n, free)
     T = sympy.diag(*[next(free) for _ in range(m)])
     ties = [*(P * parts.B + parts.C.T * T), *((P * parts.A + parts.A.T * P) * D)]
     basis = [dict(zip(names, list(q), strict=True)) for q in sympy.Matrix(ties).jacobian(names).nullspace()]

@@ -5,9 +5,9 @@
 with M diagonal, K symmetric, C symmetric and positive semidefinite, k_i > 0. For K positive definite the
 energy around ANY equilibrium e, v.Mv/2 + (q - e).K(q - e)/2, does not grow, because each friction force
 minus the one that holds e has a power that is not positive: every equilibrium is stable. By LaSalle's
-principle solutions tend to those that lose nothing: c_i . v = 0 and C v = 0 for ever. On N = ker(c_1, c_2,
+principle solutions tend to those that lose nothing: c_i . v = 0 and C v = 0 forever. On N = ker(c_1, c_2,
 ...) these obey N'MN w'' = -N'KN w with C N w' = 0, so all solutions come to rest if and only if that pair
-is observable; else one swings for ever beside the point where no friction is needed. If K has a root
+is observable; else one swings forever beside the point where no friction is needed. If K has a root
 below 0, lambda > 0 with (lambda^2 M + lambda C + K) d = 0 leads away from the end of the set at which all
 contacts slip along d. Without springs the speed falls at a rate > 0.
 Source: Leine & van de Wouw 2008; Shevitz & Paden 1994.
@@ -85,7 +85,7 @@ def _held(parts: Masses, said: list[str]) -> Certificate:
             "dampers"
         )
         if rank < N.cols:
-            text = f"{every}; where all contacts hold, {N.cols - rank} degrees of freedom swing for ever"
+            text = f"{every}; where all contacts hold, {N.cols - rank} degrees of freedom swing forever"
             return Certificate("stable", text, SOURCE, tuple(said))
     else:
         said.append("no solution is without slip in some contact")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -50,6 +50,15 @@ def feasible(
         return False
     done = all(u.value is not None for u in unknowns)
     return bool(done and t.value is not None and float(t.value) > CLEAR)
+
+
+def symmetric(n: int, free: Iterator[sympy.Symbol]) -> sympy.Matrix:
+    """The symmetric matrix of the next n (n + 1)/2 symbols, row by row of its lower half."""
+    out = sympy.zeros(n, n)
+    for i in range(n):
+        for j in range(i + 1):
+            out[i, j] = out[j, i] = next(free)
+    return out
 
 
 def _symmetric(m: Any) -> Any:

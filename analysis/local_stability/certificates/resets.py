@@ -24,6 +24,7 @@ from filippov.analysis.local_stability.certificates.matrix_inequality import (
     feasible,
     positive_definite,
     rounded,
+    symmetric,
 )
 
 SOURCE = "Beker, Hollot, Chait, Han 2004, Automatica 40, 905"
@@ -65,11 +66,7 @@ def resets(found: Local) -> Certificate | None:
         return None
     A, rules = parts
     names = sympy.symbols(f"p0:{n * (n + 1) // 2}")
-    P = sympy.zeros(n, n)
-    free = iter(names)
-    for i in range(n):
-        for j in range(i + 1):
-            P[i, j] = P[j, i] = next(free)
+    P = symmetric(n, iter(names))
     equations = [e for rule in rules for e in rule.ties(P)]
     system = sympy.Matrix(equations).jacobian(names) if equations else sympy.zeros(1, len(names))
     basis = [P.subs(dict(zip(names, list(q), strict=True))) for q in system.nullspace()]

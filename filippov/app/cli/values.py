@@ -260,7 +260,7 @@ def parts(value: str) -> list[str]:
     """The pieces of a text between its commas, not counting commas within brackets."""
     pieces, depth = [""], 0
     for character in value:
-        depth += (character in "([") - (character in ")]")
+        depth += (character in "([{") - (character in ")]}")
         if character == "," and depth == 0:
             pieces.append("")
         else:

@@ -269,7 +269,7 @@ def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: i
         # The loop beside the lanes is made for one trajectory, with vectors of its own width.
         alone, own = (*everything[:-1], "alone"), tuple(Entries.places)
         codes = [
-            _kept(what, partial(_compile_whole, source, constants, method, sizes, width, names))
+            kept_code(what, partial(_compile_whole, source, constants, method, sizes, width, names))
             for what, width, names in ((everything, lanes, IN_LANES), (alone, 1, own))
         ]
     else:
@@ -277,9 +277,10 @@ def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: i
         kinds = [(name, any(isinstance(v, float) for v in values)) for name, values in sorted(tables.items())]
         shape = sorted(_shape(constants, sizes))
         made_for = sorted((k, v) for k, v in constants.items() if k not in tables and k not in shape)
+        loop = made_for, shape, kinds, method
         codes = [
-            _kept((made_for, shape, kinds, method), lambda: _compile_loop(source, constants, method, sizes)),
-            _kept(everything, lambda: _compile_system(source, constants, method, sizes)),
+            kept_code(loop, lambda: _compile_loop(source, constants, method, sizes)),
+            kept_code(everything, lambda: _compile_system(source, constants, method, sizes)),
         ]
     engine = load_objects(*codes)
     functions, addresses = {}, {}
@@ -289,9 +290,9 @@ def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: i
     return Compiled(functions, addresses, sizes, _sized(sizes), engine, lanes)
 
 
-def _kept(what: tuple[Any, ...], make: Callable[[], bytes]) -> bytes:
-    """Object code from the cache, made where it is not there."""
-    name = hashlib.sha256(_toolchain() + repr(what).encode()).hexdigest()[:32]
+def kept_code(what: tuple[Any, ...], make: Callable[[], bytes], sources: bytes = b"") -> bytes:
+    """Object code from the cache, made where it is not there; sources: those that are not the loop's."""
+    name = hashlib.sha256(_toolchain() + sources + repr(what).encode()).hexdigest()[:32]
     code = kept.read(name)
     if code is None:
         code = make()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -12,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from filippov.kernel.codegen import cache as kept
 from filippov.kernel.codegen import interpreted
-from filippov.kernel.codegen.build import generation
+from filippov.kernel.codegen.build import generation, kept_code
 from filippov.kernel.codegen.generate import generate
 from filippov.kernel.codegen.generated import Generated
 from filippov.kernel.files import kernel_file
@@ -92,14 +90,8 @@ def _constants() -> dict[str, Constant]:
 
 
 @cache
-def _toolchain() -> bytes:
-    from importlib.metadata import version
-
-    from llvmlite import binding
-
-    texts = [path.read_bytes() for path in _files()]
-    words = [version("llvmlite"), binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()]
-    return b"\0".join([generation(), *texts, *(word.encode() for word in words)])
+def _sources() -> bytes:
+    return b"\0".join(path.read_bytes() for path in _files())
 
 
 def _numbers(unit: Generated) -> dict[str, Any]:
@@ -126,7 +118,7 @@ def _steps_code() -> bytes:
             add_kernels(unit, path.read_text(encoding="utf-8"), path.name)
         return compile_unit(unit, {}, ("march",))
 
-    return _kept(("steps",), make)
+    return kept_code(("steps",), make, _sources())
 
 
 def _system_code(generated_unit: Generated) -> bytes:
@@ -137,17 +129,8 @@ def _system_code(generated_unit: Generated) -> bytes:
         add_kernels(unit, kernel_file("elementary").read_text(encoding="utf-8"), "elementary.py")
         return compile_unit(unit, {}, _FOREIGN, given={name: numbers[name] for name in _TABLES})
 
-    return _kept(("stepped system", generated_unit.source, sorted(generated_unit.constants.items())), make)
-
-
-def _kept(what: tuple[Any, ...], make: Callable[[], bytes]) -> bytes:
-    """Object code from the cache, made where it is not there."""
-    name = hashlib.sha256(_toolchain() + repr(what).encode()).hexdigest()[:32]
-    code = kept.read(name)
-    if code is None:
-        code = make()
-        kept.write(name, code)
-    return code
+    what = "stepped system", generated_unit.source, sorted(generated_unit.constants.items())
+    return kept_code(what, make, _sources())
 
 
 def _plain(generated_unit: Generated) -> Steps:

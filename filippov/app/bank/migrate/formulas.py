@@ -12,6 +12,7 @@ from filippov.app.bank.measures.measure import Formula, Measure
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
 from filippov.app.bank.notation import formula
 from filippov.app.bank.outcome import NotUnderstoodError
+from filippov.app.cli.values import parts
 from filippov.base.errors import ModelError
 from filippov.model.expression import FUNCTIONS
 
@@ -50,23 +51,12 @@ def _claims(text: str) -> list[tuple[str, str]]:
     """The equations in a text, left and right sides, without asides in brackets."""
     found = []
     for clause in re.split(r";|\band\b", text):
-        for piece in _at_commas(_PHRASE.sub("", clause)):
+        for piece in parts(_PHRASE.sub("", clause)):
             sides = _ASIDE.sub("", " " + piece).split("=") if piece.count("=") != 1 else piece.split("=")
             if len(sides) != 2:
                 raise NotUnderstoodError(f"{piece.strip()[:60]!r} is no equation")
             found.append((sides[0].strip(), sides[1].strip()))
     return found
-
-
-def _at_commas(text: str) -> list[str]:
-    pieces, depth = [""], 0
-    for character in text:
-        depth += (character in "([{") - (character in ")]}")
-        if character == "," and depth == 0:
-            pieces.append("")
-        else:
-            pieces[-1] += character
-    return [piece for piece in pieces if piece.strip()]
 
 
 def _side(old: Old, text: str) -> tuple[str, dict[str, Measure]]:
