@@ -39,7 +39,7 @@ class Plant:
 
 
 def drive(law: FrictionLaw = LAW) -> System:
-    """Two masses on a spring with friction on both, the first pushed to and fro."""
+    """Two masses on a spring with friction on both, the first pushed back and forth."""
     p = parameters(
         **law.parameters(), k=Parameter(4, "N/m"), d=Parameter(0.1, "N s/m"), F=Parameter(2.2, "N")
     )

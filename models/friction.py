@@ -64,7 +64,7 @@ def sides(p: ParameterNamespace, name: str) -> Sides:
 
 @dataclass(frozen=True)
 class FrictionLaw(ABC):
-    """What every law gives. A law of one's own defines `parameters` and `slip`, and `static` if it jumps."""
+    """What every law gives. A user's law defines `parameters` and `slip`, and `static` if it jumps."""
 
     @abstractmethod
     def parameters(self) -> dict[str, Parameter]:

@@ -1,4 +1,4 @@
-"""One plant under one friction law, exact and under the friction models that are mapped from it."""
+"""One plant under one friction law, exact and under the friction models derived from it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ def friction_models(
 ) -> dict[str, System]:
     """Return the plant by name: "exact", "tanh", and the models of `filippov.model.bristles`.
 
-    law     begins at its static level, as Coulomb's and Stribeck's do: a jump of it has no such models
+    law     begins at its static level, as Coulomb's and Stribeck's do: for a law with a jump there are no
+            such models
     plant   law -> System with one friction surface: controlled_mass, pendulum, belt, or one of your own
     width   the parameter `width` of all but the exact one: what it is depends on the model
 

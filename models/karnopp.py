@@ -5,12 +5,12 @@
     |v| <= DV, -Fs+ <= u <= Fs-                     v' = -alpha v          stuck: friction cancels u
     |v| <= DV, u outside                          m v' = -u + Fs-  (u > Fs-),  -u - Fs+  (u < -Fs+)
 
-It is the comparator `filippov.Karnopp` of the plant's inclusion. w is the velocity that the rest of the model
-sees, exactly 0 within the band, so x does not drift in stick. The state v is Karnopp's momentum over m. It is
+It is the comparator `filippov.Karnopp` of the plant's inclusion. w is the velocity in the rest of the model,
+exactly 0 within the band, so x does not drift in stick. The state v is Karnopp's momentum over m. It is
 brought to 0 in stick; with alpha = 0, Karnopp's own form, it keeps the value +-DV with which the band was
-entered, on the edge of the band, where the motion is tangent to the edge throughout. After break-away v moves
-until it leaves the band, while x stands still: that delay and the jump of w by DV are its errors.
-Sources: Karnopp 1985; Leine 2000.
+entered, on the edge of the band, to which the solution stays tangent. After break-away v moves until it
+leaves the band, while x stands still: that delay and the jump of w by DV are its errors. Sources: Karnopp
+1985; Leine 2000.
 """
 
 from __future__ import annotations

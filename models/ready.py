@@ -1,4 +1,4 @@
-"""Registered models as problems, without their expressions until these are asked for."""
+"""Registered models as problems, without their expressions until these are needed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def problem(name: str) -> Problem:
     """The system of a registered model with its initial state and time span: solve(problem("hunting")).
 
     A model of this package is kept in the cache of compiled code: the next process solves it without sympy,
-    and makes its expressions when they are asked for. Raises UsageError for an unknown name, with a
+    and creates its expressions when they are needed. Raises UsageError for an unknown name, with a
     suggestion, ModelError for a plug-in that is broken.
     """
     from filippov.solving.state.kept import keep, kept, place_of

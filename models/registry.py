@@ -1,8 +1,8 @@
-"""Models by name: those of this package and those that others register.
+"""Models by name: those of this package, and registered ones.
 
-Other people's models are entry points of the group `filippov.models`, each a Model or a function that returns
-a System. One that cannot be loaded does not hide the others: `broken()` has its traceback.
-Names are known without importing any model.
+External models are entry points of the group `filippov.models`, each a Model or a function that returns a
+System. One that cannot be loaded does not hide the others: `broken()` has its traceback. Names are known
+without importing any model.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ class SectionData:
     parametrisation
                    where a solution starts: an expression per state, as text in d and the parameters; `lift`
                    is taken as well
-    interval       of the coordinate that is looked at; t_max: longest return; after: mode after the event
+    interval       of the coordinate that is considered; t_max: longest return; after: mode after the event
     """
 
     surface: str

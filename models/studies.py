@@ -1,6 +1,6 @@
-"""Studies by name: what is computed for a model and shown, as plain data (see `filippov.app.report`).
+"""Studies by name: what is computed and shown for a model, as plain data (see `filippov.app.report`).
 
-A study has cases and asks questions; each question that it asks is a section of the report.
+A study has cases and requests analyses; each of them is a section of the report.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class ConstitutiveCurve:
 
 @dataclass(frozen=True)
 class Variant:
-    """A model in which a band of some width stands for the surface: build(width, **option) -> System.
+    """A model in which a band of some width replaces the surface: build(width, **option) -> System.
 
     stick    its mode of stick, by its own surfaces; options: further arguments with the values to try
     """
@@ -126,7 +126,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Relative:
-    """A smoother model of the same system, whose cycles are followed beside the exact ones.
+    """A smoother model of the same system, whose cycles are compared with the exact ones.
 
     build      the system; x0: a start that goes to its cycle; transient: time until it is near; method
     beyond     (value, x0) from which a case without a fold in the study's range is followed on
@@ -147,7 +147,7 @@ class Relative:
 
 @dataclass(frozen=True)
 class Study:
-    """What is computed and shown; what is None or empty is not asked.
+    """What is computed and shown; what is None or empty is omitted.
 
     model              registered name of the model, which has a section; `unit`: of the section's coordinate
     cases              sets of parameter values; the first is shown in most detail
@@ -156,7 +156,7 @@ class Study:
                        and the anchors of the report; "figure NAME": a caption. {fold_2:.9f} and the like
                        stand for computed values (see `filippov.app.report.page.Facts`), [[regions]] for the
                        number of a figure (its file), a table (its label) or a section (its anchor)
-    symbols            (symbol, what it is, unit) of everything but parameters that the texts speak of
+    symbols            (symbol, what it is, unit) of everything in the texts except parameters
     letter             of the event map in words and labels, where P means something else
     x0, t_span         of the time response, those of the model by default
     order              the iterate of the model's event map whose fixed points are studied

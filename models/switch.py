@@ -5,8 +5,8 @@
     transition  |v| <= eta, u outside             m v' = -u + Fs-  (u > Fs-),  -u - Fs+  (u < -Fs+)
 
 with x' = v, z' = x throughout: the comparator `filippov.Switch` of the plant's inclusion with its balance in
-motion, since u holds v as well. With equal levels the transition is (-u + Fs sgn u)/m.
-Sources: Karnopp 1985; Leine 2000.
+motion, because u contains v as well. With equal levels the transition is (-u + Fs sgn u)/m. Sources: Karnopp
+1985; Leine 2000.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ def scipy_18039(t, y):
 
 
 def differential_equations_167(t, u):
-    """SciML/DifferentialEquations.jl#167: too long steps; one state to and fro beside one that decays."""
+    """SciML/DifferentialEquations.jl#167: too long steps; one state back and forth beside one that decays."""
     s = np.sign(np.sin(40.0 * t))  # <3>
     return [s, -u[1]]
 

@@ -362,7 +362,7 @@ def test_a23_redundant_surfaces() -> None:
 
 
 def test_a26_guard_that_is_zero_but_for_noise() -> None:
-    # x = 10 y for ever; the difference of the two rounded states is noise.
+    # x = 10 y forever; the difference of the two rounded states is noise.
     system = System({x: -x, y: -y}, surfaces=[Surface("s", x - 10 * y, kind="observer")])
     for start in ((0.3, 0.03), (0.7, 0.07), (1e3 / 3, 1e2 / 3)):
         got = solve(system, start, (0, 5))

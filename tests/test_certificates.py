@@ -284,7 +284,7 @@ def random_masses(rng: np.random.Generator) -> tuple[System, np.ndarray, np.ndar
 @given(seed=seeds)
 @example(seed=857)  # two masses with nothing but a damper between them
 def test_12_11_masses_come_to_rest_where_no_mode_escapes(seed: int) -> None:
-    """The modes of the masses without slip, one by one: a mode with C = 0 on it swings for ever."""
+    """The modes of the masses without slip, one by one: a mode with C = 0 on it swings forever."""
     system, M, K, C, c = random_masses(np.random.default_rng(seed))
     _, sizes, rows = np.linalg.svd(c)
     N = rows[int(np.sum(sizes > 1e-9)) :].T

@@ -161,7 +161,7 @@ def _ends(system: System, i: int, at: dict[str, float], levels: tuple[float, flo
 
 
 def test_15_1_a_block_that_stops_beside_its_static_level_does_not_slide_on_it() -> None:
-    """k x is near Fs at the stop: with the damping c v in the balance the level was slid on for ever."""
+    """k x is near Fs at the stop: with the damping c v in the balance the level was slid on forever."""
     q = parameters(k=2.368654505549652, c=0.2122632580155881, Fs=0.7135446509397123, Fc=0.1087, vs=0.1159)
     level = q.Fc + (q.Fs - q.Fc) * sp.exp(-abs(v) / q.vs)
     block = System({x: v, v: -q.k * x - q.c * v - level * sign(v)}, surfaces=[Surface("slip", v)])
@@ -223,7 +223,7 @@ WIDTH = parameters(eta=Parameter(1e-3, lower=1e-12), alpha=Parameter(100, lower=
 def test_15_1_a_pendulum_under_a_stick_band_goes_to_the_exact_one(kind: Any) -> None:
     """The Switch model creeps by eta/alpha in its last stick, Karnopp's not at all.
 
-    Karnopp's pendulum turns with w = +-DV in the place of 0, the same kinetic energy at each turn: its
+    Karnopp's pendulum turns with w = +-DV in place of 0, the same kinetic energy at each turn: its
     turning points obey g (cos b - cos a) = M |b - a| as those of the exact one do, for every DV.
     """
     exact = get("pendulum").build()

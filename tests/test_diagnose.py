@@ -67,7 +67,7 @@ def room(t: float) -> float:
 
 
 def saw(t: float) -> float:
-    """y' = +-1 to and fro between -0.3 and 0.3, from 0 upwards."""
+    """y' = +-1 back and forth between -0.3 and 0.3, from 0 upwards."""
     s = (t - 0.3) % 1.2
     return 0.3 - s if s < 0.6 else s - 0.9
 

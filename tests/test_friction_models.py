@@ -112,7 +112,7 @@ def test_15_2_a_curve_that_rises_with_the_square_of_the_velocity_has_them(law: A
     assert rates(damped, at) == pytest.approx(rates(one, at), rel=1e-12)
 
 
-# The velocity of h moves by itself: its friction is of no account. A deflection of 2 w to and fro.
+# The velocity of h moves by itself: its friction is of no account. A deflection of 2 w back and forth.
 MU, W = 1e-13, 1e-3
 SHAKEN = System({x: v_, v_: -x - parameters(mu=MU).mu * sign(v_)}, surfaces=[Surface("slip", v_)])
 

@@ -291,7 +291,7 @@ def test_b20_stagnation_is_named() -> None:
     assert got.t_end == pytest.approx(1, abs=1e-5)
     assert got.steps + got.rejected < 20_000
     assert all(text in got.message for text in ("state x = ", "dx/dt jumps from", "surface not declared"))
-    # Towards t = 0, where every step is a fraction of the last for ever.
+    # Towards t = 0, where every step is a fraction of the last forever.
     singular = solve(System({x: -1 / t}), (0,), (-1, 1))
     assert singular.status is Status.MIN_STEP
     assert -1e-6 < singular.t_end <= 0

@@ -286,7 +286,7 @@ def test_14_6_slides_that_begin_next_to_an_end_of_their_set_are_decided_where_ev
 ) -> None:
     """From above at y' = -e + k x, from below at 1; on y = c at x = 0, where the multiplier is 1 - 2 e or so.
 
-    A slide lasts until x = e/k, for ever with k <= 0; the curve from there on is a parabola.
+    A slide lasts until x = e/k, forever with k <= 0; the curve from there on is a parabola.
     """
     x, y = states("x y")
     q = parameters(e=0.1, k=0.0, c=0.0)

@@ -156,7 +156,7 @@ def test_15_4_another_basin_and_another_kind_are_said(
 
 
 def test_15_4_errors_of_a_motion_at_rest_are_over_its_size() -> None:
-    """x = 0.1 and v = 0 for ever, and a model that creeps by 1e-3 t: 0.01 of x, and 1e-3 of v itself."""
+    """x = 0.1 and v = 0 forever, and a model that creeps by 1e-3 t: 0.01 of x, and 1e-3 of v itself."""
     def energy(solution: Solution) -> float:
         return float(solution.x_end[0]) ** 2 / 2
 
@@ -176,7 +176,7 @@ def test_15_4_a_spent_budget_is_said_and_not_tried_again() -> None:
     assert "more than the events allowed" in notes[1]
     assert "not possible at width 1e-05" in notes[2]
     (fault,) = found.faults
-    assert "goes to and fro" in fault or "in a cycle" in fault
+    assert "goes back and forth" in fault or "in a cycle" in fault
 
 
 def test_15_4_each_surface_has_what_fits_it() -> None:

@@ -103,7 +103,7 @@ def test_parabolic_switching_curve_ends_in_the_origin_and_rests() -> None:
 @pytest.mark.parametrize("method", ["DOP853", "DP5", "Radau"])
 @pytest.mark.parametrize("power", [sympy.Rational(1, 10), sympy.Rational(1, 3), sympy.Rational(1, 2)])
 def test_non_lipschitz_equilibrium_is_reached_and_kept(power: sympy.Rational, method: str) -> None:
-    # x' = -x^p: x^(1-p) = 1 - (1 - p) t, then 0 for ever.
+    # x' = -x^p: x^(1-p) = 1 - (1 - p) t, then 0 forever.
     got = solve(System({X: -sign(X) * abs(X) ** power}), (1,), (0, 12), method=method, rtol=1e-11, atol=1e-15)
     assert got.status is Status.SUCCESS
     assert abs(got.x_end[0]) < 1e-14

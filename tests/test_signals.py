@@ -138,7 +138,7 @@ def test_16_3_a_jump_over_a_surface_changes_the_mode() -> None:
     assert modes[0] == (pytest.approx(0.25), "sliding entry", (1,), (0,))
     assert [q[0] for q in modes] == pytest.approx([0.25, 1.0, 2.0, 2.0])
     assert run.x_end == pytest.approx([0.0], abs=1e-12)
-    # A relay keeps its side inside its band, also where the signal jumps to and fro in it.
+    # A relay keeps its side inside its band, also where the signal jumps back and forth in it.
     small = Input("w", [0, 0.5, 1, 1.5, 2], [0.0, 0.05, -0.05, 0.3, 0.3], "hold")
     relay = Surface("relay", x - small, width=0.1)
     run = solve(System({x: 0.01 * sign(x - small)}, surfaces=[relay]), (0.02,), (0, 2))

@@ -431,7 +431,7 @@ def test_import_is_lazy_and_exports_exist() -> None:
 
 
 def test_no_export_is_named_like_a_module() -> None:
-    """Importing filippov.solve would put the module in the place of the function."""
+    """Importing filippov.solve would put the module in place of the function."""
     assert not {m.name for m in pkgutil.iter_modules(filippov.__path__)} & set(filippov.__all__)
 
 

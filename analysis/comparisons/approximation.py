@@ -1,4 +1,4 @@
-"""What stands for a system in a comparison of solutions: name, width, equations, integrator."""
+"""An approximation in a comparison of solutions: name, width, equations, integrator."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ NAMES = (*KINDS, *FRICTION, STEPS)
 
 @dataclass(frozen=True)
 class Approximation:
-    """A family of systems that goes to the exact one with its width.
+    """A family of systems that converges to the exact one as its width goes to 0.
 
     name     as it is to appear in the tables
     build    width -> System, or (System, parameter values), which saves making the same system for each
@@ -49,7 +49,7 @@ class Approximation:
     method   the integrator; None: by `stiff`
     start    values at the start of the states that the exact system does not have, 0 by default
     stick    how its stays in stick on a surface are read; by default the layer |h| <= width
-    sticks   whether stays in stick can be told at all: bristles only swing to rest
+    sticks   whether it has stays in stick at all: bristles only oscillate to rest
     without  surfaces that it leaves exact, each with the reason
     timed    whether its width is a step of time
     """
@@ -70,7 +70,7 @@ class Approximation:
 
 
 def approximations(exact: System, against: Any, alpha: float = ALPHA) -> list[Approximation]:
-    """The approximations that are asked for: names of KINDS ("smooth" is "tanh") and of friction
+    """The requested approximations: names of KINDS ("smooth" is "tanh") and of friction
     models, "moreau", a mapping from names to
     builds, Approximations, or several of these. Raises UsageError.
     """
@@ -121,7 +121,7 @@ def with_friction(exact: System, name: str) -> Approximation:
 
 
 def under(exact: System, name: str, alpha: float = ALPHA) -> Approximation:
-    """The system under a comparator on every switching surface that it can stand for.
+    """The system under a comparator on every switching surface to which it applies.
 
     Raises UsageError where there is none.
     """

@@ -1,4 +1,4 @@
-"""Models in which a layer of some width stands for the sliding mode, and how their stick is read.
+"""Models in which a layer of some width replaces the sliding mode, and how their stick is read.
 
 In such a model the surface is never reached: there is no sliding entry. What counts as stick is one of
 
@@ -38,7 +38,7 @@ _SIGNS = {"-": (-1, 0), "+": (1, 0)}
 
 @dataclass(frozen=True)
 class BandModel:
-    """A family of systems whose band goes to 0 with `width`.
+    """A family of systems whose band vanishes with `width`.
 
     name      as it is to appear in the table
     build     (width, **option) -> System with the states of the exact one, or (System, parameter values),

@@ -1,4 +1,4 @@
-"""The exact system against models in which a layer of finite width stands for its sliding mode.
+"""The exact system against models in which a layer of finite width replaces its sliding mode.
 
 Compared, at every width and for every combination of a model's options:
 
@@ -9,9 +9,9 @@ Compared, at every width and for every combination of a model's options:
     field_calls, seconds   of the same solutions over the same span, ratios to the exact system beside them
 
 P(d) is the section's coordinate where the solution that starts on the section at d enters stick (see
-`band_model` for what that is); the order-th return is its order-th entry, in one solution, so that what the
-model does during stick is in it. The exact system is computed at two tolerances; its row holds how far they
-differ, and that bounds what can be told.
+`band_model` for what that is); the order-th return is its order-th entry, in one solution, so that it
+includes what the model does during stick. The exact system is computed at two tolerances; its row holds their
+difference, which limits what can be resolved.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def compare(exact: System, x0: Any, t_span: tuple[float, float], **options: Any)
 @overload
 def compare(exact: System, *, t_span: tuple[float, float], **options: Any) -> SolutionComparison: ...
 def compare(exact: System, *given: Any, **options: Any) -> Comparison | SolutionComparison:
-    """Compare the inclusion with what is used in its place: over returns to a section or along a solution.
+    """Compare the inclusion with its approximations: over returns to a section or along a solution.
 
     compare(system, section, bands, ...)     see `compare_sections`
     compare(system, x0, t_span, ...)         see `filippov.analysis.comparisons.solutions.compare_solutions`

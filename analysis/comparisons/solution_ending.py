@@ -19,7 +19,7 @@ SAMPLES = 4001
 RESTS, SMALLEST, CHANGES = 1e-9, 1e-6, 0.05
 # Kinds differ where their measures do, by this factor, not where both are beside a limit.
 CLEARLY = 2.0
-# The way of what goes to and fro over the width that it takes.
+# The way of what goes back and forth over the width that it takes.
 TO_AND_FRO = 1.5
 # Of the extents: what ends further away ends elsewhere.
 ELSEWHERE = 0.1
@@ -33,7 +33,7 @@ class Ending:
     amplitude, period  of a cycle, else None
     state              the place of the state that moves most
     moved, speed       over the last twentieth of the span, over the extents: largest way, net speed
-    chatter            half of `moved` where it is to and fro, else None
+    chatter            half of `moved` where it is back and forth, else None
     decays             whether the second half of that time has less than half of the way of the first
     change             of the amplitude from the last but one quarter to the last, over the larger, or inf
     low, high          each state's least and largest value in the last quarter
@@ -123,7 +123,7 @@ def _other_kind(now: Ending, was: Ending, states: Sequence[str]) -> str:
         name = states[now.state]
         return f"loses the rest state: where the exact solution rests, {name} " + (
             f"goes on in a cycle of amplitude {now.amplitude:.3g}." if now.kind == "cycle"
-            else f"goes to and fro within {now.chatter:.2g} of its extent." if now.chatter
+            else f"goes back and forth within {now.chatter:.2g} of its extent." if now.chatter
             else f"creeps on at {now.speed:.2g} of its extent in a unit of time."
         )  # fmt: skip
     if now.kind == "rest" and was.moved > CLEARLY * max(now.moved, RESTS):

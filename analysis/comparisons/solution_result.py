@@ -1,4 +1,4 @@
-"""The result of a comparison of solutions: rows, orders, needed widths, and what is wrong in kind."""
+"""The result of a comparison of solutions: rows, orders, needed widths, and qualitative faults."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ class SolutionComparison:
     rows       one dict per row: model, width (None: exact), method, error_state, error_final (over the extent
                of each state), error_times, drift, stick (time), entries (into stick, by surface), ending,
                amplitude, period, field_calls, jacobians, factorisations, calls_ratio, seconds, note, measures
-    faults     a sentence for each difference in kind at the narrowest width computed
-    needed     the widths for the accuracy asked for
+    faults     a sentence for each qualitative difference at the narrowest width computed
+    needed     the widths for the requested accuracy
     exact      the exact Solution; solutions: those of the widest width by model
     """
 
@@ -83,7 +83,7 @@ class SolutionComparison:
 
     @property
     def measures(self) -> tuple[str, ...]:
-        """The names of the measures that were asked for."""
+        """The names of the requested measures."""
         return tuple(name for name in self.rows[0] if name not in OWN)
 
     @property

@@ -1,4 +1,4 @@
-"""A solution of any system, exact and under its approximations: what each costs and what it gets wrong."""
+"""A solution of any system, exact and under approximations: what each of these costs and gets wrong."""
 
 from __future__ import annotations
 
@@ -60,11 +60,11 @@ def compare_solutions(
     alpha       rate of the Switch and Karnopp models in stick [1/time]
     max_steps, max_events   budgets of one run; an approximation that uses one up is not tried at smaller
                 widths
-    repeats     runs whose median is the time that is told
+    repeats     runs whose median is the reported time
     progress    called with (done, total, what)
 
-    Stiff approximations are integrated by Radau where an explicit method would be held up by stability; the
-    rows say which. Raises UsageError, ModelError.
+    Stiff approximations are integrated by Radau where stability would limit an explicit method; the rows say
+    which. Raises UsageError, ModelError.
     """
     if quantity not in ERRORS:
         raise UsageError(unknown("quantity", quantity, ERRORS))

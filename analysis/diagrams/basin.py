@@ -1,8 +1,8 @@
 """Basins of attraction in a plane of initial states, through the event map.
 
 Every state is followed to the first event of a section; from there the one-dimensional map decides, and its
-basins are intervals between unstable fixed points. So a state costs one return, however long it takes to come
-close to its attractor. States that do not reach the section within t_max are told apart.
+basins are intervals between unstable fixed points. So a state costs one return, however long it takes to
+approach its attractor. States that do not reach the section within t_max are labelled separately.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def basin(
     """Basins over two states; `at` gives the others (default 0).
 
     x, y      (name, values) of the states
-    interval  (lo, hi) of the section's coordinate in which attractors are looked for
+    interval  (lo, hi) of the section's coordinate in which attractors are searched
     order     iterate of the map whose fixed points are the attractors; points: of that search
     engine    keywords of `filippov.sweep.run.run`, such as {"folder": ..., "jobs": 8, "resume": True}: the
               states are followed by worker processes and kept in the folder; None: here, by threads

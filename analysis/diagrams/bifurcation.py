@@ -3,7 +3,7 @@
 The fixed points of each parameter value are joined into branches. Where two of them disappear together
 between two values, the fold is located on the curve of fixed points through one of them, and likewise where
 a slope passes -1 (`filippov.analysis.bifurcations.continuation`); where the equilibrium set changes
-stability, the root of |slope| = 1 at the set. None is read off the values.
+stability, the root of |slope| = 1 at the set. None is read off the grid of values.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def bifurcation(
     x0          in place of an interval, where the section has no parametrisation (None: it is found): a state
                 whose solution goes to an orbit, which is followed over the parameter together with the orbits
                 that branch off it (see `filippov.analysis.diagrams.orbit_diagram`); order, points, atol and
-                engine are of no meaning then
+                engine are then ignored
     points      of the grid on it
     engine      keywords of `filippov.sweep.run.run`, such as {"folder": ..., "jobs": 8, "resume": True}: the
                 values are computed by worker processes and kept in the folder; None: in this process

@@ -2,7 +2,7 @@
 
 Every cell is one pair of values: the sign changes of P(d) - d over a grid of coordinates, each refined until
 its slope is known, and the local extrema that come close to 0, where a pair of cycles may hide. The borders
-between regions are not read off the cells: they are curves of their own (see
+between regions are not read off the cells but computed as curves (see
 `filippov.analysis.bifurcations.curve`).
 """
 
@@ -38,7 +38,7 @@ class Regions:
     cycles, stable number of cycles in the interval, and how many of them are stable; -1 where not computed
     set_stable     whether small excursions shrink: the set of equilibria attracts
     amplitude      d of the largest stable cycle, NaN without one
-    lost           share of the coordinates whose solution does not come back within t_max
+    lost           share of the coordinates whose solution does not return within t_max
     borders        (name, points (k, 2)) of curves that bound the regions
     complete       False where the computation was interrupted
     """

@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 
 @keywords()
 def friction_force(system: System, v: Array, values: Mapping[str, float]) -> Array:
-    """F(v) [N] of a driven mass off v = 0: what it takes to keep the velocity v, shape of v.
+    """F(v) [N] of a driven mass off v = 0: the force that keeps the velocity v, shape of v.
 
     Raises UsageError for a system without the input's parameters.
     """

@@ -1,16 +1,16 @@
 """Parameters of a friction law from measured data, by least squares on the exact, event-driven model.
 
-The record is cut into windows. In each the model runs from its own initial state, which is estimated with the
-parameters, under the measured force, stick and slip included, and the misfit of the position is minimised,
+The record is divided into windows. In each, the model runs under the measured force, with stick and slip,
+from an initial state that is estimated with the parameters, and the misfit of the position is minimised,
 weighted by the inverse of the residuals' covariance V:
 
     min over p and (x_w, v_w):  r' V^-1 r,   r_k = x_k - x(t_k; p, x_w, v_w),   cov = (J' V^-1 J)^-1
 
-V is the noise of the position (an autoregression of order 1) and what the force leaves open: its noise, and
-its course between the samples. Intervals are Student's, with the degrees of freedom that estimating V leaves.
-Tests say whether the residuals may be those of the law; where they may not, no interval is given.
-Sources: Bock 1983 (multiple shooting); Seber & Wild 2003 (correlated errors); Fuller 1987 (errors
-in variables); Giesbrecht & Burns 1985 (degrees of freedom).
+V consists of the noise of the position (an autoregression of order 1) and the uncertainty of the force: its
+noise, and its values between the samples. Intervals are Student's, with the degrees of freedom that
+estimating V leaves. Tests decide whether the residuals are compatible with the law; if not, no interval is
+given. Sources: Bock 1983 (multiple shooting); Seber & Wild 2003 (correlated errors); Fuller 1987 (errors in
+variables); Giesbrecht & Burns 1985 (degrees of freedom).
 """
 
 from __future__ import annotations
@@ -47,8 +47,9 @@ class Identified:
     t, measured, fitted, residual   the record and the fit (for a curve: v, force, fit, misfit)
     sigma        standard deviation of the residuals; of a record: of the noise on the position
     degrees      degrees of freedom of the residuals
-    success, message   whether the minimisation converged and the law was not refused; what there is to say
-    hold         the force between samples that was taken; rho: correlation of the noise from sample to sample
+    success, message   whether the minimisation converged and the law was not refused; a sentence
+    hold         the force model between samples that was used; rho: correlation of the noise from sample to
+                 sample
     tests        p of each test of the residuals, by what they must not depend on
     refused      the sentence that refuses the law, "" where it stands; errors and intervals are then infinite
     """
@@ -124,7 +125,7 @@ def identify(
     windows   number of windows; default: about one in 200 samples
     hold      the force between samples: "cubic" smooth, with kinks where the mass stops or starts; "first"
               linear; "zero" held from each sample to the next (what a digital controller does); "auto":
-              smooth, and where the residuals contradict that, the likeliest of the three
+              smooth, and if the residuals contradict that, the most likely of the three
     level     of the intervals, in (0, 1)
     progress  called with (number of evaluations, standard deviation of the misfit)
 

@@ -30,7 +30,7 @@ NAMES = {
 
 @dataclass(frozen=True)
 class Record:
-    """A motion that was measured: t [s] increasing, x [m], the applied force [N], v [m/s] where it is known.
+    """A measured motion: t [s] increasing, x [m], the applied force [N], v [m/s] where it is known.
 
     The force acts on the mass: m v' = force - friction. A column u of control effort is taken as -force, as
     in m v' = -u - F(v) of the reference system.

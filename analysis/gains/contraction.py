@@ -2,7 +2,7 @@
 
     rho = max over d in [lo, hi], d != 0, of |P(d)/d|
 
-Below 1 every excursion comes back smaller: there is no cycle within the interval, and the set of equilibria
+Below 1 every excursion returns smaller: there is no cycle within the interval, and the set of equilibria
 at d = 0 attracts. Every return of every parameter set is one trajectory of the same ensemble.
 """
 
@@ -32,8 +32,8 @@ class Contraction:
 
     ratio    (k,); inf where the map leaves the interval without a value that can be judged
     at       d of the largest ratio, (k,)
-    nearest  |P(d)|/d at the least d, (k,): what decides about the set of equilibria
-    lost     share of the d whose solution does not come back within the section's t_max, (k,)
+    nearest  |P(d)|/d at the least d, (k,): it decides whether the set of equilibria attracts
+    lost     share of the d whose solution does not return within the section's t_max, (k,)
     """
 
     ratio: Array

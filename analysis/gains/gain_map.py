@@ -21,7 +21,7 @@ Array = npt.NDArray[np.float64]
 class GainMap:
     """rho on a grid: names of the two gains, their values, ratio of shape (len(y), len(x)).
 
-    inf stands where a solution does not come back; rows that an interrupt left out are NaN.
+    The value is inf where a solution does not return; rows omitted after an interrupt are NaN.
     """
 
     names: tuple[str, str]

@@ -1,4 +1,4 @@
-"""Controller gains without cycles: where they are, how far from the border, and which are farthest from it.
+"""Controller gains without cycles: where they are, their margins, and those with the largest margin.
 
 Gains are free of cycles where the event map contracts at every excursion, rho < 1 (see `contraction`), for
 every friction law of the band. Distances are taken in the logarithm of the gains: a margin s means that every
@@ -33,7 +33,7 @@ FEW, NOT_SMALL = 12, 1e-3
 
 @dataclass(frozen=True)
 class GainLimit:
-    """Lower and upper border of one gain alone, the others at the best; None where there is none."""
+    """Lower and upper limit of one gain alone, the others at the best; None where there is none."""
 
     name: str
     lower: float | None
@@ -51,7 +51,7 @@ class Tuning:
     limits     borders of every gain alone within a factor of 5, the others at the best
     share      share of the samples that is free of cycles
     reason     why there is none, "" where there is one
-    lost       share of the samples with a solution that did not come back within t_max; they count as cycles
+    lost       share of the samples with a solution that did not return within t_max; they count as cycles
     complete   False where the search was interrupted
     """
 
@@ -110,7 +110,7 @@ def tune(
     ranges     lowest and highest value by name of gain, > 0
     interval   of the section's coordinate, as in `contraction`
     parameters values of the others; band: sets of values by name that all have to be free of cycles
-    samples    Sobol samples of the ranges (rounded up to a power of 2); points: excursions a sample
+    samples    Sobol samples of the ranges (rounded up to a power of 2); points: excursions per sample
     progress   called with (stages done, stages)
 
     Ctrl-C returns what has been found. Raises UsageError.

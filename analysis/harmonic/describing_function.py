@@ -1,8 +1,8 @@
-"""Limit cycles as harmonic balance predicts them: an approximation, to be held against the exact ones.
+"""Limit cycles as predicted by harmonic balance: an approximation, to be compared with the exact ones.
 
-The input y = c . x of the nonlinear terms is taken for a sine, y = mean + A sin(omega t), and every phi_i(y)
-for its mean and first harmonic N_i(A) (y - mean). What is left is linear, x' = (A0 + N(A) c) x, and a cycle
-is predicted where this matrix has an eigenvalue j omega. Nothing bounds the error;
+The input y = c . x of the nonlinear terms is assumed to be a sine, y = mean + A sin(omega t), and every
+phi_i(y) is replaced by its mean and first harmonic N_i(A) (y - mean). The result is linear, x' = (A0 + N(A)
+c) x, and a cycle is predicted where this matrix has an eigenvalue j omega. There is no bound on the error;
 `PredictedCycle.distortion` says how far the input would be from a sine.
 
 Sources: Gelb & Vander Velde 1968; Khalil 2002; for friction, where the method fails,
@@ -53,7 +53,7 @@ class PredictedCycle:
 
 @dataclass(frozen=True)
 class DescribingFunction:
-    """What harmonic balance says of a loop.
+    """The prediction of harmonic balance for a loop.
 
     cycles     predicted limit cycles by growing amplitude; () where none is predicted
     amplitude  grid of A; growth, frequency: the largest real part among the oscillating eigenvalues of the

@@ -22,12 +22,12 @@ _STABLE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Attractor:
-    """A set to which solutions go.
+    """A set that attracts solutions.
 
     kind         "equilibrium"; "equilibrium set": connected, such as the states in which friction holds;
                  "periodic"; "chaotic": the largest Lyapunov exponent is positive beyond its error;
                  "aperiodic":
-                 recurrent, neither of them was shown (quasiperiodic, or a period beyond the search)
+                 recurrent, but neither was shown (quasiperiodic, or a period beyond the search)
     states       states on it, (k, n): the point; rests that were found in the set; the strobes of a period in
                  order; the events of an autonomous orbit or its states at equal times; samples otherwise
     period       number of strobes or section events after which it repeats; None where there are none
@@ -37,8 +37,8 @@ class Attractor:
     exponent     largest Lyapunov exponent with its error, (nan, nan) where it was not computed
     stable       True or False by the multipliers; None where they do not decide, and where there are none
     low, high    extent by state, (n,)
-    orbit        the periodic orbit with all that belongs to it
-    note         what else is to be said
+    orbit        the periodic orbit
+    note         further remarks
     """
 
     kind: AttractorKind

@@ -1,11 +1,11 @@
 """All attractors in a box of state space, by recurrences, with the shares of states that go to each.
 
 Solutions from many states are followed by a map (`filippov.analysis.invariant_sets.state_map`); one that for
-long comes only to cells of a grid that it has visited before is looked at: the equilibrium or periodic orbit
-there is solved for, chaos is told by the largest Lyapunov exponent. The others are then told by their
-distance to what was solved for, not by cells. An attractor whose share of the box is q is missed by N states
-with probability (1 - q)^N.
-Source: Datseris & Wagemakers 2022, Chaos 32, 023104; Nusse & Yorke 1997.
+many iterates visits only cells of a grid that it has visited before is examined: the equilibrium or periodic
+orbit there is solved for, and chaos is recognised by the largest Lyapunov exponent. The others are then
+assigned by their distance from these attractors, not by cells. An attractor whose share of the box is q is
+missed by N states with probability (1 - q)^N. Source: Datseris & Wagemakers 2022, Chaos 32, 023104; Nusse &
+Yorke 1997.
 """
 
 from __future__ import annotations
@@ -53,15 +53,15 @@ SHIFT = 10.0
 class Attractors:
     """What was found in a box.
 
-    attractors  largest share first; unstable: equilibria and orbits on which some states stay, which draw
-                none in
+    attractors  largest share first; unstable: equilibria and orbits on which some states stay, but which do
+                not attract
     box         (least, greatest) by state
     states      states drawn from the box at random, (k, n), and where each goes: label (k,), the number of an
                 attractor, -1 undecided after all iterates, -2 escapes, -3 the solver failed, -4 stays on
-                something that does not attract, -5 recurrent, and what it is at could not be identified
+                something that does not attract, -5 recurrent on something that could not be identified
     moved       share of these states that go elsewhere when they start 10 tolerances of the box away: they
-                are so near to a border of basins, or to a long chaotic transient, that their label is not
-                sure; NaN without states
+                are so close to a border of basins, or to a long chaotic transient, that their label is
+                uncertain; NaN without states
     names, x, y   of a plane: its two states (None without a plane) and their values; picture: the label of
                 every pair, (len(y), len(x)); at: the other states there
     kind, duration   of the map: "strobe", "step" or "section", its period, step or longest return
@@ -108,7 +108,7 @@ class Attractors:
         return out
 
     def lines(self) -> list[str]:
-        """What was found, in words: a line an attractor, then what became of the other states."""
+        """What was found, in words: one line per attractor, then the outcome of the other states."""
         out = [f"{len(self.attractors)} attractor{'s' * (len(self.attractors) != 1)}"]
         if not self.complete:
             out[0] += " (interrupted)"
@@ -207,22 +207,22 @@ def attractors(
     """The attractors to which states of a box go, and the share that goes to each.
 
     box          (least, greatest) for every state; attractors outside of it are found as well
-    section      of an autonomous system: follow it from event to event, in place of equal steps
+    section      of an autonomous system: follow it from event to event instead of in equal steps
     period       of a forced system: a number or a formula such as "2*pi/omega"; default: read off it
-    step         of an autonomous system without a section; default: about a twentieth of the box a step
-    samples      states drawn from the box, evenly, by a generator with this seed
+    step         of an autonomous system without a section; default: about a twentieth of the box per step
+    samples      states drawn uniformly from the box, by a generator with this seed
     plane        two states over which a picture of resolution x resolution initial states is made; `at`: the
                  others there (default: the middle of the box)
     cells        along each edge of the box; recurrences: iterates in a row on cells visited before, after
-                 which a solution is looked at; most: iterates, after which the rest is undecided
+                 which a solution is examined; most: iterates, after which the rest is undecided
     reach        distance from an attractor, in parts of the box, within which a solution has to stay
     escape       distance from the middle of the box, in parts of it, beyond which a solution has escaped
     progress     called with (solutions decided, all)
-    store        a file that keeps the search (npz): one of the same system and settings that was ended goes
-                 on from there and finds what it would have found; `most` may be another
+    store        a file that stores the search (npz): an interrupted search of the same system and settings
+                 continues from it with the same results; `most` may differ
 
     Two attractors closer than `reach`, or a basin that is narrower, are not told apart. Angles are not taken
-    modulo 2 pi: a state that rotates for ever escapes. Ctrl-C returns what
+    modulo 2 pi: a state that rotates forever escapes. Ctrl-C returns what
     is done. Raises UsageError.
     """
     low, size = _box(system, box)

@@ -1,9 +1,9 @@
 """Stable and unstable manifolds that are curves: of saddles and pseudo-saddles, and of orbits of saddle type.
 
-Of an equilibrium the curve is a solution (forwards for the unstable one, backwards for the stable one);
-through events and sliding. Of an orbit it is a curve of the return map, grown by arclength
-(`filippov.analysis.invariant_sets.manifold_of_map`). Backwards in time a solution that meets attracting
-sliding could have come from anywhere: the curve ends there and says so.
+For an equilibrium the curve is a solution (forwards for the unstable one, backwards for the stable one),
+through events and sliding. For an orbit it is a curve of the return map, grown by arclength
+(`filippov.analysis.invariant_sets.manifold_of_map`). Backwards in time a solution that reaches attracting
+sliding could have come from anywhere: the curve ends there, and says so.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class ManifoldBranch:
     """One side of a manifold, from its saddle on.
 
     x       points in order, (k, n); a row of NaN where the curve is broken by a jump of the map
-    length  arclength; ended: why it goes no further, "" where the length that was asked for is reached
+    length  arclength; ended: why it goes no further, "" if the requested length is reached
     """
 
     x: Array
@@ -119,11 +119,11 @@ def manifold(
     section   of an orbit of an autonomous system: the events on which the curve lies; orbits of forced
               systems are cut by their period
     spacing   largest distance of neighbouring points; default: length/400
-    offset    distance from the saddle where the curve begins, in parts of the length: the eigenvector stands
-              for the curve there, with an error of the order of offset**2
+    offset    distance from the saddle where the curve begins, in parts of the length: the eigenvector
+              replaces the curve there, with an error of the order of offset**2
     t_max     longest time of a branch of an equilibrium; most: points of a branch of an orbit
 
-    Only manifolds of dimension 1 are drawn; others are refused with their dimension. Raises UsageError,
+    Only manifolds of dimension 1 are computed; others are refused with their dimension. Raises UsageError,
     SolveError.
     """
     if side not in ("stable", "unstable"):

@@ -1,4 +1,4 @@
-"""The map whose iterates show where solutions go: the flow once a period, once a step or at a section.
+"""The map whose iterates show where solutions go: the flow over a period, over a step, or to a section.
 
 forced or clocked    P(x) = Phi(t0 + T, t0, x), the stroboscopic map
 autonomous           P(x) = Phi(dt, x), or the next event of a section
@@ -91,7 +91,7 @@ class StateMap:
         self.threads = threads
 
     def at_pace(self, states: Array, size: Array) -> StateMap:
-        """The same map with a step in which solutions go a good part of the way that they move about in.
+        """The same map with a step in which solutions cover a good part of their extent.
 
         It is doubled from a short one until half of them go MOST of the sizes (n,), or no further by more
         time; and again from where they are after some steps, for transients are faster than what they lead
@@ -140,7 +140,7 @@ class StateMap:
         return ends.x, ends
 
     def timed(self) -> StateMap:
-        """This map, or in the place of an event map the flow over its longest return."""
+        """This map, or in place of an event map the flow over its longest return."""
         if self.kind != "section":
             return self
         return StateMap(
@@ -154,7 +154,7 @@ class StateMap:
         return prepared.run(states, np.tile(self.p, (len(states), 1)))
 
     def done(self, ends: Ensemble) -> npt.NDArray[np.bool_]:
-        """Which solutions came to the end of the map's time, or to its section."""
+        """Which solutions reached the end of the map's time, or its section."""
         wanted = Status.STOPPED if self.kind == "section" else Status.SUCCESS
         return np.array([status is wanted for status in ends.status])
 

@@ -1,9 +1,9 @@
 """Stability of a body at rest on a surface with impacts: pressed onto it, and stable on the surface.
 
 With L = dh/dt, solutions beside the contact bounce: L' = -a with the acceleration a > 0 by which the surface
-is pressed, L+ = -e L- at each impact. For 0 <= e < 1 the bounces end after a time of order |L|, and what is
-left is the field on h = L = 0, so its linear part decides. Source: Leine & van de Wouw 2008, Stability and
-Convergence of Mechanical Systems with Unilateral Constraints; the bounces: Brogliato 2016.
+is pressed, L+ = -e L- at each impact. For 0 <= e < 1 the bounces end after a time of order |L|, after which
+the linear part of the field on h = L = 0 decides. Source: Leine & van de Wouw 2008, Stability and Convergence
+of Mechanical Systems with Unilateral Constraints; the bounces: Brogliato 2016.
 """
 
 from __future__ import annotations

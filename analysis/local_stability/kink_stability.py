@@ -1,11 +1,11 @@
-"""Equilibria on kinks, where the field is continuous and its Jacobian is not: all sides decide together.
+"""Equilibria on kinks, where the field is continuous but its Jacobian is not: all sides decide together.
 
 A single Jacobian says nothing: x' = -0.4 x + 0.6 |x| + v, v' = -x has an unstable focus on one side and
 converges, and two stable sides together may diverge in dimension 3 and up. Decided are: dimension 1,
 dimension 2 (filippov.analysis.local_stability.planar_cone), and instability by an eigenvector inside its own
-cone. Of what lies on kinks and slides on other surfaces the sliding field on these decides, and of a set of
-equilibria on a kink the field across the set.
-Source: Carmona, Freire, Ponce, Torres 2006, Internat. J. Bifur. Chaos 16, 1469 (the cones of dimension 3).
+cone. For a point on kinks that slides on other surfaces the sliding field decides, and for a set of
+equilibria on a kink the field across the set. Source: Carmona, Freire, Ponce, Torres 2006, Internat. J.
+Bifur. Chaos 16, 1469 (the cones of dimension 3).
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ def set_ends(context: Context, found: EquilibriumSet) -> list[EquilibriumPoint]:
 
 
 def end_stability(context: Context, found: EquilibriumSet, end: EquilibriumPoint) -> tuple[Answer, Statement]:
-    """The verdict on an end of a set in a smooth mode: whether solutions that start beyond it come back."""
+    """The verdict on an end of a set in a smooth mode: whether solutions that start beyond it return."""
     where = ", ".join(f"{name} = {value:.6g}" for name, value in zip(end.states, end.value, strict=True))
     at = cone(context, end)
     if at is None:

@@ -1,4 +1,4 @@
-"""Equilibria on surfaces that attract, where the field moves with time or clocks reset: what Floquet needs.
+"""Equilibria on attracting surfaces, where the field depends on time or clocks reset: data for Floquet.
 
 On the intersection of k surfaces with C = dh/dx, G(t) = df/ds the solution beside the point is y' = J(t) y,
 J = Q df/dx, Q = 1 - G (C G)^-1 C. A reset may move the state off the surfaces, to y. There every field is

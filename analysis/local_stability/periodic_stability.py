@@ -1,7 +1,7 @@
 """Equilibria of systems that depend on time or are reset by a clock: Floquet's theorem.
 
-Near an equilibrium that stays where it is, y' = A(t) y between the clocks and y+ = R y at them. With both of
-period T the product M of the flows and the R decides: all eigenvalues of M inside the unit circle, or one
+Near an equilibrium that is constant in time, y' = A(t) y between the clocks and y+ = R y at them. With both
+of period T the product M of the flows and the R decides: all eigenvalues of M inside the unit circle, or one
 outside. The eigenvalues of A at an instant decide nothing (Markus & Yamabe 1960, Osaka Math. J. 12, 305).
 Source: Hale 1980, Ordinary Differential Equations; with resets Bainov & Simeonov 1993.
 """

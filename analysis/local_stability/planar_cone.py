@@ -2,8 +2,8 @@
 
 In polar coordinates y' = A(phi) y becomes phi' = g(phi), r'/r = k(phi) with e = (cos phi, sin phi),
 n = (-sin phi, cos phi), g = n . A e and k = e . A e; A is that of the sector of phi. Where g vanishes a ray
-is invariant, and the sign of k on it decides; without such a ray solutions turn round, and the sign of the
-integral of k/g over a turn decides. Terms of second order do not matter where no sign is 0.
+is invariant, and the sign of k on it decides; without such a ray solutions circle the origin, and the sign of
+the integral of k/g over a turn decides. Terms of second order do not matter where no sign is 0.
 Source: Filippov 1988; Carmona, Freire, Ponce, Torres 2002, IEEE Trans. Circuits Syst. I 49, 609.
 """
 
@@ -28,7 +28,7 @@ def planar_cone(matrix_at: Callable[[Array], Array], rest: Sequence[Array] = ())
     matrix_at   A, shape (2, 2), of the sector in which a direction lies
     rest        rays of equilibria from the origin: they are left out, and stability is that of the rays
 
-    False means unstable: a ray leads away, or solutions that turn round grow.
+    False means unstable: a ray leads away, or solutions that circle the origin grow.
     """
     phi = np.linspace(0.0, 2 * np.pi, SAMPLES + 1)
     directions = np.array([np.cos(phi), np.sin(phi)]).T

@@ -1,4 +1,4 @@
-"""Stability of every equilibrium and equilibrium set of a system: what is decided, and by which argument."""
+"""Stability of every equilibrium and equilibrium set of a system, each verdict with its argument."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class StabilityReport(StabilityResult):
     """The result as text, Markdown, LaTeX, JSON."""
 
     def to_text(self) -> str:
-        """Plain text, one section an equilibrium."""
+        """Plain text, one section per equilibrium."""
         return stability_text.render(self, stability_text.text_style(self.decimals))
 
     def _repr_html_(self) -> str:
@@ -85,7 +85,7 @@ def stability_report(
     modes, t    as in `equilibria`
     assume      inequalities taken to hold in the formulas; by default each parameter but
                 the one that is solved for keeps the sign of its value
-    hook        gives the slope of an event map's second iterate at a set: decides where the rest does not
+    hook        gives the slope of an event map's second iterate at a set, which decides if nothing else does
     budget      work, in millions of calls of Python functions (about a second each)
 
     Raises ModelError for a system of plain functions or an unknown parameter.

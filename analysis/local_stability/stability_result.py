@@ -28,7 +28,7 @@ class Statement:
 
 @dataclass(frozen=True)
 class SetEvidence:
-    """What an event map says of a set: the slope of its second iterate at the set, and by which method."""
+    """The evidence of an event map about a set: the slope of its second iterate there, and the method."""
 
     slope: float
     method: str
@@ -59,7 +59,7 @@ class SlipCase:
 
     applies      whether the case holds at the parameter values
     polynomial   det(s - A), highest coefficient first; None where no linear part exists
-    criterion    what the Routh-Hurwitz conditions are for the stability of the set
+    criterion    the role of the Routh-Hurwitz conditions for the stability of the set
     hurwitz      whether they hold at the parameter values (with the case's exponent)
     answer       for the set, at the parameter values (with the case's exponent)
     """

@@ -2,9 +2,8 @@
 
 An equilibrium on the border of a mode, at h = 0 of one of its surfaces or with a multiplier at an end of
 its set, is unstable where an eigenvector v to an eigenvalue > 0 of the mode's own linear part points into
-the mode: there is a solution in it that leaves along v. An eigenvalue on the right alone says nothing
-there, since other solutions may leave the mode and be brought back.
-Source: Hartman 1964, Ordinary Differential Equations.
+the mode: there is a solution in it that leaves along v. An unstable eigenvalue alone decides nothing, since
+other solutions may leave the mode and be brought back. Source: Hartman 1964, Ordinary Differential Equations.
 """
 
 from __future__ import annotations

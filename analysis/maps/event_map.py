@@ -1,4 +1,4 @@
-"""The event map d -> P(d) of a section: to call, iterate, differentiate and find fixed points of.
+"""The event map d -> P(d) of a section: with its iterates, derivative and fixed points.
 
 Source: Hensen & van de Molengraft 2002 (event maps of a controlled mass); Galvanetto & Knudsen 1997.
 """
@@ -30,7 +30,7 @@ class EventMap:
     parameters  values by name
     rtol, atol  of every return
 
-    Call it with a number or an array; NaN stands where the solution does not return within t_max.
+    Call it with a number or an array; the value is NaN where the solution does not return within t_max.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Find a section by looking at a solution: what recurs along it is the return."""
+"""Find a section from a solution: what recurs along it is the return."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ def find_section(
 ) -> Section | Stroboscope:  # fmt: skip
     """The section on which the solution from x0 returns, without a parametrisation.
 
-    Of a system that t or a clock forces, its states once a period (`Stroboscope`); of any other the kind of
-    event on a surface that recurs, the most seldom one, as others may come several times per return.
+    For a system forced by t or a clock, its states once per period (`Stroboscope`); for any other the rarest
+    kind of event on a surface that recurs, because others may occur several times per return.
 
     x0          a state, in order or by name
-    t_max       how long to look at the solution at most; default: up to 1e5, or 400 events
+    t_max       longest time of the solution; default: up to 1e5, or 400 events
     period      of the forcing, as in `Stroboscope`
     coordinate  what is read on the section; default: the first state that varies there along the solution
 
-    Raises UsageError where nothing recurs: the solution rests, slides on for ever or meets no surface.
+    Raises UsageError where nothing recurs: the solution rests, slides forever or reaches no surface.
     """
     start = check_state(x0, system)
     if t_max is not None and not 0 < t_max < np.inf:

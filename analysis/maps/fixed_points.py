@@ -1,8 +1,8 @@
 """Fixed points, jumps and basins of an event map on an interval.
 
 Roots of P(d) - d are bracketed on a grid that is dense near 0 as well, and beside an equilibrium set at 0 on
-one that is even in log d down to rounding. Pairs that a grid would step over are found from the extrema of
-P(d) - d, and each is solved for at a tight tolerance (`filippov.analysis.maps.gap_roots`).
+one that is even in log d down to rounding. Pairs that lie between points of the grid are found from the
+extrema of P(d) - d, and each is solved for at a tight tolerance (`filippov.analysis.maps.gap_roots`).
 """
 
 from __future__ import annotations

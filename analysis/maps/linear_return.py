@@ -3,9 +3,9 @@
 From an end of a set of rest positions the slip field vanishes, so a return from a coordinate d next to the
 set obeys y' = A y on its side of the surface, y(0) = d dx0/dd, until c y = 0 again at T: then P(d)/d -> r
 y(T)/d, with c = grad h and r the gradient of the coordinate. Where the slip field grows out of the surface
-like |h|**e with 0 < e < 1, or does not vanish at the end, a solution from arbitrarily near the set leaves by
-a finite distance: the map jumps there. Source: `filippov.analysis.steady.rest_map`; Hensen & van de
-Molengraft 2002, section 3.
+like |h|**e with 0 < e < 1, or does not vanish at the end, a solution that starts arbitrarily close to the set
+leaves it by a finite distance: the map jumps there. Source: `filippov.analysis.steady.rest_map`; Hensen & van
+de Molengraft 2002, section 3.
 """
 
 from __future__ import annotations

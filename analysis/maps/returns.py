@@ -39,10 +39,10 @@ _FIRST, _LAST, _OTHERS = (16, 32, 64), 8, 12
 class Returns:
     """The section's events along a solution.
 
-    t, x     time and state after each, (k,) and (k, n); k less than was asked for where the solution ends
+    t, x     time and state after each, (k,) and (k, n); k is less than requested if the solution ends earlier
     d        the coordinate there, (k,)
     t_end, x_end  where the solution ended
-    message  why there are less than were asked for; "" where there are not
+    message  why there are fewer than requested, else ""
     rests    whether the solution came to rest after the last of them, at x_end
     """
 
@@ -68,7 +68,8 @@ def returns(
     rtol, atol   of the solution, as in `solve`
     max_events   of all kinds, after which the solution ends
 
-    An accumulation of events is passed (`solve(..., zeno="continue")`). Raises UsageError, ModelError.
+    The solution continues after an accumulation of events (`solve(..., zeno="continue")`). Raises UsageError,
+    ModelError.
     """
     if not count >= 1:
         raise UsageError(f"count is {count!r}, expected 1, 2, ...")

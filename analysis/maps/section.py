@@ -1,4 +1,4 @@
-"""A section: where an event map starts from a number and where it reads the next one."""
+"""A section: where an event map starts for a coordinate, and where it reads the next one."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Section:
     """The events of one kind on a surface (or several), with a number as coordinate on them.
 
     surface, kind  the event that is a return of the map (as in `Stop`); several surfaces with commas between.
-                   A surface is named, or given by the formula of its h, written either way round
+                   A surface is named, or given by the formula of its h in either orientation
     coordinate     what is read there: the name of a state, or a formula in states (sympy or text)
     parametrisation
                    the state at coordinate d, where a solution starts: an expression per state (sympy or text)
@@ -37,7 +37,7 @@ class Section:
                    followed from an initial state (`filippov.analysis.maps.returns`). `lift` is taken as well
     t_max          longest time of a return; a solution that takes longer does not return
     after          mode after the event, such as "0" or "+0" with * for any sign, one per surface:
-                   other events are no return; "": any. For systems that do not depend on time
+                   other events are not returns; "": any. For systems that do not depend on time
 
     Raises UsageError, ModelError.
     """

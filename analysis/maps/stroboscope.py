@@ -1,4 +1,4 @@
-"""The section of a forced or clocked system: its states once a period of the forcing."""
+"""The section of a forced or clocked system: its states once per period of the forcing."""
 
 from __future__ import annotations
 

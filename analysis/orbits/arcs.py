@@ -1,8 +1,8 @@
 """The arcs of a solution: segments in one mode, with the condition that ends each of them.
 
 An arc ends where a surface is reached (h = 0), where a multiplier reaches an end of its set (sliding exit),
-or at an instant (clocks); then the state goes on as it is, or is reset. Boundary problems over several arcs
-(`filippov.analysis.orbits.collocation`) are made of them.
+or at an instant (clocks); then the state continues unchanged, or is reset. Boundary problems over several
+arcs (`filippov.analysis.orbits.collocation`) are made of them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Array = npt.NDArray[np.float64]
 
 
 class WordError(SolveError):
-    """The sequence of arcs is none that a boundary problem can be made of, or not the solution's."""
+    """The sequence of arcs does not define a boundary problem, or is not that of the solution."""
 
 
 @dataclass(frozen=True)

@@ -50,8 +50,8 @@ class CollocationSearch:
     def orbit(self, solutions: Sequence[Solution]) -> Orbit:
         """The orbit by collocation, from solutions that make up about one period (or the part of a symmetry).
 
-        Where the modes turn out not to be those of the orbit, the solutions from states of it are tried, and
-        then of a part of it where it was gone through several times.
+        If the modes turn out not to be those of the orbit, solutions from its states are tried, and then a
+        part of it in case it was traversed several times.
         """
         base, begin = self.base, solutions[0].problem.t_span[0]
         guess = float(solutions[-1].t_end - begin) * base.symmetry_order

@@ -1,15 +1,15 @@
-"""Homoclinic orbits of saddles and pseudo-saddles, with the parameter value at which there is one.
+"""Homoclinic orbits of saddles and pseudo-saddles, with the parameter value at which it exists.
 
-The orbit leaves the saddle xe along its unstable direction w and comes back on its stable manifold. With the
+The orbit leaves the saddle xe along its unstable direction w and returns on its stable manifold. With the
 parameter q and the duration T unknown,
 
     x(0) = xe + e0 w,   l (x(T) - xe) = 0,   d (x(T) - xe) = e1,
 
 where l is the left eigenvector of the unstable eigenvalue (projection boundary conditions) and d the
-direction from which it comes, solved by collocation over the arcs of the orbit. Where nothing comes in for
-ever, as at a pseudo-saddle of a planar system, the orbit lands on it in finite time: x(T) = xe. Source: Beyn
-1990, IMA J. Numer. Anal. 10, 379; for pseudo-saddles Kuznetsov, Rinaldi & Gragnani 2003, Int. J. Bifurcation
-Chaos 13, 2157.
+direction from which it comes, solved by collocation over the arcs of the orbit. If no solution approaches the
+saddle asymptotically, as at a pseudo-saddle of a planar system, the orbit lands on it in finite time: x(T) =
+xe. Source: Beyn 1990, IMA J. Numer. Anal. 10, 379; for pseudo-saddles Kuznetsov, Rinaldi & Gragnani 2003,
+Int. J. Bifurcation Chaos 13, 2157.
 """
 
 from __future__ import annotations
@@ -62,8 +62,7 @@ class Homoclinic:
     system, parameters   with the value of `free` at which the orbit exists
     free, value          that parameter
     saddle               see `filippov.analysis.orbits.saddle`
-    period               time between the cuts near the saddle: the orbit itself takes for ever, or comes from
-                         for ever
+    period               time between the cuts near the saddle: the duration of the orbit itself is infinite
     pieces               solutions along it, one after the other
     residual             largest gap between these solutions, in units of the orbit's size
     """
@@ -121,7 +120,7 @@ def find_homoclinic(
     free        the parameter that is solved for; its value in `parameters` (or its default) is the guess
     mode        of the saddle, "+0" or signs; default: that of the state; 0 for the surfaces that a
                 pseudo-saddle slides on
-    side        +1 or -1: along which way of the unstable direction the orbit leaves, its largest entry
+    side        +1 or -1: along which sense of the unstable direction the orbit leaves, its largest entry
                 taken positive; 0: the one that comes back nearer
     t_max       longest time in which the solution is to come back near to the saddle
 
@@ -235,7 +234,7 @@ class _Search:
         return float(away[k] / np.max(away)), out
 
     def solve(self, guess: tuple[float, list[Arc]]) -> Homoclinic:
-        """The orbit from a guess, cut nearer and nearer to the saddle."""
+        """The orbit from a guess, truncated closer and closer to the saddle."""
         self.way, arcs = guess
         saddle = self.saddle
         self.size = float(np.max(np.ptp(np.vstack([arc.x for arc in arcs]), axis=0)))

@@ -25,8 +25,8 @@ _MET = ("switching", "reset")
 class Margin:
     """Margins of a periodic solution.
 
-    distance        least distance |h|/|grad h| from a surface where the solution turns back without meeting
-                    it (inf where it nowhere does); surface: its name; t: when
+    distance        least distance |h|/|grad h| from a surface where the solution turns back without reaching
+                    it (inf if it never does); surface: its name; t: when
     sliding         least distance of a sliding multiplier from an end of its set where it turns back from it
                     (inf where it nowhere does); sliding_surface, sliding_t
     transversality  least speed with which a surface is reached or left, relative to |G_y| |v|: 0 at grazing

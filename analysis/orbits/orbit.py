@@ -44,7 +44,7 @@ class Orbit:
                    trivial one
     trivial        the multiplier that belongs to a shift in time, 1 to rounding; None for a forced system
     half_multipliers  of a symmetric orbit, x(t + T/2) = -x(t): eigenvalues of -d x(T/2)/d x0 (the half map),
-                   whose squares are the multipliers; None for others. The trivial one is taken out
+                   whose squares are the multipliers; None for others. The trivial one is left out
     word           modes of a period, such as "stick slip- stick slip+" (see `filippov.graphs.word`)
     amplitude      half the distance between the largest and the smallest value, by state
     low, high      those values, (n,)
@@ -55,7 +55,7 @@ class Orbit:
     signature      the switching events of a period in order, wherever it begins: what the word leaves out
     margin         see `filippov.analysis.orbits.margin`
     symmetric      x(t + T/2) = -x(t)
-    residual       what is left of the equations of the orbit, largest entry
+    residual       largest residual of the equations of the orbit
     """
 
     system: System
@@ -132,7 +132,7 @@ class Orbit:
         return self.solutions or (self.solution(),)
 
     def solution(self, periods: float = 1.0) -> Solution:
-        """The solution over so many periods from x0; from an orbit that repels it departs (see `pieces`)."""
+        """The solution over so many periods from x0; it departs from an orbit that repels (see `pieces`)."""
         return solve(
             self.system, self.x0, (self.t0, self.t0 + periods * self.period), parameters=self.parameters,
             rtol=self.rtol, atol=self.atol, method=self.method, zeno="continue", nonunique="stick",

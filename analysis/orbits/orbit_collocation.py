@@ -1,10 +1,10 @@
 """A periodic orbit by collocation, handed over to multiple shooting.
 
 The arcs of a guessed solution give the sequence of modes. Collocation solves for the orbit with this
-sequence, whether it repels or not; then signs and multipliers along it are checked, and nodes are laid so
+sequence, whether it repels or not; then signs and multipliers along it are checked, and nodes are placed so
 that nothing grows by much more than a factor of 10 between them. The equations of multiple shooting,
-solutions of the exact solver, say whether it is an orbit of the inclusion and how accurate it is. Source: see
-`filippov.analysis.orbits.collocation`.
+solutions of the exact solver, decide whether it is an orbit of the inclusion, and how accurate it is. Source:
+see `filippov.analysis.orbits.collocation`.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Collocated:
 def guess_arcs(solutions: Sequence[Solution], final: tuple[Mode, Array]) -> list[Arc]:
     """The arcs of a guess; final: the mode and the state that the last arc is to end with.
 
-    Where the last mode is another, the one event that is missing is put at the end.
+    If the last mode differs, the one missing event is appended.
     """
     arcs = arcs_of(solutions)
     last, (mode, state) = arcs[-1], final
@@ -265,7 +265,7 @@ def _nodes(found: Collocated) -> list[float]:
 
 
 def least_period(found: Collocated) -> int:
-    """How often the orbit was gone through: the multiple of its least period that it was found with."""
+    """How often the orbit was traversed: the multiple of its least period with which it was found."""
     base, begin = found.base, float(found.mesh.times[0])
     if base.symmetry_order > 1:
         return 1

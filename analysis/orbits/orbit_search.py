@@ -1,4 +1,4 @@
-"""Find a periodic orbit: from a state on or near it, a solution that goes to it, or another orbit."""
+"""Find a periodic orbit: from a state on or near it, a solution that approaches it, or another orbit."""
 
 from __future__ import annotations
 
@@ -68,11 +68,11 @@ def find_orbit(
 ) -> Orbit:
     """The periodic orbit near a state, stable or not, by Newton's method on a return or multiple shooting.
 
-    guess       a state on or near the orbit or from which the solution goes to it, in order or by name; a
-                Solution (its end); an Orbit (of other parameter values); several states (k, n) on it, at
-                equal distances in time over one period: the nodes of multiple shooting (needs the period)
+    guess       a state on or near the orbit, or one from which the solution approaches it, in order or by
+                name; a Solution (its end); an Orbit (of other parameter values); several states (k, n) on it,
+                at equal distances in time over one period: the nodes of multiple shooting (needs the period)
     period      autonomous: a guess of T, for an orbit that does not attract; without it the first return of
-                the solution is taken. Forced: the period, a number or a formula in the parameters such as
+                the solution is used. Forced: the period, a number or a formula in the parameters such as
                 "2*pi/omega", or a multiple of the forcing's for subharmonic orbits; default: read off the
                 sines and cosines of t and the clocks, and the least multiple after which the solution from
                 the guess comes back
@@ -83,8 +83,8 @@ def find_orbit(
     t0          time of the guess, for a forced system
     method      integration method of the solutions; or "collocation": the sequence of modes is taken from the
                 solution of the guess, and the orbit solved for by collocation on an adapted mesh, for orbits
-                that repel strongly. It lays its own nodes for the exact solutions (DOP853) that confirm it;
-                the other methods fall over to it where shooting does not converge
+                that repel strongly. It places its own nodes for the exact solutions (DOP853) that confirm it;
+                the other methods switch to it if shooting does not converge
     jacobian    of a system of plain functions, (t, x, p, s) -> df/dx with the signs held; else differences
     progress    called with (t, t_max, note)
 

@@ -1,7 +1,8 @@
-"""Saddles and pseudo-saddles: where they are, and the directions in which solutions leave and come.
+"""Saddles and pseudo-saddles: their places, and the directions in which solutions leave and arrive.
 
-On attracting sliding the state is pressed onto its surfaces, on repelling sliding it leaves them at will; so
-the surfaces count as stable or unstable directions beside the eigenvalues of the sliding field along them:
+On attracting sliding the state is pressed onto its surfaces, on repelling sliding it can leave them at any
+time; so the surfaces count as stable or unstable directions in addition to the eigenvalues of the sliding
+field along them:
 
     unstable dimension = number of Re > 0 (+ surfaces that repel),  stable = number of Re < 0 (+ those that
     attract)
@@ -39,7 +40,7 @@ ZERO = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class Saddle:
-    """An equilibrium with solutions that leave it and solutions that come to it.
+    """An equilibrium with solutions that leave it and solutions that approach it.
 
     x, mode     the state, and the signs of the surfaces, 0 where it lies on them
     eigenvalues of the field, or of the sliding field along its surfaces, largest real part first
@@ -109,7 +110,7 @@ class Saddle:
 
     @property
     def stable(self) -> int:
-        """The number of directions along which solutions come in for ever."""
+        """The number of directions along which solutions approach it asymptotically."""
         return self.growing("stable").size
 
 

@@ -35,7 +35,7 @@ MOST_STEPS = 2_000_000
 
 
 class ReturnError(SolveError):
-    """A solution does not come back; `solution` holds it, `t` the time reached. Its status is NO_RETURN."""
+    """A solution does not return; `solution` holds it, `t` the time reached. Its status is NO_RETURN."""
 
     status = Status.NO_RETURN
 
@@ -45,7 +45,7 @@ class ReturnError(SolveError):
 
 
 class NoConvergenceError(SolveError):
-    """Newton's method did not find a solution of the equations; `residual` is what was left."""
+    """Newton's method did not find a solution of the equations; `residual` is the remaining one."""
 
     def __init__(self, message: str, residual: float = float("nan")) -> None:
         super().__init__(message)

@@ -220,7 +220,7 @@ class Calls(Expressions):
         return [np.array(v.tolist()) if isinstance(v, np.ndarray) else v for v in values]
 
     def _known(self, value: Any) -> Any:
-        """A value with numbers in the place of parameters."""
+        """A value with numbers in place of parameters."""
         if isinstance(value, (tuple, list)):
             return type(value)(self._known(v) for v in value)
         number = self.fixed(value) if isinstance(value, Expr) else None

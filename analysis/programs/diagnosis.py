@@ -32,11 +32,11 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What is known of a program.
+    """The diagnosis of a program.
 
     name, file  the program
     switches    surfaces with their places in the source, their kinds, and whether the solution stays on them
-    findings    what is wrong or to be known, each with surface, time and lines
+    findings    what is wrong or noteworthy, each with surface, time and lines
     run         scipy's run
     system      the System to use instead, None where there is none; x0: its initial state
     code        the text that makes it
@@ -158,11 +158,11 @@ def diagnose(
 
     x0, t_span         as of scipy's solve_ivp, forwards in time
     args               further arguments of f; method, rtol, atol: of scipy, with its defaults
-    max_calls          calls of f after which scipy's run is given up
+    max_calls          calls of f after which scipy's run is ended
 
     The source of f is read and never changed; f is called by scipy and at random states, where its values are
-    compared with those of the System. What it remembers (globals, attributes) is put back. Where the source
-    cannot be translated the finding "not translated" names the line. Raises UsageError; ModelError where
+    compared with those of the System. What it remembers (globals, attributes) is restored. If the source
+    cannot be translated, the finding "not translated" names the line. Raises UsageError; ModelError where
     there is no source.
     """
     start, span = _checked(x0, t_span)
@@ -313,7 +313,7 @@ def _at_start(
         return [Finding(
             "false rest", f"the start lies on {switch.surface} = 0, where {switch.where} gives 0 and with "
             "it f = 0: the program "
-            "stays there for ever; the inclusion can go on in the modes "
+            "stays there forever; the inclusion can go on in the modes "
             f"{ways}", switch.surface, t0, switch.lines,
         )]  # fmt: skip
     leaves = solution.sol is not None and solution.t_end > later and solution.start_mode[on[0]] != 0
@@ -321,7 +321,7 @@ def _at_start(
         return [Finding(
             "false rest", f"the start lies on {switch.surface} = 0, where {switch.where} gives 0 and with "
             "it f = 0: the program "
-            "stays there for ever, the solution of the inclusion leaves", switch.surface, t0, switch.lines,
+            "stays there forever, the solution of the inclusion leaves", switch.surface, t0, switch.lines,
         )]  # fmt: skip
     if not leaves:
         return []

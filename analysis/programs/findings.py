@@ -28,7 +28,7 @@ WRONG = 10.0
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong, or that the source says otherwise than it does.
+    """One thing that is wrong, or that the source does differently from what it says.
 
     kind      "chattering", "hang", "missed", "wrong curve", "exception", "false rest", "sign at 0",
               "equality", "dead band", "memory", "clock", "remark", "not translated", "differs"
@@ -188,7 +188,7 @@ def _chattering(
 
 
 def early(run: NaiveRun) -> Finding:
-    """A run that did not come to its end."""
+    """A run that did not reach its end."""
     t = float(run.t[-1])
     if run.ended == "budget":
         said = (

@@ -1,6 +1,6 @@
 """Derivative of the flow through events: saltation matrices between the transition matrices of the modes.
 
-Derivatives are by y = (x, q, t): states, parameters that are asked for, time (see
+Derivatives are by y = (x, q, t): states, requested parameters, time (see
 `filippov.analysis.sensitivity.variation`). At an event with guard G (h of a surface reached; for a sliding
 exit the multiplier less the end of its set), with y' = v- before and v+ after,
 
@@ -8,8 +8,9 @@ exit the multiplier less the end of its set), with y' = v- before and v+ after,
 
 (Aizerman & Gantmakher 1958; Leine & Nijmeijer 2004; di Bernardo et al. 2008). Entry
 into sliding loses rank by one for each surface: the multipliers that belong to it are 0. At a tangency
-(G_y v- = 0) the flow has no derivative, and that is an error. Several surfaces at once have one if it is the
-same in whatever order they occur; then it is the product of theirs. At a reset y+ = R(y), v+ taken at y+,
+(G_y v- = 0) the flow has no derivative, and that is an error. Several surfaces at once have a saltation
+matrix if it does not depend on their order; then it is the product of theirs. At a reset y+ = R(y), v+ taken
+at y+,
 
     S = R_y + (v+ - R_y v-) G_y / (G_y v-)
 
@@ -43,8 +44,7 @@ Array = npt.NDArray[np.float64]
 
 
 class NotDifferentiableError(ArithmeticError):
-    """The flow has no derivative here: it touches a surface, or meets several in a way that depends on the
-    order."""
+    """The flow has no derivative here: it touches a surface, or reaches several whose order matters."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """The linearised field of every mode, sliding included, exact from the symbolic form.
 
-Derivatives are taken by y = (x, q, t): the states, parameters q that are asked for, and time, which move with
+Derivatives are taken by y = (x, q, t): the states, requested parameters q, and time, which evolve with
 y' = (f, 0, 1). In a sliding mode the multipliers follow: s(y) solves r(y, s) = dh/dt = 0, so the matrix of
 the linearised field is A = f_y - f_s (r_s)^-1 r_y (implicit function theorem). A system of plain functions is
 differentiated in `filippov.analysis.sensitivity.plain_variation`.
@@ -235,7 +235,7 @@ def transition(
     """Product of the transition matrices of Y' = A Y over steps of one mode: (N, N).
 
     Gauss collocation of order 8 on the integrator's own steps, all of them at once; state(t) gives x on the
-    nodes. A step is divided where the matrix itself, of which the solution may know nothing, asks for it.
+    nodes. A step is divided where the matrix itself requires it, even if the solution does not.
     """
     n, size, stages = field.system.dimension, field.size, len(_NODES)
     start, step = _divided(field, start, step, state, p)

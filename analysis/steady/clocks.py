@@ -32,7 +32,7 @@ class Phases:
 
 
 def resetting(system: System) -> list[int]:
-    """The clocks that reset for ever; a list of instants ends, and what comes after its last one decides."""
+    """The clocks that reset forever; a list of instants ends, and the system after its last one decides."""
     return [k for k, e in enumerate(system.time_events) if e.reset is not None and e.period is not None]
 
 

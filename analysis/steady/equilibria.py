@@ -1,8 +1,7 @@
 """0 in F(x; p): equilibria of smooth modes, pseudo-equilibria of sliding modes, and sets of both.
 
-In a mode the signs are numbers, except s_i in [lo_i, hi_i] where the mode slides on surface i. There
-f(x, s) = 0 and h_i(x) = 0 are solved for x AND s; what stays free parameterises a set.
-Source: Filippov 1988.
+In a mode the signs are numbers, except s_i in [lo_i, hi_i] where the mode slides on surface i. There f(x, s)
+= 0 and h_i(x) = 0 are solved for x AND s; what remains free parametrises a set. Source: Filippov 1988.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ def equilibria(
 ) -> Equilibria:
     """Return the points and sets with 0 in F(x; p).
 
-    parameters  values that decide which exist, the defaults where not given; formulas stay in the symbols
+    parameters  values that decide which exist, default: those of the system; formulas keep the symbols
     modes       those to search, such as ["0"]; every mode by default (at most 243, else up to one sliding)
     t           the time at which a system that depends on it is frozen
     box         (least, greatest) by state where a numerical search is needed, +-10 by default

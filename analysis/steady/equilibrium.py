@@ -18,7 +18,7 @@ class EquilibriumPoint:
 
     mode         sign of each surface, 0 where the point lies on it
     states       names, in the order of x
-    x            one expression in the parameters a state; a number where it was found numerically
+    x            one expression in the parameters per state; a number where it was found numerically
     multipliers  (surface, s) for each surface that the point lies on: f(x, s) = 0
     value        x at the parameter values, floats
     s_value      the multipliers at the parameter values
@@ -52,7 +52,7 @@ class EquilibriumSet:
     """{x(c) : c in a domain} with 0 in F(x), all in one mode.
 
     mode         as for a point
-    x            one expression in `free` and the parameters a state
+    x            one expression in `free` and the parameters per state
     multipliers  (surface, s) for each surface that the set lies on
     free         the symbols c: multipliers where possible, else states
     domain       (least, greatest) for each of `free`, in the parameters; -oo and oo where it is unbounded

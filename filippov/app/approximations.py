@@ -1,4 +1,4 @@
-"""The table of approximations: six plants, exact and under what is used in the place of the inclusion.
+"""The table of approximations: six plants, exact and under what is used in place of the inclusion.
 
 Every row is a run of `compare` along one solution, at the narrowest width, with the order seen over the
 widths beside the one that theory gives.

@@ -1,8 +1,7 @@
-"""Text from outside (names, messages, file names) on its way into a format in which some of it could act.
+"""Text from outside (names, messages, file names), escaped for formats that could interpret it.
 
-A terminal obeys control characters, a spreadsheet computes cells that begin like a formula, Markdown and
-HTML take tags for their own, matplotlib reads what stands between dollar signs as a formula. JSON needs
-none of this.
+A terminal obeys control characters, a spreadsheet evaluates cells that begin like a formula, Markdown and
+HTML interpret tags, and matplotlib reads text between dollar signs as a formula. JSON needs no escapes.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ _FORMULA = "=+-@＝＋－＠"
 def printable(text: object, keep: str = "") -> str:
     """Text in which every character can be seen: the others as \\x1b, \\u202e, those in `keep` as they are.
 
-    Escaped are control and format characters (among them those that turn the direction of writing), line
+    Escaped are control and format characters (including those that reverse the direction of writing), line
     ends, lone surrogates and characters that Unicode does not have.
     """
     given = str(text)

@@ -24,7 +24,7 @@ def short_names(
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """`__getattr__` and `__dir__` of a package that exports names; places: name -> module below the package.
 
-    answers: what to write in the place of a name that is looked for and is none of them.
+    answers: what to write in place of a name that is looked for and is none of them.
 
     `package.name` stays what `places` lists, also once a module package.name was imported.
     """

@@ -156,7 +156,7 @@ class Moved:
         """An empty module, as for any other."""
 
     def exec_module(self, module: ModuleType) -> None:
-        """Put the module itself in the place of the empty one that the import system made."""
+        """Put the module itself in place of the empty one that the import system made."""
         sys.modules[module.__name__] = importlib.import_module(moved(module.__name__) or "")
 
 

@@ -48,12 +48,11 @@ def possible_graph(
                 state
     modes       only these modes and what leads from one to another
     parameters  values by name to put into the formulas; the others stay symbols
-    limit       so many modes are expanded at most; graph.graph["complete"] tells whether that was all
+    limit       largest number of modes that are expanded; graph.graph["complete"] tells whether all were
 
     Transitions on several surfaces at the same instant are not listed. A guard that cannot hold (a number of
     the wrong sign, r > 0 with r < 0) makes no edge; other guards may exclude each other for reasons that are
-    not looked for. Raises ModelError for a system of plain functions, UsageError for a mode that does not
-    fit.
+    not examined. Raises ModelError for a system of plain functions, UsageError for a mode that does not fit.
     """
     if limit < 1:
         raise UsageError(f"limit is {limit!r}, expected a whole number of at least 1.")
@@ -125,7 +124,7 @@ def observed_graph(solution: Solution) -> nx.MultiDiGraph:
 
 
 def recurrent_part(graph: nx.MultiDiGraph) -> nx.MultiDiGraph:
-    """The strongly connected components that are not left again: where the solution ends.
+    """The strongly connected components without a way out: where solutions end.
 
     graph.graph["components"] lists their modes. In an observed graph there is one, and it holds the last
     mode; in a possible graph there is one for every set of modes that can trap the solution.

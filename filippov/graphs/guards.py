@@ -6,9 +6,9 @@ On surface i, with r(s) = d/dt h_i at s_i = s and the set [lo, hi] of the sign a
     entry from below      h = 0,  r(-1) > 0 > r(hi)
     exit upwards          h = 0,  r(hi) = 0,  d/dt r(hi) > 0 along the field at s = hi
 
-and the same with all signs turned for downwards. A kink or an observer is only crossed; a relay with
-hysteresis switches at h = -s width. The multipliers of the other sliding surfaces are put in. Attracting
-sliding is meant: sliding that repels can be left at any time.
+and the same with all signs reversed for downwards. A kink or an observer is only crossed; a relay with
+hysteresis switches at h = -s width. The multipliers of the other sliding surfaces are substituted. This is
+for attracting sliding: repelling sliding can be left at any time.
 
 Sources: Filippov 1988, section 10; di Bernardo, Budd, Champneys, Kowalczyk 2008, section 2.2.
 """
@@ -65,7 +65,7 @@ def relation_text(relation: Any) -> str:
 
 
 def formula_text(f: Any) -> str:
-    """An expression as text, with no digits behind the last that counts."""
+    """An expression as text, without insignificant digits."""
     return str(sympy.sstr(f, full_prec=False))
 
 
@@ -118,7 +118,7 @@ class Guards:
         return {s: sympy.factor_terms(_settled(v, on)) for s, v in zip(unknown, solved, strict=True)}
 
     def field(self, mode: Mode) -> tuple[Expr, ...]:
-        """x' of a mode, with multipliers put in and surfaces used: on v = 0 the expressions hold no v."""
+        """x' of a mode, with multipliers and surfaces substituted: on v = 0 the expressions contain no v."""
         solved = self.multipliers(mode) or self.labels
         on = self.on([h for h, m in zip(self.h(mode), mode, strict=True) if m == 0])
         return tuple(_settled(f.xreplace(solved), on) for f in self.vertex(mode))
@@ -228,7 +228,7 @@ class Guards:
     def reached(self, mode: Mode, i: int, level: Any, also: Sequence[Expr] = ()) -> bool:
         """Whether surface i is reached inside a mode: parallel surfaces fix each other's sign there.
 
-        also   what else is 0 there
+        also   further expressions that are 0 there
         """
         if self.system.surfaces[i].width > 0:
             return True

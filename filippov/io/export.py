@@ -50,7 +50,7 @@ def dataset(solution: Solution) -> Any:
 def frame(solution: Solution) -> Any:
     """A pandas.DataFrame: states and outputs over the index t, as they stand at solution.t.
 
-    Where the state jumps, t stands twice. attrs: status, message, parameters, labels. Raises ImportError
+    Where the state jumps, t appears twice. attrs: status, message, parameters, labels. Raises ImportError
     without pandas.
     """
     pandas, system = _pandas(), solution.system

@@ -44,7 +44,7 @@ Array = npt.NDArray[Any]
 
 
 class ForgottenPolicy:
-    """Stands for a function given as `nonunique`, which a file does not hold."""
+    """Placeholder for a function given as `nonunique`, which a file does not contain."""
 
     def __call__(self, candidates: Any) -> Any:
         """Raise UsageError."""

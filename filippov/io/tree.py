@@ -105,7 +105,7 @@ class Reader:
             if head in table:
                 args = [self.expression(arg, depth + 1) for arg in rest]
                 try:
-                    # As it was written: evaluating again could change it, and could take for ever.
+                    # As it was written: evaluating again could change it, and could take forever.
                     return table[head](*args) if table is _LOGIC else table[head](*args, evaluate=False)
                 except (ValueError, TypeError, AttributeError):
                     raise _strange(tree) from None

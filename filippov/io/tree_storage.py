@@ -1,7 +1,7 @@
 """Trees of solutions as files: one uncompressed npz with a header in JSON (see `filippov.io.storage`).
 
-The header holds the system and the options once, and what is said of each branch; the arrays of all branches
-lie one behind the other in `floats` and `integers`, their names and shapes in the header.
+The header contains the system and the options once, and the description of each branch; the arrays of all
+branches are concatenated in `floats` and `integers`, with their names and shapes in the header.
 """
 
 from __future__ import annotations

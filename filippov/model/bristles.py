@@ -1,4 +1,4 @@
-"""Friction models of the literature as equations in the place of Sgn(h), h a sliding velocity.
+"""Friction models of the literature as equations in place of Sgn(h), h a sliding velocity.
 
 The system is dx/dt = f0 + f1(|h|) s, s in Sgn(h): f1(|h|)/f1(0) is g below, the curve of the law over its
 static level. With w the width, tau a time and r = z/(w g) the deflection z over its level,
@@ -11,7 +11,7 @@ static level. With w the width, tau a time and r = z/(w g) the deflection z over
     bengisu-akay    no state             f0 + f1(max(|h| - w, 0)) q(h/w)   w: a velocity
 
 A rises from 0 at |r| = 0.7, below which the deflection is elastic and nothing creeps, to 1 at |r| = 1. It is
-an error function that has both values to rounding, in the place of the published half period of a sine: no
+an error function that has both values to rounding, in place of the published half period of a sine: no
 kinks there, which would be surfaces. Element i of N = 3 carries 1/N of the level; z its force over the static
 level, c its memory, 0 stuck, +-1 slipping:
 
@@ -24,9 +24,9 @@ maxwell-slip 11/6 of it.
 seven-parameter is the model of Armstrong-Helouvry. The law has four of its parameters: Coulomb, static and
 viscous level, Stribeck velocity; the others are the stiffness f1(0)/w in stick, the lag, and the dwell time
 at which half of the static level is back. c is 0 in stick, sgn h in slip; z is the force of the spring over
-the static level; l the lagged velocity, an element of the first order, since a delay is not to be had in an
-ordinary differential equation; T the time since the stop. With G the share of g that does not fall with the
-velocity, and k = (g - G)/(1 - G), S the static level over G,
+the static level; l the lagged velocity, an element of the first order, since an ordinary differential
+equation has no delays; T the time since the stop. With G the share of g that does not fall with the velocity,
+and k = (g - G)/(1 - G), S the static level over G,
 
     z' = (1 - c^2) h/w    l' = c^2 (h - l)/lag    T' = 1 - c^2    S = 1 - G - m dwell/(T + dwell)
     f0 + f1(0) (c (G + S k(|l|)) + (1 - c^2) (z + tau h/w))
@@ -180,7 +180,7 @@ def seven_parameter(part: Part, z: tuple[Symbol, ...]) -> Made:
 
 
 def falling(part: Part) -> tuple[Expr, Callable[[Expr], Expr], Callable[[Expr], Expr]]:
-    """G, k and the rest of g = G + (1 - G) k + rest: k falls from 1 to 0, the rest rises from 0 for ever.
+    """G, k and the rest of g = G + (1 - G) k + rest: k falls from 1 to 0, the rest rises from 0 forever.
 
     Raises ModelError where g has no such parts.
     """

@@ -1,4 +1,4 @@
-"""What stands in the place of the set-valued sign Sgn(h), for all switching surfaces or chosen for each.
+"""Replacements of the set-valued sign Sgn(h), for all switching surfaces or chosen for each.
 
 Exact()               the inclusion: s in [-1, 1], or the surface's own set, at h = 0
 Band(width)           s = clip(h/width, -1, 1)
@@ -64,7 +64,7 @@ class Band(_Checked):
 
 @dataclass(frozen=True)
 class Smooth(_Checked):
-    """s = tanh(h/width), or another shape of the slope 1/width at 0: no surface is left.
+    """s = tanh(h/width), or another shape with the slope 1/width at 0: no surface is left.
 
     shape   "tanh"; "arctan", (2/pi) atan(pi h/(2 width)); "sqrt", h/sqrt(h^2 + width^2)
     """
@@ -98,8 +98,8 @@ class Switch(_Checked):
     surfaces are NAME:upper (h - eta), NAME:lower (h + eta), NAME:down (-L(lo)) and NAME:up (-L(hi)).
     eta, the half-width; alpha >= 0 [1/time]. Source: Leine 2000, after Karnopp 1985.
 
-    balance   "at rest": the tests take L at h = 0, if h holds one state, linearly; "in motion": at the h that
-              is, as damping in the balance makes it: its level may then be slid on, short sticks in a row
+    balance   "at rest": the tests take L at h = 0, if h holds one state, linearly; "in motion": at the actual
+              h, as damping in the balance requires: its level may then be slid on, in short successive sticks
     """
 
     eta: Any
@@ -114,7 +114,7 @@ class Switch(_Checked):
 
 @dataclass(frozen=True)
 class Karnopp(_Checked):
-    """Karnopp's model: within |h| <= DV the velocity whose h it is counts as the one of h = 0 everywhere.
+    """Karnopp's model: within |h| <= DV the velocity counts as that of h = 0 everywhere.
 
     Like `Switch`, with every other equation, and the balance L(lo) >= 0 >= L(hi) of the stick, taken at that
     velocity: nothing drifts in stick. Its own state goes there with dh/dt = -alpha h, or stays with alpha =

@@ -34,10 +34,10 @@ _NUMBER = re.compile(r"[0-9.]+([eE][+-]?[0-9]+)?")
 def parse_expression(text: str, names: Mapping[str, Expr | Symbol | float] | None = None) -> Expr:
     """The sympy expression that a text stands for.
 
-    names: what other names mean (states, parameters); they go before the constants pi and t. Decimal numbers
-    are read exactly (0.1 is 1/10). Raises ModelError for anything outside the language, for text longer than
-    LONGEST, nesting deeper than DEEPEST, powers beyond LARGEST_POWER, and for what stands for more than
-    MOST_NODES nodes with its names written out. Sums and products may have thousands of terms.
+    names: what other names mean (states, parameters); they take precedence over the constants pi and t.
+    Decimal numbers are read exactly (0.1 is 1/10). Raises ModelError for anything outside the language, for
+    text longer than LONGEST, nesting deeper than DEEPEST, powers beyond LARGEST_POWER, and for what stands
+    for more than MOST_NODES nodes with its names written out. Sums and products may have thousands of terms.
     """
     if not isinstance(text, str):
         raise ModelError(f"expression is {text!r}, expected text.")
@@ -79,7 +79,7 @@ class _Reader:
         self.scale = Scale()
 
     def piece(self, node: ast.expr) -> str:
-        """The text of a part that stands on one line; of a longer one the beginning."""
+        """The text of a part on one line; of a longer one the beginning."""
         line = self.lines[node.lineno - 1]
         end = node.end_col_offset if node.end_lineno == node.lineno else len(line)
         return line[node.col_offset : end].decode(errors="replace")
@@ -89,7 +89,7 @@ class _Reader:
         return ModelError(f"expression {self.text[:80]!r}: {piece[:60]!r} {why}.")
 
     def read(self, node: ast.expr, depth: int) -> Any:
-        """The value of a part; ModelError where it stands for too much."""
+        """The value of a part; ModelError where it is too large."""
         value = self.value(node, depth)
         nodes, deep = self.scale.weigh(value)
         if nodes > MOST_NODES:

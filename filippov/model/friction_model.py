@@ -1,4 +1,4 @@
-"""A friction model of the literature in the place of one surface of a system, mapped from its own law."""
+"""A friction model of the literature in place of one surface of a system, mapped from its own law."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def with_friction_model(
     system: System, model: str, width: Any, *, surface: str | None = None, tau: Any = None,
     lag: Any = None, dwell: Any = None,
 ) -> System:  # fmt: skip
-    """Return the system with a friction model of the literature in the place of one surface, its states last.
+    """Return the system with a friction model of the literature in place of one surface, its states last.
 
     model     a name of MODELS, see `filippov.model.bristles`
     width     w there: a number, or a parameter with a lower bound above 0
@@ -32,7 +32,7 @@ def with_friction_model(
               element of maxwell-slip; default: as in the published LuGre model, sqrt(width/(rate of h by the
               static level at h = 0))
     lag, dwell  times of seven-parameter: the lag of the velocity, and the dwell time after which half of the
-              static level that a slip took is back; default: tau
+                static level lost in slip is regained; default: tau
 
     Raises ModelError for a set wider than the hull (a jump of the static level: take a Stribeck law), for
     plain functions, and where the model has a tau and its default depends on the state or is 0.
@@ -103,7 +103,7 @@ def _at_rest(f: Expr, h: Expr, a: Symbol, x: Sequence[Symbol]) -> Expr:
 
 
 def _with_h(f: Expr, h: Expr, value: Expr, x: Sequence[Symbol]) -> Iterator[Expr]:
-    """f with the value of h in the place of each state that h is linear in."""
+    """f with the value of h in place of each state that h is linear in."""
     for v in x:
         slope = h.diff(v)
         if slope != 0 and not slope.free_symbols & {*x, t}:

@@ -1,4 +1,4 @@
-"""Relays whose width is an expression w of parameters: h/w with the width 1 in the place of h with w."""
+"""Relays whose width is an expression w of parameters: h/w with the width 1 in place of h with w."""
 
 from __future__ import annotations
 

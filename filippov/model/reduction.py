@@ -3,7 +3,7 @@
 Where the sign of a surface does not act on dh/dt, the solution can stay on it only with h = h' = ... =
 h^(r-1) = 0, and the multiplier follows from h^(r) = 0 (sliding of order r: Levant 1993; Fridman & Levant
 2002, section 1). The derivatives are taken on the surface, where |h| = 0: a term |h|^(1/2) sign h is gone
-there. This is an index reduction: the system that comes out has h^(r-1) in the place of h, slides on it to
+there. This is an index reduction: the system that comes out has h^(r-1) in place of h, slides on it to
 first order, and is followed like any other.
 
 Signs that act on one rate only in a fixed proportion (twisting: x'' = -a sign x - b sign x') are tied to each

@@ -1,4 +1,4 @@
-"""A field of plain functions under comparators: signs computed from h in the place of Sgn(h)."""
+"""A field of plain functions under comparators: signs computed from h in place of Sgn(h)."""
 
 from __future__ import annotations
 

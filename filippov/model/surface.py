@@ -1,4 +1,4 @@
-"""A switching surface: one scalar function h(t, x; p) with a name, and the set that stands at h = 0."""
+"""A switching surface: one scalar function h(t, x; p) with a name, and the set of its sign at h = 0."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Surface:
     radius    number, expression or function (t, x, p) -> float, or a pair (lo, hi); lo <= -1 and hi >= 1.
               Kept as the pair.
     kind      "switching": the field jumps; "kink": it is continuous, its derivative jumps (nothing can slide
-              there); "observer": watched only; "reset": the state jumps there. Default: "reset" with a
+              there); "observer": located only; "reset": the state jumps there. Default: "reset" with a
               reset, else "switching"
     gradient  for a function h: gradient(t, x, p) -> dh/dx, shape (n,)
     linear    for a function h: it is affine in x and does not depend on t. Both are compared with differences
@@ -51,8 +51,7 @@ class Surface:
     side      the side from which it is reached for the reset: "+" (h > 0 before), "-" or "both"
     contact   whether the state may come to rest on the surface, in the limit of ever smaller impacts or after
               a plastic one (see `filippov.model.contact`). Default: where the equations allow it; for
-              functions only where it is True, and then the reset has to be an impact: ModelError where it is
-              none
+              functions only where it is True, and then the reset must be an impact, else ModelError
 
     Raises ModelError. Static friction Fs above the limit Fc of the slip curve is radius=Fs/Fc.
     """

@@ -54,6 +54,6 @@ t = Symbol("t", real=True)
 
 
 def states(names: str | Sequence[str]) -> tuple[Symbol, ...]:
-    """Return one real symbol a name: x, v = states("x v"), and (x,) = states("x") or x = states("x")."""
+    """Return one real symbol per name: x, v = states("x v"), and (x,) = states("x") or x = states("x")."""
     made = tuple(Symbol(name, real=True) for name in state_names(names))
     return OneState(made) if len(made) == 1 else made

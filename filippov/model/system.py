@@ -41,7 +41,7 @@ _KEPT = ("states", "parameters", "time_events", "outputs", "labels", "_named")
 class System:
     """x' in { f(t, x, s; p) : s_i in Sgn(h_i(t, x; p)) }; immutable.
 
-    From expressions, surfaces found in them:
+    From expressions, in which the surfaces are found:
 
         System({x: v, v: (-u - g*sign(v))/p.m})
         System({...}, surfaces=[Surface("velocity", v, radius=p.Fs/p.Fc)])  # names and sets for some of them
@@ -52,9 +52,9 @@ class System:
 
     With events at known times: time_events=[TimeEvent("clock", period=p.T, reset={ramp: 0})].
 
-    With quantities to read, and labels of axes: outputs={"effort": u}, labels={"x": "position [m]"}.
+    With outputs, and labels of axes: outputs={"effort": u}, labels={"x": "position [m]"}.
 
-    From one vector field a sign vector (Filippov's form): System.from_modes. Raises ModelError.
+    From one vector field per sign vector (Filippov's form): System.from_modes. Raises ModelError.
     """
 
     __slots__ = (
@@ -148,7 +148,7 @@ class System:
         """x' = f_m(t, x; p) where the signs of h_1 ... h_k are m, for every sign vector m: "++", "+-", ...
 
         h        expressions or Surfaces
-        fields   from sign vectors (text or tuples of +-1; "*" stands for either sign) to one expression a
+        fields   from sign vectors (text or tuples of +-1; "*" stands for either sign) to one expression per
                  state, in order or as a dict
         Source: Filippov 1988, chapter 2, section 4.
         """
@@ -314,10 +314,10 @@ class System:
         return self.surface_place(name)[0]
 
     def surface_place(self, name: str) -> tuple[int, int]:
-        """Return the place of a surface and the sense in which it is asked for.
+        """Return the index of a surface and the orientation in which it is requested.
 
-        name    its name, or the formula of its h, written either way round: for h = v - vb "v - vb" has the
-                sense +1 and "vb - v" the sense -1
+        name    its name, or the formula of its h in either orientation: for h = v - vb "v - vb" gives +1 and
+                "vb - v" gives -1
 
         Raises ModelError with a suggestion if there is none.
         """
@@ -354,11 +354,11 @@ class System:
         return self.symbolic.jacobian(mode)
 
     def with_comparator(self, comparator: Comparator | PerSurface | Mapping[str, Comparator]) -> System:
-        """Return the system with another comparator in the place of Sgn on its switching surfaces.
+        """Return the system with another comparator in place of Sgn on its switching surfaces.
 
-        One for all of them, or a mapping from names of surfaces (or the formulas of their h), where those
-        left out stay exact. It is put into the system as it was written, whatever stood in it before. Raises
-        ModelError where a comparator cannot stand for a surface (see `filippov.model.comparator`).
+        One for all of them, or a mapping from names of surfaces (or the formulas of their h); those left out
+        stay exact. It replaces any earlier comparator. Raises ModelError where a comparator cannot be used
+        for a surface (see `filippov.model.comparator`).
         """
         base = self.exact
         checked = base._read_comparator(comparator)
@@ -380,7 +380,7 @@ class System:
 
             assert base.field is not None
             field, surfaces = regularize_functions(base.field, base.surfaces, chosen)
-            # A comparator in the place of Sgn stands around the field: what runs is another function.
+            # A comparator in place of Sgn stands around the field: what runs is another function.
             how = base.compile if field is base.field else None
             system._set(**content, symbolic=None, surfaces=surfaces, field=field, compile=how)
         return system
@@ -402,13 +402,13 @@ class System:
         return system
 
     def with_inputs(self, signals: Mapping[str, Any]) -> System:
-        """The system with signals in the place of parameters, or other signals in that of inputs, by name.
+        """The system with signals in place of parameters, or other signals in that of inputs, by name.
 
         signals  from a parameter or an input to an `Input`, a test signal, or a formula in t: a set point
                  that was a number follows a table, {"r": Input.from_csv("r", "steps.csv")}
 
-        A parameter is one no more then. A comparator stays. Raises ModelError, also for a parameter that sets
-        instants of a clock or a width, which are numbers, and for samples outside its bounds.
+        It is then no longer a parameter. A comparator is kept. Raises ModelError, also for a parameter that
+        sets instants of a clock or a width, which must be numbers, and for samples outside its bounds.
         """
         from filippov.model.with_inputs import with_inputs
 

@@ -38,10 +38,10 @@ class TimeEvent:
              their values; for systems of functions a function r(t, x, p) -> (n,). None: the state stays, and
              the field of a system of functions may jump
 
-    A run over (t0, t1] meets the instants after t0, t1 included. Between instants functions of the user are
-    called with times strictly inside, also for the ends of steps. Instants of several time events, or of a
-    time event and a surface, that differ by rounding (1e-12 of the time run) are one set: first the surfaces,
-    then the clocks. Raises ModelError.
+    A run over (t0, t1] reaches the instants after t0, t1 included. Between instants, user functions are
+    called only with times strictly inside, even at the ends of steps. Instants of several time events, or of
+    a time event and a surface, that differ by rounding (1e-12 of the time run) are one set: first the
+    surfaces, then the clocks. Raises ModelError.
     """
 
     name: str
@@ -148,7 +148,7 @@ def read_clocks(time_events: Any, symbolic: bool) -> tuple[TimeEvent, ...]:
 
 
 def check_clock_names(clocks: Sequence[TimeEvent], surfaces: Sequence[Surface]) -> None:
-    """Refuse a name that is there twice, and instants that are not numbers or parameters."""
+    """Refuse a duplicate name, and instants that are not numbers or parameters."""
     seen = [surface.name for surface in surfaces]
     for clock in clocks:
         if clock.name in seen:

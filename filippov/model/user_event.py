@@ -1,4 +1,4 @@
-"""Events that a user watches, with scipy's meaning: g(t, y) = 0, a direction, and whether the run ends."""
+"""Events defined by the user, with scipy's meaning: g(t, y) = 0, a direction, and whether the run ends."""
 
 from __future__ import annotations
 

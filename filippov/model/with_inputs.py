@@ -1,4 +1,4 @@
-"""Signals in the place of parameters, or of other signals: the same system, driven from outside."""
+"""Signals in place of parameters, or of other signals: the same system, driven from outside."""
 
 from __future__ import annotations
 

@@ -43,9 +43,8 @@ def plot_graph(
     names   words shown for modes, by mode text
     guards  list the transitions beside the graph, with guards or counts (left out beyond 24)
 
-    With one or two surfaces a mode stands where its signs are on the axes, else networkx lays the graph out,
-    without crossings where that is possible. Raises UsageError for an empty graph, ImportError without
-    matplotlib.
+    With one or two surfaces a mode is placed at its signs on the axes, otherwise networkx lays the graph out,
+    without crossings if possible. Raises UsageError for an empty graph, ImportError without matplotlib.
     """
     if not graph:
         raise UsageError("the graph has no modes, nothing can be drawn.")

@@ -1,7 +1,7 @@
 """Figures of event maps and bifurcation diagrams.
 
-Stable fixed points are filled and unstable ones open; equilibrium sets are squares and cycles circles. What
-is drawn is asked only for its attributes, so any object that has them will do.
+Stable fixed points are filled and unstable ones open; equilibrium sets are squares and cycles circles. Only
+the attributes of what is drawn are used, so any object that has them can be drawn.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Figures of a solution and of a mode graph; matplotlib is imported when the first is drawn.
 
 Sliding phases are shaded or drawn thick, events are marked by kind. The functions return the figure;
-`figure=` draws into one of your own.
+`figure=` draws into an existing one.
 """
 
 from __future__ import annotations

@@ -38,8 +38,8 @@ def branch(
 
     max_branches   most whole solutions; max_depth: most decisions along one. Where a bound is reached, a
                    branch ends with NON_UNIQUE and holds its candidates, and the tree's status is BRANCHES
-    release_times  a number n: of each segment of sliding that can be left at any time, the departures at n
-                   equally spaced times inside it are followed; times: the departures at those. A sample: the
+    release_times  a number n: for each segment of sliding that can be left at any time, the departures at n
+                   equally spaced times inside it are followed; or a list of times. This is a sample:
                    solutions that leave in between are not in the tree
 
     max_time holds for the whole tree, the other budgets for each branch. Raises UsageError.
@@ -104,7 +104,7 @@ class _Grower:
         self.waiting: deque[_Shoot] = deque()
 
     def grow(self) -> SolutionTree:
-        """Follow what waits until nothing does, or until an interrupt."""
+        """Follow all waiting branches until none is left, or until an interrupt."""
         self.waiting.append(_Shoot(None, 0, None, self.problem.t_span[0], self.problem.x0, None))
         while self.waiting:
             shoot = self.waiting.popleft()

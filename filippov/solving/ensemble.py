@@ -1,4 +1,4 @@
-"""Many trajectories of one system in compiled code: where each ends, nothing kept of the way."""
+"""Many trajectories of one system in compiled code: only the end of each is kept."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Ensemble:
 
     t, x       time and state reached: (k,), (k, n); at a terminal event, its time and state
     mode       mode there: (k, m)
-    status     one Status per trajectory; message: what the classification had to say, "" elsewhere.
+    status     one Status per trajectory; message: that of the classification, "" elsewhere.
                ERROR: a function of the user's raised, the message has it; t and x are of the last step before
     nfev       field calls of each
     counts     events of each by surface and kind, (k, m, kinds): see `events`
@@ -173,7 +173,7 @@ def solve_many(
                 AVX-512 and 8 on others
     measure     function of the Ensemble of a block of trajectories (up to 65,536, in order) that returns an
                 array with a row for each; the blocks' results, joined, are `measured`
-    progress    called with (trajectories done, k) now and then
+    progress    called with (trajectories done, k) from time to time
     backward    True for t_span = (t0, t1) with t1 < t0, as in `solve`
 
     Other options as in `solve`. What lanes cannot follow (an event, a corner) the plain compiled loop takes

@@ -82,7 +82,7 @@ class Patience:
         )
 
     def _horizon(self, left: float) -> float:
-        """What steps are to get on with: the time left, or the solution's own where it is to run for ever.
+        """What steps are to get on with: the time left, or the solution's own where it is to run forever.
 
         Its own is the time run, or the one in which its field moves the state by its size.
         """

@@ -1,4 +1,4 @@
-"""What a solution says of a quantity: values of states, outputs and expressions along the solution.
+"""Values of states, outputs and expressions along the solution.
 
 A sign in an expression is that of the mode; while the solution slides on the surface, the multiplier.
 """
@@ -58,11 +58,11 @@ def evaluate(solution: Solution, what: Any, t: Any = None, side: str = "-") -> A
 
     what    an expression in states, parameters and time, its formula as text, the name of a state or output,
             or, of a system of functions, f(t, x, p, s) -> float. Signs and conditions in it are those of the
-            equations: while the solution slides, what stands for sign(h) is the multiplier, in its set,
-            turned round where the expression has sign(-h)
+            equations: while the solution slides, the multiplier replaces sign(h), and its negative replaces
+            sign(-h)
     side    at an event "-" (before, in the direction of integration) or "+" (after)
 
-    Raises UsageError without dense output and outside the span, ModelError for what is no expression.
+    Raises UsageError without dense output and outside the span, ModelError for anything but an expression.
     """
     if t is None:
         return series(solution, what)

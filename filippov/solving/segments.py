@@ -66,7 +66,7 @@ class Segments(tuple[Segment, ...]):  # noqa: SLOT001  # each has the names of i
 
         mode     "stick" or "sliding" (on a surface), "slip" or "free" (on none), or signs such as "+0", with
                  * for any
-        surface  the one that the word or sign is about; default: any of them, or all signs in their order
+        surface  the one to which the word or sign refers; default: any of them, or all signs in their order
 
         Raises UsageError.
         """

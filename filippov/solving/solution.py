@@ -89,8 +89,8 @@ class Solution:
     """A solved problem.
 
     t, y        times (k,) and states (n, k): at t_eval, else at the ends of the steps. t increases strictly,
-                but for `jumps`: there it stands twice, with the state before and the one after. At t_eval a
-                jump has one sample, the state before it
+                except at `jumps`, where it appears twice, with the state before and after. At t_eval a jump
+                has one sample, the state before it
     jumps       times at which the state jumps
     sol         dense output sol(t, side="-"), None without dense_output
     t_events, y_events   times and states of the events: a list per surface, time event, user event
@@ -153,7 +153,7 @@ class Solution:
 
     @property
     def success(self) -> bool:
-        """Whether the run did what it was asked to do."""
+        """Whether the run reached its end, or the event at which it was to stop."""
         return self.status.ok
 
     @property

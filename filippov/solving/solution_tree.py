@@ -1,7 +1,7 @@
-"""All solutions of an inclusion from one initial state, as a tree that parts where several modes can follow.
+"""All solutions of an inclusion from one initial state, as a tree with branches where several modes follow.
 
-A branch is a piece of solution from one such point to the next. A path is a whole solution: the branches from
-the root to a leaf, one behind the other.
+A branch is the part of a solution from one such point to the next. A path is a whole solution: the sequence
+of branches from the root to a leaf.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TreeBranch:
-    """A piece of solution between two branching points.
+    """The part of a solution between two branching points.
 
-    number    its place in `tree.branches`; parent: that of the branch it goes on from (None for the root)
-    depth     decisions taken since the root; to go on sliding past a release time is none
+    number    its place in `tree.branches`; parent: that of the branch it continues (None for the root)
+    depth     decisions taken since the root; continuing to slide past a release time does not count
     chosen    the mode taken where it begins (None for the root)
     ambiguity the point it begins at, with all candidates (None for the root)
-    solution  an ordinary Solution over its piece of time
+    solution  an ordinary Solution over its time interval
     """
 
     number: int
@@ -94,7 +94,7 @@ class Path:
 
     @cached_property
     def t(self) -> Array:
-        """Times of the pieces one behind the other, each once."""
+        """Times of all parts in order, each once."""
         return np.concatenate([branch.solution.t[first:] for branch, first in self._parts()])
 
     @cached_property
@@ -108,7 +108,7 @@ class Path:
 
     @cached_property
     def events(self) -> Events:
-        """Events of all pieces; the choice at a branching point is the first event of the piece behind it."""
+        """Events of all pieces; the choice at a branching point is the first event of the part after it."""
         items: list[Event] = []
         for branch in self.branches:
             shift = items[-1].group + 1 if items else 0
@@ -164,8 +164,8 @@ class Reachable:
     x          one row per state found, shape (k, n)
     branches   the branch of each row
     low, high  bounds of x, shape (n,). The set of states reached at a time is connected (Filippov 1988,
-               section 7), so every value between them is reached by some solution; where x is a sample of it
-               only, the bounds of the whole set may lie further out
+               section 7), so every value between them is reached by some solution; if x is only a sample of
+               the set, its bounds may lie further out
     complete   whether all branches got this far
     """
 
@@ -178,7 +178,7 @@ class Reachable:
 
 
 class SolutionTree:
-    """The solutions from one initial state, parted where several modes can follow.
+    """The solutions from one initial state, which branch where several modes can follow.
 
     branches  all pieces, parents before children; root: the first
     problem   what was solved
@@ -213,11 +213,11 @@ class SolutionTree:
         return len(self.branches) == 1
 
     def leaves(self) -> tuple[TreeBranch, ...]:
-        """The branches that none goes on from."""
+        """The branches without children."""
         return tuple(branch for branch in self.branches if not branch.children)
 
     def children(self, branch: TreeBranch) -> tuple[TreeBranch, ...]:
-        """The branches that go on from this one."""
+        """The branches that continue this one."""
         return tuple(self.branches[number] for number in branch.children)
 
     def path(self, leaf: TreeBranch | int) -> Path:
@@ -234,7 +234,7 @@ class SolutionTree:
         return tuple(self.path(leaf) for leaf in self.leaves())
 
     def reachable(self, t: float) -> Reachable:
-        """The states of all branches at a time; UsageError where none of them is there."""
+        """The states of all branches at a time; UsageError where no branch covers it."""
         rows, numbers = [], []
         for branch in self.branches:
             if branch.holds(t):

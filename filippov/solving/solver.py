@@ -116,18 +116,18 @@ def solve(
     system      System, or a Problem that holds x0, t_span and parameters
     x0          one number per state, in order or as a mapping by name
     t_span      (t0, t1)
-    backward    True to integrate backwards in time, with t1 < t0; without it such a span is refused: given
-                first, as in scipy's solve_ivp, a span would be taken for a state
+    backward    True to integrate backwards in time, with t1 < t0; without it such a span is refused: in
+                scipy's order of arguments a span would be mistaken for a state
     parameters  values by name; the others keep their defaults
     t_eval      times of the solution's t and y; default: the ends of all steps
     events      roots to watch, as in scipy: a function g(t, y) -> float or several, with attributes
                 `terminal` (True, or n: end at the n-th) and `direction` (+1, -1; in true time),
                 expressions, or UserEvent(g, terminal=..., direction=...). The last lists of t_events
     throw       raise SolveError (carrying the partial solution) where the run ends early
-    progress    called now and then with (t, t1)
+    progress    called from time to time with (t, t1)
     method      "DOP853" (order 8), "DP5" (order 5), "Radau" (order 5, implicit) for stiff fields, or "Taylor"
                 (order 8 to 20 by rtol) for accurate runs of systems given as expressions;
-                "Moreau": time stepping, which looks for no events (see `filippov.solving.stepping`)
+                "Moreau": time stepping, which locates no events (see `filippov.solving.stepping`)
     dt, theta   with "Moreau": the length of its steps, and 0.5 (order 2 between events, the default) to 1
                 (implicit Euler)
     rtol, atol  relative and absolute tolerance of a step; atol may be one number per state. Default of atol:
@@ -241,7 +241,7 @@ def _problem(
 
 
 def _no_system(given: object) -> str:
-    """What is said of something else in the place of a system."""
+    """What is said of something else in place of a system."""
     how = "Equations make one: System({x: v, v: ...})."
     if callable(given):
         how = "A function f(t, x, p, s) makes one: System(field=f, states='x v')."

@@ -23,8 +23,8 @@ from filippov.sweep.table import SweepTable
 def to_xarray(table: SweepTable) -> Any:
     """Results over the axes of the grid, else over `point`; units and what decided them as attributes.
 
-    A coordinate of points that are no grid stands beside them along `point`. `status` and `message` tell of
-    failures; a value that is not there is NaN with a status that says why. Raises ImportError without xarray.
+    The coordinates of points that form no grid are given along `point`. `status` and `message` report
+    failures; a missing value is NaN, with a status that says why. Raises ImportError without xarray.
     """
     try:
         xarray: Any = importlib.import_module("xarray")

@@ -3,7 +3,7 @@
 Read are byte code and constants, default arguments, closures, globals by value, the user's own functions,
 classes, objects and modules as far as the code names them, and so on from there; of installed packages the
 version. What a program reads when it runs (files, the environment, the clock, random numbers, names that are
-made up on the way) cannot be read beforehand: it is named in `unseen`.
+computed) cannot be known in advance: it is named in `unseen`.
 """
 
 from __future__ import annotations

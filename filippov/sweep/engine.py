@@ -146,7 +146,7 @@ class Dask(Given):
             raise
 
     def look(self) -> None:
-        """Raise SolveError where the scheduler is lost: its futures stay as they are for ever."""
+        """Raise SolveError where the scheduler is lost: its futures stay as they are forever."""
         if self.client.status not in ("running", "connecting"):
             raise SolveError(
                 f"dask's scheduler is lost (the client is {self.client.status}); the chunks that are done "

@@ -1,4 +1,4 @@
-"""Measures: numbers of one solution, asked for by text such as "end(x)" or "amplitude(x)".
+"""Measures: numbers computed from one solution, named by text such as "end(x)" or "amplitude(x)".
 
     end, end(x)                             state reached, all or one
     mode(s)                                 sign of a surface s reached
@@ -9,8 +9,8 @@
     min(x), max(x), mean(x), amplitude(x)   of a state over the tail; amplitude: (max - min)/2
     path/to/file.py:name       function of the Solution that returns a number or {name: number}
 
-The tail is the last part of the time reached. Of a run that fails only end, t_end, mode, nfev and events are
-kept.
+The tail is the last part of the time reached. For a run that fails, only end, t_end, mode, nfev and events
+are kept.
 """
 
 from __future__ import annotations

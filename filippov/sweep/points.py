@@ -1,4 +1,4 @@
-"""The points of a sweep: an array (N, P), or a grid, which is kept as its axes and made where it is read."""
+"""The points of a sweep: an array (N, P), or a grid, which is stored as its axes and expanded when read."""
 
 from __future__ import annotations
 

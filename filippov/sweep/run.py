@@ -1,4 +1,4 @@
-"""The driver: hands chunks out, sees that every point has a row, sets aside those that end their worker."""
+"""The driver: distributes chunks, ensures a row for every point, quarantines points that end their worker."""
 
 from __future__ import annotations
 
@@ -55,18 +55,18 @@ def run(
     executor    "processes", "dask" or any concurrent.futures.Executor
     scheduler   of dask: address, Client or cluster; default a cluster of `jobs` processes on this machine
     resume      go on with what the folder holds; fresh: remove what the sweep that it holds has written
-    trust       go on although the functions of the user's depend on what cannot be seen (see
-                `filippov.sweep.dependence`): you say that none of that has changed
+    trust       resume although user functions depend on what cannot be seen (see
+                `filippov.sweep.dependence`): you confirm that none of it has changed
     max_time    seconds for each point; a point that takes longer has status "timeout"
     max_memory  bytes of address space of each worker process
     chunk       points in a chunk; default: as many as take about a second
     context     "spawn" or "forkserver": how processes start
     progress    called with (points done, points)
 
-    A worker that dies loses nothing but its chunk, which is computed again; a chunk that ends its worker
-    twice is halved until the point is found that does it, which gets the status "quarantined" and the cause.
-    At Ctrl-C the rows that are done are returned; `complete` is False then.
-    Raises UsageError, SolveError where the sweep cannot go on, FullError where the disk is full.
+    If a worker dies, only its chunk is lost and computed again; a chunk that ends its worker twice is halved
+    until the responsible point is found, which gets the status "quarantined" and the cause. At Ctrl-C the
+    rows that are done are returned; `complete` is False then. Raises UsageError, SolveError where the sweep
+    cannot go on, FullError where the disk is full.
     """
     check_main()
     for name, value in (("jobs", jobs), ("chunk", chunk), ("max_memory", max_memory)):
@@ -117,7 +117,7 @@ class _Driver:
         self.done = 0
 
     def run(self) -> SweepTable:
-        """Compute what is missing, until nothing is."""
+        """Compute everything that is missing."""
         for _ in range(PASSES):
             table = self.store.read()
             self.rest, self.done = missing(table), int(table.known.sum())

@@ -84,7 +84,7 @@ class SweepTable:
 
     @property
     def failed(self) -> Whole:
-        """Numbers of the points whose run did not do what it was asked to do."""
+        """Numbers of the points whose run did not succeed."""
         bad = [k for k, status in enumerate(self.status) if status not in DONE and status != UNKNOWN]
         return np.array(bad, dtype=np.int64)
 

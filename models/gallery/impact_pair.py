@@ -1,4 +1,4 @@
-"""An impact pair: a body flies to and fro between the two walls of a shaken box."""
+"""An impact pair: a body flies back and forth between the two walls of a shaken box."""
 
 from __future__ import annotations
 

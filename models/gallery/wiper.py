@@ -1,4 +1,4 @@
-"""A windscreen wiper: the arm sweeps to and fro, the lip sticks at each turn and judders behind it."""
+"""A windscreen wiper: the arm sweeps back and forth, the lip sticks at each turn and judders behind it."""
 
 from __future__ import annotations
 

@@ -297,7 +297,7 @@ def remaining(deadline: float) -> float:
 
 
 def in_time(deadline: float, function: Callable[[], T]) -> T:
-    """function(), ended also where it computes with formulas for ever. Raises OutOfTimeError."""
+    """function(), ended also where it computes with formulas forever. Raises OutOfTimeError."""
     try:
         return within(remaining(deadline), function)
     except OutOfBudgetError:

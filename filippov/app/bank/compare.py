@@ -1,4 +1,4 @@
-"""A bank run through reference solvers: who gets which case right, and who says so when not."""
+"""A bank run through reference solvers: which cases each gets right, and which failures it reports."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def compare_bank(
     progress   called with (done, of, what)
 
     Cases that are polynomials alone are left out; a case with labelled parts counts as its parts. An
-    interrupt ends the run; KeyboardInterrupt carries the table of the rows that are there as its argument.
+    interrupt ends the run; KeyboardInterrupt carries the table of the finished rows as its argument.
     Raises UsageError for a solver that is unknown or not installed.
     """
     every = (*FILIPPOV, *_solvers(solvers))

@@ -1,4 +1,4 @@
-"""A whole bank of the earlier form in today's, with what to look at."""
+"""A whole bank of the earlier form converted to the present one, with notes on what to check."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def migrate_bank(
     """The bank in today's form, and a line for each expectation that is left out or had to be guessed.
 
     Names that have several readings are settled by a run: the nearest to the value is taken. A case that is
-    no problem is left out, and told. Cases of today's form stay. max_time: seconds for each case.
+    no problem is left out and reported. Cases of the present form are kept. max_time: seconds for each case.
     """
     cases: list[Mapping[str, Any]] = []
     said: list[str] = []

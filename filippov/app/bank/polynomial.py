@@ -49,7 +49,7 @@ class Polynomial:
         return tuple(self.names[name] for name in sorted(self.names) if isinstance(self.names[name], Symbol))
 
     def at(self, values: Mapping[str, Expr]) -> Polynomial:
-        """The polynomial with numbers in the place of parameters."""
+        """The polynomial with numbers in place of parameters."""
         chosen = {self.names[name]: value for name, value in values.items()}
         return Polynomial(tuple(c.subs(chosen) for c in self.coefficients), {}, self.budget)
 

@@ -1,4 +1,4 @@
-"""Run a bank: every case is built, solved and compared; what goes wrong in one is its row, not the end."""
+"""Run a bank: every case is built, solved and compared; an error in one is a row, not the end of the run."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ def run_bank(
     jobs: int = 1,
     told: Told | None = None,
 ) -> list[Row]:
-    """One Row a case, in the order of the file.
+    """One Row per case, in the order of the file.
 
     bank      a JSON file, or what such a file holds (see `read_bank`)
     only      ids of the cases to run, or their parts before the first underscore
-    rtol, atol, method   how they are solved, whatever they say of it; left out, each has its own options
+    rtol, atol, method   how all cases are solved; if left out, each has its own options
     max_time  seconds for each case
     jobs      processes
-    told      called with every row when it is there
+    told      called with every finished row
 
-    An interrupt ends the run; KeyboardInterrupt carries the rows that are there as its argument. Raises
-    UsageError for a file that is no bank, an unknown id or option.
+    An interrupt ends the run; KeyboardInterrupt carries the finished rows as its argument. Raises UsageError
+    for a file that is not a bank, an unknown id or option.
     """
     settings = Settings(rtol=rtol, atol=atol, method=method, max_time=max_time)
     Options(**settings.options, max_time=max_time)

@@ -56,7 +56,7 @@ PARAMETERS = Option(
     metavar="NAME=VALUE", flags=("-p",), repeat=True, default={},
 )  # fmt: skip
 INPUT = Option(
-    "input", "samples in the place of a parameter, or of an input of the model: its times are the first "
+    "input", "samples in place of a parameter, or of an input of the model: its times are the first "
     "column, its values the one titled NAME or the second; after commas kind=linear, hold or cubic, "
     "outside=hold, period=T, time=COLUMN, value=COLUMN; can be repeated", signals,
     metavar="NAME=FILE.csv", repeat=True,

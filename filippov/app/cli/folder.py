@@ -91,7 +91,7 @@ class Folder:
             self.replaced.append(name)
 
     def report(self) -> None:
-        """Say what was written, and which of it stands in the place of a file that was there before."""
+        """Say what was written, and which of it stands in place of a file that was there before."""
         if self.path is not None and self.written:
             again = [name for name in self.replaced if name in self.written]
             told = f", in place of the {', '.join(again)} that was there" if again else ""

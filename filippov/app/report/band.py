@@ -89,7 +89,7 @@ COLUMNS = {
 
 
 def approximations(run: StudyRun) -> Section:
-    """Other plants under what is used in the place of the inclusion, from the rows kept with the study."""
+    """Other plants under what is used in place of the inclusion, from the rows kept with the study."""
     rows = run.study.approximated
     source = "filippov.app.approximations.table_of_approximations, kept with the package; approximations.csv."
     table = TextTable(

@@ -30,16 +30,16 @@ def export_system(
     """Write the exact automaton of a system: modes, fields, sliding fields, guards, resets and clocks.
 
     system       a System of expressions, or a Problem, whose parameters, x0 and t_span then count
-    path         the file, replaced where it is there; the stem names a Modelica model and an FMU
+    path         the file, replaced if it exists; the stem names a Modelica model and an FMU
     to           "python": a module that needs no package; "c": one file of C99; "modelica"; "fmu": FMI 3.0,
                  co-simulation (extra `fmu`). Default: by the suffix .py, .c, .mo, .fmu
     parameters   values that become defaults in the file; they can be changed there
     x0, t_span   start and span, increasing; "modelica" needs both, "fmu" x0, for the others they are defaults
 
     The Python module, the C file and the FMU locate events on a step of order 5 and land on them; they stop
-    by name where the rates of a surface do not decide (corners of coupled surfaces, two-folds, tangencies,
-    accumulations). In Modelica the tool locates them. Returns the path. Raises UsageError, ModelError for a
-    system that cannot be written so, ImportError for an FMU without pythonfmu3.
+    with a named status where the rates of a surface do not decide (corners of coupled surfaces, two-folds,
+    tangencies, accumulations). In Modelica the tool locates them. Returns the path. Raises UsageError,
+    ModelError for a system that cannot be exported, ImportError for an FMU without pythonfmu3.
     """
     if isinstance(system, Problem):
         given = {"parameters": parameters, "x0": x0, "t_span": t_span}

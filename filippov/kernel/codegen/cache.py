@@ -196,7 +196,7 @@ def _read_own(path: Path, largest: int, secret: bool = False) -> bytes | None:
 
 
 def _write_own(path: Path, content: bytes, keep: bool = False) -> None:
-    """Write a file for the user alone, whole or not at all; without a word where that fails.
+    """Write a file for the user alone, whole or not at all; silently where that fails.
 
     Not by `filippov.base.whole_file`: nobody else may read this one, a lost unit is only compiled again (so
     nothing waits for the disk), and a secret must not take the place of the one that was first.

@@ -22,7 +22,7 @@ _KINDS: WeakValueDictionary[tuple[str, str, int], Any] = WeakValueDictionary()
 
 
 class InputSymbol(Symbol):
-    """What stands for an input while a model is read: any value is possible at any time."""
+    """The symbol of an input while a model is read: it may have any value at any time."""
 
     __slots__ = ()
 
@@ -32,16 +32,16 @@ class Input:
 
     name        an identifier, no state's and no parameter's
     t, values   increasing times and the values there: arrays, lists, or columns of a table. A pandas Series
-                may be given alone: its index are the times
+                may be given alone: its index holds the times
     kind        "linear"; "hold": each value until the next time; "cubic": the spline through all of them
                 (scipy's CubicSpline, not-a-knot, or periodic)
     outside     "refuse" a run over times that have no samples, or "hold" the first and the last value there
     period      repeat the samples: a number; the first sample comes again one period later
 
-    Runs meet the knots to the last bit, as instants of a time event, and no step goes over one. At a knot
-    where the signal or its slope jumps the mode is decided anew if that can change it; no event is recorded
-    for it, and the step size is kept. `r.diff(t)` is its derivative, `r.samples.at(times)` its values.
-    Raises ModelError.
+    Runs reach the knots exactly, to the last bit, like the instants of a time event, and no step passes over
+    one. At a knot where the signal or its slope jumps the mode is decided again if it can change; no event is
+    recorded for it, and the step size is kept. `r.diff(t)` is its derivative, `r.samples.at(times)` its
+    values. Raises ModelError.
     """
 
     @keywords("keyword", error=ModelError)

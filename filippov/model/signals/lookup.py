@@ -20,14 +20,14 @@ OUTSIDE = ("hold", "extend")
 
 
 class Table:
-    """A curve y(x) through measured points, straight between them: force = Table(v_data, F_data); force(v).
+    """A curve y(x) through measured points, linear between them: force = Table(v_data, F_data); force(v).
 
     x, y      increasing places and the values there, finite numbers, at most 64 of them
     outside   beyond the first and the last point: "hold" its value, or "extend" the last straight line
 
     In an expression it is a + b u + sum_k c_k |u - x_k|, so that every knot at which the slope changes is a
-    kink: a surface that steps end on, at which nothing can slide. A jump of the curve, as of dry friction at
-    v = 0, is written with sign(v) beside it. Raises ModelError.
+    kink: a surface at which steps end and on which nothing can slide. Write a jump of the curve, as of dry
+    friction at v = 0, as an additional term with sign(v). Raises ModelError.
     """
 
     __slots__ = ("outside", "x", "y")

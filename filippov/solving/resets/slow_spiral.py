@@ -45,7 +45,7 @@ class SlowSpiral:
 
     @property
     def followed(self) -> str:
-        """What a run says that went on in the corner."""
+        """The message of a run that was continued in the corner."""
         return (
             f" From t = {self.t:.9g} on this is the solution in a corner, from which the true one is "
             f"{self.distance:.2g} away there, and half as far every {self.half_life:.3g} later: event cycles "
@@ -54,7 +54,7 @@ class SlowSpiral:
 
 
 def slow_spiral(run: Run) -> SlowSpiral | None:
-    """The spiral that the events so far are cycles of, None where they follow no such law."""
+    """The spiral to which the events so far belong, None where they follow no such law."""
     machine, events = run.machine, run.events
     if len(events) < 4 * LEAST_LAPS or len(events) < events.total:
         return None

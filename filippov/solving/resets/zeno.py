@@ -43,7 +43,7 @@ class Accumulation:
     error       estimated error of the time; x_error: of the state (largest component)
     ratio       by which the cycles of the solution shrink
     surfaces    numbers of the surfaces that take part
-    bend        how far the way there falls from a straight one, where that is known
+    bend        how far the path to the limit deviates from a straight line, where that is known
     """
 
     t: float
@@ -67,8 +67,8 @@ def accumulation(run: Run) -> Accumulation | None:
     """The limit that the last events point to: t + d r / (1 - r) for cycles d that shrink by the ratio r.
 
     A cycle is 1 to 6 events of the surface reached last: the fewest whose cycles shrink steadily. State and
-    error: from the same law (`cycle_limit` in `filippov.kernel.loop.event_cycle`), and from what it said a
-    cycle before. None where the cycles do not shrink steadily: then there is no accumulation.
+    error follow from the same law (`cycle_limit` in `filippov.kernel.loop.event_cycle`) and from its
+    prediction one cycle earlier. None where the cycles do not shrink steadily: then there is no accumulation.
     """
     asked = run.events.total, run.t, run.x.tobytes(), run.mode.tobytes(), float(run.clock.relative)
     if run.limit is None or run.limit[0] != asked:
@@ -181,9 +181,9 @@ def _at_rest(run: Run, limit: Accumulation) -> Accumulation:
 def interrupted(run: Run, limit: Accumulation) -> bool:
     """Whether another surface is reached before the limit: then only finitely many of the cycles take place.
 
-    Where all that is left of the cycles are impacts, the way to the limit begins at the state of the run,
-    whose own error moves both alike. The law's error does not excuse what lies on that way: further cycles
-    tell.
+    If only impacts remain of the cycles, the path to the limit begins at the state of the run, whose own
+    error moves both alike. The error of the law does not excuse a surface on that path: further cycles
+    decide.
     """
     mode, x = off_contact(run, run.mode), np.ascontiguousarray(limit.x)
     h = mode * run.machine.guards(limit.t, x, mode) + run.machine.widths
@@ -420,8 +420,8 @@ def rests(run: Run, surfaces: Sequence[int]) -> bool:
     """Whether 0 is among the velocities of the inclusion at this point, now and until the end of the run.
 
     Where the signs do not act on the surfaces to first order (twisting, Fuller's problem) no multipliers
-    follow from staying on them; a state at which 0 is a convex combination of the vertex fields is a
-    solution all the same.
+    follow from staying on them; a state at which 0 is a convex combination of the vertex fields is a solution
+    nevertheless.
     """
     switching = [i for i in surfaces if run.machine.roles[i] == "switching"]
     if not 0 < len(switching) <= LARGEST_CORNER:
@@ -441,7 +441,7 @@ def rests(run: Run, surfaces: Sequence[int]) -> bool:
 
 
 def rest(run: Run, surfaces: Sequence[int]) -> None:
-    """Stay where the run is until its end: every switching surface of the limit is slid on, nothing moves."""
+    """Stay in the present state until the end of the run, sliding on every switching surface of the limit."""
     before = run.signs
     for i in surfaces:
         if run.machine.roles[i] == "switching":

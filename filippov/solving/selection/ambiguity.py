@@ -34,10 +34,10 @@ class Ambiguity:
 
     t           time
     name        "repelling sliding", "visible two-fold", "invisible two-fold", "visible-invisible two-fold",
-                "visible tangency", "sliding or slip", "ambiguous corner" or "spiral out of a corner": what
-                goes round the corner through the modes off it gets away from it, in infinitely many
-                crossings, and is none of the candidates; backwards in time "before a reset", without
-                candidates: the state from which the reset led here is not determined
+                "visible tangency", "sliding or slip", "ambiguous corner" or "spiral out of a corner": a
+                solution that circles the corner leaves it in infinitely many crossings, and is not among the
+                candidates; backwards in time "before a reset", without candidates: the state from which the
+                reset led here is not determined
     candidates  every consistent next mode
     before      the mode in which the point was reached
     triggered   numbers of the surfaces that were reached there (`hit`: its earlier name)
@@ -68,7 +68,7 @@ def listing(candidates: Sequence[Successor]) -> str:
 
 
 def noted(point: Point, name: str, chosen: Successor) -> str:
-    """The note of an event that goes on in one way: the point's name, and multipliers that are not unique."""
+    """The note of an event with one continuation: the point's name, and multipliers that are not unique."""
     names = ", ".join(repr(point.machine.surfaces[i].name) for i in chosen.undetermined)
     shared = f"the multipliers of {names} are not unique, the solution is" if names else ""
     return "; ".join(text for text in (name, shared) if text)
@@ -79,7 +79,7 @@ def name_point(
 ) -> tuple[str, tuple[Successor, ...]]:
     """What the point is called where several modes follow, or where two folds meet; else "".
 
-    The candidates come back with what the name tells about their orders: sliding that starts at a two-fold
+    The candidates are returned with the orders that follow from the name: sliding that starts at a two-fold
     repels where both folds are visible and attracts where both are invisible; the rates, which are zero
     there, do not show it. Names after Kuznetsov, Rinaldi & Gragnani 2003, in the direction of integration.
     """
@@ -137,7 +137,7 @@ def _pairs(point: Point, mode: Mode) -> list[list[int]]:
 
 
 def spirals_out(point: Point, mode: Mode, pair: Sequence[int]) -> bool:
-    """Whether the four fields at a corner turn round it and lead away from it."""
+    """Whether the four fields at a corner circle it and lead away from it."""
     return len(pair) == 2 and bool(point.corner_kind(np.array(mode, dtype=float), pair) & TURNS_OUT)
 
 

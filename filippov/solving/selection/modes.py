@@ -72,8 +72,8 @@ def successors(
     triggered: those of the surfaces reached at which something happens, an end of a multiplier's set
     included; None to reconsider sliding on all of them.
 
-    A mode whose solution leaves a surface and is back within rounding counts where there is no other and
-    nothing slides: so events follow each other where a rate vanishes at the corner that they run into.
+    A mode whose solution leaves a surface and returns within rounding counts only if there is no other and
+    nothing slides: this happens where events follow each other into a corner at which a rate vanishes.
     """
     found = _consistent(point, base, reached, triggered)
     if found or not triggered or any(sign == 0 for sign in base):
@@ -252,7 +252,7 @@ def _same_field(a: Successor, b: Successor, sizes: Array) -> bool:
 
 
 def _without_doubles(found: list[Successor], sizes: Array) -> list[Successor]:
-    """Sliding goes before an equal solution along the surface: a multiplier at the end of its set."""
+    """Sliding precedes an equal solution along the surface: a multiplier at the end of its set."""
     return [a for a in found if not any(_slides_instead(a, b, sizes) for b in found)]
 
 
@@ -264,7 +264,7 @@ def _slides_instead(a: Successor, b: Successor, sizes: Array) -> bool:
 
 
 def _without_released_sticking(found: list[Successor], radii: Array) -> list[Successor]:
-    """U4: where the set at h = 0 is wider than [-1, 1], sticking goes before a slip as consistent."""
+    """U4: where the set at h = 0 is wider than [-1, 1], sticking precedes a slip that is as consistent."""
     kept = []
     for candidate in found:
         beaten = any(

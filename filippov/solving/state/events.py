@@ -1,4 +1,4 @@
-"""Events of a run, and the ones at which it is to stop."""
+"""Events of a run, and those at which it stops."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ class Events(Sequence[Event]):
         surface     name of a surface, time event or user event, or the formula of a surface's h: for
                     h = v - vb also "vb - v", which rises where v - vb falls
 
-        Raises UsageError for a surface or a kind of event that there is not.
+        Raises UsageError for an unknown surface or kind of event.
         """
         if kind is not None and kind not in tuple(EventKind):
             raise UsageError(unknown("kind of event", str(kind), [str(item) for item in EventKind]))
@@ -192,7 +192,7 @@ def columns_of(kind: str) -> tuple[int, ...]:
 
 
 def turned(kind: str) -> str:
-    """The same kind of event, named for -h in place of h: up and down change places."""
+    """The same kind of event, named for -h instead of h: up and down are exchanged."""
     word, _, way = str(kind).rpartition(" ")
     return {"up": f"{word} down", "down": f"{word} up"}.get(way, kind)
 

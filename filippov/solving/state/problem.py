@@ -86,7 +86,7 @@ class Problem:
     ) -> Problem:  # fmt: skip
         """The same problem with some of system, x0, t_span, parameters replaced; parameters by name.
 
-        A t_span that falls needs backward=True, unless the problem runs backwards already.
+        A decreasing t_span needs backward=True, unless the problem runs backwards already.
         """
         whole = self.system if system is None else system
         new = dict(parameters or {})
@@ -120,7 +120,7 @@ def _start_and_span(
 
 
 def _check_order(x0: Any, t_span: Any, system: System) -> None:
-    """Refuse a span in the place of the state, where their lengths tell."""
+    """Refuse a span in place of the state, where their lengths tell."""
     n, pair = system.dimension, as_pair(x0)
     if n == 2 or pair is None:
         return

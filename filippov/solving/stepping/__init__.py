@@ -7,7 +7,7 @@ For x' = f(t, x) + sum_i b_i(t, x) s_i, s_i in Sgn(h_i), the theta scheme takes 
 
 with one s_i a step, its mean over it: a state that reaches a surface that attracts lands on it and stays
 there without chattering and without drift. A contact (an impact law that lets the state rest) has a push of
-its surface in the place of s_i and Newton's law at the level of dh/dt; it acts in the steps whose first half
+its surface in place of s_i and Newton's law at the level of dh/dt; it acts in the steps whose first half
 closes it.
 
 Sources: Moreau 1988; Jean 1999; Acary & Brogliato 2008, sections 9.4 and 10.1; Acary & Brogliato 2010

@@ -209,7 +209,7 @@ def step_once(
     t: float, step: float, theta: float, x: Vector, z: Vector, s: Vector, p: Vector, scale: Vector,
     lu: Vector, impacts: Vector, w: Vector, iw: Indices, ctx: Indices,
 ) -> int:  # fmt: skip
-    """One step, in the place of x, z and s; impacts: which contacts had an impact in it."""
+    """One step, in place of x, z and s; impacts: which contacts had an impact in it."""
     n, surfaces = SIZES[0], SIZES[1]
     end = t + step
     m, target, low, high = shift(w, 0), shift(w, surfaces), shift(w, 2 * surfaces), shift(w, 3 * surfaces)

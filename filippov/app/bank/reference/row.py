@@ -29,7 +29,7 @@ OUTCOMES = ("right", "wrong", "silent", "hang", "error", "cannot")
 class SolverRow:
     """What one solver made of one case.
 
-    outcome   "right", "wrong", "silent" (one of several solutions, without a word), "hang" (not done within
+    outcome   "right", "wrong", "silent" (one of several solutions, no warning), "hang" (not done within
               the field calls or the time allowed), "error" (raised, or ended early), "cannot" (the case
               cannot be stated for it: message says why)
     reported  whether the solver said that it succeeded
