@@ -109,3 +109,15 @@ def state_names(names: str | Sequence[str | Symbol]) -> tuple[str, ...]:
     if not parts or parts == [""]:
         raise ModelError("no state was named, expected at least one, for instance states('x v').")
     return check_unique((check_name(part, "state") for part in parts), "state")
+
+
+def parts(value: str) -> list[str]:
+    """The pieces of a text between its commas, not counting commas within brackets."""
+    pieces, depth = [""], 0
+    for character in value:
+        depth += (character in "([{") - (character in ")]}")
+        if character == "," and depth == 0:
+            pieces.append("")
+        else:
+            pieces[-1] += character
+    return [piece.strip() for piece in pieces if piece.strip()]

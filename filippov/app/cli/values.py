@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from filippov.base.errors import ModelError, UsageError
-from filippov.base.names import unknown
+from filippov.base.names import parts, unknown
 
 # As in `filippov.solving.state.options`, which is not imported for a help text.
 SIGNAL = ("kind", "outside", "period", "time", "value")
@@ -254,15 +254,3 @@ def one_of(*known: str) -> Callable[[Any, str], str]:
         return value
 
     return read
-
-
-def parts(value: str) -> list[str]:
-    """The pieces of a text between its commas, not counting commas within brackets."""
-    pieces, depth = [""], 0
-    for character in value:
-        depth += (character in "([{") - (character in ")]}")
-        if character == "," and depth == 0:
-            pieces.append("")
-        else:
-            pieces[-1] += character
-    return [piece.strip() for piece in pieces if piece.strip()]

@@ -12,8 +12,8 @@ from filippov.app.bank.measures.measure import Formula, Measure
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
 from filippov.app.bank.notation import formula
 from filippov.app.bank.outcome import NotUnderstoodError
-from filippov.app.cli.values import parts
 from filippov.base.errors import ModelError
+from filippov.base.names import parts
 from filippov.model.expression import FUNCTIONS
 
 _ASIDE = re.compile(r"\s+\([^()]*(?:\([^()]*\)[^()]*)*\)")
