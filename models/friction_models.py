@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from filippov.base.errors import ModelError
+from filippov.base.keywords import keywords
 from filippov.model.bristles import MODELS
 from filippov.model.comparator import Smooth
 from filippov.model.friction_model import with_friction_model
@@ -14,6 +16,7 @@ from filippov.models.friction import SMALLEST, FrictionLaw
 from filippov.models.mass import controlled_mass
 
 
+@keywords("keyword", error=ModelError)
 def friction_models(
     law: FrictionLaw, plant: Callable[[FrictionLaw], System] = controlled_mass, width: float = 1e-4
 ) -> dict[str, System]:

@@ -15,6 +15,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
+from filippov.base.keywords import keywords
 from filippov.model.comparator import Karnopp, Switch
 from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import ParameterNamespace, parameters
@@ -110,6 +111,7 @@ BAND_SURFACES = ("band upper", "band lower", "effort upper", "effort lower")
 REFERENCE = ControlledMass()
 
 
+@keywords("keyword", error=ModelError)
 def controlled_mass(
     friction: FrictionLaw = REFERENCE_LAW, controller: Controller = REFERENCE_CONTROLLER, m: float = 1.0
 ) -> System:
@@ -129,6 +131,7 @@ def hunting() -> System:
     return REFERENCE.system()
 
 
+@keywords("keyword", error=ModelError)
 def degeneracies(
     system: System | Mapping[str, float], values: Mapping[str, float] | None = None
 ) -> tuple[str, ...]:

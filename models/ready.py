@@ -5,12 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from filippov.base.errors import ModelError
+from filippov.base.keywords import keywords
 from filippov.models import registry
 
 if TYPE_CHECKING:
     from filippov.solving.state.problem import Problem
 
 
+@keywords(error=ModelError)
 def problem(name: str) -> Problem:
     """The system of a registered model with its initial state and time span: solve(problem("hunting")).
 

@@ -16,7 +16,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import ModelError, UsageError
-from filippov.base.keywords import keywords
+from filippov.base.keywords import constructor, keywords
 from filippov.base.names import closest
 
 if TYPE_CHECKING:
@@ -92,6 +92,7 @@ BUILT_IN: dict[str, str] = {
 }
 
 
+@constructor(error=ModelError)
 @dataclass(frozen=True)
 class Invariant:
     """A quantity function(t, x, p) -> float that keeps its value along a solution.
@@ -104,6 +105,7 @@ class Invariant:
     mode: str | None = None
 
 
+@constructor(same={"lift": "parametrisation"}, error=ModelError)
 @dataclass(frozen=True)
 class SectionData:
     """The event map a model proposes, as plain data (see `filippov.analysis.maps.section.Section`).
@@ -124,11 +126,7 @@ class SectionData:
     after: str = ""
 
 
-SectionData.__init__ = keywords("keyword", same={"lift": "parametrisation"})(  # type: ignore[method-assign]
-    SectionData.__init__
-)
-
-
+@constructor(error=ModelError)
 @dataclass(frozen=True)
 class Model:
     """A named system with an initial state and a time span to start from.
@@ -156,6 +154,7 @@ _models: dict[str, Model] = {}
 _broken: dict[str, str] = {}
 
 
+@keywords(error=ModelError)
 def register(model: Model) -> Model:
     """Enter a model under its name and return it; ModelError if another one has the name."""
     owner = f"{GROUP}.{BUILT_IN[model.name]}" if model.name in BUILT_IN else None
@@ -171,6 +170,7 @@ def names() -> tuple[str, ...]:
     return tuple(dict.fromkeys([*BUILT_IN, *_models, *(n for n in _plug_ins() if n not in _broken)]))
 
 
+@keywords(error=ModelError)
 def get(name: str) -> Model:
     """Return a model; UsageError with a suggestion for an unknown name, ModelError for a broken plug-in."""
     if name in _models:

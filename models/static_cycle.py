@@ -22,7 +22,8 @@ import numpy.typing as npt
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from filippov.base.errors import UsageError
+from filippov.base.errors import ModelError, UsageError
+from filippov.base.keywords import keywords
 
 Array = npt.NDArray[np.float64]
 RATIOS, TIMES, TURNS = 240, 6000, 6.0
@@ -113,6 +114,7 @@ class LinearSlip:
         return float(-(rows[k, 0] + share * (rows[k + 1, 0] - rows[k, 0])) - ratio)
 
 
+@keywords("keyword", error=ModelError)
 def coulomb_ratio(*, m: float, P: float, D: float, I: float, b: float = 0.0) -> float | None:
     """Ratio of successive stick positions under Coulomb friction alone, -a_x(T); None: no stop on the way.
 
@@ -123,6 +125,7 @@ def coulomb_ratio(*, m: float, P: float, D: float, I: float, b: float = 0.0) -> 
     return None if time is None else float(-slip.at(time, float("inf"))[0])
 
 
+@keywords("keyword", error=ModelError)
 def static_cycles(
     *, m: float, P: float, D: float, I: float, Fs: float, Fc: float, b: float = 0.0
 ) -> tuple[StaticCycle, ...]:

@@ -13,6 +13,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import closest
 
 if TYPE_CHECKING:
@@ -236,6 +237,7 @@ def read_texts(file: str) -> Texts:
 _studies: dict[str, Study] = {}
 
 
+@keywords(error=ModelError)
 def register_study(study: Study) -> Study:
     """Enter a study under its name and return it; ModelError if another one has the name."""
     if _studies.setdefault(study.name, study) != study:
@@ -248,6 +250,7 @@ def study_names() -> tuple[str, ...]:
     return tuple(dict.fromkeys([*BUILT_IN, *_studies]))
 
 
+@keywords(error=ModelError)
 def get_study(name: str) -> Study:
     """Return a study; UsageError with a suggestion for an unknown name."""
     if name not in _studies and name in BUILT_IN:

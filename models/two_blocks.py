@@ -17,6 +17,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.errors import ModelError
+from filippov.base.given import NonNegative, Positive
+from filippov.base.keywords import keywords
 from filippov.model.parameter import Parameter
 from filippov.model.parameter_symbol import parameters
 from filippov.model.symbols import states
@@ -38,6 +41,7 @@ MIDDLE = (
 )
 
 
+@keywords("keyword", error=ModelError)
 def two_blocks(
     friction: FrictionLaw = LAW,
     m1: float = 1.0,
@@ -80,6 +84,7 @@ def two_blocks(
     )
 
 
+@keywords("keyword", error=ModelError)
 def both_stick(system: System, d: Any, parameters: Mapping[str, Any] | None = None) -> Array:
     """Return states (k, 4) in the middle of the stick of both blocks that has x1 - x2 = d.
 
@@ -97,9 +102,10 @@ def both_stick(system: System, d: Any, parameters: Mapping[str, Any] | None = No
     return np.column_stack([x1, v, x1 - d, v])
 
 
+@keywords("keyword", error=ModelError)
 def stick_map(
-    system: System, d: Any, parameters: Mapping[str, Any] | None = None, *, t_max: float = 200.0,
-    rtol: float = 1e-10, atol: float = 1e-12,
+    system: System, d: Any, parameters: Mapping[str, Any] | None = None, *, t_max: Positive = 200.0,
+    rtol: Positive = 1e-10, atol: NonNegative = 1e-12,
 ) -> Array:  # fmt: skip
     """Return P(d): x1 - x2 in the next stick of both blocks after the one with d; shape (k,).
 

@@ -93,7 +93,7 @@ def test_a_diagram_marks_kind_and_stability() -> None:
 def test_wrong_arguments_are_refused() -> None:
     with pytest.raises(UsageError, match="expected lo < hi"):
         plot_event_map(Halving(), 1, 0)
-    with pytest.raises(UsageError, match="at least 1 iterate"):
+    with pytest.raises(UsageError, match="n is 0, expected a whole number of at least 1"):
         plot_iterates(Halving(), 0.4, 0)
     with pytest.raises(UsageError, match="did you mean 'd'"):
         plot_event_map(Halving(), 0, 1, labels={"D": "x"})

@@ -15,6 +15,7 @@ import sympy
 from sympy.polys.constructor import construct_domain
 
 from filippov.base.errors import UsageError
+from filippov.base.given import several
 
 SYMBOL = sympy.Symbol("s")
 
@@ -88,7 +89,7 @@ def coefficients(polynomial: Any, s: sympy.Symbol | None = None) -> tuple[sympy.
     if isinstance(polynomial, sympy.Expr):
         given = _from_expression(exact(polynomial), s)
     elif isinstance(polynomial, Iterable) and not isinstance(polynomial, str | bytes):
-        given = [exact(c) for c in polynomial]
+        given = [exact(c) for c in several("polynomial", polynomial)]
     else:
         raise UsageError(f"polynomial {polynomial!r}: give coefficients, a sympy.Poly or an expression in s")
     while given and given[0].expand().is_zero:

@@ -8,8 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Literal
 
+import numpy as np
 import sympy
 from sympy.core.relational import Relational
+from sympy.logic.boolalg import Boolean
 
 from filippov.analysis.algebra import routh_text
 from filippov.analysis.algebra.budget import Clock, OutOfBudgetError, counted
@@ -31,6 +33,7 @@ from filippov.analysis.algebra.polynomial import (
 from filippov.analysis.algebra.routh_array import RouthArray, routh_array, signs_at_zero
 from filippov.analysis.algebra.routh_result import RouthCase, RouthResult
 from filippov.base.errors import UsageError
+from filippov.base.given import Positive, shown
 from filippov.base.keywords import keywords
 
 
@@ -114,10 +117,19 @@ class RouthHurwitz(RouthResult):
         return routh_text.as_json(self)
 
 
+def _always(relation: object) -> bool:
+    """Whether what is assumed holds anyway; UsageError for what is no inequality."""
+    if isinstance(relation, bool | np.bool_):
+        relation = sympy.true if relation else sympy.false
+    if not isinstance(relation, Boolean):
+        raise UsageError(f"assume holds {shown(relation)}, expected inequalities of symbols: assume=[m > 0].")
+    return relation is sympy.true
+
+
 @keywords()
 @counted
 def routh_hurwitz(
-    polynomial: Any, s: sympy.Symbol | None = None, *, assume: Iterable[Any] = (), budget: float = 10.0
+    polynomial: Any, s: sympy.Symbol | None = None, *, assume: Iterable[Any] = (), budget: Positive = 10.0
 ) -> RouthHurwitz:
     """Return the Routh-Hurwitz analysis of a polynomial.
 
@@ -131,7 +143,7 @@ def routh_hurwitz(
     if not budget > 0:
         raise UsageError(f"budget {budget!r}: expected a positive number")
     given = coefficients(polynomial, s)
-    told = tuple(relation for relation in assume if relation not in {True, sympy.true})
+    told = tuple(relation for relation in assume if not _always(relation))
     known, clock = KnownSigns(told), Clock(budget)
     if s is None:
         s = polynomial.gens[0] if isinstance(polynomial, sympy.Poly) else SYMBOL

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from filippov.analysis.orbits.orbit_file import read_json, write_json
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 
 Array = npt.NDArray[np.float64]
@@ -104,6 +105,7 @@ class Branch:
         """The first coordinate along the branch."""
         return self.coordinate(next(iter(self.points[0].coordinates))) if self.points else np.zeros(0)
 
+    @keywords()
     def coordinate(self, name: str) -> Array:
         """One coordinate along the branch."""
         known = list(self.points[0].coordinates) if self.points else []
@@ -117,6 +119,7 @@ class Branch:
 
         return plot_branches([self], **options)
 
+    @keywords()
     def save(self, path: str | Path) -> Path:
         """Write the branch as JSON; the file appears complete or not at all."""
         data = {
@@ -127,6 +130,7 @@ class Branch:
         return write_json(path, data)
 
     @classmethod
+    @keywords()
     def load(cls, path: str | Path) -> Branch:
         """Read what `save` wrote. Raises UsageError for any other content; FileNotFoundError."""
         data = read_json(path, FORMAT, VERSION)

@@ -38,6 +38,7 @@ from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import refine
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 
@@ -52,16 +53,16 @@ def continuation(
     start: Any,
     *,
     parameter: str = "parameter",
-    bounds: tuple[float, float],
+    bounds: Interval,
     value: float | None = None,
     mode: Any = None,
     parameters: Mapping[str, float] | None = None,
     direction: int = 0,
-    step: float = 0.02,
-    min_step: float = 1e-8,
-    max_step: float = 0.1,
-    max_points: int = 500,
-    max_time: float = float("inf"),
+    step: Positive = 0.02,
+    min_step: Positive = 1e-8,
+    max_step: Positive = 0.1,
+    max_points: Count = 500,
+    max_time: Positive = float("inf"),
     resume: Branch | None = None,
 ) -> Continuation:
     """A continuation, not begun: iterate over it, or `run()` it.

@@ -32,6 +32,7 @@ from filippov.analysis.bifurcations.sliding_border import ADDING, ARRIVALS, Cont
 from filippov.analysis.bifurcations.tangency import Tangency, tangencies
 from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 
@@ -51,13 +52,13 @@ def curve(
     special: BranchPoint,
     *,
     parameter: str,
-    bounds: tuple[float, float],
+    bounds: Interval,
     direction: int = 0,
-    step: float = 0.02,
-    min_step: float = 1e-6,
-    max_step: float = 0.1,
-    max_points: int = 200,
-    max_time: float = float("inf"),
+    step: Positive = 0.02,
+    min_step: Positive = 1e-6,
+    max_step: Positive = 0.1,
+    max_points: Count = 200,
+    max_time: Positive = float("inf"),
 ) -> Continuation:
     """The curve of a special point over a second parameter, not begun: iterate over it, or `run()` it.
 

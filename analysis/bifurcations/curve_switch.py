@@ -12,6 +12,7 @@ from filippov.analysis.bifurcations.curve import CONTACTS, CurveProblem
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.bifurcations.tangency import Tangency
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
 
 Array = npt.NDArray[np.float64]
@@ -52,13 +53,13 @@ def switch_curve(
     special: BranchPoint,
     kind: str = "",
     *,
-    bounds: tuple[float, float] | None = None,
+    bounds: Interval | None = None,
     direction: int = 0,
-    step: float = 0.02,
-    min_step: float = 1e-6,
-    max_step: float = 0.1,
-    max_points: int = 200,
-    max_time: float = float("inf"),
+    step: Positive = 0.02,
+    min_step: Positive = 1e-6,
+    max_step: Positive = 0.1,
+    max_points: Count = 200,
+    max_time: Positive = float("inf"),
 ) -> Continuation:
     """The curve of another kind that meets the one of `run` at a codimension-2 point, not begun.
 

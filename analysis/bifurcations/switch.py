@@ -23,6 +23,7 @@ from filippov.analysis.bifurcations.corrector import Along, Corrector
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.orbits.shooting import NoConvergenceError
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, Interval, Positive
 from filippov.base.keywords import keywords
 
 Array = npt.NDArray[np.float64]
@@ -35,13 +36,13 @@ def switch(
     run: Continuation,
     special: BranchPoint,
     *,
-    bounds: tuple[float, float] | None = None,
+    bounds: Interval | None = None,
     direction: int = 0,
-    step: float = 0.02,
-    min_step: float = 1e-8,
-    max_step: float = 0.1,
-    max_points: int = 500,
-    max_time: float = float("inf"),
+    step: Positive = 0.02,
+    min_step: Positive = 1e-8,
+    max_step: Positive = 0.1,
+    max_points: Count = 500,
+    max_time: Positive = float("inf"),
 ) -> Continuation:
     """The branch that leaves the one of `run` at a special point, not begun: iterate over it, or `run()` it.
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from filippov.analysis.comparisons.band_model import SMOOTH_REACH, BandModel
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.keywords import constructor
 from filippov.base.names import unknown
 from filippov.model.bristles import BRISTLES
 from filippov.model.bristles import MODELS as FRICTION
@@ -38,6 +39,7 @@ STEPS = "moreau"
 NAMES = (*KINDS, *FRICTION, STEPS)
 
 
+@constructor()
 @dataclass(frozen=True)
 class Approximation:
     """A family of systems that converges to the exact one as its width goes to 0.

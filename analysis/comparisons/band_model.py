@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import UsageError
+from filippov.base.keywords import constructor
 from filippov.base.names import unknown
 from filippov.model.comparator import Band, Smooth
 from filippov.model.system import System
@@ -36,6 +37,7 @@ NODES = 200
 _SIGNS = {"-": (-1, 0), "+": (1, 0)}
 
 
+@constructor()
 @dataclass(frozen=True)
 class BandModel:
     """A family of systems whose band vanishes with `width`.

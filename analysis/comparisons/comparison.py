@@ -35,6 +35,7 @@ from filippov.analysis.comparisons.solution_result import SolutionComparison
 from filippov.analysis.comparisons.solutions import compare_solutions
 from filippov.analysis.maps.section import Section
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, Interval, NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
@@ -73,16 +74,16 @@ def compare_sections(
     widths: Sequence[float] = WIDTHS,
     comparators: Sequence[str] = ("band", "smooth"),
     coordinates: Sequence[float] | None = None,
-    interval: tuple[float, float] | None = None,
-    order: int = 2,
+    interval: Interval | None = None,
+    order: Count = 2,
     x0: Any = None,
     events: int = 6,
     position: Position | None = None,
     parameters: Mapping[str, float] | None = None,
-    rtol: float = 1e-11,
-    atol: float = 1e-13,
-    max_steps: int = 100_000,
-    repeats: int = 5,
+    rtol: Positive = 1e-11,
+    atol: NonNegative = 1e-13,
+    max_steps: Count = 100_000,
+    repeats: Count = 5,
     progress: Callable[..., object] | None = None,
 ) -> Comparison:
     """Compare band models with the exact system, over the widths.

@@ -16,6 +16,7 @@ from filippov.analysis.comparisons.solution_run import (
     needed_width,
 )
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
@@ -35,14 +36,14 @@ def compare_solutions(
     widths: Sequence[float] | None = None,
     measures: Any = (),
     parameters: Mapping[str, float] | None = None,
-    accuracy: float | None = None,
+    accuracy: Positive | None = None,
     quantity: str = "error_state",
-    alpha: float = ALPHA,
-    rtol: float = 1e-10,
-    atol: float = 1e-12,
-    max_steps: int = 200_000,
-    max_events: int = 20_000,
-    repeats: int = 1,
+    alpha: Positive = ALPHA,
+    rtol: Positive = 1e-10,
+    atol: NonNegative = 1e-12,
+    max_steps: Count = 200_000,
+    max_events: Count = 20_000,
+    repeats: Count = 1,
     progress: Callable[..., object] | None = None,
 ) -> SolutionComparison:
     """Compare a solution of the inclusion with the same under approximations, over the widths.

@@ -18,6 +18,7 @@ from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.first_return import MOST_STEPS
 from filippov.analysis.maps.section import Section
 from filippov.base.errors import UsageError
+from filippov.base.given import Axis, Count, Interval, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.status import Status
@@ -75,16 +76,16 @@ class Basin:
 def basin(
     system: System,
     section: Section,
-    x: tuple[str, Sequence[float]],
-    y: tuple[str, Sequence[float]],
-    interval: tuple[float, float],
+    x: Axis,
+    y: Axis,
+    interval: Interval,
     *,
-    at: Mapping[str, float] | None = None,
+    at: Values | None = None,
     parameters: Mapping[str, float] | None = None,
-    order: int = 2,
-    points: int = 400,
-    rtol: float = 1e-8,
-    threads: int | None = None,
+    order: Count = 2,
+    points: Count = 400,
+    rtol: Positive = 1e-8,
+    threads: Count | None = None,
     engine: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Basin:

@@ -27,6 +27,7 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.set_slope import log_slope
 from filippov.analysis.maps.stroboscope import Stroboscope
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, Interval, NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
@@ -43,13 +44,13 @@ def bifurcation(
     *,
     parameter: str,
     values: Sequence[float],
-    interval: tuple[float, float] | None = None,
+    interval: Interval | None = None,
     x0: Any = None,
     parameters: Mapping[str, float] | None = None,
-    order: int = 2,
-    points: int = 400,
-    rtol: float = 1e-10,
-    atol: float = 1e-12,
+    order: Count = 2,
+    points: Count = 400,
+    rtol: Positive = 1e-10,
+    atol: NonNegative = 1e-12,
     engine: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Diagram:

@@ -16,6 +16,7 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.analysis.steady.forcing import is_forced
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, Natural, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
@@ -53,13 +54,13 @@ def brute_force(
     values: Sequence[float],
     start: Any,
     *,
-    transient: int = 200,
-    keep: int = 64,
+    transient: Natural = 200,
+    keep: Count = 64,
     parameters: Mapping[str, float] | None = None,
     follow: bool = False,
-    rtol: float = 1e-8,
-    threads: int | None = None,
-    max_events: int = 1_000_000,
+    rtol: Positive = 1e-8,
+    threads: Count | None = None,
+    max_events: Count = 1_000_000,
     progress: Callable[[int, int], None] | None = None,
 ) -> BruteForce:
     """Iterate the event map from `start` for every value of a parameter, all values side by side.

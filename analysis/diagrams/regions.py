@@ -20,6 +20,7 @@ from filippov.analysis.diagrams.cell_work import CellWork, map_rows
 from filippov.analysis.diagrams.cells import cells
 from filippov.analysis.maps.section import Section
 from filippov.base.errors import UsageError
+from filippov.base.given import Axis, Count, Interval, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
@@ -77,16 +78,16 @@ class Regions:
 def regions(
     system: System,
     section: Section,
-    x: tuple[str, Sequence[float]],
-    y: tuple[str, Sequence[float]],
-    interval: tuple[float, float],
+    x: Axis,
+    y: Axis,
+    interval: Interval,
     *,
     parameters: Mapping[str, float] | None = None,
-    order: int = 2,
-    points: int = 40,
-    rtol: float = 1e-8,
+    order: Count = 2,
+    points: Count = 40,
+    rtol: Positive = 1e-8,
     borders: Sequence[tuple[str, Array]] | str = (),
-    threads: int | None = None,
+    threads: Count | None = None,
     engine: Mapping[str, Any] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Regions:

@@ -13,6 +13,7 @@ from filippov.analysis.estimation.driven_run import INPUT
 from filippov.analysis.estimation.identification import Identified, check_names, estimate, parameter_bounds
 from filippov.analysis.estimation.record import Curve
 from filippov.base.errors import UsageError
+from filippov.base.given import Values
 from filippov.base.keywords import keywords
 from filippov.model.symbols import t
 from filippov.model.system import System
@@ -38,8 +39,8 @@ def _force_function(system: System) -> Callable[[Array, Array], Array]:
     force = sympy.lambdify([form.x, form.p, form.s, form.a, t], -mass * form.field[1], "numpy")
 
     def evaluate(v: Array, p: Array) -> Array:
-        signs = np.sign(v)[None, :].repeat(len(form.s), axis=0)
-        sizes = np.abs(v)[None, :].repeat(len(form.s), axis=0)
+        signs = np.repeat(np.sign(v)[None], len(form.s), axis=0)
+        sizes = np.repeat(np.abs(v)[None], len(form.s), axis=0)
         values = force((0.0 * v, v), p, signs, sizes, 0.0)
         return np.asarray(np.broadcast_to(np.asarray(values, dtype=float), v.shape))
 
@@ -52,8 +53,8 @@ def identify_curve(
     system: System,
     free: Sequence[str],
     *,
-    start: Mapping[str, float] | None = None,
-    fixed: Mapping[str, float] | None = None,
+    start: Values | None = None,
+    fixed: Values | None = None,
     level: float = 0.95,
 ) -> Identified:
     """Estimate parameters of a friction law from points (v, F), v != 0, by least squares of the force.

@@ -30,6 +30,7 @@ from filippov.analysis.estimation.misfit import DOUBTED, Test, misfit_tests, ref
 from filippov.analysis.estimation.record import Record
 from filippov.analysis.estimation.residual_noise import degrees_of_freedom, generalised
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
@@ -109,12 +110,12 @@ def identify(
     system: System,
     free: Sequence[str],
     *,
-    start: Mapping[str, float] | None = None,
-    fixed: Mapping[str, float] | None = None,
-    windows: int | None = None,
+    start: Values | None = None,
+    fixed: Values | None = None,
+    windows: Count | None = None,
     hold: str = "auto",
     level: float = 0.95,
-    rtol: float = 1e-9,
+    rtol: Positive = 1e-9,
     progress: Callable[[int, float], None] | None = None,
 ) -> Identified:
     """Estimate parameters of a driven mass from time, position and applied force.

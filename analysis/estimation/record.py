@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import UsageError
-from filippov.base.keywords import keywords
+from filippov.base.keywords import constructor, keywords
 from filippov.base.names import closest
+from filippov.base.read_whole import read_text
 
 Array = npt.NDArray[np.float64]
 LARGEST = 5_000_000
+LARGEST_FILE = 1 << 30
 LEAST = 8
 # Column -> other names it goes by.
 NAMES = {
@@ -28,6 +31,7 @@ NAMES = {
 }
 
 
+@constructor()
 @dataclass(frozen=True)
 class Record:
     """A measured motion: t [s] increasing, x [m], the applied force [N], v [m/s] where it is known.
@@ -42,6 +46,7 @@ class Record:
     v: Array | None = None
 
 
+@constructor()
 @dataclass(frozen=True)
 class Curve:
     """Points of a friction curve: v [m/s] and the friction force [N] that opposes it."""
@@ -82,24 +87,24 @@ def read_record(path: str | Path) -> Record | Curve:
 
 def _columns(path: Path) -> dict[str, Array]:
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = csv.reader(line for line in file if not line.startswith("#"))
-            header = [_name(cell, path) for cell in next(rows, [])]
-            if len(set(header)) != len(header):
-                raise UsageError(f"{path}: a column is there twice: {', '.join(header)}.")
-            table: list[list[float]] = []
-            for number, row in enumerate(rows, 2):
-                if not row:
-                    continue
-                if len(row) != len(header):
-                    raise UsageError(
-                        f"{path}, line {number}: {len(row)} values, expected {len(header)} "
-                        f"({', '.join(header)})."
-                    )
-                cells = zip(row, header, strict=True)
-                table.append([_value(cell, path, number, name) for cell, name in cells])
-                if len(table) > LARGEST:
-                    raise UsageError(f"{path}: more than {LARGEST} rows; give fewer samples.")
+        file = io.StringIO(read_text(path, LARGEST_FILE), newline="")
+        rows = csv.reader(line for line in file if not line.startswith("#"))
+        header = [_name(cell, path) for cell in next(rows, [])]
+        if len(set(header)) != len(header):
+            raise UsageError(f"{path}: a column is there twice: {', '.join(header)}.")
+        table: list[list[float]] = []
+        for number, row in enumerate(rows, 2):
+            if not row:
+                continue
+            if len(row) != len(header):
+                raise UsageError(
+                    f"{path}, line {number}: {len(row)} values, expected {len(header)} "
+                    f"({', '.join(header)})."
+                )
+            cells = zip(row, header, strict=True)
+            table.append([_value(cell, path, number, name) for cell, name in cells])
+            if len(table) > LARGEST:
+                raise UsageError(f"{path}: more than {LARGEST} rows; give fewer samples.")
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise UsageError(f"{path}: cannot be read as CSV ({error}).") from None
     if len(table) < LEAST:
@@ -109,7 +114,7 @@ def _columns(path: Path) -> dict[str, Array]:
 
 def _name(cell: str, path: Path) -> str:
     """The column a heading stands for: 'position [m]' is x."""
-    text = cell.partition("[")[0].partition("(")[0].strip()
+    text = cell.partition("[")[0].partition("(")[0].strip()[:60]
     for name, others in NAMES.items():
         if text == name or text in others or text.lower() in (name, *others):
             return name

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from filippov.analysis.gains.contraction import contraction
 from filippov.analysis.maps.section import Section
 from filippov.base.errors import UsageError
+from filippov.base.given import Axis, Count, Interval
 from filippov.base.keywords import keywords
 from filippov.model.system import System
 
@@ -35,13 +36,13 @@ class GainMap:
 def gain_map(
     system: System,
     section: Section,
-    x: tuple[str, Sequence[float]],
-    y: tuple[str, Sequence[float]],
-    interval: tuple[float, float],
+    x: Axis,
+    y: Axis,
+    interval: Interval,
     *,
     parameters: Mapping[str, float] | None = None,
     band: Sequence[Mapping[str, float]] = ({},),
-    points: int = 32,
+    points: Count = 32,
     progress: Callable[[int, int], None] | None = None,
 ) -> GainMap:
     """The largest contraction ratio over the band for every pair of two gains.

@@ -19,6 +19,7 @@ from scipy.stats import qmc
 from filippov.analysis.gains.contraction import contraction
 from filippov.analysis.maps.section import Section
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, Interval, Natural
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.model.system import System
@@ -96,13 +97,13 @@ def tune(
     system: System,
     section: Section,
     ranges: Mapping[str, tuple[float, float]],
-    interval: tuple[float, float],
+    interval: Interval,
     *,
     parameters: Mapping[str, float] | None = None,
     band: Sequence[Mapping[str, float]] = ({},),
-    samples: int = 512,
-    points: int = 40,
-    seed: int = 0,
+    samples: Count = 512,
+    points: Count = 40,
+    seed: Natural = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Tuning:
     """Search gains for which the event map contracts for every law of a band.

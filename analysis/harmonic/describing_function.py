@@ -21,6 +21,7 @@ from scipy.optimize import brentq, root
 from filippov.analysis.algebra import linalg
 from filippov.analysis.harmonic.quasi_linear import Array, ComplexArray, Lure, lure
 from filippov.base.errors import UsageError
+from filippov.base.given import Interval
 from filippov.base.keywords import keywords
 from filippov.model.system import System
 
@@ -93,7 +94,7 @@ def describing_function(
     surface: str | None = None,
     parameters: Mapping[str, float] | None = None,
     *,
-    amplitudes: tuple[float, float] = (1e-4, 1e3),
+    amplitudes: Interval = (1e-4, 1e3),
 ) -> DescribingFunction:
     """Limit cycles predicted from the first harmonic of the nonlinear terms.
 

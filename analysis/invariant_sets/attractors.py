@@ -33,6 +33,7 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.orbits.orbit import stored_system
 from filippov.analysis.orbits.orbit_file import read_json, write_json
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, Natural, Positive, Values
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.io.stored_system import system_data
@@ -187,20 +188,20 @@ def attractors(
     parameters: Mapping[str, float] | None = None,
     section: Section | None = None,
     period: Any = None,
-    step: float | None = None,
+    step: Positive | None = None,
     t0: float = 0.0,
-    samples: int = 400,
-    seed: int = 0,
+    samples: Count = 400,
+    seed: Natural = 0,
     plane: tuple[str, str] | None = None,
-    resolution: int = 40,
-    at: Mapping[str, float] | None = None,
-    cells: int = 60,
-    recurrences: int = 40,
-    most: int = 2000,
-    reach: float = 1e-3,
-    escape: float = 100.0,
-    rtol: float = 1e-8,
-    threads: int | None = None,
+    resolution: Count = 40,
+    at: Values | None = None,
+    cells: Count = 60,
+    recurrences: Count = 40,
+    most: Count = 2000,
+    reach: Positive = 1e-3,
+    escape: Positive = 100.0,
+    rtol: Positive = 1e-8,
+    threads: Count | None = None,
     progress: Callable[[int, int], None] | None = None,
     store: str | Path | None = None,
 ) -> Attractors:

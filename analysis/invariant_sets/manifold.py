@@ -23,6 +23,7 @@ from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_file import write_json
 from filippov.analysis.orbits.saddle import Saddle, Side, saddle
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, Positive
 from filippov.base.keywords import keywords
 from filippov.base.status import Status, mode_text
 from filippov.model.system import System
@@ -101,15 +102,15 @@ def manifold(
     at: Any,
     side: Side = "unstable",
     *,
-    length: float,
+    length: Positive,
     parameters: Mapping[str, float] | None = None,
     mode: str | None = None,
     section: Section | None = None,
-    spacing: float | None = None,
-    offset: float = OFFSET,
-    t_max: float = 1000.0,
-    rtol: float = 1e-10,
-    most: int = 20_000,
+    spacing: Positive | None = None,
+    offset: Positive = OFFSET,
+    t_max: Positive = 1000.0,
+    rtol: Positive = 1e-10,
+    most: Count = 20_000,
 ) -> Manifold:
     """The stable or unstable manifold of a saddle or of an orbit of saddle type, to an arclength.
 

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from filippov.analysis.invariant_sets.attractor import Attractor
 from filippov.analysis.orbits.orbit_file import LARGEST_FILE, finite, number
 from filippov.base.errors import UsageError
+from filippov.base.read_whole import json_data
 from filippov.io.archive import Archive, write_arrays
 
 EVERY = 10
@@ -57,7 +58,7 @@ class SearchFile:
             return
         with Archive(self.path, LARGEST_FILE) as archive:
             try:
-                plain = number(json.loads(archive.read("plain").tobytes()))
+                plain = number(json_data(archive.read("plain").tobytes()))
                 if plain["format"] != FORMAT or plain["version"] != VERSION:
                     raise self._refuse(f"is no file of version {VERSION} of a {FORMAT}")
                 self._compare(number(self.settings), plain["settings"])

@@ -33,6 +33,7 @@ from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSe
 from filippov.analysis.steady.forcing import depends_on_time
 from filippov.base.errors import ModelError
 from filippov.base.escape import markup
+from filippov.base.given import Positive
 from filippov.base.keywords import keywords
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
@@ -76,7 +77,7 @@ def stability_report(
     t: float | None = None,
     assume: Iterable[Any] | None = None,
     hook: SetStability | None = None,
-    budget: float = 30.0,
+    budget: Positive = 30.0,
 ) -> StabilityReport:
     """Return the stability of all equilibria of a system of expressions.
 
@@ -148,7 +149,7 @@ def _items(
 
 @keywords()
 def certify(
-    system: System, parameters: Mapping[Any, float] | None = None, *, budget: float = 30.0
+    system: System, parameters: Mapping[Any, float] | None = None, *, budget: Positive = 30.0
 ) -> tuple[tuple[EquilibriumPoint | EquilibriumSet, Certificate | None], ...]:
     """Return every equilibrium and set with the first certificate of its stability or instability, or None.
 

@@ -15,6 +15,9 @@ import numpy.typing as npt
 from filippov.analysis.maps.first_return import MOST_STEPS, first_return, first_returns
 from filippov.analysis.maps.section import BoundSection, Section
 from filippov.analysis.sensitivity.saltation import derivative_by_all, onto_section
+from filippov.base.errors import UsageError
+from filippov.base.given import Count, Natural, NonNegative, Positive, number_array
+from filippov.base.keywords import keywords
 from filippov.base.status import Status
 from filippov.model.system import System
 from filippov.solving.ensemble import Prepared
@@ -33,9 +36,10 @@ class EventMap:
     Call it with a number or an array; the value is NaN where the solution does not return within t_max.
     """
 
+    @keywords()
     def __init__(
         self, system: System, section: Section, *, parameters: Mapping[str, float] | None = None,
-        order: int = 1, rtol: float = 1e-10, atol: float = 1e-12, method: str = "DOP853",
+        order: Count = 1, rtol: Positive = 1e-10, atol: NonNegative = 1e-12, method: str = "DOP853",
     ) -> None:  # fmt: skip
         options: dict[str, Any] = {"order": order, "rtol": rtol, "atol": atol, "method": method}
         self._set(system, section, section.bind(system), parameters, **options)
@@ -56,26 +60,34 @@ class EventMap:
         return {**vars(self), "_prepared": None}
 
     def remake(self, **changes: Any) -> Self:
-        """The same map with other parameters (updated by name), order or tolerances."""
-        keep: dict[str, Any] = {
-            "order": self.order,
-            "rtol": self.rtol,
-            "atol": self.atol,
-            "method": self.method,
-        }
-        parameters = {**self.parameters, **changes.pop("parameters", {})}
+        """The same map with other parameters (updated by name), order, rtol, atol or method."""
+        return self._remade(**changes)
+
+    @keywords()
+    def _remade(
+        self, *, parameters: Mapping[str, float] | None = None, order: Count | None = None,
+        rtol: Positive | None = None, atol: NonNegative | None = None, method: str | None = None,
+    ) -> Self:  # fmt: skip
         made = type(self).__new__(type(self))
-        made._set(self.system, self.section, self.bound, parameters, **{**keep, **changes})
+        made._set(
+            self.system, self.section, self.bound, {**self.parameters, **(parameters or {})},
+            order=self.order if order is None else order, rtol=self.rtol if rtol is None else rtol,
+            atol=self.atol if atol is None else atol, method=self.method if method is None else method,
+        )  # fmt: skip
         return made
 
-    def power(self, order: int) -> EventMap:
+    @keywords()
+    def power(self, order: Count) -> EventMap:
         """The map's own iterate: power(2) of a first return is the second return."""
         return self.remake(order=self.order * order)
 
+    @keywords()
     def returns(self, d: Any) -> tuple[Array, tuple[Status, ...]]:
         """Values of the map and how each trajectory ended; NaN with its status where it did not return
         (NO_RETURN: not within t_max)."""
-        values = np.array(d, dtype=float, ndmin=1)
+        values = np.atleast_1d(number_array("d", d))
+        if values.ndim > 1:
+            raise UsageError(f"d has shape {values.shape}, expected a number or numbers in a row.")
         if self.order == 1 and all(map(math.isfinite, values.tolist())):
             return self._return(values)
         statuses = [Status.STOPPED] * values.size
@@ -124,13 +136,15 @@ class EventMap:
         values, _ = self.returns(d)
         return values if np.ndim(d) else float(values[0])
 
-    def iterate(self, d: float, n: int) -> Array:
+    @keywords()
+    def iterate(self, d: float, n: Natural) -> Array:
         """d, P(d), P(P(d)), ...: n + 1 numbers."""
         out = [float(d)]
         for _ in range(n):
             out.append(float(self(out[-1])))
         return np.array(out)
 
+    @keywords()
     def orbit(self, d: float) -> tuple[Solution, ...]:
         """The solution behind the map, one solution per return."""
         solutions: list[Solution] = []
@@ -144,10 +158,12 @@ class EventMap:
         options = {"rtol": self.rtol, "atol": self.atol, "method": self.method}
         return first_return(self.bound, x0, self.parameters, **options)
 
+    @keywords()
     def derivative(self, d: float) -> float:
         """dP/dd from saltation matrices (no differences); NaN where the map does not return."""
         return float(self.jet(d)[1])
 
+    @keywords()
     def jet(self, d: float, parameters: Sequence[str] = ()) -> Array:
         """P(d), dP/dd, and dP/dq for the named parameters q, in one array; NaN where the map does not return.
 
@@ -170,19 +186,22 @@ class EventMap:
             out[0] = self.bound.read(solution.x_end[None])[0]
         return out
 
-    def fixed_points(self, lo: float, hi: float, points: int = 400) -> tuple[Any, ...]:
+    @keywords()
+    def fixed_points(self, lo: float, hi: float, points: Count = 400) -> tuple[Any, ...]:
         """Every fixed point in [lo, hi] with kind, slope and stability; see `fixed_points`."""
         from filippov.analysis.maps.fixed_points import fixed_points
 
         return fixed_points(self, lo, hi, points)
 
-    def basins(self, lo: float, hi: float, points: int = 400) -> tuple[Any, ...]:
+    @keywords()
+    def basins(self, lo: float, hi: float, points: Count = 400) -> tuple[Any, ...]:
         """Intervals of [lo, hi] that go to the same attractor (see `filippov.analysis.maps.fixed_points`)."""
         from filippov.analysis.maps.fixed_points import basins
 
         return basins(self, lo, hi, points)
 
-    def jumps(self, lo: float, hi: float, points: int = 400) -> tuple[Any, ...]:
+    @keywords()
+    def jumps(self, lo: float, hi: float, points: Count = 400) -> tuple[Any, ...]:
         """Places in [lo, hi] where the map is not continuous (see `filippov.analysis.maps.fixed_points`)."""
         from filippov.analysis.maps.fixed_points import jumps
 

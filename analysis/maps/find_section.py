@@ -13,6 +13,7 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.analysis.steady.forcing import is_forced
 from filippov.base.errors import UsageError
+from filippov.base.given import Positive
 from filippov.base.keywords import keywords
 from filippov.base.status import EventKind
 from filippov.model.system import System
@@ -36,7 +37,7 @@ _VARIES = 0.1
 
 @keywords()
 def find_section(
-    system: System, x0: Any, *, parameters: Mapping[str, float] | None = None, t_max: float | None = None,
+    system: System, x0: Any, *, parameters: Mapping[str, float] | None = None, t_max: Positive | None = None,
     period: Any = None, coordinate: Any = None,
 ) -> Section | Stroboscope:  # fmt: skip
     """The section on which the solution from x0 returns, without a parametrisation.
@@ -71,7 +72,8 @@ def find_section(
             size = np.ptp(run.y, axis=1)
             gap = max(np.diff([0.0, *(e.t for e in events)]))
             return Section(
-                surface, kind, coordinate or _coordinate(system, x, size), t_max=float(_LONGEST * gap)
+                surface, kind, _coordinate(system, x, size) if coordinate is None else coordinate,
+                t_max=float(_LONGEST * gap),
             )
         said = f" The solution ended at t = {run.t_end:g}: {run.message}" if not run.success else ""
         if rests:

@@ -17,6 +17,7 @@ from filippov.analysis.maps.first_return import MOST_STEPS
 from filippov.analysis.maps.section import BoundSection, Section
 from filippov.analysis.maps.stroboscope import Stroboscope, clock_times
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, Positive
 from filippov.base.keywords import keywords
 from filippov.base.status import Status
 from filippov.model.system import System
@@ -57,9 +58,9 @@ class Returns:
 
 @keywords()
 def returns(
-    system: System, section: Section | Stroboscope, x0: Any, count: int, *,
-    parameters: Mapping[str, float] | None = None, t0: float = 0.0, rtol: float = 1e-10, atol: Any = None,
-    method: str = "DOP853", max_events: int = 1_000_000,
+    system: System, section: Section | Stroboscope, x0: Any, count: Count, *,
+    parameters: Mapping[str, float] | None = None, t0: float = 0.0, rtol: Positive = 1e-10, atol: Any = None,
+    method: str = "DOP853", max_events: Count = 1_000_000,
 ) -> Returns:  # fmt: skip
     """The next `count` events of a section along the solution from x0 at t0; no parametrisation is needed.
 

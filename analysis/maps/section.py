@@ -13,7 +13,7 @@ import sympy
 
 from filippov.analysis.maps.coordinate import Coordinate
 from filippov.base.errors import ModelError, UsageError
-from filippov.base.keywords import keywords
+from filippov.base.keywords import constructor
 from filippov.base.names import unknown
 from filippov.model.expression import parse_expression
 from filippov.model.system import System
@@ -24,6 +24,7 @@ Array = npt.NDArray[np.float64]
 D = sympy.Dummy("d", real=True)
 
 
+@constructor(same={"lift": "parametrisation"})
 @dataclass(frozen=True)
 class Section:
     """The events of one kind on a surface (or several), with a number as coordinate on them.
@@ -44,7 +45,7 @@ class Section:
 
     surface: str
     kind: str
-    coordinate: str
+    coordinate: Any
     parametrisation: Mapping[str, Any] | Callable[..., Any] | None = field(default=None, hash=False)
     t_max: float = 100.0
     after: str = ""
@@ -107,11 +108,6 @@ class Section:
             )
         surface = ", ".join(names[place] for place, _ in places)
         return BoundSection(replace(self, surface=surface, kind=kinds.pop()), system)
-
-
-Section.__init__ = keywords("keyword", same={"lift": "parametrisation"})(  # type: ignore[method-assign]
-    Section.__init__
-)
 
 
 class BoundSection:

@@ -11,12 +11,14 @@ import sympy
 
 from filippov.analysis.steady.forcing import Period, is_forced
 from filippov.base.errors import UsageError
+from filippov.base.keywords import constructor
 from filippov.base.names import unknown
 from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
 
 
+@constructor()
 @dataclass(frozen=True)
 class Stroboscope:
     """States at t = k T, or after every tick of a clock.

@@ -36,6 +36,7 @@ from filippov.analysis.orbits.shooting import (
 )
 from filippov.analysis.steady.forcing import is_forced
 from filippov.base.errors import SolveError, UsageError
+from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.status import Status, mode_text
@@ -109,9 +110,9 @@ def find_homoclinic(
     parameters: Mapping[str, float] | None = None,
     mode: str | Sequence[int] | None = None,
     side: int = 0,
-    t_max: float = 200.0,
-    rtol: float = 1e-11,
-    atol: float = 1e-13,
+    t_max: Positive = 200.0,
+    rtol: Positive = 1e-11,
+    atol: NonNegative = 1e-13,
     jacobian: Any = None,
 ) -> Homoclinic:
     """The homoclinic orbit of the saddle near a state, and the value of a parameter at which it exists.

@@ -16,6 +16,7 @@ from filippov.analysis.orbits.margin import Margin, margin
 from filippov.analysis.orbits.oddness import is_odd
 from filippov.analysis.orbits.shooting import Shooting
 from filippov.base.errors import SolveError, UsageError
+from filippov.base.keywords import keywords
 from filippov.base.status import EventKind, mode_text
 from filippov.graphs.word import word_of
 from filippov.io.stored_system import system_data, system_of
@@ -131,6 +132,7 @@ class Orbit:
     def _solutions(self) -> tuple[Solution, ...]:
         return self.solutions or (self.solution(),)
 
+    @keywords()
     def solution(self, periods: float = 1.0) -> Solution:
         """The solution over so many periods from x0; it departs from an orbit that repels (see `pieces`)."""
         return solve(
@@ -164,6 +166,7 @@ class Orbit:
         }  # fmt: skip
 
     @classmethod
+    @keywords()
     def from_dict(cls, data: Mapping[str, Any], system: System) -> Orbit:
         """The orbit that `to_dict` described. Raises UsageError for data that do not describe one."""
         try:
@@ -182,6 +185,7 @@ class Orbit:
         except (KeyError, TypeError, ValueError) as error:
             raise UsageError(f"these data describe no orbit ({type(error).__name__}: {error}).") from None
 
+    @keywords()
     def save(self, path: str | Path) -> Path:
         """Write the orbit as JSON, with its system where that is symbolic."""
         from filippov.analysis.orbits.orbit_file import write_json
@@ -191,6 +195,7 @@ class Orbit:
         })  # fmt: skip
 
     @classmethod
+    @keywords()
     def load(cls, path: str | Path, system: System | None = None) -> Orbit:
         """Read what `save` wrote; a system of plain functions has to be given."""
         from filippov.analysis.orbits.orbit_file import read_json

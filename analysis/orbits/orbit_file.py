@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
 
 from filippov.base.errors import UsageError
 from filippov.base.json_text import json_text
+from filippov.base.read_whole import read_json as whole_json
 from filippov.base.whole_file import write_whole
 
 LARGEST_FILE = 256 << 20
@@ -21,12 +21,11 @@ def write_json(path: str | Path, data: Any) -> Path:
 
 def read_json(path: str | Path, form: str, version: int) -> dict[str, Any]:
     """Read a file of this form and version. Raises UsageError for any other content; FileNotFoundError."""
-    source = Path(path)
-    if source.stat().st_size > LARGEST_FILE:
-        raise UsageError(f"{str(path)!r} has over {LARGEST_FILE} bytes, too many for a {form} file.")
     try:
-        data = json.loads(source.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
+        data = whole_json(path, LARGEST_FILE)
+    except UsageError:
+        raise
+    except ValueError as error:
         raise UsageError(f"{str(path)!r} is damaged or no JSON file: {error}.") from None
     if not isinstance(data, dict) or data.get("format") != form:
         raise UsageError(f"{str(path)!r} is no {form} file.")

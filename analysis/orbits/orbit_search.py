@@ -24,6 +24,7 @@ from filippov.analysis.orbits.shooting import (
 )
 from filippov.analysis.steady.forcing import Period, forcing_period, is_forced
 from filippov.base.errors import SolveError, UsageError
+from filippov.base.given import Count, NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.status import Status
 from filippov.model.system import System
@@ -56,12 +57,12 @@ def find_orbit(
     parameters: Mapping[str, float] | None = None,
     period: Any = None,
     symmetry: Any = None,
-    nodes: int = 1,
-    transient: float = 0.0,
-    t_max: float = 1000.0,
+    nodes: Count = 1,
+    transient: NonNegative = 0.0,
+    t_max: Positive = 1000.0,
     t0: float = 0.0,
-    rtol: float = 1e-11,
-    atol: float = 1e-13,
+    rtol: Positive = 1e-11,
+    atol: NonNegative = 1e-13,
     method: str = "DOP853",
     jacobian: Callable[..., Any] | None = None,
     progress: Callable[[float, float, str], None] | None = None,
@@ -135,9 +136,10 @@ def find_orbit(
     return search.autonomous(x0)
 
 
+@keywords()
 def refine(
-    orbit: Orbit, parameters: Mapping[str, float] | None = None, rtol: float | None = None,
-    atol: float | None = None,
+    orbit: Orbit, parameters: Mapping[str, float] | None = None, rtol: Positive | None = None,
+    atol: NonNegative | None = None,
 ) -> Orbit:  # fmt: skip
     """The orbit at other parameter values or tolerances, by Newton's method from this one."""
     if orbit.problem is None or orbit.unknowns is None:

@@ -26,6 +26,7 @@ from filippov.analysis.orbits.shooting import NoConvergenceError, resolved, velo
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.forcing import is_forced
 from filippov.base.errors import SolveError, UsageError
+from filippov.base.keywords import keywords
 from filippov.base.status import mode_text
 from filippov.model.system import System
 from filippov.solving.state.events import Mode
@@ -161,6 +162,7 @@ def find_saddle(
     return Saddle(system, named, x, mode, values, basis @ vectors, rows @ basis.T, matrix, normals)
 
 
+@keywords()
 def saddle(
     system: System, near: Any, *, parameters: Mapping[str, float] | None = None,
     mode: str | Sequence[int] | None = None,

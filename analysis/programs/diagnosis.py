@@ -18,6 +18,7 @@ from filippov.analysis.programs.reader import Reading, read_program
 from filippov.analysis.programs.translation import Translation, translate
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.escape import printable
+from filippov.base.given import Count, NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.base.status import Status, mode_text
 from filippov.model.system import System
@@ -60,6 +61,7 @@ class Diagnosis:
         """Whether nothing switches in the program."""
         return self.system is not None and not self.switches and not self.system.time_events
 
+    @keywords()
     def of(self, kind: str) -> list[Finding]:
         """The findings of a kind."""
         return [finding for finding in self.findings if finding.kind == kind]
@@ -142,6 +144,7 @@ class Diagnosis:
     def __str__(self) -> str:
         return self.to_text()
 
+    @keywords()
     def plot(self, *, title: str = "", figure: Figure | None = None) -> Figure:
         """Both solutions and the calls that each has spent, over time."""
         from filippov.plot.diagnosis import plot_diagnosis
@@ -152,7 +155,7 @@ class Diagnosis:
 @keywords()
 def diagnose(
     f: Callable[..., Any], x0: Any, t_span: Sequence[float], *, args: Sequence[Any] = (),
-    method: str = "RK45", rtol: float = 1e-3, atol: float = 1e-6, max_calls: int = 20_000,
+    method: str = "RK45", rtol: Positive = 1e-3, atol: NonNegative = 1e-6, max_calls: Count = 20_000,
 ) -> Diagnosis:  # fmt: skip
     """Read a program f(t, y, *args), run it by scipy, and solve the inclusion that it means.
 

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
 from filippov.base.errors import UsageError
+from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
 from filippov.model.system import System
 from filippov.solving.solution import Solution
@@ -55,15 +56,15 @@ class Lyapunov:
 def lyapunov(
     system: System,
     x0: Any,
-    duration: float,
+    duration: Positive,
     *,
-    interval: float,
-    transient: float = 0.0,
+    interval: Positive,
+    transient: NonNegative = 0.0,
     t0: float = 0.0,
     number: int | None = None,
     parameters: Mapping[str, float] | None = None,
-    rtol: float = 1e-9,
-    atol: float = 1e-12,
+    rtol: Positive = 1e-9,
+    atol: NonNegative = 1e-12,
     progress: Callable[[float, float], None] | None = None,
 ) -> Lyapunov:
     """Exponents along the solution from x0: `transient` is run first, then `duration` in intervals.

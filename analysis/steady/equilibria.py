@@ -24,6 +24,7 @@ from filippov.analysis.steady.equilibria_numeric import NumericMode, numeric_equ
 from filippov.analysis.steady.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet
 from filippov.analysis.steady.existence import Existence, ModeProblem
 from filippov.base.errors import UsageError
+from filippov.base.given import Positive, interval
 from filippov.base.keywords import keywords
 from filippov.model import symbols
 from filippov.model.symbolic import SymbolicForm
@@ -43,7 +44,7 @@ def equilibria(
     modes: Sequence[str] | None = None,
     t: float | None = None,
     box: Mapping[str, tuple[float, float]] | None = None,
-    budget: float = 10.0,
+    budget: Positive = 10.0,
 ) -> Equilibria:
     """Return the points and sets with 0 in F(x; p).
 
@@ -124,10 +125,8 @@ def _modes(system: System, modes: Sequence[str] | None) -> tuple[list[str], list
 
 def _ranges(system: System, box: Mapping[str, tuple[float, float]] | None) -> list[tuple[float, float]]:
     ranges = [(-10.0, 10.0)] * system.dimension
-    for name, (low, high) in (box or {}).items():
-        if not low < high:
-            raise UsageError(f"box of {name!r} is ({low}, {high}), expected (least, greatest).")
-        ranges[system.state_index(name)] = (float(low), float(high))
+    for name, ends in (box or {}).items():
+        ranges[system.state_index(name)] = interval(f"box of {name!r}", ends)
     return ranges
 
 

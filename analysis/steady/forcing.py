@@ -12,6 +12,8 @@ import sympy
 
 from filippov.analysis.algebra.polynomial import exact
 from filippov.base.errors import UsageError
+from filippov.base.given import positive
+from filippov.base.signature import check_signature
 from filippov.model.expression import parse_expression
 from filippov.model.signals.input import Sampled
 from filippov.model.symbols import t as time
@@ -105,11 +107,10 @@ class Period:
         if isinstance(given, sympy.Expr):
             self._value, self._slopes = self._compile(given)
         elif callable(given):
+            check_signature(given, ("p",), "period", "a number", UsageError)
             self._value, self._slopes = self._called(given)
         else:
-            number = float(given)
-            if not number > 0 or not np.isfinite(number):
-                raise UsageError(f"period is {given!r}, expected a number > 0.")
+            number = positive("period", given)
             self._value, self._slopes = (lambda p: number), (lambda p: np.zeros(len(p)))
 
     def _compile(self, formula: sympy.Expr) -> tuple[Callable[..., float], Callable[..., Array]]:

@@ -31,6 +31,7 @@ from typing import Literal
 import numpy as np
 
 from filippov.analysis.algebra import linalg
+from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 
 LEAVES = 2.0
@@ -51,6 +52,8 @@ class RestMap:
 @keywords()
 def rest_map(polynomial: Sequence[float]) -> RestMap:
     """Return the map of a slip polynomial of degree 2 or 3, highest coefficient first."""
+    if len(polynomial) not in (3, 4) or not polynomial[0]:
+        raise UsageError(f"polynomial is {polynomial}, expected 3 or 4 coefficients, the first not 0.")
     a = np.array(polynomial, dtype=float) / float(polynomial[0])
     roots = linalg.roots(a)
     turning = roots[np.abs(roots.imag) > 1e-12 * (1.0 + np.abs(roots))]
@@ -93,6 +96,8 @@ def growth(maps: Sequence[RestMap]) -> float:
 
     maps   one for each end, or one that stands for both. 0 where the solution stays at an end that attracts.
     """
+    if not maps:
+        raise UsageError("maps is empty, expected one for each end, or one that stands for both.")
     if any(m.outcome == "leaves" or m.kappa >= 1 for m in maps):
         return LEAVES
     if any(m.kappa >= 0 for m in maps):

@@ -1,11 +1,11 @@
-"""Keywords of a function that users call: one that it has not is answered with what to write instead."""
+"""What users give to a function: keywords that it has not, and values of another kind, are answered."""
 
 from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Mapping
-from typing import ParamSpec, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ParamSpec, TypeVar
 
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
@@ -16,20 +16,26 @@ T = TypeVar("T")
 
 def keywords(
     kind: str = "option", same: Mapping[str, str] | None = None, answers: Mapping[str, str] | None = None,
-    error: type[Exception] = UsageError,
+    error: type[Exception] = UsageError, own: Sequence[str] = (),
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Make a function refuse unknown keywords, and too many values in order, with an error.
+    """Make a function refuse unknown keywords, too many values in order, and values of another kind.
+
+    The kinds are those of its annotations, see `filippov.base.annotated`.
 
     kind      what its keywords are called in messages
     same      other names of its keywords, which are taken as well: {"y0": "x0"}
     answers   what to say of a keyword that others have and this function has not
+    own       keywords whose values the function checks itself, with more to say
     """
     others, sentences = dict(same or {}), dict(answers or {})
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
         shown = function.__qualname__.removesuffix(".__init__")
         everything = list(inspect.signature(function).parameters.values())
-        parameters = [q for q in everything if q.name != "self"]
+        # What a function hands on to another one is checked there.
+        further_ones = any(q.kind is q.VAR_KEYWORD for q in everything)
+        everything = [q for q in everything if q.kind is not q.VAR_KEYWORD]
+        parameters = [q for q in everything if q.name not in ("self", "cls")]
         self = len(everything) - len(parameters)
         names = [q.name for q in parameters]
         places = [q.name for q in parameters if q.kind is not q.KEYWORD_ONLY]
@@ -37,14 +43,38 @@ def keywords(
         further = [f"{name}=..." for name in names if name not in places][:2]
         known, least = frozenset(names), len([name for name in places if name in needed]) + self
         most = len(places) + self if len(needed) == least - self else -1
+        defaults = {q.name: q.default for q in parameters}
+
+        @functools.cache
+        def checks() -> dict[str, Callable[[Any], Any]]:
+            # Made at the first call: the types of the annotations may be loaded after the function. And the
+            # checks load numpy, which the command does without as long as it is asked for help.
+            from filippov.base.annotated import check_of
+
+            scope = inspect.unwrap(function).__globals__
+            found = {q.name: check_of(q.name, q.annotation, q.default, scope, error) for q in parameters}
+            return {name: check for name, check in found.items() if check is not None and name not in own}
+
+        def run(args: Any, given: Any) -> T:
+            checked = checks()
+            for name, value in given.items():
+                if name in checked and value is not defaults[name]:
+                    given[name] = checked[name](value)
+            args = [*args]
+            for place, name in enumerate(places[: len(args) - self], self):
+                if name in checked and args[place] is not defaults[name]:
+                    args[place] = checked[name](args[place])
+            return function(*args, **given)
 
         @functools.wraps(function)
         def called(*args: P.args, **given: P.kwargs) -> T:
             # The usual call first: all that is needed in order, the rest by names that there are.
             if least <= len(args) <= most and known.issuperset(given):
-                return function(*args, **given)
+                return run(args, given)
             for name in [name for name in given if name not in names]:
                 own = others.get(name)
+                if own is None and further_ones:
+                    continue
                 if own is None:
                     raise error(sentences.get(name) or unknown(kind, name, names))
                 if own in given or own in places[: len(args) - self]:
@@ -59,8 +89,21 @@ def keywords(
             missing = [name for name in needed if name not in filled]
             if missing:
                 raise error(f"{shown} needs {', '.join(missing)}: {shown}({', '.join(needed)}).")
-            return function(*args, **given)
+            return run(args, given)
 
         return called
+
+    return decorate
+
+
+def constructor(
+    kind: str = "keyword", same: Mapping[str, str] | None = None, answers: Mapping[str, str] | None = None,
+    error: type[Exception] = UsageError, own: Sequence[str] = (),
+) -> Callable[[type[T]], type[T]]:  # fmt: skip
+    """The same for the arguments of a class, over @dataclass."""
+
+    def decorate(made: type[T]) -> type[T]:
+        made.__init__ = keywords(kind, same, answers, error, own)(made.__init__)  # type: ignore[method-assign]
+        return made
 
     return decorate

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sympy import Symbol
 
 TIME = "t"
+LONGEST = 120
 
 
 def closest(name: str, known: Iterable[str]) -> str:
@@ -38,7 +39,9 @@ def unknown(kind: str, name: object, known: Iterable[str]) -> str:
     names = list(known)
     hint = closest(str(name), names)
     listing = ", ".join(names) if names else "(none)"
-    return f"unknown {kind} {name!r}; {hint + ' ' if hint else ''}known: {listing}"
+    said = repr(name)
+    said = said if len(said) <= LONGEST else f"{said[:LONGEST]}..."
+    return f"unknown {kind} {said}; {hint + ' ' if hint else ''}known: {listing}"
 
 
 def no_attribute(owner: str, name: str, known: Iterable[str], answers: Mapping[str, str]) -> str:

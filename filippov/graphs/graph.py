@@ -21,6 +21,8 @@ import numpy as np
 import sympy
 
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, as_float, several
+from filippov.base.keywords import keywords
 from filippov.base.status import mode_text
 from filippov.graphs.guards import Guards, formula_text
 from filippov.graphs.reset_guards import reset_transitions
@@ -34,13 +36,14 @@ SAMPLES = 48
 _SIGNS = {"+": 1, "0": 0, "-": -1}
 
 
+@keywords()
 def possible_graph(
     system: System,
     start: str | Mode | Iterable[str | Mode] | None = None,
     *,
     modes: Iterable[str | Mode] | None = None,
     parameters: Any = None,
-    limit: int = LARGEST,
+    limit: Count = LARGEST,
 ) -> nx.MultiDiGraph:
     """The transitions that a symbolic system can make, one surface at a time, with their guards as formulas.
 
@@ -84,6 +87,7 @@ def possible_graph(
     return graph
 
 
+@keywords()
 def observed_graph(solution: Solution) -> nx.MultiDiGraph:
     """The transitions that a solution made: how often and when, and how long it stayed in each mode.
 
@@ -123,6 +127,7 @@ def observed_graph(solution: Solution) -> nx.MultiDiGraph:
     return graph
 
 
+@keywords()
 def recurrent_part(graph: nx.MultiDiGraph) -> nx.MultiDiGraph:
     """The strongly connected components without a way out: where solutions end.
 
@@ -181,13 +186,16 @@ def _modes(given: str | Mode | Iterable[str | Mode] | None, system: System) -> l
         return _scattered(system)
     if isinstance(given, str) or (isinstance(given, tuple) and all(isinstance(v, int) for v in given)):
         given = [given]
-    return list(dict.fromkeys(_mode(item, m) for item in given))
+    return list(dict.fromkeys(_mode(item, m) for item in several("modes", given)))
 
 
 def _mode(given: Any, m: int) -> Mode:
-    text = "" if given == "." else given
-    entries = [_SIGNS.get(c) for c in text] if isinstance(text, str) else list(text)
-    if len(entries) != m or any(v not in (-1, 0, 1) or isinstance(v, bool) for v in entries):
+    entries: list[Any] = [None]
+    if isinstance(given, str):
+        entries = [_SIGNS.get(c) for c in ("" if given == "." else given)]
+    elif isinstance(given, tuple | list | np.ndarray):
+        entries = [as_float(v) for v in np.ravel(given)] if isinstance(given, np.ndarray) else list(given)
+    if len(entries) != m or any(as_float(v) not in (-1, 0, 1) for v in entries):
         raise UsageError(
             f"mode {given!r} does not fit: expected {m} signs, one per surface, such as "
             f"{mode_text((1,) * m)!r} or {mode_text((0,) * m)!r}."

@@ -8,7 +8,6 @@ text is `formula`). GraphML knows only plain values: there lists are texts with 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -18,12 +17,16 @@ import networkx as nx
 from filippov.base.errors import UsageError
 from filippov.base.escape import printable
 from filippov.base.json_text import json_text as as_json
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
+from filippov.base.read_whole import read_json
 from filippov.base.whole_file import write_whole
 
+LARGEST_FILE = 64 << 20
 _PLAIN = (str, int, float, bool)
 
 
+@keywords()
 def save_graph(graph: nx.MultiDiGraph, path: str | Path) -> Path:
     """Write a graph in the format of the suffix: .dot or .gv, .graphml, .json. Returns the path."""
     target = Path(path)
@@ -48,18 +51,20 @@ def json_text(graph: nx.MultiDiGraph) -> str:
     return as_json(data)
 
 
+@keywords()
 def load_graph(path: str | Path) -> nx.MultiDiGraph:
     """Read a graph written as JSON. Raises UsageError for anything else."""
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        data = read_json(path, LARGEST_FILE)
         graph = nx.MultiDiGraph(**data["graph"])
         for node in data["nodes"]:
             graph.add_node(node.pop("id"), **node)
         for edge in data["edges"]:
             graph.add_edge(edge.pop("source"), edge.pop("target"), key=edge.pop("key"), **edge)
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise UsageError(
-            f"{str(path)!r} is not a graph in node-link JSON, as save_graph(graph, 'x.json') writes it."
+            f"{str(path)!r} is not a graph in node-link JSON, as save_graph(graph, 'x.json') writes it "
+            f"({error})."
         ) from None
     return graph
 

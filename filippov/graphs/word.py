@@ -6,6 +6,7 @@ from collections.abc import Hashable, Mapping, Sequence
 from typing import TypeVar
 
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
 from filippov.solving.solution import Solution
@@ -39,6 +40,7 @@ def periodic_tail(sequence: Sequence[Item]) -> tuple[Item, ...]:
     return tuple(sequence[n - period :])
 
 
+@keywords()
 def mode_word(solution: Solution, names: Mapping[str, str] | None = None) -> str:
     """The modes of one period of the solution's end, separated by blanks; "" where the end is not periodic.
 

@@ -14,6 +14,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
+from filippov.base.keywords import keywords
 from filippov.interop.wiring import Block
 from filippov.model.check import as_expression
 from filippov.model.surface import Surface
@@ -36,6 +37,7 @@ def control_module() -> Any:
     return control
 
 
+@keywords("keyword", error=ModelError)
 def relay(inputs: Any, outputs: Any, amplitude: Any = 1.0, *, width: Any = 0.0, name: str = "relay") -> Any:
     """y = amplitude sgn(u); width: half-width of its hysteresis."""
     a = _positive(amplitude, name, "amplitude")
@@ -46,6 +48,7 @@ def relay(inputs: Any, outputs: Any, amplitude: Any = 1.0, *, width: Any = 0.0, 
     return _static(build, inputs, outputs, name)
 
 
+@keywords("keyword", error=ModelError)
 def saturation(
     inputs: Any, outputs: Any, low: Any = -1.0, high: Any = 1.0, *, name: str = "saturation"
 ) -> Any:
@@ -58,6 +61,7 @@ def saturation(
     )
 
 
+@keywords("keyword", error=ModelError)
 def dead_zone(inputs: Any, outputs: Any, width: Any = 1.0, *, name: str = "dead_zone") -> Any:
     """y = 0 for |u| <= width, beyond it u - width or u + width."""
     w = _positive(width, name, "width")
@@ -66,6 +70,7 @@ def dead_zone(inputs: Any, outputs: Any, width: Any = 1.0, *, name: str = "dead_
     )
 
 
+@keywords("keyword", error=ModelError)
 def quantiser(inputs: Any, outputs: Any, step: Any = 1.0, levels: Any = 8, *, name: str = "quantiser") -> Any:
     """y = the nearest multiple of step, up to `levels` steps to either side; switches at odd half steps."""
     q = _positive(step, name, "step")
@@ -79,6 +84,7 @@ def quantiser(inputs: Any, outputs: Any, step: Any = 1.0, levels: Any = 8, *, na
     return _static(build, inputs, outputs, name)
 
 
+@keywords("keyword", error=ModelError)
 def friction(
     inputs: Any, outputs: Any, coulomb: Any = 1.0, *, static: Any = None, viscous: Any = 0.0,
     name: str = "friction",
@@ -93,6 +99,7 @@ def friction(
     return _static(build, inputs, outputs, name)
 
 
+@keywords("keyword", error=ModelError)
 def backlash(
     inputs: Any, outputs: Any, width: Any = 1.0, *, fastest: Any = 1e3, name: str = "backlash"
 ) -> Any:
@@ -112,6 +119,7 @@ def backlash(
     return _with_state(build, inputs, outputs, name, 1)
 
 
+@keywords("keyword", error=ModelError)
 def sample_and_hold(
     inputs: Any, outputs: Any, period: Any, *, start: Any = 0.0, name: str = "hold"
 ) -> Any:
@@ -124,6 +132,7 @@ def sample_and_hold(
     return _with_state(build, inputs, outputs, name, 1)
 
 
+@keywords("keyword", error=ModelError)
 def sampled(system: Any, inputs: Any, outputs: Any, *, start: Any = 0.0, name: str = "sampled") -> Any:
     """A sampled linear system of python-control with one input and one output, its output held.
 

@@ -12,9 +12,10 @@ from sympy import Expr, Symbol
 from filippov.base.errors import ModelError
 from filippov.base.keywords import keywords
 from filippov.base.names import state_names
+from filippov.base.signature import check_signature
 from filippov.interop.wiring import Block, wired
 from filippov.model.check import as_expression
-from filippov.model.surface import Surface
+from filippov.model.surface import Surface, no_surface
 from filippov.model.symbols import states as state_symbols
 from filippov.model.system import System
 
@@ -49,10 +50,14 @@ def from_statespace(
     if clash := set(names) & set(called):
         raise ModelError(f"{min(clash)!r} is both a state and an output. Rename one: outputs=['z'].")
     u = tuple(sympy.Dummy(f"u{j + 1}", real=True) for j in range(k))
+    for surface in surfaces:
+        if not isinstance(surface, Surface):
+            raise ModelError(no_surface(surface))
     plant = Block(
         "plant", u, tuple(c * sympy.Matrix(x) + d * sympy.Matrix(u)), tuple(x),
         tuple(a * sympy.Matrix(x) + b * sympy.Matrix(u)), tuple(surfaces),
     )  # fmt: skip
+    check_signature(nonlinearity, called, "nonlinearity", "[...], one number an input")
     values = _inputs(nonlinearity(*y), k)
     return wired(
         [plant], dict(zip(u, values, strict=True)), dict(zip(y, plant.outputs, strict=True)),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import io
 import math
+import stat
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -41,7 +42,10 @@ class Archive:
 
     def __init__(self, path: str | Path, max_bytes: int) -> None:
         self.path = Path(path)
-        size = self.path.stat().st_size
+        found = self.path.stat()
+        size = found.st_size
+        if not stat.S_ISREG(found.st_mode):
+            raise self.refuse("is a folder, a pipe or a device, expected a file")
         if size > max_bytes:
             raise self.refuse(
                 f"has {size} bytes, more than max_bytes = {max_bytes}; raise max_bytes if you trust it"

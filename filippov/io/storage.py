@@ -19,6 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.given import Count
+from filippov.base.keywords import keywords
+from filippov.base.read_whole import json_data
 from filippov.base.status import EventKind, Status
 from filippov.base.version import package_version
 from filippov.io.archive import Archive, write_arrays
@@ -64,7 +67,8 @@ def save(solution: Solution, path: str | Path) -> Path:
     return write_arrays(path, arrays)
 
 
-def load(path: str | Path, system: System | None = None, *, max_bytes: int = MAX_BYTES) -> Solution:
+@keywords()
+def load(path: str | Path, system: System | None = None, *, max_bytes: Count = MAX_BYTES) -> Solution:
     """Read a solution written by `save`.
 
     system     what was solved; needed where it has plain functions, else it is rebuilt from the file. A
@@ -207,9 +211,9 @@ def read_header(archive: Archive, kind: str, version: int) -> dict[str, Any]:
     """The header of a file of this format and version; UsageError for another."""
     content = archive.read("header").tobytes()
     try:
-        header = json.loads(content)
-    except (ValueError, RecursionError):
-        raise archive.refuse("has a header that is not JSON") from None
+        header = json_data(content)
+    except ValueError as error:
+        raise archive.refuse(f"has a header that is not JSON ({error})") from None
     if not isinstance(header, dict) or header.get("format") != kind:
         raise archive.refuse(f"is no {kind.removeprefix('filippov ')} written by save(path)")
     if header.get("version") != version:

@@ -15,6 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.given import Count
+from filippov.base.keywords import keywords
 from filippov.base.status import Status
 from filippov.io.archive import Archive, write_arrays
 from filippov.io.storage import (
@@ -81,8 +83,9 @@ def _number(branch: TreeBranch) -> int | None:
     return branch.ambiguity.candidates.index(branch.chosen)
 
 
+@keywords()
 def load_tree(
-    path: str | Path, system: System | None = None, *, max_bytes: int = MAX_BYTES
+    path: str | Path, system: System | None = None, *, max_bytes: Count = MAX_BYTES
 ) -> SolutionTree:
     """Read a tree written by `save_tree`; system and max_bytes as for `filippov.io.storage.load`."""
     with Archive(path, max_bytes) as archive:

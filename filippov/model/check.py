@@ -12,6 +12,7 @@ from sympy.core.numbers import ComplexInfinity, ImaginaryUnit, Infinity, NaN, Ne
 from sympy.logic.boolalg import Boolean
 
 from filippov.base.errors import ModelError
+from filippov.base.given import as_float, shown
 from filippov.base.symbolic_value import single
 from filippov.model.size import Scale
 
@@ -59,11 +60,12 @@ def as_expression(value: object, where: str) -> Expr:
             f"{where}: {value} is a condition, expected an expression. Write Heaviside(u - v) for u > v, "
             "or Piecewise((a, u > v), (b, True))."
         )
-    truth = isinstance(value, (bool, np.bool_))
-    if isinstance(value, numbers.Real) and not truth:
-        return sympy.sympify(value if isinstance(value, numbers.Rational) else float(value))
+    found = as_float(value)
+    if found is not None:
+        exact = isinstance(value, numbers.Rational)
+        return sympy.sympify(value if exact else found)
     raise ModelError(
-        f"{where}: {value!r} ({type(value).__name__}) was given, expected a sympy expression or a real "
+        f"{where}: {shown(value)} ({type(value).__name__}) was given, expected a sympy expression or a real "
         "number." + _cure(value)
     )
 

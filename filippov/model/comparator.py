@@ -18,6 +18,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from filippov.base.errors import ModelError
+from filippov.base.keywords import constructor
 from filippov.base.names import unknown
 from filippov.base.symbolic_value import is_expression
 from filippov.model.parameter import as_number
@@ -55,6 +56,7 @@ class _Checked:
         return value
 
 
+@constructor(error=ModelError)
 @dataclass(frozen=True)
 class Band(_Checked):
     """s = clip(h/width, -1, 1): a saturated line, continuous, with kinks at h = +-width."""
@@ -62,6 +64,7 @@ class Band(_Checked):
     width: Any
 
 
+@constructor(error=ModelError)
 @dataclass(frozen=True)
 class Smooth(_Checked):
     """s = tanh(h/width), or another shape with the slope 1/width at 0: no surface is left.
@@ -78,6 +81,7 @@ class Smooth(_Checked):
             raise ModelError(unknown("shape of Smooth", self.shape, SHAPES))
 
 
+@constructor(error=ModelError)
 @dataclass(frozen=True)
 class Hysteresis(_Checked):
     """s keeps its value +1 or -1 until h = -s width."""
@@ -85,6 +89,7 @@ class Hysteresis(_Checked):
     width: Any
 
 
+@constructor(error=ModelError)
 @dataclass(frozen=True)
 class Switch(_Checked):
     """The Switch model of any sliding surface: ordinary differential equations, chosen by h and its rates.
@@ -112,6 +117,7 @@ class Switch(_Checked):
             raise ModelError(unknown("balance of Switch", self.balance, BALANCES))
 
 
+@constructor(error=ModelError)
 @dataclass(frozen=True)
 class Karnopp(_Checked):
     """Karnopp's model: within |h| <= DV the velocity counts as that of h = 0 everywhere.
@@ -146,7 +152,7 @@ def check_comparator(comparator: object) -> Comparator:
     if isinstance(comparator, tuple(NAMES.values())):
         return comparator  # type: ignore[return-value]  # one of them
     is_class = isinstance(comparator, type)
-    wide = comparator is not Exact and comparator in NAMES.values()
+    wide = is_class and comparator is not Exact and comparator in NAMES.values()
     hint = " Give its width." if wide else " Write Exact()."
     raise ModelError(
         f"comparator is {comparator!r}, expected Exact(), Band(width), Smooth(width), Hysteresis(width), "

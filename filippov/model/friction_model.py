@@ -9,6 +9,7 @@ import sympy
 from sympy import Abs, Dummy, Expr, Symbol, sign
 
 from filippov.base.errors import ModelError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.symbolic_value import is_expression
 from filippov.model.bristles import DAMPED, MODELS, Part
@@ -19,6 +20,7 @@ from filippov.model.symbols import states, t
 from filippov.model.system import System
 
 
+@keywords("keyword", error=ModelError)
 def with_friction_model(
     system: System, model: str, width: Any, *, surface: str | None = None, tau: Any = None,
     lag: Any = None, dwell: Any = None,

@@ -12,6 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import ModelError
+from filippov.base.given import as_float, shown
+from filippov.base.keywords import constructor
 from filippov.base.names import check_name, unknown
 from filippov.base.quantity import is_quantity, plain
 from filippov.base.symbolic_value import is_expression, is_symbol
@@ -19,22 +21,14 @@ from filippov.base.symbolic_value import is_expression, is_symbol
 
 def as_number(value: object, what: str) -> float:
     """Return `value` as a finite float; raise ModelError for text, booleans, complex numbers, NaN and inf."""
-    number: float
-    if isinstance(value, float) and math.isfinite(value):
-        return float(value)
-    if isinstance(value, np.ndarray) and value.ndim == 0:
-        value = value.item()
-    if isinstance(value, (bool, np.bool_)):
-        raise ModelError(f"{what} is {value!r}, expected a number. Write 1.0 or 0.0.")
-    if isinstance(value, numbers.Real) or is_expression(value):
-        try:
-            number = float(value)
-        except (TypeError, ValueError, OverflowError):
-            raise ModelError(f"{what} is {value!s}, expected a finite real number.") from None
-    else:
-        raise ModelError(
-            f"{what} is {value!r} ({type(value).__name__}), expected a real number. {_cure(value)}"
-        )
+    number = as_float(value)
+    if number is None:
+        if isinstance(value, (bool, np.bool_)):
+            raise ModelError(f"{what} is {value!r}, expected a number. Write 1.0 or 0.0.")
+        if isinstance(value, numbers.Real) or is_expression(value):
+            raise ModelError(f"{what} is {value!s}, expected a finite real number.")
+        kind = type(value).__name__
+        raise ModelError(f"{what} is {shown(value)} ({kind}), expected a real number. {_cure(value)}")
     if not math.isfinite(number):
         raise ModelError(f"{what} is {number}, expected a finite number.")
     return number
@@ -48,6 +42,7 @@ def _cure(value: object) -> str:
     return "Convert text and quantities with units to a float first."
 
 
+@constructor(error=ModelError, own=("default", "lower", "upper"))
 @dataclass(frozen=True)
 class Parameter:
     """A number of the model: default, unit, closed bounds [lower, upper] and a description."""
@@ -65,10 +60,11 @@ class Parameter:
         object.__setattr__(self, "default", as_number(self.default, "the default of a parameter"))
         for side in ("lower", "upper"):
             bound = getattr(self, side)
-            if bound is not None and not (isinstance(bound, numbers.Real) and math.isinf(float(bound))):
+            endless = as_float(bound)
+            if bound is not None and (endless is None or not math.isinf(endless)):
                 object.__setattr__(self, side, as_number(bound, f"the bound {side!r} of a parameter"))
-            elif bound is not None:
-                outward = float(bound) < 0 if side == "lower" else float(bound) > 0
+            elif endless is not None:
+                outward = endless < 0 if side == "lower" else endless > 0
                 if not outward:
                     raise ModelError(f"the bound {side!r} of a parameter is {bound}, which admits no value.")
                 object.__setattr__(self, side, None)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 from filippov.base.errors import ModelError
-from filippov.base.keywords import keywords
+from filippov.base.keywords import constructor
 from filippov.base.symbolic_value import is_condition, is_expression, single
 from filippov.model.parameter import as_number
 
@@ -30,6 +30,7 @@ class Role(NamedTuple):
     contact: bool
 
 
+@constructor(error=ModelError, own=("name",))
 @dataclass(frozen=True)
 class Surface:
     """The surface h = 0 with sign s = sgn(h), and s in [lo, hi] at h = 0 (`radius` r means [-r, r]).
@@ -115,8 +116,6 @@ class Surface:
     def _check_reset(self, where: str) -> None:
         if self.side not in get_args(Side):
             raise ModelError(f"{where}: side is {self.side!r}, expected '+', '-' or 'both'.")
-        if self.contact not in (None, True, False):
-            raise ModelError(f"{where}: contact is {self.contact!r}, expected True, False or None.")
         if self.reset is None:
             if self.kind == "reset" or self.contact:
                 what = "kind 'reset'" if self.kind == "reset" else "contact=True"
@@ -150,7 +149,6 @@ class Surface:
         return any(not isinstance(b, float) or not math.isclose(abs(b), 1.0) for b in self.radius)
 
 
-Surface.__init__ = keywords("keyword", error=ModelError)(Surface.__init__)  # type: ignore[method-assign]
 
 
 def no_surface(given: object) -> str:

@@ -16,6 +16,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.base.errors import UsageError
+from filippov.base.given import several
 from filippov.model.parameter_symbol import ParameterSymbol
 from filippov.model.signals.samples import Samples
 from filippov.model.size import expanded
@@ -165,11 +166,11 @@ class SymbolicForm:
 
     def signs(self, mode: Sequence[int] | str) -> tuple[int, ...]:
         """Return a mode, given as integers or as text such as "+0-", as a tuple of +1, 0, -1."""
-        given: Sequence[Any] = mode
+        given: Sequence[Any] = () if isinstance(mode, str) else several("mode", mode)
         if isinstance(mode, str):
             table = {"+": 1, "-": -1, "0": 0}
             given = [table.get(c, c) for c in mode]
-        if len(given) != len(self.s) or any(m not in (-1, 0, 1) for m in given):
+        if len(given) != len(self.s) or any(isinstance(m, bool) or m not in (-1, 0, 1) for m in given):
             raise UsageError(
                 f"mode {mode!r} does not fit: expected {len(self.s)} entries, each one of +1, 0, -1 "
                 "(in text: '+', '0', '-')."

@@ -23,6 +23,8 @@ from sympy import (
     tanh,
 )
 
+from filippov.base.errors import ModelError
+from filippov.base.keywords import keywords
 from filippov.base.names import state_names
 from filippov.model.numpy_functions import install
 from filippov.model.one_state import OneState
@@ -53,7 +55,15 @@ install()
 t = Symbol("t", real=True)
 
 
+@keywords("keyword", error=ModelError, own=("names",))
 def states(names: str | Sequence[str]) -> tuple[Symbol, ...]:
     """Return one real symbol per name: x, v = states("x v"), and (x,) = states("x") or x = states("x")."""
     made = tuple(Symbol(name, real=True) for name in state_names(names))
     return OneState(made) if len(made) == 1 else made
+
+
+def states_of(given: object) -> tuple[Symbol, ...]:
+    """The symbols of states that are given as such or by their names; ModelError for anything else."""
+    if isinstance(given, list | tuple) and given and all(isinstance(x, Symbol) for x in given):
+        return tuple(given)
+    return tuple(states(given))  # type: ignore[arg-type]  # what names no states is refused there

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from filippov.base.answers import ANSWERS, ELSEWHERE
 from filippov.base.delegates import delegate
 from filippov.base.errors import ModelError
+from filippov.base.given import several
 from filippov.base.keywords import keywords
 from filippov.base.names import closest, no_attribute, state_names
 from filippov.base.signature import check_signature
@@ -89,7 +90,7 @@ class System:
     _packed: bytes | None
     _whole: Callable[[], System] | None
 
-    @keywords("keyword", answers=ANSWERS, error=ModelError)
+    @keywords("keyword", answers=ANSWERS, error=ModelError, own=("equations", "surfaces", "time_events"))
     def __init__(
         self,
         equations: Mapping[Symbol, object] | None = None,
@@ -109,10 +110,8 @@ class System:
                 "a System is made from equations, System({x: ..., v: ...}), or from a function, "
                 f"System(field=f, ...): {'neither was' if field is None else 'both were'} given."
             )
-        if isinstance(surfaces, Surface):
-            surfaces = (surfaces,)
-        if compile not in (None, True, False):
-            raise ModelError(f"compile is {compile!r}, expected True, False or None.")
+        given: Any = surfaces
+        surfaces = (given,) if isinstance(given, Surface) else tuple(several("surfaces", given, ModelError))
         if equations is not None:
             from filippov.model.assemble import assemble
             from filippov.model.equations import read_equations, read_namespace
@@ -123,7 +122,7 @@ class System:
             checked = read_equations(equations, states)
             named = _outputs(outputs, [x.name for x in checked], True)
             form, found = assemble(
-                checked, tuple(surfaces), read_namespace(parameters), time_events=clocks,
+                checked, surfaces, read_namespace(parameters), time_events=clocks,
                 outputs=tuple(named.values()),
             )  # fmt: skip
             self._set_symbolic(form, found, clocks)
@@ -134,6 +133,7 @@ class System:
         self._name(named, labels)
 
     @classmethod
+    @keywords("keyword", error=ModelError)
     def from_modes(
         cls,
         h: Sequence[Expr | Surface],
@@ -154,8 +154,9 @@ class System:
         """
         from filippov.model.assemble import assemble
         from filippov.model.equations import by_mode, read_equations, read_modes, read_namespace
+        from filippov.model.symbols import states_of
 
-        symbols = tuple(states)
+        symbols = states_of(states)
         surfaces = [g if isinstance(g, Surface) else Surface(str(g), g) for g in h]
         for surface in surfaces:
             if not surface.symbolic:
@@ -335,6 +336,7 @@ class System:
             f"unknown surface {name!r}; {hint + ' ' if hint else ''}known: {', '.join(names) or '(none)'}"
         )
 
+    @keywords("keyword", error=ModelError)
     def state_index(self, name: str | Symbol) -> int:
         """Return the place of a state given by name or symbol; ModelError with a suggestion if unknown."""
         key = getattr(single(name), "name", name)
@@ -345,6 +347,7 @@ class System:
             f"unknown state {key!r}; {hint + ' ' if hint else ''}known: {', '.join(self.states)}"
         )
 
+    @keywords("keyword", error=ModelError)
     def jacobian(self, mode: Sequence[int] | str) -> sympy.Matrix:
         """df/dx in a mode as a sympy matrix (n, n); ModelError for a system of plain functions."""
         if self.symbolic is None:
@@ -353,6 +356,7 @@ class System:
             )
         return self.symbolic.jacobian(mode)
 
+    @keywords("keyword", error=ModelError)
     def with_comparator(self, comparator: Comparator | PerSurface | Mapping[str, Comparator]) -> System:
         """Return the system with another comparator in place of Sgn on its switching surfaces.
 
@@ -401,6 +405,7 @@ class System:
         system._set(**kept, surfaces=surfaces, symbolic=form, field=None)
         return system
 
+    @keywords("keyword", error=ModelError)
     def with_inputs(self, signals: Mapping[str, Any]) -> System:
         """The system with signals in place of parameters, or other signals in that of inputs, by name.
 
@@ -415,6 +420,7 @@ class System:
         made: System = with_inputs(self, signals)
         return made
 
+    @keywords("keyword", error=ModelError)
     def export(
         self, path: str | Path, to: str | None = None, *, parameters: Mapping[str, float] | None = None,
         x0: Any = None, t_span: Sequence[float] | None = None,

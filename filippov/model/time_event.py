@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import ModelError
-from filippov.base.keywords import keywords
+from filippov.base.given import several
+from filippov.base.keywords import constructor
 from filippov.base.symbolic_value import is_expression
 from filippov.model.parameter import as_number
 from filippov.model.surface import Surface, reset_pairs
@@ -26,6 +27,7 @@ _ANSWERS = {
 Instant = Any
 
 
+@constructor(answers=_ANSWERS, error=ModelError, own=("name",))
 @dataclass(frozen=True)
 class TimeEvent:
     """Instants t = start + k period, k = 0, 1, 2, ..., or `times`: exact to the last bit.
@@ -112,10 +114,6 @@ class TimeEvent:
         return self.checked(out)
 
 
-TimeEvent.__init__ = keywords("keyword", answers=_ANSWERS, error=ModelError)(  # type: ignore[method-assign]
-    TimeEvent.__init__
-)
-
 
 def _instant(value: Any, where: str) -> float | Expr | Callable[..., float]:
     if is_expression(value) and not value.is_number:
@@ -127,7 +125,8 @@ def _instant(value: Any, where: str) -> float | Expr | Callable[..., float]:
 
 def read_clocks(time_events: Any, symbolic: bool) -> tuple[TimeEvent, ...]:
     """Return time events that fit the system."""
-    items = (time_events,) if isinstance(time_events, TimeEvent) else tuple(time_events)
+    one = isinstance(time_events, TimeEvent)
+    items = (time_events,) if one else tuple(several("time_events", time_events, ModelError))
     for item in items:
         if not isinstance(item, TimeEvent):
             raise ModelError(

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 
 from filippov.base.errors import UsageError
+from filippov.base.keywords import constructor
 from filippov.base.signature import check_signature
 from filippov.base.symbolic_value import is_expression, single
 from filippov.model.surface import Surface
 
 
+@constructor()
 @dataclass(frozen=True)
 class UserEvent:
     """A root of g(t, y): every one is found, each once.

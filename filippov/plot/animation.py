@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, Positive
+from filippov.base.keywords import keywords
 from filippov.plot.solution import plot_phase, plot_solution
 from filippov.plot.style import INK, new_figure, style
 from filippov.solving.reading import evaluate
@@ -18,13 +20,14 @@ from filippov.solving.solution import Solution
 MOST_FRAMES = 2000
 
 
+@keywords()
 def animate(
     solution: Solution,
     path: str | Path,
     states: Sequence[str] | str | None = None,
     *,
-    seconds: float = 6.0,
-    frames: int = 90,
+    seconds: Positive = 6.0,
+    frames: Count = 90,
     labels: Mapping[str, str] | None = None,
     title: str = "",
 ) -> Path:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from filippov.base.keywords import keywords
 from filippov.plot.style import (
     BLUE,
     GREEN,
@@ -31,6 +32,7 @@ OTHERS = {
 }  # fmt: skip
 
 
+@keywords()
 def plot_attractors(result: Any, *, title: str = "", figure: Figure | None = None) -> Figure:
     """Colour of the attractor for every initial state of the plane, and the attractors in it.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import check_known
 from filippov.plot.place import label_beside
 from filippov.plot.style import GREEN, INK, ORANGE, PURPLE, RED, SERIES, SKY, new_figure, style
@@ -29,6 +30,7 @@ _MEETINGS = (
 )  # fmt: skip
 
 
+@keywords()
 def plot_branches(
     branches: Sequence[Any],
     *,

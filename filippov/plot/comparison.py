@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import check_known
 from filippov.plot.style import GREY, INK, SERIES, new_figure, style
 
@@ -23,6 +24,7 @@ _MARKS = "osD^v<>P"
 _PANELS = (("error_P", "error of P(d)"), ("drift", "drift during stick"), ("field_calls", "field calls"))
 
 
+@keywords()
 def plot_comparison(
     comparison: Any, *, labels: Mapping[str, str] | None = None, title: str = "", figure: Figure | None = None
 ) -> Figure:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from filippov.base.errors import UsageError
 from filippov.base.escape import figure_text
+from filippov.base.keywords import keywords
 from filippov.base.names import check_known
 from filippov.plot.style import BLUE, GREY, INK, PALE, RED, column, new_figure, style
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@keywords()
 def plot_describing_function(
     prediction: Any,
     *,

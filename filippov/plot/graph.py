@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from filippov.base.errors import UsageError
 from filippov.base.escape import figure_text
+from filippov.base.keywords import keywords
 from filippov.base.status import EventKind
 from filippov.graphs.graph_io import node_label
 from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, RED, new_figure, style
@@ -29,6 +30,7 @@ MOST_GUARDS = 24
 MARGIN = 0.95
 
 
+@keywords()
 def plot_graph(
     graph: nx.MultiDiGraph,
     *,

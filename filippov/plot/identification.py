@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.base.keywords import keywords
 from filippov.plot.style import BLUE, GREY, INK, PALE, RED, new_figure, style
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ DRAWS, SEED = 200, 20
 Force = Callable[[Array, dict[str, float]], Array]
 
 
+@keywords()
 def plot_identification(
     result: Any,
     force: Force,

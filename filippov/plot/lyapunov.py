@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from filippov.base.keywords import keywords
 from filippov.plot.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, style
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 COLORS = (BLUE, ORANGE, GREEN, PURPLE, RED)
 
 
+@keywords()
 def plot_lyapunov(result: Any, *, title: str = "", figure: Figure | None = None) -> Figure:
     """The estimate of every exponent over the time that it rests on; those of minus infinity are left out.
 
@@ -35,6 +37,7 @@ def plot_lyapunov(result: Any, *, title: str = "", figure: Figure | None = None)
     return drawn
 
 
+@keywords()
 def plot_brute_force(
     result: Any, *, labels: Mapping[str, str] | None = None, title: str = "", figure: Figure | None = None
 ) -> Figure:

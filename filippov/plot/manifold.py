@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.plot.style import BLUE, INK, RED, axis_label, new_figure, style
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 COLORS = {"unstable": RED, "stable": BLUE}
 
 
+@keywords()
 def plot_manifold(
     results: Any, *, names: Sequence[str] | None = None, title: str = "", figure: Figure | None = None
 ) -> Figure:

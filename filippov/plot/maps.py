@@ -13,6 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import UsageError
+from filippov.base.given import Count
+from filippov.base.keywords import keywords
 from filippov.base.names import check_known
 from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, RED, new_figure, style
 
@@ -25,12 +27,13 @@ SMALL = 0.025
 _BOUNDS = (RED, PURPLE, ORANGE, GREEN)
 
 
+@keywords()
 def plot_event_map(
     event_map: Any,
     lo: float,
     hi: float,
     *,
-    points: int = 400,
+    points: Count = 400,
     samples: tuple[Any, Any] | None = None,
     fixed: Iterable[Any] = (),
     orbit: Any = None,
@@ -63,6 +66,7 @@ def plot_event_map(
     return drawn
 
 
+@keywords()
 def plot_returns(
     d: Any, image: Any, *, fixed: Iterable[Any] = (), labels: Mapping[str, str] | None = None,
     title: str = "", figure: Figure | None = None,
@@ -92,14 +96,15 @@ def plot_returns(
     return drawn
 
 
+@keywords()
 def plot_iterates(
     event_map: Any,
     start: float,
-    n: int = 30,
+    n: Count = 30,
     *,
     lo: float | None = None,
     hi: float | None = None,
-    points: int = 400,
+    points: Count = 400,
     fixed: Iterable[Any] = (),
     labels: Mapping[str, str] | None = None,
     title: str = "",
@@ -110,8 +115,6 @@ def plot_iterates(
     event_map  as in `plot_event_map`, with iterate(d, n)
     """
     text = _labels(labels, {"d": "d", "P": "P(d)", "map": "P(d)"})
-    if n < 1:
-        raise UsageError(f"n is {n!r}, expected at least 1 iterate.")
     orbit = np.asarray(event_map.iterate(start, n), dtype=float)
     known = orbit[np.isfinite(orbit)]
     margin = 0.08 * (float(np.ptp(known)) or abs(start) or 1.0)
@@ -132,6 +135,7 @@ def plot_iterates(
     return drawn
 
 
+@keywords()
 def plot_diagram(
     diagram: Any,
     *,

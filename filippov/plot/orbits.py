@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import check_known, unknown
 from filippov.base.status import mode_text
 from filippov.plot.style import BLUE, GREY, INK, MARKS, ORANGE, axis_label, new_figure, style
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@keywords()
 def plot_orbit(
     orbit: Any,
     *,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import check_known
 from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, RED, SKY, new_figure, style
 
@@ -23,6 +24,7 @@ BASINS = (SKY, ORANGE, GREEN, PURPLE, BLUE, RED)
 LINES = (INK, RED, PURPLE, GREEN)
 
 
+@keywords()
 def plot_regions(
     result: Any, *, labels: Mapping[str, str] | None = None, title: str = "", figure: Figure | None = None
 ) -> Figure:
@@ -93,6 +95,7 @@ def _kinds(result: Any) -> tuple[Any, list[str], list[str], list[str]]:
     return kinds, names, colors, hatches
 
 
+@keywords()
 def plot_basin(
     result: Any, *, labels: Mapping[str, str] | None = None, title: str = "", figure: Figure | None = None
 ) -> Figure:

@@ -15,6 +15,8 @@ import numpy.typing as npt
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.escape import figure_text
+from filippov.base.given import Count
+from filippov.base.keywords import keywords
 from filippov.base.names import check_known
 from filippov.plot.graph import plot_graph
 from filippov.plot.pieces import output_pieces, pieces_of
@@ -47,6 +49,7 @@ MOST_PANELS = 12
 MOST_SETS = 6
 
 
+@keywords()
 def plot_solution(
     solution: Solution,
     states: Sequence[str] | str | None = None,
@@ -54,7 +57,7 @@ def plot_solution(
     multiplier: str | None = None,
     labels: Mapping[str, str] | None = None,
     events: bool = True,
-    points: int = 2000,
+    points: Count = 2000,
     title: str = "",
     figure: Figure | None = None,
 ) -> Figure:
@@ -111,6 +114,7 @@ def plot_solution(
     return drawn
 
 
+@keywords()
 def plot_phase(
     solution: Solution,
     x: str | None = None,
@@ -119,7 +123,7 @@ def plot_phase(
     equilibrium: Any = None,
     labels: Mapping[str, str] | None = None,
     events: bool = True,
-    points: int = 4000,
+    points: Count = 4000,
     title: str = "",
     figure: Figure | None = None,
 ) -> Figure:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from filippov.base.keywords import keywords
 from filippov.plot.style import GREY, INK, SERIES, new_figure, style
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ _MARKS = "osD^v<>P"
 SAMPLES = 1500
 
 
+@keywords()
 def plot_solution_comparison(
     comparison: Any, *, state: Any = 0, title: str = "", quantity: str = "error_state",
     figure: Figure | None = None,

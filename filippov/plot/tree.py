@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.base.errors import UsageError
+from filippov.base.given import Count
+from filippov.base.keywords import keywords
 from filippov.base.names import check_known
 from filippov.base.status import Status
 from filippov.plot.style import BLUE, GREY, INK, RED, SLIDING, axis_label, column, new_figure, style
@@ -20,12 +22,13 @@ if TYPE_CHECKING:
 MOST_LABELS = 40
 
 
+@keywords()
 def plot_branches(
     tree: SolutionTree,
     states: Sequence[str] | str | None = None,
     *,
     labels: Mapping[str, str] | None = None,
-    points: int = 400,
+    points: Count = 400,
     title: str = "",
     figure: Figure | None = None,
 ) -> Figure:
@@ -98,6 +101,7 @@ def _mark_points(ax: Any, tree: SolutionTree, i: int) -> None:
             ax.plot(t, x, mark, color=colour, markersize=5, markeredgewidth=0, zorder=5, label=label)
 
 
+@keywords()
 def plot_tree(tree: SolutionTree, *, title: str = "", figure: Figure | None = None) -> Figure:
     """The tree itself: a line per branch over its time, its modes above it, joined where branches part.
 

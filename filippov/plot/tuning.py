@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import check_known
 from filippov.plot.style import INK, ORANGE, new_figure, style
 
@@ -18,6 +19,7 @@ GROWING = "#f3d9c4"
 LEVELS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
+@keywords()
 def plot_gain_maps(
     maps: Sequence[Any],
     *,

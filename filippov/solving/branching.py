@@ -13,16 +13,18 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import UsageError
+from filippov.base.given import check_count, number_array, whole
 from filippov.base.status import Status
 from filippov.solving.loop import BranchStart, Followed, follow
 from filippov.solving.selection.ambiguity import ambiguity_at
 from filippov.solving.selection.modes import Successor
 from filippov.solving.solution import Array
 from filippov.solving.solution_tree import SolutionTree, TreeBranch
-from filippov.solving.state.options import Options, check_count, number_array
+from filippov.solving.state.options import Options
 from filippov.solving.state.problem import Problem
 
 MAX_BRANCHES, MAX_DEPTH = 64, 8
+MOST_RELEASES = 100_000
 
 
 def branch(
@@ -60,7 +62,7 @@ def _releases(given: Any, problem: Problem) -> int | Array:
     if given is None:
         return np.zeros(0)
     if isinstance(given, int) and not isinstance(given, bool):
-        return check_count("release_times", given)
+        return whole("release_times", given, 1, most=MOST_RELEASES)
     times = np.unique(number_array("release_times", given))
     low, high = sorted(problem.t_span)
     if times.ndim != 1 or not np.all((times >= low) & (times <= high)):

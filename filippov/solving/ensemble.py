@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.failure import failure
+from filippov.base.given import Count, Positive, number_array, shown
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known, unknown
 from filippov.base.quantity import is_quantity, plain
@@ -111,6 +112,7 @@ class Ensemble:
         """Which trajectories did what they were asked to do."""
         return np.array([status.ok for status in self.status])
 
+    @keywords()
     def events(self, surface: str | None = None, kind: str | None = None) -> npt.NDArray[np.int64]:
         """Number of events of each trajectory, (k,): on one surface, of one kind (as in `Stop`), or all.
 
@@ -136,7 +138,7 @@ class Ensemble:
             raise UsageError(str(error)) from None
 
 
-@keywords(same=SAME_AS, answers=ANSWERS | ENDS_ONLY)
+@keywords(same=SAME_AS, answers=ANSWERS | ENDS_ONLY, own=("method",))
 def solve_many(
     system: System,
     x0: Any,
@@ -144,18 +146,18 @@ def solve_many(
     *,
     parameters: Mapping[str, Any] | None = None,
     stop: Stops = (),
-    threads: int | None = None,
+    threads: Count | None = None,
     lanes: int | None = None,
     measure: Callable[[Ensemble], Any] | None = None,
     progress: Callable[[int, int], object] | None = None,
     backward: bool = False,
     method: MethodName | str = "DOP853",
-    rtol: float = Options.rtol,
+    rtol: Positive = Options.rtol,
     atol: Tolerance | None = None,
-    first_step: float | None = None,
-    max_step: float = math.inf,
-    max_steps: int = Options.max_steps,
-    max_events: int = Options.max_events,
+    first_step: Positive | None = None,
+    max_step: Positive = math.inf,
+    max_steps: Count = Options.max_steps,
+    max_events: Count = Options.max_events,
     nonunique: Policy = "raise",
     zeno: OnZeno = "stop",
     simultaneous: Together = "raise",
@@ -338,7 +340,7 @@ def _lanes(lanes: int | None, machine: Machine, method: str, count: int) -> int:
 def _points(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Array, Array]:
     if is_quantity(x0):
         raise UsageError("x0 is a quantity with a unit, expected numbers in the units of the states.")
-    states = np.array(x0, dtype=float, ndmin=2)
+    states = np.atleast_2d(number_array("x0", x0))
     if states.ndim != 2 or states.shape[1] != system.dimension:
         raise UsageError(
             f"x0 has shape {np.shape(x0)}, expected (k, {system.dimension}) "
@@ -354,7 +356,9 @@ def _points(system: System, x0: Any, parameters: Mapping[str, Any]) -> tuple[Arr
     single, columns = dict(given), {}
     for name, value in given.items():
         if not isinstance(value, float) and np.ndim(value) != 0:
-            columns[name] = np.asarray(single.pop(name), dtype=float)
+            columns[name] = number_array(f"parameter {name!r}", single.pop(name))
+            if columns[name].ndim != 1 or not columns[name].size:
+                raise UsageError(f"parameter {name!r} is {shown(value)}, expected a number or k numbers.")
     lengths = {len(column) for column in columns.values()} | {len(states)}
     count = max(lengths)
     if not lengths <= {1, count}:

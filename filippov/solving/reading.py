@@ -11,7 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.given import number_array
 from filippov.base.names import unknown
+from filippov.base.signature import check_signature
 from filippov.base.symbolic_value import is_expression, single
 from filippov.model.system import System
 from filippov.solving.selection.candidate import sliding_solutions
@@ -37,9 +39,9 @@ def series(solution: Solution, name: Any) -> Array:
             "solution.y[i] for the state number i."
         )
     key = getattr(name, "name", name)
-    if key == "t":
+    if isinstance(key, str) and key == "t":
         return solution.t
-    if key in solution.system.states:
+    if isinstance(key, str) and key in solution.system.states:
         return np.asarray(solution.y[solution.system.states.index(key)])
     named = (*solution.system.outputs, *(samples.name for samples in solution.system.inputs))
     if isinstance(key, str) and key not in named and key.isidentifier():
@@ -68,7 +70,7 @@ def evaluate(solution: Solution, what: Any, t: Any = None, side: str = "-") -> A
         return series(solution, what)
     if solution.sol is None:
         raise UsageError("evaluate needs the dense output; solve without dense_output=False.")
-    times = np.atleast_1d(np.asarray(t, dtype=float))
+    times = np.atleast_1d(number_array("t", t))
     flat = times.ravel()
     x = solution.sol(flat, side=side).reshape(len(solution.problem.x0), flat.size)
     out = values(solution, what, flat, x, _modes(solution, flat, side), side)
@@ -88,10 +90,10 @@ def multiplier(solution: Solution, surface: str, t: Any = None) -> Any:
     if solution.sol is None:
         raise UsageError("the multiplier needs the dense output; solve without dense_output=False.")
     t = solution.t if t is None else t
-    times = np.atleast_1d(np.asarray(t, dtype=float))
+    times = np.atleast_1d(number_array("t", t)).ravel()
     states = solution.sol(times).reshape(len(solution.problem.x0), times.size)
     out = _signs(solution, times, states, _modes(solution, times, "-"), [i])[:, i] * sense
-    return out if np.ndim(t) else out[0]
+    return out.reshape(np.shape(t)) if np.ndim(t) else out[0]
 
 
 def values(
@@ -103,6 +105,7 @@ def values(
         return np.array(x[system.states.index(what)])
     what = system.outputs.get(what, what) if isinstance(what, str) else what
     if callable(what) and not is_expression(what):
+        check_signature(what, ("t", "x", "p", "s"), "the function", "a number", UsageError)
         every = [i for i, surface in enumerate(system.surfaces) if surface.kind == "switching"]
         signs = _signs(solution, t, x, modes, every, side)
         record = system.parameters.record(solution.problem.p)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.status import mode_text
 from filippov.solving.state.events import Mode
@@ -61,6 +62,7 @@ class Segments(tuple[Segment, ...]):  # noqa: SLOT001  # each has the names of i
         """The length of each in time."""
         return np.array([segment.dwell for segment in self], dtype=float)
 
+    @keywords()
     def of(self, mode: str, surface: str | None = None) -> Segments:
         """Those of one mode.
 

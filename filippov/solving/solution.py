@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from filippov.base.delegates import delegate
 from filippov.base.errors import UsageError
+from filippov.base.given import Count, Positive
 from filippov.base.keywords import keywords
 from filippov.base.names import no_attribute
 from filippov.base.status import EventKind, Status, mode_text
@@ -234,6 +235,7 @@ class Solution:
         system = self.system
         return range(len(system.roles) + len(system.time_events) + len(self.user_events))
 
+    @keywords()
     def mode_at(self, t: float, side: str = "-") -> Mode:
         """The mode at a time; at an event the one before it for "-", after it for "+"."""
         low, high = sorted((self.problem.t_span[0], self.t_end))
@@ -250,10 +252,12 @@ class Solution:
         found: Array = delegate("Solution.__getitem__")(self, name)
         return found
 
+    @keywords()
     def evaluate(self, what: Any, t: Any = None, side: str = "-") -> Any:
         """The value of an expression or output at times, else at `t` (see `filippov.solving.reading`)."""
         return delegate("Solution.evaluate")(self, what, t, side)
 
+    @keywords()
     def multiplier(self, surface: str, t: Any = None) -> Any:
         """Value of a surface's sign at times, or at `t`: +-1, Filippov's multiplier while sliding.
 
@@ -277,7 +281,7 @@ class Solution:
     @keywords(answers=_OTHER_PLOTS)
     def plot(
         self, states: Sequence[str] | str | None = None, *, multiplier: str | None = None,
-        labels: Mapping[str, str] | None = None, events: bool = True, points: int = 2000, title: str = "",
+        labels: Mapping[str, str] | None = None, events: bool = True, points: Count = 2000, title: str = "",
         figure: Figure | None = None,
     ) -> Figure:  # fmt: skip
         """Time response of states and outputs, sliding phases marked (see `filippov.plot.solution`)."""
@@ -287,9 +291,10 @@ class Solution:
         )  # fmt: skip
         return drawn
 
+    @keywords()
     def animate(
-        self, path: str | Path, states: Sequence[str] | str | None = None, *, seconds: float = 6.0,
-        frames: int = 90, labels: Mapping[str, str] | None = None, title: str = "",
+        self, path: str | Path, states: Sequence[str] | str | None = None, *, seconds: Positive = 6.0,
+        frames: Count = 90, labels: Mapping[str, str] | None = None, title: str = "",
     ) -> Path:  # fmt: skip
         """Write the solution as a film, .gif or .mp4 (see `filippov.plot.animation`)."""
         written: Path = delegate("Solution.animate")(
@@ -297,12 +302,14 @@ class Solution:
         )
         return written
 
+    @keywords()
     def save(self, path: str | Path) -> Path:
         """Write the solution to a file; it appears complete or not at all (see `filippov.io.storage`)."""
         written: Path = delegate("Solution.save")(self, path)
         return written
 
     @classmethod
+    @keywords()
     def load(cls, path: str | Path, system: System | None = None) -> Solution:
         """Read what `save` wrote; a system of plain functions has to be given again."""
         loaded: Solution = delegate("Solution.load")(path, system)

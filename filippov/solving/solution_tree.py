@@ -16,6 +16,7 @@ import numpy as np
 
 from filippov.base.delegates import delegate
 from filippov.base.errors import UsageError
+from filippov.base.keywords import keywords
 from filippov.base.status import Status, mode_text
 from filippov.solving.segments import Segment
 from filippov.solving.selection.ambiguity import Ambiguity
@@ -133,6 +134,7 @@ class Path:
         """Modes of the segments, as text."""
         return tuple(mode_text(segment.mode) for segment in self.segments)
 
+    @keywords()
     def sol(self, t: Any, side: str = "-") -> Array:
         """States at the times, shape (n,) or (n, k); UsageError outside the span of the path."""
         times = np.atleast_1d(np.asarray(t, dtype=float))
@@ -216,10 +218,12 @@ class SolutionTree:
         """The branches without children."""
         return tuple(branch for branch in self.branches if not branch.children)
 
+    @keywords()
     def children(self, branch: TreeBranch) -> tuple[TreeBranch, ...]:
         """The branches that continue this one."""
         return tuple(self.branches[number] for number in branch.children)
 
+    @keywords()
     def path(self, leaf: TreeBranch | int) -> Path:
         """The whole solution that ends with a branch."""
         branch: TreeBranch | None = self.branches[leaf] if isinstance(leaf, int) else leaf
@@ -233,6 +237,7 @@ class SolutionTree:
         """One whole solution per leaf."""
         return tuple(self.path(leaf) for leaf in self.leaves())
 
+    @keywords()
     def reachable(self, t: float) -> Reachable:
         """The states of all branches at a time; UsageError where no branch covers it."""
         rows, numbers = [], []
@@ -273,12 +278,14 @@ class SolutionTree:
         """The tree itself: branches by time, with their modes (see `filippov.plot.tree`)."""
         return delegate("SolutionTree.plot_tree")(self, **options)
 
+    @keywords()
     def save(self, path: str | FilePath) -> FilePath:
         """Write the tree to one file; it appears complete or not at all (see `filippov.io.tree_storage`)."""
         written: FilePath = delegate("SolutionTree.save")(self, path)
         return written
 
     @classmethod
+    @keywords()
     def load(cls, path: str | FilePath, system: System | None = None) -> SolutionTree:
         """Read what `save` wrote; a system of plain functions has to be given again."""
         loaded: SolutionTree = delegate("SolutionTree.load")(path, system)

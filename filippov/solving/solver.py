@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Literal, Unpack, overload
 
 from filippov.base.errors import NonUniqueError, SolveError, UsageError
+from filippov.base.given import Count, Positive
 from filippov.base.keywords import keywords
 from filippov.base.status import Status
 from filippov.kernel.codegen.interpreted import using
@@ -75,7 +76,7 @@ def solve(
     backward: bool = ...,
     **options: Unpack[RunOptions],
 ) -> Solution: ...
-@keywords(same=SAME_AS, answers=ANSWERS)
+@keywords(same=SAME_AS, answers=ANSWERS, own=("system", "method"))
 def solve(
     system: System | Problem,
     x0: Any = None,
@@ -88,16 +89,16 @@ def solve(
     progress: Callable[[float, float], None] | None = None,
     backward: bool = False,
     method: MethodName | str = "DOP853",
-    rtol: float = Options.rtol,
+    rtol: Positive = Options.rtol,
     atol: Tolerance | None = None,
-    first_step: float | None = None,
-    max_step: float = math.inf,
-    max_steps: int = Options.max_steps,
-    max_events: int = Options.max_events,
-    max_time: float = math.inf,
+    first_step: Positive | None = None,
+    max_step: Positive = math.inf,
+    max_steps: Count = Options.max_steps,
+    max_events: Count = Options.max_events,
+    max_time: Positive = math.inf,
     nonunique: Policy | Literal["branch"] = "raise",
-    max_branches: int | None = None,
-    max_depth: int | None = None,
+    max_branches: Count | None = None,
+    max_depth: Count | None = None,
     release_times: Any = None,
     on_graze: OnGraze = "continue",
     zeno: OnZeno = "stop",
@@ -160,7 +161,7 @@ def solve(
     and Dieci & Lopez 2012; see the page on the event loop.
     """
     options = given_options(locals())
-    if method == STEPPING:
+    if str(method) == STEPPING:
         rest = {"max_branches": max_branches, "max_depth": max_depth, "release_times": release_times}
         options |= {name: value for name, value in rest.items() if value is not None}
         problem = _problem(system, x0, t_span, parameters, backward)

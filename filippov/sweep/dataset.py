@@ -11,6 +11,7 @@ import numpy as np
 from filippov.base.csv_text import csv_text
 from filippov.base.errors import UsageError
 from filippov.base.escape import printable
+from filippov.base.keywords import keywords
 from filippov.base.whole_file import write_whole
 from filippov.sweep.chunk import no_room
 from filippov.sweep.manifest import Manifest
@@ -20,6 +21,7 @@ from filippov.sweep.store import CHUNKS, POINTS, away, fill, held_by, read_point
 from filippov.sweep.table import SweepTable
 
 
+@keywords()
 def to_xarray(table: SweepTable) -> Any:
     """Results over the axes of the grid, else over `point`; units and what decided them as attributes.
 
@@ -56,6 +58,7 @@ def to_xarray(table: SweepTable) -> Any:
     return xarray.Dataset(variables, coords=coordinates, attrs=about)
 
 
+@keywords()
 def write_netcdf(table: SweepTable, path: str | Path) -> Path:
     """Write a netCDF file (by h5netcdf), whole or not at all. Raises ImportError without it, OSError."""
     data = to_xarray(table)
@@ -65,6 +68,7 @@ def write_netcdf(table: SweepTable, path: str | Path) -> Path:
     return _whole(Path(path), bytes(data.to_netcdf(engine="h5netcdf")))
 
 
+@keywords()
 def write_csv(table: SweepTable, path: str | Path) -> Path:
     """Write one row per point: coordinates, results, status, message; whole or not at all."""
     rows = (
@@ -76,6 +80,7 @@ def write_csv(table: SweepTable, path: str | Path) -> Path:
     return _whole(Path(path), csv_text([*table.names, *table.columns, "status", "message"], rows).encode())
 
 
+@keywords()
 def load_table(folder: str | Path) -> SweepTable:
     """The table of a folder as it stands, without the model; nothing in the folder is changed.
 

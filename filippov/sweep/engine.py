@@ -183,7 +183,7 @@ def engine_of(
     number = jobs or cores()
     if isinstance(executor, Executor):
         return Given(work, executor, number)
-    if executor not in EXECUTORS:
+    if not isinstance(executor, str) or executor not in EXECUTORS:
         raise UsageError(f"{unknown('executor', executor, EXECUTORS)}; or an Executor of concurrent.futures.")
     if executor == "dask":
         return Dask(work, scheduler, number)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from filippov.base.errors import UsageError
+from filippov.base.read_whole import read_json
 from filippov.solving.state.options import OPTIONS, Options
 from filippov.sweep.points import digest_of
 from filippov.sweep.rows import Work
@@ -103,9 +104,7 @@ def read_manifest(folder: Path) -> Manifest:
     path = folder / NAME
     cure = "Move it away; with resume=True (--resume) it is made again from the chunks"
     try:
-        if path.stat().st_size > LARGEST:
-            raise UsageError(f"{str(path)!r} is too large for a manifest. Name another folder.")
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = read_json(path, LARGEST)
         if not isinstance(found, dict) or found["format"] != FORMAT:
             raise UsageError(f"{str(path)!r} is no manifest of a sweep. Name another folder.")
         if found["version"] != VERSION:

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.given import several
 from filippov.base.names import unknown
 from filippov.base.status import mode_text
 from filippov.base.user_file import load_file
@@ -149,7 +150,7 @@ class Function:
 
 def read_measures(given: Any, system: System) -> tuple[Measure | Function, ...]:
     """Measures from texts and functions. Raises UsageError with a suggestion."""
-    items = [given] if isinstance(given, str) or callable(given) else list(given)
+    items = [given] if isinstance(given, str) or callable(given) else list(several("measure", given))
     if not items:
         raise UsageError(f"measure is empty, expected at least one of {', '.join(NAMES)} or a function.")
     found = tuple(_read(item, system) for item in items)

@@ -14,6 +14,7 @@ import numpy as np
 
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.failure import failure
+from filippov.base.given import Count, Natural, Positive, positive
 from filippov.base.keywords import keywords
 from filippov.base.names import unknown
 from filippov.base.version import package_version
@@ -30,7 +31,7 @@ from filippov.solving.state.option_types import (
     Together,
     Tolerance,
 )
-from filippov.solving.state.options import Options, check_priority, check_stops, given_options, positive
+from filippov.solving.state.options import Options, check_priority, check_stops, given_options
 from filippov.solving.state.problem import Problem
 from filippov.sweep.dependence import Dependence, dependence, plain_system
 from filippov.sweep.measure import Function, Measure, read_measures
@@ -64,7 +65,7 @@ class Sweep:
 
     grain = 1
 
-    @keywords(answers=ANSWERS)
+    @keywords(answers=ANSWERS, own=("problem", "method"))
     def __init__(
         self,
         problem: Problem,
@@ -72,18 +73,18 @@ class Sweep:
         samples: str = "grid",
         *,
         measure: Any = ("end", "t_end"),
-        n: int | None = None,
-        seed: int = 0,
+        n: Count | None = None,
+        seed: Natural = 0,
         tail: float = 0.5,
         reduce: Any = None,
         stop: Stops = (),
         method: MethodName | str = "DOP853",
-        rtol: float = Options.rtol,
+        rtol: Positive = Options.rtol,
         atol: Tolerance | None = None,
-        first_step: float | None = None,
-        max_step: float = math.inf,
-        max_steps: int = Options.max_steps,
-        max_events: int = Options.max_events,
+        first_step: Positive | None = None,
+        max_step: Positive = math.inf,
+        max_steps: Count = Options.max_steps,
+        max_events: Count = Options.max_events,
         nonunique: Policy = "raise",
         on_graze: OnGraze = "continue",
         zeno: OnZeno = "stop",
@@ -98,7 +99,7 @@ class Sweep:
             )
         if not 0 < positive("tail", tail) <= 1:
             raise UsageError(f"tail is {tail!r}, expected a number in (0, 1].")
-        if options.get("nonunique") == "branch":
+        if str(options.get("nonunique")) == "branch":
             raise UsageError("nonunique='branch' gives a tree of solutions; a sweep needs one solution.")
         self.problem, self.samples = problem, samples
         self.tail, self.stop = float(tail), check_stops(stop, problem.system)
@@ -183,6 +184,7 @@ class Sweep:
     def _measures(self) -> list[Dependence]:
         return [m.depends if isinstance(m, Function) else Dependence("") for m in self.measures]
 
+    @keywords()
     def problem_at(self, point: int) -> Problem:
         """The problem of one point."""
         return self.plan.problem_at(point)
@@ -201,6 +203,7 @@ class Sweep:
         """Rows of the points with these numbers."""
         return (compute_many if self.lanes else compute_one)(self.plan, index, limits)
 
+    @keywords()
     def run(self, folder: str | Path | None = None, **how: Any) -> SweepTable:
         """Compute every point; see `filippov.sweep.run.run` for folder and the keywords."""
         from filippov.sweep.run import run

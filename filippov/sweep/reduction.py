@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from filippov.base.errors import UsageError
+from filippov.base.given import names
 from filippov.base.names import unknown
 from filippov.sweep.rows import DONE
 from filippov.sweep.table import SweepTable
@@ -22,11 +23,11 @@ def check_reduce(given: Any) -> Any:
     """None, a function, or names of reductions. Raises UsageError."""
     if given is None or callable(given):
         return given
-    names = (given,) if isinstance(given, str) else tuple(given)
-    for name in names:
+    found = names("reduce", given)
+    for name in found:
         if name not in _FUNCTIONS:
             raise UsageError(unknown("reduction", name, REDUCTIONS))
-    return names
+    return found
 
 
 def reduce_table(table: SweepTable, how: Any) -> Any:

@@ -16,7 +16,8 @@ import numpy as np
 
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.failure import failure
-from filippov.solving.state.options import check_count, positive
+from filippov.base.given import Count, Positive, check_count, positive
+from filippov.base.keywords import keywords
 from filippov.sweep.chunk import FullError
 from filippov.sweep.engine import Engine, engine_of
 from filippov.sweep.lock import Lock
@@ -32,19 +33,20 @@ KILLS, PASSES = 2, 3
 GRACE = 10.0
 
 
+@keywords()
 def run(
     work: Work,
     folder: str | Path | None = None,
     *,
-    jobs: int | None = None,
+    jobs: Count | None = None,
     executor: Any = "processes",
     scheduler: Any = None,
     resume: bool = False,
     fresh: bool = False,
     trust: bool = False,
-    max_time: float | None = None,
-    max_memory: int | None = None,
-    chunk: int | None = None,
+    max_time: Positive | None = None,
+    max_memory: Count | None = None,
+    chunk: Count | None = None,
     context: str = "spawn",
     progress: Callable[[int, int], object] | None = None,
 ) -> SweepTable:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from filippov.base.errors import UsageError
+from filippov.base.given import check_count
 from filippov.base.names import unknown
-from filippov.solving.state.options import check_count
 from filippov.sweep.points import Array, Grid, Points
 
 SAMPLES = ("grid", "list", "latin_hypercube", "sobol")

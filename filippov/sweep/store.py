@@ -25,6 +25,7 @@ import numpy as np
 
 from filippov.base.errors import UsageError
 from filippov.base.json_text import json_text
+from filippov.base.read_whole import read_json
 from filippov.base.whole_file import write_whole
 from filippov.io.archive import Archive, write_arrays
 from filippov.sweep.chunk import chunk_name, chunks_of, leftovers_of, no_room, read_chunk, write_chunk
@@ -37,6 +38,7 @@ from filippov.sweep.table import SweepTable
 POINTS, CHUNKS, QUARANTINE = "points.npz", "chunks", "quarantine.json"
 ASIDE = "filippov quarantine"
 LARGEST = 1 << 33
+LARGEST_ASIDE = 1 << 26
 _ROW_BYTES, _ROOM = 40, 1 << 16
 
 
@@ -256,7 +258,7 @@ def _there(path: Path) -> bool:
 def _set_aside(path: Path, keys: set[str]) -> list[dict[str, Any]] | None:
     """The points that a quarantine file of one of these sweeps lists; None for any other file."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = read_json(path, LARGEST_ASIDE)
         sound = found["format"] == ASIDE and found["sweep"] in keys
         listed: list[dict[str, Any]] = found["points"]
         return listed if sound and hashlib.sha256(_plain(listed)).hexdigest() == found["sha256"] else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
+from filippov.base.read_whole import read_json
 
 LARGEST_FILE = 1 << 26
 
@@ -50,7 +50,10 @@ def read_bank(path: str | Path | Sequence[Any] | Mapping[str, Any]) -> list[Case
     data = _load(Path(path)) if isinstance(path, str | Path) else path
     cases = data.get("cases") if isinstance(data, Mapping) else data
     if not isinstance(cases, Sequence) or isinstance(cases, str):
-        raise UsageError("a bank is a list of cases, or an object with the key 'cases'; neither was found.")
+        where = f"{str(path)!r}: " if isinstance(path, str | Path) else ""
+        raise UsageError(
+            f"{where}a bank is a list of cases, or an object with the key 'cases'; neither was found."
+        )
     return [_case(item, number) for number, item in enumerate(cases)]
 
 
@@ -70,12 +73,12 @@ def _named(case: Case, name: str) -> bool:
 
 def _load(path: Path) -> Any:
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise UsageError(f"{str(path)!r} has over {LARGEST_FILE} bytes, too many for a bank.")
-        return json.loads(path.read_text(encoding="utf-8"))
+        return read_json(path, LARGEST_FILE)
     except OSError as error:
         raise UsageError(f"cannot read the bank {str(path)!r}: {error.strerror or error}.") from None
-    except (ValueError, RecursionError) as error:
+    except UsageError:
+        raise
+    except ValueError as error:
         raise UsageError(f"the bank {str(path)!r} is not JSON: {error}.") from None
 
 

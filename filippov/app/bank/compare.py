@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from filippov.app.bank.case import chosen, read_bank
+from filippov.app.bank.case import LARGEST_FILE, chosen, read_bank
 from filippov.app.bank.reference.process import SolverProcess
 from filippov.app.bank.reference.row import OUTCOMES, SolverRow
 from filippov.app.bank.reference.solver import Limits, ReferenceSolver
@@ -19,6 +18,7 @@ from filippov.base.errors import UsageError
 from filippov.base.escape import printable
 from filippov.base.json_text import json_text
 from filippov.base.names import unknown
+from filippov.base.read_whole import read_json
 
 _MARKS = {
     "right": "yes", "wrong": "WRONG", "silent": "silent", "hang": "hang", "error": "error", "cannot": "-",
@@ -153,6 +153,9 @@ def solvers_json(table: SolverTable) -> str:
 
 def read_solvers(path: str | Path) -> SolverTable:
     """The table from what `solvers_json` wrote, today or when it called a solver a peer."""
-    data = json.loads(Path(path).read_text(encoding="utf-8"))
-    rows = ({"solver" if key == "peer" else key: value for key, value in row.items()} for row in data["rows"])
-    return SolverTable(**{**data, "rows": tuple(SolverRow(**row) for row in rows)})
+    try:
+        data = read_json(path, LARGEST_FILE)
+        rows = [{"solver" if k == "peer" else k: value for k, value in row.items()} for row in data["rows"]]
+        return SolverTable(**{**data, "rows": tuple(SolverRow(**row) for row in rows)})
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(f"{str(path)!r} is no table of solvers ({type(error).__name__}: {error}).") from None

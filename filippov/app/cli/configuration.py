@@ -39,6 +39,7 @@ from filippov.app.cli.values import (
 )
 from filippov.base.errors import UsageError
 from filippov.base.names import unknown
+from filippov.base.read_whole import read_text
 
 LARGEST_FILE = 1 << 20
 
@@ -82,9 +83,7 @@ class Option:
 def read_file(path: Path) -> dict[str, Any]:
     """What a TOML file holds. Raises UsageError."""
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise UsageError(f"{str(path)!r} has over {LARGEST_FILE} bytes, too many for a configuration.")
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(read_text(path, LARGEST_FILE))
     except OSError as error:
         raise UsageError(f"cannot read the configuration {str(path)!r}: {error.strerror or error}.") from None
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from filippov.base.errors import UsageError
 from filippov.base.json_text import json_text
+from filippov.base.read_whole import read_json
 from filippov.base.whole_file import write_whole
 
 NAME = "written.json"
 FORMAT = "filippov outputs"
+LARGEST = 1 << 24
 _BLOCK = 1 << 20
 
 
@@ -52,7 +53,7 @@ class Outputs:
         if not os.path.lexists(path):
             return {}
         try:
-            found = json.loads(path.read_text(encoding="utf-8"))
+            found = read_json(path, LARGEST)
             if found["format"] != FORMAT:
                 raise ValueError
             return {str(name): str(digest) for name, digest in found["files"].items()}

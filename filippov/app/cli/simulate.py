@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,12 +13,14 @@ from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import loaded_of
 from filippov.app.cli.solved import EVENT_COLUMNS, event_data, event_row, exit_code, solved
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.read_whole import read_json
 from filippov.base.status import Status, mode_text
 from filippov.solving.reading import expression_of
 from filippov.solving.solution import Solution
 
 SHOWN = 12
 MOST_ROWS = 200_000
+LARGEST = 10_000_000
 
 
 def run(settings: dict[str, Any], console: Console) -> int:
@@ -81,7 +81,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
 def tuned_values(path: str) -> dict[str, float]:
     """The best gains out of the tuning.json of `filippov tune`, with the parameters they were found for."""
     try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        data = read_json(path, LARGEST)
         best, reason = data["best"], str(data["reason"])
         values = {str(k): float(v) for k, v in {**data["parameters"], **(best or {})}.items()}
     except (OSError, RecursionError, ValueError, KeyError, TypeError, AttributeError) as error:

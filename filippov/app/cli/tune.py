@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import itertools
-import json
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +14,7 @@ from filippov.app.cli.folder import Folder
 from filippov.app.cli.model import load_model
 from filippov.app.cli.sections.maps import interval_of, section_of
 from filippov.base.errors import UsageError
+from filippov.base.read_whole import read_json
 from filippov.plot.tuning import plot_gain_maps
 
 LARGEST = 10_000_000
@@ -26,11 +25,8 @@ def identified(path: str, known: tuple[str, ...]) -> tuple[dict[str, float], lis
 
     The region is the ellipsoid of the estimate's covariance at its level; the ends are those of its axes.
     """
-    file = Path(path)
     try:
-        if file.stat().st_size > LARGEST:
-            raise UsageError(f"{path} is larger than {LARGEST} bytes, which no identified.json is.")
-        data = json.loads(file.read_text(encoding="utf-8"))
+        data = read_json(path, LARGEST)
         values = {k: float(v) for k, v in {**data["fixed"], **data["values"]}.items() if k in known}
         names = [name for name in data["values"] if name in known]
         every = list(data["values"])

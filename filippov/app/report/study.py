@@ -18,10 +18,10 @@ from filippov.app.report.files import rendered, write, write_csv
 from filippov.app.report.page import document, environment, machine
 from filippov.app.report.part import Picture, Section, TextTable, Words
 from filippov.app.report.run import StudyRun
+from filippov.base.given import check_count
 from filippov.base.json_text import finite, json_text
 from filippov.models.studies import Study, get_study
 from filippov.plot.style import style
-from filippov.solving.state.options import check_count
 
 # Fractions of the whole at which the cases, and all sections, are computed; the rest is drawing.
 CASES, COMPUTED = 0.25, 0.85

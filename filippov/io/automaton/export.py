@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.keywords import keywords
 from filippov.base.names import closest
 from filippov.base.whole_file import write_whole
 from filippov.io.automaton.c_text import c_file
@@ -23,9 +24,10 @@ from filippov.solving.state.problem import Problem
 TARGETS = {"python": ".py", "c": ".c", "modelica": ".mo", "fmu": ".fmu"}
 
 
+@keywords()
 def export_system(
     system: System | Problem, path: str | Path, to: str | None = None, *,
-    parameters: Mapping[str, float] | None = None, x0: Any = None, t_span: Sequence[float] | None = None,
+    parameters: Mapping[str, float] | None = None, x0: Any = None, t_span: tuple[float, float] | None = None,
 ) -> Path:  # fmt: skip
     """Write the exact automaton of a system: modes, fields, sliding fields, guards, resets and clocks.
 

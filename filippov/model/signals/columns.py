@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from filippov.base.errors import ModelError
 from filippov.base.names import unknown
+from filippov.base.read_whole import read_text
+
+LARGEST_FILE = 1 << 28
 
 
 def read_columns(
@@ -20,19 +24,25 @@ def read_columns(
     The first line may hold titles. Raises ModelError for what is no such file.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        lines = io.StringIO(read_text(path, LARGEST_FILE), newline="")
+        rows = [row for row in csv.reader(lines) if row and not row[0].startswith("#")]
+    except (OSError, ValueError, csv.Error) as error:
         raise ModelError(f"{path}: cannot be read as text in columns: {error}.") from None
     if not rows:
         raise ModelError(f"{path}: the file is empty, expected lines such as 0.0,1.5.")
     titles = [] if _numbers(rows[0]) is not None else [title.strip() for title in rows.pop(0)]
+    if not rows:
+        raise ModelError(f"{path}: below its titles it has no rows of numbers.")
     places = []
     for place, given in enumerate(wanted):
         title = (preferred or {}).get(place)
         column = title if title in titles else given
+        if isinstance(column, str) and titles.count(column) > 1:
+            raise ModelError(f"{path}: the column {column!r} is there twice. Give its number, from 0.")
         if isinstance(column, str) and column not in titles:
             raise ModelError(f"{path}: {unknown('column', column, titles)}")
+        if not isinstance(column, str) and column < 0:
+            raise ModelError(f"{path}: there is no column {column}; they are numbered from 0.")
         places.append(titles.index(column) if isinstance(column, str) else column)
     out: list[list[float]] = [[] for _ in wanted]
     for line, row in enumerate(rows, 2 if titles else 1):

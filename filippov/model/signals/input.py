@@ -44,7 +44,7 @@ class Input:
     values. Raises ModelError.
     """
 
-    @keywords("keyword", error=ModelError)
+    @keywords("keyword", error=ModelError, own=("name", "t"))
     def __new__(
         cls, name: str, t: Any, values: Any = None, kind: str = "linear", *, outside: str = "refuse",
         period: float | None = None,
@@ -55,6 +55,7 @@ class Input:
         return input_of(Samples(check_input_name(name), t, values, kind, outside, period))
 
     @classmethod
+    @keywords("keyword", error=ModelError)
     def from_csv(
         cls, name: str, path: str | Path, *, time: str | int = 0, value: str | int | None = None,
         **options: Any,

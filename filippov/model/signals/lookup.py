@@ -10,6 +10,7 @@ import sympy
 from sympy import Expr
 
 from filippov.base.errors import ModelError
+from filippov.base.given import number_array
 from filippov.base.keywords import keywords
 from filippov.model.check import as_expression
 from filippov.model.table import dynamic
@@ -39,10 +40,7 @@ class Table:
     def __init__(self, x: Any, y: Any, *, outside: str = "hold") -> None:
         if outside not in OUTSIDE:
             raise ModelError(f"table: outside is {outside!r}, expected one of {', '.join(OUTSIDE)}.")
-        try:
-            places, values = np.array(x, dtype=float), np.array(y, dtype=float)
-        except (TypeError, ValueError):
-            raise ModelError("table: x and y are lists of numbers: Table([0, 1, 2], [0, 3, 4]).") from None
+        places, values = number_array("table: x", x, ModelError), number_array("table: y", y, ModelError)
         if places.ndim != 1 or places.shape != values.shape or len(places) < 2:
             raise ModelError(
                 f"table: x has shape {places.shape} and y {values.shape}, expected two lists of one length, "

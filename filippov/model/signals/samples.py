@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.given import number_array
 from filippov.base.quantity import is_quantity
 from filippov.model.parameter import as_number
 
@@ -180,10 +181,7 @@ class Samples:
 def _column(given: Any, where: str) -> Array:
     if is_quantity(given):
         raise ModelError(f"{where} is a quantity with a unit, expected numbers: give q.to(unit).magnitude.")
-    try:
-        column = np.array(given, dtype=float)
-    except (TypeError, ValueError):
-        raise ModelError(f"{where} is {given!r:.60}, expected a list of numbers.") from None
+    column = number_array(where, given, ModelError)
     if column.ndim != 1 or not np.all(np.isfinite(column)):
         what = f"has shape {column.shape}" if column.ndim != 1 else "holds a number that is not finite"
         raise ModelError(f"{where} {what}, expected a list of finite numbers.")

@@ -10,6 +10,7 @@ import sympy
 from sympy import Expr
 
 from filippov.base.errors import ModelError
+from filippov.base.given import number_array, whole
 from filippov.base.keywords import keywords
 from filippov.base.symbolic_value import is_expression
 from filippov.model.check import as_expression
@@ -22,14 +23,14 @@ SHORTEST, LONGEST = 2, 16
 _input: Any = Input
 
 
-@keywords("keyword", error=ModelError)
+@keywords("keyword", error=ModelError, own=("name",))
 def step(name: str, times: Any, levels: Sequence[float]) -> Expr:
     """Steps of an input at known times: levels[0] before times[0], levels[k] from times[k - 1] on.
 
     times    one time, or increasing ones; levels: one more than times
     """
-    at = np.atleast_1d(np.asarray(times, dtype=float))
-    if at.ndim != 1 or len(levels) != len(at) + 1:
+    at = np.atleast_1d(number_array(f"step {name!r}: times", times, ModelError))
+    if at.ndim != 1 or not at.size or len(levels) != len(at) + 1:
         raise ModelError(
             f"step {name!r}: {at.size} times and {len(levels)} levels were given, expected one level more "
             "than times: step('r', 1.0, (0, 5))."
@@ -40,7 +41,7 @@ def step(name: str, times: Any, levels: Sequence[float]) -> Expr:
     return made
 
 
-@keywords("keyword", error=ModelError)
+@keywords("keyword", error=ModelError, own=("name", "period", "duty"))
 def square(
     name: str, period: float, levels: tuple[float, float] = (1.0, -1.0), *, duty: float = 0.5,
     start: float = 0.0,
@@ -61,7 +62,7 @@ def square(
     return made
 
 
-@keywords("keyword", error=ModelError)
+@keywords("keyword", error=ModelError, own=("name",))
 def prbs(
     name: str, clock: float, levels: tuple[float, float] = (-1.0, 1.0), *, order: Any = 7, start: float = 0.0
 ) -> Expr:
@@ -74,11 +75,10 @@ def prbs(
     every = as_number(clock, f"prbs {name!r}: clock")
     if not every > 0.0:
         raise ModelError(f"prbs {name!r}: clock is {every}, expected a number > 0.")
-    if isinstance(order, bool) or not isinstance(order, int) or not SHORTEST <= order <= LONGEST:
-        raise ModelError(f"prbs {name!r}: order is {order!r}, expected a whole number from 2 to 16.")
+    length = whole(f"prbs {name!r}: order", order, SHORTEST, ModelError, LONGEST)
     from scipy.signal import max_len_seq
 
-    bits = np.asarray(max_len_seq(order)[0])
+    bits = np.asarray(max_len_seq(length)[0])
     # Where the level stays there is no knot.
     change = np.append(True, bits[1:] != bits[:-1])
     times = start + every * np.arange(len(bits))

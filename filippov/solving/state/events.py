@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from filippov.base.delegates import delegate
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.keywords import constructor, keywords
 from filippov.base.names import unknown
 from filippov.base.status import EventKind, mode_text
 
@@ -111,6 +112,7 @@ class Events(Sequence[Event]):
         """States at the events, one row per event."""
         return np.array([event.x for event in self._items])
 
+    @keywords()
     def of(
         self, surface: str | None = None, kind: EventKind | str | None = None, direction: int = 0
     ) -> Events:
@@ -139,6 +141,7 @@ class Events(Sequence[Event]):
             self,
         )
 
+    @keywords()
     def count(self, surface: Any = None, kind: EventKind | str | None = None, direction: int = 0) -> int:
         """The number of events on one surface, of one kind, in one direction, as in `of`."""
         if isinstance(surface, Event):
@@ -197,6 +200,7 @@ def turned(kind: str) -> str:
     return {"up": f"{word} down", "down": f"{word} up"}.get(way, kind)
 
 
+@constructor()
 @dataclass(frozen=True)
 class Stop:
     """End the run at the count-th event of a kind on a surface.

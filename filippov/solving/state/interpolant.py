@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import UsageError
+from filippov.base.given import number_array
 
 Array = npt.NDArray[np.float64]
 
@@ -28,7 +29,8 @@ class Interpolant:
 
     def locate(self, t: Array, side: str) -> npt.NDArray[np.int64]:
         """Number of the step that holds each time; at a seam the earlier for "-", the later for "+"."""
-        if side not in ("-", "+"):
+        given: object = side
+        if not isinstance(given, str) or given not in ("-", "+"):
             raise UsageError(f"side is {side!r}, expected '-' (before) or '+' (after).")
         low, high = min(self.span), max(self.span)
         bad = ~((t >= low) & (t <= high))
@@ -44,13 +46,12 @@ class Interpolant:
 
     def __call__(self, t: Any, side: str = "-") -> Array:
         """States at the times, shape (n,) or (n, k)."""
-        try:
-            times = np.asarray(t, dtype=float)
-        except (TypeError, ValueError):
+        if isinstance(t, str):
             raise UsageError(
                 f"sol was asked for t = {t!r}, expected times. A state by its name is solution['x'], at "
                 "times solution.evaluate('x', t)."
-            ) from None
+            )
+        times = number_array("t", t)
         flat = np.atleast_1d(times).ravel()
         index = self.locate(flat, side)
         theta = (flat - self.start[index]) / self.step[index]

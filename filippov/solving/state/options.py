@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import ModelError, UsageError
+from filippov.base.given import check_count, choice, flag, number, number_array, positive, several, shown
 from filippov.base.names import unknown
 from filippov.base.quantity import is_quantity, plain, unit_of_label
 from filippov.base.symbolic_value import single
@@ -83,15 +84,10 @@ class Options:
         choice("sliding", self.sliding, RULES)
         choice("backend", self.backend, BACKENDS)
         choice("save_events", self.save_events, ("all", "count"))
-        if self.compile not in (None, True, False):
-            raise UsageError(f"compile is {self.compile!r}, expected True, False or None.")
+        flag("compile", self.compile, open_too=True)
+        flag("dense_output", self.dense_output)
         if self.save_events == "count":
             object.__setattr__(self, "dense_output", False)
-        for item in self.stop:
-            if not isinstance(item, Stop):
-                raise UsageError(
-                    f"stop holds {item!r}, expected Stop(surface, kind, count): stop=Stop('v', 'crossing')."
-                )
 
     @cached_property
     def stepper(self) -> str:
@@ -187,7 +183,7 @@ def _checked(given: tuple[tuple[str, type, Any], ...]) -> Options:
 
 def method_of(name: object) -> str:
     """The name of a method here; scipy's RK45 is DP5. Raises UsageError, with the equivalent of others'."""
-    if name == "RK45":
+    if isinstance(name, str) and name == "RK45":
         return "DP5"
     if isinstance(name, str) and name in METHODS_OF_OTHERS:
         raise UsageError(f"method {name!r} is not among {', '.join(METHODS)}: use {METHODS_OF_OTHERS[name]}.")
@@ -200,36 +196,6 @@ def options_but(*others: str) -> tuple[str, ...]:
     """The options of `solve` without some, for what takes only the rest."""
     assert set(others) <= set(OPTIONS)
     return tuple(name for name in OPTIONS if name not in others)
-
-
-def positive(name: str, value: object, infinite: bool = False) -> float:
-    """A number > 0, or a UsageError naming the option."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
-        raise UsageError(f"{name} is {value!r}, expected a number > 0.")
-    if not value > 0 or (math.isinf(value) and not infinite):
-        raise UsageError(f"{name} is {value!r}, expected a {'' if infinite else 'finite '}number > 0.")
-    return float(value)
-
-
-def choice(name: str, value: object, known: tuple[str, ...], or_function: bool = False) -> None:
-    """One of the known words (or a function), or a UsageError."""
-    if or_function and callable(value):
-        return
-    if not isinstance(value, str) or value not in known:
-        raise UsageError(unknown(f"value of {name}:", value, known))
-
-
-def number_array(name: str, value: object) -> npt.NDArray[np.float64]:
-    """Real numbers as float64, or a UsageError."""
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        raise UsageError(f"{name} is {value!r}, expected numbers.") from None
-    if array.dtype.kind not in "fiu":
-        raise UsageError(
-            f"{name} is {value!r} (type {array.dtype}), expected real numbers: {name}=(0.1, 0), no text."
-        )
-    return array.astype(np.float64)
 
 
 def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
@@ -295,16 +261,14 @@ def check_span(t_span: Any, backward: bool = False, x0: Any = None) -> tuple[flo
         raise UsageError(f"t_span is {t_span!r}, expected two times, (t0, t1): t_span=(0, 10).") from None
     values = []
     for name, value in (("t0", start), ("t1", end)):
-        if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
-            raise UsageError(f"t_span: {name} is {value!r}, expected a number.")
-        if not math.isfinite(value):
+        found = number(value, f"t_span: {name}", infinite=True)
+        if math.isinf(found):
             raise UsageError(
                 f"t_span: {name} is {value}, expected a finite number. A run that is to end at an event has "
                 "stop=Stop(surface, kind), or events with terminal=True, and a late t1 such as 1e6."
             )
-        values.append(float(value))
-    if backward not in (True, False):
-        raise UsageError(f"backward is {backward!r}, expected True or False.")
+        values.append(found)
+    backward = flag("backward", backward)
     if values[1] < values[0] and not backward:
         other, pair = "", as_pair(x0)
         if pair is not None and pair[0] < pair[1]:
@@ -393,21 +357,18 @@ def check_priority(nonunique: Any, system: System) -> Any:
     return modes
 
 
-def check_count(name: str, value: object) -> int:
-    """A whole number of at least 1, or a UsageError naming the option."""
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise UsageError(f"{name} is {value!r}, expected a whole number of at least 1.")
-    return value
-
-
 def check_stops(stops: Sequence[Stop] | Stop, system: System) -> tuple[Stop, ...]:
     """Stops at surfaces that the system has, under the names that they have there."""
-    items = (stops,) if isinstance(stops, Stop) else tuple(stops)
-    given: Sequence[Any] = items  # what is no Stop is refused with the other options
-    return tuple(_stop_at(item, system) if isinstance(item, Stop) else item for item in given)
+    given: Any = stops
+    items = [given] if isinstance(given, Stop | str) else several("stop", given)
+    return tuple(_stop_at(item, system) for item in items)
 
 
-def _stop_at(stop: Stop, system: System) -> Stop:
+def _stop_at(stop: object, system: System) -> Stop:
+    if not isinstance(stop, Stop):
+        raise UsageError(
+            f"stop holds {shown(stop)}, expected Stop(surface, kind, count): stop=Stop('v', 'crossing')."
+        )
     try:
         place, sense = system.surface_place(stop.surface)
     except ModelError as error:

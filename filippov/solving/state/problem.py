@@ -40,7 +40,7 @@ class Problem:
     parameters: Mapping[str, float]
     p: npt.NDArray[np.float64]
 
-    @keywords("part of a problem", same=SAME_AS, answers=ANSWERS | _OF_SOLVE)
+    @keywords("part of a problem", same=SAME_AS, answers=ANSWERS | _OF_SOLVE, own=("system",))
     def __init__(
         self, system: System, x0: Any, t_span: Any, parameters: Mapping[str, float] | None = None,
         backward: bool = False,
