@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -15,7 +16,7 @@ from filippov.models import hunting
 
 x, y = states("x y")
 SINGULAR, NAN = np.zeros((2, 2)), np.full((2, 2), np.nan)
-NAMES = ["inv", "pinv", "lstsq", "svd", "eig", "eigh", "eigvals", "eigvalsh", "cholesky"]
+NAMES = ["expm", "inv", "pinv", "lstsq", "svd", "eig", "eigh", "eigvals", "eigvalsh", "cholesky"]
 NAMES += ["null_space", "eig_both"]
 
 
@@ -50,6 +51,23 @@ def test_13_4_no_cycle_beyond_the_fold_of_hunting_is_told() -> None:
 
 
 FIELDS = [((sqrt(Abs(x)) + 1, -y), None), ((1 / x, -y), None), ((sign(y), y), "0"), ((0 * x, 0 * y), None)]
+
+
+def test_the_matrix_exponential_to_rounding_of_its_parts() -> None:
+    """Of matrices of any norm and shape, against series of 60 digits; each squaring doubles the rounding."""
+    rng = np.random.default_rng(5)
+    for k in range(60):
+        n = int(rng.integers(1, 7))
+        matrix = 10 ** rng.uniform(-6, 1.2) * rng.standard_normal((n, n))
+        if k % 3 == 0:  # far from normal, and decaying
+            matrix = np.triu(matrix, 1) * 10 - np.diag(rng.uniform(0, 30, n))
+        with mpmath.workdps(60):
+            exact = np.array(mpmath.expm(mpmath.matrix(matrix.tolist())).tolist(), dtype=float)
+        norm = np.max(np.sum(np.abs(matrix), axis=0))
+        error = np.max(np.abs(linalg.expm(matrix) - exact)) / np.max(np.abs(exact))
+        assert error < 20 * np.finfo(float).eps * (1 + norm)
+    np.testing.assert_array_equal(linalg.expm(np.zeros((3, 3))), np.eye(3))
+    assert linalg.expm(np.zeros((0, 0))).shape == (0, 0)
 
 
 @pytest.mark.parametrize(("right", "mode"), FIELDS)

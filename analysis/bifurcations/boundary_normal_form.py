@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
 from scipy.optimize import brentq
 
 from filippov.analysis.algebra import linalg
@@ -90,7 +89,7 @@ class BoundaryEquilibrium:
         turn = 2 * np.pi / float(np.max(np.abs(linalg.eigvals(A).imag)))
 
         def height(t: float) -> float:
-            return 1.0 + float(C @ scipy.linalg.expm(A * t) @ tangency)
+            return 1.0 + float(C @ linalg.expm(A * t) @ tangency)
 
         times = np.linspace(0.05, _TURNS, _SAMPLES) * turn
         values = [height(t) for t in times]
@@ -99,7 +98,7 @@ class BoundaryEquilibrium:
             return None
         t = float(brentq(height, times[after - 1], times[after], xtol=1e-14))
         along = np.array([-C[1], C[0]])
-        back = float(along @ (scipy.linalg.expm(A * t) @ tangency - tangency))
+        back = float(along @ (linalg.expm(A * t) @ tangency - tangency))
         # A z + B l = 0 and C z = -1.
         block = np.block([[A, B[:, None]], [C[None, :], np.zeros((1, 1))]])
         pseudo = float(along @ (linalg.solve(block, [0.0, 0.0, -1.0])[:2] - tangency))

@@ -29,6 +29,8 @@ from filippov.sweep.run import run
 
 Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
+# Cells that are computed side by side: whole rows, as many as have so many cells. An interrupt loses no more.
+_SIDE_BY_SIDE = 250
 
 
 @dataclass(frozen=True)
@@ -146,12 +148,16 @@ def regions(
     rows_of_map = map_rows(system, section, order, rtol, hi, threads)
     complete = True
     try:
-        for i, value in enumerate(up):
-            values = {x[0]: across, y[0]: np.full(across.size, value)}
-            row = cells(rows_of_map, rows_of_map.rows(values, parameters), hi, points)
-            cycles[i], stable[i], set_stable[i], amplitude[i], lost[i] = row
-            if progress is not None:
-                progress(i + 1, up.size)
+        each = max(1, _SIDE_BY_SIDE // across.size)
+        for first in range(0, up.size, each):
+            block = up[first : first + each]
+            values = {x[0]: np.tile(across, block.size), y[0]: np.repeat(block, across.size)}
+            flat = cells(rows_of_map, rows_of_map.rows(values, parameters), hi, points)
+            lines = zip(*(column.reshape(block.size, across.size) for column in flat), strict=True)
+            for i, row in enumerate(lines, first):
+                cycles[i], stable[i], set_stable[i], amplitude[i], lost[i] = row
+                if progress is not None:
+                    progress(i + 1, up.size)
     except KeyboardInterrupt:
         complete = False
     return Regions(

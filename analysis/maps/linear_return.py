@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 import sympy
-from scipy.linalg import expm
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.drift_map import first_zero
 from filippov.analysis.steady.equilibrium import EquilibriumPoint
@@ -83,7 +83,7 @@ def linear_slope(return_map: ReturnMap, reach: float) -> float | None:
         return _jumping(return_map, reach)
     if time is None or not time > 0:
         return None
-    return float(side * return_map.bound.slope(x0) @ expm(matrix * time) @ y)
+    return float(side * return_map.bound.slope(x0) @ linalg.expm(matrix * time) @ y)
 
 
 def _normal(return_map: ReturnMap, mode: tuple[int, ...], x0: Array) -> Array:

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.arcs import Arc, arcs_of
 from filippov.analysis.orbits.collocation import Boundary, BoundaryProblem, Mesh, solved
 from filippov.analysis.orbits.orbit_collocation import Collocated, check_admissible
@@ -306,7 +306,7 @@ class _Search:
         times = np.log(1.0 / part) / slowest * np.arange(1, _TAIL + 1) / _TAIL
         off = x[-1] - saddle.x
         off = off - saddle.unstable * (saddle.left @ off)
-        tail = np.array([saddle.x + scipy.linalg.expm(saddle.matrix * t) @ off for t in times])
+        tail = np.array([saddle.x + linalg.expm(saddle.matrix * t) @ off for t in times])
         all_times = np.append(begin + grid * (end - begin), end + times)
         longer = (all_times - begin) / (all_times[-1] - begin)
         longer[-1] = 1.0

@@ -49,8 +49,6 @@ def drift_map(slip: Array, slide: Array, normal: Array) -> RestMap | None:
 
     slip    A (n, n), beyond the end; slide: J (n, n); normal: c (n,), slip has c y > 0
     """
-    from scipy.linalg import expm
-
     rate = normal @ slip
     drift = _drift(slide, normal, rate)
     if drift is None:
@@ -64,7 +62,7 @@ def drift_map(slip: Array, slide: Array, normal: Array) -> RestMap | None:
             return None
         if math.isinf(time):
             return RestMap("leaves" if time > 0 else "converges", math.inf if time > 0 else 0.0, math.inf)
-        y = expm(slip * time) @ y
+        y = linalg.expm(slip * time) @ y
         y -= normal * (normal @ y) / (normal @ normal)
         elapsed += time
         size = float(drift.psi @ y)
@@ -77,7 +75,7 @@ def drift_map(slip: Array, slide: Array, normal: Array) -> RestMap | None:
             return None
         if math.isinf(time):
             return RestMap("returns", size, elapsed)
-        y = expm(slide * time) @ y
+        y = linalg.expm(slide * time) @ y
         if np.max(np.abs(y - size * away)) < GONE * np.max(np.abs(y)):
             return RestMap("returns", size, elapsed)
     return None
@@ -112,7 +110,6 @@ def first_zero(matrix: Array, row: Array, y: Array, drift: _Drift | None = None)
     -inf where the solution fades away before, inf where it grows without end or, for a slide, stays; None
     where neither is seen.
     """
-    from scipy.linalg import expm
     from scipy.optimize import brentq
 
     roots = linalg.eigvals(matrix)
@@ -125,13 +122,16 @@ def first_zero(matrix: Array, row: Array, y: Array, drift: _Drift | None = None)
         alive = np.abs(roots[roots.real * time > FADED])
         if len(alive) < left:
             left, step = len(alive), PART / max(float(np.max(alive, initial=0.0)), slowest)
-            forward = expm(matrix * step)
+            forward = linalg.expm(matrix * step)
         after = forward @ state
         if row @ after < 0.0:
             if k == 0 and not row @ y > 0.0:
                 return 0.0
-            at = brentq(lambda u, x=state: float(row @ expm(matrix * u) @ x), 0.0, step, xtol=1e-15 * step)
-            return time + float(at)
+
+            def height(u: float, x: Array = state) -> float:
+                return float(row @ linalg.expm(matrix * u) @ x)
+
+            return time + float(brentq(height, 0.0, step, xtol=1e-15 * step))
         state, time = after, time + step
         if drift is None:
             size = float(np.max(np.abs(state))) / start

@@ -84,10 +84,8 @@ def _first_return(mu: float, omega: float) -> float:
 
 def _position(a: Sequence[float] | np.ndarray, t: float) -> float:
     """y(t) of the third-order equation."""
-    from scipy.linalg import expm
-
     companion = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-a[3], -a[2], -a[1]]])
-    return float(expm(companion * t)[0, 0])
+    return float(linalg.expm(companion * t)[0, 0])
 
 
 @keywords()

@@ -83,8 +83,6 @@ def _common(matrices: Sequence[sympy.Matrix]) -> bool:
 
 def _ray(found: Local, told: str) -> Certificate | None:
     """A ray on the kink that two half turns bring back longer."""
-    from scipy.linalg import expm
-
     here = dict.fromkeys(found.x, sympy.S.Zero)
     c = np.array([float(found.h[0].diff(x).subs(here)) for x in found.x])
     A = {
@@ -101,7 +99,7 @@ def _ray(found: Local, told: str) -> Certificate | None:
             span = _passage(A[side], c, x, side)
             if span is None:
                 break
-            x = expm(A[side] * span) @ x
+            x = linalg.expm(A[side] * span) @ x
             x = x / np.linalg.norm(x)
             times.append(span)
             signs.append(side)
@@ -117,24 +115,21 @@ def _ray(found: Local, told: str) -> Certificate | None:
 
 def _passage(A: Array, c: Array, x: Array, side: int) -> float | None:
     """The time until c . x = 0 again on one side; None where it does not come."""
-    from scipy.linalg import expm
     from scipy.optimize import brentq
 
     size = float(np.linalg.norm(A))
     step = 0.05 / size
-    E, y, now = expm(A * step), x.copy(), 0.0
+    E, y, now = linalg.expm(A * step), x.copy(), 0.0
     for j in range(int(LONGEST / 0.05)):
         z = E @ y
         if side * (c @ z) <= 0 and j > 0:
-            return now + float(brentq(lambda q, y=y: c @ expm(A * q) @ y, 0.0, step, xtol=1e-14))
+            return now + float(brentq(lambda q, y=y: c @ linalg.expm(A * q) @ y, 0.0, step, xtol=1e-14))
         y, now = z, now + step
     return None
 
 
 def _closed(A: dict[int, Array], c: Array, x: Array, signs: list[int]) -> float | None:
     """The factor of two half turns on a ray that they map to itself; None where the ray is not kept."""
-    from scipy.linalg import expm
-
     start = x / np.linalg.norm(x)
     y = start
     for _ in itertools.repeat(None, 2):
@@ -142,7 +137,7 @@ def _closed(A: dict[int, Array], c: Array, x: Array, signs: list[int]) -> float 
         span = _passage(A[side], c, y, side)
         if span is None:
             return None
-        y = expm(A[side] * span) @ y
+        y = linalg.expm(A[side] * span) @ y
     del signs
     length = float(np.linalg.norm(y))
     return length if np.linalg.norm(y / length - start) < 1e-8 else None
