@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
-from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
+from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_slices
 from filippov.base.errors import UsageError
 from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
@@ -24,10 +24,12 @@ from filippov.model.system import System
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 from filippov.solving.state.machine import Machine
-from filippov.solving.state.options import check_state
+from filippov.solving.state.options import Options, check_state
 
 Array = npt.NDArray[np.float64]
 BLOCKS = 8
+# Intervals that are solved at once: so many steps of the solver, and no more of them than this.
+_STEPS, _MOST = 1000, 64
 
 
 @dataclass(frozen=True)
@@ -94,27 +96,35 @@ def lyapunov(
     logs: list[Array] = []
     times = [t]
     skipped, end = 0, t + duration
+    count = 1
     try:
-        while t < end - 1e-9 * interval:
-            run = solve(system, x, (t, min(t + interval, end)), **options)
+        while t < end - 1e-9 * interval and not message:
+            # Intervals that are solved at once, with what each of them could take alone.
+            cuts = np.minimum(t + interval * np.arange(1, count + 1), end)
+            cuts = cuts[: 1 + int(np.searchsorted(cuts, end - 1e-9 * interval))]
+            budget = {"max_steps": count * Options.max_steps, "max_events": count * Options.max_events}
+            run = solve(system, x, (t, float(cuts[-1])), **options, **budget)
             if not run.success:
-                message = run.message
-                break
-            try:
-                image = flow_derivative(run) @ _along(run, basis)
-            except NotDifferentiableError:
-                skipped += 1
-            else:
-                basis, r = np.linalg.qr(image)
-                with np.errstate(divide="ignore"):
-                    growth = np.log(np.abs(np.diag(r)))
-                # Below rounding of the matrix a direction is lost, not merely small.
-                growth[np.abs(np.diag(r)) <= 1e-14 * np.max(np.abs(image), initial=1e-300)] = -np.inf
-                logs.append(growth)
-                times.append(run.t_end)
-            t, x = run.t_end, run.x_end
-            if progress is not None:
-                progress(t, end)
+                message, cuts = run.message, cuts[cuts < run.t_end]
+                if not cuts.size:
+                    break
+            for stop, matrix in zip(cuts.tolist(), flow_slices(run, cuts), strict=True):
+                if isinstance(matrix, NotDifferentiableError):
+                    skipped += 1
+                else:
+                    image = matrix @ _along(run, t, basis)
+                    basis, r = np.linalg.qr(image)
+                    with np.errstate(divide="ignore"):
+                        growth = np.log(np.abs(np.diag(r)))
+                    # Below rounding of the matrix a direction is lost, not merely small.
+                    growth[np.abs(np.diag(r)) <= 1e-14 * np.max(np.abs(image), initial=1e-300)] = -np.inf
+                    logs.append(growth)
+                    times.append(stop)
+                t = stop
+                if progress is not None:
+                    progress(t, end)
+            assert run.sol is not None
+            x, count = run.x_end, max(1, min(_MOST, _STEPS * count // len(run.sol.start)))
     except KeyboardInterrupt:
         message = f"interrupted at t = {t:.9g}"
     if not logs:
@@ -126,15 +136,15 @@ def lyapunov(
     return Lyapunov(running[-1], _scatter(table, spans), np.array(times), running, skipped, message)
 
 
-def _along(run: Solution, basis: Array) -> Array:
-    """The basis without its components off the surfaces on which the interval starts sliding."""
-    sliding = [i for i, sign in enumerate(run.start_mode) if sign == 0]
+def _along(run: Solution, t: float, basis: Array) -> Array:
+    """The basis at a time without its components off the surfaces that the solution slides on from there."""
+    mode = run.mode_at(t, side="+")
+    sliding = [i for i, sign in enumerate(mode) if sign == 0]
     if not sliding:
         return basis
+    assert run.sol is not None
     machine = Machine(run.problem.system, run.options.stepper, run.problem.p)
-    gradients, _ = machine.gradients(
-        run.problem.t_span[0], run.problem.x0, np.array(run.start_mode, dtype=float)
-    )
+    gradients, _ = machine.gradients(t, run.sol(t, side="+"), np.array(mode, dtype=float))
     normal = gradients[sliding]
     return np.asarray(basis - linalg.pinv(normal) @ (normal @ basis))
 

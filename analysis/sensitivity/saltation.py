@@ -29,7 +29,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.sensitivity.reset_slopes import instant_slopes, reset_slopes
-from filippov.analysis.sensitivity.variation import ModeField, mode_field, transition
+from filippov.analysis.sensitivity.variation import ModeField, mode_field, transitions
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, mode_text
@@ -37,6 +37,7 @@ from filippov.model.system import System
 from filippov.solving.selection.modes import successors
 from filippov.solving.solution import Solution
 from filippov.solving.state.events import Event, Mode
+from filippov.solving.state.interpolant import Interpolant
 from filippov.solving.state.machine import Machine
 from filippov.solving.state.point import Point
 
@@ -121,31 +122,71 @@ def flow_factors(
     return out
 
 
+def flow_slices(solution: Solution, ends: Sequence[float]) -> list[Array | NotDifferentiableError]:
+    """d x(end) / d x(begin) over slices of time, (n, n) each, one after the other from the start on.
+
+    ends   of the slices, the last one not after the solution's; an event at an end belongs to the slice
+           before it. In the place of a slice without a derivative stands the error that says why
+    """
+    n, cuts = solution.problem.system.dimension, np.asarray(ends, dtype=float)
+    sense = 1.0 if solution.sol is None else solution.sol.direction
+    out: list[Array | NotDifferentiableError] = [np.eye(n + 1) for _ in ends]
+    for piece, matrix in _pieces(solution, (), None, cuts):
+        k = int(np.searchsorted(sense * cuts, sense * piece.t))
+        try:
+            so_far = out[k]
+            if not isinstance(so_far, NotDifferentiableError):
+                out[k] = (piece.saltation() if matrix is None else matrix) @ so_far
+        except NotDifferentiableError as error:
+            out[k] = error
+    return [matrix if isinstance(matrix, NotDifferentiableError) else matrix[:n, :n] for matrix in out]
+
+
 def _flow_factors(
     solution: Solution, before_last: bool, names: tuple[str, ...], jacobian: Callable[..., Any] | None
 ) -> list[Factor]:
+    out: list[Factor] = []
+    for piece, matrix in _pieces(solution, names, jacobian, np.zeros(0)):
+        if matrix is not None:
+            out.append(Factor(piece.t, piece.mode, matrix))
+        elif not (before_last and piece.t == solution.t_end and piece.events[-1] is solution.events[-1]):
+            out.append(Factor(piece.t, piece.after, piece.saltation()))
+    return out
+
+
+@dataclass(frozen=True)
+class _Smooth:
+    """A part of a segment: starts and steps, where it ends, and the exit that it begins with."""
+
+    mode: Mode
+    start: Array
+    step: Array
+    t: float
+    x: Array
+    leaving: tuple[Array, Array] | None
+
+
+def _pieces(
+    solution: Solution, names: tuple[str, ...], jacobian: Callable[..., Any] | None, cuts: Array
+) -> list[tuple[Any, Array | None]]:
+    """The parts of a solution in order: (_Smooth, its transition matrix) and, for the events of an instant,
+    (Together, None). Segments are cut where they pass the times `cuts`, and left out after the last one."""
     _check_rule(solution)
     sol = solution.sol
     if sol is None:
         raise UsageError(
             "the derivative of the flow needs the dense output; solve without dense_output=False."
         )
-    system, p = solution.problem.system, solution.problem.p
-    mode: Mode = solution.start_mode
-    out: list[Factor] = []
-    begin = 0
+    found: list[_Smooth | Together] = []
+    begin, mode = 0, solution.start_mode
     leaving: tuple[Array, Array] | None = None
 
     def smooth(end: int, t: float, x: Array) -> None:
         if end > begin:
-            field = mode_field(system, mode, names, jacobian)
             # A step's polynomial may reach beyond the event that ended the step.
             starts = sol.start[begin:end]
-            steps = np.diff(np.append(starts, t))
-            matrix = transition(field, starts, steps, _states(solution), p)
-            if leaving is not None:
-                matrix = _along(field, matrix, *leaving, t, x, p)
-            out.append(Factor(t, mode, matrix))
+            whole = _Smooth(mode, starts, np.diff(np.append(starts, t)), t, x, leaving)
+            found.extend(_cut(sol, whole, cuts))
 
     for _, group in itertools.groupby(solution.events, key=lambda event: event.group):
         events = list(group)
@@ -154,11 +195,40 @@ def _flow_factors(
         smooth(end, t, events[0].x)
         begin, mode = end, events[-1].after
         here = Together(solution, events, names, jacobian)
-        if not (before_last and t == solution.t_end and events[-1] is solution.events[-1]):
-            out.append(Factor(t, mode, here.saltation()))
+        found.append(here)
         leaving = here.leaving()
     smooth(len(sol.start), solution.t_end, solution.x_end)
-    return out
+    if cuts.size:
+        found = [piece for piece in found if sol.direction * (cuts[-1] - piece.t) >= 0]
+    # All that is in one mode is integrated side by side.
+    known: dict[int, Array] = {}
+    parts = [(k, part) for k, part in enumerate(found) if isinstance(part, _Smooth)]
+    for mode in dict.fromkeys(part.mode for _, part in parts):
+        field, p = mode_field(solution.problem.system, mode, names, jacobian), solution.problem.p
+        mine = [(k, part) for k, part in parts if part.mode == mode]
+        over = transitions(field, [(part.start, part.step) for _, part in mine], _states(solution), p)
+        for (k, part), matrix in zip(mine, over, strict=True):
+            known[k] = matrix
+            if part.leaving is not None:
+                known[k] = _along(field, matrix, *part.leaving, part.t, part.x, p)
+    return [(piece, known.get(k)) for k, piece in enumerate(found)]
+
+
+def _cut(sol: Interpolant, whole: _Smooth, cuts: Array) -> list[_Smooth]:
+    """The parts of a segment between the times `cuts` that lie in it."""
+    sense, edges = sol.direction, np.append(whole.start, whole.t)
+    inside = cuts[(sense * cuts > sense * edges[0]) & (sense * cuts < sense * whole.t)]
+    if not inside.size:
+        return [whole]
+    edges = sense * np.unique(sense * np.concatenate((edges, inside)))
+    places = [0, *np.searchsorted(sense * edges, sense * inside).tolist(), edges.size - 1]
+    return [
+        _Smooth(
+            whole.mode, edges[first:last], np.diff(edges[first : last + 1]), float(edges[last]),
+            sol(edges[last], side="+") if last < places[-1] else whole.x, None if first else whole.leaving,
+        )
+        for first, last in itertools.pairwise(places)
+    ]  # fmt: skip
 
 
 def _along(

@@ -8,8 +8,9 @@ differentiated in `filippov.analysis.sensitivity.plain_variation`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -181,19 +182,21 @@ _ERROR, _WRONG, _MOST_PARTS, _FURTHEST = 6e-10, 1e-14, 16, 0.3
 _DECAYS, _DAMPING, _DAMPED, _SLOW_PARTS = 30.0, 6, 5.5, 2
 # Stiff eigenvalues within this factor of each other decay together.
 _TOGETHER = 1.3
+# Numbers in the linear equations of steps that are solved at once.
+_MOST_NUMBERS = 1 << 23
 
 
 def _divided(
     field: ModeField, start: Array, step: Array, state: Callable[[Array], Array], p: Array
-) -> tuple[Array, Array]:
-    """The steps, divided where an eigenvalue of A times the step asks for it."""
+) -> tuple[Array, Array, npt.NDArray[np.int64]]:
+    """The steps, divided where an eigenvalue of A times the step asks for it, and into how many each."""
     times = start + 0.5 * step
     x = state(times)
     a = field.matrix(times, x, field.multipliers(times, x, p), p)
     reach = np.abs(step) * np.max(np.sum(np.abs(a), axis=2), axis=1)
     check = np.isfinite(reach) & (reach > _FURTHEST)
     if not np.any(check):
-        return start, step
+        return start, step, np.ones(start.size, dtype=np.int64)
     counts, early = np.ones(start.size, dtype=int), np.zeros(start.size, dtype=int)
     length = np.zeros(start.size)
     n = field.system.dimension
@@ -204,7 +207,9 @@ def _divided(
     k = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     first = k < early[each]
     passed = np.minimum(k, early[each]) * length[each] + np.maximum(k - early[each], 0) * rest[each]
-    return start[each] + passed * step[each], np.where(first, length[each], rest[each]) * step[each]
+    return (
+        start[each] + passed * step[each], np.where(first, length[each], rest[each]) * step[each], counts
+    )  # fmt: skip
 
 
 def _parts(z: npt.NDArray[np.complex128]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Array]:
@@ -237,8 +242,32 @@ def transition(
     Gauss collocation of order 8 on the integrator's own steps, all of them at once; state(t) gives x on the
     nodes. A step is divided where the matrix itself requires it, even if the solution does not.
     """
+    return transitions(field, [(start, step)], state, p)[0]
+
+
+def transitions(
+    field: ModeField, spans: Sequence[tuple[Array, Array]], state: Callable[[Array], Array], p: Array
+) -> list[Array]:
+    """`transition` over several spans of one mode, each (starts, steps) of its own, side by side."""
+    sizes = np.array([start.size for start, _ in spans])
+    starts, steps, counts = _divided(
+        field, np.concatenate([start for start, _ in spans]), np.concatenate([step for _, step in spans]),
+        state, p,
+    )  # fmt: skip
+    at_once = max(1, _MOST_NUMBERS // (len(_NODES) * field.system.dimension) ** 2)
+    matrices = np.concatenate([
+        _over_steps(field, starts[k : k + at_once], steps[k : k + at_once], state, p)
+        for k in range(0, max(starts.size, 1), at_once)
+    ])  # fmt: skip
+    ends = np.append(0, np.cumsum(counts))[np.append(0, np.cumsum(sizes))]
+    return [_product(matrices[first:last]) for first, last in pairwise(ends.tolist())]
+
+
+def _over_steps(
+    field: ModeField, start: Array, step: Array, state: Callable[[Array], Array], p: Array
+) -> Array:
+    """The transition matrix of each step: (k, N, N)."""
     n, size, stages = field.system.dimension, field.size, len(_NODES)
-    start, step = _divided(field, start, step, state, p)
     times = (start[:, None] + step[:, None] * _NODES).ravel()
     x = state(times)
     s = field.multipliers(times, x, p)
@@ -251,12 +280,15 @@ def transition(
         blocks[:, i, :, i, :] += np.eye(n)
     k = linalg.solve(blocks.reshape(-1, stages * n, stages * n), a.reshape(-1, stages * n, size))
     change = np.tensordot(k.reshape(-1, stages, n, size), _WEIGHTS, (1, 0))
-    identity = np.eye(size)
-    steps = np.tile(identity, (start.size, 1, 1))
+    steps = np.tile(np.eye(size), (start.size, 1, 1))
     steps[:, :n] += step[:, None, None] * change
-    # Pairwise products: as many roundings, far fewer calls.
+    return steps
+
+
+def _product(steps: Array) -> Array:
+    """The product of matrices (k, N, N), the first one to the right: pairwise, by far fewer calls."""
     while len(steps) > 1:
         odd = steps[-1:] if len(steps) % 2 else steps[:0]
         even = len(steps) - len(odd)
         steps = np.concatenate((steps[1:even:2] @ steps[0:even:2], odd))
-    return np.asarray(steps[0]) if len(steps) else identity
+    return np.asarray(steps[0]) if len(steps) else np.eye(steps.shape[1])
