@@ -33,6 +33,9 @@ Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 # A cycle this much smaller than at the start is one that shrinks into the equilibrium set.
 _SHRUNK = 1e-5
+# One this much smaller is followed in steps that multiply d by 0.4, where the parameters' part of the tangent
+# is below _STILL.
+_SMALL, _CREEP, _STILL = 0.05, 0.3, 0.1
 # It joins the set where its branch is this near to it, in widths of the bounds; it is followed down to so
 # many times the least coordinate that rounding leaves.
 # Where the slope at the set is farther than this from 1, in its logarithm, the cycle does not join it.
@@ -122,6 +125,12 @@ class MapProblem:
                 del self._jets[next(iter(self._jets))]
             self._jets[key] = -jet if self.half else jet
         return self._jets[key]
+
+    def room(self, u: Array, tangent: Array) -> float:
+        """The longest step where a branch, or a curve of special points, creeps into the equilibrium set: a
+        small cycle shrinks while the parameters hardly change any more; 0 elsewhere."""
+        small = self.rests and u[0] < self.start[0] + np.log(_SMALL)
+        return _CREEP if small and np.linalg.norm(tangent[1:]) < _STILL else 0.0
 
     def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
         """See `BranchProblem`."""

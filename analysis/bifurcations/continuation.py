@@ -352,7 +352,8 @@ class Continuation:
             if goes_on is not following:
                 step = max(min(step, self.step) * 0.25, 10 * self.min_step)
             elif count <= 3:
-                step = min(1.4 * step, self.max_step)
+                room = getattr(current.corrector.problem, "room", lambda u, tangent: 0.0)
+                step = min(1.4 * step, max(self.max_step, room(current.u, current.tangent)))
             elif count >= 6:
                 step *= 0.7
             if following.near(first) and len(self.branch.points) > 5:

@@ -83,9 +83,10 @@ class Corrector:
         full = z * self.sizes
         return full[:-1], float(full[-1])
 
-    def equations(self, z: Array) -> tuple[Array, Array]:
-        """Residual and matrix by z."""
-        residual, matrix = self.problem.evaluate(*self.plain(z))
+    def equations(self, z: Array, *, roughly: bool = False) -> tuple[Array, Array]:
+        """Residual and matrix by z; roughly: as Newton's method needs it."""
+        found = getattr(self.problem, "roughly", self.problem.evaluate) if roughly else self.problem.evaluate
+        residual, matrix = found(*self.plain(z))
         if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(matrix)):
             raise NoConvergenceError("the equations are not finite.")
         self._last = z.copy(), matrix * self.sizes
@@ -115,7 +116,7 @@ class Corrector:
         for count in range(1, _ITERATIONS + 1):
             if (done := self._finished(z, guess, normal)) is not None:
                 return done, count
-            residual, matrix = self.equations(z)
+            residual, matrix = self.equations(z, roughly=True)
             full = np.vstack([matrix, normal])
             change = linalg.solve(full, -np.append(residual, normal @ (z - guess)))
             size = float(np.linalg.norm(change))

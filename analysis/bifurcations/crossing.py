@@ -36,13 +36,16 @@ class Crossings:
         if a.point.word != b.point.word and a.point.word:
             return self._word(a, b, step)
         found: list[tuple[float, BranchPoint, str, Along]] = []
+        length = float(a.tangent @ (b.z - a.z))
         changed = [
             name for name, value in a.point.tests.items()
             if name in b.point.tests and value * b.point.tests[name] < 0
         ]  # fmt: skip
+        bent = abs(a.point.tests["fold"] - b.point.tests["fold"]) if "fold" in changed else 0.0
+        if "fold" in changed and bent < getattr(a.corrector.problem, "straight", 0.0) * abs(length):
+            changed.remove("fold")
         if "branch point" in changed and {"symmetry breaking", "period doubling"} & set(changed):
             changed.remove("branch point")
-        length = float(a.tangent @ (b.z - a.z))
         for name in changed:
             located = self._meeting(a, b) if name == "branch point" else self._locate(a, name, length)
             if located is None or not confirmed(name, located[1].point):

@@ -108,7 +108,13 @@ def _grazed(problem: Any, special: BranchPoint) -> tuple[int, int]:
 
 
 class CurveProblem:
-    """A solution with a vanishing test function; the second parameter is the one that is followed."""
+    """A solution with a vanishing test function; the second parameter is the one that is followed.
+
+    straight   a curve that turns by less than this for its length is straight, to the differences that its
+               tangents are known by
+    """
+
+    straight = 1e-3
 
     def __init__(
         self, inner: Any, test: str, parameter: str, u: Array, value: float, at: float, width: float,
@@ -140,9 +146,10 @@ class CurveProblem:
     def _inner(self, second: float) -> Any:
         return self.inner.with_parameter(self.parameter, second)
 
-    def function(self, problem: Any, u: Array, value: float, matrix: Array) -> float:
-        """The test function."""
+    def function(self, problem: Any, u: Array, value: float, matrix: Array | None = None) -> float:
+        """The test function; matrix: of the solution, which that of a fold needs."""
         if self.test == "fold":
+            assert matrix is not None
             b, c = self.border
             block = np.block([[matrix[:, :-1] * problem.scale, b[:, None]], [c[None, :], np.zeros((1, 1))]])
             return float(linalg.solve(block, np.append(np.zeros(len(u)), 1.0))[-1])
@@ -223,26 +230,45 @@ class CurveProblem:
         except UsageError:
             return None
 
-    def _both(self, z: Array) -> tuple[Array, Array, float]:
-        """Residual and matrix of the solution, and the test, at (u, value, second)."""
-        problem = self._inner(float(z[-1]))
-        residual, matrix = problem.evaluate(z[:-2], float(z[-2]))
-        return residual, matrix, self.function(problem, z[:-2], float(z[-2]), matrix)
+    def _left(self, z: Array, matrix: bool = False) -> tuple[Array, Array | None]:
+        """What is left of the equations at (u, value, second), and the matrix of the solution: where it is
+        asked for, or needed for the test."""
+        problem, u, value = self._inner(float(z[-1])), z[:-2], float(z[-2])
+        if self.test in CONTACTS and not matrix:
+            return np.append(problem.residual(u, value), self.function(problem, u, value)), None
+        residual, slopes = problem.evaluate(u, value)
+        return np.append(residual, self.function(problem, u, value, slopes)), slopes
+
+    def residual(self, u: Array, value: float) -> Array:
+        """What is left of the equations."""
+        return self._left(np.append(u, value))[0]
+
+    def room(self, u: Array, tangent: Array) -> float:
+        """See `filippov.analysis.bifurcations.branch_problem.MapProblem.room`."""
+        return self.inner.room(u[:-1], tangent) if isinstance(self.inner, MapProblem) else 0.0
 
     def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
         """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""
-        z = np.append(u, value)
-        residual, matrix, test = self._both(z)
-        m = len(residual)
+        return self._evaluated(np.append(u, value), (1.0, -1.0))
+
+    def roughly(self, u: Array, value: float) -> tuple[Array, Array]:
+        """The same with differences to one side, good enough for a corrector: half as many neighbours."""
+        return self._evaluated(np.append(u, value), (1.0, 0.0))
+
+    def _evaluated(self, z: Array, sides: tuple[float, float]) -> tuple[Array, Array]:
+        here, matrix = self._left(z, True)
+        m = len(here) - 1
         out = np.zeros((m + 1, m + 2))
         out[:m, : m + 1] = matrix
-        reaches = _REACH * np.append(self.scale, max(abs(value), 1e-2))
+        reaches = _REACH * np.append(self.scale, max(abs(z[-1]), 1e-2))
         for j, reach in enumerate(reaches):
-            moved = [self._both(z + side * reach * np.eye(m + 2)[j]) for side in (1.0, -1.0)]
-            out[m, j] = (moved[0][2] - moved[1][2]) / (2 * reach)
+            step = reach * np.eye(m + 2)[j]
+            one, other = (self._left(z + side * step)[0] if side else here for side in sides)
+            slope = (one - other) / ((sides[0] - sides[1]) * reach)
+            out[m, j] = slope[m]
             if j == m + 1:
-                out[:m, j] = (moved[0][0] - moved[1][0]) / (2 * reach)
-        return np.append(residual, test), out
+                out[:m, j] = slope[:m]
+        return here, out
 
     def point(self, u: Array, value: float) -> BranchPoint:
         """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""
