@@ -19,14 +19,12 @@ import numpy as np
 Axis = tuple[str, float, float]
 
 
-def cells(name: str, x: Axis, y: Axis, high: float, **more: Any) -> str:
+def cells(system: Any, section: Any, x: Axis, y: Axis, high: float, **more: Any) -> str:
     """A map of 25 x 25 cells."""
-    from filippov.analysis import Section, regions
-    from filippov.models import get
+    from filippov.analysis import regions
 
-    model = get(name)
     axes = [(axis, np.linspace(a, b, 25)) for axis, a, b in (x, y)]
-    found = regions(model.build(), Section.from_model(model), *axes, (0, high), **more)
+    found = regions(system, section, *axes, (0, high), **more)
     borders = ", ".join(f"{name} {len(points)} points" for name, points in found.borders)
     counts = np.bincount(found.cycles.ravel() + 1).tolist()
     return f"cells with -1, 0, 1, ... cycles {counts}, amplitudes {np.nansum(found.amplitude):.8f}; {borders}"
@@ -34,7 +32,28 @@ def cells(name: str, x: Axis, y: Axis, high: float, **more: Any) -> str:
 
 def hunting(**more: Any) -> str:
     """The hunting loop over its gains."""
-    return cells("hunting", ("P", 4.0, 31.0), ("I", 4.0, 20.0), 0.5, **more)
+    from filippov.analysis import Section
+    from filippov.models import get
+
+    model = get("hunting")
+    gains = ("P", 4.0, 31.0), ("I", 4.0, 20.0)
+    return cells(model.build(), Section.from_model(model), *gains, 0.5, **more)
+
+
+def arm(**more: Any) -> str:
+    """A model that no page has, over gain and stiffness: an arm on a spring, turned by a PID controller."""
+    from filippov import Surface, System, exp, parameters, sign, sin, states
+    from filippov.analysis import Section
+
+    q, w, z = states("q w z")
+    p = parameters(J=0.5, k=1.0, P=8.0, D=0.8, I=6.0, Ms=2.0, Mc=1.2, ws=0.15, b=0.4)
+    dry = (p.Mc + (p.Ms - p.Mc) * exp(-((w / p.ws) ** 2))) * sign(w)
+    pull = p.k * sin(q) + p.P * (q + p.D * w + p.I * z)
+    system = System({q: w, w: (-pull - dry - p.b * w) / p.J, z: q}, surfaces=[Surface("pivot", w)])
+    start = {"q": "d", "w": "0", "z": "(sign(d)*Ms - k*sin(d) - P*d)/(P*I)"}
+    return cells(
+        system, Section("pivot", "sliding entry", "q", start), ("P", 2.0, 30.0), ("k", -1.0, 4.0), 1.0, **more
+    )
 
 
 def fold() -> str:
@@ -51,6 +70,22 @@ def fold() -> str:
         along = curve(run, found, parameter=parameter, bounds=bounds, direction=way).run()
         ends.append(f"{parameter} {len(along.points)} points to {along.coordinate('P')[-1]:.7f}")
     return f"fold at {found.value:.10f}; " + "; ".join(ends)
+
+
+def border() -> str:
+    """Friction at which a forced mass begins to stop at its turning points, over the frequency."""
+    from filippov import System, cos, parameters, sign, states, t
+    from filippov.analysis import continuation, curve, find_orbit
+
+    x, v = states("x v")
+    p = parameters(S=0.75, w=0.8)
+    system = System({x: v, v: -x + cos(p.w * t) - p.S * sign(v)}, parameters=p)
+    start = find_orbit(system, (1.5, 0.0), transient=40)
+    run = continuation(system, start, parameter="S", bounds=(0.75, 0.85), direction=1)
+    special = next(point for point in run if point.special)
+    along = curve(run, special, parameter="w", bounds=(0.7, 0.9), direction=1).run()
+    end = along.coordinate("S")[-1]
+    return f"{special.special} at {special.value:.10f}; {len(along.points)} points to {end:.9f}"
 
 
 def exponents(Vin: float) -> str:
@@ -91,8 +126,10 @@ def tuning() -> str:
 TASKS: dict[str, Callable[[], str]] = {
     "regions, hunting": hunting,
     "regions, hunting, exact borders": lambda: hunting(borders="exact"),
-    "regions, two blocks": lambda: cells("two_blocks", ("vb", 0.1, 0.4), ("kc", 0.8, 1.6), 0.676, order=1),
+    "regions, arm": arm,
+    "regions, arm, exact borders": lambda: arm(borders="exact"),
     "fold curves": fold,
+    "border of sliding": border,
     "exponents, 20 V": lambda: exponents(20.0),
     "exponents, 33 V": lambda: exponents(33.0),
     "diagram": diagram,
