@@ -74,8 +74,8 @@ def _forced_mass() -> System:
 
 
 @pytest.mark.parametrize("span", [(0.0, 23.0), (23.0, 0.0)])
-def test_14_6_slices_of_a_solution_have_the_derivative_of_the_whole(span: tuple[float, float]) -> None:
-    """Cut anywhere, at events too: the product of the slices, and each against a solution of its own."""
+def test_14_6_intervals_of_a_solution_have_the_derivative_of_the_whole(span: tuple[float, float]) -> None:
+    """Cut anywhere, at events too: the product of the intervals, and each against a solution of its own."""
     backward = span[1] < span[0]
     # Backwards through sliding solutions are not unique.
     smooth = System({Q[0]: Q[1], Q[1]: -Q[0] - 0.3 * sin(Q[2]), Q[2]: 1.0})
@@ -85,29 +85,29 @@ def test_14_6_slices_of_a_solution_have_the_derivative_of_the_whole(span: tuple[
     draws = np.sort(np.random.default_rng(3).uniform(0.3, 22.7, 9))
     at = [*draws, *(e.t for e in run.events[:4] if e.t not in span)]
     cuts = [*(sorted(at, reverse=backward)), span[1]]
-    slices = saltation.flow_slices(run, cuts)
-    assert not any(isinstance(part, saltation.NotDifferentiableError) for part in slices)
+    found = saltation.flow_derivatives(run, cuts)
+    assert not any(isinstance(part, saltation.NotDifferentiableError) for part in found)
     product = np.eye(3)
-    for part in slices:
+    for part in found:
         product = part @ product
     whole = saltation.flow_derivative(run)
     np.testing.assert_allclose(product, whole, rtol=0, atol=1e-9 * np.max(np.abs(whole)))
     begin = span[0]
-    for end, part in zip(cuts, slices, strict=True):
+    for end, part in zip(cuts, found, strict=True):
         if not any(abs(e.t - q) < 1e-6 for e in run.events for q in (begin, end)):
             alone = solve(system, run.sol(begin), (begin, end), rtol=1e-11, atol=1e-13, backward=backward)
             np.testing.assert_allclose(part, saltation.flow_derivative(alone), rtol=0, atol=1e-7)
         begin = end
 
 
-def test_14_6_a_slice_without_a_derivative_leaves_the_others_theirs() -> None:
+def test_14_6_an_interval_without_a_derivative_leaves_the_others_theirs() -> None:
     """x and y reach 0 at once, at t = 2; what z does between depends on which is first."""
     x, y, z = states("x y z")
     system = System({x: 1 + 0 * x, y: 1 + 0 * y, z: sign(x) * sign(y) - z})
     run = solve(system, (-2.0, -2.0, 0.5), (0.0, 4.0))
     with pytest.raises(saltation.NotDifferentiableError, match="order"):
         saltation.flow_derivative(run)
-    slices = saltation.flow_slices(run, [1.0, 1.5, 2.5, 3.5])
-    told = [isinstance(part, saltation.NotDifferentiableError) for part in slices]
+    found = saltation.flow_derivatives(run, [1.0, 1.5, 2.5, 3.5])
+    told = [isinstance(part, saltation.NotDifferentiableError) for part in found]
     assert told == [False, False, True, False]
-    np.testing.assert_allclose(slices[3], np.diag([1.0, 1.0, np.exp(-1.0)]), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found[3], np.diag([1.0, 1.0, np.exp(-1.0)]), rtol=1e-9, atol=1e-12)

@@ -74,7 +74,8 @@ def continuation(
     mode        of an equilibrium, "+0" or signs; 0 for the surfaces that a pseudo-equilibrium slides on
     parameters  values of the others, for equilibria
     direction   +1 or -1: to larger or smaller values first, only that way; 0: both ways
-    step, min_step, max_step   of the arclength, in units of the solution's size and of the width of bounds
+    step, min_step, max_step   of the arclength, in units of the solution's size and of the width of bounds;
+                where a small cycle shrinks into rest at a parameter that hardly changes, steps are longer
     max_points, max_time   budgets; what was found is kept
     resume      a Branch that was interrupted: goes on where that ended
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
-from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_slices
+from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivatives
 from filippov.base.errors import UsageError
 from filippov.base.given import NonNegative, Positive
 from filippov.base.keywords import keywords
@@ -102,13 +102,13 @@ def lyapunov(
             # Intervals that are solved at once, with what each of them could take alone.
             cuts = np.minimum(t + interval * np.arange(1, count + 1), end)
             cuts = cuts[: 1 + int(np.searchsorted(cuts, end - 1e-9 * interval))]
-            budget = {"max_steps": count * Options.max_steps, "max_events": count * Options.max_events}
-            run = solve(system, x, (t, float(cuts[-1])), **options, **budget)
+            options |= {"max_steps": count * Options.max_steps, "max_events": count * Options.max_events}
+            run = solve(system, x, (t, float(cuts[-1])), **options)
             if not run.success:
                 message, cuts = run.message, cuts[cuts < run.t_end]
                 if not cuts.size:
                     break
-            for stop, matrix in zip(cuts.tolist(), flow_slices(run, cuts), strict=True):
+            for stop, matrix in zip(cuts.tolist(), flow_derivatives(run, cuts), strict=True):
                 if isinstance(matrix, NotDifferentiableError):
                     skipped += 1
                 else:

@@ -122,11 +122,11 @@ def flow_factors(
     return out
 
 
-def flow_slices(solution: Solution, ends: Sequence[float]) -> list[Array | NotDifferentiableError]:
-    """d x(end) / d x(begin) over slices of time, (n, n) each, one after the other from the start on.
+def flow_derivatives(solution: Solution, ends: Sequence[float]) -> list[Array | NotDifferentiableError]:
+    """d x(end) / d x(begin) over intervals of time, (n, n) each, one after the other from the start on.
 
-    ends   of the slices, the last one not after the solution's; an event at an end belongs to the slice
-           before it. In the place of a slice without a derivative stands the error that says why
+    ends   of the intervals, the last one not after the solution's; an event at an end belongs to the interval
+           before it. In the place of an interval without a derivative stands the error that says why
     """
     n, cuts = solution.problem.system.dimension, np.asarray(ends, dtype=float)
     sense = 1.0 if solution.sol is None else solution.sol.direction
