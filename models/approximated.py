@@ -1,4 +1,4 @@
-"""Plants of the table of approximations: motions with friction, a relay, impacts, and widths to try."""
+"""Plants of the table of approximations: solutions with friction, a relay, impacts, and widths to try."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LAW = Stribeck(Fs=1, Fc=0.5, vs=0.1, beta=1, b=0.05)
 
 @dataclass(frozen=True)
 class Plant:
-    """One motion of the table: a system, where it starts, its span, and the widths that are tried.
+    """One solution of the table: a system, where it starts, its span, and the widths that are tried.
 
     widths   of bands, in the units of h; deflections: of bristles, in those of its integral; steps: of time
     jumps    whether impacts make the state jump

@@ -27,7 +27,7 @@ def switching_predator(
         R1' = r1 R1 - u l1 R1 C,  R2' = r2 R2 - (1 - u) l2 R2 C
         C'  = C (u e1 l1 R1 + (1 - u) e2 l2 R2 - m),   u = H(e1 l1 R1 - e2 l2 R2)
 
-    On the surface "profit" the motion is a Lotka-Volterra centre with a first integral.
+    On the surface "profit" the sliding field is a Lotka-Volterra centre with a first integral.
     Sources: Boukal & Krivan 1999; Krivan & Vrkoc 2007.
     """
     p = parameters(

@@ -1,4 +1,4 @@
-"""Motion with impacts: v+ = -e v- at a wall, e the coefficient of restitution (Newton's law of impact)."""
+"""Systems with impacts: v+ = -e v- at a wall, e the coefficient of restitution (Newton's law of impact)."""
 
 from __future__ import annotations
 

@@ -176,7 +176,7 @@ def second_rate(
 def _grazing(at: _Touch, here: Any, f1: Array, f2: Array, slope: Array, size: float) -> DiscontinuityMap:
     a1, v2 = at.number("a1", *here), at.number("v2", *here)
     if not a1 > 0:
-        raise UsageError("the solution touches the surface to higher order (L_F1^2 H = 0): degenerate.")
+        raise UsageError("the solution grazes the surface to higher order (L_F1^2 H = 0): degenerate.")
     if at.reset:
         x = here[1]
         scale = 1.0 + float(np.max(np.abs(x)))

@@ -6,7 +6,7 @@ back, and crosses where it does not. Crossing-sliding and switching-sliding are 
     sigma dh/dt = 0 at the arrival, with the multiplier at its end on the other side;
 
 they differ in what comes after. Adding-sliding is where the distance of the multiplier s from an end of its
-set has the least value 0 along the sliding motion, which is followed beyond the end where the orbit leaves.
+set has the least value 0 along the sliding solution, which is followed beyond the end where the orbit leaves.
 Source: di Bernardo, Budd, Champneys & Kowalczyk 2008.
 """
 
@@ -77,7 +77,7 @@ def _arrivals(solution: Solution, i: int) -> Iterator[Contact]:
 
 
 def _least(solution: Solution, i: int) -> Iterator[Contact]:
-    """Least distances of the multiplier from the ends of its set, also of sliding motions that left."""
+    """Least distances of the multiplier from the ends of its set, also of sliding solutions that left."""
     sol = solution.sol
     assert sol is not None
     phases: list[list[Segment]] = []
@@ -119,7 +119,7 @@ class _Edge:
 
     def gaps(self, t: Array, x: Array) -> tuple[Array, Array]:
         """Distance of s from the lower and the upper end at times (k,) and states (n, k), and its derivative
-        along the sliding motion: (k, 2) each."""
+        along the sliding solution: (k, 2) each."""
         field, rows = self.field, np.ascontiguousarray(x.T)
         s = field.multipliers(t, rows, self.p)
         speed = field.velocity(t, rows, s, self.p)
@@ -142,7 +142,7 @@ class _Edge:
                 yield Contact(at[:, 0], t, float(self.gaps(np.array([t]), at)[0][0, column]), int(side))
 
     def beyond(self, t: float, x: Array, dwell: float) -> tuple[Callable[[Array], Array], Array] | None:
-        """The sliding motion from where the orbit left it, as if its set had no end; None where it stops.
+        """The sliding solution from where the orbit left it, as if its set had no end; None where it stops.
 
         An excursion off the surface that is so long that it does not end soon is none of a tangency: None.
         """

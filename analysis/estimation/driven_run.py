@@ -1,11 +1,11 @@
-"""The driven mass along a record: its motion in windows, and how it changes with all that goes in.
+"""The driven mass along a record: its trajectory in windows, and how it changes with all that goes in.
 
-The motion is carried from node to node, each interval by the exact event-driven solver. Its derivatives come
-from those of single intervals, by central differences, joined by the chain rule:
+The trajectory is carried from node to node, each interval by the exact event-driven solver. Its derivatives
+come from those of single intervals, by central differences, joined by the chain rule:
 
     X(k+1) = A(k) X(k) + B(k),   A = d end/d start,   B = d end/d (parameters, terms of the force)
 
-So no difference step is carried through the whole motion, where it would grow or meet a jump.
+So no difference step is carried through the whole trajectory, where it would grow or meet a jump.
 Source: Bock 1983 (condensing of multiple shooting).
 """
 
@@ -48,7 +48,7 @@ class Pieces:
 
 @dataclass(frozen=True)
 class DrivenTrajectory:
-    """A window's motion: states at the starts of the pieces and at the end, (P + 1, n); nodes: at samples."""
+    """A window's trajectory: states at the starts of its parts and the end, (P + 1, n); nodes: at samples."""
 
     states: Array
     nodes: Whole
@@ -80,7 +80,7 @@ class Slopes:
 
 
 class DrivenRun:
-    """Motions of a driven mass: `names` are the parameters that slopes are taken by."""
+    """Trajectories of a driven mass: `names` are the parameters that slopes are taken by."""
 
     def __init__(
         self, system: System, names: Sequence[str], fixed: Mapping[str, float], rtol: float, scale: float,
@@ -102,7 +102,7 @@ class DrivenRun:
         )  # fmt: skip
 
     def trajectories(self, windows: Sequence[Pieces], starts: Array, theta: Array) -> list[DrivenTrajectory]:
-        """The motion of each window from its own start (w, 2); one that cannot go on is not `good`."""
+        """The trajectory of each window from its own start (w, 2); one that cannot go on is not `good`."""
         count = len(windows)
         longest = max(len(q.length) for q in windows)
         states = np.full((count, longest + 1, starts.shape[1]), 1e3 * self.scale)
@@ -133,7 +133,7 @@ class DrivenRun:
         self, windows: Sequence[Pieces], trajectories: Sequence[DrivenTrajectory], theta: Array,
         by_force: bool = True,
     ) -> list[Slopes]:
-        """Derivatives of the positions at the samples along motions; without `by_force` those are 0."""
+        """Derivatives of the positions at the samples along trajectories; without `by_force` those are 0."""
         n, p = trajectories[0].states.shape[1], len(self.names)
         steps = self._steps(theta)[: n + p + 4 * by_force]
         states = np.concatenate([m.states[:-1] for m in trajectories])

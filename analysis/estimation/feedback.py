@@ -1,8 +1,8 @@
-"""The fitted motion between its samples: what a controller that feeds it back makes of it.
+"""The fitted trajectory between its samples: what a controller that feeds it back makes of it.
 
-A force with feedback of position and velocity has the kinks of the motion: where the mass stops its
+A force with feedback of position and velocity has the kinks of the trajectory: where the mass stops its
 acceleration jumps, and the force's slope with it; where it breaks away the second derivative does. The model
-knows the motion between samples, events included, so the force is taken as
+knows the trajectory between samples, events included, so the force is taken as
 
     u = g_z z + g_x x + g_v v + sum_j c_j dv/dp_j + rest,   z' = x
 
@@ -23,7 +23,7 @@ from filippov.analysis.algebra import linalg
 from filippov.analysis.estimation.driven_run import DrivenRun, DrivenTrajectory, Pieces
 
 Array = npt.NDArray[np.float64]
-# Gauss and Lobatto's points: the cubic through them has the integral of the motion up to the sixth order.
+# Gauss and Lobatto's points: the cubic through them has the integral of the trajectory up to the sixth order.
 LOBATTO = np.array([0.0, 0.5 - np.sqrt(0.05), 0.5 + np.sqrt(0.05), 1.0])
 LOBATTO_WEIGHTS = np.array([1.0, 5.0, 5.0, 1.0]) / 12
 TO_TERMS = linalg.inv(np.vander(LOBATTO, 4, increasing=True))
@@ -38,7 +38,7 @@ STEP, SAME = 1e-4, 1e-4
 
 @dataclass(frozen=True)
 class Feedback:
-    """A window's motion as columns: integral of the position, position, velocity, derivatives of this.
+    """A window's trajectory as columns: integral of the position, position, velocity, derivatives of this.
 
     samples   at the samples, (k, c); terms: as cubics of tau in [0, 1] on each piece, (P, 4, c)
     edges     times of the pieces' ends, (P + 1,): the samples and the events
@@ -51,7 +51,7 @@ class Feedback:
 
 @dataclass(frozen=True)
 class Course:
-    """A motion at any time of its window: what `pieces` make of its states at their ends."""
+    """A trajectory at any time of its window: what `pieces` make of its states at their ends."""
 
     run: DrivenRun
     pieces: Pieces
@@ -96,7 +96,7 @@ def feedback(
     run: DrivenRun, windows: Sequence[Pieces], trajectories: Sequence[DrivenTrajectory], starts: Array,
     values: Array, free: int, times: Sequence[Array],
 ) -> tuple[Feedback, ...]:  # fmt: skip
-    """Of each window's motion from its start (w, 2); the first `free` of the values are estimated.
+    """Of each window's trajectory from its start (w, 2); the first `free` of the values are estimated.
 
     times   of the samples of each window
     """
@@ -132,7 +132,7 @@ def _joined(made: Sequence[Feedback], least: float) -> tuple[Feedback, ...]:
 
 
 def _of_window(own: Course, near: Sequence[Course]) -> Feedback:
-    """The columns of one window; near: motions beside its own, each with one of the estimates moved."""
+    """The columns of one window; near: trajectories beside its own, each with one of the estimates moved."""
     edges, sampled = own.edges()
     h = np.diff(edges)
     x, v = _at_lobatto(own, edges, sampled)

@@ -3,7 +3,7 @@
 A smooth force is a smoothing spline; its mean is what is taken, its covariance what the samples leave open:
 both the noise and what lies between samples. Kinks come in two ways:
 
-    u = G g + rest    G the fitted motion, which a controller feeds back: its kinks are the force's
+    u = G g + rest    G the fitted trajectory, which a controller feeds back: its kinks are the force's
     u = rest          on segments that have nothing in common, with a kink where their two sides meet
 
 The gains g, the noise s and the roughness q (in the second form one at rest, one in motion) maximise the
@@ -33,7 +33,7 @@ SHORTEST, LONGEST = 6, 240
 # Samples on either side that say where a kink is.
 NEAR = 24
 # Least log q that is used, at rest and in motion: some 18 and some 6 samples smooth one. What is left of a
-# force beside the motion bends as little as a force at rest.
+# force beside the trajectory bends as little as a force at rest.
 LEAST, LEAST_FED = (-8.0, 0.0), (-8.0, -8.0)
 # Smallest noise of the force in parts of its size: digits of a file.
 DIGITS = 1e-7
@@ -42,7 +42,7 @@ DIGITS = 1e-7
 class SmoothForce:
     """The smooth force of a record on segments that end in the intervals `cuts`; moving: of each interval.
 
-    fed    motions of the windows, where the force follows them
+    fed    trajectories of the windows, where the force follows them
     s      standard deviation of the noise on the samples [N]
     cost   minus the log of the evidence for this form
     """
@@ -114,7 +114,7 @@ class SmoothForce:
         return Pieces(np.concatenate(lengths), np.concatenate(terms), sample, np.concatenate(roots))
 
     def _fed(self, first: int) -> Feedback | None:
-        """The motion of the window that begins with a sample."""
+        """The trajectory of the window that begins with a sample."""
         return next((q for q in self.fed if q.edges[0] == self.t[first]), None)
 
     def _meeting(self, left: ForceSegment, right: ForceSegment, c_left: Array, c_right: Array) -> float:

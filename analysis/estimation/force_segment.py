@@ -25,7 +25,7 @@ Array = npt.NDArray[np.float64]
 class ForceSegment:
     """Samples first ... last - 1 of a force without a kink; reaches over the interval before and after.
 
-    t, columns   all samples of the record: the force and the motion that is fed back, (n, 1 + c)
+    t, columns   all samples of the record: the force and the trajectory that is fed back, (n, 1 + c)
     moving       whether the mass moves here
     """
 

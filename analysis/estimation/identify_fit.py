@@ -50,7 +50,7 @@ COARSE = 2e-3
 
 @dataclass(frozen=True)
 class Linear:
-    """The model about theta and a force: motions, their slopes, the windows' linear least squares.
+    """The model about theta and a force: trajectories, their slopes, the windows' linear least squares.
 
     axes   the factors of each window as combinations of those of its force
     """
@@ -128,7 +128,7 @@ class Fitting:
         return best
 
     def _by_short_windows(self, first: Array, hold: str) -> Array:
-        """theta by least squares on many short windows, where no motion gets far from the record.
+        """theta by least squares on many short windows, where no trajectory gets far from the record.
 
         A guess with which the mass would not move at all has no slope on long windows.
         """
@@ -242,7 +242,7 @@ class Fitting:
     def events(
         self, trajectories: Sequence[DrivenTrajectory]
     ) -> tuple[list[int], npt.NDArray[np.bool_], bytes]:
-        """Intervals in which the motions stop, start or turn, which intervals move, and both as a key."""
+        """Intervals in which trajectories stop, start or turn, which intervals move, and both as a key."""
         moving = np.ones(len(self.record.t) - 1, dtype=bool)
         cuts: list[int] = []
         for part, trajectory in zip(self.known, trajectories, strict=True):
@@ -266,7 +266,7 @@ class Fitting:
         return free if free.log - known.log > CONTRADICTED else known
 
     def smooth(self, theta: Array, pieces: tuple[Pieces, ...]) -> SmoothForce:
-        """The force as a smooth function: of the motion fed back, or cut into segments at its events.
+        """The force as a smooth function: of the trajectory fed back, or cut into segments at its events.
 
         Whichever the samples of the force are likelier under.
         """
@@ -284,7 +284,7 @@ class Fitting:
         return whole if whole.cost < cut.cost else cut
 
     def force(self, hold: str) -> tuple[Pieces, ...]:
-        """The force on each window before anything is known of the motion."""
+        """The force on each window before anything is known of the trajectory."""
         t, force = self.record.t, self.record.force
         if hold == "cubic":
             if self.first is None:
@@ -293,7 +293,7 @@ class Fitting:
         return tuple(plain_pieces(t, force, hold, q.start, q.stop) for q in self.known)
 
     def trajectories(self, theta: Array, pieces: tuple[Pieces, ...]) -> tuple[DrivenTrajectory, ...]:
-        """The motion of every window."""
+        """The trajectory of every window."""
         starts = theta[self.count :].reshape(-1, 2)
         return tuple(self.run.trajectories(pieces, starts, self.full(theta)))
 
@@ -302,7 +302,7 @@ class Fitting:
         return np.append(theta[: self.count], self.rest)
 
     def linear(self, theta: Array, pieces: tuple[Pieces, ...], z: tuple[Array, ...]) -> Linear:
-        """Motions with their slopes, residuals measured - fitted, and what the force's spread adds."""
+        """Trajectories with their slopes, residuals measured - fitted, and what the force's spread adds."""
         pieces = _moved(pieces, z)
         trajectories = self.trajectories(theta, pieces)
         full = self.full(theta)

@@ -26,7 +26,7 @@ Array = npt.NDArray[np.float64]
 # Chance that one of the tests refuses the true law, and that one of them widens its intervals.
 REFUSED, DOUBTED = 1e-4, 0.05
 LAGS, BUMPS = 20, 3
-# Largest residuals in parts of the motion.
+# Largest residuals in parts of the trajectory.
 EXPLAINED = 0.5
 
 

@@ -38,7 +38,7 @@ class Lyapunov:
 
     exponents  (k,), -inf where rank is lost in sliding; error: from the scatter over 8 parts of the run
     t, running times and the exponents estimated up to them, (r,), (r, k): whether they have settled
-    skipped    intervals left out because the solution touches a surface in them
+    skipped    intervals left out because the solution grazes a surface in them
     message    how the run ended, "" for as planned
     """
 
@@ -128,7 +128,7 @@ def lyapunov(
     except KeyboardInterrupt:
         message = f"interrupted at t = {t:.9g}"
     if not logs:
-        raise UsageError(f"no interval could be used: {message or 'all of them touch a surface'}")
+        raise UsageError(f"no interval could be used: {message or 'all of them graze a surface'}")
     settling = len(logs) // 10
     table, times = np.array(logs[settling:]), times[settling:]
     spans = np.diff(times)

@@ -45,7 +45,7 @@ Array = npt.NDArray[np.float64]
 
 
 class NotDifferentiableError(ArithmeticError):
-    """The flow has no derivative here: it touches a surface, or reaches several whose order matters."""
+    """The flow has no derivative here: it grazes a surface, or reaches several whose order matters."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ class Status(StrEnum):
 
     @property
     def ok(self) -> bool:
-        """Whether the run did what it was asked to do."""
+        """Whether the run reached its end, or the event at which it was to stop."""
         return self in (Status.SUCCESS, Status.STOPPED)
 
     @property
@@ -63,8 +63,8 @@ _ADVICE = {
         "classification resolves, or a field that is discontinuous where no surface is declared."
     ),
     Status.NO_SLIDING: (
-        "No multipliers hold the solution on its surfaces. Common causes: surfaces that the signs do not act "
-        "on, or two surfaces whose gradients are parallel here."
+        "No multipliers hold the solution on its surfaces. Common causes: surfaces on which the signs do not "
+        "act, or two surfaces whose gradients are parallel here."
     ),
     Status.NOT_FINITE: (
         "The field is not a finite number here. Common causes: a solution that grows without bound in finite "
@@ -75,16 +75,16 @@ _ADVICE = {
         "that is discontinuous where no surface is declared, a singularity, or a large t with fast changes "
         "(shift the origin of time)."
     ),
-    Status.GRAZING: "The solution touches a surface and on_graze='error' was asked for.",
+    Status.GRAZING: "The solution grazes a surface, and on_graze='error' is set.",
     Status.NO_RETURN: (
-        "The solution does not come back to the section. Common causes: it comes to rest, it goes elsewhere, "
+        "The solution does not return to the section. Common causes: it comes to rest, it goes elsewhere, "
         "or its return takes longer than t_max. Raise t_max, or start nearer to the orbit."
     ),
     Status.BRANCHES: (
         "The tree of solutions is cut: some of its branches are not followed to the end. Raise "
         "max_branches or max_depth, or shorten t_span."
     ),
-    Status.ERROR: "A function of the user's raised an exception: the message has it. The other rows went on.",
+    Status.ERROR: "A user function raised an exception, which is in the message. The other rows continued.",
 }
 
 
@@ -102,7 +102,7 @@ class EventKind(StrEnum):
 
 # The note of a crossing that a jump of the state makes, without h = 0.
 JUMPED_OVER = "jumped over"
-# Note of a change of mode at a knot of an input, which no neighbouring solution meets earlier or later.
+# Note of a change of mode at a knot of an input, which every neighbouring solution has at the same time.
 AT_KNOT = "knot of an input"
 
 

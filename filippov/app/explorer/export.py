@@ -104,8 +104,8 @@ def script(solutions: Solutions, view: View) -> str:
     if isinstance(given, dict) and all(isinstance(text, str) for text in given.values()):
         lines += [
             "", "from filippov.analysis import EventMap, Section", "", f"section = {section!r}",
-            f"turns = {{'order': {view['order']}, 'rtol': {RTOL!r}, 'atol': {ATOL!r}}}",
-            "event_map = EventMap(system, section, parameters=parameters, **turns)",
+            f"options = {{'order': {view['order']}, 'rtol': {RTOL!r}, 'atol': {ATOL!r}}}",
+            "event_map = EventMap(system, section, parameters=parameters, **options)",
             f"print(event_map.iterate({view['d']!r}, 24))",
         ]  # fmt: skip
     return "\n".join(lines) + "\n"

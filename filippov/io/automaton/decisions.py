@@ -114,7 +114,7 @@ class Decisions(AtState):
             row, f = self.gradients(self.t, self.x)[i], self.velocity(self.t, self.x)
             size = abs(row[-1]) + sum(abs(g * v) for g, v in zip(row[:-1], f, strict=True))
             if not -sign * rate(row, f) > CLEAR * size:
-                raise Refusal("tangency", f"the solution touches surface {self.named([i])}.")
+                raise Refusal("tangency", f"the solution grazes surface {self.named([i])}.")
             self.m[i], self.order[i] = -sign, (0 if model.WIDTH[i] > 0 else 1)
             return "crossing"
         plus, minus, size = self.sides(i, self.t, self.x)

@@ -273,7 +273,7 @@ class Automaton(Decisions):
             length = min(max(length + moved, 0.25 * length), 2 * length)
         if value == 0.0 or abs(moved) <= 1e3 * EPS * max(abs(t), length):
             return length
-        raise Refusal("tangency", f"the solution touches surface {self.named([key[0]])}, or crosses it "
+        raise Refusal("tangency", f"the solution grazes surface {self.named([key[0]])}, or crosses it "
                       "almost along it.")  # fmt: skip
 
     def strike(self) -> None:
