@@ -190,3 +190,23 @@ def test_14_1_impacts_that_change_another_state_are_left_to_the_general_path(gen
     general()
     for (x0, values), run in zip(cases, here, strict=True):
         same(run, solve(RUBBED, x0, (0, 9), parameters=values, **ON))
+
+
+def test_14_1_rows_that_stop_at_a_limit_say_what_single_runs_say(alone) -> None:
+    table = draws(80, g=(5, 15), e=(0.2, 0.7))
+    starts = np.column_stack([np.linspace(0.5, 2, 80), np.zeros(80)])
+    cases = zip(starts, rows(table), strict=True)
+    singles = [solve(BALL, x0, (0, 3), parameters=values) for x0, values in cases]
+    assert {run.status for run in singles} == {Status.ZENO, Status.SUCCESS}
+    alone()
+    for lanes in (1, 8):
+        many = solve_many(BALL, starts, (0, 3), parameters=table, lanes=lanes)
+        assert list(many.status) == [run.status for run in singles]
+        assert np.allclose(many.t, [run.t_end for run in singles], rtol=1e-10)
+        for q, run in enumerate(singles):
+            assert many.x[q] == pytest.approx(run.x_end, rel=1e-6, abs=1e-15)
+            if run.status is Status.ZENO and lanes == 1:
+                assert many.message[q] == run.message
+            elif run.status is Status.ZENO:
+                assert many.message[q][:20] == run.message[:20]
+                assert many.message[q].endswith(run.message[-40:])

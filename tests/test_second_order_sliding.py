@@ -9,6 +9,7 @@ import sympy
 
 from filippov import Surface, System, parameters, sign, solve, sqrt, states, t
 from filippov.base.status import Status
+from filippov.model.reduction import _reduction, reduction
 
 X, Y, Z, W = states("x y z w")
 P = parameters(k1=1.5, k2=1.1, push=0.0, offset=0.0, ramp=0.0)
@@ -164,3 +165,26 @@ def test_7_what_cannot_be_formed_is_named() -> None:
     got = solve(system, (1, 0), (0, 20), zeno="continue", max_events=2000)
     assert not got.success
     assert got.t_end < 3
+
+
+def test_14_1_answers_are_given_again_only_for_what_they_were_made_with() -> None:
+    """Against ones made anew, for values that come back: gains of both signs, powers without a value."""
+    q = parameters(g=1.0, ratio=0.3, power=0.5, pull=1.0)
+    twisting = System({X: Y, Y: -q.g * sign(X) - q.g * q.ratio * sign(Y)}, parameters=q)
+    field = {X: -q.g * abs(X) ** q.power * sign(X) + Y, Y: -q.pull * sign(X) + q.ratio * Z, Z: -Y * Z}
+    root = System(field, parameters=q)
+    rng, kinds = np.random.default_rng(14), set()
+    for system, zero in ((twisting, (0, 1)), (twisting, (0,)), (root, (0,))):
+        form = system.symbolic
+        for _ in range(40):
+            at = {symbol: float(rng.choice([0.0, 0.5])) for symbol in (t, *form.x, *form.a, *form.s)}
+            choices = {"g": (1.0, -2.0), "ratio": (0.3, -0.3), "power": (0.5, -0.5, 1.0), "pull": (1.0, 0.0)}
+            at |= {symbol: float(rng.choice(choices[str(symbol)])) for symbol in form.p}
+            here, anew = reduction(system, zero, (), at), _reduction(system, form, zero, (), at)
+            kinds.add(here if isinstance(here, str) else here.order)
+            assert here == anew
+            if not isinstance(here, str):
+                x = rng.uniform(-1, 1, len(form.x))
+                assert np.array_equal(here.projected(0.0, x, at), anew.projected(0.0, x, at))
+                assert np.max(np.abs(here.projected(0.0, x, at)[:2])) < 1e-15
+    assert len(kinds) > 2

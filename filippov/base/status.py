@@ -109,3 +109,8 @@ AT_KNOT = "knot of an input"
 def mode_text(mode: tuple[int, ...]) -> str:
     """A mode as text: '+0-' for (1, 0, -1); '.' where there is no surface."""
     return "".join("+0-"[1 - m] for m in mode) or "."
+
+
+def stopped_at(t: float, mode: tuple[int, ...]) -> str:
+    """Where a run has stopped."""
+    return f"stopped at t = {t:.12g} in mode {mode_text(mode)}"

@@ -12,7 +12,7 @@ other, so that together they reach what they can reach apart; what they hold bes
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -31,6 +31,8 @@ HIGHEST_ORDER = 6
 NO_RANK = 1e-9
 # Of the way to the surfaces, the part that a state goes for each further state between the signs and it.
 GIVES_WAY, FARTHEST = 1e-2, 6
+# Answers on the same surfaces that are kept, for other values.
+MOST_ANSWERS = 8
 # Ends of the set of a sign that only keeps a constraint from drifting: it is 0 but for rounding.
 FREE = 1e6
 
@@ -72,9 +74,14 @@ class Reduction:
         states = self.system.symbolic.x
         slopes = _slopes(self.constraints, tuple(states))
         weights = GIVES_WAY ** np.minimum(self.distance, FARTHEST)
+        moves = any(e.free_symbols & {t, *states} for row in slopes for e in row)
+        x, rows = x.copy(), np.zeros(0)
         for _ in range(4):
             at = {**values, t: time, **dict(zip(states, x.tolist(), strict=True))}
-            rows, c = _numbers(slopes, at), _numbers([self.constraints], at).ravel()
+            c = _numbers([self.constraints], at).ravel()
+            if not np.any(c):
+                break
+            rows = _numbers(slopes, at) if moves or not rows.size else rows
             scale = np.linalg.norm(rows * weights, axis=1)
             scale = np.where(scale > 0.0, scale, 1.0)
             step, *_ = np.linalg.lstsq(rows * weights / scale[:, None], c / scale, rcond=1e-13)
@@ -100,6 +107,48 @@ def reduction(
     if form is None:
         return "the field is a plain function, whose derivatives are not known: write it as expressions"
     zero, kinks = tuple(sorted(zero)), tuple(sorted(kinks))
+    known = _answers(system, zero, kinks)
+    for values, answer in known:
+        if all(at.get(q) == value for q, value in values.items()):
+            return answer
+    asked = _Asked(at)
+    answer = _reduction(system, form, zero, kinks, asked)
+    known.append(({q: at.get(q) for q in asked.symbols}, answer))
+    del known[:-MOST_ANSWERS]
+    return answer
+
+
+class _Asked(Mapping[Symbol, float]):
+    """Values that note which of them were looked at: where these are the same again, so is the answer."""
+
+    def __init__(self, values: Mapping[Symbol, float]) -> None:
+        self.known, self.symbols = values, set[Symbol]()
+
+    def __getitem__(self, q: Symbol) -> float:
+        self.symbols.add(q)
+        return self.known[q]
+
+    def __iter__(self) -> Iterator[Symbol]:
+        return iter(self.known)
+
+    def __len__(self) -> int:
+        return len(self.known)
+
+
+_Answers = list[tuple[dict[Symbol, float | None], Reduction | str]]
+
+
+@lru_cache(maxsize=64)
+def _answers(system: System, zero: tuple[int, ...], kinks: tuple[int, ...]) -> _Answers:
+    """The last answers on these surfaces, each with the values that it was made with."""
+    return []
+
+
+def _reduction(
+    system: System, form: SymbolicForm, zero: tuple[int, ...], kinks: tuple[int, ...],
+    at: Mapping[Symbol, float],
+) -> Reduction | str:  # fmt: skip
+    """The answer itself."""
     gone = {form.a[i]: sympy.S.Zero for i in (*zero, *kinks)} | {form.s[i]: sympy.S.One for i in kinks}
     signs = tuple(form.s[i] for i in zero)
     field = [_on_surface(convex(f, set(signs)).xreplace(gone), at) for f in form.field]

@@ -17,11 +17,12 @@ from filippov.base.given import Count, Positive, number_array, shown
 from filippov.base.keywords import keywords
 from filippov.base.names import check_known, unknown
 from filippov.base.quantity import is_quantity, plain
-from filippov.base.status import EventKind, Status
+from filippov.base.status import EventKind, Status, stopped_at
 from filippov.kernel.codegen.build import widest
 from filippov.kernel.tables import codes
 from filippov.kernel.tables.layout import LANES, MOST_LANES
 from filippov.model.system import System
+from filippov.solving.resets.zeno import sentence
 from filippov.solving.scale import default_atols, of_little_ends, small
 from filippov.solving.state.batch import FEW, UNFINISHED, Batch, lane_unit, system_threads, waits
 from filippov.solving.state.events import Stop, columns_of, turned
@@ -59,9 +60,10 @@ _STATUS = {
     codes.MIN_STEP: Status.MIN_STEP,
     codes.NO_SLIDING: Status.NO_SLIDING,
     codes.USER_ERROR: Status.ERROR,
+    codes.LIMIT: Status.ZENO,
 }
 # The same as a table over all codes, from UNFINISHED on; None where `solve` has to decide.
-_OF_CODE = np.array([_STATUS.get(code) for code in range(UNFINISHED, codes.NO_SLIDING + 1)], dtype=object)
+_OF_CODE = np.array([_STATUS.get(code) for code in range(UNFINISHED, codes.LIMIT + 1)], dtype=object)
 _OPTIONS = options_but(
     "max_time", "on_graze", "stop", "dense_output", "save_events", "backend", "dt", "theta"
 )  # fmt: skip
@@ -385,6 +387,8 @@ def _collect(
     messages = [""] * batch.size
     for q, text in of_little_ends(system.states, start, x, batch.atol):
         messages[q] = text
+    for q in np.flatnonzero(batch.code == codes.LIMIT).tolist() if len(batch.limits) else ():
+        messages[q] = f"{_of_limit(batch, q)} {messages[q]}".rstrip()
     for q, error in batch.raised.items():
         messages[q] = failure(error)
     t, nfev = batch.clock.column("t").copy(), batch.count.column("field_calls").copy()
@@ -421,6 +425,13 @@ def _collect(
         nfev, counts, last,
         complete=complete, lanes=lanes, threads=threads, surfaces=names, place_of=system.surface_place,
     )  # fmt: skip
+
+
+def _of_limit(batch: Batch, q: int) -> str:
+    """What `solve` says where it stops at an accumulation."""
+    t, error, x_error = batch.limits[q, :3].tolist()
+    where = stopped_at(float(batch.clock[q].t), tuple(map(int, batch.mode[q])))
+    return f"{where}: {sentence(t, error, batch.limits[q, 3:], x_error)} {Status.ZENO.advice}"
 
 
 def _statuses(code: npt.NDArray[np.int64]) -> list[Status | None]:

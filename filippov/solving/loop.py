@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, Status, mode_text
+from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, Status, stopped_at
 from filippov.kernel.tables import codes
 from filippov.model.user_event import UserEvent
 from filippov.solving.diagnosis import close_call, suspect
@@ -138,7 +138,7 @@ class _Loop(Settling):
         return ended
 
     def _sentence(self, status: Status, detail: str = "") -> str:
-        where = f"stopped at t = {self.run.t:.12g} in mode {mode_text(self.run.signs[: self.watch.surfaces])}"
+        where = stopped_at(self.run.t, self.run.signs[: self.watch.surfaces])
         return f"{where}: {detail + ' ' if detail else ''}{status.advice}"
 
     def _end(self, status: Status, detail: str = "") -> tuple[Status, str]:

@@ -27,6 +27,7 @@ from filippov.solving.resets.zeno import (
     rest_on_contact,
     rests,
     second_order,
+    sentence,
 )
 from filippov.solving.selection.higher_order import Begun, HigherOrder
 from filippov.solving.state.change import Jump
@@ -95,10 +96,7 @@ class Settling(ABC):
         if (limit.t - float(run.clock.t_end)) * run.direction > 0.0:
             limit = replace(limit, t=float(run.clock.t_end))
         self.accumulations.append(limit)
-        detail = (
-            f"events accumulate at t = {limit.t:.12g} (error about {limit.error:.1g}), state "
-            f"{np.array2string(limit.x, precision=9)} (error about {limit.x_error:.1g})."
-        )
+        detail = sentence(limit.t, limit.error, limit.x, limit.x_error)
         if self.options.zeno == "stop":
             return self._end(Status.ZENO, detail)
         machine = run.machine

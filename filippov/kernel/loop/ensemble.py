@@ -27,6 +27,7 @@ def take_row(q: int, batch: Trajectories, run: Trajectory) -> None:
     )
     run.stop, run.zeno = shift_indices(batch.stops, q * M * STOPS), shift_rows(batch.zenos, q * M)
     run.kinds = shift_indices(batch.kinds, q * (M * KINDS + 2))
+    run.limit = shift(batch.limits, q * (3 + N))
     if TICKS:
         run.ticks = shift_rows(batch.ticks, q * run.count.ticks)
 

@@ -13,7 +13,7 @@ from filippov.kernel.loop.land import EPS, guard_scale, project_on
 from filippov.kernel.loop.model import CONTACT, ROLE, WIDTH, M, N, gradients, guards, resets, rhs
 from filippov.kernel.loop.reset import rest
 from filippov.kernel.loop.state import Past, Scratch, Trajectory
-from filippov.kernel.tables.codes import ENTRY, GENERAL, NONE, OBSERVER, RESET
+from filippov.kernel.tables.codes import ENTRY, GENERAL, LIMIT, NONE, OBSERVER, RESET
 
 # Errors of the many steps of a non-Lipschitz field, in tolerances of one.
 GLOBAL = 4.0
@@ -195,7 +195,8 @@ def rest_in_limit(run: Trajectory) -> int:
     """Where the last events are impacts on one contact that accumulate: go to their limit and rest there.
 
     ENTRY: done, the event is to be recorded; NONE: it is no accumulation, or something comes before its
-    limit; GENERAL: the classification has to say what it is, or how it goes on, from where it was.
+    limit; LIMIT: the limit of an accumulation at which the trajectory stops is told; GENERAL: the
+    classification has to say what it is, or how it goes on, from where it was.
     """
     clock, past, m, w, i = run.clock, run.past, run.m, run.w, reached_in(run.past, run.past.count - 1)
     if i >= M or w.direction < 0.0:
@@ -211,6 +212,11 @@ def rest_in_limit(run: Trajectory) -> int:
     found = limit_of(run, i)
     if found != ENTRY:
         return found
+    if past.stops != 0:
+        run.limit[0], run.limit[1], run.limit[2] = past.t, past.error, past.x_error
+        for j in range(N):
+            run.limit[3 + j] = w.jump[j]
+        return LIMIT
     if not changes_nothing(run, w.jump, i):
         return GENERAL
     side, kept = m[i], run.order[i]

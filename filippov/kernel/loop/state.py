@@ -150,6 +150,7 @@ class Past(Struct):
 
     count, room  how many there are and how many may be, 0 where none are kept
     most         among how many of the last ones a law is looked for; earlier ones may know its limit better
+    stops        whether a trajectory ends at an accumulation, with its limit told
     times        of each; reached: its surface i (time events follow), -1 - i where that was grazed
     same         the times of those on one surface, `alike` of them; law: as `cycle_limit` leaves it
     t, error     time of the limit and its error; x_error: of its state; bend: of the way there, off a line
@@ -158,6 +159,7 @@ class Past(Struct):
     count: int
     room: int
     most: int
+    stops: int
     alike: int
     times: Vector
     reached: Indices
@@ -351,7 +353,7 @@ class Trajectory(Struct):
     one, a row of STOPS a surface; ticks, instants: time events, with the times of those that list them; rec,
     rec_coef: steps with their dense output; events, marks: what is kept of events; kinds: how
     many of each kind a surface had, where events are only counted; past: what accumulations are told by;
-    number: in its batch.
+    limit: the last of them, with its error, that of its state, and the state; number: in its batch.
     """
 
     clock: Clock
@@ -373,6 +375,7 @@ class Trajectory(Struct):
     marks: Indices
     kinds: Indices
     past: Past
+    limit: Vector
     w: Scratch
     iw: Integers
     ctx: Indices
@@ -399,6 +402,7 @@ class Trajectories(Struct):
     zenos: Rows[EventCycles]
     ticks: Rows[Tick]
     kinds: Indices
+    limits: Vector
     codes: Indices
     queue: Indices
 

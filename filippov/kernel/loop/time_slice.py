@@ -17,6 +17,7 @@ from filippov.kernel.tables.codes import (
     GENERAL,
     GRAZING,
     KINDS,
+    LIMIT,
     NONE,
     OVER_UP,
     REACHED,
@@ -59,7 +60,7 @@ def settle(run: Trajectory) -> int:
         forget_cycles(run)
         return AGAIN
     if found != ENTRY:
-        return ZENO
+        return LIMIT if found == LIMIT else ZENO
     now.t_end, now.surface, now.residual, now.multiplier = clock.t, i, 0.0, run.lam[i]
     record_event(run, ENTRY)
     return STOPPED if count_down(shift_indices(run.stop, STOPS * i), ENTRY) != 0 else AGAIN

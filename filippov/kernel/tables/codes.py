@@ -7,6 +7,8 @@ every compiled unit, so it holds nothing but integer constants.
 # What `advance` returns.
 REACHED, RECORDS_FULL, EVENTS_FULL, CHUNK_DONE, STOPPED = 0, 1, 2, 3, 4
 GENERAL, ZENO, NOT_FINITE, MIN_STEP, USER_ERROR, NO_SLIDING = 5, 6, 7, 8, 9, 10
+# What `time_slice` returns besides: events accumulate, at a limit that is told.
+LIMIT = 11
 # What its parts return besides: on to the next part, to another step, to the event that was reached.
 GO_ON, AGAIN, ARRIVED = -1, -2, -3
 

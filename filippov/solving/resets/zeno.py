@@ -113,6 +113,12 @@ def beyond(run: Run, limit: Accumulation) -> bool:
     return (limit.t - float(run.clock.t_end)) * run.direction > limit.error
 
 
+def sentence(t: float, error: float, x: Array, x_error: float) -> str:
+    """What is said of a limit."""
+    state = f"state {np.array2string(x, precision=9)} (error about {x_error:.1g})"
+    return f"events accumulate at t = {t:.12g} (error about {error:.1g}), {state}."
+
+
 def lawful(run: Run) -> bool:
     """Whether the last events follow a law that has a limit."""
     return len(run.events) > 0 and _told(run) is not None

@@ -113,11 +113,15 @@ class Batch:
         self.atol = options.tolerances(machine.system)
         self.p = machine.derived(values)
         self.ticks, self.instants = _ticks(events, machine.system.parameters.names, values)
+        # Where they stop at accumulations on contacts: time, error, error of the state, and the state.
+        told = k if options.zeno == "stop" and any(machine.contacts) else 0
+        self.limits = np.zeros((told, 3 + machine.n))
         self.rows = Trajectories.new()
         self.rows.refer(
             clocks=self.clock, counts=self.count, xs=self.x, ms=self.mode, orders=self.order,
             triggers=self.trigger, lams=self.lam, ps=self.p, stops=self.stop, zenos=self.zeno,
             kinds=self.kinds, codes=self.code, queue=self.queue, ticks=self.ticks,
+            limits=self.limits,
         )  # fmt: skip
         self.asked = _asked(machine, k, span, stops, options)
         self._chunk: _Chunks | None = None
@@ -248,13 +252,13 @@ class _Room:
         self.blank.append(iw.array)
         self.places |= {"entries": entries, "groups": rows, "iw_l": iw, "pasts": self.pasts}
 
-    def clear(self, atol: Array, instants: Array, settling: bool) -> None:
+    def clear(self, atol: Array, instants: Array, stops: bool) -> None:
         """As new: what a batch leaves behind must not reach the next.
 
-        settling: trajectories go on from limits of events
+        stops: trajectories end where events accumulate
         """
         self.run.refer(atol=atol, instants=instants)
-        self.pasts.column("room")[:] = self.kept[0].shape[-1] if settling else 0
+        self.pasts.column("stops")[:] = stops
         self.wipe()
         for parts in self.wide:
             for name in ("rtol", "trend"):
@@ -276,7 +280,7 @@ def _pasts(machine: Machine, count: int) -> tuple[Rows[Past], tuple[npt.NDArray[
     pasts, most = Rows(kind, np.zeros((count, kind.size), dtype=np.int64)), looked_at(machine.m)
     # What is told by so many is told better by twice as many; the earlier half of all is given up at once.
     room = 4 * most if any(machine.contacts) else 0
-    pasts.column("most")[:] = most
+    pasts.column("most")[:], pasts.column("room")[:] = most, room
     times, reached = np.zeros((2, count, room)), np.zeros((count, room), dtype=np.int64)
     for q in range(count):
         pasts[q].refer(times=times[0, q], same=times[1, q], reached=reached[q])
@@ -305,7 +309,7 @@ class _Chunks:
             self.room = self.rooms.pop()
         except IndexError:
             self.room = _Room(machine, unit)
-        self.room.clear(batch.atol, batch.instants, batch.options.zeno == "continue")
+        self.room.clear(batch.atol, batch.instants, batch.options.zeno == "stop")
         values = {"last": 0, "steps": 0, "batch": batch.rows, **self.room.places}
         _, _, *self.arguments = compiled.arguments(name, values)
         self.row = 0
