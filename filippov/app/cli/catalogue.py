@@ -17,6 +17,7 @@ from filippov.app.cli.configuration import (
 )
 from filippov.app.cli.configuration import choice as _choice
 from filippov.app.cli.values import (
+    any_whole,
     destination,
     named_numbers,
     named_ranges,
@@ -188,7 +189,7 @@ _ALL = (
          Option("mode", "mode of the saddle, such as +0 (0: it slides); default: that of --x0", text,
                 metavar="MODE"),
          Option("side", "1 or -1: the sense along the unstable direction; 0: the one that returns closer",
-                whole, metavar="S"),
+                any_whole, metavar="S"),
          Option("t_max", "longest time until the solution returns", number, metavar="T"), *TOLERANCES[:1],
          Option("atol", "absolute tolerance", number, metavar="A")),
         "filippov homoclinic model.py:system --x0 0.01,0 --free mu",

@@ -24,7 +24,10 @@ def number(value: Any, name: str) -> float:
     elif isinstance(value, bool) or not isinstance(value, int | float):
         raise UsageError(f"{name} is {value!r}, expected a number.")
     else:
-        result = float(value)
+        try:
+            result = float(value)
+        except OverflowError:
+            result = math.inf
     if not math.isfinite(result):
         raise UsageError(f"{name} is {value!r}, expected a finite number.")
     return result
@@ -55,11 +58,19 @@ def number_or_formula(value: Any, name: str) -> float | str:
     return number(value, name)
 
 
-def whole(value: Any, name: str) -> int:
+def whole(value: Any, name: str, least: int = 1) -> int:
     """A whole number of at least 1."""
     result = number(value, name)
-    if result != int(result) or result < 1:
-        raise UsageError(f"{name} is {value!r}, expected a whole number of at least 1.")
+    if result != int(result) or result < least:
+        raise UsageError(f"{name} is {value!r}, expected a whole number of at least {least}.")
+    return int(result)
+
+
+def any_whole(value: Any, name: str) -> int:
+    """A whole number, negative ones too."""
+    result = number(value, name)
+    if result != int(result):
+        raise UsageError(f"{name} is {value!r}, expected a whole number.")
     return int(result)
 
 
@@ -130,7 +141,7 @@ def varied(value: Any, name: str) -> dict[str, list[float]]:
 
 def whole_or_zero(value: Any, name: str) -> int:
     """A whole number of at least 0."""
-    return 0 if value in (0, "0") else whole(value, name)
+    return whole(value, name, 0)
 
 
 def state(value: Any, name: str) -> dict[str, float] | list[float]:
@@ -151,6 +162,8 @@ def named(value: Any, name: str) -> dict[str, Any]:
             key, equals, text = piece.partition("=")
             if not equals or not key.strip() or not text.strip():
                 raise UsageError(f"{name} is {piece!r}, expected name=value.")
+            if key.strip() in found:
+                raise UsageError(f"{name}: {key.strip()} is given twice. Leave one of them out.")
             found[key.strip()] = text.strip()
     return found
 
