@@ -190,7 +190,7 @@ def attractors(
     period: Any = None,
     step: Positive | None = None,
     t0: float = 0.0,
-    samples: Count = 400,
+    samples: Natural = 400,
     seed: Natural = 0,
     plane: tuple[str, str] | None = None,
     resolution: Count = 40,
