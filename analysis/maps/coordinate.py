@@ -22,6 +22,7 @@ class Coordinate:
     def __init__(self, text: Any, system: System) -> None:
         self.text, self.system = text, system
         self._read = None if text in system.states else self._formula(text)
+        self._place = system.state_index(text) if self._read is None else -1
 
     @property
     def index(self) -> int:
@@ -31,12 +32,12 @@ class Coordinate:
                 f"the section's coordinate is the formula {self.text!r}; expected one state, "
                 f"of {', '.join(self.system.states)}."
             )
-        return self.system.state_index(self.text)
+        return self._place
 
     def read(self, x: Array) -> Array:
         """The coordinate of states (k, n): (k,)."""
         if self._read is None:
-            return np.array(x[:, self.index])
+            return np.array(x[:, self._place])
         return np.array(np.broadcast_to(self._read[0](*x.T), len(x)), dtype=float)
 
     def slope(self, x: Array) -> Array:

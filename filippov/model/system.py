@@ -292,11 +292,19 @@ class System:
     def digest(self) -> str | None:
         """sha256 of the model as text (names, expressions, kinds, comparator); None for plain functions."""
         if self._digest is None and self.symbolic is not None:
-            text = hashlib.sha256("\n".join(self._lines(self.symbolic)).encode()).hexdigest()
+            import sympy
+
+            *lines, expressions = self.content
+            # A reset names every state, of which it moves few.
+            known = {x: sympy.srepr(x) for x in self.symbolic.x}
+            lines += [known.get(e) or sympy.srepr(e) for e in expressions]
+            text = hashlib.sha256("\n".join(lines).encode()).hexdigest()
             object.__setattr__(self, "_digest", text)
         return self._digest
 
-    def _lines(self, form: SymbolicForm) -> list[str]:
+    @property
+    def content(self) -> tuple[Any, ...]:
+        """What the digest tells, expressions as they are: sooner made, to be compared."""
         import sympy
 
         lines = ["filippov system 1", repr(self.states), repr(self.parameters.names), repr(self.comparator)]
@@ -306,9 +314,7 @@ class System:
         ]
         for event in self.time_events:
             lines.append(f"{event.name!r} {sympy.srepr(sympy.Tuple(*event.instants))} {event.times is None}")
-        # A reset names every state, of which it moves few.
-        known = {x: sympy.srepr(x) for x in form.x}
-        return lines + [known.get(e) or sympy.srepr(e) for e in form.expressions()]
+        return *lines, () if self.symbolic is None else tuple(self.symbolic.expressions())
 
     def surface_index(self, name: str) -> int:
         """Return the place of a surface; ModelError with a suggestion if there is none of this name."""

@@ -38,7 +38,7 @@ def unit_of(system: System, blended: bool = False) -> Generated:
     """
     key = generation(), blended
     if key not in system.units:
-        system.units[key] = _generated(_Equations(system.digest, system.inputs, system), blended)
+        system.units[key] = _generated(_Equations(system.content, system.inputs, system), blended)
     unit: Generated = system.units[key]
     return unit
 
@@ -56,9 +56,9 @@ def non_lipschitz_of(system: System) -> int | None:
 
 @dataclass(frozen=True)
 class _Equations:
-    """A system told by its text alone: those that differ in default values have one unit."""
+    """A system told by its equations alone: those that differ in default values have one unit."""
 
-    digest: str | None
+    content: tuple[Any, ...]
     inputs: tuple[Any, ...]
     system: System = field(compare=False)
 
