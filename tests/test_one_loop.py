@@ -5,13 +5,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from llvmlite import binding
 
 from filippov import Surface, System, TimeEvent, sign, solve, states
 from filippov.kernel.codegen import build
-from filippov.kernel.language.compiler import compile_unit, load_objects, written
+from filippov.kernel.codegen.parts import CORE, PARTS, linked
+from filippov.kernel.files import kernel_file
+from filippov.kernel.language.compiler import WHOLE, compile_unit, load_objects, written
 from filippov.kernel.language.primitives import Indices, Vector
 from filippov.kernel.language.records import Rows, Struct, part
 from filippov.kernel.language.unit import Unit, add_kernels
+from filippov.solving.state.machine import Machine
 
 x, v, y, u = states("x v y u")
 
@@ -49,27 +53,72 @@ SYSTEMS = {
 }
 
 
-@pytest.mark.parametrize("method", SYSTEMS)
-def test_14_4_the_loop_is_the_same_whichever_system_it_is_made_with(
-    method: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # As it stands before it is optimised: nothing of a system is in it, neither a number nor a kernel.
-    made: dict[str, set[str]] = {}
+def texts_of(method: str, monkeypatch: pytest.MonkeyPatch) -> dict[tuple[str, ...], dict[str, set[str]]]:
+    """Of every part of the loop, by its files, the units as they stand before they are optimised, by name."""
+    made: dict[tuple[str, ...], dict[str, set[str]]] = {}
 
     def noted(what: Any, make: Any) -> bytes:
-        # The loop is the first that a system asks for.
-        made.setdefault(repr(what), set()).add(make())  # type: ignore[arg-type]
+        text = make()
+        if not isinstance(what[0], str):  # no unit of a system
+            made.setdefault(what[-1], {}).setdefault(repr(what), set()).add(text)
+        return b""
+
+    def unlinked(*_: Any) -> Any:
         raise NotImplementedError
 
-    monkeypatch.setattr(build, "_kept", noted)
+    monkeypatch.setattr(build, "kept_code", noted)
     monkeypatch.setattr(build, "compile_unit", written)
+    monkeypatch.setattr(build, "load_objects", unlinked)
+    monkeypatch.setattr(build, "linked", lambda _: PARTS)
     monkeypatch.setattr(build, "_units", {})
     for system in SYSTEMS[method]:
         with pytest.raises(NotImplementedError):
             solve(system, np.ones(system.dimension), (0, 1), method=method)
-    # One for small fields, which are sampled in lanes, and one for the others.
-    assert len(made) <= 2
-    assert [len(texts) for texts in made.values()] == [1] * len(made)
+    return made
+
+
+@pytest.mark.parametrize("method", SYSTEMS)
+def test_14_4_the_loop_is_the_same_whichever_system_it_is_made_with(
+    method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Nothing of a system is in it, neither a number nor a kernel.
+    made = texts_of(method, monkeypatch)
+    assert made.keys() == {piece.files for piece in PARTS}
+    for units in made.values():
+        # One for small fields, which are sampled in lanes, and one for the others.
+        assert len(units) <= 2
+        assert [len(texts) for texts in units.values()] == [1] * len(units)
+
+
+def test_14_4_parts_of_the_loop_have_what_they_offer_and_no_large_kernel_of_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = texts_of("DOP853", monkeypatch)
+    called = set[str]()
+    for piece in PARTS:
+        own = "".join(kernel_file(name).read_text(encoding="utf-8") for name in piece.files)
+        for (text,) in made[piece.files].values():
+            module = binding.parse_assembly(text)
+            defined = {f.name: f for f in module.functions if not f.is_declaration}
+            called |= {f.name for f in module.functions if f.is_declaration}
+            assert defined.keys() >= {*piece.offers, *piece.entries}
+            if piece is not CORE:
+                copies = [f for name, f in defined.items() if f"def {name}(" not in own]
+                assert all(sum(len(list(b.instructions)) for b in f.blocks) <= WHOLE for f in copies)
+    assert called >= {name for piece in PARTS for name in piece.offers}
+
+
+def test_14_4_a_system_is_linked_with_the_parts_that_it_needs() -> None:
+    def parts(system: System, sliding: str = "filippov") -> set[str]:
+        machine = Machine(system, "DOP853", np.zeros(0), sliding=sliding)
+        return {piece.files[0] for piece in linked(machine.constants)}
+
+    core = CORE.files[0]
+    assert parts(smooth()) == parts(relay()) == {core}
+    assert parts(coupled()) == {core, "dense"}
+    assert parts(ball()) == {core, "reset"}
+    assert parts(clocked()) == {core, "ticks"}
+    assert parts(relay(), "utkin") == {core, "dense"}
 
 
 class Inner(Struct):

@@ -59,7 +59,7 @@ _MOVED: dict[tuple[str, str], str] = {
     ),
     ("filippov._kernels", "filippov.kernel.loop"): (
         "advance bernstein control dense elementary ensemble field land lap>event_cycle locate model "
-        "multiplier>rules points probe record reset resolve rules segment start turn>time_slice"
+        "multiplier>gradients points probe record reset resolve rules segment start turn>ensemble"
     ),
     ("filippov._kernels", "filippov.kernel.methods"): ("dense_lu radau"),
     ("filippov._kernels", "filippov.kernel.tables"): (

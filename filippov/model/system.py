@@ -293,13 +293,10 @@ class System:
         """sha256 of the model as text (names, expressions, kinds, comparator); None for plain functions."""
         if self._digest is None and self.symbolic is not None:
             import sympy
-
             *lines, expressions = self.content
-            # A reset names every state, of which it moves few.
-            known = {x: sympy.srepr(x) for x in self.symbolic.x}
-            lines += [known.get(e) or sympy.srepr(e) for e in expressions]
-            text = hashlib.sha256("\n".join(lines).encode()).hexdigest()
-            object.__setattr__(self, "_digest", text)
+            known = {x: sympy.srepr(x) for x in self.symbolic.x}  # a reset names every state, and moves few
+            text = "\n".join([*lines, *(known.get(e) or sympy.srepr(e) for e in expressions)])
+            object.__setattr__(self, "_digest", hashlib.sha256(text.encode()).hexdigest())
         return self._digest
 
     @property
@@ -312,9 +309,9 @@ class System:
             f"{s.name!r} {s.kind} {s.width!r}" + ("" if s.reset is None else f" {s.side} {s.contact}")
             for s in self.surfaces
         ]
-        for event in self.time_events:
-            lines.append(f"{event.name!r} {sympy.srepr(sympy.Tuple(*event.instants))} {event.times is None}")
-        return *lines, () if self.symbolic is None else tuple(self.symbolic.expressions())
+        clocks = [(e.name, sympy.srepr(sympy.Tuple(*e.instants)), e.times is None) for e in self.time_events]
+        lines += [f"{name!r} {instants} {endless}" for name, instants, endless in clocks]
+        return *lines, tuple(self.symbolic.expressions()) if self.symbolic is not None else ()
 
     def surface_index(self, name: str) -> int:
         """Return the place of a surface; ModelError with a suggestion if there is none of this name."""

@@ -2,8 +2,9 @@
 
 A unit is one LLVM module. The unit of a system holds its field, guards and resets, its tables, and the
 numbers that say how large it is and where its records have what (SHAPE). The event loop with the stages of a
-method reads these where it runs: one unit of it serves all systems, and is linked with theirs. Lanes have a
-unit of their own, and one with a loop made for the system, a fifth faster, for what is done beside them. A
+method reads these where it runs: units of its parts (`parts`) serve all systems, and are linked with theirs.
+Lanes have a unit of their own, and one with a loop made for the system, a fifth faster, for what is done
+beside them. A
 file is named by a digest of the sources and constants, of the version of llvmlite and of the processor, so
 that no stale code can be found; `cache` says which files are trusted.
 """
@@ -19,8 +20,9 @@ from typing import Any, cast
 
 from filippov.kernel.codegen import cache as kept
 from filippov.kernel.codegen import interpreted
-from filippov.kernel.codegen.entries import IN_LANES, PLAIN, ordered, prototype
+from filippov.kernel.codegen.entries import IN_LANES, OF_SYSTEM, PLAIN, ordered, prototype
 from filippov.kernel.codegen.method import method_constants, method_source
+from filippov.kernel.codegen.parts import FILES, Part, asked_for, linked, missing, of_others
 from filippov.kernel.files import all_files, kernel_file
 from filippov.kernel.language.compiler import compile_unit, load_objects
 from filippov.kernel.language.primitives import KernelError
@@ -33,14 +35,8 @@ from filippov.kernel.tables import root_tables as tables
 from filippov.kernel.tables.layout import LANES, MOST_LANES
 from filippov.kernel.tables.tableaus import TABLEAUS, Collocation, Series
 
-_FILES = (
-    "elementary", "recurrences", "series", "bernstein", "dense", "rules", "field", "points",
-    "sampling", "land", "locate", "control", "resolve", "event_cycle", "reset", "record", "corner",
-    "corner_event", "segment", "attempt", "search", "decide", "ticks", "advance", "probe", "start",
-    "limit", "time_slice", "ensemble",
-)  # fmt: skip
 # A unit of lanes widens plain kernels, and calls those of another unit by their addresses.
-_LANE_FILES = (*_FILES, "lane_functions", "lane_field", "lane_step", "lane_slot", "lane_run")
+_LANE_FILES = (*FILES, "lane_functions", "lane_field", "lane_step", "lane_slot", "lane_run")
 # What the loop calls of a system's unit: what is written for the system. Then what it calls in lanes (see
 # `points`).
 _OF_SYSTEM = ("rhs", "pair", "guards", "gradients", "radii", "resets", "derive")
@@ -187,15 +183,17 @@ def _interface(constants: Mapping[str, Constant], method: str) -> tuple[str, ...
     return (*_OF_SYSTEM, *_OF_SERIES, *(_OF_WIDE_SERIES if constants["WIDE"] else ()))
 
 
-def _compile_loop(source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes) -> bytes:
+def _compile_loop(
+    source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes, part: Part
+) -> bytes:  # fmt: skip
     unit, own = _unit(source, constants, method, sizes), _interface(constants, method)
     # No other kernel of this system may get into a unit that others will use.
     for name in [name for name, file in unit.files.items() if file == "system" and name not in own]:
         del unit.texts[name]
-    unit.foreign, unit.foreign_lanes = frozenset(own), frozenset(_OF_SYSTEM_IN_LANES)
+    unit.foreign, unit.foreign_lanes = of_others(part).union(own), frozenset(_OF_SYSTEM_IN_LANES)
     unit.outside = frozenset((*_tables(constants), "SHAPE"))
     unit.shape = {name: place for place, name in enumerate(_shape(constants, sizes))}
-    return compile_unit(unit, {}, tuple(name for name in PLAIN if name not in own))
+    return compile_unit(unit, {}, tuple(dict.fromkeys((*part.offers, *part.entries))))
 
 
 def _compile_whole(
@@ -209,7 +207,7 @@ def _compile_system(source: str, constants: Mapping[str, Constant], method: str,
     unit, own = _unit(source, constants, method, sizes), _interface(constants, method)
     in_lanes = _OF_SYSTEM_IN_LANES if constants["WIDE"] else ()
     given = _tables(constants) | {"SHAPE": list(_shape(constants, sizes).values())}
-    return compile_unit(unit, {}, own, in_lanes, given)
+    return compile_unit(unit, {}, own, in_lanes, given, missing(constants))
 
 
 def build(source: str, constants: Mapping[str, Constant], method: str, lanes: int = 1) -> Compiled:
@@ -232,7 +230,7 @@ def _plain(source: str, constants: Mapping[str, Constant], method: str) -> Compi
     sizes, tableau = _sizes(constants, method), TABLEAUS[method]
     records = _sized(sizes)
     texts = {"system": source, "method": method_source(tableau)}
-    files = tuple(kernel_file(name) for name in _FILES)
+    files = tuple(kernel_file(name) for name in FILES)
     # Python has no lanes: points of a sample are taken one after the other.
     numbers = {**_shared()[0], "SIDE": sizes.side, **method_constants(tableau), **constants}
     numbers |= {"WIDE": False, "VECTORS": 1}
@@ -262,7 +260,6 @@ def _sized(sizes: Sizes) -> dict[str, type[Struct]]:
 
 
 def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: int) -> Compiled:
-    exported = (*IN_LANES, *Entries.places) if lanes > 1 else PLAIN
     sizes = _sizes(constants, method)
     everything = source, sorted(constants.items()), method, lanes
     if lanes > 1:
@@ -272,22 +269,56 @@ def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: i
             kept_code(what, partial(_compile_whole, source, constants, method, sizes, width, names))
             for what, width, names in ((everything, lanes, IN_LANES), (alone, 1, own))
         ]
-    else:
-        tables = _tables(constants)
-        kinds = [(name, any(isinstance(v, float) for v in values)) for name, values in sorted(tables.items())]
-        shape = sorted(_shape(constants, sizes))
-        made_for = sorted((k, v) for k, v in constants.items() if k not in tables and k not in shape)
-        loop = made_for, shape, kinds, method
-        codes = [
-            kept_code(loop, lambda: _compile_loop(source, constants, method, sizes)),
-            kept_code(everything, lambda: _compile_system(source, constants, method, sizes)),
+        functions, addresses, engine = _entered(codes, (*IN_LANES, *own))
+        return Compiled(functions, addresses, sizes, _sized(sizes), engine, lanes)
+    tables = _tables(constants)
+    kinds = [(name, any(isinstance(v, float) for v in values)) for name, values in sorted(tables.items())]
+    shape = sorted(_shape(constants, sizes))
+    made_for = sorted((k, v) for k, v in constants.items() if k not in tables and k not in shape)
+
+    def codes_of(parts: Sequence[Part]) -> list[bytes]:
+        system = kept_code(everything, lambda: _compile_system(source, constants, method, sizes))
+        return [system] + [
+            kept_code(
+                (made_for, shape, kinds, method, part.files),
+                partial(_compile_loop, source, constants, method, sizes, part),
+            )
+            for part in parts
         ]
+
+    def ask(name: str) -> tuple[Any, object]:
+        part = asked_for(name)
+        if part is None:
+            raise KeyError(name)
+        with _lock:
+            functions, _, engine = _entered(codes_of((*parts, part)), (name,))
+        return functions[name], engine
+
+    parts = linked(constants)
+    names = [*OF_SYSTEM, *(name for part in parts for name in part.entries)]
+    functions, addresses, engine = _entered(codes_of(parts), names)
+    return Compiled(_Asked(functions, ask), addresses, sizes, _sized(sizes), engine)
+
+
+class _Asked(dict[str, Any]):
+    """Entry points by name; those of parts that few runs call are linked when they are asked for."""
+
+    def __init__(self, known: Mapping[str, Any], ask: Callable[[str], tuple[Any, object]]) -> None:
+        super().__init__(known)
+        self.ask, self.engines = ask, list[object]()
+
+    def __missing__(self, name: str) -> Any:
+        function, engine = self.ask(name)
+        self.engines.append(engine)
+        self[name] = function
+        return function
+
+
+def _entered(codes: Sequence[bytes], names: Sequence[str]) -> tuple[dict[str, Any], dict[str, int], object]:
+    """Entry points as functions and their addresses, and the engine that holds them."""
     engine = load_objects(*codes)
-    functions, addresses = {}, {}
-    for function in exported:
-        addresses[function] = engine.get_function_address(function)
-        functions[function] = prototype(function)(addresses[function])
-    return Compiled(functions, addresses, sizes, _sized(sizes), engine, lanes)
+    addresses = {name: engine.get_function_address(name) for name in names}
+    return {name: prototype(name)(address) for name, address in addresses.items()}, addresses, engine
 
 
 def kept_code(what: tuple[Any, ...], make: Callable[[], bytes], sources: bytes = b"") -> bytes:

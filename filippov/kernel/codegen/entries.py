@@ -34,12 +34,14 @@ def _heads(*files: str) -> dict[str, tuple[tuple[str, str], ...]]:
     return found
 
 
-PLAIN_ARGUMENTS = _heads(
-    "model", "advance", "ensemble", "time_slice", "segment", "start", "probe", "corner", "event_cycle",
-    "limit",
-)
+_ENTERED = ("model", "advance", "ensemble", "segment", "start", "probe", "corner", "event_cycle", "limit")
+_BY_FILE = {file: _heads(file) for file in _ENTERED}
+PLAIN_ARGUMENTS = {name: row for rows in _BY_FILE.values() for name, row in rows.items()}
+# The kernel file of every entry point.
+PLAIN_FILES = {name: file for file, rows in _BY_FILE.items() for name in rows}
 IN_LANES = ("lane_run",)
 PLAIN = tuple(PLAIN_ARGUMENTS)
+OF_SYSTEM = tuple(name for name in PLAIN if PLAIN_FILES[name] == "model")
 # By entry point, the name and annotation of every argument, in order.
 ARGUMENTS = PLAIN_ARGUMENTS | _heads(*IN_LANES)
 _ROWS_OF = {name: [(word, _DTYPES.get(kind)) for word, kind in row] for name, row in ARGUMENTS.items()}

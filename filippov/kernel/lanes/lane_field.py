@@ -6,7 +6,7 @@ coupled. A lane without a multiplier gets NaN and is left to the plain loop.
 """
 
 from filippov.kernel.language.primitives import NAN, Indices, Vector, contract, kernel, lanes, shift
-from filippov.kernel.loop.field import add_gradient, gradient_product, rate
+from filippov.kernel.loop.gradients import add_gradient, gradient_product, rate
 from filippov.kernel.loop.model import (
     AFFINE,
     COLOURS,

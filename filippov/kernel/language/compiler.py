@@ -15,9 +15,9 @@ from filippov.kernel.language.unit import Constant, Unit
 
 # Kernels with more operations than this are not copied into their callers in a unit that is linked with
 # another: the optimiser's time grows faster than the size of a function, and what every stage does is there.
-WHOLE = 150
+WHOLE = 92
 # The same in a unit that holds everything, where the field is copied into every stage if it is no larger.
-PART = 1_000
+PART = 620
 
 
 def compile_unit(
@@ -26,13 +26,15 @@ def compile_unit(
     exported: Sequence[str],
     in_lanes: Sequence[str] = (),
     given: Mapping[str, Sequence[float]] | None = None,
+    missing: Sequence[str] = (),
 ) -> bytes:
     """Object code of a unit: the exported kernels, which keep their names, and what they call (or all).
 
-    in_lanes: kernels that are exported widened, as `name.lanes`; given: tables of constants for other units
+    in_lanes: kernels that are exported widened, as `name.lanes`; given: tables of constants for other units;
+    missing: kernels that other units name and never call, which stand here as an end of the process
     """
     with _uncollected():
-        module = binding.parse_assembly(written(unit, constants, exported, in_lanes, given))
+        module = binding.parse_assembly(written(unit, constants, exported, in_lanes, given, missing))
     module.verify()
     machine = target_machine()
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
@@ -60,7 +62,7 @@ def _uncollected() -> Iterator[None]:
 
 def written(
     unit: Unit, constants: Mapping[str, Constant], exported: Sequence[str], in_lanes: Sequence[str] = (),
-    given: Mapping[str, Sequence[float]] | None = None,
+    given: Mapping[str, Sequence[float]] | None = None, missing: Sequence[str] = (),
 ) -> str:  # fmt: skip
     """The kernels of a unit as LLVM IR, not yet checked nor optimised; arguments as of `compile_unit`."""
     unit.constants.update(constants)
@@ -80,6 +82,8 @@ def written(
         written = sum(len(block.instructions) for block in kernel.function.blocks)
         if written > most and "alwaysinline" not in kernel.function.attributes:
             kernel.function.attributes.add("noinline")
+    for name in missing:
+        unit.trap(name)
     return str(unit.module)
 
 

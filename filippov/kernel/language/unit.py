@@ -3,8 +3,8 @@
 import ast
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
-from weakref import WeakSet
+from functools import cached_property, lru_cache
+from weakref import WeakKeyDictionary
 
 from llvmlite import ir
 
@@ -24,16 +24,18 @@ Constant = int | float | bool | list[float] | list[int]
 _MARKS = {"lanes", "kernel", "contract"}
 # Longer texts are written for one system: their trees are not kept.
 _LONG = 100_000
-_checked: WeakSet[ast.FunctionDef] = WeakSet()
+# Of kernels that were looked at the names that change.
+_checked: WeakKeyDictionary[ast.FunctionDef, frozenset[str]] = WeakKeyDictionary()
 
 
 @dataclass
 class Kernel:
-    """A parsed kernel with the LLVM function that stands for it."""
+    """A parsed kernel with the LLVM function that stands for it, and the names that change in it."""
 
     node: ast.FunctionDef
     function: ir.Function
     flags: tuple[str, ...]
+    changing: frozenset[str]
     wide: bool = False
 
 
@@ -43,7 +45,8 @@ class Unit:
 
     A kernel is checked and declared when it is first asked for, and then waits for its translation. `width`
     is the number of lanes; `wide`, `wide_vector` ... are what stands in a lane kernel for a number and an
-    array of numbers. records: the records by name, with their lengths. foreign, foreign_lanes: kernels, plain
+    array of numbers. addresses, referred: types that were asked for; places: of numbers of the shape.
+    records: the records by name, with their lengths. foreign, foreign_lanes: kernels, plain
     and in lanes, that another unit holds, with which this one is linked; outside: constants that it holds;
     shape: numbers that are read there, by name, with their places in the table SHAPE.
     """
@@ -56,6 +59,9 @@ class Unit:
     waiting: list[Kernel] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
     tables: dict[str, ir.GlobalVariable] = field(default_factory=dict)
+    addresses: dict[ir.Type, ir.Type] = field(default_factory=dict)
+    referred: dict[tuple[type[Struct], bool, str], StructPointer] = field(default_factory=dict)
+    places: dict[str, ir.Constant] = field(default_factory=dict)
     records: Mapping[str, type[Struct]] = field(default_factory=dict)
     module: ir.Module = field(default_factory=lambda: ir.Module("filippov"))
     width: int = LANES
@@ -73,6 +79,12 @@ class Unit:
             "float": self.wide, "int": LONG, "bool": self.wide_bit, "Vector": self.wide_vector,
             "Indices": INDICES, "Shared": VECTOR,
         }  # fmt: skip
+
+    @cached_property
+    def fixed(self) -> Mapping[str, Constant]:
+        """The constants that are the same for every system with this unit."""
+        read = self.outside | self.shape.keys()
+        return {name: value for name, value in self.constants.items() if name not in read}
 
     def external(self, name: str, count: int) -> ir.Function:
         """A function of the C library on doubles."""
@@ -103,8 +115,17 @@ class Unit:
 
     def length(self, builder: ir.IRBuilder, name: str) -> ir.Value:
         """A number of the shape, read from the unit that knows it."""
-        start = self.table("SHAPE", [0] * len(self.shape))
-        return builder.load(builder.gep(start, [ir.Constant(LONG, self.shape[name])], inbounds=True))
+        if name not in self.places:
+            self.table("SHAPE", [0] * len(self.shape))
+            place = [ir.Constant(LONG, 0), ir.Constant(LONG, self.shape[name])]
+            self.places[name] = self.tables["SHAPE"].gep(place)
+        return builder.load(self.places[name])
+
+    def address(self, of: ir.Type) -> ir.Type:
+        """The type of the address of a value."""
+        if of not in self.addresses:
+            self.addresses[of] = of.as_pointer()
+        return self.addresses[of]
 
     def annotated(self, node: ast.expr | None, where: str, wide: bool) -> ir.Type:
         """The type that an annotation stands for, in a plain kernel or in one of lanes.
@@ -123,16 +144,26 @@ class Unit:
 
     def record(self, of: type[Struct], wide: bool, shape: str = "Struct") -> StructPointer:
         """The type of a record, of rows or of lanes of it; one not of doubles is common to all lanes."""
-        if shape == "Lanes" and not wide:
-            return StructPointer(of, DOUBLE, self.width)
-        element = self.wide if wide and of.doubles else DOUBLE
-        return StructPointer(of, element, 1, shape == "Rows")
+        asked = of, wide, shape
+        if asked not in self.referred:
+            element = self.wide if wide and of.doubles else DOUBLE
+            apart = shape == "Lanes" and not wide
+            stride = self.width if apart else 1
+            self.referred[asked] = StructPointer(of, element, stride, shape == "Rows" and not apart)
+        return self.referred[asked]
 
     def plain(self, name: str) -> Kernel:
         """The plain kernel of this name."""
         if name not in self.kernels:
             self.kernels[name] = _declare(self, self.texts[name], wide=False)
         return self.kernels[name]
+
+    def trap(self, name: str) -> None:
+        """A kernel that ends the process where it is called, in place of the one of this name."""
+        self.foreign |= {name}
+        builder = ir.IRBuilder(self.plain(name).function.append_basic_block())
+        builder.call(self.intrinsic("llvm", ir.FunctionType(VOID, []), "trap"), [])
+        builder.unreachable()
 
     def widened(self, name: str) -> Kernel:
         """The lane kernel of this name: its own, or the plain one widened."""
@@ -157,13 +188,14 @@ def marks(node: ast.FunctionDef) -> set[str]:
 def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
     file = unit.files.get(node.name, "kernels")
     where = f"{file}:{node.lineno}: kernel {node.name}"
-    _check(node, file)
+    foreign = node.name in (unit.foreign_lanes if wide else unit.foreign)
+    changing = frozenset[str]() if foreign else _check(node, file)
     arguments = [unit.annotated(a.annotation, f"{where}({a.arg})", wide) for a in node.args.args]
     said, kind = marks(node), ir.FunctionType(_result(unit, node.returns, where, wide), arguments)
     function = ir.Function(unit.module, kind, f"{node.name}.lanes" if wide else node.name)
     function.attributes.add("nounwind")
-    if node.name in (unit.foreign_lanes if wide else unit.foreign):
-        return Kernel(node, function, (), wide)
+    if foreign:
+        return Kernel(node, function, (), changing, wide)
     function.linkage = "internal"
     if unit.lane_texts:
         # Vectors put aside on the stack must not lie across two cache lines.
@@ -177,7 +209,7 @@ def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
         pointer = value.type in (VECTOR, unit.wide_vector)
         if pointer and "contract" in said and argument.arg in ("x", "p", "m", "jet"):
             value.add_attribute("noalias")
-    kernel = Kernel(node, function, ("contract",) if "contract" in said else (), wide)
+    kernel = Kernel(node, function, ("contract",) if "contract" in said else (), changing, wide)
     unit.waiting.append(kernel)
     return kernel
 
@@ -207,8 +239,8 @@ def parsed(text: str) -> ast.Module:
     return ast.parse(text)
 
 
-def _check(node: ast.FunctionDef, file: str) -> None:
+def _check(node: ast.FunctionDef, file: str) -> frozenset[str]:
     """Refuse a kernel outside the language; one that stands in several units is looked at once."""
     if node not in _checked:
-        check_kernel(node, file)
-        _checked.add(node)
+        _checked[node] = check_kernel(node, file)
+    return _checked[node]

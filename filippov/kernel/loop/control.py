@@ -1,7 +1,8 @@
 """Step control: error norm, first step, and the tests that say whether a step needs a closer look."""
 
 from filippov.kernel.language.primitives import INF, Indices, Vector, from_bits, kernel, shift, sqrt, to_bits
-from filippov.kernel.loop.field import field, rate
+from filippov.kernel.loop.field import field
+from filippov.kernel.loop.gradients import rate
 from filippov.kernel.loop.land import EPS, guard_scale
 from filippov.kernel.loop.model import (
     ALL_LINEAR,

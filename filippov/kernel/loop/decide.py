@@ -5,19 +5,15 @@ from filippov.kernel.loop.control import guard_state, guards_on, mark_triggers
 from filippov.kernel.loop.corner_event import leave_corner, reach_corner, take_corner
 from filippov.kernel.loop.event_cycle import faint, zeno_horizon, zeno_remaining
 from filippov.kernel.loop.field import field
-from filippov.kernel.loop.land import EPS, guard_scale
+from filippov.kernel.loop.land import EPS
 from filippov.kernel.loop.locate import BOUND_TOLERANCE
 from filippov.kernel.loop.model import (
     COMPONENT,
-    CONTACT,
-    HELD,
     LINEAR,
     RESET_FROM,
     RESETS,
     ROLE,
     ROOTS,
-    TICKS,
-    WIDTH,
     M,
     N,
     radii,
@@ -25,18 +21,15 @@ from filippov.kernel.loop.model import (
 from filippov.kernel.loop.record import count_down, record_event
 from filippov.kernel.loop.reset import apply_reset, resets_from
 from filippov.kernel.loop.resolve import (
-    CLEAR_RATE,
     resolve_exit,
     resolve_root,
     resolve_touch,
-    side_rates,
     touch_or_root,
 )
 from filippov.kernel.loop.state import Trajectory
 from filippov.kernel.tables.codes import (
     AGAIN,
     CORNER,
-    ENTRY,
     EXIT_DOWN,
     EXIT_UP,
     GENERAL,
@@ -47,15 +40,10 @@ from filippov.kernel.tables.codes import (
     ROOT,
     STOPPED,
     STOPS,
-    SWITCHING,
     TOUCH,
     USER_ERROR,
     ZENO,
 )
-
-# Least speed across a surface, of the terms of its rate, with which a slide is told to begin next to an end
-# of its set; depth of an excursion that is rounding, of the terms of the guard.
-SLOWEST, NO_DEPTH = 1e-9, 1e-12
 
 
 @inline
@@ -174,44 +162,3 @@ def take(run: Trajectory, kind: int) -> int:
         if zeno_remaining(cycles, te, horizon) >= 0.0:
             return ZENO
     return AGAIN
-
-
-@kernel
-def slide_close(run: Trajectory) -> int:
-    """AGAIN, or how the run ends, where an event left to the classification begins sliding next to an end of
-    Filippov's own set; else GENERAL.
-
-    The solution comes to the surface nearly along it, faster than rounding can tell, and the field beyond
-    leads back: no other mode is consistent. For runs that count their events; one that is kept says by which
-    margin it was decided (`filippov.solving.diagnosis`).
-    """
-    clock, m, w, iw, now = run.clock, run.m, run.w, run.iw, run.now
-    i, te, length = run.count.surface, now.t_end, now.t_end - now.t
-    if TICKS or i < 0 or i >= M:
-        return GENERAL
-    for j in range(M):
-        if (run.trigger[j] != 0) != (j == i):
-            return GENERAL
-    simple = run.count.cause == ROOT and m[i] != 0.0 and length > 0.0 and iw.coupled[COMPONENT[i]] == 0
-    simple = simple and ROLE[i] == SWITCHING and WIDTH[i] == 0.0 and CONTACT[i] == 0 and HELD[i] == 0
-    # An event that was left just now, not one decided before.
-    simple = simple and clock.t == te and w.grazed[i] != 0.0
-    simple = simple and w.radius[2 * i] == -1.0 and w.radius[2 * i + 1] == 1.0
-    if not simple or clock.relative != 0.0 or clock.t_end - te <= clock.same_instant:
-        return GENERAL
-    code, plus, minus, scale = side_rates(te, w.xe, run.p, m, i, w, iw, run.ctx)
-    run.count.field_calls += 2
-    arrives = -plus if m[i] > 0.0 else minus
-    returns = minus if m[i] > 0.0 else -plus
-    turn = abs(w.end[2 * i + 1] - w.start[2 * i + 1]) / length
-    # Deeper than an excursion that is rounding (`filippov.solving.state.leading`).
-    deep = arrives * arrives > 8.0 * NO_DEPTH * guard_scale(i, te, w.xe, w) * turn
-    if code != 0 or not (arrives > SLOWEST * scale and returns > CLEAR_RATE * scale and deep):
-        return GENERAL
-    run.trigger[i] = 0
-    w.grazed[i] = 0.0
-    m[i] = 0.0
-    run.order[i] = 0
-    w.mult[i].value = -(plus + minus) / (plus - minus)
-    run.lam[i] = w.mult[i].value
-    return take(run, ENTRY)

@@ -1,13 +1,165 @@
-"""Many trajectories of one system in one call: initial mode, then the event loop, one after the other."""
+"""Many trajectories of one system in one call: initial mode, then the event loop, one after the other.
+
+Each has its budget, and its events are counted instead of kept.
+"""
 
 from filippov.kernel.language.primitives import Indices, claim, entry, kernel, shift, shift_indices
 from filippov.kernel.language.records import shift_rows
-from filippov.kernel.loop.model import TICKS, M, N, P, derive
+from filippov.kernel.loop.advance import advance
+from filippov.kernel.loop.decide import take
+from filippov.kernel.loop.land import guard_scale
+from filippov.kernel.loop.limit import forget_cycles, remember, rest_in_limit
+from filippov.kernel.loop.model import (
+    COMPONENT,
+    CONTACT,
+    EVENT_SIZE,
+    HELD,
+    ROLE,
+    TICKS,
+    WIDTH,
+    M,
+    N,
+    P,
+    derive,
+)
+from filippov.kernel.loop.record import count_down, record_event
+from filippov.kernel.loop.resolve import CLEAR_RATE, side_rates
 from filippov.kernel.loop.start import begin
 from filippov.kernel.loop.state import Trajectories, Trajectory
 from filippov.kernel.loop.ticks import aim
-from filippov.kernel.loop.time_slice import time_slice
-from filippov.kernel.tables.codes import KINDS, REACHED, STOPS
+from filippov.kernel.tables.codes import (
+    AGAIN,
+    CHUNK_DONE,
+    CROSSING_DOWN,
+    CROSSING_UP,
+    ENTRY,
+    EVENTS_FULL,
+    GENERAL,
+    GRAZING,
+    KINDS,
+    LIMIT,
+    NONE,
+    OVER_UP,
+    REACHED,
+    ROOT,
+    STOPPED,
+    STOPS,
+    SWITCHING,
+    ZENO,
+)
+
+# Events that fit into the buffer of one call.
+MOST_EVENTS = 64
+# Least speed across a surface, of the terms of its rate, with which a slide is told to begin next to an end
+# of its set; depth of an excursion that is rounding, of the terms of the guard.
+SLOWEST, NO_DEPTH = 1e-9, 1e-12
+
+
+@kernel
+def slide_close(run: Trajectory) -> int:
+    """AGAIN, or how the run ends, where an event left to the classification begins sliding next to an end of
+    Filippov's own set; else GENERAL.
+
+    The solution comes to the surface nearly along it, faster than rounding can tell, and the field beyond
+    leads back: no other mode is consistent. For runs that count their events; one that is kept says by which
+    margin it was decided (`filippov.solving.diagnosis`).
+    """
+    clock, m, w, iw, now = run.clock, run.m, run.w, run.iw, run.now
+    i, te, length = run.count.surface, now.t_end, now.t_end - now.t
+    if TICKS or i < 0 or i >= M:
+        return GENERAL
+    for j in range(M):
+        if (run.trigger[j] != 0) != (j == i):
+            return GENERAL
+    simple = run.count.cause == ROOT and m[i] != 0.0 and length > 0.0 and iw.coupled[COMPONENT[i]] == 0
+    simple = simple and ROLE[i] == SWITCHING and WIDTH[i] == 0.0 and CONTACT[i] == 0 and HELD[i] == 0
+    # An event that was left just now, not one decided before.
+    simple = simple and clock.t == te and w.grazed[i] != 0.0
+    simple = simple and w.radius[2 * i] == -1.0 and w.radius[2 * i + 1] == 1.0
+    if not simple or clock.relative != 0.0 or clock.t_end - te <= clock.same_instant:
+        return GENERAL
+    code, plus, minus, scale = side_rates(te, w.xe, run.p, m, i, w, iw, run.ctx)
+    run.count.field_calls += 2
+    arrives = -plus if m[i] > 0.0 else minus
+    returns = minus if m[i] > 0.0 else -plus
+    turn = abs(w.end[2 * i + 1] - w.start[2 * i + 1]) / length
+    # Deeper than an excursion that is rounding (`filippov.solving.state.leading`).
+    deep = arrives * arrives > 8.0 * NO_DEPTH * guard_scale(i, te, w.xe, w) * turn
+    if code != 0 or not (arrives > SLOWEST * scale and returns > CLEAR_RATE * scale and deep):
+        return GENERAL
+    run.trigger[i] = 0
+    w.grazed[i] = 0.0
+    m[i] = 0.0
+    run.order[i] = 0
+    w.mult[i].value = -(plus + minus) / (plus - minus)
+    run.lam[i] = w.mult[i].value
+    return take(run, ENTRY)
+
+
+@kernel
+def count_events(run: Trajectory) -> None:
+    """Add the events of a call to the trajectory's numbers of each kind; only its past remembers them.
+
+    Behind the numbers stand the surface and the kind of the last event.
+    """
+    count, kinds, marks = run.count, run.kinds, run.marks
+    for q in range(count.events):
+        surface, kind = marks[q * (3 + 2 * M)], marks[q * (3 + 2 * M) + 1]
+        if run.past.room > 0:
+            remember(run.past, run.events[q * EVENT_SIZE], surface, kind == GRAZING)
+        if TICKS and kind >= KINDS:
+            if surface >= M:
+                continue
+            kind = CROSSING_UP if kind == OVER_UP else CROSSING_DOWN
+        kinds[surface * KINDS + kind] += 1
+        kinds[M * KINDS], kinds[M * KINDS + 1] = surface, kind
+    count.event_budget -= count.events
+    count.events = 0
+
+
+@kernel
+def settle(run: Trajectory) -> int:
+    """AGAIN, or how the run ends, where its events accumulate: at rest in their limit, or not there yet."""
+    clock, now, i = run.clock, run.now, run.count.surface
+    found = rest_in_limit(run)
+    if found == NONE:
+        forget_cycles(run)
+        return AGAIN
+    if found != ENTRY:
+        return LIMIT if found == LIMIT else ZENO
+    now.t_end, now.surface, now.residual, now.multiplier = clock.t, i, 0.0, run.lam[i]
+    record_event(run, ENTRY)
+    return STOPPED if count_down(shift_indices(run.stop, STOPS * i), ENTRY) != 0 else AGAIN
+
+
+@entry
+@kernel
+def time_slice(steps: int, run: Trajectory) -> int:
+    """At most `steps` steps; a code of `advance`, -1 where steps of the budget are left."""
+    count = run.count
+    left = count.step_budget
+    while True:
+        give = min(steps, left)
+        count.step_budget = give
+        count.event_room = min(MOST_EVENTS, count.event_budget) + M
+        code = advance(run)
+        if code == GENERAL:
+            code = slide_close(run)
+        if code == ZENO and run.past.room > 0:
+            count_events(run)
+            code = settle(run)
+        if code == AGAIN:
+            code = EVENTS_FULL  # it goes on as after a full buffer
+        full = code == EVENTS_FULL
+        # How many steps a full buffer cut short is not known; the next call has its budget to itself.
+        left = left if full else left - give
+        count.step_budget = left
+        count_events(run)
+        if not full or count.event_budget <= 0:
+            break
+    if TICKS and code == REACHED and count.due > 0:
+        return GENERAL
+    return -1 if code == CHUNK_DONE and left > 0 else code
 
 
 @kernel

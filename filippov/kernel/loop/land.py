@@ -5,7 +5,8 @@ at rounding level and not at the interpolant's.
 """
 
 from filippov.kernel.language.primitives import INF, Indices, Vector, kernel
-from filippov.kernel.loop.field import add_gradient, field, gradient_product, project, rate
+from filippov.kernel.loop.field import field, project
+from filippov.kernel.loop.gradients import add_gradient, gradient_product, rate
 from filippov.kernel.loop.model import (
     CLAMPED,
     G_COLUMN,

@@ -1,6 +1,6 @@
 """Impacts on one contact that accumulate: their limit in time and state, and rest there (E9).
 
-The last events stand in `Past`: `time_slice` remembers them where no other record is kept, Python writes
+The last events stand in `Past`: `ensemble` remembers them where no other record is kept, Python writes
 those of its log. What several surfaces take part in, and what does not rest in its limit, is left to
 `filippov.solving.settling`, which decides by the same law.
 """

@@ -1,4 +1,4 @@
-"""Sliding fields other than the multi-affine one: the moments rule and Utkin's equivalent control.
+"""Sliding fields on several surfaces, affine in the signs and multi-affine, and by two other rules.
 
 moments  weights lambda_v >= 0 of the 2**k vertex fields f(sigma_v) with
 
@@ -13,8 +13,15 @@ Both equal Filippov's where f is a constant plus a sum of terms in one sign each
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel, shift, sqrt
-from filippov.kernel.loop.dense import solve_linear
+from filippov.kernel.loop.dense import solve_linear, solve_or_least
+from filippov.kernel.loop.gradients import rate, track
 from filippov.kernel.loop.model import (
+    COLOUR,
+    COLOURS,
+    CONTACT,
+    G_COLUMN,
+    G_FIRST,
+    OWNER,
     SIDE,
     N,
     rhs,
@@ -27,14 +34,173 @@ DELTA, ENOUGH = 1e-6, 1e-14
 
 
 @kernel
-def track(w: Scratch, i: int, value: float, plus: float, minus: float) -> None:
-    """Note a multiplier with the rates it comes from, and its range over a step."""
-    mult = w.mult[i]
-    mult.value = value
-    mult.rate_plus, mult.rate_minus = plus, minus
-    mult.least = min(mult.least, value)
-    mult.most = max(mult.most, value)
-    mult.slope = max(mult.slope, plus - minus)
+def sign_derivatives(
+    t: float, x: Vector, p: Vector, m: Vector, w: Scratch, iw: Integers, ctx: Indices
+) -> int:
+    """The field with every sliding sign at -1, then for every colour half of what its signs at +1 add."""
+    k = iw.sliding
+    base = w.vert
+    for c in range(k):
+        w.s[iw.listed[c]] = -1.0
+    if rhs(t, x, p, w.s, m, base, ctx) != 0:
+        return 1
+    iw.calls += 1
+    for colour in range(COLOURS):
+        used = 0
+        for c in range(k):
+            if COLOUR[iw.listed[c]] == colour:
+                w.s[iw.listed[c]] = 1.0
+                used += 1
+        if used == 0:
+            continue
+        half = shift(w.vert, (colour + 1) * N)
+        if rhs(t, x, p, w.s, m, half, ctx) != 0:
+            return 1
+        iw.calls += 1
+        for j in range(N):
+            half[j] = 0.5 * (half[j] - base[j])
+        for c in range(k):
+            if COLOUR[iw.listed[c]] == colour:
+                w.s[iw.listed[c]] = -1.0
+    return 0
+
+
+@kernel
+def couple(first: int, last: int, m: Vector, w: Scratch, iw: Integers) -> None:
+    """Matrix and right-hand side of d/dt h = 0 in s + 1 for one group of the list of sliding surfaces."""
+    for c in range(first, last):
+        i, row = iw.listed[c], (c - first) * SIDE
+        w.vec[c - first] = -rate(i, w.vert, w)
+        for d in range(last - first):
+            w.mat[row + d] = 0.0
+        for a in range(G_FIRST[i], G_FIRST[i + 1]):
+            j = G_COLUMN[a]
+            for colour in range(COLOURS):
+                owner = OWNER[colour * N + j]
+                if owner >= 0 and m[owner] == 0.0:
+                    entry = w.g[i * N + j] * w.vert[(colour + 1) * N + j]
+                    w.mat[row + iw.place[owner] - first] += entry
+
+
+@kernel
+def slide_affine(
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
+) -> int:
+    """Fields jointly affine in the signs: a field call a colour and one more, a linear solve a group."""
+    if sign_derivatives(t, x, p, m, w, iw, ctx) != 0:
+        return 1
+    first = 0
+    while first < iw.sliding:
+        last = iw.group[first]
+        size = last - first
+        couple(first, last, m, w, iw)
+        for c in range(size):
+            w.slope[c] = w.mat[c * SIDE + c]
+        if size == 1:
+            i = iw.listed[first]
+            minus = -w.vec[0]
+            plus = minus + 2.0 * w.mat[0]
+            if CONTACT[i] == 0 and abs(plus - minus) < 1e-9 * (abs(plus) + abs(minus)):
+                return 2
+            value = w.mult[i].value
+            if plus != minus:
+                value = -(plus + minus) / (plus - minus)
+            track(w, i, value, plus, minus)
+        else:
+            shift_by = 0.0
+            if not solve_or_least(w.mat, w.vec, size, SIDE, 0):
+                couple(first, last, m, w, iw)
+                # Of many multipliers that hold the solution, those closest to the middle of their sets.
+                for c in range(size):
+                    for d in range(size):
+                        w.vec[c] -= w.mat[c * SIDE + d]
+                shift_by = 1.0
+                if not solve_or_least(w.mat, w.vec, size, SIDE, 1):
+                    return 2
+            for c in range(size):
+                value, slope = w.vec[c] - 1.0 + shift_by, w.slope[c]
+                track(w, iw.listed[first + c], value, slope * (1.0 - value), -slope * (1.0 + value))
+        first = last
+    for j in range(N):
+        out[j] = w.vert[j]
+    for colour in range(COLOURS):
+        for j in range(N):
+            owner = OWNER[colour * N + j]
+            if owner >= 0 and m[owner] == 0.0:
+                weight = 1.0 + w.mult[owner].value
+                out[j] += weight * w.vert[(colour + 1) * N + j]
+    return 0
+
+
+@kernel
+def slide_multi_affine(
+    t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
+) -> int:
+    """2**k vertex fields and Newton's method on the k multipliers, started from the last ones."""
+    k = iw.sliding
+    if k > MOST_ENUMERATED:
+        return 2
+    vertices = 1 << k
+    for v in range(vertices):
+        for c in range(k):
+            w.s[iw.listed[c]] = 1.0 if (v >> c) & 1 else -1.0
+        if rhs(t, x, p, w.s, m, shift(w.vert, v * N), ctx) != 0:
+            return 1
+        for c in range(k):
+            i = iw.listed[c]
+            w.rate[v * SIDE + c] = rate(i, shift(w.vert, v * N), w)
+    iw.calls += vertices
+    done, last = False, 1e300
+    for _ in range(30):
+        for c in range(k):
+            w.vec[c] = 0.0
+            for d in range(k):
+                w.mat[c * SIDE + d] = 0.0
+        for v in range(vertices):
+            weight = 1.0
+            for c in range(k):
+                side = 1.0 if (v >> c) & 1 else -1.0
+                weight *= 0.5 * (1.0 + side * w.mult[iw.listed[c]].value)
+            for c in range(k):
+                w.vec[c] -= weight * w.rate[v * SIDE + c]
+            for d in range(k):
+                slope = 1.0
+                for c in range(k):
+                    side = 1.0 if (v >> c) & 1 else -1.0
+                    slope *= 0.5 * side if c == d else 0.5 * (1.0 + side * w.mult[iw.listed[c]].value)
+                for c in range(k):
+                    w.mat[c * SIDE + d] += slope * w.rate[v * SIDE + c]
+        if done:
+            break
+        for c in range(k):
+            w.rate[vertices * SIDE + c] = w.mat[c * SIDE + c]
+        if not solve_or_least(w.mat, w.vec, k, SIDE, 0):
+            return 2
+        largest = 0.0
+        for c in range(k):
+            w.mult[iw.listed[c]].value += w.vec[c]
+            largest = max(largest, abs(w.vec[c]))
+        # Where the signs hardly act on the rates, rounding of these is more than rounding in the signs.
+        done = largest <= 1e-14 or (largest < 1e-8 and largest >= 0.5 * last)
+        last = largest
+        if largest > 1e6:
+            return 2
+    if not done:
+        return 2
+    for j in range(N):
+        out[j] = 0.0
+    for v in range(vertices):
+        weight = 1.0
+        for c in range(k):
+            side = 1.0 if (v >> c) & 1 else -1.0
+            weight *= 0.5 * (1.0 + side * w.mult[iw.listed[c]].value)
+        for j in range(N):
+            out[j] += weight * w.vert[v * N + j]
+    for c in range(k):
+        i = iw.listed[c]
+        value, slope = w.mult[i].value, w.rate[vertices * SIDE + c]
+        track(w, i, value, slope * (1.0 - value), -slope * (1.0 + value))
+    return 0
 
 
 @kernel
