@@ -135,7 +135,7 @@ class Reader:
         """dh/dt of the exact system at s = -1 and s = +1; states after its own are left out."""
         machine, i = self.machine, self.index
         point = np.ascontiguousarray(x[: machine.n], dtype=float)
-        signs = np.where(machine.guards(t, point, np.ones(machine.m)) >= 0, 1.0, -1.0)
+        _, signs = machine.signs_at(t, point)
         slope, drift = machine.gradients(t, point, signs)
         mode = signs.copy()
         mode[i] = 0.0
@@ -149,7 +149,7 @@ class Reader:
         """h of the surface."""
         machine = self.machine
         point = np.ascontiguousarray(x[: machine.n], dtype=float)
-        return float(machine.guards(t, point, np.ones(machine.m))[self.index])
+        return float(machine.signs_at(t, point)[0][self.index])
 
     def _by_layer(self, solution: Solution, half: float) -> list[Stay]:
         """Stays in |h| <= half while the exact system attracts, from the dense output."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.sensitivity.variation import mode_field
+from filippov.analysis.sensitivity.variation import mode_field, signs_at
 from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
@@ -40,12 +40,7 @@ def _field(
     system: System, t: Array, x: Array, p: Array, jacobian: Callable[..., Any] | None
 ) -> Array:
     """The field at points off the surfaces, with the signs they have there: (k, n)."""
-    m = len(system.surfaces)
-    any_mode = mode_field(system, (1,) * m, (), jacobian)
-    signs = np.ones((t.size, m))
-    for _ in range(2):  # A surface may depend on the size of another.
-        h = any_mode.part("h", t, x, signs, p)[:, :, 0]
-        signs = np.where(h >= 0, 1.0, -1.0)
+    _, signs = signs_at(system, t, x, p, jacobian)
     out = np.full(x.shape, np.nan)
     for mode in {tuple(int(v) for v in row) for row in signs}:
         rows = np.all(signs == np.array(mode, dtype=float), axis=1)

@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.orbits.shooting import NoConvergenceError, resolved, velocity_at
-from filippov.analysis.sensitivity.variation import mode_field
+from filippov.analysis.sensitivity.variation import mode_field, signs_at
 from filippov.analysis.steady.forcing import is_forced
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.keywords import keywords
@@ -217,11 +217,7 @@ def given_mode(system: System, mode: str | Sequence[int]) -> Mode:
 
 
 def _signs(system: System, x: Array, p: Array) -> Mode:
-    count = len(system.surfaces)
-    part = mode_field(system, (1,) * count)
-    time, state = np.zeros(1), x[None, :]
-    signs = np.ones((1, count))
-    h = part.part("h", time, state, signs, p)[0, :, 0] if count else np.zeros(0)
+    h = signs_at(system, np.zeros(1), x[None, :], p)[0][0]
     size = EDGE * (1.0 + float(np.max(np.abs(x))))
     jumps = [surface.kind == "switching" for surface in system.surfaces]
     return tuple(

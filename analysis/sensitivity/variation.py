@@ -160,6 +160,23 @@ def mode_field(
     return ModeField(system, mode, names, jacobian)
 
 
+def signs_at(
+    system: System, t: Array, x: Array, p: Array, jacobian: Any = None
+) -> tuple[Array, Array]:
+    """The switching functions at points (k, m), and their signs (+1 at 0), by which sizes in others go."""
+    m = len(system.surfaces)
+    h, signs = np.zeros((t.size, m)), np.ones((t.size, m))
+    for _ in range(m + 1):
+        for mode in {tuple(int(v) for v in row) for row in signs}:
+            rows = np.all(signs == np.array(mode, dtype=float), axis=1)
+            part = mode_field(system, mode, (), jacobian)
+            h[rows] = part.part("h", t[rows], x[rows], signs[rows], p)[:, :, 0]
+        last, signs = signs, np.where(h >= 0.0, 1.0, -1.0)
+        if np.array_equal(last, signs):
+            break
+    return h, signs
+
+
 def gauss(stages: int) -> tuple[Array, Array, Array]:
     """Nodes, weights and matrix of Gauss collocation on [0, 1] (order 2 * stages)."""
     nodes, weights = np.polynomial.legendre.leggauss(stages)

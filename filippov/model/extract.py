@@ -226,7 +226,7 @@ class Extractor:
         found = self.table.match(arg)
         if found is None:
             parts = _factors(arg)
-            if len(parts) > 1 or parts[0] != arg:
+            if len(parts) > 1 or parts[0] != arg or _odd_power(arg):
                 return Mul(*(self._sign_of_power(part, path, written) for part in parts))
             found = self.table.register(arg, written)
         entry, factor = found
@@ -257,7 +257,7 @@ class Extractor:
         found = self.table.match(arg)
         if found is None:
             parts = _factors(arg)
-            if len(parts) > 1 or parts[0] != arg:
+            if len(parts) > 1 or parts[0] != arg or _odd_power(arg):
                 return Mul(*(self._size_of_power(part, path) for part in parts))
             found = self.table.register(arg, written=False)
         entry, factor = found
@@ -459,6 +459,11 @@ def _difference(condition: Any) -> tuple[Expr, bool]:
     """
     larger, smaller = condition.gts, condition.lts
     return (larger - smaller, True) if dynamic(larger) else (smaller - larger, False)
+
+
+def _odd_power(arg: Expr) -> bool:
+    """Whether a surface is an odd power of one with the same zeros, which are simple there."""
+    return bool(arg.is_Pow and arg.exp.is_odd)
 
 
 def _factors(arg: Expr) -> list[Expr]:

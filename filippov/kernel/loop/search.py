@@ -17,6 +17,8 @@ from filippov.kernel.loop.model import (
     AFFINE,
     CLAMPED,
     CONTACT,
+    G_COLUMN,
+    G_FIRST,
     LINEAR,
     RESETS,
     ROOTED,
@@ -29,12 +31,15 @@ from filippov.kernel.loop.model import (
 )
 from filippov.kernel.loop.record import store_step
 from filippov.kernel.loop.resolve import widen
-from filippov.kernel.loop.sampling import dense_output, guard_noise, straight
+from filippov.kernel.loop.sampling import dense_output, dense_value, guard_noise, guard_rows, straight
 from filippov.kernel.loop.state import Scratch, Trajectory
 from filippov.kernel.tables.codes import AGAIN, ARRIVED, GO_ON, LOST, LOWER, NOTHING, ROOT, UPPER, USER_ERROR
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
 SAME_END = 1e-11  # times so close to the end of the run, in parts of it, are the end
+ROUNDED = 1e-12  # events so little later than the end of the run, in parts of it, are at the end
+FALLING = 1e-6  # the same of the terms of its rate: a guard that falls, and not by rounding
+BEFORE_END = 1e-3  # where the slope of a multiplier's guard at the end is taken from, in parts of the step
 # Pieces into which the guards of a step may split it for steps to go on growing.
 PIECES = 64
 
@@ -55,17 +60,47 @@ def event_at_end(
     t: float, x: Vector, p: Vector, start: float, m: Vector, order: Indices, w: Scratch, ctx: Indices
 ) -> int:
     """The surface whose guard vanishes within rounding after the end of the run, -1 if none: clause E4."""
+    last_k = shift(w.k, (STAGES - 1) * N)
     for i in range(M):
-        rate = m[i] * w.end[2 * i + 1] * w.direction
-        if rate < 0.0 and order[i] == 0:
+        rate, terms = m[i] * w.end[2 * i + 1] * w.direction, abs(w.gt[i])
+        for a in range(G_FIRST[i], G_FIRST[i + 1]):
+            terms += abs(w.g[i * N + G_COLUMN[a]] * last_k[G_COLUMN[a]])
+        # A guard that the segment starts from has come back where it clearly falls.
+        if rate < (0.0 if order[i] == 0 else -FALLING * terms):
             wait = -(m[i] * w.end[2 * i] + WIDTH[i]) / rate
-            if wait <= 1e-12 * max(abs(t), abs(t - start)):
+            if wait <= ROUNDED * max(abs(t), abs(t - start)):
                 if LINEAR[i] == 0 and abs(w.end[2 * i]) <= NOISY * guard_noise(i, t, x, p, m, w, ctx):
                     continue
                 if ROOTS and ROOTED[i] != 0 and not turns(i, t, x, 2.0 * w.direction * wait, p, m, w, ctx):
                     continue
                 return i
     return -1
+
+
+@kernel
+def exit_at_end(run: Trajectory) -> tuple[int, int, float]:
+    """The sliding surface whose multiplier leaves its set within rounding after the end of the run: clause E4.
+
+    Returns as `locate` does (cause, surface, slope of the guard by theta); NOTHING where there is none. The
+    dense output is known.
+    """
+    now, w, iw = run.now, run.w, run.iw
+    t, step, te, past = now.t, now.step, now.t_end, shift(w.row, 2 * M)
+    dense_value(1.0 - BEFORE_END, w.xm, w)
+    failed = guard_rows(t + (1.0 - BEFORE_END) * step, w.xm, run.p, run.m, w.row, w, iw, run.ctx)
+    for row in range(2 * M):
+        past[row] = w.row[row]
+    if failed != 0 or guard_rows(te, w.y, run.p, run.m, w.row, w, iw, run.ctx) != 0:
+        return NOTHING, -1, 0.0
+    for row in range(2 * M):
+        i = row if row < M else row - M
+        slope = (w.row[row] - past[row]) / BEFORE_END
+        if run.m[i] != 0.0 or not (slope < 0.0) or abs(run.order[i]) > 1:
+            continue
+        wait = -w.row[row] / slope * abs(step)
+        if wait <= ROUNDED * max(abs(te), abs(te - run.clock.t_start)):
+            return UPPER if row < M else LOWER, i, slope
+    return NOTHING, -1, 0.0
 
 
 @inline
@@ -123,7 +158,8 @@ def search(run: Trajectory) -> int:
     t, step, te, failed = now.t, now.step, now.t_end, 0
     propose(run)
     count.steps += 1
-    look = suspicious(step, m, order, now.line != 0, w, iw)
+    # At the very end multipliers are looked at that are on their way out.
+    look = suspicious(step, m, order, now.line != 0, w, iw) or (now.last != 0 and iw.sliding > 0)
     if look or count.store != 0:
         failed = other_stages(t, x, p, m, step, now.line != 0, w, iw, ctx)
         if count.store != 0 or not straight(iw):
@@ -150,6 +186,9 @@ def search(run: Trajectory) -> int:
         surface = event_at_end(te, w.y, p, clock.t_start, m, order, w, ctx)
         if surface >= 0:
             cause, theta = ROOT, 1.0
+        elif look and iw.sliding > 0:
+            cause, surface, slope = exit_at_end(run)
+            theta = 1.0
     if cause == NOTHING:
         return carry_on(run)
     if cause == ROOT and hides_order(t, theta * abs(step), abs(step)):

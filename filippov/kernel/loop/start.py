@@ -119,12 +119,17 @@ def begin(run: Trajectory) -> int:
         m[i] = 1.0
         order[i] = 0
         lam[i] = 0.0
-    # Twice: the sizes |h| inside other guards follow the signs found first.
-    for _ in range(2):
+    # The sizes |h| inside other guards follow the signs found before, as deep as they are nested.
+    for _ in range(M + 1):
         if guards(t, x, p, m, h, ctx) != 0:
             return USER_ERROR
+        changed = False
         for i in range(M):
-            m[i] = -1.0 if h[i] < 0.0 else 1.0
+            side = -1.0 if h[i] < 0.0 else 1.0
+            changed = changed or side != m[i]
+            m[i] = side
+        if not changed:
+            break
     if gradients(t, x, p, m, w.g, w.gt, ctx) != 0:
         return USER_ERROR
     reached, total = -1, 0

@@ -236,7 +236,8 @@ class Scratch(Struct):
     xm: Vector = part(lambda of: of.n)
     h: Vector = part(lambda of: of.m)
     before: Vector = part(lambda of: of.m)
-    row: Vector = part(lambda of: 2 * of.m)
+    # Rows of all guards at two points.
+    row: Vector = part(lambda of: 4 * of.m)
     # Guards and their rates, in turn, at both ends of the step.
     start: Vector = part(lambda of: 2 * of.m)
     end: Vector = part(lambda of: 2 * of.m)

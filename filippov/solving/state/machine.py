@@ -314,6 +314,16 @@ class Machine:
         self.ask("guards", float(t), x, self.p, mode, out)
         return out
 
+    def signs_at(self, t: float, x: Array) -> tuple[Array, Array]:
+        """All switching functions at a state, and their signs (+1 at 0), by which sizes in others go."""
+        mode = np.ones(self.m)
+        for _ in range(self.m + 1):
+            h = self.guards(t, x, mode)
+            last, mode = mode, np.where(h >= 0.0, 1.0, -1.0)
+            if np.array_equal(last, mode):
+                break
+        return h, mode
+
     def gradients(self, t: float, x: Array, mode: Array) -> tuple[Array, Array]:
         """dh/dx, shape (m, n), and dh/dt, shape (m,)."""
         # Functions of the user write both into the first array, one behind the other.

@@ -109,9 +109,11 @@ class March:
         """Signs of the guards; 0 on the surface, and the side of it for contacts."""
         t0, sides = self.problem.t_span[0], np.ones(self.m)
         h, g, gt = np.zeros(self.m), np.zeros(self.m * self.n), np.zeros(self.m)
-        for _ in range(2):  # sizes of earlier surfaces in later guards need their signs
+        for _ in range(self.m + 1):  # sizes of earlier surfaces in later guards need their signs
             self.kernels("guards", t0, self.x, self.p, sides, h, self.ctx)
-            sides = np.where(h >= 0.0, 1.0, -1.0)
+            last, sides = sides, np.where(h >= 0.0, 1.0, -1.0)
+            if np.array_equal(last, sides):
+                break
         self.kernels("gradients", t0, self.x, self.p, sides, g, gt, self.ctx)
         size = np.abs(g.reshape(self.m, self.n)) @ np.abs(self.x)
         for i, surface in enumerate(self.system.surfaces):
