@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from filippov import Surface, System, parameters, sin, sign, solve, solve_many, states, t
+from filippov import Surface, System, parameters, sign, sin, solve, solve_many, states, t
 
 DRAWS = {"default": 4, "ci": 6}.get(os.environ.get("FILIPPOV_PROFILE", "default"), 60)
 ROUNDINGS = (-64, -3, -1, 0, 1, 3, 64)

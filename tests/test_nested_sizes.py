@@ -79,7 +79,7 @@ def test_kinks_in_kinks_against_short_steps(depth: int) -> None:
 
 
 def test_oddness_sees_sizes_inside_surfaces() -> None:
-    """x' = y, y' = -x - sgn(y (2 - |x|) + x | |y| - 1 |) is odd; with |x| + x in the place of |x| it is not."""
+    """Odd is y' = -x - sgn(y (2 - |x|) + x ||y| - 1|); with |x| + x in the place of |x| it is not."""
 
     def odd(size: sp.Expr) -> bool:
         system = System({x: y, y: -x - sign(y * (2 - size) + x * Abs(Abs(y) - 1))})

@@ -9,6 +9,9 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from filippov import (
+    Abs,
+    Max,
+    Min,
     Stop,
     Surface,
     System,
@@ -213,3 +216,32 @@ def test_14_2_from_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert "sliding exit on 'output'" in capsys.readouterr().err
     with pytest.raises(UsageError, match="'Tailor'; did you mean 'Taylor'"):
         solve(PENDULUM, (1, 0), (0, 1), method="Tailor")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_it_slides_on_surfaces_with_sizes_in_them(seed: int) -> None:
+    """On |x - r| + c |y| = 1/2 with x' = a - k s, y' = b: s keeps h' = 0, and x follows y."""
+    random = np.random.default_rng(seed)
+    for sides in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        a, b, c, r = random.uniform(-0.3, 0.3, 4)
+        h = Abs(x - r) + c * Abs(y) - 0.5
+        system = System({x: a - sides[0] * sign(h), y: b, v: -v + 2 * sign(h) + sin(x)})
+        y0 = sides[1] * 2.0
+        x0 = r + sides[0] * (0.5 - c * 2.0)
+        run = taylor(system, (x0, y0, 0.0), 2.0, rtol=1e-12, atol=1e-13)
+        other = solve(system, (x0, y0, 0.0), (0, 2), rtol=1e-12, atol=1e-13)
+        assert run.modes[0].count("0") == 1
+        assert run.steps < 60
+        drift = sides[0] * -c * sides[1] * b  # x' on the surface
+        assert run.x_end[:2] == pytest.approx([x0 + 2 * drift, y0 + 2 * b], abs=1e-11)
+        assert run.x_end == pytest.approx(other.x_end, abs=1e-10)
+
+
+def test_it_slides_on_largest_and_smallest() -> None:
+    """On max(x, y/2) = 1, first on one side of x = y/2 and then on the other: as the pair of order 5."""
+    system = System({x: 1 - 2 * sign(Max(x, y / 2) - 1), y: 3 - 4 * sign(Max(x, y / 2) - 1) * Min(1, y), v: x})
+    for method in ("DOP853", "Taylor"):
+        run = solve(system, (0.5, 0.25, 0), (0, 3), method=method, rtol=1e-11, atol=1e-13)
+        short = solve(system, (0.5, 0.25, 0), (0, 3), method="DP5", rtol=1e-11, atol=1e-13)
+        assert run.success
+        assert run.x_end == pytest.approx(short.x_end, abs=1e-8)

@@ -18,7 +18,7 @@ from filippov.kernel.codegen.jet_graph import JetGraph
 from filippov.kernel.codegen.jets import jet_lines
 from filippov.model.size import expanded
 from filippov.model.surface import Surface
-from filippov.model.symbolic import SymbolicForm, convex
+from filippov.model.symbolic import Select, SymbolicForm, convex
 from filippov.model.symbols import t
 
 _ARGUMENTS = "t: float, x: Vector, p: Vector, s: Vector, m: Vector, work: Vector, out: Vector"
@@ -97,7 +97,9 @@ def _end_lines(n: int, width: int, order: int) -> list[str]:
 
 def _graph(form: SymbolicForm, sliding: int, rows: int) -> tuple[JetGraph, list[int]]:
     """The graph of a mode, and its results: the field, h of every surface, and the guards of what slides."""
-    printer = KernelPrinter(symbol_names(form), set(form.a))
+    modes = tuple(sympy.Dummy(f"m{i}") for i in range(len(form.h)))
+    names = {q: f"m[{i}]" for i, q in enumerate(modes)}
+    printer = KernelPrinter(symbol_names(form) | names, set(form.a))
     scaled: dict[Symbol, tuple[str, Expr]] = {
         a: (f"m[{i}]", h) for i, (a, h) in enumerate(zip(form.a, form.h, strict=True)) if i != sliding
     }
@@ -109,8 +111,9 @@ def _graph(form: SymbolicForm, sliding: int, rows: int) -> tuple[JetGraph, list[
     if sliding < 0:
         return graph, [*(graph(f) for f in form.field), *first, *second]
     middle, half = _halves(form, sliding)
-    rate_c, rate_d = (_rate(form, sliding, f) for f in (middle, half))
-    rate_c += _gradient(form, sliding)[-1]
+    gradient = _gradient(form, sliding, modes)
+    rate_c, rate_d = (sympy.Add(*(g * q for g, q in zip(gradient, f, strict=False))) for f in (middle, half))
+    rate_c += gradient[-1]
     weight = graph(-rate_c / rate_d) if rate_d != 0 else zero
     field = [
         graph(c) if d == 0 else graph.total([("1.0", graph(c)), ("1.0", graph.times([weight, graph(d)]))])
@@ -146,14 +149,15 @@ def _halves(form: SymbolicForm, i: int) -> tuple[list[Expr], list[Expr]]:
     return middle, half
 
 
-def _gradient(form: SymbolicForm, i: int) -> list[Expr]:
-    """Derivatives of h_i by the states and by t; of a contact those of its rate."""
-    modes = tuple(sympy.Dummy(f"m{k}") for k in range(len(form.h)))
+def _gradient(form: SymbolicForm, i: int, modes: tuple[Symbol, ...]) -> list[Expr]:
+    """Derivatives of h_i by the states and by t, with the modes of its sizes; of a contact its rate's."""
     contact = form.contact[i] if form.contact else None
     if contact is not None:
         return [contact.rate.diff(q) for q in (*form.x, t)]
-    return [e.xreplace(dict.fromkeys(modes, sympy.S.Zero)) for e in total_gradients(form, modes)[i]]
+    return [_beside(e, modes) for e in total_gradients(form, modes)[i]]
 
 
-def _rate(form: SymbolicForm, i: int, field: Sequence[Expr]) -> Expr:
-    return sympy.Add(*(g * f for g, f in zip(_gradient(form, i), field, strict=False)))
+def _beside(e: Expr, modes: Sequence[Symbol]) -> Expr:
+    """A gradient off the surfaces of its sizes: nothing else slides."""
+    own = [q for q in e.atoms(Select) if q.args[0].free_symbols & {*modes}]
+    return e.xreplace({q: q.args[1] for q in own}) if own else e

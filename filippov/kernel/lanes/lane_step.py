@@ -31,6 +31,8 @@ from filippov.kernel.loop.field import clear_ranges, field, project
 from filippov.kernel.loop.model import (
     ALL_LINEAR,
     END_IN_ERROR,
+    G_COLUMN,
+    G_FIRST,
     MOVING,
     ORDER,
     STAGES,
@@ -41,6 +43,7 @@ from filippov.kernel.loop.model import (
     free_stages,
     sliding_stages,
 )
+from filippov.kernel.loop.search import FALLING, ROUNDED
 from filippov.kernel.loop.state import Group, Integers, Scratch
 
 # The second mask of the result stands above the first.
@@ -101,11 +104,14 @@ def may_vanish(step: float, m: Vector, order: Vector, w: Scratch, iw: Integers) 
 @lanes
 def ends_at_surface(t: float, start: float, m: Vector, order: Vector, w: Scratch) -> bool:
     """Where a guard vanishes within rounding after the end of the run; see `search.event_at_end`."""
-    reached = 0.0
+    reached, last_k = 0.0, shift(w.k, (STAGES - 1) * N)
     for i in range(M):
-        rate = m[i] * w.end[2 * i + 1]
+        rate, terms = m[i] * w.end[2 * i + 1] * w.direction, abs(w.gt[i])
+        for a in range(G_FIRST[i], G_FIRST[i + 1]):
+            terms += abs(w.g[i * N + G_COLUMN[a]] * last_k[G_COLUMN[a]])
         wait = -(m[i] * w.end[2 * i] + WIDTH[i]) / rate
-        near = rate < 0.0 and order[i] == 0.0 and not (wait > 1e-12 * max(abs(t), abs(t - start)))
+        falls = rate < (0.0 if order[i] == 0.0 else -FALLING * terms)
+        near = falls and not (wait > ROUNDED * max(abs(t), abs(t - start)))
         reached = 1.0 if near else reached
     return reached > 0.0
 
@@ -145,6 +151,10 @@ def lane_step(group: Group, iw: Integers, ctx: Indices) -> int:
     good = valid and not may_vanish(step, m, order, w, iw)
     if anywhere(last):
         good = good and not (last and ends_at_surface(te, clock.t_start, m, order, w))
+        # What a multiplier does right after the end is looked at in the plain loop.
+        if iw.sliding > 0:
+            for i in range(M):
+                good = good and not (last and m[i] == 0.0)
     factor = 10.0 if error == 0.0 else step_factor(error)
     predicted = factor * factor * size / clock.trend
     proposal = size * max(0.2, min(clock.grow, factor, predicted))

@@ -79,7 +79,7 @@ def event_at_end(
 
 @kernel
 def exit_at_end(run: Trajectory) -> tuple[int, int, float]:
-    """The sliding surface whose multiplier leaves its set within rounding after the end of the run: clause E4.
+    """The sliding surface whose multiplier leaves its set within rounding after the end: clause E4.
 
     Returns as `locate` does (cause, surface, slope of the guard by theta); NOTHING where there is none. The
     dense output is known.
