@@ -239,7 +239,8 @@ def test_it_slides_on_surfaces_with_sizes_in_them(seed: int) -> None:
 
 def test_it_slides_on_largest_and_smallest() -> None:
     """On max(x, y/2) = 1, first on one side of x = y/2 and then on the other: as the pair of order 5."""
-    system = System({x: 1 - 2 * sign(Max(x, y / 2) - 1), y: 3 - 4 * sign(Max(x, y / 2) - 1) * Min(1, y), v: x})
+    mode = Max(x, y / 2) - 1
+    system = System({x: 1 - 2 * sign(mode), y: 3 - 4 * sign(mode) * Min(1, y), v: x})
     for method in ("DOP853", "Taylor"):
         run = solve(system, (0.5, 0.25, 0), (0, 3), method=method, rtol=1e-11, atol=1e-13)
         short = solve(system, (0.5, 0.25, 0), (0, 3), method="DP5", rtol=1e-11, atol=1e-13)

@@ -151,10 +151,6 @@ def lane_step(group: Group, iw: Integers, ctx: Indices) -> int:
     good = valid and not may_vanish(step, m, order, w, iw)
     if anywhere(last):
         good = good and not (last and ends_at_surface(te, clock.t_start, m, order, w))
-        # What a multiplier does right after the end is looked at in the plain loop.
-        if iw.sliding > 0:
-            for i in range(M):
-                good = good and not (last and m[i] == 0.0)
     factor = 10.0 if error == 0.0 else step_factor(error)
     predicted = factor * factor * size / clock.trend
     proposal = size * max(0.2, min(clock.grow, factor, predicted))

@@ -23,6 +23,7 @@ from filippov.kernel.loop.model import (
     RESETS,
     ROOTED,
     ROOTS,
+    SERIES,
     STAGES,
     WIDTH,
     M,
@@ -158,8 +159,10 @@ def search(run: Trajectory) -> int:
     t, step, te, failed = now.t, now.step, now.t_end, 0
     propose(run)
     count.steps += 1
-    # At the very end multipliers are looked at that are on their way out.
-    look = suspicious(step, m, order, now.line != 0, w, iw) or (now.last != 0 and iw.sliding > 0)
+    look = suspicious(step, m, order, now.line != 0, w, iw)
+    if SERIES and now.last != 0 and iw.sliding > 0:
+        # A series tells that a multiplier does not get beyond its set, and not that it gets to its end.
+        look = True
     if look or count.store != 0:
         failed = other_stages(t, x, p, m, step, now.line != 0, w, iw, ctx)
         if count.store != 0 or not straight(iw):
