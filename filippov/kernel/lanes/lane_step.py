@@ -33,6 +33,7 @@ from filippov.kernel.loop.model import (
     END_IN_ERROR,
     G_COLUMN,
     G_FIRST,
+    LINEAR,
     MOVING,
     ORDER,
     STAGES,
@@ -111,6 +112,8 @@ def ends_at_surface(t: float, start: float, m: Vector, order: Vector, w: Scratch
             terms += abs(w.g[i * N + G_COLUMN[a]] * last_k[G_COLUMN[a]])
         wait = -(m[i] * w.end[2 * i] + WIDTH[i]) / rate
         falls = rate < (0.0 if order[i] == 0.0 else -FALLING * terms)
+        if LINEAR[i] == 0:
+            falls = falls and order[i] == 0.0
         near = falls and not (wait > ROUNDED * max(abs(t), abs(t - start)))
         reached = 1.0 if near else reached
     return reached > 0.0
