@@ -66,8 +66,8 @@ def event_at_end(
         rate, terms = m[i] * w.end[2 * i + 1] * w.direction, abs(w.gt[i])
         for a in range(G_FIRST[i], G_FIRST[i + 1]):
             terms += abs(w.g[i * N + G_COLUMN[a]] * last_k[G_COLUMN[a]])
-        # A guard that the segment starts from has come back where it clearly falls; a rate that is differences
-        # of a function may be rounding however large it is.
+        # A guard that the segment starts from has come back where it clearly falls; differences of a function
+        # may be rounding however large they are.
         if rate < (0.0 if order[i] == 0 else -FALLING * terms) and (order[i] == 0 or LINEAR[i] != 0):
             wait = -(m[i] * w.end[2 * i] + WIDTH[i]) / rate
             if wait <= ROUNDED * max(abs(t), abs(t - start)):
