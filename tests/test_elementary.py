@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -50,3 +51,16 @@ def test_13_4_a_formula_that_jumps_is_refused_with_what_to_write() -> None:
         with pytest.raises(Exception, match=text[:5]):
             parse_expression(text, {"x": X})
     assert math.isclose(float(parse_expression("erf(1/2)", {})), math.erf(0.5))
+
+
+# Written as whole numbers of halves they need no pow; floats and quotients are the same exponents.
+@pytest.mark.parametrize("exponent", [sympy.Rational(3, 2), 1.5, sympy.Rational(-3, 2), -1.5])
+@pytest.mark.parametrize("base", [2.5e-180, 3e-7, 0.4, 7.0, 1e6, 3e60])
+def test_13_4_powers_of_three_halves(base: float, exponent: Any) -> None:
+    known = mpmath.mpf(base) ** (mpmath.mpf(3) / 2 * (1 if exponent > 0 else -1))
+    scale = float(1 / known) if 0 < float(1 / known) < math.inf else 1.0
+    system = System({X: scale * Y**exponent, Y: 0 * X})
+    starts = (0.0, base)
+    runs = [solve(system, starts, (0, 1), backend=backend).x_end[0] for backend in ("compiled", "python")]
+    runs += [solve_many(system, np.tile(starts, (70, 1)), (0, 1), lanes=8).x[0, 0]]
+    np.testing.assert_allclose(runs, float(scale * known), rtol=1e-14)

@@ -457,3 +457,17 @@ def test_visible_fold_met_exactly(
     assert [e.t / scale for e in got.events] == pytest.approx([reached] if len(modes) > 1 else [], abs=1e-13)
     exact = [side * (3 - reached) ** 2 / 2, side * (start[1] + 3)]
     assert got.x_end == pytest.approx(np.array(exact), abs=1e-12)
+
+
+def test_times_are_those_of_the_events() -> None:
+    """Asked for before the events themselves, in part after them, and after them."""
+    relay = System({x: -sign(x) * (2 + sin(t))}, surfaces=[Surface("x", x, width=0.1)])
+    for looked in (0, 1):
+        run = solve(relay, (1,), (0, 20))
+        if looked:
+            assert run.events[0].t > 0
+        times = run.events.t
+        assert len(times) == len(run.events) > 4
+        np.testing.assert_array_equal(times, [event.t for event in run.events])
+        np.testing.assert_array_equal(times, run.events.t)
+    assert solve(relay, (1,), (0, 1e-3)).events.t.shape == (0,)

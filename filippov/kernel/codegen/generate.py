@@ -99,6 +99,8 @@ class KernelPrinter(StrPrinter):
             return f"sqrt({base})"
         if exponent == -sympy.S.Half:
             return f"(1.0 / sqrt({base}))"
+        if exponent.is_number and abs(float(exponent)) == 1.5:
+            return f"({base} * sqrt({base}))" if exponent > 0 else f"(1.0 / ({base} * sqrt({base})))"
         if e.base == sympy.E:
             return f"exp({self._print(exponent)})"
         kind = "power" if exponent.is_number else "power_of"

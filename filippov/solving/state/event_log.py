@@ -86,6 +86,12 @@ class EventLog(Events):
     def _items(self, value: list[Event]) -> None:
         self._made = list(value)
 
+    @property
+    def t(self) -> Array:
+        """Times of the events, which need not be made for it."""
+        made = np.array([event.t for event in self._made])
+        return np.concatenate([made, *(floats[:, 0] for floats, _ in self._raw)])
+
     def _append(
         self, t: float, index: int, kind: EventKind, before: Mode, after: Mode, x: Array, multiplier: float,
         residual: float, note: str = "", together: bool = False, x_after: Array | None = None,
