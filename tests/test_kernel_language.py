@@ -34,7 +34,6 @@ CONSTRUCTS = {
     "doubles": "out[0] = u + v * 2.0 - u / 3.0\nreturn 0",
     "true_division": "out[0] = a / b if b != 0 else 0.5\nreturn 0",
     "division_by_zero": "out[0] = u / (v - v)\nreturn 0",
-    "square": "out[0] = u**2\nreturn 0",
     "chain": "return 1 if -2.0 < u <= v < 5.0 else 0",
     "whole_chain": "return 1 if a < b != 3 else 0",
     "of_nan": (
@@ -156,9 +155,10 @@ OF_ONE = "".join(f"\n@kernel\ndef of_{f}{SIGNATURE}:\n    out[0] = {f}(u)\n    r
 OF_TWO = (
     f"\n@kernel\ndef of_atan2{SIGNATURE}:\n    out[0] = atan2(u, v)\n    return 0\n"
     f"\n@kernel\ndef of_power{SIGNATURE}:\n    out[0] = power(u, v) + u**v\n    return 0\n"
+    f"\n@kernel\ndef of_square{SIGNATURE}:\n    out[0] = u**2\n    return 0\n"  # a product in machine code
     f"\n@kernel\ndef of_fma{SIGNATURE}:\n    out[0] = fma(u, v, 1.0)\n    return 0\n"
 )
-FUNCTIONS = tuple(f"of_{f}" for f in (*LIBRARY, "atan2", "power", "fma"))
+FUNCTIONS = tuple(f"of_{f}" for f in (*LIBRARY, "atan2", "power", "square", "fma"))
 ENGINE_OF, COMPILED_OF = machine_code(OF_ONE + OF_TWO, FUNCTIONS)
 PYTHON_OF = interpret(
     {"functions": OF_ONE + OF_TWO}, (ELEMENTARY,), CONSTANTS | build._shared()[0], FUNCTIONS
