@@ -1,5 +1,6 @@
 """Impacts at one instant, chains through resting contacts, clocks beside impacts: closed forms."""
 
+import itertools
 import math
 import os
 from functools import cache
@@ -396,5 +397,7 @@ def test_11_6_roots_closer_than_rounding_are_all_found_or_named() -> None:
     run = solve(line, (0, 0), (0, 2), events=[h])
     assert run.t_events[0] == pytest.approx([1], abs=1e-9)
     assert "not resolved" in run.events[-1].note
-    with pytest.raises(ModelError, match="factors apart"):
-        solve(line, (0, 0), (0, 2), events=[lambda t, x: math.prod(x[0] - place for place in places)])
+    for apart, size in itertools.product((1, 5, 20, 100, 1e4), (1.0, 3.0, 1e-3)):
+        places = [1 + apart * k * eps for k in range(5)]
+        with pytest.raises(ModelError, match="factors apart"):
+            solve(line, (0, 0), (0, 2), events=[lambda t, x: size * math.prod(x[0] - q for q in places)])  # noqa: B023

@@ -54,6 +54,14 @@ def check_gradients(machine: Machine, t: float, x: Array, places: Iterable[int] 
                 _refuse(machine, i, int(np.argmax(wrong)), t, x, given[i], found)
 
 
+def scatter(machine: Machine, t: float, x: Array, mode: Array, i: int) -> float:
+    """How far values of h_i lie off a line through neighbours a few roundings apart: its own rounding."""
+    apart = 4 * np.finfo(float).eps * max(float(np.max(np.abs(x), initial=0.0)), abs(t))
+    h = np.array([machine.guards(t + k * apart, x + k * apart, mode)[i] for k in range(-3, 4)])
+    off = float(np.max(np.abs(np.diff(h, 2))))
+    return off if np.isfinite(off) else np.inf
+
+
 def _told(machine: Machine, i: int) -> bool:
     surface = machine.system.surfaces[i]
     return surface.gradient is not None or surface.linear

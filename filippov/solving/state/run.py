@@ -18,7 +18,7 @@ from filippov.kernel.tables.root_tables import NODES
 from filippov.solving.state.clocks import Clocks
 from filippov.solving.state.event_log import EventLog
 from filippov.solving.state.events import Mode, Stop
-from filippov.solving.state.gradients import check_gradients
+from filippov.solving.state.gradients import check_gradients, scatter
 from filippov.solving.state.machine import Array, Machine
 from filippov.solving.state.options import Options
 
@@ -248,7 +248,8 @@ class Run:
         reach = np.abs(x) + self.atol + 1e-9 * np.max(np.abs(x), initial=0.0)
         # A function may be a difference of terms of this size, of which nothing but rounding is left.
         rounding = 64 * np.finfo(float).eps * (1.0 + np.max(np.abs(x), initial=0.0) + abs(t))
-        if residual > 1e-6 * float(np.abs(g[i]) @ reach + abs(gt[i] * t)) + machine.widths[i] + rounding:
+        known = 1e-6 * float(np.abs(g[i]) @ reach + abs(gt[i] * t)) + machine.widths[i]
+        if residual > known + min(rounding, 16 * scatter(machine, t, x, self.mode, i)):
             raise ModelError(
                 f"surface {machine.surfaces[i].name!r}: h changes its sign at t = {t:.9g} without being 0 "
                 f"there (|h| = {residual:.3g}). h must be continuous: give the function whose zero is the "
