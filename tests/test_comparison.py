@@ -178,7 +178,7 @@ def test_the_stick_of_a_plain_function_is_read_by_layer(hunting: Comparison) -> 
         ({"comparators": ("bend",)}, "did you mean 'band'"),
         ({"widths": (0.0,)}, "numbers > 0"),
         ({"coordinates": ()}, "one number or more"),
-        ({"bands": [1]}, "expected BandModel"),
+        ({"bands": [1]}, "or a BandModel"),
         ({"order": 0}, "at least 1"),
         (
             {"bands": [BandModel("switch", models.get("hunting_switch").build, {"band uper": "-"})]},

@@ -309,7 +309,7 @@ def test_interrupted_run_keeps_its_points():
 def test_wrong_arguments_are_named(tmp_path: Path):
     system = belt_oscillator()
     for options, words in (
-        ({"bounds": (1, 0)}, "increasing"),
+        ({"bounds": (1, 0)}, r"expected \(lowest, highest\)"),
         ({"bounds": (0, 1), "direction": 2}, "direction"),
         ({"bounds": (0, 1), "step": 1.0}, "steps"),
         ({"bounds": (0, 1)}, "value"),

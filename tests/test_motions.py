@@ -203,7 +203,7 @@ def test_15_4_each_surface_has_what_fits_it() -> None:
         ({"against": ["tanh", "smooth"]}, "each once"),
         ({"widths": (0.0,)}, "all > 0"),
         ({"quantity": "error"}, "unknown quantity"),
-        ({"accuracy": 0}, "a number > 0"),
+        ({"accuracy": 0}, "number > 0"),
         ({"measures": ["amplitud(x)"]}, "did you mean"),
         ({"against": {"other": lambda w: 1.0}}, "expected a System"),
         ({"against": [Approximation("other", lambda w: System({v: -v, x: -x}))]}, "those of the exact"),

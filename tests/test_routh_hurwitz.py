@@ -289,7 +289,7 @@ def test_unknown_names_and_wrong_values_are_refused() -> None:
         routh_hurwitz([m, b], assume=[m > 0]).at({m: -1})
     with pytest.raises(UsageError, match="budget"):
         routh_hurwitz([1, 2], budget=0)
-    with pytest.raises(UsageError, match="inequality"):
+    with pytest.raises(UsageError, match="expected inequalities"):
         routh_hurwitz([m, b], assume=["m > 0"])
 
 
