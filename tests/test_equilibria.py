@@ -174,7 +174,7 @@ def test_wrong_modes_and_boxes_are_refused() -> None:
     system, _ = hunting()
     with pytest.raises(UsageError, match="1 characters"):
         equilibria(system, modes=["+-"])
-    with pytest.raises(UsageError, match="least"):
+    with pytest.raises(UsageError, match=r"expected \(lowest, highest\)"):
         equilibria(system, box={"x": (1, 0)})
 
 
