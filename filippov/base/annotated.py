@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
+from functools import partial
 from typing import Any, Literal, cast, get_args, get_origin
 
 from filippov.base import given
@@ -34,11 +35,11 @@ def check_of(
     parts = {part for part in everything if part != "None"}
     checked: Check | None = None
     if parts in ({"str", "Path"}, {"str", "FilePath"}):
-        checked = lambda value: given.path(name, value, error)  # noqa: E731
+        checked = partial(given.path, name, error=error)
     elif parts == {"Sequence[str]", "str"}:
-        checked = lambda value: given.names(name, value, error)  # noqa: E731
+        checked = partial(given.names, name, error=error)
     elif all(_is_text(part, known) for part in parts):
-        checked = lambda value: given.text(name, value, error)  # noqa: E731
+        checked = partial(given.text, name, error=error)
     else:
         each = [_single(part, name, default, known, error) for part in everything if part != "None"]
         if None not in each:
