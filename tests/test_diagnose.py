@@ -317,7 +317,7 @@ REFUSED = {
     [
         (1, "quantised", "steps without end"), (2, "wrapped", "steps without end"),
         (3, "noisy", "another value"),
-        (4, "looping", "a loop that the state ends"), (5, "looked_up", "an index that depends on the state"),
+        (4, "looping", "a loop that the state or the time ends"), (5, "looked_up", "an index that depends on the state"),
         (6, "counting", "it remembers calls"), (7, "named_mode", "it remembers mode, str"),
         (8, "silent", "it returns nothing"), (9, "tried", "try is not followed"),
         (10, "too_few", "1 rates for 2 states"), (11, "unset", "'force' is not set on every path"),

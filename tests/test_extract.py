@@ -8,6 +8,7 @@ import random
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -111,6 +112,47 @@ def test_form_equals_expression_off_the_surfaces(expr: sp.Expr) -> None:
         for node in f.atoms(sp.sign, sp.Abs):
             assert node.free_symbols <= set(form.p)
     assert len({surface.name for surface in system.surfaces}) == len(system.surfaces)
+
+
+FLAT = [
+    (sp.Max(0, -x) > 0, x < 0),
+    (sp.Max(0, -x) <= 0, x >= 0),
+    (sp.Max(0, x, v) > 0, (x > 0) | (v > 0)),
+    (sp.Max(0, x) + sp.Max(0, v) > 0, (x > 0) | (v > 0)),
+    (sp.Max(0, x) * v > 0, (x > 0) & (v > 0)),
+    (sp.Min(sp.Max(0, x), 1) >= 1, x >= 1),
+    (sp.Min(sp.Max(-p.k, x), p.k) < p.k, x < p.k),
+    (sp.Abs(x - v) > v - x, x > v),
+    (sp.Abs(x - v) + sp.Abs(v - z) > sp.Abs(x - z) + sp.Rational(1, 10**6), None),
+    (sp.Max(x, v) > sp.Max(x, z), (v > sp.Max(x, z))),
+]
+
+
+@pytest.mark.parametrize(("condition", "plain"), FLAT, ids=str)
+def test_a_condition_on_what_is_0_in_whole_regions_is_that_of_its_border(condition: Any, plain: Any) -> None:
+    """Max(0, u) > 0 is u > 0: no surface has a switching function that is 0 off it."""
+    expr = sp.Piecewise((x + v, condition), (z, True))
+    system = System({x: expr, v: 0, z: 0})
+    assert_equal_off_surfaces(expr, system)
+    if plain is not None:
+        assert_equal_off_surfaces(sp.Piecewise((x + v, plain), (z, True)), system)
+
+
+def test_a_fall_onto_a_damped_spring_is_the_same_however_its_contact_is_asked_for() -> None:
+    """Off the spring a condition on its length, which is 0 there, slid and ended as non_unique."""
+    ends = []
+    for touches in (x < 0, sp.Max(0, -x) > 0):
+        force = sp.Max(0, -x) * 1e4 - 10 * v * sp.Piecewise((1, touches), (0, True))
+        run = solve(System({x: v, v: force - sp.Float("9.81"), z: 0}), (1, 0, 0), (0, 3))
+        assert run.success
+        ends.append(run.x_end)
+    assert ends[1] == pytest.approx(ends[0], rel=1e-12)
+
+
+@pytest.mark.parametrize("u", [sp.Max(0, -x), sp.Abs(x) - x, sp.Max(0, x) + sp.Max(0, v)], ids=str)
+def test_the_sign_of_what_is_0_in_whole_regions_is_refused(u: sp.Expr) -> None:
+    with pytest.raises(ModelError, match="the equation of 'x'.*0 everywhere on one side of a surface"):
+        System({x: sp.sign(u), v: 0, z: 0})
 
 
 atoms = st.sampled_from([x, v, z, x - v, v + z - 1, p.c * v, sp.Integer(1), p.k])

@@ -46,7 +46,7 @@ from filippov import (
     states,
     t,
 )  # fmt: skip
-from filippov.analysis import EventMap, Section, Stroboscope, bifurcation, find_section, returns
+from filippov.analysis import EventMap, Section, Stroboscope, bifurcation, find_section, returns, stability_report
 from filippov.app.cli.main import main
 
 x, v = states("x v")
@@ -56,6 +56,7 @@ S = System({x: v, v: -x - 0.1 * sign(v)})
 LINEAR = System({x: -p.m * x})
 START, SPAN = (1.0, 0.0), (0.0, 1.0)
 RUN = solve(S, START, SPAN)
+RUN_OFF = solve(S, (1.0, 0.0), (0.0, 9.0))
 MANY = solve_many(S, [START], SPAN)
 
 
@@ -325,6 +326,64 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "jacobian": (lambda: S.jacobian("++"), "'++'", "expected 1 entries"),
     "output name": (lambda: System({x: v, v: 1}, outputs={"x": v}), "'x'", "Rename the output"),
     "label name": (lambda: System({x: 1}, labels={"q": ""}), "'q'", "known: t, x"),
+    # of other solvers and tools
+    "verbose": (lambda: solve(S, START, SPAN, verbose=True), "progress=f", "(t, t1)"),
+    "n": (lambda: solve(S, START, SPAN, n=100), "t_eval", "np.linspace(t0, t1, 1001)"),
+    "saveat": (lambda: solve(S, START, SPAN, saveat=0.1), "t_eval", "np.linspace"),
+    "callback": (lambda: solve(S, START, SPAN, callback=print), "progress=f", "the reset of a Surface"),
+    "tf": (lambda: solve(S, START, tf=10), "t1", "t_span=(t0, t1)"),
+    "u0": (lambda: solve(S, u0=START, t_span=SPAN), "initial state", "x0=(...)"),
+    "solver": (lambda: solve(S, START, SPAN, solver="DP5"), "method=", "'DP5'"),
+    "maxiters": (lambda: solve(S, START, SPAN, maxiters=5), "maxiters", "max_steps"),
+    "p=": (lambda: solve(S, START, SPAN, p={"m": 2}), "p is", "parameters={'m': 2.0}"),
+    "comparator=": (lambda: solve(S, START, SPAN, comparator=Band(1e-3)), "comparator", "with_comparator("),
+    "inputs=": (lambda: solve(S, START, SPAN, inputs={"u": 1}), "Input('r', t, values)", "with_inputs("),
+    "surfaces=": (lambda: solve(S, START, SPAN, surfaces=[]), "System({...}", "surfaces=[Surface('v', v)]"),
+    "reset=": (lambda: solve(S, START, SPAN, reset={}), "reset", "Surface('floor', y"),
+    "terminal=": (lambda: solve(S, START, SPAN, terminal=True), "terminal", "UserEvent(g, terminal=True)"),
+    "Euler": (lambda: solve(S, START, SPAN, method="Euler"), "'Euler'", "steps of one length dt"),
+    "RK4": (lambda: solve(S, START, SPAN, method="RK4"), "'RK4'", "method='DP5'"),
+    "Moreau": (lambda: solve(S, START, SPAN, method="Moreau"), "needs dt", "dt=1e-3"),
+    "many u0": (lambda: solve_many(S, u0=[START], t_span=SPAN), "initial state", "x0=(...)"),
+    # one thing in the place of another
+    "stop event": (lambda: solve(S, START, SPAN, stop=UserEvent(x)), "UserEvent(g=x", "events=UserEvent("),
+    "stop g": (lambda: solve(S, START, SPAN, stop=lambda t, y: y[0]), "stop holds", "events=UserEvent("),
+    "stop h": (lambda: solve(S, START, SPAN, stop=x - 0.5), "x - 0.5", "Stop('v', 'crossing')"),
+    "event stop": (lambda: solve(S, START, SPAN, events=[Stop("v")]), "Stop(surface='v'", "stop="),
+    "event vector": (lambda: solve(S, START, SPAN, events=lambda t, y: y), "shape (2,)", "[0]"),
+    "event bool": (lambda: solve(S, START, SPAN, events=lambda t, y: y[0] > 0), "'event'",
+                   "the difference of its two sides"),
+    "event up": (lambda: UserEvent(x, direction="up"), "direction is 'up'", "a number"),
+    "span of times": (lambda: solve(S, START, np.linspace(0, 1, 3)), "t_span", "(t0, t1)"),
+    "x0 column": (lambda: solve(S, [[1], [0]], SPAN), "shape (2, 1)", "x0=(0, 0)"),
+    "x0 of symbols": (lambda: solve(S, (p.m, 0), SPAN), "(m, 0)", "real numbers"),
+    "parameters list": (lambda: solve(S, START, SPAN, parameters=[1.0]), "[1.0]", "{name: value}"),
+    "tuple": (lambda: System((v, -x)), "(v, -x)", "{x: dx/dt, v: dv/dt}"),
+    "pair key": (lambda: System({(x, v): (v, -x)}), "(x, v)", "expected a state"),
+    "two names": (lambda: states("x", "v"), "2 values", "(names)"),
+    "reset alone": (lambda: Surface("f", x, reset=-v), "'f'", "{v: -p.e*v}"),
+    "clock both": (lambda: TimeEvent("c", period=1, times=(1, 2)), "'c'", "period=..., or times="),
+    "clock back": (lambda: TimeEvent("c", times=(2, 1)), "'c'", "increasing"),
+    "no branch": (lambda: System({x: Piecewise((1, x > 0))}), "where x < 0", "(expression, True)"),
+    "flat sign": (lambda: System({x: v, v: -sign(Max(0, x))}), "the equation of 'v'", "changes sign"),
+    "fields": (lambda: System.from_modes(h=[x], fields={"+": [-1]}, states=[x]), "fields", "for -"),
+    "outputs text": (lambda: System({x: v, v: 1}, outputs={"u": "x+v"}), "'u'", "write the expression itself"),
+    "no comparator": (lambda: S.with_comparator("band"), "'band'", "Band(width)"),
+    "comparator of w": (lambda: S.with_comparator({"w": Band(1e-3)}), "'w'", "known: v"),
+    "mass 0": (lambda: solve(System({x: v, v: -sign(v) / p.m}), START, SPAN, parameters={"m": 0}, throw=True),
+               "is not a finite number here", "a division by zero"),
+    # reading what came out
+    "evaluate bars": (lambda: RUN.evaluate("|x|", 0.5), "'|x|'", "abs(u)"),
+    "evaluate np": (lambda: RUN.evaluate("np.abs(x)", 0.5), "np.abs(x)", "write abs(...) alone"),
+    "evaluate hat": (lambda: RUN.evaluate("x^2", 0.5), "x^2", "**"),
+    "event.time": (lambda: RUN_OFF.events[0].time, "an Event", "'time'"),
+    "events.times": (lambda: RUN.events.times, "'times'", "events.of('v').t"),
+    "events.to_csv": (lambda: RUN.events.to_csv("e.csv"), "'to_csv'", "events.to_pandas()"),
+    "segment.start": (lambda: RUN.segments[0].start, "a Segment", "t0"),
+    "segment.duration": (lambda: RUN.segments[0].duration, "'duration'", "dwell"),
+    "many.y": (lambda: MANY.y, "an Ensemble", "t and x"),
+    "many.sucess": (lambda: MANY.sucess, "'sucess'", "did you mean 'success'"),
+    "report.item": (lambda: stability_report(LINEAR).item, "'item'", "did you mean 'items'"),
 }  # fmt: skip
 ERRORS = (ModelError, UsageError, SolveError, TypeError, AttributeError, LookupError, FileNotFoundError)
 

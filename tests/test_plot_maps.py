@@ -127,3 +127,9 @@ def test_16_10_small_cycles_are_magnified_in_an_inset() -> None:
     assert 2.1 < high < 2.5
     assert 0.001 < inner.get_ylim()[1] < 0.002
     assert not plot_diagram(diagram).axes[0].child_axes
+    # A line across the diagram does not run through it, nor through its labels.
+    drawn = plot_diagram(diagram, inset=True, bounds={"Routh-Hurwitz": 1.9})
+    (ax,) = drawn.axes
+    drawn.draw_without_rendering()
+    box = ax.child_axes[0].get_tightbbox()
+    assert box.x1 < ax.transData.transform((1.9, 0.0))[0]

@@ -13,14 +13,14 @@ import numpy.typing as npt
 from filippov.analysis.orbits.orbit_file import read_json, write_json
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
-from filippov.base.names import unknown
+from filippov.base.names import Answering, unknown
 
 Array = npt.NDArray[np.float64]
 FORMAT, VERSION = "filippov branch", 1
 
 
 @dataclass(frozen=True)
-class BranchPoint:
+class BranchPoint(Answering):
     """One solution on a branch.
 
     value         of the parameter; u: the unknowns of the equations
@@ -65,7 +65,7 @@ class BranchPoint:
 
 
 @dataclass
-class Branch:
+class Branch(Answering):
     """Points in the order along the branch, special points among them.
 
     parameter  what is varied; parameters: the other values; kind: "map", "orbit", "equilibrium", "function"

@@ -11,6 +11,7 @@ import numpy as np
 
 from filippov.base.escape import markup
 from filippov.base.json_text import json_text
+from filippov.base.names import Answering
 
 QUANTITIES = {
     "error_P": "error of P(d)",
@@ -52,7 +53,7 @@ class Trend:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Answering):
     """Rows of a comparison, the exact system first.
 
     rows         one dict per row, as JSON takes it: model, width (None: exact), options, error_times,

@@ -11,6 +11,7 @@ from filippov.analysis.comparisons.comparison_result import SLOWEST, Trend, alig
 from filippov.analysis.comparisons.solution_run import ERRORS, OWN
 from filippov.base.csv_text import csv_text
 from filippov.base.json_text import json_text
+from filippov.base.names import Answering
 from filippov.solving.solution import Solution
 
 WORDS = {
@@ -49,7 +50,7 @@ class Needed:
 
 
 @dataclass(frozen=True)
-class SolutionComparison:
+class SolutionComparison(Answering):
     """Rows of a comparison of solutions, the exact one first.
 
     rows       one dict per row: model, width (None: exact), method, error_state, error_final (over the extent

@@ -318,7 +318,7 @@ class _Search:
             return (
                 "however small an excursion, it grows (by a factor of at least "
                 f"{np.min(nearest):.3g} from 1e-6 of the interval), so the set of equilibria is unstable for "
-                "every controller here. The field jumps or has an infinite slope where solution starts "
+                "every controller here. The field jumps or has an infinite slope where slip starts "
                 "(friction with a static level above its slip curve is an example): integral action hunts "
                 "whatever its gains."
             )

@@ -12,6 +12,7 @@ from filippov.analysis.algebra.routh_hurwitz import RouthHurwitz
 from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
 from filippov.analysis.steady.linearisation import Linearisation, SlipLinearisation
 from filippov.analysis.steady.rest_map import RestMap
+from filippov.base.names import Answering
 from filippov.model.system import System
 
 Answer = Literal["asymptotically stable", "stable", "unstable", "undecided"]
@@ -101,7 +102,7 @@ class EquilibriumStability:
 
 
 @dataclass(frozen=True)
-class StabilityResult:
+class StabilityResult(Answering):
     """All equilibria of a system with their stability, at parameter values and in formulas.
 
     decimals   whether the model is written with decimals: then its numbers are printed so

@@ -17,6 +17,7 @@ from filippov.analysis.orbits.oddness import is_odd
 from filippov.analysis.orbits.shooting import Shooting
 from filippov.base.errors import SolveError, UsageError
 from filippov.base.keywords import keywords
+from filippov.base.names import Answering
 from filippov.base.status import EventKind, mode_text
 from filippov.graphs.word import word_of
 from filippov.io.stored_system import system_data, system_of
@@ -35,7 +36,7 @@ _ACCURACY = 100.0
 
 
 @dataclass(frozen=True, eq=False)
-class Orbit:
+class Orbit(Answering):
     """A limit cycle, or a periodic solution of a forced system.
 
     system, parameters  what it is an orbit of; parameters by name

@@ -62,7 +62,8 @@ class Calls(Expressions):
         is_own = isinstance(function, (types.FunctionType, types.MethodType)) or (
             not functions.is_library(function) and not isinstance(function, type) and callable(function)
         )
-        if not is_own or functions.is_unsteady(function):
+        built_in = isinstance(function, types.BuiltinFunctionType)
+        if not is_own or built_in or functions.is_unsteady(function):
             return self.library(node, function, args, named)
         try:
             if function not in self.sources:
@@ -172,9 +173,7 @@ class Calls(Expressions):
         if functions.is_library(function) and _concrete([*numbers, *named.values()]):
             out = function(*self._lowered(numbers), **named)
             return np.asarray(out, dtype=object) if isinstance(out, np.ndarray) else out
-        raise self.fail(
-            node, f"{getattr(function, '__name__', function)} is not among the functions that are followed"
-        )
+        raise self.fail(node, functions.not_followed(function))
 
     def _smooth(self, node: ast.AST, function: Any, *values: Any) -> Any:
         values = tuple(as_number(v) for v in values)

@@ -11,15 +11,25 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.programs.agreement import FEWEST, Numbers, disagreement
-from filippov.analysis.programs.findings import Finding, Switch, difference, early, in_run, switches
+from filippov.analysis.programs.findings import (
+    Finding,
+    Switch,
+    difference,
+    early,
+    in_run,
+    singular,
+    switches,
+)
 from filippov.analysis.programs.naive_run import NaiveRun, run_naively
 from filippov.analysis.programs.notes import Memory, ReadingError
 from filippov.analysis.programs.reader import Reading, read_program
+from filippov.analysis.programs.source import source_of
 from filippov.analysis.programs.translation import Translation, translate
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.escape import printable
 from filippov.base.given import Count, NonNegative, Positive
 from filippov.base.keywords import keywords
+from filippov.base.names import Answering
 from filippov.base.status import Status, mode_text
 from filippov.model.system import System
 from filippov.solving.solution import Solution
@@ -32,7 +42,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnosis:
+class Diagnosis(Answering):
     """The diagnosis of a program.
 
     name, file  the program
@@ -112,7 +122,8 @@ class Diagnosis:
         """The diagnosis in sentences, with the System at the end."""
         lines = [f"{self.name} in {Path(self.file).name or '(no file)'}"]
         if self.smooth:
-            lines.append("nothing switches here: an integrator of smooth equations is what it needs.")
+            smooth = ": an integrator of smooth equations is what it needs" if not self.run.ended else ""
+            lines.append(f"nothing switches here{smooth}.")
         for switch in self.switches:
             what = {
                 "jump": "the field jumps",
@@ -207,10 +218,21 @@ def diagnose(
         findings += in_run(run, solution, translation, found)
         findings += _at_start(f, args, solution, translation, found)
     elif run.ended:
-        findings.append(early(run))
+        findings += [early(run), *(singular(run, translation) if translation else ())]
     if reading is not None:
         findings += _in_source(reading, translation)
-    name, file = (reading.source.name, reading.source.file) if reading else (getattr(f, "__name__", "f"), "")
+    source = reading.source if reading else source_of(f)
+    name, file = source.name, source.file
+    if run.written is not None:
+        found_at = source.writes()
+        findings.append(
+            Finding(
+                "writes into y", f"{found_at or 'f'} writes into y, the array of the integrator itself: that "
+                f"changes trial points and the solution between its steps, at t = {run.written:.6g} first, "
+                "and is no reset. A jump of the state is a Surface(name, h, reset={state: value}) here; for "
+                "anything else begin with y = y.copy()", t=run.written,
+            )
+        )  # fmt: skip
     if translation is None:
         return Diagnosis(name, file, found, tuple(findings), run, None, tuple(start), "", solution, compared)
     return Diagnosis(
@@ -262,9 +284,9 @@ def _in_source(reading: Reading, translation: Translation | None) -> Iterator[Fi
             "integrator calls f at trial points and in rejected steps too. It is a state of its own here, "
             "which resets change", lines=(memory.line,),
         )  # fmt: skip
-    for clock in reading.clocks:
-        said = f"line {clock.line} jumps at known times: a TimeEvent here, reached to the last bit"
-        yield Finding("clock", said, lines=(clock.line,))
+    for line in dict.fromkeys(clock.line for clock in reading.clocks):
+        said = f"line {line} jumps at known times: a TimeEvent here, reached to the last bit"
+        yield Finding("clock", said, lines=(line,))
     for remark in reading.remarks:
         yield Finding("remark", remark)
 

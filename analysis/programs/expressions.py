@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import operator
 import types
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -329,19 +329,21 @@ class Expressions(Conditions):
         return value
 
     def _BoolOp(self, node: ast.BoolOp) -> Any:
-        both = isinstance(node.op, ast.And)
-        parts: list[Any] = []
-        for item in node.values:
-            value = self.value(item)
-            held = self.truth(item, value)
-            if isinstance(held, bool):
-                if held != both:  # decides
-                    return plain((And if both else Or)(*parts, held)) if parts else value
-                if item is node.values[-1] and not parts:
-                    return value
-                continue
-            parts.append(held)
-        return plain((And if both else Or)(*parts))
+        return self._in_order(node.values, isinstance(node.op, ast.And))
+
+    def _in_order(self, items: Sequence[ast.expr], both: bool) -> Any:
+        """What `and` (`both`) or `or` gives: the first value that decides, else the last."""
+        value = self.value(items[0])
+        held = self.truth(items[0], value)
+        if len(items) == 1 or (isinstance(held, bool) and held != both):
+            return value
+        rest = self._in_order(items[1:], both)
+        if isinstance(held, bool):
+            return rest
+        if isinstance(rest, (bool, np.bool_)) or is_condition(rest) or rest in self.flags.symbols:
+            return plain((And if both else Or)(held, rest))
+        decided = (not both) if is_condition(value) else value
+        return self.flags.choose(held, *((rest, decided) if both else (decided, rest)))
 
     def _Compare(self, node: ast.Compare) -> Any:
         values = [self.value(node.left), *(self.value(part) for part in node.comparators)]

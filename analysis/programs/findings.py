@@ -17,6 +17,7 @@ from filippov.analysis.programs.notes import Site
 from filippov.analysis.programs.translation import Translation
 from filippov.base.status import EventKind
 from filippov.model.extract import NONSMOOTH
+from filippov.model.symbols import t as time
 from filippov.solving.solution import Solution
 
 Array = npt.NDArray[np.float64]
@@ -24,6 +25,8 @@ Array = npt.NDArray[np.float64]
 CHATTER = 3
 # A curve is wrong where it is off by more than this many of its own tolerances.
 WRONG = 10.0
+# What is divided by is close to its zero below this part of its largest value.
+CLOSE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -31,7 +34,8 @@ class Finding:
     """One thing that is wrong, or that the source does differently from what it says.
 
     kind      "chattering", "hang", "missed", "wrong curve", "exception", "false rest", "sign at 0",
-              "equality", "dead band", "memory", "clock", "remark", "not translated", "differs"
+              "equality", "dead band", "memory", "clock", "writes into y", "singular", "remark",
+              "not translated", "differs"
     sentence  in words; surface: the surface, "" for none; t: when, None for always; lines: of the source
     """
 
@@ -196,6 +200,27 @@ def early(run: NaiveRun) -> Finding:
         )
         return Finding("hang", said, t=t)
     return Finding("exception", f"scipy's {run.method} ends at t = {t:.6g}: {run.ended}", t=t)
+
+
+def singular(run: NaiveRun, translation: Translation) -> Iterator[Finding]:
+    """What f divides by, where a run that did not end comes close to its zero: v/|v| has no value there."""
+    form = translation.system.symbolic
+    assert form is not None
+    powers = {q for e in form.field for q in e.atoms(sympy.Pow) if q.exp.is_negative}
+    x = np.array([translation.extended(float(t), y) for t, y in zip(run.calls, run.asked.T, strict=True)]).T
+    p = translation.system.parameters.resolve({}).tolist()
+    for base in sorted({q.base for q in powers if q.base.free_symbols & set(form.x)}, key=str):
+        if base.free_symbols - {time, *form.x, *form.p}:
+            continue
+        size = np.abs(sympy.lambdify((time, *form.x, *form.p), base, "numpy")(run.calls, *x, *p))
+        if np.nanmin(size) < CLOSE * np.nanmax(size):
+            yield Finding(
+                "singular", f"f divides by {base}, which comes down to {np.nanmin(size):.2g}: at 0 a "
+                "direction such as v/|v| jumps to all sides at once, which no sign of a surface describes. "
+                "Friction in the plane is of this kind; where the slip keeps its direction, the model "
+                "planar_friction of the gallery has it as the sign of one speed",
+                t=float(run.calls[int(np.nanargmin(size))]),
+            )  # fmt: skip
 
 
 def _missed(run: NaiveRun, solution: Solution, found: tuple[Switch, ...]) -> Iterator[Finding]:

@@ -86,6 +86,20 @@ METHODS = {"copy", "flatten", "ravel", "reshape", "dot", "tolist", "transpose", 
            "items", "get", "index", "count", "astype", "item", "mean", "prod", "cumsum", "fill"}  # fmt: skip
 # Those whose doing is not part of the field: a print, a check.
 SILENT = {builtins.print}
+# What to write in place of some that are not followed.
+_CASES = "write its cases with if"
+_STEPS = "write the steps as conditions on it, or with np.interp"
+_INTERPOLATION = "np.interp(u, x, y) is followed"
+INSTEAD = {
+    "piecewise": "np.where and np.select are followed",
+    "square": "np.where(t % T < T/2, 1, -1) is followed", "sawtooth": "t % T is followed",
+    **dict.fromkeys(("argmax", "argmin", "sort", "sorted", "argsort", "median", "unwrap"), _CASES),
+    **dict.fromkeys(("searchsorted", "digitize", "bisect", "bisect_left", "bisect_right"), _STEPS),
+    **dict.fromkeys(
+        ("interp1d", "make_interp_spline", "CubicSpline", "PchipInterpolator", "Akima1DInterpolator",
+         "BSpline", "UnivariateSpline", "InterpolatedUnivariateSpline", "splev"), _INTERPOLATION,
+    ),
+}  # fmt: skip
 UNSTEADY = ("random", "numpy.random", "time", "datetime", "secrets", "uuid")
 
 
@@ -104,3 +118,10 @@ def is_unsteady(function: Any) -> bool:
     return home.lstrip("_").startswith(UNSTEADY) or (
         isinstance(owner, type(math)) and owner.__name__ in UNSTEADY
     )
+
+
+def not_followed(function: Any) -> str:
+    """What to say of a function without a formula, with what to write in its place."""
+    name = str(getattr(function, "__name__", type(function).__name__))
+    instead = INSTEAD.get(name, "write it with if, min, max, abs, np.where, np.interp or % of the time")
+    return f"{name} is not among the functions that are followed; {instead}"

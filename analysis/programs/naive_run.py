@@ -26,6 +26,7 @@ class NaiveRun:
     spent      calls of f before each end (k,)
     calls      times of all calls of f, in order (c,); asked: the states of these calls (n, c)
     ended      "" where it came to the end; "budget" where its calls were used up; else what was raised
+    written    time of the first call that changed y, the integrator's own array; None for none
     """
 
     method: str
@@ -37,6 +38,7 @@ class NaiveRun:
     calls: Array
     asked: Array
     ended: str
+    written: float | None = None
 
     @property
     def nfev(self) -> int:
@@ -62,13 +64,17 @@ def run_naively(
         raise UsageError(unknown("method", method, METHODS))
     calls: list[float] = []
     asked: list[Array] = []
+    written: list[float] = []
 
     def counted(t: float, y: Array) -> Any:
         if len(calls) >= max_calls:
             raise _Spent
         calls.append(float(t))
         asked.append(np.array(y, dtype=float))
-        return np.asarray(function(t, y, *args), dtype=float).ravel()
+        out = np.asarray(function(t, y, *args), dtype=float).ravel()
+        if not written and not np.array_equal(asked[-1], y, equal_nan=True):
+            written.append(float(t))
+        return out
 
     start = np.asarray(x0, dtype=float)
     t, y, spent, ended = [t_span[0]], [start], [0], ""
@@ -93,5 +99,6 @@ def run_naively(
             ended = f"{type(error).__name__}: {error}"
     states = np.array(asked).reshape(len(calls), len(start)).T
     return NaiveRun(
-        method, rtol, atol, np.array(t), np.array(y).T, np.array(spent), np.array(calls), states, ended
+        method, rtol, atol, np.array(t), np.array(y).T, np.array(spent), np.array(calls), states, ended,
+        written[0] if written else None,
     )  # fmt: skip

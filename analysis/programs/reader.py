@@ -210,7 +210,8 @@ class Reader(Assignments):
             held = self.truth(node.test, self.value(node.test))
             if not isinstance(held, bool):
                 raise self.fail(
-                    node.test, "a loop that the state ends is not followed; write its cases with if"
+                    node.test, "a loop that the state or the time ends is not followed; write its cases "
+                    "with if, and a time within its period as t % T"
                 )
             return held
 
@@ -250,7 +251,9 @@ class Reader(Assignments):
         elif isinstance(node, (ast.Import, ast.ImportFrom)):
             self._import(node)
         elif not isinstance(node, (ast.Pass, ast.Assert)):
-            raise self.fail(node, f"{type(node).__name__.lower()} is not followed")
+            raise self.fail(
+                node, f"{type(node).__name__.lower()} is not followed; write its cases with if"
+            )
 
     def _augmented(self, node: ast.AugAssign) -> None:
         target = node.target

@@ -44,6 +44,19 @@ class Source:
         found = ast.get_source_segment("\n".join(self.lines), node) or ast.unparse(node)
         return " ".join(found.split())
 
+    def writes(self) -> str:
+        """Where items of the state, its second argument, are assigned to: "line 3 `y[0] = 0`", or ""."""
+        names = [a.arg for a in (*self.node.args.posonlyargs, *self.node.args.args)][len(self.bound) :]
+        for node in ast.walk(self.node):
+            if not isinstance(node, ast.Assign | ast.AugAssign):
+                continue
+            for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+                whole = target if isinstance(node, ast.AugAssign) else None  # y += ... writes into y as well
+                held = target.value if isinstance(target, ast.Subscript) else whole
+                if isinstance(held, ast.Name) and held.id in names[1:2]:
+                    return f"line {node.lineno} `{self.text(node)}`"
+        return ""
+
     def outside(self, name: str) -> Any:
         """What a free name stands for: a variable around the function, a global, a builtin, or KeyError."""
         code = self.function.__code__
@@ -64,7 +77,9 @@ def source_of(function: Callable[..., Any]) -> Source:
     named: dict[str, Any] = {}
     live: Any = function
     while True:
-        if isinstance(live, functools.partial):
+        if isinstance(live, functools._lru_cache_wrapper):  # what it keeps changes no value
+            live = live.__wrapped__
+        elif isinstance(live, functools.partial):
             bound, named = (*live.args, *bound), {**live.keywords, **named}
             live = live.func
         elif inspect.ismethod(live):

@@ -7,7 +7,7 @@ import keyword
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from filippov.base.errors import ModelError
 from filippov.base.symbolic_value import is_symbol, single
@@ -48,8 +48,25 @@ def no_attribute(owner: str, name: str, known: Iterable[str], answers: Mapping[s
     """What to say of an attribute that is not there: what to write in its place, or the nearest that is."""
     hint = answers.get(name, "")
     if not hint and not name.startswith("_"):
-        hint = closest(name, [one for one in known if not one.startswith("_")])
-    return f"a {owner} has no attribute {name!r}{': ' + hint if hint else '.'}"
+        hint = closest(name, sorted(one for one in known if not one.startswith("_")))
+    article = "an" if owner[0] in "AEIO" else "a"
+    return f"{article} {owner} has no attribute {name!r}{': ' + hint if hint else '.'}"
+
+
+class Answering:
+    """What is asked of it and is not there is answered; `_elsewhere`: what to write for names of others."""
+
+    _elsewhere: ClassVar[Mapping[str, str]] = {}
+
+    if not TYPE_CHECKING:  # what is not there is an error for the type checker
+
+        def __getattr__(self, name: str) -> Any:
+            kind = type(self)
+            if hasattr(kind, name):  # it is there, and what it does has raised
+                return object.__getattribute__(self, name)
+            known = {*dir(kind), *getattr(kind, "__dataclass_fields__", getattr(kind, "_fields", ()))}
+            answers = getattr(kind, "_elsewhere", {})
+            raise AttributeError(no_attribute(kind.__name__, name, known, answers))
 
 
 def check_known(

@@ -64,7 +64,8 @@ def _tree(text: str, what: str) -> ast.Expression:
     except (RecursionError, MemoryError):
         raise ModelError(f"{what} {text[:80]!r} is nested too deeply or has thousands of terms.") from None
     except (SyntaxError, ValueError):
-        raise ModelError(f"cannot read the {what} {text[:80]!r}: it is not a formula.") from None
+        bars = " Write abs(u) for |u|." if "|" in text else ""
+        raise ModelError(f"cannot read the {what} {text[:80]!r}: it is not a formula.{bars}") from None
 
 
 _COMPARISONS: dict[type[ast.cmpop], Any] = {
@@ -121,6 +122,9 @@ class _Reader:
             if node.func.id not in FUNCTIONS:
                 raise ModelError(unknown("function", node.func.id, FUNCTIONS))
             return self.apply(node, [self.read(argument, depth + 1) for argument in node.args])
+        function = node.func if isinstance(node, ast.Call) else None
+        if isinstance(function, ast.Attribute):  # np.sin(x), math.sin(x)
+            raise self.refuse(node, f"is not allowed; write {function.attr}(...) alone")
         raise self.refuse(node, "is not allowed; use numbers, names, + - * / ** and functions")
 
     def condition(self, node: ast.expr, depth: int) -> Any:

@@ -210,14 +210,13 @@ class Extractor:
     # -- the elementary functions, arguments free of signs ---------------------------------------------
 
     def _sign(self, arg: Expr, path: Path, written: bool = True) -> Expr:
+        if arg.is_zero or (self.table.outermost(arg) is not None and self.table.flat(arg)):
+            raise ModelError(
+                f"{self._where}: the argument of a sign, Heaviside or Piecewise is 0 everywhere on one side "
+                "of a surface, so its sign is undefined. Change the expression so that the argument changes "
+                "sign."
+            )
         if not dynamic(arg):
-            if arg.is_zero:
-                raise ModelError(
-                    f"{self._where}: the argument of a sign, Heaviside or Piecewise is 0 everywhere on one "
-                    "side of a "
-                    "surface, so its sign is undefined. Change the expression so that the argument changes "
-                    "sign."
-                )
             return sign(arg)
         if arg.is_nonnegative:
             return S.One
@@ -368,6 +367,16 @@ class Extractor:
         """Return yes where arg > 0 (arg >= 0 where not strict), else no."""
 
         def finish(inner: Expr, path: Path) -> Expr:
+            outer = self.table.outermost(inner)
+            if outer is not None and self.table.flat(inner):
+                # Max(0, u) > 0 is u > 0: where the argument is 0 in a whole region, each side by itself.
+                known = self._known(outer.s, path)
+                sides = {m: inner.xreplace({outer.a: m * outer.h}) for m in ([known] if known else [1, -1])}
+                made = {
+                    m: finish(S.Zero if vanishes(side) else side, {**path, outer.s: m})
+                    for m, side in sides.items()
+                }
+                return made[known] if known else self._join(outer.s, made[1], made[-1], context)
             if dynamic(inner):
                 return self._by_sign(self._sign(inner, path, written), path, yes, no, context)
             if strict:

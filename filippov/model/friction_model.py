@@ -128,8 +128,10 @@ def _place(system: System, surface: str | None) -> int:
         if place in able:
             return place
         raise ModelError(f"surface {surface!r} does not switch the field: no friction stands on it.")
-    if len(able) != 1:
-        names = ", ".join(system.surfaces[k].name for k in able) or "none"
+    if not able:
+        raise ModelError("the system has no switching surface, so nothing can stand for one.")
+    if len(able) > 1:
+        names = ", ".join(system.surfaces[k].name for k in able)
         raise ModelError(f"the system has the switching surfaces {names}; say surface=... for one of them.")
     return able[0]
 

@@ -273,6 +273,8 @@ def _pivots(
     """(row, surface whose sign holds it) for every row, and the other signs tied to these."""
     acting = {i: [k for k, e in enumerate(effects) if e != 0] for i, (_, effects) in rows.items()}
     numbers = np.array([[_number(e, at) for e in effects] for _, effects in rows.values()])
+    if not np.all(np.isfinite(numbers)):
+        return "what the signs act on is not a finite number here"
     if not len(rows) or np.linalg.matrix_rank(numbers, NO_RANK * float(np.max(np.abs(numbers)))) < len(rows):
         return "the signs do not tell the derivatives that they act on apart"
     pivots, taken = [], set()

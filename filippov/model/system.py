@@ -398,7 +398,7 @@ class System:
             given = dict(given.items())
         if not isinstance(given, Mapping):
             return check_comparator(given)
-        named = {self.surface_names[self.surface_place(key)[0]]: own for key, own in given.items()}
+        named = {self.surface_names[self.surface_place(str(single(q)))[0]]: own for q, own in given.items()}
         return per_surface(named, {q.name: q.kind == "switching" for q in self.surfaces})
 
     def with_form(self, form: SymbolicForm, surfaces: tuple[Surface, ...]) -> System:

@@ -17,6 +17,8 @@ from filippov.model.size import MOST_TERMS, cancelled, terms
 from filippov.model.surface import Surface
 
 DIGITS = 40
+# Sizes in one argument of which the sides are looked through for regions in which it is 0.
+MOST_SIZES = 6
 CLOSE = sympy.Float("1e-30")
 
 
@@ -136,6 +138,19 @@ class SurfaceTable:
         self._by_sign[entry.s] = entry
         self._alike.setdefault(_moving(h), []).append(entry)
         return entry
+
+    def outermost(self, expr: Expr) -> Entry | None:
+        """Return the last surface whose size expr holds; None where it holds none."""
+        free = expr.free_symbols
+        return next((entry for entry in reversed(self.entries) if entry.a in free), None)
+
+    def flat(self, expr: Expr, deep: int = 0) -> bool:
+        """Whether expr is 0 in a whole region, between the surfaces whose sizes it holds: |y| - y."""
+        entry = self.outermost(expr)
+        if entry is None:
+            return vanishes(expr)
+        sides = (expr.xreplace({entry.a: m * entry.h}) for m in (1, -1))
+        return deep < MOST_SIZES and any(self.flat(side, deep + 1) for side in sides)
 
     def plain(self, h: Expr) -> Expr:
         """Return h with the sizes written out as Abs."""

@@ -38,7 +38,8 @@ class UserEvent:
         object.__setattr__(self, "g", single(self.g))
         if not callable(self.g) and not is_expression(self.g):
             raise UsageError(
-                f"an event is {self.g!r}, expected a function g(t, y) -> float, an expression or a UserEvent."
+                f"an event is {self.g!r}, expected a function g(t, y) -> float, an expression or a "
+                "UserEvent. A Stop goes to stop=."
             )
         if not is_expression(self.g):
             called = getattr(self.g, "__name__", "g")

@@ -49,7 +49,7 @@ def plot_identification(
         _curve(top, result, force, reach)
         if points is not None:
             top.plot(*points, ".", color=GREY, markersize=3, zorder=1, label="measured")
-        top.legend(loc="lower right")
+        top.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
         if title:
             drawn.suptitle(title, color=INK, fontsize=10)
     return drawn

@@ -171,7 +171,7 @@ def plot_diagram(
         ax.set(xlabel=text["parameter"], ylabel=text["d"])
         ax.margins(0.04)
         if inset:
-            _magnified(ax, diagram)
+            _magnified(ax, diagram, (bounds or {}).values())
         _finish(ax, title)
     return drawn
 
@@ -195,8 +195,8 @@ def _diagram(ax: Any, diagram: Any) -> None:
         ax.plot(value, 0.0, "*", color=PURPLE, markersize=11, zorder=6, label=name)
 
 
-def _magnified(ax: Any, diagram: Any) -> None:
-    """An inset with the cycles below a fortieth of the largest; none where there are none."""
+def _magnified(ax: Any, diagram: Any, lines: Iterable[float]) -> None:
+    """An inset with the cycles below a fortieth of the largest, left of vertical lines; without any, none."""
     flat = [(v, q.d) for v, found in zip(diagram.values, diagram.points, strict=True) for q in found]
     highest = max((abs(d) for _, d in flat), default=0.0)
     small = [(v, d) for v, d in flat if 0 < abs(d) < SMALL * highest]
@@ -204,7 +204,10 @@ def _magnified(ax: Any, diagram: Any) -> None:
         return
     near = [v for v in diagram.stability_changes if min(abs(v - w) for w, _ in small) < 2]
     values = [*(v for v, _ in small), *near]
-    own = ax.inset_axes((0.56, 0.4, 0.4, 0.52))
+    first, last = ax.get_xlim()
+    places = ((line - first) / (last - first) for line in lines)
+    right = min([0.96, *(place - 0.03 for place in places if 0.5 < place < 1)])
+    own = ax.inset_axes((right - 0.4, 0.4, 0.4, 0.52))
     low, high = min(0.0, *(d for _, d in small)), max(0.0, *(d for _, d in small))
     _diagram(own, diagram)
     pad = 0.15 * (max(values) - min(values) or 1.0)

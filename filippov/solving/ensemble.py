@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ from filippov.base.errors import ModelError, UsageError
 from filippov.base.failure import failure
 from filippov.base.given import Count, Positive, number_array, shown
 from filippov.base.keywords import keywords
-from filippov.base.names import check_known, unknown
+from filippov.base.names import Answering, check_known, unknown
 from filippov.base.quantity import is_quantity, plain
 from filippov.base.status import EventKind, Status, stopped_at
 from filippov.kernel.codegen.build import widest
@@ -78,7 +78,7 @@ _BLOCK = 1 << 16
 
 
 @dataclass(frozen=True)
-class Ensemble:
+class Ensemble(Answering):
     """Ends of many trajectories.
 
     t, x       time and state reached: (k,), (k, n); at a terminal event, its time and state
@@ -93,6 +93,10 @@ class Ensemble:
                and the state of their last step
     lanes      trajectories side by side in the compiled code: 16, 8 or 1; threads: how many worked
     """
+
+    _elsewhere: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("y", "sol", "segments", "plot"), "it keeps the ends, t and x; solve has the rest.")
+    }
 
     t: Array
     x: Array

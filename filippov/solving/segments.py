@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
-from filippov.base.names import unknown
+from filippov.base.names import Answering, unknown
 from filippov.base.status import mode_text
 from filippov.solving.state.events import Mode
 
@@ -20,8 +20,15 @@ WORDS = {"stick": True, "sliding": True, "slip": False, "free": False}
 
 
 @dataclass(frozen=True)
-class Segment:
+class Segment(Answering):
     """The part of a solution in one mode, from t0 to t1 in the direction of integration."""
+
+    _elsewhere: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("start", "begin", "t_start"), "it begins at t0."),
+        **dict.fromkeys(("end", "stop", "t_end"), "it ends at t1."),
+        **dict.fromkeys(("duration", "length"), "its length in time is dwell."),
+        **dict.fromkeys(("kind", "word", "signs"), "its signs are mode; segments.of('stick') selects."),
+    }
 
     t0: float
     t1: float
@@ -36,7 +43,7 @@ class Segment:
         return f"{mode_text(self.mode)} [{self.t0:.9g}, {self.t1:.9g}]"
 
 
-class Segments(tuple[Segment, ...]):  # noqa: SLOT001  # each has the names of its surfaces
+class Segments(Answering, tuple[Segment, ...]):  # noqa: SLOT001  # each has the names of its surfaces
     """The segments of a solution in order; surfaces: the names to which the signs of a mode belong."""
 
     surfaces: tuple[str, ...] = ()
@@ -61,6 +68,17 @@ class Segments(tuple[Segment, ...]):  # noqa: SLOT001  # each has the names of i
     def durations(self) -> npt.NDArray[np.float64]:
         """The length of each in time."""
         return np.array([segment.dwell for segment in self], dtype=float)
+
+    @property
+    def spans(self) -> npt.NDArray[np.float64]:
+        """(from, to) of each stay, those that follow on each other as one, (k, 2): sticks of one of many."""
+        joined: list[list[float]] = []
+        for segment in self:
+            if joined and segment.t0 == joined[-1][1]:
+                joined[-1][1] = segment.t1
+            else:
+                joined.append([segment.t0, segment.t1])
+        return np.array(joined, dtype=float).reshape(-1, 2)
 
     @keywords()
     def of(self, mode: str, surface: str | None = None) -> Segments:

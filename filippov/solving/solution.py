@@ -150,7 +150,7 @@ class Solution:
         if problem is not None:
             named = (*problem.system.states, *problem.system.outputs)
             answers |= {one: f"its values are solution[{one!r}]." for one in named}
-        return no_attribute("Solution", name, dir(type(self)), answers)
+        return no_attribute("Solution", name, {*dir(type(self)), *self.__dataclass_fields__}, answers)
 
     @property
     def success(self) -> bool:

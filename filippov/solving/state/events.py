@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from filippov.base.delegates import delegate
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.keywords import constructor, keywords
-from filippov.base.names import unknown
+from filippov.base.names import Answering, unknown
 from filippov.base.status import EventKind, mode_text
 
 Mode = tuple[int, ...]
@@ -63,9 +63,19 @@ class Event(NamedTuple):
         return f"t = {self.t:.12g}  {self.kind} on '{self.surface}'  {arrow}{note}"
 
 
-class Events(Sequence[Event]):
+if not TYPE_CHECKING:  # a NamedTuple has no other bases
+    Event.__getattr__ = Answering.__getattr__
+
+
+class Events(Answering, Sequence[Event]):
     """The events of a run in the order of integration."""
 
+    _elsewhere: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(("times", "time"), "their times are t: events.of('v').t."),
+        **dict.fromkeys(("states", "y"), "the states at them are x, one row per event."),
+        **dict.fromkeys(("to_csv", "df"), "events.to_pandas() is a table; .to_csv('events.csv') writes it."),
+        **dict.fromkeys(("filter", "where", "select", "on"), "events.of(surface, kind) selects."),
+    }
     # The number and the sense of a surface asked for by name or formula (`System.surface_place`).
     place_of: Callable[[str], tuple[int, int]] | None = None
     # Names of what can happen: surfaces, time events, user events; of states; None where nothing is known.

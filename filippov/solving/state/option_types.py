@@ -64,6 +64,10 @@ METHODS_OF_OTHERS: Mapping[str, str] = {
     "ode15s": "method='Radau'",
     "ode23s": "method='Radau'",
     "ode23tb": "method='Radau'",
+    **dict.fromkeys(
+        ("Euler", "euler", "RK4", "rk4", "leapfrog"),
+        "method='DP5', whose steps the tolerances choose, or 'Moreau' with steps of one length dt",
+    ),
 }
 ANSWERS: dict[str, str] = {
     "args": "args are parameters by name here: declare p = parameters(m=1.0) (or System(..., "
@@ -88,6 +92,34 @@ ANSWERS: dict[str, str] = {
     "h0": "h0 is first_step here.",
     "hmax": "hmax is max_step here.",
     "tfirst": "tfirst is not needed: the time goes first in every function, f(t, x, p, s).",
+    **dict.fromkeys(
+        ("n", "N", "num", "points", "n_points", "npoints", "steps", "n_steps", "saveat", "teval"),
+        "times at which the solution is wanted are t_eval=np.linspace(t0, t1, 1001); its steps are chosen by "
+        "the tolerances, max_step bounds them.",
+    ),
+    **dict.fromkeys(
+        ("verbose", "disp", "callback", "callbacks"),
+        "progress=f is called with (t, t1) from time to time; what is to happen at an event is events=g, or "
+        "the reset of a Surface.",
+    ),
+    **dict.fromkeys(
+        ("tmax", "t_max", "tf", "t_end", "tend", "t1", "T", "duration"), "the end is t1 of t_span=(t0, t1)."
+    ),
+    **dict.fromkeys(("u0", "ic", "init", "initial"), "the initial state is x0=(...), or y0 as in scipy."),
+    **dict.fromkeys(("solver", "alg", "integrator"), "it is method='DOP853', 'DP5', 'Radau' or 'Taylor'."),
+    "maxiters": "maxiters is max_steps here.",
+    "dtmax": "dtmax is max_step here.",
+    "p": "p is parameters here: parameters={'m': 2.0}.",
+    "comparator": "comparator belongs to the system: solve(system.with_comparator(Band(1e-3)), ...).",
+    **dict.fromkeys(
+        ("inputs", "input", "u"),
+        "an input stands in the equations, Input('r', t, values), or in the place of a parameter: "
+        "solve(system.with_inputs({'r': signal}), ...).",
+    ),
+    "surfaces": "surfaces belong to the system: System({...}, surfaces=[Surface('v', v)]).",
+    "reset": "a reset belongs to the system: Surface('floor', y, reset={v: -p.e*v}).",
+    "terminal": "terminal belongs to an event: events=UserEvent(g, terminal=True); a surface is "
+    "stop=Stop('v', 'crossing').",
     "width": "width belongs to a comparator: solve(system.with_comparator(Band(width)), ...).",
 }
 # What has no meaning where only the ends are kept.

@@ -15,11 +15,12 @@ from filippov.base.errors import ModelError, UsageError
 from filippov.base.given import check_count, choice, flag, number, number_array, positive, several, shown
 from filippov.base.names import unknown
 from filippov.base.quantity import is_quantity, plain, unit_of_label
-from filippov.base.symbolic_value import single
+from filippov.base.symbolic_value import is_expression, single
 from filippov.kernel.codegen.interpreted import BACKENDS
 from filippov.kernel.tables.layout import RULES
 from filippov.kernel.tables.tableaus import INTEGRATORS, for_tolerance
 from filippov.model.system import System
+from filippov.model.user_event import UserEvent
 from filippov.solving.state.events import Stop
 from filippov.solving.state.option_types import METHODS_OF_OTHERS
 
@@ -360,14 +361,16 @@ def check_priority(nonunique: Any, system: System) -> Any:
 def check_stops(stops: Sequence[Stop] | Stop, system: System) -> tuple[Stop, ...]:
     """Stops at surfaces that the system has, under the names that they have there."""
     given: Any = stops
-    items = [given] if isinstance(given, Stop | str) else several("stop", given)
+    alone = isinstance(given, Stop | str | UserEvent) or callable(given) or is_expression(given)
+    items = [given] if alone else several("stop", given)
     return tuple(_stop_at(item, system) for item in items)
 
 
 def _stop_at(stop: object, system: System) -> Stop:
     if not isinstance(stop, Stop):
         raise UsageError(
-            f"stop holds {shown(stop)}, expected Stop(surface, kind, count): stop=Stop('v', 'crossing')."
+            f"stop holds {shown(stop)}, expected Stop(surface, kind, count): stop=Stop('v', 'crossing'). A "
+            "function or an expression is watched by events=UserEvent(g, terminal=True)."
         )
     try:
         place, sense = system.surface_place(stop.surface)
