@@ -303,3 +303,83 @@ class Duffing:
 
 
 duffing = Duffing()
+
+
+# -- written anew: other ways to say the same ----------------------------------------------------------------
+
+
+def difference_of_conditions(t, y):
+    x, v = y
+    return [v, -x - 0.3 * ((v > 0) - 1.0 * (v < 0))]
+
+
+def idiom(t, y):
+    return [y[1], -y[0] - (y[1] > 0 and 0.3 or -0.3)]
+
+
+def walrus(t, y):
+    return [y[1], -y[0] - (0.3 if (slip := y[1]) > 0 else -0.3) + 0.0 * slip]
+
+
+def written_in_place(t, y):
+    dydt = np.zeros_like(y)
+    dydt[0] = y[1]
+    dydt[1] = -y[0]
+    dydt[1] -= 0.3 * np.sign(y[1])
+    return dydt
+
+
+def ring(t, y):
+    n = len(y) // 2
+    x, v = y[:n], y[n:]
+    return np.concatenate([v, np.roll(x, 1) - 2 * x + np.roll(x, -1) - 0.3 * np.sign(v)])
+
+
+STATE_MATRIX, INPUT, OUTPUT = np.array([[0.0, 1.0], [-1.0, 0.0]]), np.array([0.0, 0.3]), np.array([0.0, 1.0])
+
+
+def matrix_form(t, y):
+    return STATE_MATRIX @ y - INPUT * np.sign(OUTPUT @ y)
+
+
+@functools.lru_cache
+def stiffness():
+    return 1.0
+
+
+def with_cache(t, y):
+    return [y[1], -stiffness() * y[0] - 0.3 * np.sign(y[1])]
+
+
+def guarded(t, y):
+    assert len(y) == 2
+    if not np.all(np.isfinite(y)):
+        raise ValueError("diverged")
+    return [y[1], -y[0] - 0.3 * np.sign(y[1])]
+
+
+def lockdown(t, y):
+    S, I = y  # noqa: E741
+    return [-(0.5 if I < 0.05 else 0.1) * S * I, (0.5 if I < 0.05 else 0.1) * S * I - 0.2 * I]
+
+
+def damped_contact(t, y):
+    depth = max(0.0, -y[0])
+    return [y[1], -9.81 + 1e3 * depth - 10 * y[1] * (depth > 0)]
+
+
+def square_wave(t, y):
+    return [(1.0 if int(t / 0.5) % 2 == 0 else -1.0) - y[0]]
+
+
+def fires_in_place(t, y):
+    if y[0] >= 1.0:
+        y[0] = 0.0
+    return [1.5 - y[0]]
+
+
+def planar_friction(t, y):
+    v = y[2:]
+    speed = np.linalg.norm(v)
+    force = 0.3 * v / speed if speed > 0 else np.zeros(2)
+    return np.hstack([v, -force])

@@ -1,9 +1,11 @@
 """Programs that cannot be translated. A comment `# <k>` marks the line that is to be named."""
 # ruff: noqa: FURB192, PLW0603, RET503, S311  (written as users write)
 
+import bisect
 import random
 
 import numpy as np
+from scipy.interpolate import interp1d
 
 history = [1.0]
 
@@ -85,3 +87,31 @@ def lagging(t, y):
 
 def counted(t, y):
     return [-((y[0] > 0) + (y[0] > 1))]  # <14>
+
+
+def tabled(t, y):
+    return [-interp1d([-1.0, 1.0], [-2.0, 2.0])(y[0])]  # <15>
+
+
+def scheduled(t, y):
+    return [bisect.bisect([1.0, 2.0], t) - y[0]]  # <16>
+
+
+def pieces(t, y):
+    return [np.piecewise(y[0], [y[0] < 0, y[0] > 0], [1.0, -1.0])]  # <17>
+
+
+def largest(t, y):
+    return [-float(np.argmax(np.array([y[0], 0.0])))]  # <18>
+
+
+def matched(t, y):
+    match y[0] > 0:  # <19>
+        case True:
+            return [-1.0]
+        case _:
+            return [1.0]
+
+
+def searched(t, y):
+    return [np.array([0.0, 1.0, 2.0])[np.searchsorted([1.0, 2.0], t)] - y[0]]  # <20>

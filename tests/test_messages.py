@@ -371,7 +371,7 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "no comparator": (lambda: S.with_comparator("band"), "'band'", "Band(width)"),
     "comparator of w": (lambda: S.with_comparator({"w": Band(1e-3)}), "'w'", "known: v"),
     "mass 0": (lambda: solve(System({x: v, v: -sign(v) / p.m}), START, SPAN, parameters={"m": 0}, throw=True),
-               "is not a finite number here", "a division by zero"),
+               "dy[1] (dv/dt)", "a division by zero"),
     # reading what came out
     "evaluate bars": (lambda: RUN.evaluate("|x|", 0.5), "'|x|'", "abs(u)"),
     "evaluate np": (lambda: RUN.evaluate("np.abs(x)", 0.5), "np.abs(x)", "write abs(...) alone"),

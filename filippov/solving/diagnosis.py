@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from filippov.base.status import mode_text
+from filippov.base.status import Status, mode_text
 from filippov.solving.selection.modes import Successor
 from filippov.solving.state.machine import Array
 from filippov.solving.state.run import Run
@@ -102,6 +102,15 @@ def suspect(run: Run) -> str:
         nearest = _nearest(run, max(abs(run.clock.t_start), abs(run.clock.t_end)))
         jump = _jump(run, here, signs, mode)
     return " ".join(part for part in (nearest, jump) if part)
+
+
+def no_mode(run: Run, where: str) -> tuple[Status, str]:
+    """Why no mode can follow: the field has no value here, or nothing that is known; and the sentence."""
+    with np.errstate(all="ignore"):
+        signs = np.where(run.mode == 0.0, 1.0, run.mode)
+        finite = np.all(np.isfinite(run.machine.rhs(run.t, run.x, signs, run.mode)))
+    status = Status.NO_CONTINUATION if finite else Status.NOT_FINITE
+    return status, f"{where}. {suspect(run)}".rstrip()
 
 
 def _not_finite(field: Array, states: tuple[str, ...], run: Run) -> str:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, Status, stopped_at
 from filippov.kernel.tables import codes
 from filippov.model.user_event import UserEvent
-from filippov.solving.diagnosis import close_call, suspect
+from filippov.solving.diagnosis import close_call, no_mode, suspect
 from filippov.solving.finished import Course, finished
 from filippov.solving.patience import Patience
 from filippov.solving.resets.jumps import (
@@ -414,7 +414,7 @@ class _Loop(Settling):
             if jump is None and rests(run, reached):
                 rest(run, reached)
                 return self._reached()
-            return self._end(Status.NO_CONTINUATION, f"{where}. {suspect(run)}".rstrip())
+            return self._end(*no_mode(run, where))
         causes = tuple(triggered) if jump is None else ()
         taken = self._choose(candidates, before, causes)
         ambiguity = Ambiguity(run.t, name, candidates, before, causes, start)
