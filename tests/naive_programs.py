@@ -314,7 +314,7 @@ def difference_of_conditions(t, y):
 
 
 def idiom(t, y):
-    return [y[1], -y[0] - (y[1] > 0 and 0.3 or -0.3)]
+    return [y[1], -y[0] - ((y[1] > 0 and 0.3) or -0.3)]
 
 
 def walrus(t, y):
@@ -359,7 +359,7 @@ def guarded(t, y):
 
 
 def lockdown(t, y):
-    S, I = y  # noqa: E741
+    S, I = y
     return [-(0.5 if I < 0.05 else 0.1) * S * I, (0.5 if I < 0.05 else 0.1) * S * I - 0.2 * I]
 
 

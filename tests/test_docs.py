@@ -18,6 +18,7 @@ from made import is_current
 from test_layout import SOURCES
 
 import filippov
+from filippov.app.cli.catalogue import commands
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = sorted((ROOT / "docs").glob("*.md"))
@@ -150,3 +151,10 @@ def test_readme_figure_is_committed_with_its_script() -> None:
     script = (ROOT / "docs" / "figures.py").read_text(encoding="utf-8")
     for figure in figures:
         assert Path(figure).name in script
+
+
+def test_16_7_every_command_stands_on_the_page_of_commands() -> None:
+    page = (ROOT / "docs" / "cli.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`[^|]+`) \|", page, re.MULTILINE)
+    named = {name for row in rows for name in re.findall(r"`(\w[\w-]*)", row)}
+    assert set(commands()) <= named

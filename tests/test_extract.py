@@ -151,7 +151,7 @@ def test_a_fall_onto_a_damped_spring_is_the_same_however_its_contact_is_asked_fo
 
 @pytest.mark.parametrize("u", [sp.Max(0, -x), sp.Abs(x) - x, sp.Max(0, x) + sp.Max(0, v)], ids=str)
 def test_the_sign_of_what_is_0_in_whole_regions_is_refused(u: sp.Expr) -> None:
-    with pytest.raises(ModelError, match="the equation of 'x'.*0 everywhere on one side of a surface"):
+    with pytest.raises(ModelError, match=r"the equation of 'x'.*0 everywhere on one side of a surface"):
         System({x: sp.sign(u), v: 0, z: 0})
 
 

@@ -46,7 +46,15 @@ from filippov import (
     states,
     t,
 )  # fmt: skip
-from filippov.analysis import EventMap, Section, Stroboscope, bifurcation, find_section, returns, stability_report
+from filippov.analysis import (
+    EventMap,
+    Section,
+    Stroboscope,
+    bifurcation,
+    find_section,
+    returns,
+    stability_report,
+)
 from filippov.app.cli.main import main
 
 x, v = states("x v")
@@ -342,7 +350,6 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "reset=": (lambda: solve(S, START, SPAN, reset={}), "reset", "Surface('floor', y"),
     "terminal=": (lambda: solve(S, START, SPAN, terminal=True), "terminal", "UserEvent(g, terminal=True)"),
     "Euler": (lambda: solve(S, START, SPAN, method="Euler"), "'Euler'", "steps of one length dt"),
-    "RK4": (lambda: solve(S, START, SPAN, method="RK4"), "'RK4'", "method='DP5'"),
     "Moreau": (lambda: solve(S, START, SPAN, method="Moreau"), "needs dt", "dt=1e-3"),
     "many u0": (lambda: solve_many(S, u0=[START], t_span=SPAN), "initial state", "x0=(...)"),
     # one thing in the place of another
@@ -355,7 +362,6 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
                    "the difference of its two sides"),
     "event up": (lambda: UserEvent(x, direction="up"), "direction is 'up'", "a number"),
     "span of times": (lambda: solve(S, START, np.linspace(0, 1, 3)), "t_span", "(t0, t1)"),
-    "x0 column": (lambda: solve(S, [[1], [0]], SPAN), "shape (2, 1)", "x0=(0, 0)"),
     "x0 of symbols": (lambda: solve(S, (p.m, 0), SPAN), "(m, 0)", "real numbers"),
     "parameters list": (lambda: solve(S, START, SPAN, parameters=[1.0]), "[1.0]", "{name: value}"),
     "tuple": (lambda: System((v, -x)), "(v, -x)", "{x: dx/dt, v: dv/dt}"),
@@ -367,7 +373,7 @@ MISTAKES: dict[str, tuple[Callable[[], Any], str, str]] = {
     "no branch": (lambda: System({x: Piecewise((1, x > 0))}), "where x < 0", "(expression, True)"),
     "flat sign": (lambda: System({x: v, v: -sign(Max(0, x))}), "the equation of 'v'", "changes sign"),
     "fields": (lambda: System.from_modes(h=[x], fields={"+": [-1]}, states=[x]), "fields", "for -"),
-    "outputs text": (lambda: System({x: v, v: 1}, outputs={"u": "x+v"}), "'u'", "write the expression itself"),
+    "outputs text": (lambda: System({x: v, v: 1}, outputs={"u": "x+v"}), "'u'", "the expression itself"),
     "no comparator": (lambda: S.with_comparator("band"), "'band'", "Band(width)"),
     "comparator of w": (lambda: S.with_comparator({"w": Band(1e-3)}), "'w'", "known: v"),
     "mass 0": (lambda: solve(System({x: v, v: -sign(v) / p.m}), START, SPAN, parameters={"m": 0}, throw=True),

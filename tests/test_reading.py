@@ -321,3 +321,16 @@ def test_16_2_a_film(motion: Solution, tmp_path: Path) -> None:
     with Image.open(path) as film:
         assert film.n_frames == 3
     assert [file.name for file in tmp_path.iterdir()] == ["film.gif"]
+
+
+def test_16_2_a_stay_on_one_of_several_surfaces_is_one_span() -> None:
+    """Two masses apart, x'' = -x - mu sgn(x'): what one does cuts the segments of the other's stick."""
+    y, w = states("y w")
+    pair = System({x: v, v: -x - 0.2 * sign(v), y: w, w: -4 * y - 0.2 * sign(w)})
+    run = solve(pair, (0.5, 0, 0.52, 0), (0, 12))
+    rests = [np.pi, 5 * np.pi / 2]  # at -0.1; at -0.02, after five half periods that take 0.1 each
+    assert len(run.segments.of("stick", "v")) > 1
+    for surface, begin in zip(("v", "w"), rests, strict=True):
+        assert run.segments.of("stick", surface).spans == pytest.approx(np.array([[begin, 12.0]]), abs=1e-7)
+    assert run.segments.of("slip").spans == pytest.approx(np.array([[0, np.pi]]), abs=1e-7)
+    assert run.segments.of("stick", "v").of("slip", "v").spans.shape == (0, 2)

@@ -217,8 +217,8 @@ def singular(run: NaiveRun, translation: Translation) -> Iterator[Finding]:
             yield Finding(
                 "singular", f"f divides by {base}, which comes down to {np.nanmin(size):.2g}: at 0 a "
                 "direction such as v/|v| jumps to all sides at once, which no sign of a surface describes. "
-                "Friction in the plane is of this kind; where the slip keeps its direction, the model "
-                "planar_friction of the gallery has it as the sign of one speed",
+                "Friction in the plane is of this kind; where the slip keeps its direction, write it as "
+                "the sign of one speed, as the gallery's model of friction in the plane does",
                 t=float(run.calls[int(np.nanargmin(size))]),
             )  # fmt: skip
 
