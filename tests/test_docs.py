@@ -7,6 +7,7 @@ by `make docs`, and here where that has not built the pages from the sources as 
 from __future__ import annotations
 
 import importlib
+import json
 import os
 import re
 import subprocess
@@ -18,7 +19,10 @@ from made import is_current
 from test_layout import SOURCES
 
 import filippov
+from filippov.analysis import find_orbit
 from filippov.app.cli.catalogue import commands
+from filippov.app.cli.main import main
+from filippov.models import get
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = sorted((ROOT / "docs").glob("*.md"))
@@ -158,3 +162,13 @@ def test_16_7_every_command_stands_on_the_page_of_commands() -> None:
     rows = re.findall(r"^\| (`[^|]+`) \|", page, re.MULTILINE)
     named = {name for row in rows for name in re.findall(r"`(\w[\w-]*)", row)}
     assert set(commands()) <= named
+
+
+def test_16_10_the_readme_tells_how_far_the_mass_hunts_with_its_first_gains(tmp_path: Path) -> None:
+    """The cycle of the identified law at P = I = 10, solved for, against the metres that the README names."""
+    data = ROOT / "docs" / "_static" / "friction.csv"
+    assert main(["identify", str(data), "--fixed", "m=1", "--fixed", "beta=2", "-o", str(tmp_path)]) == 0
+    law = json.loads((tmp_path / "identified.json").read_text(encoding="utf-8"))["values"]
+    assert f"Fs = {law['Fs']:.3f} N, Fc = {law['Fc']:.3f} N" in README
+    cycle = find_orbit(get("hunting").build(), (0.25, 0, 0), parameters={**law, "P": 10, "I": 10})
+    assert f"hunts forever, at {cycle.amplitude['x']:.3f} m" in README

@@ -221,6 +221,22 @@ def test_16_8_sliding_arcs_are_thick_and_the_graph_counts_transitions() -> None:
     assert "sliding entry" in [item.get("name") for item in figures["graph"]["data"]]
     boxes = [item for item in figures["graph"]["data"] if item.get("marker", {}).get("symbol") == "square"]
     assert len(boxes) == 1
+    # A crossing passes the box of the mode between its two modes, and its number stands on the far side.
+    there = figures["graph"]["data"]
+    for arc in (item for item in there if item.get("name") == "crossing"):
+        x, y = row(arc["x"]), row(arc["y"])
+        near = np.hypot(x - boxes[0]["x"][0], y - boxes[0]["y"][0])
+        assert np.min(near) > 0.5
+        assert arc["textposition"] == ("top center" if np.mean(y) > boxes[0]["y"][0] else "bottom center")
+
+
+def test_16_8_the_map_has_a_letter_that_the_model_does_not_use() -> None:
+    """In the hunting loop P is a gain."""
+    loop = Explorer(registry.get("hunting"), t_span=(0, 3))
+    drawn = loop.figures()["map"]
+    loop.close()
+    assert {"R(d)", "R(d) = d"} <= {item["name"] for item in drawn["data"]}
+    assert drawn["layout"]["yaxis"]["title"]["text"] == "R(d): one return later"
 
 
 def test_16_8_a_comparator_stands_beside_the_exact_motion() -> None:

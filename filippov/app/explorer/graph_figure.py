@@ -34,7 +34,11 @@ def graph_figure(solution: Solution) -> Figure:
     for a, b, values in graph.edges(data=True):
         repeat = used[a, b] = used.get((a, b), -1) + 1
         kind = str(values.get("kind", ""))
-        data.append(_arc(places[a], places[b], repeat, kind, str(values.get("count", "")), kind not in shown))
+        bend = 0.22 + 0.18 * repeat
+        if any(_between(places[a], places[b], places[mode]) for mode in graph):
+            bend += 0.28  # around the mode between the two
+        number = str(values.get("count", ""))
+        data.append(_arc(places[a], places[b], bend, repeat, kind, number, kind not in shown))
         shown.add(kind)
     surfaces, signs = solution.system.surface_names, {"+": 1, "0": 0, "-": -1}
     for mode in graph:
@@ -57,8 +61,21 @@ def graph_figure(solution: Solution) -> Figure:
     return figure(data, axes, height=LOW, margin={"l": 4, "r": 4, "t": 8, "b": 4}, hovermode="closest")
 
 
-def _arc(start: Any, end: Any, repeat: int, kind: str, count: str, named: bool) -> dict[str, Any]:
-    """A curve that bends to the left of its direction, an arrow at its end, a number in its middle."""
+def _between(start: Any, end: Any, place: Any) -> bool:
+    """Whether a place lies on the straight line from start to end, or nearer to it than a mode is wide."""
+    chord = end - start
+    length = float(np.linalg.norm(chord))
+    if length == 0.0:
+        return False
+    along = float((place - start) @ chord) / length
+    across = abs(float(chord[0] * (place - start)[1] - chord[1] * (place - start)[0])) / length
+    return GAP < along < length - GAP and across < GAP
+
+
+def _arc(
+    start: Any, end: Any, bend: float, repeat: int, kind: str, count: str, named: bool
+) -> dict[str, Any]:  # fmt: skip
+    """A curve that bends to the left of its direction, an arrow at its end, a number beside its middle."""
     s = np.linspace(0, 1, 25)[:, None]
     if np.array_equal(start, end):
         angle = np.pi / 2 + (2 * s - 1) * 2.4
@@ -67,16 +84,17 @@ def _arc(start: Any, end: Any, repeat: int, kind: str, count: str, named: bool) 
         curve = middle + radius * np.hstack([np.cos(angle), np.sin(angle)])
     else:
         chord = end - start
-        middle = (start + end) / 2 + np.array([-chord[1], chord[0]]) * (0.22 + 0.18 * repeat)
+        middle = (start + end) / 2 + np.array([-chord[1], chord[0]]) * bend
         curve = (1 - s) ** 2 * start + 2 * s * (1 - s) * middle + s**2 * end
         far = [np.linalg.norm(curve - point, axis=1) > GAP for point in (start, end)]
         curve = curve[far[0] & far[1]] if np.any(far[0] & far[1]) else curve
     n, colour = len(curve), COLOURS.get(kind, INK)
+    beside = "bottom center" if middle[1] < min(start[1], end[1]) else "top center"  # away from the chord
     symbols, sizes, texts = ["circle"] * n, [0] * n, [""] * n
     symbols[-1], sizes[-1], texts[n // 2] = "arrow", 13, f"<b>{plain(count)}</b>"
     return {
         "type": "scatter", "mode": "lines+markers+text", "x": curve[:, 0].tolist(), "y": curve[:, 1].tolist(),
-        "line": {"color": colour, "width": 1.6}, "text": texts, "textposition": "top center",
+        "line": {"color": colour, "width": 1.6}, "text": texts, "textposition": beside,
         "textfont": {"color": colour, "size": 13}, "name": plain(kind), "showlegend": named,
         "hoverinfo": "name", "legendgroup": kind,
         "marker": {"symbol": symbols, "size": sizes, "angleref": "previous", "color": colour},

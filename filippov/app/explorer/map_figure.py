@@ -14,13 +14,18 @@ from filippov.plot.maps import with_gaps
 from filippov.plot.style import BLUE, GREY, INK, ORANGE, RED
 
 Array = npt.NDArray[np.float64]
+LETTERS = "PRMQ"  # of the map, the first that the model does not use
 
 
 def map_figure(view: View, found: MapData) -> Figure:
     """P(d), the diagonal, and the steps from the start that was chosen.
 
-    Without a parametrisation P is known where the solution has been, as points.
+    Without a parametrisation P is known where the solution has been, as points. Where the model has a P of
+    its own, a gain or a power, the map has another letter.
     """
+    system = view.subject.system
+    taken = {*system.parameters.names, *system.states}
+    image = f"{next((letter for letter in LETTERS if letter not in taken), LETTERS[0])}(d)"
     known = found.orbit[np.isfinite(found.orbit)]
     if view.subject.interval is None and not found.d.size:
         return empty(f"There is no pair of returns to show: {found.note or 'the solution has one event'}.")
@@ -28,11 +33,11 @@ def map_figure(view: View, found: MapData) -> Figure:
     y = np.concatenate([known[:1], np.repeat(known[1:], 2)])
     if view.subject.interval is None:
         ends = _ends(np.concatenate([found.d, found.image]))
-        curve = points(found.d, found.image, "circle", BLUE, "P(d) along the solution", size=5)
+        curve = points(found.d, found.image, "circle", BLUE, f"{image} along the solution", size=5)
     else:
-        ends, curve = found.d[[0, -1]], line(*with_gaps(found.d, found.image), BLUE, "P(d)", width=2)
+        ends, curve = found.d[[0, -1]], line(*with_gaps(found.d, found.image), BLUE, image, width=2)
     data = [
-        line(ends, ends, GREY, "P(d) = d", dash="dot", width=1.2),
+        line(ends, ends, GREY, f"{image} = d", dash="dot", width=1.2),
         curve,
         line(x, y, ORANGE, "cobweb", width=1.2),
         points(known[:1], known[:1], "square", INK, "start"),
@@ -40,7 +45,7 @@ def map_figure(view: View, found: MapData) -> Figure:
     name, returns = coordinate(view), view["order"]
     after = "one return later" if returns == 1 else f"{returns} returns later"
     axes = {"x": {"title": {"text": f"d: {name} at the event"}, "range": ends.tolist()},
-            "y": {"title": {"text": f"P(d): {after}"}}}  # fmt: skip
+            "y": {"title": {"text": f"{image}: {after}"}}}  # fmt: skip
     return figure(data, axes, height=HEIGHT, hovermode="closest")
 
 
