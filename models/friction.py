@@ -14,7 +14,7 @@ Sources: Armstrong-Helouvry, Dupont, Canudas de Wit 1994 (survey); Leine & Nijme
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -138,9 +138,22 @@ class FrictionLaw(ABC):
 
     def levels(self, values: Mapping[str, float] | None = None) -> tuple[float, float]:
         """Return the ends (-Fs-, Fs+) of the set at v = 0."""
+        up, down = self._at(self.static, values)
+        return -down, up
+
+    def limits(self, values: Mapping[str, float] | None = None) -> tuple[float, float]:
+        """Return (-g-, g+) at |v| = 0, the ends of Filippov's hull of the slip curve."""
+        up, down = self._at(lambda symbols: self.slip(sympy.S.Zero, symbols), values)
+        return -down, up
+
+    def _at(
+        self, sides_of: Callable[[ParameterNamespace], Sides], values: Mapping[str, float] | None
+    ) -> tuple[float, float]:
+        # One point: a compiled function would load most of numpy's modules first.
         symbols, numbers = self._numbers(values)
-        up, down = sympy.lambdify(tuple(symbols), self.static(symbols), "numpy")(*numbers)
-        return -float(down), float(up)
+        named = dict(zip(symbols, numbers, strict=True))
+        plus, minus = (float(sympy.S(side).xreplace(named)) for side in sides_of(symbols))
+        return plus, minus
 
     def _numbers(self, values: Mapping[str, float] | None) -> tuple[ParameterNamespace, list[float]]:
         symbols = parameters(**self.parameters())

@@ -73,8 +73,7 @@ class StaticCoulomb(FrictionLaw):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        low, high = self.levels()
-        below, above = self.curve([-SMALLEST, SMALLEST], {n: 0.0 for n in self.parameters() if n[0] == "b"})
+        (low, high), (below, above) = self.levels(), self.limits()
         if high < above or low > below:
             raise ModelError(
                 f"Fs is {self.Fs} and Fc is {self.Fc}, expected Fs >= Fc in each direction. "

@@ -134,6 +134,8 @@ class EventMap(Answering):
 
     def __call__(self, d: Any) -> Any:
         """P(d), a number or an array like d; NaN where the solution does not return."""
+        if type(d) is float and self.order == 1 and math.isfinite(d):
+            return float(self._return(np.array([d]))[0][0])
         values, _ = self.returns(d)
         return values if np.ndim(d) else float(values[0])
 

@@ -196,6 +196,12 @@ class BoundSection:
         return out
 
     def _stack(self, function: Callable[..., Any], d: Array, p: Array) -> Array:
+        if d.size == 1:
+            # Plain numbers cost a tenth of arrays of one. Where they have no value, arrays do as numpy does.
+            try:
+                return np.array([function(d.item(), *p.reshape(-1).tolist())], dtype=float)
+            except (ArithmeticError, TypeError, ValueError):
+                pass
         out = np.empty((d.size, self.system.dimension))
         for place, column in enumerate(function(d, *p.T)):
             out[:, place] = column

@@ -154,7 +154,8 @@ def number_array(name: str, value: object, error: type[Exception] = UsageError) 
     """Real numbers as a new array of float64; raises `error` for text, flags, complex and masked numbers."""
     if type(value) is float:
         return np.array(value)
-    if np.ma.is_masked(value):
+    # What has no mask need not load numpy.ma.
+    if hasattr(value, "_mask") and np.ma.is_masked(value):
         raise error(f"{name} has masked entries, expected numbers. Leave them out, or fill them.")
     listed: Any = list(cast(Iterable[Any], value)) if _is_stream(value) else value
     try:

@@ -222,6 +222,8 @@ class Prepared:
             self.machine = _machine(system, self.checked.stepper, self.checked.sliding)
             # An equal system may have been here before: what was made of it is this one's as well.
             system.units.update(self.machine.system.units)
+        # Whether a few rows need not be looked at before they are run.
+        self._few = self.machine is not None and not lanes and "atol" in options and waits(self.machine, FEW)
 
     def run(
         self, states: Array, values: Array, *, measure: Callable[[Ensemble], Any] | None = None,
@@ -272,8 +274,7 @@ class Prepared:
     def ends(self, states: Array, values: Array) -> tuple[Array, list[Status], npt.NDArray[Any]]:
         """State, status and mode at the ends: of an Ensemble what a map needs, sooner for a few rows."""
         machine = self.machine
-        few = machine is not None and len(states) <= FEW and waits(machine, len(states)) and not self.lanes
-        if machine is not None and few and "atol" in self.options:
+        if self._few and machine is not None and len(states) <= FEW:
             batch = Batch.ready(machine, states, values, self.span, self.stops, self.checked)
             batch.run(1, None)
             statuses = _statuses(batch.code)

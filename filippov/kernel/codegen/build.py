@@ -27,7 +27,7 @@ from filippov.kernel.files import all_files, kernel_file
 from filippov.kernel.language.compiler import compile_unit, load_objects
 from filippov.kernel.language.primitives import KernelError
 from filippov.kernel.language.records import Struct, address_of
-from filippov.kernel.language.unit import Constant, Unit, add_kernels, parsed
+from filippov.kernel.language.unit import Constant, Unit, add_kernels, heads, parsed
 from filippov.kernel.loop.rules import MOMENTS
 from filippov.kernel.loop.state import STRUCTS, Entries, Integers, Scratch, Sizes
 from filippov.kernel.tables import codes, layout, radau_tables
@@ -186,10 +186,9 @@ def _interface(constants: Mapping[str, Constant], method: str) -> tuple[str, ...
 def _compile_loop(
     source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes, part: Part
 ) -> bytes:  # fmt: skip
-    unit, own = _unit(source, constants, method, sizes), _interface(constants, method)
+    own = _interface(constants, method)
     # No other kernel of this system may get into a unit that others will use.
-    for name in [name for name, file in unit.files.items() if file == "system" and name not in own]:
-        del unit.texts[name]
+    unit = _unit(heads(source, own), constants, method, sizes)
     unit.foreign, unit.foreign_lanes = of_others(part).union(own), frozenset(_OF_SYSTEM_IN_LANES)
     unit.outside = frozenset((*_tables(constants), "SHAPE"))
     unit.shape = {name: place for place, name in enumerate(_shape(constants, sizes))}

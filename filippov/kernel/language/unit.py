@@ -1,7 +1,7 @@
 """An LLVM module in the making: its kernels as syntax trees and functions, and the constants they share."""
 
 import ast
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from weakref import WeakKeyDictionary
@@ -226,6 +226,19 @@ def add_kernels(unit: Unit, text: str, file: str = "kernels") -> None:
             raise KernelError(f"{file}:{node.lineno}: kernel {node.name}: there is another of this name")
         texts[node.name] = node
         unit.files[node.name] = file
+
+
+def heads(text: str, names: Collection[str]) -> str:
+    """The kernels of these names in a text without their bodies: all that units know which name them."""
+    lines, kept = text.split("\n"), list[str]()
+    for first, line in enumerate(lines):
+        if line.startswith("def ") and line[4:].partition("(")[0] in names:
+            marked = first
+            while lines[marked - 1].startswith("@"):
+                marked -= 1
+            last = next(k for k in range(first, len(lines)) if lines[k].endswith(":"))
+            kept += [*lines[marked : last + 1], "    pass"]
+    return "\n".join(kept)
 
 
 def _kernels_of(text: str) -> tuple[ast.FunctionDef, ...]:

@@ -17,14 +17,19 @@ NEXT = 1e-6
 
 def passed(run: Run) -> str:
     """A sentence on a surface behind which the state lies though the mode names its active side, or ""."""
-    machine = run.machine
-    active = [i for i in range(machine.m) if run.mode[i] in machine.resets_from[i] and run.mode[i] != 0.0]
+    machine, mode = run.machine, run.mode.tolist()
+    active = [i for i, sides in enumerate(machine.resets_from) if mode[i] in sides and mode[i] != 0.0]
     if not active or run.direction < 0:
+        return ""
+    # Mostly the state is on the active side of all, and nothing else needs to be known.
+    resting = any(side and sign == 0.0 for side, sign in zip(machine.contacts, mode, strict=True))
+    h = machine.guards(run.t, run.x, off_contact(run, run.mode)) if resting else run.guards()
+    if not any(mode[i] * h[i] < 0.0 for i in active):
         return ""
     h, terms, g = _places(run)
     known = run.options.rtol * np.abs(run.x) + run.atol
     for i in active:
-        if run.mode[i] * h[i] < -max(DEPTH * terms[i], 1e2 * float(np.abs(g[i]) @ known)):
+        if mode[i] * h[i] < -max(DEPTH * terms[i], 1e2 * float(np.abs(g[i]) @ known)):
             last = run.events[-1].t if len(run.events) else float(run.t)
             return (
                 f"surface {machine.surfaces[i].name!r} was passed without its reset, h = {h[i]:.3g}; what "

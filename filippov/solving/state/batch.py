@@ -222,6 +222,7 @@ class _Room:
         mine = np.zeros(3 if unit is None else waiting + 1 + count, dtype=np.int64)
         self.rows = mine[:1] if unit is None else mine[4 : 4 + _GROUPS * lanes]
         self.free = mine[3:] if unit is None else mine[waiting + 1 :]
+        self.numbers = np.arange(self.free.size)
         # By the names of the entry point's arguments.
         self.places: dict[str, Any] = {"run": run, "mine" if unit is None else "rows": mine}
         # What a batch starts with in zeros, and the lanes of each group by their names.
@@ -271,7 +272,7 @@ class _Room:
         for array in self.blank:
             array.fill(0)
         self.rows.fill(-1)
-        self.free[:] = np.arange(self.free.size)
+        self.free[:] = self.numbers
 
 
 def _pasts(machine: Machine, count: int) -> tuple[Rows[Past], tuple[npt.NDArray[Any], ...]]:
