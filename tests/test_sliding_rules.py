@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command import summary
 
-from filippov import Surface, System, UsageError, sign, solve, states
+from filippov import Surface, System, UsageError, sign, solve, states, t
 from filippov.solving.solution import Solution
 
 RULES = ("filippov", "moments", "utkin")
@@ -112,6 +112,47 @@ def test_moments_on_three_surfaces(scale: float) -> None:
     # What the multi-affine blend gives is another selection.
     other = along(System.from_modes(surfaces, fields, [x, y, z, w]), (0, 0, 0, 0), (0, 1), "filippov")
     assert abs(other.x_end[3] - got.x_end[3]) > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("seed", "backend"), [(0, "compiled"), (1, "compiled"), (2, "compiled"), (3, "python")]
+)
+@pytest.mark.parametrize("k", [2, 3])
+def test_13_4_both_rules_on_random_vertices_of_moving_oblique_surfaces(
+    k: int, seed: int, backend: str
+) -> None:
+    """h = G q - r t with random G and r; the weights of both rules by numpy."""
+    random = np.random.default_rng(seed)
+    slopes, speeds = np.eye(k) + random.uniform(-0.4, 0.4, (k, k)), random.uniform(-1, 1, k)
+    signs = list(itertools.product((-1, 1), repeat=k))
+    rates = {s: -np.array(s) * random.uniform(0.5, 2, k) for s in signs}
+    fields = {s: np.append(np.linalg.solve(slopes, rates[s] + speeds), random.uniform(-1, 1)) for s in signs}
+
+    def blend(multipliers: np.ndarray, values: dict[tuple[int, ...], np.ndarray]) -> np.ndarray:
+        return np.asarray(sum(np.prod((1 + multipliers * s) / 2) * values[s] for s in signs))
+
+    held = np.zeros(k)
+    for _ in range(30):
+        columns = [blend(np.where(c == np.arange(k), 1, held), rates) for c in range(k)]
+        columns = [
+            column - blend(np.where(c == np.arange(k), 0, held), rates) for c, column in enumerate(columns)
+        ]
+        held = held - np.linalg.solve(np.array(columns).T, blend(held, rates))
+    assert np.abs(blend(held, rates)).max() < 1e-14
+    lengths = np.linalg.norm(slopes, axis=1)
+    unit = {s: np.concatenate((rates[s] / lengths, fields[s])) for s in signs}
+    expected = {"filippov": blend(held, fields), "moments": moments(unit, k)[k:]}
+    q = (x, y, z)[:k]
+    surfaces = [
+        Surface(str(q[i]), sum(float(slopes[i, j]) * q[j] for j in range(k)) - float(speeds[i]) * t)
+        for i in range(k)
+    ]
+    named = {"".join("+" if c > 0 else "-" for c in s): [float(v) for v in fields[s]] for s in signs}
+    system = System.from_modes(surfaces, named, [*q, w])
+    for rule, velocity in expected.items():
+        got = along(system, np.zeros(k + 1), (0, 1), rule, backend=backend)
+        assert got.modes == ("0" * k,)
+        assert np.abs(got.x_end - velocity).max() < 1e-10
 
 
 def test_moments_leaves_where_a_weight_pair_vanishes() -> None:

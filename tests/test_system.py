@@ -16,6 +16,7 @@ import sympy as sp
 
 import filippov
 from filippov.base.errors import ModelError, NonUniqueError, SolveError, UsageError
+from filippov.kernel.codegen.generate import total_gradients
 from filippov.model.comparator import Band, Exact, Hysteresis, Smooth
 from filippov.model.parameter_symbol import parameters
 from filippov.model.surface import Surface
@@ -45,7 +46,6 @@ def test_the_sample_has_one_surface_named_v() -> None:
     assert system.comparator == Exact()
     assert system.symbolic is not None
     assert system.symbolic.h == (v,)
-    assert system.symbolic.affine_in_signs()
 
 
 def test_sample_field_against_the_formula() -> None:
@@ -95,7 +95,7 @@ def test_sliding_keeps_the_sign_and_drops_the_size() -> None:
         form.at_mode("x")
 
 
-def test_nested_sizes_in_modes_partials_and_rates() -> None:
+def test_nested_sizes_in_modes_gradients_and_rates() -> None:
     form = System({x: sp.sign(z - abs(v)) + abs(v) ** 3, v: x + t, z: sp.Integer(1)}).symbolic
     assert form is not None
     assert form.h[0] == v
@@ -103,11 +103,11 @@ def test_nested_sizes_in_modes_partials_and_rates() -> None:
         outer = form.h_at_mode(mode)[1]
         assert outer in {h, -h}
         m = mode[0]
-        parts = form.partials
         fixed = dict(zip(form.s, mode, strict=True)) | {form.a[0]: m * v}
-        hx = parts.hx + parts.ha * sp.diag(*mode) * parts.hx  # one level of nesting
-        assert hx.subs(fixed) == form.gradients(mode)
-        fx = parts.fx + parts.fa * sp.diag(*mode) * form.gradients(mode)
+        slopes = [row[:3] for row in total_gradients(form, tuple(map(sp.Integer, mode)))]
+        assert sp.Matrix(slopes).subs(fixed) == form.gradients(mode)
+        f, sizes = sp.Matrix(form.field), sp.Matrix(form.a)
+        fx = f.jacobian(form.x) + f.jacobian(sizes) * sp.diag(*mode) * form.gradients(mode)
         assert sp.simplify(fx.subs(fixed) - form.jacobian(mode)) == sp.zeros(3, 3)
         field = form.at_mode(mode)
         expected = outer.diff(v) * field[1] + outer.diff(z) * field[2]

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 from filippov import Surface, System, parameters, sign, sin, solve, states
 from filippov.analysis.sensitivity import saltation
-from filippov.analysis.sensitivity.variation import mode_field, transition
+from filippov.analysis.sensitivity.variation import mode_field, transitions
 
 Q = states("q1 q2 q3")
 P = parameters(**{f"a{i}{j}": 0.0 for i in range(3) for j in range(3)})
@@ -29,9 +29,9 @@ def test_14_6_transition_of_a_stiff_mode_is_the_matrix_exponential(z: tuple[floa
     h = 0.01
     a = basis @ np.diag(z) @ np.linalg.inv(basis) / h
     start = h * np.arange(count)
-    got = transition(
-        mode_field(LINEAR, ()), start, np.full(count, h), lambda t: np.ones((t.size, 3)), a.ravel()
-    )[:3, :3]
+    ones = lambda t: np.ones((t.size, 3))  # noqa: E731
+    spans = [(start, np.full(count, h))]
+    got = transitions(mode_field(LINEAR, ()), spans, ones, a.ravel())[0][:3, :3]
     exact = expm(a * h * count)
     np.testing.assert_allclose(got, exact, atol=1e-11 * (1 + np.max(np.abs(exact))))
 
@@ -40,7 +40,8 @@ def test_14_6_transition_of_a_stiff_mode_is_the_matrix_exponential(z: tuple[floa
 def test_14_6_transition_of_a_mode_that_turns_fast(step: float) -> None:
     a = np.array([[-1.0, 200.0, 0.0], [-200.0, -1.0, 3.0], [0.0, 0.0, -40.0]])
     ones = lambda t: np.ones((t.size, 3))  # noqa: E731
-    got = transition(mode_field(LINEAR, ()), step * np.arange(3), np.full(3, step), ones, a.ravel())
+    spans = [(step * np.arange(3), np.full(3, step))]
+    got = transitions(mode_field(LINEAR, ()), spans, ones, a.ravel())[0]
     np.testing.assert_allclose(got[:3, :3], expm(3 * step * a), rtol=1e-11, atol=1e-12)
 
 

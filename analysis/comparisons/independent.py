@@ -25,6 +25,7 @@ from scipy.optimize import brentq
 from filippov.analysis.algebra import linalg
 from filippov.analysis.maps.event_map import EventMap
 from filippov.base.errors import SolveError, UsageError
+from filippov.model.symbolic import slope_of
 from filippov.model.symbols import t as time
 
 Array = npt.NDArray[np.float64]
@@ -61,12 +62,12 @@ class Orbits:
         self.sides = {sign: self._side(sign, numbers) for sign in (1, -1)}
 
     def _side(self, sign: int, numbers: dict[Any, Any]) -> Side:
-        form, parts = self.form, self.form.partials
+        form = self.form
         put = {**numbers, form.s[0]: sympy.Integer(sign)}
         rows = {
             "f": [f.xreplace(put) for f in form.field],
-            "fx": [e.xreplace(put) for e in parts.fx],
-            "fa": [e.xreplace(put) for e in parts.fa],
+            "fx": [slope_of(f, x).xreplace(put) for f in form.field for x in form.x],
+            "fa": [slope_of(f, form.a[0]).xreplace(put) for f in form.field],
         }
         made = {name: sympy.lambdify((*form.x, form.a[0]), row, "numpy") for name, row in rows.items()}
 

@@ -251,21 +251,15 @@ def _parts(z: npt.NDArray[np.complex128]) -> tuple[npt.NDArray[np.int64], npt.ND
     )
 
 
-def transition(
-    field: ModeField, start: Array, step: Array, state: Callable[[Array], Array], p: Array
-) -> Array:
-    """Product of the transition matrices of Y' = A Y over steps of one mode: (N, N).
-
-    Gauss collocation of order 8 on the integrator's own steps, all of them at once; state(t) gives x on the
-    nodes. A step is divided where the matrix itself requires it, even if the solution does not.
-    """
-    return transitions(field, [(start, step)], state, p)[0]
-
-
 def transitions(
     field: ModeField, spans: Sequence[tuple[Array, Array]], state: Callable[[Array], Array], p: Array
 ) -> list[Array]:
-    """`transition` over several spans of one mode, each (starts, steps) of its own, side by side."""
+    """Products of the transition matrices of Y' = A Y over spans of steps in one mode: (N, N) for each.
+
+    spans: (starts, steps) of each; state(t) gives x at the nodes. Gauss collocation of order 8 on the
+    integrator's own steps, all of them at once. A step is divided where the matrix itself requires it, even
+    if the solution does not.
+    """
     sizes = np.array([start.size for start, _ in spans])
     starts, steps, counts = _divided(
         field, np.concatenate([start for start, _ in spans]), np.concatenate([step for _, step in spans]),

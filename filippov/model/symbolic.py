@@ -19,7 +19,6 @@ from filippov.base.errors import UsageError
 from filippov.base.given import several
 from filippov.model.parameter_symbol import ParameterSymbol
 from filippov.model.signals.samples import Samples
-from filippov.model.size import expanded
 from filippov.model.symbols import t
 
 
@@ -98,23 +97,6 @@ class Select(sympy.Function):
     def _numpycode(self, printer: Any, *args: Any, **hints: Any) -> str:
         c, plus, minus = (printer._print(a) for a in self.args)
         return f"{printer._module_format('numpy.where')}(({c}) > 0, {plus}, {minus})"
-
-
-@dataclass(frozen=True)
-class Partials:
-    """Partial derivatives of f (n x ...) and h (m x ...), s and a held; sympy matrices in t, x, p, s, a.
-
-    In a mode the total derivatives are H_x = hx + ha diag(mode) H_x and f_x + fa diag(mode) H_x.
-    """
-
-    fx: sympy.Matrix
-    ft: sympy.Matrix
-    fp: sympy.Matrix
-    fa: sympy.Matrix
-    hx: sympy.Matrix
-    ht: sympy.Matrix
-    hp: sympy.Matrix
-    ha: sympy.Matrix
 
 
 @dataclass(frozen=True)
@@ -214,10 +196,6 @@ class SymbolicForm:
         """df/dx in a mode, shape (n, n); the s of sliding surfaces are held."""
         return _derivative(self.at_mode(mode), self.x)
 
-    def parameter_jacobian(self, mode: Sequence[int] | str) -> sympy.Matrix:
-        """df/dp in a mode, shape (n, number of parameters); the s of sliding surfaces are held."""
-        return _derivative(self.at_mode(mode), self.p)
-
     def gradients(self, mode: Sequence[int] | str) -> sympy.Matrix:
         """dh/dx in a mode, shape (m, n)."""
         return _derivative(self.h_at_mode(mode), self.x)
@@ -229,23 +207,6 @@ class SymbolicForm:
             h.diff(t) + sum((h.diff(x) * f for x, f in zip(self.x, field, strict=True)), sympy.S.Zero)
             for h in self.h_at_mode(mode)
         )
-
-    @cached_property
-    def partials(self) -> Partials:
-        """The partial derivatives of f and h with s and a held."""
-        f, h = self.field, self.h
-        blocks = [_derivative(g, by) for g in (f, h) for by in (self.x, (t,), self.p, self.a)]
-        return Partials(*blocks)
-
-    def affine_in_signs(self) -> bool:
-        """Whether f is affine in each s_i; Filippov's and Utkin's sliding fields then agree on one "
-        "surface."""
-        free = set(self.s)
-        for f in self.field:
-            g = convex(f, free)
-            if any(not expanded(g.diff(s, 2)).is_zero for s in self.s if g.has(s)):
-                return False
-        return True
 
     def plain_h(self) -> tuple[Expr, ...]:
         """Return the switching functions with Abs(h_j) written out in place of a_j."""
@@ -283,7 +244,7 @@ class SymbolicForm:
             yield from after or ()
 
     def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k not in ("partials", "inputs")}
+        return {k: v for k, v in self.__dict__.items() if k != "inputs"}
 
 
 def convex(f: Expr, free: set[Symbol]) -> Expr:

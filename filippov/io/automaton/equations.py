@@ -13,7 +13,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.base.errors import ModelError
-from filippov.kernel.codegen.generate import filled, jointly_affine, structure
+from filippov.kernel.codegen.generate import filled, jointly_affine, sizes_used, structure, total_gradients
 from filippov.kernel.codegen.generate_resets import contact_field, contact_guards, contact_rows
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.symbols import t
@@ -65,12 +65,8 @@ class Equations:
     def sizes(self, expressions: Iterable[Expr]) -> list[tuple[Symbol, Expr]]:
         """(a_i, m_i h_i) for the sizes that stand in expressions, in an order to compute them in."""
         used: set[Symbol] = set().union(*(e.free_symbols for e in expressions))
-        rows = list(zip(self.form.a, self.form.h, self.modes, strict=True))
-        needed = set(used)
-        for a, h, _ in reversed(rows):
-            if a in needed:
-                needed |= h.free_symbols & set(self.form.a)
-        return [(a, m * h) for a, h, m in rows if a in needed]
+        form = self.form
+        return [(form.a[i], self.modes[i] * form.h[i]) for i in sizes_used(form, used)]
 
 
 def equations(system: System) -> Equations:
@@ -88,7 +84,7 @@ def equations(system: System) -> Equations:
                 "which an exported automaton does not decide. Export a form of the model without it."
             )
     modes = tuple(sympy.Dummy(f"m{i}", real=True) for i in range(len(form.h)))
-    plain = _gradients(form, modes)
+    plain = total_gradients(form, modes)
     rows = contact_rows(form, plain, modes)
     field = contact_field(form, modes)
     none = (None,) * len(form.h)
@@ -97,19 +93,6 @@ def equations(system: System) -> Equations:
         tuple(tuple(row) for row in rows), form.radius, form.reset or none, form.time_reset,
         tuple(structure(form, field, filled(rows)).components()), jointly_affine(form),
     )  # fmt: skip
-
-
-def _gradients(form: SymbolicForm, modes: Sequence[Symbol]) -> list[list[Expr]]:
-    """dh/dx and dh/dt of every h, through the sizes of earlier surfaces: H = hx + ha diag(m) H."""
-    parts, n = form.partials, len(form.x)
-    rows: list[list[Expr]] = []
-    for i in range(len(form.h)):
-        row = [*(parts.hx[i, j] for j in range(n)), parts.ht[i, 0]]
-        for k in range(i):
-            if parts.ha[i, k] != 0:
-                row = [q + parts.ha[i, k] * modes[k] * inner for q, inner in zip(row, rows[k], strict=True)]
-        rows.append(row)
-    return rows
 
 
 def names_of(form: SymbolicForm, modes: Sequence[Symbol], first: int = 0) -> dict[Symbol, str]:

@@ -196,19 +196,19 @@ def symbol_names(form: SymbolicForm) -> dict[Symbol, str]:
     return names
 
 
-def _sizes(form: SymbolicForm, printer: KernelPrinter, used: set[Symbol]) -> list[str]:
-    """|h_i| = mode_i h_i of the surfaces whose size is used: smooth across the surface, 0 while sliding."""
-    if not used:
-        return []
+def sizes_used(form: SymbolicForm, used: set[Symbol]) -> list[int]:
+    """The surfaces whose sizes |h_i| stand among these symbols, or in the h of such a surface; in order."""
     needed, every = set(used), set(form.a)
     for a, h in reversed(list(zip(form.a, form.h, strict=True))):
         if a in needed:
             needed |= h.free_symbols & every
-    return [
-        f"    a{i} = m[{i}] * {printer._print(h)}"
-        for i, (a, h) in enumerate(zip(form.a, form.h, strict=True))
-        if a in needed
-    ]
+    return [i for i, a in enumerate(form.a) if a in needed]
+
+
+def _sizes(form: SymbolicForm, printer: KernelPrinter, used: set[Symbol]) -> list[str]:
+    """|h_i| = mode_i h_i of the surfaces whose size is used: smooth across the surface, 0 while sliding."""
+    places = sizes_used(form, used) if used else ()
+    return [f"    a{i} = m[{i}] * {printer._print(form.h[i])}" for i in places]
 
 
 def total_gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[Expr]]:

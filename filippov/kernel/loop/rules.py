@@ -14,7 +14,7 @@ Both equal Filippov's where f is a constant plus a sum of terms in one sign each
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel, shift, sqrt
 from filippov.kernel.loop.dense import solve_linear, solve_or_least
-from filippov.kernel.loop.gradients import rate, track
+from filippov.kernel.loop.gradients import gradient_product, rate, track
 from filippov.kernel.loop.model import (
     COLOUR,
     COLOURS,
@@ -133,6 +133,35 @@ def slide_affine(
 
 
 @kernel
+def vertex_fields(t: float, x: Vector, p: Vector, m: Vector, w: Scratch, iw: Integers, ctx: Indices) -> int:
+    """The fields at the 2**k vertices of the signs, and the rates of the sliding surfaces under each.
+
+    Bit c of a vertex's number tells the side of the c-th of the listed surfaces.
+    """
+    k, vertices = iw.sliding, 1 << iw.sliding
+    for v in range(vertices):
+        for c in range(k):
+            w.s[iw.listed[c]] = 1.0 if (v >> c) & 1 else -1.0
+        f = shift(w.vert, v * N)
+        if rhs(t, x, p, w.s, m, f, ctx) != 0:
+            return 1
+        for c in range(k):
+            w.rate[v * SIDE + c] = rate(iw.listed[c], f, w)
+    iw.calls += vertices
+    return 0
+
+
+@kernel
+def vertex_weight(v: int, d: int, w: Scratch, iw: Integers) -> float:
+    """The weight of vertex v at the multipliers, or its derivative by the d-th of these where d >= 0."""
+    weight = 1.0
+    for c in range(iw.sliding):
+        side = 1.0 if (v >> c) & 1 else -1.0
+        weight *= 0.5 * side if c == d else 0.5 * (1.0 + side * w.mult[iw.listed[c]].value)
+    return weight
+
+
+@kernel
 def slide_multi_affine(
     t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
@@ -141,15 +170,8 @@ def slide_multi_affine(
     if k > MOST_ENUMERATED:
         return 2
     vertices = 1 << k
-    for v in range(vertices):
-        for c in range(k):
-            w.s[iw.listed[c]] = 1.0 if (v >> c) & 1 else -1.0
-        if rhs(t, x, p, w.s, m, shift(w.vert, v * N), ctx) != 0:
-            return 1
-        for c in range(k):
-            i = iw.listed[c]
-            w.rate[v * SIDE + c] = rate(i, shift(w.vert, v * N), w)
-    iw.calls += vertices
+    if vertex_fields(t, x, p, m, w, iw, ctx) != 0:
+        return 1
     done, last = False, 1e300
     for _ in range(30):
         for c in range(k):
@@ -157,17 +179,11 @@ def slide_multi_affine(
             for d in range(k):
                 w.mat[c * SIDE + d] = 0.0
         for v in range(vertices):
-            weight = 1.0
-            for c in range(k):
-                side = 1.0 if (v >> c) & 1 else -1.0
-                weight *= 0.5 * (1.0 + side * w.mult[iw.listed[c]].value)
+            weight = vertex_weight(v, -1, w, iw)
             for c in range(k):
                 w.vec[c] -= weight * w.rate[v * SIDE + c]
             for d in range(k):
-                slope = 1.0
-                for c in range(k):
-                    side = 1.0 if (v >> c) & 1 else -1.0
-                    slope *= 0.5 * side if c == d else 0.5 * (1.0 + side * w.mult[iw.listed[c]].value)
+                slope = vertex_weight(v, d, w, iw)
                 for c in range(k):
                     w.mat[c * SIDE + d] += slope * w.rate[v * SIDE + c]
         if done:
@@ -190,10 +206,7 @@ def slide_multi_affine(
     for j in range(N):
         out[j] = 0.0
     for v in range(vertices):
-        weight = 1.0
-        for c in range(k):
-            side = 1.0 if (v >> c) & 1 else -1.0
-            weight *= 0.5 * (1.0 + side * w.mult[iw.listed[c]].value)
+        weight = vertex_weight(v, -1, w, iw)
         for j in range(N):
             out[j] += weight * w.vert[v * N + j]
     for c in range(k):
@@ -212,19 +225,12 @@ def slide_moments(
     if k > MOST_ENUMERATED:
         return 2
     vertices = 1 << k
-    for v in range(vertices):
-        for c in range(k):
-            w.s[iw.listed[c]] = 1.0 if (v >> c) & 1 else -1.0
-        if rhs(t, x, p, w.s, m, shift(w.vert, v * N), ctx) != 0:
-            return 1
-        for c in range(k):
-            i = iw.listed[c]
-            total, size = w.gt[i], 0.0
-            for j in range(N):
-                total += w.g[i * N + j] * w.vert[v * N + j]
-                size += w.g[i * N + j] ** 2
-            w.rate[v * SIDE + c] = total / sqrt(size + 1e-300)
-    iw.calls += vertices
+    if vertex_fields(t, x, p, m, w, iw, ctx) != 0:
+        return 1
+    for c in range(k):
+        norm = sqrt(gradient_product(iw.listed[c], iw.listed[c], w) + 1e-300)
+        for v in range(vertices):
+            w.rate[v * SIDE + c] /= norm
     a, weights = w.moments, shift(w.moments, vertices * vertices)
     for chosen in range(vertices):
         for v in range(vertices):
@@ -269,11 +275,7 @@ def rates_at(
         return 1
     iw.calls += 1
     for c in range(iw.sliding):
-        i = iw.listed[c]
-        total = w.gt[i]
-        for j in range(N):
-            total += w.g[i * N + j] * f[j]
-        rates[c] = total
+        rates[c] = rate(iw.listed[c], f, w)
     return 0
 
 
