@@ -1,1 +1,1 @@
-"""What makes a unit of machine code for a system, and keeps it."""
+"""The generation, compilation and caching of a system's unit of machine code."""

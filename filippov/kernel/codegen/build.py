@@ -1,12 +1,11 @@
 """Compile a system's units and keep their object code in a per-user cache folder.
 
-A unit is one LLVM module. The unit of a system holds its field, guards and resets, its tables, and the
-numbers that say how large it is and where its records have what (SHAPE). The event loop with the stages of a
-method reads these where it runs: units of its parts (`parts`) serve all systems, and are linked with theirs.
-Lanes have a unit of their own, and one with a loop made for the system, a fifth faster, for what is done
-beside them. A
-file is named by a digest of the sources and constants, of the version of llvmlite and of the processor, so
-that no stale code can be found; `cache` says which files are trusted.
+A unit is one LLVM module. The unit of a system holds its field, guards and resets, its tables, and its sizes
+and the layout of its records (SHAPE). The event loop with the stages of a method reads these at run time, so
+that the units of its parts (`parts`) serve all systems and are linked with each. Lanes have a unit of their
+own, with a loop compiled for the system, a fifth faster, for what the lanes leave to it. A file is named by a
+digest of the sources and constants, of the version of llvmlite and of the processor, so that stale code is
+never found; `cache` says which files are trusted.
 """
 
 import ast
@@ -37,28 +36,28 @@ from filippov.kernel.tables.tableaus import TABLEAUS, Collocation, Series
 
 # A unit of lanes widens plain kernels, and calls those of another unit by their addresses.
 _LANE_FILES = (*FILES, "lane_functions", "lane_field", "lane_step", "lane_slot", "lane_run")
-# What the loop calls of a system's unit: what is written for the system. Then what it calls in lanes (see
+# What the loop calls in a system's unit: the kernels written for the system. Then what it calls in lanes (see
 # `points`).
 _OF_SYSTEM = ("rhs", "pair", "guards", "gradients", "radii", "resets", "derive")
-# The rest is small loops over states and surfaces, which are no loops where the numbers of these are known.
+# The rest are small loops over states and surfaces, which are unrolled where their numbers are known.
 _OF_SERIES = (
     "jets", "series_end", "series_step", "take_jets", "error_norm", "series_clear", "guard_state", "carry_on",
 )  # fmt: skip
 _OF_WIDE_SERIES = ("look_beside",)
 _OF_SYSTEM_IN_LANES = ("pair", "guards", "gradients", "radii")
-# The constants of a system for which a loop is made; it reads the others where it runs.
+# The constants for which a loop is compiled; it reads the others at run time.
 _MADE_FOR = ("WIDE",)
 _lock = threading.Lock()
-# Units by what was asked for: a digest of it, as files are named, takes longer than a short run.
+# Units by the arguments of `build`: computing the digest that names a file takes longer than a short run.
 _units: dict[tuple[Any, ...], "Compiled"] = {}
 
 
 @dataclass(frozen=True)
 class Compiled:
-    """Machine code of one system with one method: entry points to call with addresses, and their records.
+    """The machine code of one system with one method: entry points called with addresses, and their records.
 
-    records: by name, with the lengths that they have here
-    plain: its kernels are run by Python and are called with arrays and records (see `interpreted`).
+    records: by name, with their lengths for this system
+    plain: the kernels run under Python and are called with arrays and records (see `interpreted`).
     """
 
     functions: Mapping[str, Any]
@@ -74,21 +73,21 @@ class Compiled:
         return self.engine is None
 
     def scratch(self) -> Scratch:
-        """Room for what is made on the way, in zeros."""
+        """Scratch space, filled with zeros."""
         return cast(Scratch, self.records["Scratch"].new())
 
     def integers(self) -> Integers:
-        """The same for integers."""
+        """Scratch space for integers."""
         return cast(Integers, self.records["Integers"].new())
 
     def arguments(self, name: str, values: Mapping[str, Any]) -> list[Any]:
-        """What an entry point is called with, from values by name."""
+        """The arguments of an entry point, from values by name."""
         return ordered(name, values, None if self.plain else address_of)
 
 
 @cache
 def generation() -> bytes:
-    """What the loop and its generator are made of: another one needs units made anew."""
+    """A digest of the loop's and its generator's sources: where it differs, units are compiled anew."""
     parts = [path.read_bytes() for path in all_files()]
     return hashlib.sha256(b"\0".join(hashlib.sha256(part).digest() for part in parts)).digest()
 
@@ -105,7 +104,7 @@ def _toolchain() -> bytes:
 
 @cache
 def widest() -> int:
-    """Trajectories side by side that suit this processor: two vectors of 8 where it has them, else 8."""
+    """The number of lanes for this processor: 16 where it has vectors of 8 numbers (AVX-512), else 8."""
     from llvmlite import binding
 
     return MOST_LANES if binding.get_host_cpu_features().get("avx512f", False) else LANES
@@ -149,7 +148,7 @@ def _number(node: ast.expr) -> int | float | bool | None:
 
 
 def _unit(source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes, lanes: int = 1) -> Unit:
-    """All kernels that a system may have, none compiled."""
+    """A unit with all kernels that a system may have, none of them compiled."""
     tableau = TABLEAUS[method]
     shared, texts = _shared()
     files = ("system", "method", *(f"{name}.py" for name in _LANE_FILES))
@@ -162,12 +161,12 @@ def _unit(source: str, constants: Mapping[str, Constant], method: str, sizes: Si
 
 
 def _tables(constants: Mapping[str, Constant]) -> dict[str, Sequence[float]]:
-    """What of a system's constants its loop reads from tables."""
+    """The tables among a system's constants, which the loop reads."""
     return {k: v for k, v in constants.items() if isinstance(v, list)}
 
 
 def _shape(constants: Mapping[str, Constant], sizes: Sizes) -> dict[str, int]:
-    """The numbers that a loop reads: how large a system is, what it has, where its records have what."""
+    """The numbers that the loop reads: sizes of the system, its features, offsets in its records."""
     found = {k: int(v) for k, v in constants.items() if isinstance(v, int) and k not in _MADE_FOR}
     found["SIDE"] = sizes.side
     for name, record in _sized(sizes).items():
@@ -187,7 +186,7 @@ def _compile_loop(
     source: str, constants: Mapping[str, Constant], method: str, sizes: Sizes, part: Part
 ) -> bytes:  # fmt: skip
     own = _interface(constants, method)
-    # No other kernel of this system may get into a unit that others will use.
+    # No kernel of this system may enter a unit that other systems will use.
     unit = _unit(heads(source, own), constants, method, sizes)
     unit.foreign, unit.foreign_lanes = of_others(part).union(own), frozenset(_OF_SYSTEM_IN_LANES)
     unit.outside = frozenset((*_tables(constants), "SHAPE"))
@@ -230,7 +229,7 @@ def _plain(source: str, constants: Mapping[str, Constant], method: str) -> Compi
     records = _sized(sizes)
     texts = {"system": source, "method": method_source(tableau)}
     files = tuple(kernel_file(name) for name in FILES)
-    # Python has no lanes: points of a sample are taken one after the other.
+    # Python has no lanes: the points of a sample are evaluated one after the other.
     numbers = {**_shared()[0], "SIDE": sizes.side, **method_constants(tableau), **constants}
     numbers |= {"WIDE": False, "VECTORS": 1}
     entries = tuple(name for name in PLAIN if name not in Entries.places and name != "ensemble")
@@ -262,7 +261,7 @@ def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: i
     sizes = _sizes(constants, method)
     everything = source, sorted(constants.items()), method, lanes
     if lanes > 1:
-        # The loop beside the lanes is made for one trajectory, with vectors of its own width.
+        # The loop beside the lanes is compiled for one trajectory, with its own vector width.
         alone, own = (*everything[:-1], "alone"), tuple(Entries.places)
         codes = [
             kept_code(what, partial(_compile_whole, source, constants, method, sizes, width, names))
@@ -300,7 +299,7 @@ def _built(source: str, constants: Mapping[str, Constant], method: str, lanes: i
 
 
 class _Asked(dict[str, Any]):
-    """Entry points by name; those of parts that few runs call are linked when they are asked for."""
+    """Entry points by name; parts that few runs call are linked at the first call."""
 
     def __init__(self, known: Mapping[str, Any], ask: Callable[[str], tuple[Any, object]]) -> None:
         super().__init__(known)
@@ -321,7 +320,7 @@ def _entered(codes: Sequence[bytes], names: Sequence[str]) -> tuple[dict[str, An
 
 
 def kept_code(what: tuple[Any, ...], make: Callable[[], bytes], sources: bytes = b"") -> bytes:
-    """Object code from the cache, made where it is not there; sources: those that are not the loop's."""
+    """Object code from the cache, compiled where it is missing; sources: those that are not the loop's."""
     name = hashlib.sha256(_toolchain() + sources + repr(what).encode()).hexdigest()[:32]
     code = kept.read(name)
     if code is None:

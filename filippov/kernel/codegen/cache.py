@@ -1,9 +1,9 @@
-"""The folder of compiled units: nobody else's, each file bound to its name by a secret of the user.
+"""The folder of compiled units: private to the user, each file authenticated together with its name.
 
-Machine code that is read is run. So the folder must belong to the user and be writable by nobody else, the
-files likewise, and every file carries a code of authentication (HMAC-SHA256, RFC 2104) over its name and
-content, made with a secret that lies apart from it. What fails a check is compiled anew, never run. Where the
-folder cannot be used there is another one among the temporary files, under the same conditions; where that
+Machine code that is read is run. The folder must therefore belong to the user and be writable by nobody else,
+and so must the files, and every file carries an authentication code (HMAC-SHA256, RFC 2104) over its name and
+content, made with a secret that is stored apart from it. A file that fails a check is compiled anew, never
+run. Where the folder cannot be used, one among the temporary files is, under the same conditions; where that
 fails too, nothing is kept.
 """
 
@@ -24,14 +24,14 @@ _KEY_FILE = "unit.key"
 _KEY_SIZE = 32
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 _OTHERS = stat.S_IRWXG | stat.S_IRWXO
-# Windows keeps the rights of files by other means, and profiles apart.
+# Windows has other file permissions, and keeps user profiles apart.
 _OWNED = hasattr(os, "getuid")
 _keys: dict[Path, bytes] = {}
 
 
 @dataclass(frozen=True)
 class Place:
-    """The folder in use, None where nothing is kept, and why it is not the one that was meant."""
+    """The folder in use, None where nothing is kept, and why it is not the configured one."""
 
     folder: Path | None
     meant: Path | None
@@ -39,7 +39,7 @@ class Place:
 
 
 def cache_folder() -> Path | None:
-    """Where units are meant to be: $FILIPPOV_CACHE, else `filippov` in the user's cache folder, if any."""
+    """The configured folder: $FILIPPOV_CACHE, else `filippov` in the user's cache folder, if any."""
     named = os.environ.get("FILIPPOV_CACHE")
     if named:
         try:
@@ -51,7 +51,7 @@ def cache_folder() -> Path | None:
 
 
 def place() -> Place:
-    """The folder to use now: the one that is meant, or a private one among the temporary files."""
+    """The folder to use now: the configured one, or a private one among the temporary files."""
     meant = cache_folder()
     reason = "there is no home folder; set HOME or FILIPPOV_CACHE" if meant is None else _unfit(meant)
     if not reason:
@@ -61,7 +61,7 @@ def place() -> Place:
 
 
 def read(name: str) -> bytes | None:
-    """The content kept under a name; None where it is missing, damaged, or not of this user's making."""
+    """The content kept under a name; None where it is missing, damaged, or not written by this user."""
     for folder, exactly in ((cache_folder(), False), (_spare(), True)):
         if folder is None:
             continue
@@ -141,7 +141,7 @@ def _unsafe(folder: Path, exactly: bool) -> str:
 
 
 def _make(folder: Path) -> None:
-    """A folder with what is above it, for the user alone where they are made."""
+    """Create a folder and its missing parents, private to the user."""
     missing = []
     while not folder.exists():
         missing.append(folder)
@@ -151,7 +151,7 @@ def _make(folder: Path) -> None:
 
 
 def _ours_alone(folder: Path) -> bool:
-    """Whether nothing but units and their secret is in a folder: its rights are ours to set."""
+    """Whether a folder holds only units and their secret, so that its permissions may be set."""
     with os.scandir(folder) as found:
         return all(item.name.endswith((".unit", ".tmp")) or item.name == _KEY_FILE for item in found)
 
@@ -172,7 +172,7 @@ def _key(folder: Path) -> bytes | None:
 
 
 def _new_key(path: Path, missing: bool) -> bytes | None:
-    """A new secret in a file, in place of a damaged or open one; another process's where that was first."""
+    """A new secret in a file, replacing a damaged or readable one; or another process's, if earlier."""
     _write_own(path, secrets.token_bytes(_KEY_SIZE), keep=missing)
     return _read_own(path, _KEY_SIZE, secret=True)
 
@@ -180,7 +180,7 @@ def _new_key(path: Path, missing: bool) -> bytes | None:
 def _read_own(path: Path, largest: int, secret: bool = False) -> bytes | None:
     """The content of a plain file of this user that nobody else may write to (or read, a secret)."""
     flags = os.O_RDONLY
-    for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"):  # not every system has each
+    for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"):  # not every platform has all of these
         flags |= getattr(os, name, 0)
     forbidden = _OTHERS if secret else _OTHERS_WRITE
     try:
@@ -198,9 +198,9 @@ def _read_own(path: Path, largest: int, secret: bool = False) -> bytes | None:
 def _write_own(path: Path, content: bytes, keep: bool = False) -> None:
     """Write a file for the user alone, whole or not at all; silently where that fails.
 
-    Not by `filippov.base.whole_file`: nobody else may read this one, a lost unit is only compiled again (so
-    nothing waits for the disk), and a secret must not take the place of the one that was first.
-    keep: one that has come into being meanwhile stays (of two processes one makes the secret).
+    Not by `filippov.base.whole_file`: nobody else may read this file, a lost unit is only compiled again (so
+    there is no waiting for the disk), and a secret must not replace an earlier one.
+    keep: a file that another process has written meanwhile stays.
     """
     try:
         handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
@@ -221,6 +221,6 @@ def _linked(temporary: str, path: Path, size: int) -> bool:
         os.link(temporary, path)
     except FileExistsError:
         return _read_own(path, size, secret=True) is not None
-    except OSError:  # no links on this file system: the last one stays
+    except OSError:  # no links on this file system: the last writer wins
         return False
     return True

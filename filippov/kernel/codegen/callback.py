@@ -69,7 +69,7 @@ def resets(i: int, t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: 
 
 
 def callback_unit(n: int, parameters: int, surfaces: tuple[Surface, ...]) -> Generated:
-    """The unit of any system of this size that is given by plain functions."""
+    """The unit of any system of this size given by plain functions."""
     linear = [surface.linear for surface in surfaces]
     pattern = Structure.full(n, len(surfaces))
     affine = len(surfaces) < 2
@@ -82,9 +82,9 @@ def callback_unit(n: int, parameters: int, surfaces: tuple[Surface, ...]) -> Gen
 
 
 def new_context() -> npt.NDArray[np.int64]:
-    """Room for five addresses, the times between which functions may be called (as bits), and an address.
+    """An array for five addresses, the times between which functions may be called (as bits), and an address.
 
-    The last is that of the plain field, whatever stands in its place as the first.
+    The last is that of the plain field, also where machine code replaces it as the first.
     """
     context = np.zeros(8, dtype=np.int64)
     context[5:7] = np.array([-np.inf, np.inf]).view(np.int64)
@@ -131,7 +131,7 @@ class Callbacks:
         self._constant.clear()
 
     def speed_up(self, names: tuple[str, ...], t: float, x: npt.NDArray[np.float64]) -> None:
-        """Put the field's machine code in place of the callback where it may stand there; the run is at t, x.
+        """Replace the callback by the field's machine code where that is allowed; the run is at t, x.
 
         Raises ModelError where it was asked for and cannot be.
         """
@@ -139,7 +139,7 @@ class Callbacks:
         self.context[0] = self.replacement.at(names, self.p, t, x) or self.context[7]
 
     def look(self) -> None:
-        """Go back to the callback if a name that the field reads stands for something else by now."""
+        """Go back to the callback if a name that the field reads has been bound to something else."""
         if not self.replacement.holds():
             self.context[0] = self.context[7]
 
@@ -234,7 +234,7 @@ class Callbacks:
         return out
 
     def _row(self, i: int, t: float, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """h_i, dh_i/dx and dh_i/dt."""
+        """The row (h_i, dh_i/dx, dh_i/dt)."""
         return np.concatenate([[self._h(i, t, x)], self._slopes_of(i, t, x)])
 
     def _slopes_of(self, i: int, t: float, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -251,10 +251,10 @@ class Callbacks:
         return row
 
     def _slope(self, i: int, t: float, x: npt.NDArray[np.float64], j: int) -> float:
-        """dh_i/dx_j (dh_i/dt for j = n): differences."""
+        """dh_i/dx_j (dh_i/dt for j = n), by differences."""
         largest = float(np.max(np.abs(x), initial=0.0))
         if j == self.n:
-            # Time has no scale of its own: h may turn faster than t is large.
+            # Time has no scale of its own: h may vary over times much shorter than t.
             size = max(abs(t), 1e-3 * largest, 1e-6 if t == 0.0 else 0.0)
             return slope(lambda moved: self._h(i, moved, x), t, size)
         at, total = float(x[j]), 0.0
@@ -308,7 +308,7 @@ def _no_field(*_: Any) -> Any:
 
 
 def named_write(error: BaseException, name: str) -> BaseException:
-    """The error itself, or a clearer one where the user's function wrote into the state."""
+    """The error, or a clearer one where the user's function wrote into the state."""
     if isinstance(error, ValueError) and "read-only" in str(error):
         return ModelError(
             f"{name}: the function writes into its argument. Arguments are read-only; write to a copy."

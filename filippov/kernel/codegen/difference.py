@@ -1,22 +1,22 @@
-"""Derivatives of functions by central differences of order 4, over a length on which they are straight."""
+"""Derivatives by central differences of order 4, over a length on which the function is nearly linear."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 EPS = 2.220446049250313e-16
-# Part of its argument, or of what stands for its size, that a difference reaches at first; then shorter.
+# The first length of a difference, relative to the magnitude of the argument; later ones are shorter.
 REACH, SHORTER, ROUNDS = 2e-3, 8.0, 7
-# Of the slope: how far the differences over one and over two such lengths may differ; the error of order 4 is
+# How far the slopes over one and over two such lengths may differ, relatively; the error of order 4 is
 # about the square of that.
 STRAIGHT = 1e-5
 
 
 def slope(function: Callable[[float], float], at: float, size: float) -> float:
-    """f'(at), the error about 1e-11 for smooth f; size: that of the argument.
+    """f'(at), with an error of about 1e-11 for smooth f; size: magnitude of the argument.
 
-    f may turn faster than its argument is large (sin(t) at t = 1000): the length is shortened until f is
-    straight, or until rounding is more than what is left.
+    f may vary over lengths much shorter than its argument (sin(t) at t = 1000): the length is shortened until
+    f is nearly linear there, or until rounding exceeds the remaining error.
     """
     reach = max(REACH * size, 1e-9)
     best, least = 0.0, float("inf")
@@ -26,7 +26,7 @@ def slope(function: Callable[[float], float], at: float, size: float) -> float:
         found = (8.0 * (high - low) - (higher - lower)) / (12.0 * reach)
         largest, bend = max(abs(one), abs(two)), abs(one - two)
         rounding = EPS * (abs(high) + abs(low) + abs(higher) + abs(lower)) / reach
-        # What is left: the next power of the length, and rounding of the argument and of the values over it.
+        # The remaining error: the next power of the length, and rounding of argument and values over it.
         error = 0.2 * bend * bend / (largest + 1e-300) + rounding + EPS * abs(at) * largest / reach
         if error < least:
             best, least = found, error

@@ -1,7 +1,7 @@
 """The entry points of a unit: the kernels marked `entry`, with the arguments of their signatures.
 
-Values are handed over by name, in any order, and what they are is looked at: an address says nothing of what
-lies there.
+Values are passed by name, in any order, and their kinds are checked: an address says nothing of its
+target.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _DTYPES = {"Vector": np.dtype(np.float64), "Indices": np.dtype(np.int64)}
 
 
 def _heads(*files: str) -> dict[str, tuple[tuple[str, str], ...]]:
-    """Of every entry point in some kernel files the name and annotation of each argument, in order."""
+    """For every entry point in some kernel files, the name and annotation of each argument, in order."""
     found = {}
     for file in files:
         for head in _HEAD.findall(kernel_file(file).read_text(encoding="utf-8")):
@@ -54,7 +54,7 @@ def prototype(name: str) -> Any:
 
 
 def ordered(name: str, values: Mapping[str, Any], given: Callable[[Any], Any] | None) -> list[Any]:
-    """The values in the order of the entry point, arrays and records as `given` makes them.
+    """The values in the order of the entry point's arguments, arrays and records converted by `given`.
 
     Raises KernelError for a name too many or too few, and for a value of the wrong kind.
     """

@@ -1,4 +1,4 @@
-"""Kernel source of a symbolic system: field, guards, gradients and radii, common subexpressions shared."""
+"""Kernel source of a symbolic system: field, guards, gradients, bounds of multipliers."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from filippov.model.symbolic import Select, SymbolicForm, convex, slope_of
 from filippov.model.symbols import t
 
 INLINED = 2500
-# Operands in a row, and levels of brackets in one statement: the translation goes down as deep as both.
+# Operands in a row, and nesting levels in one statement: the translation recurses as deep as both.
 LONGEST_ROW, DEEPEST = 50, 25
 _FUNCTIONS = {getattr(sympy, f.symbolic): f.library for f in ELEMENTARY}
 _FUNCTIONS |= {sympy.Abs: "fabs", sympy.sign: "sign_of"}
 
 
 class KernelPrinter(StrPrinter):
-    """Expressions in the kernel language, powers by the cheapest means."""
+    """Prints expressions in the kernel language, powers in their cheapest form."""
 
     def __init__(self, names: dict[Symbol, str], sizes: set[Symbol]) -> None:
         super().__init__()
         self.names, self.sizes = names, set(sizes)
         self.inputs: dict[str, int] = {}
-        # Signs between -1 and 1 reach the field, where a branch becomes the mean of both.
+        # The field is evaluated at signs between -1 and 1, where a branch becomes the mean of both.
         self.blended = False
 
     def _print(self, e: Any, **options: Any) -> str:
@@ -139,7 +139,7 @@ class KernelPrinter(StrPrinter):
 
 
 def joined(operator: str, parts: Sequence[str]) -> str:
-    """Operands with an operator between them, in groups: a long row would be nested as deep as it is long."""
+    """Operands with an operator between them, in groups: a long row would be nested just as deeply."""
     while len(parts) > LONGEST_ROW:
         groups = [parts[k : k + LONGEST_ROW] for k in range(0, len(parts), LONGEST_ROW)]
         parts = [f"({operator.join(group)})" for group in groups]
@@ -214,7 +214,7 @@ def _sizes(form: SymbolicForm, printer: KernelPrinter, used: set[Symbol]) -> lis
 def total_gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[Expr]]:
     """Total derivatives of each h by the states and by t, through the sizes of earlier surfaces.
 
-    A size that is 0 while its surface is slid on has no slope, in a root of it either.
+    |h_k| has slope 0 while the solution slides on its surface, also inside a root.
     """
     place = {q: j for j, q in enumerate((*form.x, t))}
     rows: list[list[Expr]] = []
@@ -245,12 +245,12 @@ def jointly_affine(form: SymbolicForm) -> bool:
 
 
 def non_lipschitz(form: SymbolicForm) -> bool:
-    """Whether the field holds a power of a size |h| that may lie below 1."""
+    """Whether the field contains a power of a size |h| with an exponent that may be below 1."""
     return any(_roots(f, set(form.a)) for f in form.field)
 
 
 def rooted(form: SymbolicForm) -> list[bool]:
-    """Which guards hold a power of a size |h| that may lie below 1, and are infinitely steep at 0."""
+    """Which guards contain a power of a size |h| with an exponent that may be below 1 (infinitely steep)."""
     own = [_roots(h, set(form.a)) for h in form.h]
     for i, h in enumerate(form.h):
         own[i] = own[i] or any(own[k] for k in range(i) if form.a[k] in h.free_symbols)
@@ -258,7 +258,7 @@ def rooted(form: SymbolicForm) -> list[bool]:
 
 
 def _roots(e: Expr, sizes: set[Symbol]) -> bool:
-    """Whether an expression holds a power of these sizes that may lie below 1."""
+    """Whether an expression contains a power of these sizes with an exponent that may be below 1."""
     return any(
         power.base.free_symbols & sizes
         and not (power.exp.is_Integer or (power.exp.is_number and power.exp >= 1))
@@ -269,10 +269,10 @@ def _roots(e: Expr, sizes: set[Symbol]) -> bool:
 def straight_rates(
     form: SymbolicForm, rows: Sequence[Mapping[int, Expr]], linear: Sequence[bool], varying: set[Symbol]
 ) -> list[bool]:
-    """Which surfaces have a rate that is affine in what varies while the solution slides on them."""
+    """Which surfaces have a rate that is affine in all that varies while the solution slides on them."""
     roles: dict[Symbol, Hashable] = dict.fromkeys(form.x, "x") | dict.fromkeys(form.s, "s")
     roles |= {a: f"size {bent}" for a, bent in zip(form.a, linear, strict=True)}
-    # Most blocks of a long chain are alike.
+    # Most blocks of a long chain have the same form.
     known: dict[Hashable, bool] = {}
     out = []
     for a, row, straight in zip(form.a, rows, linear, strict=True):
@@ -297,18 +297,18 @@ def _straight(
 
 
 def _counts(e: Expr) -> bool:
-    """Whether an expression is not 0, told at once of the zeros of which a row is full."""
+    """Whether an expression is not 0; quick for the shared zero that fills most rows."""
     return e is not sympy.S.Zero and e != 0
 
 
 def _affine(e: Expr, varying: set[Symbol]) -> bool:
-    """Whether an expression is affine in some symbols: as it stands, or by its derivatives."""
+    """Whether an expression is affine in some symbols: as written, or by its derivatives."""
     e = _bent(e, varying)
     return not any(e.diff(q).free_symbols & varying for q in e.free_symbols & varying)
 
 
 def _bent(e: Expr, varying: set[Symbol]) -> Expr:
-    """What of an expression is not affine as it stands, without factors that do not vary; 0 for none."""
+    """The part of an expression that is not affine as written, without constant factors; 0 for none."""
     while True:
         moving = [arg for arg in e.args if arg.free_symbols & varying]
         if e.is_Mul and len(moving) == 1:
@@ -321,7 +321,7 @@ def _bent(e: Expr, varying: set[Symbol]) -> Expr:
 
 
 def _written_affine(e: Expr, varying: set[Symbol]) -> bool:
-    """Whether an expression is affine in some symbols as it stands: of sums and multiples of them."""
+    """Whether an expression is affine in some symbols as written, by sums and multiples."""
     if not e.args:
         return True
     moving = [arg for arg in e.args if arg.free_symbols & varying]
@@ -330,12 +330,12 @@ def _written_affine(e: Expr, varying: set[Symbol]) -> bool:
 
 
 def filled(rows: Sequence[Sequence[Expr]]) -> list[dict[int, Expr]]:
-    """What is not 0 in rows that are full of zeros, by its column."""
+    """The nonzero entries of sparse rows, by column."""
     return [{j: e for j, e in enumerate(row) if _counts(e)} for row in rows]
 
 
 def structure(form: SymbolicForm, field: Sequence[Expr], rows: Sequence[Mapping[int, Expr]]) -> Structure:
-    """Which gradients, field components and signs have to do with each other."""
+    """Which gradients, field components and signs depend on each other."""
     sign, size = {s: i for i, s in enumerate(form.s)}, {a: i for i, a in enumerate(form.a)}
     return Structure(
         tuple(tuple(j for j in row if j < len(form.x)) for row in rows),
@@ -364,7 +364,7 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     targets = [(f"out[{i}]", h) for i, h in enumerate(contact_guards(form, modes))]
     head = "guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices)"
     lines += ["", *_kernel(printer, "@kernel", head, form, targets)]
-    # The other entries are zero from the start and stay so.
+    # The other entries are 0 and remain so.
     pattern = structure(form, field, rows)
     targets = [(f"g[{i * n + j}]", rows[i][j]) for i in range(m) for j in pattern.columns[i]]
     targets += [(f"gt[{i}]", rows[i].get(n, sympy.S.Zero)) for i in range(m)]
@@ -376,7 +376,7 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     lines += ["@kernel", "def derive(p: Vector) -> int:"]
     targets = [(f"p[{len(form.p) + k}]", e) for k, (e, _) in enumerate(derived)]
     lines += [*_assign(printer, targets, "c"), "    return 0", ""]
-    # A reset takes the signs before it.
+    # A reset is evaluated with the signs before it.
     printer.names |= {s: f"m[{i}]" for i, s in enumerate(form.s)}
     lines += reset_source(
         form, lambda used: _sizes(form, printer, used), lambda pairs: _assign(printer, pairs, "c")
@@ -396,7 +396,7 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
 def _kernel(
     printer: KernelPrinter, mark: str, head: str, form: SymbolicForm, results: Sequence[tuple[str, Expr]]
 ) -> list[str]:
-    """A kernel that stores the expressions; a long one calls its parts, each a kernel of its own."""
+    """A kernel that stores the expressions; a long one is divided into kernels that it calls."""
     name, _, arguments = head.removesuffix(")").partition("(")
     parts = pieces(results)
     lines: list[str] = []
@@ -417,7 +417,7 @@ def field_source(printer: KernelPrinter, form: SymbolicForm, field: Sequence[Exp
     arguments = "t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices"
     results = [(f"out[{i}]", f) for i, f in enumerate(field)]
     single = _kernel(printer, "@contract", f"rhs({arguments})", form, results)
-    # Small fields go into every stage, which spares the way through memory; large ones would bloat the unit.
+    # Small fields are inlined in every stage, which saves loads and stores; large ones would bloat the unit.
     if sum(map(len, single)) >= INLINED:
         return [*single, "@contract", *TWICE]
     others = {s: sympy.Dummy(f"s{i}", real=True) for i, s in enumerate(form.s)}

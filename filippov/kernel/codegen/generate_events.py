@@ -1,4 +1,4 @@
-"""A symbolic system's unit with user events beside its surfaces: expressions compiled, functions called."""
+"""The unit of a symbolic system with user events: expressions are compiled, functions called."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def generate_with_events(
     linear = constants["LINEAR"]
     assert isinstance(linear, list)
     constants |= {"LINEAR": [*linear[:first], *[0] * functions], "ALL_LINEAR": False, "FIRST_CALLED": first}
-    # What calls a function cannot run in lanes.
+    # A unit that calls a Python function cannot run in lanes.
     constants["WIDE"] = False
     # A function may depend on every state; its row is the last of the gradients.
     starts, columns = constants["G_FIRST"], constants["G_COLUMN"]

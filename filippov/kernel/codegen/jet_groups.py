@@ -45,7 +45,7 @@ class GroupedLoops:
         self.groups = [self._grouped(level) for level in self.levels]
 
     def _levels(self) -> list[list[int]]:
-        """Nodes by how many others they wait for in an order; an integral does not wait for its slope."""
+        """Nodes by depth within an order; an integral does not depend on its slope of the same order."""
         level: dict[int, int] = {}
         for number in self.used:
             node = self.graph.nodes[number]
@@ -69,7 +69,7 @@ class GroupedLoops:
                 by_kind.setdefault(self._kind(number), []).append(number)
         groups = []
         for kind, numbers in by_kind.items():
-            # What asks for its exponent is taken alone.
+            # An operation that tests its exponent is not grouped.
             alone = len(numbers) < FEW or kind in ("power_of", "size_power")
             for part in [[n] for n in numbers] if alone else [numbers]:
                 group = Group(kind, part, 1 if alone else -(-len(part) // LANES) * LANES)
@@ -77,7 +77,7 @@ class GroupedLoops:
                     group.rows.append(self.room)
                     self.room += group.width * self.order
                 if kind in ("power", "integral") and not alone:
-                    # Exponents and signs, one a lane.
+                    # Exponents and signs, one per lane.
                     group.rows.insert(0, self.room)
                     self.room += group.width
                 self.place |= {n: (group.rows[-1] + i, group.width) for i, n in enumerate(part)}
@@ -135,7 +135,7 @@ class GroupedLoops:
         return first_value(node, values, [self._at(n, 0) for n in node.asked])
 
     def _later(self, number: int) -> str:
-        """Coefficient k of what is no recurrence."""
+        """Coefficient k of an operation without recurrence."""
         node = self.graph.nodes[number]
         if node.kind in ("constant", "step"):
             return "0.0"

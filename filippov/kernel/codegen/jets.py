@@ -1,8 +1,8 @@
 """Kernel source of Taylor coefficients: recurrences over a graph of operations, written out or as loops.
 
-Small graphs are written out order by order, coefficients that are 0 left away: the compiler then sees
-independent sums. Larger ones become loops over the coefficients (see `jet_groups`), which keeps the code
-linear in the graph.
+Small graphs are written out order by order, without coefficients that are 0: the compiler then sees
+independent sums. Larger ones become loops over the coefficients (see `jet_groups`), which keeps the length of
+the code linear in the graph.
 """
 
 from __future__ import annotations
@@ -152,13 +152,13 @@ class _WrittenOut:
         said = total and f"{1.0 / k!r} * ({total}) * {self._inverse(u)}"
         if name == "power":
             return said
-        # Exponents that the parameters make whole leave no division by a base that may be 0.
+        # Where parameters make the exponent an integer there must be no division by a base that may be 0.
         square, itself = self._product(u, u, k) or "0.0", self.value[u, k] or "0.0"
         return f"(({square}) if {exponent} == 2.0 else ({itself} if {exponent} == 1.0 else {said or '0.0'}))"
 
 
 def _in_two(terms: Sequence[str]) -> str | None:
-    """The sum as two that do not wait for each other, the terms with the newest coefficients last."""
+    """The sum as two independent ones, the terms with the newest coefficients last."""
     if len(terms) < 4:
         return " + ".join(terms) or None
     return f"({' + '.join(terms[::2])}) + ({' + '.join(terms[1::2])})"

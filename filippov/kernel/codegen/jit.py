@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-# What the compiled field returns where the plain one is to be asked.
+# Returned by the compiled field where the plain one must be called.
 ASK = 2
 # Functions of math that raise where the functions of C return infinities or NaN.
 _DOMAINS = (
@@ -34,15 +34,15 @@ class CompiledField:
 
 
 class NotCompiledError(Exception):
-    """A function that numba does not compile, with why."""
+    """A function that numba does not compile, with the reason."""
 
 
 def compile_field(field: Callable[..., Any], names: tuple[str, ...], n: int, m: int) -> CompiledField:
     """The user's f(t, x, p, s) as a C function. Raises NotCompiledError.
 
-    It returns ASK where the function raises, divides by zero, reads beyond an array or gives what is no
-    number: what Python makes of such a case, the plain function says. p is a named tuple in compiled code:
-    p.mass and p[0] work, p["mass"] does not.
+    It returns ASK where the function raises, divides by zero, reads beyond an array or returns what is not a
+    number: the plain function then decides. p is a named tuple in compiled code: p.mass and p[0] work,
+    p["mass"] does not.
     """
     plain = getattr(field, "py_func", field)
     if not isinstance(plain, FunctionType):
@@ -86,14 +86,14 @@ def compile_field(field: Callable[..., Any], names: tuple[str, ...], n: int, m: 
 
 
 def _said(error: Exception) -> str:
-    """The line of an error of numba that tells what is wrong."""
+    """The line of a numba error that says what is wrong."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     telling = [line for line in lines if not line.startswith(("Failed in", "During", "File", "No impl"))]
     return (telling or lines or [type(error).__name__])[0].rstrip(".")[:200]
 
 
 def _with_domains(plain: FunctionType) -> FunctionType:
-    """The function with those of math that raise outside their domain, as they do in Python."""
+    """The function with functions of math that raise outside their domain, as in Python."""
     names = {name: _strict(plain.__globals__[name]) for name in _used(plain) if name in plain.__globals__}
     changed = {name: value for name, value in names.items() if value is not plain.__globals__[name]}
     if not changed:
@@ -105,7 +105,7 @@ def _with_domains(plain: FunctionType) -> FunctionType:
 
 
 def _used(plain: FunctionType) -> set[str]:
-    """All names that stand in a function, and in those inside it."""
+    """All names used in a function and in the functions nested in it."""
     waiting, found = [plain.__code__], set[str]()
     while waiting:
         code = waiting.pop()

@@ -9,14 +9,14 @@ from filippov.kernel.tables.root_tables import DEGREE, by_degree, to_bernstein
 from filippov.kernel.tables.tableaus import DOP853, Collocation, Method, Row, Series, Tableau, weighted
 
 _IMPLICIT = ("dense_lu", "radau")
-# What another of them imports comes last, so that its own functions stand.
+# A file that imports another one comes later, so that its own functions take precedence.
 _SERIES = ("taylor", "inside")
 _SIGNATURE = "t: float, x: Vector, p: Vector, m: Vector"
 _SCRATCH = "w: Scratch, iw: Integers, ctx: Indices"
 
 
 def _advanced(row: Row) -> str:
-    """x + step * sum, the latest stage last and on its own: everything else is ready before it is."""
+    """x + step * sum, with the latest stage added last: everything else is ready before it."""
     *early, late = row.items()
     first = f"(x[i] + step * ({_sum(dict(early))}))" if early else "x[i]"
     return f"{first} + (step * {late[1]!r}) * w.k[{late[0]} * N + i]"
@@ -84,7 +84,7 @@ def _explicit_source(tableau: Tableau) -> str:
 
 
 def _stand_in() -> str:
-    """The stages of DOP853 under names of their own, for modes that have no jets."""
+    """The stages of DOP853 under other names, for modes without Taylor coefficients."""
     text = _explicit_source(DOP853).replace("w.k", "w.rk")
     for name in ("stages", "extra_stages", "error_terms"):
         text = text.replace(f"def {name}(", f"def explicit_{name}(")
@@ -117,7 +117,7 @@ def method_constants(tableau: Method) -> dict[str, Constant]:
 
 
 def _error_order(method: Method) -> int:
-    """The power of the step that the error estimate goes with."""
+    """The power of the step with which the error estimate scales."""
     if isinstance(method, Collocation):
         return method.error_order
     return method.order + 1 if isinstance(method, Series) else method.order

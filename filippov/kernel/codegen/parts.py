@@ -1,9 +1,9 @@
-"""The event loop in parts, each a unit of its own: what every system needs, and what only some do.
+"""The event loop in parts, each a unit: one that every system needs, others that only some do.
 
-A part is a set of kernel files. What it offers is called by its address from other parts, for it is large;
-what else they call of it they have copies of. The parts that a system needs are linked with its unit; what
-the others offer is not there, and the system's constants rule out that it is called. Parts of entry points
-that few runs call are linked when one of these is asked for.
+A part is a set of kernel files. Its exported kernels are large and are called by address from other parts;
+of smaller kernels the callers have copies. The parts that a system needs are linked with its unit; kernels of
+the others are absent, and the system's constants rule out that they are called. Parts of entry points that
+few runs call are linked at the first request.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from filippov.kernel.loop.rules import FILIPPOV
 
 @dataclass(frozen=True)
 class Part:
-    """Kernel files; what they offer to other parts; whether a system with these constants needs them.
+    """Kernel files; the kernels exported to other parts; whether a system with these constants needs them.
 
-    asked: linked where an entry point is asked for, and by nothing else
+    asked: linked only when one of its entry points is requested
     """
 
     files: tuple[str, ...]
@@ -30,7 +30,7 @@ class Part:
 
     @property
     def entries(self) -> tuple[str, ...]:
-        """What Python calls in it."""
+        """Its entry points, which Python calls."""
         return tuple(name for name in PLAIN if PLAIN_FILES[name] in self.files)
 
 
@@ -68,17 +68,17 @@ def linked(constants: Mapping[str, Constant]) -> tuple[Part, ...]:
 
 
 def missing(constants: Mapping[str, Constant]) -> tuple[str, ...]:
-    """What is offered by parts that a system does not need."""
+    """The exported kernels of parts that a system does not need."""
     return tuple(
         name for part in PARTS if not (part.asked or part.needed(constants)) for name in part.offers
     )
 
 
 def of_others(part: Part) -> frozenset[str]:
-    """What a part calls by its address."""
+    """The kernels that a part calls by address."""
     return frozenset(name for other in PARTS if other is not part for name in other.offers)
 
 
 def asked_for(entry: str) -> Part | None:
-    """The part that is linked when this entry point is asked for."""
+    """The part that is linked when this entry point is requested."""
     return next((part for part in PARTS if part.asked and entry in part.entries), None)

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 from sympy import Expr
 
-# Statements and distinct expressions that a piece is to hold; twice as many, and so on, where pieces share
+# Statements and distinct expressions that a piece should hold; twice as many, and so on, where pieces share
 # too much.
 LENGTH = 800
 LONGEST = 16 * LENGTH
-# What all pieces hold together, as a multiple of what stands in them once.
+# The total length of all pieces, as a multiple of their distinct content.
 MOST = 1.5
 
 
@@ -42,7 +42,7 @@ def _cut(results: Sequence[tuple[str, Expr]], length: int) -> tuple[list[Sequenc
 
 
 def _note(e: Expr, seen: set[Expr]) -> None:
-    """Take in an expression with all that stands in it."""
+    """Note an expression with all its subexpressions."""
     waiting = [e]
     while waiting:
         part = waiting.pop()

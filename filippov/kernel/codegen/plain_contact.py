@@ -1,4 +1,4 @@
-"""Resting contact on surfaces given by functions, as `filippov.model.contact` has it for expressions.
+"""Resting contact on surfaces given by functions, as `filippov.model.contact` does for expressions.
 
     L = dh/dt = h_t + grad h . f,   x' = f + side (1 - side s)/2 D,   L' = 0
 
@@ -20,7 +20,7 @@ from filippov.model.surface import Surface
 Array = npt.NDArray[np.float64]
 Function = Callable[[float, Array], Array]
 OPEN_END = 1e300
-# Of the states: how far off rest the reset is looked at; part of what it changes there that counts as none.
+# Relative to the states: the distance off rest at which the reset is evaluated; a change that counts as none.
 OFF_REST, NONE = 1e-4, 1e-4
 
 
@@ -48,7 +48,7 @@ class PlainContacts:
         return [i for i, side in enumerate(self.side) if side != 0.0 and mode[i] == 0.0]
 
     def signs(self, mode: Array) -> Array:
-        """Signs at which the rates of contacts, which depend on none, are taken."""
+        """The signs at which rates of contacts are evaluated; they do not depend on them."""
         return np.where(mode != 0.0, mode, np.where(self.side != 0.0, self.side, 1.0))
 
     def rate(self, i: int, t: float, x: Array, signs: Array) -> float:
@@ -76,7 +76,7 @@ class PlainContacts:
         return out
 
     def pushed(self, field: Array, t: float, x: Array, s: Array, mode: Array) -> Array:
-        """The field with what pushes off the surfaces that the state rests on; s: signs and multipliers."""
+        """The field with the reactions of the surfaces that the state rests on; s: signs and multipliers."""
         for i in self.held(mode):
             side = self.side[i]
             field = field + 0.5 * side * (1.0 - side * s[i]) * self.direction(i, t, x, self.signs(mode))
@@ -108,9 +108,9 @@ class PlainContacts:
         return np.asarray(push / along)
 
     def _probe(self, i: int, t: float, x: Array, signs: Array) -> tuple[Array, float]:
-        """A small way that keeps h and runs onto the surface, and by how much L changes on it.
+        """A small displacement that keeps h and runs onto the surface, and the change of L along it.
 
-        grad L is looked at again only where the way that the last one gave is not as steep as it was.
+        grad L is evaluated again only where the displacement from the last one has become less steep.
         """
         slope, now = self.row(i, t, x)[1:-1], self.rate(i, t, x, signs)
         for known in (True, False):

@@ -1,9 +1,9 @@
-"""Whether a plain function is pure: its value follows from its arguments, whatever else has happened.
+"""Whether a plain function is pure: its value depends on its arguments alone.
 
-What machine code is made of stays as it was that day. So a function may be replaced by its machine code only
-where all that it reads besides its arguments cannot change: numbers, modules of mathematics, and functions
-that are pure themselves. A name of a module or of an enclosing function may be bound to another number later:
-such names are listed, to be looked at again.
+Machine code keeps the values that were read at compile time. A function may therefore be replaced by its
+machine code only where all that it reads besides its arguments is constant: numbers, modules of mathematics,
+and functions that are pure themselves. A name of a module or of an enclosing function may be bound to another
+number later: such names are listed, to be checked again.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _BUILTINS = frozenset(
     for name in ("abs", "all", "any", "bool", "complex", "divmod", "enumerate", "float", "int", "len", "list",
                  "max", "min", "pow", "range", "reversed", "round", "sorted", "sum", "tuple", "zip")
 )  # fmt: skip
-# What writes outside the function, or hands out what other code may write to.
+# Instructions that write outside the function, or give access to what other code may write to.
 _WRITES = {
     "STORE_GLOBAL": "assigns to the global name {}",
     "DELETE_GLOBAL": "deletes the global name {}",
@@ -45,17 +45,17 @@ _MISSING = object()
 
 @dataclass
 class Purity:
-    """What a look into a function found.
+    """The result of inspecting a function.
 
     reason   why the function is not pure; empty where it is
-    watched  ways to look up what its names stand for, with what was found: others would change its meaning
+    watched  functions that look up its names, with the values found: other values change its meaning
     """
 
     reason: str = ""
     watched: list[tuple[Callable[[], Any], Any]] = field(default_factory=list)
 
     def unchanged(self) -> bool:
-        """Whether every name still stands for what it stood for."""
+        """Whether every name is still bound to the same value."""
         return all(look() is value for look, value in self.watched)
 
 
@@ -74,7 +74,7 @@ class _ImpureError(Exception):
 
 
 class _Inspection:
-    """Look through a function and those that it calls."""
+    """Inspect a function and those that it calls."""
 
     def __init__(self, found: Purity) -> None:
         self.found = found
@@ -85,7 +85,7 @@ class _Inspection:
         self.found.watched.append((look, value))
 
     def function(self, function: Any, depth: int) -> None:
-        """Look through one function."""
+        """Inspect one function."""
         plain = getattr(function, "py_func", function)
         if not isinstance(plain, FunctionType):
             raise _ImpureError(f"{_shown(function)} is not a plain function")
@@ -105,7 +105,7 @@ class _Inspection:
     def code(
         self, code: CodeType, names: Mapping[str, Any], cells: Mapping[str, Any], depth: int
     ) -> None:
-        """Look through one piece of bytecode: a function's, or one that stands inside it."""
+        """Inspect the bytecode of a function, or of one nested in it."""
         steps = list(dis.get_instructions(code))
         for place, step in enumerate(steps):
             op, name = step.opname, step.argval
@@ -122,7 +122,7 @@ class _Inspection:
                 self.code(inner, names, kept, depth)
 
     def named(self, name: str, names: Mapping[str, Any]) -> Any:
-        """What a global name stands for, or one of Python's own."""
+        """The value of a global or built-in name."""
         value = names.get(name, _MISSING)
         self.watch(partial(names.get, name, _MISSING), value)
         if value is _MISSING:
@@ -132,7 +132,7 @@ class _Inspection:
         return value
 
     def enclosed(self, name: str, cell: Any) -> Any:
-        """What a name of an enclosing function stands for."""
+        """The value of a name of an enclosing function."""
         look = partial(getattr, cell, "cell_contents", _MISSING)
         value = look()
         if value is _MISSING:
@@ -176,14 +176,14 @@ def _constant(value: Any) -> bool:
     """Whether a value can never change: numbers, text, and tuples of these."""
     if isinstance(value, tuple):
         return all(_constant(item) for item in value)
-    # Classes of their own derived from these may hold anything.
+    # Classes derived from these may hold anything.
     return value is None or type(value) in (bool, int, float, complex, str) or (
         isinstance(value, np.bool_ | np.number) and type(value).__module__ == "numpy"
     )
 
 
 def _of_mathematics(value: Any) -> bool:
-    """Whether a value is a function without memory of Python, math or numpy."""
+    """Whether a value is a stateless function of Python, math or numpy."""
     if isinstance(value, np.ufunc):
         return True
     if isinstance(value, type):

@@ -1,4 +1,4 @@
-"""When the machine code of a plain field may stand in its place: pure or asked for, with the same values."""
+"""When the machine code of a plain field may replace it: pure or requested, with the same values."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from filippov.kernel.codegen.purity import Purity, purity
 
 Array = npt.NDArray[np.float64]
 
-# Compiling a field takes about a second, as long as this many callbacks.
+# Compiling a field takes about a second, the time of this many callbacks.
 COMPILE_AFTER = 100_000
-# Calls between two of which the values are kept, to be compared.
+# The values of every so many-th call are kept for comparison.
 _SPACING = 1024
-# Same numbers to the last digits: elementary functions of two libraries may differ in the last one.
+# Relative difference that counts as equal: elementary functions of two libraries differ by rounding.
 _DIGITS, _ROUNDING = 1e-13, 8 * float(np.finfo(float).eps)
-# What differs by more than this part of the field's size is another field.
+# A difference above this part of the field's magnitude means another field.
 _OTHER = 1e-9
 _FIELD = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_double, *([ctypes.c_void_p] * 5))
 
@@ -36,9 +36,9 @@ class _Call(NamedTuple):
 
 
 class Replacement:
-    """The machine code of a field, made after many calls (or at once), and what speaks against its use.
+    """The machine code of a field, made after many calls (or at once), and the reason not to use it.
 
-    wanted   True: asked for; False: never; None: where the field is pure by inspection
+    wanted   True: requested; False: never; None: where the field is pure by inspection
     """
 
     def __init__(self, field: Callable[..., Any], n: int, m: int, wanted: bool | None) -> None:
@@ -60,7 +60,7 @@ class Replacement:
         self.kept.append(_Call(t, state, signs.copy(), value.copy()))
 
     def holds(self) -> bool:
-        """Whether the machine code, where there is any, still means what the field means."""
+        """Whether the machine code, if any, still represents the field."""
         if self.code is not None and self.found is not None and not self.found.unchanged():
             self.code = None
         return self.code is not None
@@ -103,7 +103,7 @@ class Replacement:
         return np.asarray(self.field(call.t, x, record, signs), dtype=np.float64)
 
     def _value(self, code: CompiledField, record: Any, call: _Call) -> Array | None:
-        """What the machine code gives; None where it leaves the answer to the plain field."""
+        """The value of the machine code; None where it defers to the plain field."""
         p, out = np.array(list(record), dtype=np.float64), np.empty(self.n)
         signs = np.ones(max(self.m, 1))
         signs[: self.m] = call.signs
@@ -113,7 +113,7 @@ class Replacement:
         return out
 
     def _same(self, code: CompiledField, record: Any, call: _Call) -> bool:
-        """Whether machine code and field give what the field gave then."""
+        """Whether machine code and field both reproduce a value recorded from the field."""
         self.scale = np.fmax(self.scale, np.abs(call.value))
         out = self._value(code, record, call)
         if out is None:
@@ -123,7 +123,7 @@ class Replacement:
         return bool(np.all(np.abs(out - call.value) <= room) and np.array_equal(again, call.value))
 
     def _compare(self, code: CompiledField, record: Any, t: float, x: Array) -> None:
-        """Compare with the field as it is now: a field that has memory is found out. Raises ModelError."""
+        """Compare with the field as it is now, which detects a field with memory. Raises ModelError."""
         for sign in (1.0, -1.0) if self.m else (1.0,):
             call = _Call(t, np.array(x), np.full(self.m, sign), np.empty(0))
             out = self._value(code, record, call)

@@ -1,4 +1,4 @@
-"""Which gradients, field components and signs have to do with each other: what keeps a step's cost linear.
+"""Which gradients, field components and signs depend on each other: it keeps the cost of a step linear.
 
 A gradient has nonzero entries in few columns, and a sign acts on few components of the field. Surfaces are
 coupled where the sign of one acts on the rate of the other, where their gradients share a column, or where
@@ -16,11 +16,11 @@ from filippov.kernel.language.unit import Constant
 
 @dataclass(frozen=True)
 class Structure:
-    """What stands in the expressions of a system.
+    """The dependencies in the expressions of a system.
 
     columns  for every surface the states on which h_i depends
-    signs    for every state the surfaces whose sign stands in its component of the field
-    sizes    for every surface those whose size |h| stands in h_i
+    signs    for every state the surfaces whose sign occurs in its component of the field
+    sizes    for every surface those whose size |h| occurs in h_i
     """
 
     columns: tuple[tuple[int, ...], ...]
@@ -34,7 +34,7 @@ class Structure:
         return cls((tuple(range(n)),) * m, (every,) * n, (frozenset(),) * m)
 
     def components(self) -> list[int]:
-        """The number of its component for every surface, counted in the order of their first surfaces.
+        """The component number of every surface, counted in the order of their first surfaces.
 
         A surface whose sign and size act on nothing (an observer) stands alone: it never slides.
         """
@@ -79,7 +79,7 @@ class Structure:
         return colours
 
     def constants(self, n: int) -> dict[str, Constant]:
-        """The tables of `filippov.kernel.loop.model` that say this to the kernels."""
+        """The same as tables of `filippov.kernel.loop.model`, which the kernels read."""
         m = len(self.columns)
         component, colour = self.components(), self.colours()
         count = max(colour, default=0) + 1

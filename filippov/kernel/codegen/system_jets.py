@@ -22,9 +22,9 @@ from filippov.model.symbolic import Select, SymbolicForm, convex
 from filippov.model.symbols import t
 
 _ARGUMENTS = "t: float, x: Vector, p: Vector, s: Vector, m: Vector, work: Vector, out: Vector"
-# Surfaces whose sliding has coefficients: each is a kernel of its own.
+# The most surfaces whose sliding has coefficients: each needs a kernel.
 MOST_SLIDING = 6
-# Coefficients of the state whose sums are written out.
+# The most coefficients of the state whose sums are written out.
 WRITTEN_OUT = 200
 
 

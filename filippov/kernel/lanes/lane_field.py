@@ -60,16 +60,16 @@ def track(i: int, w: Scratch, m: Vector, value: float, plus: float, minus: float
 
 @lanes
 def multiplier(plus: float, minus: float, before: float) -> float:
-    """The sign that holds a lane on a surface, NaN where nothing does."""
+    """The multiplier that holds a lane on a surface, NaN where none does."""
     value = -(plus + minus) / (plus - minus) if plus != minus else before
-    # Where both rates are 0, as at rest on a two-fold, the plain form decides what is rounding.
+    # Where both rates are 0, as at rest on a two-fold, the plain loop decides what is rounding.
     held = abs(plus - minus) > 1e-9 * (abs(plus) + abs(minus))
     return value if held else NAN
 
 
 @kernel
 def uncoupled() -> int:
-    """1 where each multiplier of several has an equation of its own, and no two signs act on one velocity."""
+    """1 where each of several multipliers has its own equation, and no two signs act on one velocity."""
     return 1 if M > 1 and AFFINE and COLOURS == 1 and LARGEST == 1 else 0
 
 
@@ -113,7 +113,7 @@ def take_out(off: Vector, m: Vector, out: Vector, w: Scratch) -> None:
 def slide(
     t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """Both vertex fields and their blend, with what rounding left across the surface taken out."""
+    """Both vertex fields and their blend, without the rounding error across the surface."""
     g, low, high = w.xm, w.vert, shift(w.vert, N)
     gradients(t, x, p, m, w.g, w.gt, ctx)
     for i in range(M):

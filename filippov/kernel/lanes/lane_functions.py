@@ -1,7 +1,7 @@
 """Elementary functions in lanes: free of branches for ordinary arguments, within 2 units in the last place.
 
-What is out of the ordinary in any lane (an overflow, a negative base, an argument of 1e6 for a sine) sends
-the whole vector to the C library, lane by lane. The polynomials are Chebyshev fits on the reduced ranges.
+An extraordinary argument in any lane (an overflow, a negative base, 1e6 for a sine) sends the whole vector to
+the C library, lane by lane. The polynomials are Chebyshev fits on the reduced ranges.
 """
 
 from filippov.kernel.language.primitives import (
@@ -16,17 +16,17 @@ from filippov.kernel.language.primitives import (
     two_to,
 )
 
-# Adding and taking away 1.5 * 2**52 rounds to a whole number, whose bits stand at the low end in between.
+# Adding and subtracting 1.5 * 2**52 rounds to an integer, which is in the low bits in between.
 NEAREST, NEAREST_BITS = 6755399441055744.0, 4843621399236968448
 PER_LN2_1 = 1.4426950408889634
-# ln 2 in two parts, the first with trailing zeros so that its product with a whole number is exact.
+# ln 2 in two parts, the first with trailing zeros so that its product with an integer is exact.
 LN2_A, LN2_B = 0.6931471803691238, 1.9082149292705877e-10
 E0, E1, E2, E3 = 0.5, 0.16666666666666669, 0.041666666666624115, 0.008333333333330062
 E4, E5, E6 = 0.0013888888917219482, 0.00019841269863058052, 2.480152128699544e-05
 E7, E8, E9 = 2.7557268453107527e-06, 2.7620092706650667e-07, 2.5100388772450645e-08
 L0, L1, L2, L3 = 0.6666666666666666, 0.40000000000000885, 0.28571428570799784, 0.22222222392581045
 L4, L5, L6, L7 = 0.18181795547521137, 0.15386244737621665, 0.13268638369266825, 0.13088034850927555
-# The same series from its second term on, and the first with what a double leaves of it.
+# The same series from its second term on, and the first term as two doubles.
 Q0, Q1, Q2, Q3 = 0.4, 0.2857142857142937, 0.22222222221652765, 0.18181818336099848
 Q4, Q5, Q6, Q7 = 0.1538459488700718, 0.1333480879881234, 0.11706126464563398, 0.11724327060846747
 TWO_THIRDS, TWO_THIRDS_REST = 0.6666666666666666, 3.700743415417188e-17
@@ -148,7 +148,7 @@ def power(base: float, exponent: float) -> float:
 @inline
 @lanes
 def power_of(base: float, exponent: float) -> float:
-    """base**exponent with usual exponents told apart."""
+    """base**exponent with the usual exponents treated separately."""
     if everywhere(exponent == 2.0):
         return base * base
     if everywhere(exponent == 1.0):
@@ -173,11 +173,11 @@ def size_power(base: float, exponent: float) -> float:
 @inline
 @lanes
 def quarter_turns(x: float) -> tuple[float, float, float]:
-    """x = n pi / 2 + r with |r| <= pi / 4: r, what its rounding left, and n + NEAREST."""
+    """x = n pi / 2 + r with |r| <= pi / 4: r, its rounding error, and n + NEAREST."""
     shifted = fma(x, PER_HALF_PI, NEAREST)
     n = shifted - NEAREST
     first = fma(-n, HALF_PI_A, x)
-    # Where the second part cancels the first, what rounding takes from either is all that there is.
+    # Where the second part cancels the first, only the rounding errors of both remain.
     second = -n * HALF_PI_B
     total = first + second
     moved = total - first

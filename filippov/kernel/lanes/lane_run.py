@@ -1,10 +1,10 @@
-"""Many trajectories in lanes: each is led into one, and out of it where it needs the plain loop.
+"""Many trajectories in lanes: each enters one, and leaves it where it needs the plain loop.
 
 What a lane cannot do (see `lane_step`) the plain loop does for its trajectory, a step or two at a time, until
 the trajectory is in the middle of a segment again. There are two groups of lanes, for trajectories that slide
-and for those that do not: sliding takes two fields a stage, and the others would pay for it. A trajectory
-whose group is full waits; a lane that is left takes one that waits, or the next from the queue. So a
-trajectory goes the same way, to the last bit, whoever its neighbours are.
+and for those that do not: sliding takes two field calls per stage, which the others would pay for. A
+trajectory whose group is full waits; a free lane takes a waiting one, or the next from the queue. The result
+of a trajectory is the same, to the last bit, whatever its neighbours are.
 """
 
 from filippov.kernel.lanes.lane_slot import enter, leave, release, settled
@@ -25,23 +25,23 @@ from filippov.kernel.loop.state import Entries, Group, Integers, Past, Trajector
 from filippov.kernel.tables.codes import GO_ON, REACHED
 from filippov.kernel.tables.layout import LANES
 
-# In `rows`: what is left of the trajectories that the thread has taken, how many wait for either group, the
-# one in each lane of both groups, and the ones that wait, with what they have grazed: room for 3 LANES each,
-# since no more are under way when the queue is asked only while fewer than LANES wait. Behind them how many
-# pasts are taken, and the numbers of the others: from the number of taken ones on.
+# In `rows`: the rest of the trajectories that the thread has taken, the numbers waiting for either group, the
+# one in each lane of both groups, and the waiting ones, with what they have grazed: room for 3 LANES each,
+# since no more are under way when the queue is read only while fewer than LANES wait. Then the number of
+# pasts in use and, from that place on, the free ones.
 TAKEN_AT, WAITING_AT, LANES_AT = 0, 2, 4
 
 
 @kernel
 def drive(fresh: bool, entries: Entries, run: Trajectory) -> int:
-    """Take a trajectory by the plain loop to the middle of a segment: -1, or the code of its end."""
+    """Advance a trajectory by the plain loop to the middle of a segment: -1, or the code of its end."""
     ready = fresh
     if fresh:
         begun = call_at(entries.launch, run)
         if begun != REACHED:
             return begun
     while True:
-        # A fresh trajectory may go into a lane at once; another has a step of the plain loop to do.
+        # A fresh trajectory may enter a lane at once; another needs a step of the plain loop first.
         if not ready:
             code = call_at(entries.time_slice, 1, run)
             if code != -1:
@@ -65,13 +65,13 @@ def slides(m: Vector) -> int:
 
 @kernel
 def place_of(group: int, number: int) -> int:
-    """Where in `rows` the one stands that waits for a group under a number."""
+    """The place in `rows` of the n-th trajectory that waits for a group."""
     return LANES_AT + 2 * LANES + (group * 3 * LANES + number) * (1 + M)
 
 
 @kernel
 def wait(group: int, run: Trajectory, rows: Indices) -> None:
-    """A trajectory waits for a lane of its group."""
+    """Let a trajectory wait for a lane of its group."""
     place = place_of(group, rows[WAITING_AT + group])
     rows[place] = run.number
     for i in range(M):
@@ -99,7 +99,7 @@ def begin_row(q: int, rows: Indices, pasts: Rows[Past], batch: Trajectories, run
 
 @kernel
 def end_row(code: int, rows: Indices, batch: Trajectories, run: Trajectory) -> None:
-    """A trajectory has come to its end."""
+    """Note the end of a trajectory."""
     taken = place_of(2, 0)
     rows[taken] -= 1
     rows[taken + 1 + rows[taken]] = run.count.past
@@ -111,7 +111,7 @@ def end_row(code: int, rows: Indices, batch: Trajectories, run: Trajectory) -> N
 def recall(
     group: int, rows: Indices, entries: Entries, pasts: Rows[Past], batch: Trajectories, run: Trajectory
 ) -> None:  # fmt: skip
-    """Take up the trajectory that has waited least for a group, with its field and its guards."""
+    """Resume the trajectory that has waited least for a group, with its field and its guards."""
     rows[WAITING_AT + group] -= 1
     place = place_of(group, rows[WAITING_AT + group])
     take_up_row(rows[place], pasts, batch, run)
@@ -144,9 +144,9 @@ def fill(
     group: int, empty: int, last: int, rows: Indices, entries: Entries, lanes_of: Group, pasts: Rows[Past],
     batch: Trajectories, run: Trajectory,
 ) -> int:  # fmt: skip
-    """Fill empty lanes of a group by who waits, or (not those that slide) from the queue; how many stay.
+    """Fill empty lanes of a group with waiting trajectories, or from the queue; how many remain.
 
-    Below 0: the queue is at its end, and -1 - that many stay.
+    Negative: the queue is at its end, and -1 - result lanes remain empty.
     """
     own, lane, more = shift_indices(rows, LANES_AT + group * LANES), 0, last > 0
     while empty > 0:
@@ -168,7 +168,7 @@ def fill(
 
 @kernel
 def empty_in(group: int, rows: Indices) -> int:
-    """Lanes of a group that are empty."""
+    """The number of empty lanes of a group."""
     empty = 0
     for lane in range(LANES):
         empty += 1 if rows[LANES_AT + group * LANES + lane] < 0 else 0
@@ -196,7 +196,7 @@ def put_off(
         take_up_row(q, pasts, batch, run)
         leave(lane, run, lanes_of)
         code, next_group = REACHED, group
-        # At an instant of time events the plain loop goes on.
+        # At an instant of time events the plain loop takes over.
         if not finished or (TICKS and run.count.due > 0):
             code = drive(False, entries, run)
             if code == -1:
@@ -219,7 +219,7 @@ def lane_run(
     last: int, steps: int, rows: Indices, entries: Entries, groups: Rows[Group], iw_l: Integers,
     pasts: Rows[Past], batch: Trajectories, run: Trajectory,
 ) -> int:  # fmt: skip
-    """As `ensemble`, in lanes; what is under way outlives the call in `rows`."""
+    """As `ensemble`, in lanes; the state between calls is in `rows`."""
     open_to, free, sliding = last, empty_in(0, rows), empty_in(1, rows)
     for _ in range(steps):
         if sliding > 0:
@@ -230,7 +230,7 @@ def lane_run(
                 open_to, free = 0, -1 - free
         if free == LANES and sliding == LANES and rows[WAITING_AT + 1] == 0:
             return 0
-        # The group that has more to do; one that is full need not wait for more.
+        # The group with more to do; a full one need not wait for more.
         group = 1 if sliding == 0 or sliding < free else 0
         iw_l.sliding = group
         masks = lane_step(groups[group], iw_l, run.ctx)

@@ -1,4 +1,4 @@
-"""A trajectory takes a lane and leaves it: its numbers go in and come back."""
+"""Entering and leaving a lane: copying the numbers of a trajectory."""
 
 from filippov.kernel.lanes.lane_field import uncoupled
 from filippov.kernel.language.primitives import Indices, Vector, kernel, truncate
@@ -10,14 +10,14 @@ from filippov.kernel.tables.layout import LANES
 
 @kernel
 def spread_out(lane: int, n: int, source: Vector, target: Vector) -> None:
-    """Numbers of one trajectory into their lane."""
+    """Copy numbers of one trajectory into its lane."""
     for i in range(n):
         target[i * LANES + lane] = source[i]
 
 
 @kernel
 def draw_in(lane: int, n: int, source: Vector, target: Vector) -> None:
-    """Numbers of one lane into its trajectory."""
+    """Copy numbers of one lane into its trajectory."""
     for i in range(n):
         target[i] = source[i * LANES + lane]
 
@@ -30,7 +30,7 @@ def settled(clock: Clock, m: Vector, order: Indices) -> bool:
         if m[i] == 0.0:
             if order[i] != 0:
                 return False
-            # The guard of a resting contact is its rate: another field than a lane's.
+            # The guard of a resting contact is its rate, which lanes do not compute.
             if CONTACT[i] != 0:
                 return False
             sliding += 1
@@ -39,7 +39,7 @@ def settled(clock: Clock, m: Vector, order: Indices) -> bool:
 
 @kernel
 def release(lane: int, group: Group, rows: Indices) -> None:
-    """An empty lane is stepped along with a step of 0."""
+    """Mark a lane as empty: it takes steps of length 0."""
     clock, m = group.clock, group.m
     rows[lane] = -1
     clock.t_end[lane] = clock.t[lane]
@@ -62,7 +62,7 @@ def leave(lane: int, run: Trajectory, group: Group) -> None:
         run.order[i] = truncate(group.order[i * LANES + lane])
     draw_in(lane, M, w_l.grazed, w.grazed)
     if clock.taken > 0.0:
-        # The step is done but for a guard that may have vanished in it.
+        # The step is complete except for a guard that may have vanished in it.
         draw_in(lane, STAGES * N, w_l.k, w.k)
         draw_in(lane, N, w_l.y, w.y)
         draw_in(lane, M * N, w_l.g, w.g)
@@ -88,7 +88,7 @@ def enter(lane: int, run: Trajectory, group: Group, rows: Indices) -> None:
     if rows[lane] != run.number:
         spread_out(lane, P, run.p, group.p)
         for other in range(LANES):
-            # Empty lanes get numbers that the field is at ease with.
+            # Empty lanes get numbers at which the field is defined.
             if rows[other] < 0:
                 spread_out(other, N, run.x, group.x)
                 spread_out(other, P, run.p, group.p)

@@ -1,8 +1,8 @@
 """One step of several trajectories side by side, each with its own time, step, mode and tolerance.
 
-A lane is carried on where its step is accepted and no guard can have vanished in it, and shortened where it
-is rejected. Everything else (an event, or what may be one; an invalid stage; a step too small) is told to the
-caller, the lane left as it was.
+A lane advances where its step is accepted and no guard can have vanished in it; its step is shortened where
+it is rejected. Everything else (an event, or what may be one; an invalid stage; a step too small) is reported
+to the caller, and the lane is left as it was.
 """
 
 from filippov.kernel.lanes.lane_field import uncoupled
@@ -47,7 +47,7 @@ from filippov.kernel.loop.model import (
 from filippov.kernel.loop.search import FALLING, ROUNDED
 from filippov.kernel.loop.state import Group, Integers, Scratch
 
-# The second mask of the result stands above the first.
+# The second mask of the result is above the first.
 FINISHED = 32
 THIRD = 0.3333333333333333
 
@@ -61,7 +61,7 @@ def step_factor(square: float) -> float:
 
 @lanes
 def bent(w: Scratch) -> bool:
-    """Where the stages saw different fields; see `control.uniform`."""
+    """Where the field differs between the stages; see `control.uniform`."""
     change = 0.0
     for a in range(N, (STAGES - 1) * N):
         change = max(change, abs(w.k[a] - w.k[a % N]))
@@ -121,7 +121,7 @@ def ends_at_surface(t: float, start: float, m: Vector, order: Vector, w: Scratch
 
 @lanes
 def lane_step(group: Group, iw: Integers, ctx: Indices) -> int:
-    """A step of every lane; the lanes left to the caller and, above FINISHED, those that are at their end."""
+    """A step of every lane; the lanes left to the caller and, above FINISHED, those at their end."""
     clock, tally, w = side_by_side(group.clock), side_by_side(group.tally), side_by_side(group.w)
     x, p, m, order, atol = group.x, group.p, group.m, group.order, group.atol
     t, y, last_k = clock.t, w.y, shift(w.k, (STAGES - 1) * N)

@@ -1,4 +1,4 @@
-"""Compile kernels to machine code: Python's syntax tree -> LLVM IR -> object code, one module a unit.
+"""Compile kernels to machine code: Python's syntax tree -> LLVM IR -> object code, one module per unit.
 
 A general just-in-time compiler takes twenty times as long, because types are annotated here and arrays are
 bare pointers.
@@ -14,7 +14,7 @@ from filippov.kernel.language.translate import translate
 from filippov.kernel.language.unit import Constant, Unit
 
 # Kernels with more operations than this are not copied into their callers in a unit that is linked with
-# another: the optimiser's time grows faster than the size of a function, and what every stage does is there.
+# another: the optimiser's time grows faster than the size of a function, and the stages gain nothing by it.
 WHOLE = 92
 # The same in a unit that holds everything, where the field is copied into every stage if it is no larger.
 PART = 620
@@ -30,18 +30,18 @@ def compile_unit(
 ) -> bytes:
     """Object code of a unit: the exported kernels, which keep their names, and what they call (or all).
 
-    in_lanes: kernels that are exported widened, as `name.lanes`; given: tables of constants for other units;
-    missing: kernels that other units name and never call, which stand here as an end of the process
+    in_lanes: kernels exported in their widened form, as `name.lanes`; given: tables of constants for other
+    units; missing: kernels that other units name and never call, defined here to end the process
     """
     with _uncollected():
         module = binding.parse_assembly(written(unit, constants, exported, in_lanes, given, missing))
     module.verify()
     machine = target_machine()
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
-    # Level 3 takes a quarter longer, and what it makes of the event loop is no faster.
+    # Level 3 takes a quarter longer and makes the event loop no faster.
     options = binding.create_pipeline_tuning_options(speed_level=2)
     options.slp_vectorization, options.loop_vectorization = True, False
-    # Loops of a length that is not known yet are short, and gain nothing by being written out.
+    # Loops whose length is known only at run time are short, and gain nothing by unrolling.
     options.loop_unrolling = not unit.shape
     builder = binding.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
@@ -50,7 +50,7 @@ def compile_unit(
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Without the collector of cycles, which would look through a growing module again and again in vain."""
+    """Without the cyclic garbage collector, which would traverse a growing module again and again in vain."""
     was = gc.isenabled()
     gc.disable()
     try:
@@ -64,7 +64,7 @@ def written(
     unit: Unit, constants: Mapping[str, Constant], exported: Sequence[str], in_lanes: Sequence[str] = (),
     given: Mapping[str, Sequence[float]] | None = None, missing: Sequence[str] = (),
 ) -> str:  # fmt: skip
-    """The kernels of a unit as LLVM IR, not yet checked nor optimised; arguments as of `compile_unit`."""
+    """The kernels of a unit as LLVM IR, neither verified nor optimised; arguments as of `compile_unit`."""
     unit.constants.update(constants)
     for name in exported or unit.texts:
         unit.plain(name)
@@ -104,7 +104,7 @@ def target_machine() -> binding.TargetMachine:
 
 
 def load_objects(*codes: bytes) -> binding.ExecutionEngine:
-    """An engine holding the functions of object files that call each other; it owns their memory: keep it."""
+    """An engine with the functions of object files that call each other; it owns their memory: keep it."""
     machine = target_machine()
     empty = binding.parse_assembly(f'target triple = "{machine.triple}"')
     engine = binding.create_mcjit_compiler(empty, machine)

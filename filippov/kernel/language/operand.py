@@ -19,7 +19,7 @@ from filippov.kernel.language.unit import (
     Unit,
 )
 
-# Whether addresses have types of their own in LLVM, as they had until version 17.
+# Whether LLVM has typed pointers, as it had until version 17.
 _TYPED = binding.llvm_version_info[0] < 17
 
 
@@ -42,11 +42,11 @@ class Operands:
         self.wide, self.wide_long, self.wide_bit = unit.wide, unit.wide_long, unit.wide_bit
         self.entry = ir.IRBuilder(kernel.function.append_basic_block("entry"))
         self.b = ir.IRBuilder(kernel.function.append_basic_block("body"))
-        # What was read of the shape in this block.
+        # Numbers of the shape read in this block.
         self.here, self.lengths = self.b.block, dict[str, ir.Value]()
 
     def fail(self, node: ast.AST, why: str) -> KernelError:
-        """The error to raise for what stands at a node."""
+        """The error to raise for a node of the syntax tree."""
         name = self.kernel.node.name
         file = self.unit.files.get(name, "kernels")
         return KernelError(f"{file}:{getattr(node, 'lineno', '?')}: kernel {name}: {why}")
@@ -77,7 +77,7 @@ class Operands:
         return self.b.shuffle_vector(whole, ir.Constant(kind, ir.Undefined), places)
 
     def alike(self, left: ir.Value, right: ir.Value) -> tuple[ir.Value, ir.Value]:
-        """Both in lanes where one of them is, both doubles where one of them is."""
+        """Both as lanes if one of them is, both as doubles if one of them is."""
         kinds = (DOUBLE, self.wide)
         if (left.type in kinds) != (right.type in kinds):
             left, right = self.double(left), self.double(right)
@@ -97,7 +97,7 @@ class Operands:
         return self.b.fcmp_unordered("!=", value, ir.Constant(DOUBLE, 0.0))
 
     def cast(self, value: ir.Value, kind: ir.Type, node: ast.AST) -> ir.Value:
-        """A value as one of another type. Raises KernelError where there is no way."""
+        """A value converted to another type. Raises KernelError where that is impossible."""
         if value.type == kind:
             return value
         if kind == DOUBLE:
@@ -116,20 +116,20 @@ class Operands:
         raise self.fail(node, f"a {spelt(value.type)} where a {spelt(kind)} is needed")
 
     def word(self, base: ir.Value, name: str) -> ir.Value:
-        """The address of the first word of a name of a record, as one of its elements."""
+        """The address of the first word of a record's member, typed as its element."""
         record: StructPointer = base.type
         offset = self.length(f"{record.of.__name__}.{name}", record.of.places[name].offset)
         at = self.moved(base, self.times(offset, record.stride))
         return self.seen(at, self.unit.address(record.pointee))
 
     def moved(self, base: ir.Value, words: ir.Value) -> ir.Value:
-        """The address so many words of a record further."""
+        """An address moved by a number of words of a record."""
         if isinstance(words, ir.Constant) and words.constant == 0:
             return base
         return self.b.gep(base, [words], inbounds=True, source_etype=base.type.pointee)
 
     def length(self, name: str, value: int) -> ir.Value:
-        """A length that belongs to the unit, or stands in the table of the shape."""
+        """A length, either a constant of the unit or read from the table of the shape."""
         if name not in self.unit.shape:
             return ir.Constant(LONG, value)
         if self.here is not self.b.block:
@@ -155,15 +155,15 @@ class Operands:
         return StructPointer(rows.of, rows.pointee, rows.stride)
 
     def referred(self, place: Place) -> ir.Type:
-        """The type of what a reference leads to."""
+        """The type of a reference's target."""
         if place.of is not None:
             return self.unit.record(self.unit.records[place.of.__name__], self.kernel.wide, place.kind)
         return INDICES if place.kind == "Indices" else self.unit.wide_vector if self.kernel.wide else VECTOR
 
     def member(self, base: ir.Value, name: str, node: ast.AST) -> ir.Value:
-        """Where a name of a record stands, or the address that stands there (of what is elsewhere).
+        """The address of a record's member, or, of a reference, the address stored in it.
 
-        A number gives a pointer to it, everything else the array or record itself.
+        A number gives a pointer to it, any other member the array or record itself.
         """
         record = base.type
         if not isinstance(record, StructPointer) or record.rows:
@@ -180,7 +180,7 @@ class Operands:
         return self.seen(at, INDICES) if place.kind in ("int", "Indices") else at
 
     def constant(self, value: Constant, name: str) -> ir.Value:
-        """A constant of the unit as a value; a list as the address of its numbers."""
+        """A constant of the unit as a value, a list as the address of its numbers."""
         if name in self.unit.shape:
             number = self.length(name, 0)
             return self.bit(number) if isinstance(value, bool) else number
@@ -207,7 +207,7 @@ class Operands:
         best = values[0] if whole else self.double(values[0])
         for given in values[1:]:
             best, value = self.alike(best, given if whole else self.double(given))
-            # Written so that min and max of a NaN and a number agree with Python's: the first one stays.
+            # Written so that min and max with a NaN agree with Python's: the first operand is kept.
             test = self.b.icmp_signed(sign, value, best) if whole else self.b.fcmp_ordered(sign, value, best)
             best = self.b.select(test, value, best)
         return best
@@ -224,7 +224,7 @@ class Operands:
         return result
 
     def ask(self, name: str, mask: ir.Value) -> ir.Value:
-        """A mask as one answer, or as the bits of an integer."""
+        """A mask reduced to one condition, or as the bits of an integer."""
         kind = ir.IntType(self.unit.width)
         bits = self.b.bitcast(self.splat(mask) if mask.type == BIT else mask, kind)
         if name == "mask_bits":

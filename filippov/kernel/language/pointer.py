@@ -1,4 +1,4 @@
-"""Types of values that stand for records: addresses that know what lies there."""
+"""Types of values that stand for records: addresses with the type of their target."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _Typed: Any = type(ir.DoubleType().as_pointer())
 class StructPointer(_Typed):
     """The address of a record (rows: of the first of several).
 
-    element  what its names are made of: a double, or a vector of one for each lane
-    stride   words from one of its places to the next: the number of lanes, where a plain kernel looks at them
+    element  the type of its members: a double, or a vector with one for each lane
+    stride   words from one member to the next: the number of lanes where a plain kernel reads lanes
     """
 
     def __init__(self, of: type[Struct], element: ir.Type, stride: int = 1, rows: bool = False) -> None:
@@ -23,7 +23,7 @@ class StructPointer(_Typed):
         self.of, self.stride, self.rows = of, stride, rows
 
     def __new__(cls, *_: Any, **__: Any) -> Self:
-        """As any object; that of llvmlite looks at the element."""
+        """As any object; the constructor of llvmlite inspects the element."""
         return object.__new__(cls)
 
     @property
@@ -43,7 +43,7 @@ class StructPointer(_Typed):
 
 
 def spelt(kind: ir.Type) -> str:
-    """A type as it is written in a kernel, as far as it has a name there."""
+    """A type as it is written in a kernel, if it has a name there."""
     names = {"double": "float", "i64": "int", "i1": "bool"}
     if isinstance(kind, StructPointer):
         return kind.label

@@ -54,12 +54,12 @@ def inline(function: Function) -> Function:
 
 
 def apart(function: Function) -> Function:
-    """Mark a kernel that stays a function of its own, however often it is called (besides `kernel` ...)."""
+    """Mark a kernel that is never copied into its callers (besides `kernel` ...)."""
     return function
 
 
 def contract(function: Function) -> Function:
-    """Mark a kernel whose products may be fused with the sums they go into: faster, and one rounding less."""
+    """Mark a kernel whose products may be fused with the sums they enter: faster, with one rounding less."""
     return function
 
 
@@ -84,7 +84,7 @@ def everywhere(mask: bool) -> bool:
 
 
 def mask_bits(mask: bool) -> int:
-    """A mask as an integer, a bit a lane."""
+    """A mask as an integer, one bit per lane."""
     return int(mask)
 
 
@@ -102,7 +102,7 @@ def each(name: str, *values: float) -> float:
 
 
 def claim(counters: Indices, place: int) -> int:
-    """Count a number up and return what it was; threads that share it never get the same."""
+    """Increment a number and return its previous value; threads that share it never get the same."""
     counters[place] += 1
     return int(counters[place]) - 1
 
@@ -148,7 +148,7 @@ def fma(a: float, b: float, c: float) -> float:
 
 
 def power(base: float, exponent: float) -> float:
-    """base**exponent as C's pow has it, with NaN and infinities."""
+    """base**exponent as C's pow computes it, with NaN and infinities."""
     with np.errstate(all="ignore"):
         return float(np.power(np.float64(base), np.float64(exponent)))
 

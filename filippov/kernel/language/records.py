@@ -1,4 +1,4 @@
-"""Records: named places in a flat array, declared once for compiled code and for Python.
+"""Records: named members of a flat array, declared once for compiled code and for Python.
 
 A record is a class of annotated names. `float` and `int` are single numbers; `Vector`, `Indices`, `Rows[R]`
 (one R behind the other) and another record stand in the record itself where `part(length)` says how long they
@@ -34,7 +34,7 @@ _BYTE = ctypes.c_char.from_buffer
 
 @dataclass(frozen=True)
 class Place:
-    """Where a name stands: its kind (of which record), its first word, its words, whether elsewhere.
+    """The location of a member: its kind (of which record), first word, words, whether it is a reference.
 
     varies: its first word depends on the sizes
     """
@@ -48,7 +48,7 @@ class Place:
 
     @cached_property
     def dtype(self) -> np.dtype[Any] | None:
-        """Of the array that a reference leads to; None for a record or its rows."""
+        """The type of the numbers of a referenced array; None for a record or rows of it."""
         if self.kind in ("Vector", "Lanes"):
             return _FLOAT
         return _WHOLE if self.kind == "Indices" else None
@@ -60,12 +60,12 @@ class _Part:
 
 
 def part(length: int | Callable[[Any], int] = 1) -> Any:
-    """A part of a record: its entries (of Rows: its records), a number or a function of the sizes."""
+    """An embedded array: its number of entries (of Rows: of records), a number or a function of the sizes."""
     return _Part(length)
 
 
 class Rows(Generic[R]):
-    """Records of one kind, one behind the other."""
+    """Records of one kind, one after the other."""
 
     def __init__(self, kind: type[R], array: npt.NDArray[Any]) -> None:
         self.kind, self.array, self._flat = kind, array, array.reshape(-1)
@@ -75,7 +75,7 @@ class Rows(Generic[R]):
         return self.kind(self._flat[i * size : (i + 1) * size])
 
     def column(self, name: str) -> npt.NDArray[Any]:
-        """A number of every record."""
+        """One member of every record."""
         place = self.kind.places[name]
         return self._flat.reshape(-1, self.kind.size)[:, place.offset]
 
@@ -83,7 +83,7 @@ class Rows(Generic[R]):
 class Lanes(Generic[R]):
     """Records of trajectories side by side, as a plain kernel sees them: every name is an array of doubles.
 
-    A number is followed by the same one of the next lane; Rows have Lanes for each of their records.
+    A number is followed by that of the next lane; Rows consist of Lanes of their records.
     """
 
     def __getattr__(self, name: str) -> Any:
@@ -91,7 +91,7 @@ class Lanes(Generic[R]):
 
 
 def side_by_side(records: Lanes[R]) -> R:
-    """What a lane kernel takes for a record: all lanes at once (compiled code only)."""
+    """The record of a lane kernel: all lanes at once (compiled code only)."""
     raise RuntimeError("lanes exist in compiled code only")
 
 
@@ -101,7 +101,7 @@ def shift_rows(rows: Rows[R], offset: int) -> Rows[R]:
 
 
 def all_of(record: Struct | Lanes[Any]) -> Vector:
-    """The numbers of a record of doubles, one behind the other."""
+    """The numbers of a record of doubles, one after the other."""
     return cast(Vector, record.array)
 
 
@@ -111,12 +111,12 @@ def size_of(record: Struct | Lanes[Any]) -> int:
 
 
 class _Declaring(type):
-    """Takes the lengths out of a declaration, and gives it its places where they need no sizes."""
+    """Moves the lengths out of a declaration, and lays it out where no sizes are needed."""
 
     def __new__(cls, name: str, bases: tuple[type, ...], space: dict[str, Any]) -> Any:
         lengths = {key: value for key, value in space.items() if isinstance(value, _Part)}
         left = {key: value for key, value in space.items() if key not in lengths}
-        # Without slots of their own its records would take any name.
+        # Without slots, records would accept any attribute.
         made: Any = super().__new__(cls, name, bases, {"__slots__": (), "places": {}, "size": 0} | left)
         if bases and "places" not in space:
             made.lengths = lengths
@@ -158,17 +158,17 @@ class Struct(metaclass=_Declaring):
 
     @classmethod
     def sized(cls, sizes: Any) -> type[Self]:
-        """The record with the lengths that these sizes (hashable) give it."""
+        """The record with the lengths that follow from these sizes (hashable)."""
         return cast(type[Self], _sized(cls, sizes))
 
     def refer(self, **arrays: Any) -> None:
-        """Let names lead to arrays and records elsewhere. Raises KernelError for a wrong one."""
+        """Bind references to arrays and records. Raises KernelError for one of the wrong kind."""
         places, held, words = type(self).places, self._held, self._wholes
         for name, value in arrays.items():
             place = places.get(name)
             if place is None or not place.elsewhere:
                 raise KernelError(f"record {type(self).__name__} has no reference {name}")
-            # The usual case first: a short run has many of them.
+            # The usual case first: a short run binds many.
             usual = type(value) is np.ndarray and value.dtype is place.dtype
             array = value if usual else _referred(type(self).__name__, name, place, value)
             held[name] = array.reshape(-1) if usual and array.ndim > 1 else value
@@ -185,7 +185,7 @@ def _sized(cls: type[Struct], sizes: Any) -> type[Struct]:
 
 
 def _lay_out(own: Any, declared: type[Struct], sizes: Any) -> None:
-    """Give a record its places and properties, from the declaration (or itself)."""
+    """Lay out a record and give it properties, from the declaration (or itself)."""
     offset, places, varies = 0, {}, False
     hints = get_type_hints(declared)
     for name in get_annotations(declared):
@@ -215,7 +215,7 @@ def _lay_out(own: Any, declared: type[Struct], sizes: Any) -> None:
 
 
 def _property(name: str, place: Place) -> property:
-    """How Python reads and writes a place."""
+    """The property by which Python reads and writes a member."""
     offset, last, inner = place.offset, place.offset + place.size, place.of
 
     def refuse(self: Struct, value: object) -> None:
@@ -273,7 +273,7 @@ def _kind(hint: Any, where: str) -> tuple[str, type[Struct] | None]:
 
 
 def _referred(record: str, name: str, place: Place, value: Any) -> npt.NDArray[Any]:
-    """The array that a reference leads to; refuses what is not of the kind that is declared."""
+    """The array to which a reference is bound; refuses what is not of the declared kind."""
     kind: Any = value.kind if isinstance(value, Rows) and place.kind == "Rows" else type(value)
     if place.dtype is not None:
         if isinstance(value, np.ndarray) and value.dtype == place.dtype:
@@ -287,13 +287,13 @@ def _referred(record: str, name: str, place: Place, value: Any) -> npt.NDArray[A
 
 
 def address_of(array: Any) -> int:
-    """Where the numbers of an array lie, as `array.ctypes.data`, which takes four times as long.
+    """The address of an array's numbers; `array.ctypes.data` takes four times as long.
 
-    Raises KernelError for an array that is not in one piece.
+    Raises KernelError for an array that is not contiguous.
     """
     try:
         return ctypes.addressof(_BYTE(array))
-    except (BufferError, TypeError, ValueError):  # read-only, empty, or not in one piece
+    except (BufferError, TypeError, ValueError):  # read-only, empty, or not contiguous
         if not array.flags.c_contiguous:
             raise KernelError("an array for a kernel is in one piece; give a copy") from None
         return int(array.ctypes.data)

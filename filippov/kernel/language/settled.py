@@ -1,4 +1,4 @@
-"""Conditions that the constants of a unit decide: what they rule out is not translated."""
+"""Conditions decided by the constants of a unit: branches that they rule out are not translated."""
 
 import ast
 import operator
@@ -13,7 +13,7 @@ _COMPARE: dict[type[ast.cmpop], Callable[[float, float], bool]] = {
 
 
 def settled(node: ast.expr, constants: Mapping[str, Constant], changing: Container[str]) -> bool | None:
-    """Whether a condition holds, where numbers and constants alone decide it; None elsewhere.
+    """The truth of a condition decided by numbers and constants alone; None for others.
 
     changing: names of variables, which hide constants
     """
@@ -35,7 +35,7 @@ def _value(node: ast.expr, constants: Mapping[str, Constant], changing: Containe
         return None if left is None or right is None else _COMPARE[type(node.ops[0])](left, right)
     if isinstance(node, ast.BoolOp):
         absorbs = isinstance(node.op, ast.Or)
-        # From the left, as far as it is known: what comes before may be a call that does something.
+        # From the left, as far as known: an earlier operand may be a call with side effects.
         for item in node.values:
             inner = _value(item, constants, changing)
             if inner is None:

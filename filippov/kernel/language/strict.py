@@ -1,7 +1,7 @@
-"""What a kernel may not do, since machine code would do something else than Python: refused by file and line.
+"""Constructs that machine code would execute differently from Python: refused by file and line.
 
-Types are the translator's affair (`translate`); here is what a syntax tree shows: names that may be unset, a
-path without a return, loops that are none over a range, operators and arguments that the language lacks.
+The translator checks types (`translate`); here is what the syntax tree shows: names that may be unset, a path
+without a return, loops over anything but a range, operators and arguments that the language lacks.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ _STATEMENTS = (
     ast.Assign, ast.AugAssign, ast.Expr, ast.Pass, ast.Return, ast.If, ast.While, ast.For, ast.Break,
     ast.Continue,
 )  # fmt: skip
-# Parts of which nothing is asked.
+# Nodes that need no check.
 _NOTHING = (ast.Constant, ast.Load, ast.Store, ast.arguments, ast.arg, *_OPERATORS)
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 
 
 def check_kernel(node: ast.FunctionDef, file: str) -> frozenset[str]:
-    """The names that more than one statement of this function binds; loops have their variable to themselves.
+    """The names bound by more than one statement of this function; loop variables are excluded.
 
     Raises KernelError where the function leaves the language.
     """
@@ -56,7 +56,7 @@ def _changing(arguments: Iterable[str], parts: Sequence[ast.AST]) -> frozenset[s
 
 
 def _parts(node: ast.AST) -> list[ast.AST]:
-    """A tree, part by part, as `ast.walk` gives it, in a third of its time."""
+    """The nodes of a tree, as `ast.walk` gives them, in a third of its time."""
     found = [node]
     for part in found:
         for name in part._fields:
@@ -81,7 +81,7 @@ class _Checked:
     def fail(self, node: ast.AST, why: str) -> KernelError:
         return KernelError(f"{self.file}:{getattr(node, 'lineno', '?')}: kernel {self.node.name}: {why}")
 
-    # Parts that stand for themselves
+    # Single nodes
 
     def signature(self) -> None:
         a = self.node.args
@@ -91,7 +91,7 @@ class _Checked:
             raise self.fail(self.node, "every parameter is annotated")
 
     def part(self, node: ast.AST) -> None:
-        """Refuse an operator, a call or a loop that compiled code would take for another."""
+        """Refuse an operator, a call or a loop that compiled code would interpret differently."""
         if isinstance(node, ast.stmt) and node is not self.node and not isinstance(node, _STATEMENTS):
             raise self.fail(node, f"{type(node).__name__} is not part of the kernel language")
         if isinstance(node, ast.BinOp | ast.AugAssign) and not isinstance(node.op, _OPERATORS):
@@ -124,11 +124,11 @@ class _Checked:
     # Names on the paths through it
 
     def block(self, statements: Sequence[ast.stmt], known: set[str]) -> set[str] | None:
-        """The names that are bound after these statements, or None where they are never left at the end."""
+        """The names bound after these statements, or None where their end is never reached."""
         now: set[str] | None = set(known)
         for statement in statements:
             if now is None:
-                return None  # nothing leads here
+                return None  # unreachable
             now = self._after(statement, now)
         return now
 
@@ -148,7 +148,7 @@ class _Checked:
             self._read(node.iter, known)
             assert isinstance(node.target, ast.Name)
             self._loop(node.body, known | {node.target.id})
-            # In Python it keeps its last value, in compiled code it has gone one further.
+            # In Python it keeps its last value, in compiled code it is one further.
             return known - {node.target.id}
         if isinstance(node, ast.Return | ast.Break | ast.Continue):
             self._read(node, known)
@@ -159,7 +159,7 @@ class _Checked:
         return known | set(_bound(node))
 
     def _loop(self, body: Sequence[ast.stmt], known: set[str]) -> list[set[str]]:
-        """The names that are bound at each break of a loop."""
+        """The names bound at each break of a loop."""
         self.breaks.append([])
         self.block(body, known)
         return self.breaks.pop()
@@ -181,7 +181,7 @@ def _bound(node: ast.AST) -> Iterable[str]:
 
 
 def step_of(node: ast.expr) -> int:
-    """The step of a range that stands there as a whole number; 0 where it does not."""
+    """The step of a range written as an integer constant; 0 for any other."""
     sign = 1
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         sign, node = -1, node.operand

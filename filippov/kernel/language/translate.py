@@ -46,13 +46,13 @@ class _Body(Operands):
             if kernel.function.ftype.return_type == VOID:
                 self.b.ret_void()
             else:
-                self.b.unreachable()  # `strict` has seen that every path returns
+                self.b.unreachable()  # `strict` has checked that every path returns
         self.entry.branch(kernel.function.blocks[1])
 
     # Values
 
     def test(self, node: ast.expr) -> ir.Value:
-        """What a branch asks: one answer, also in a lane kernel."""
+        """The condition of a branch: a single one, also in a lane kernel."""
         value = self.truth(node)
         if value.type != BIT:
             raise self.fail(node, "lanes cannot branch; blend, or ask anywhere(...) or everywhere(...)")
@@ -69,7 +69,7 @@ class _Body(Operands):
         return settled(node, self.unit.fixed, self.locals)
 
     def condition(self, node: ast.expr) -> ir.Value:
-        """An operand of `and` and `or` whose result is used as a value: in Python it is one of them."""
+        """An operand of `and` or `or` whose result is used as a value: in Python, one of the operands."""
         value = self.value(node)
         if value.type not in (BIT, self.wide_bit):
             raise self.fail(
@@ -108,7 +108,7 @@ class _Body(Operands):
         raise self.fail(node, f"unknown name {node.id}")
 
     def pointer(self, node: ast.Subscript) -> ir.Value:
-        """Where an entry of an array stands; of rows the record."""
+        """The address of an array's entry; of rows, the record."""
         base, offset = self.value(node.value), self.value(node.slice)
         if isinstance(base.type, StructPointer) and base.type.rows and offset.type == LONG:
             return self.seen(self.row(base, offset), self.one_of(base.type))
@@ -160,7 +160,7 @@ class _Body(Operands):
         return getattr(self.b, names[type(op)])(self.double(left), self.double(right), flags=self.flags)
 
     def divide(self, op: ast.operator, left: ir.Value, right: ir.Value) -> ir.Value:
-        """// and % of integers as Python has them: rounded down, with the sign of the divisor."""
+        """// and % of integers as in Python: rounded down, with the sign of the divisor."""
         quotient, rest = self.b.sdiv(left, right), self.b.srem(left, right)
         zero = ir.Constant(left.type, None if isinstance(left.type, ir.VectorType) else 0)
         other = self.b.icmp_signed("<", self.b.xor(rest, right), zero)
@@ -196,7 +196,7 @@ class _Body(Operands):
         return self.joined(node, self.condition)
 
     def joined(self, node: ast.BoolOp, of: Callable[[ast.expr], ir.Value]) -> ir.Value:
-        """`and` or `or` of conditions; the later ones are asked only where they count, but in lanes."""
+        """`and` or `or` of conditions; short-circuited, except in lanes."""
         absorbs = isinstance(node.op, ast.Or)
         asked = []
         for item in node.values:
@@ -375,7 +375,7 @@ class _Body(Operands):
             raise self.fail(target, "cannot assign to this")
 
     def place(self, target: ast.Attribute) -> ir.Value:
-        """Where a name of a record is written: a number, or the address of what is elsewhere."""
+        """The address at which a record's member is written: a number, or a reference."""
         base = self.value(target.value)
         at = self.member(base, target.attr, target)
         place = base.type.of.places[target.attr]
@@ -445,7 +445,7 @@ class _Body(Operands):
         self.b.position_at_end(done)
 
     def loop(self, test: _Test, body: Sequence[ast.stmt], after: Callable[[], None] = lambda: None) -> None:
-        """One that goes on while a test holds; where there is None it is only left by break and return."""
+        """A loop that runs while a test holds; without one it is left by break and return only."""
         head, inside, step, done = (self.b.append_basic_block(n) for n in ("head", "loop", "step", "endloop"))
         self.b.branch(head)
         self.b.position_at_end(head)
@@ -467,7 +467,7 @@ class _Body(Operands):
         self.loop(lambda: None if endless else self.test(node.test), node.body)
 
     def do_For(self, node: ast.For) -> None:
-        assert isinstance(node.iter, ast.Call)  # `strict` has seen that
+        assert isinstance(node.iter, ast.Call)  # `strict` has checked that
         assert isinstance(node.target, ast.Name)
         values = [self.value(argument) for argument in node.iter.args]
         one = ir.Constant(LONG, 1)

@@ -22,15 +22,15 @@ _ANNOTATED["Shared"] = VECTOR
 Constant = int | float | bool | list[float] | list[int]
 
 _MARKS = {"lanes", "kernel", "contract"}
-# Longer texts are written for one system: their trees are not kept.
+# Longer texts belong to one system: their trees are not kept.
 _LONG = 100_000
-# Of kernels that were looked at the names that change.
+# The names bound several times in kernels that have been checked.
 _checked: WeakKeyDictionary[ast.FunctionDef, frozenset[str]] = WeakKeyDictionary()
 
 
 @dataclass
 class Kernel:
-    """A parsed kernel with the LLVM function that stands for it, and the names that change in it."""
+    """A parsed kernel with its LLVM function, and the names bound several times in it."""
 
     node: ast.FunctionDef
     function: ir.Function
@@ -43,9 +43,9 @@ class Kernel:
 class Unit:
     """One LLVM module: its source texts by the names of their kernels, and the constants they share.
 
-    A kernel is checked and declared when it is first asked for, and then waits for its translation. `width`
-    is the number of lanes; `wide`, `wide_vector` ... are what stands in a lane kernel for a number and an
-    array of numbers. addresses, referred: types that were asked for; places: of numbers of the shape.
+    A kernel is checked and declared at its first use, and translated later. `width` is the number of lanes;
+    `wide`, `wide_vector` ... are the types of a number and an array of numbers in a lane kernel. addresses,
+    referred: types made so far; places: of numbers of the shape.
     records: the records by name, with their lengths. foreign, foreign_lanes: kernels, plain
     and in lanes, that another unit holds, with which this one is linked; outside: constants that it holds;
     shape: numbers that are read there, by name, with their places in the table SHAPE.
@@ -82,7 +82,7 @@ class Unit:
 
     @cached_property
     def fixed(self) -> Mapping[str, Constant]:
-        """The constants that are the same for every system with this unit."""
+        """The constants shared by every system with this unit."""
         read = self.outside | self.shape.keys()
         return {name: value for name, value in self.constants.items() if name not in read}
 
@@ -100,7 +100,7 @@ class Unit:
         return known if isinstance(known, ir.Function) else ir.Function(self.module, kind, full)
 
     def table(self, name: str, values: Sequence[float]) -> ir.Constant:
-        """The address of the numbers of a constant, which stand in the unit that holds them."""
+        """The address of a constant's numbers, in the unit that holds them."""
         if name not in self.tables:
             kind = DOUBLE if any(isinstance(value, float) for value in values) else LONG
             here = name not in self.outside
@@ -114,7 +114,7 @@ class Unit:
         return self.tables[name].gep([zero, zero])
 
     def length(self, builder: ir.IRBuilder, name: str) -> ir.Value:
-        """A number of the shape, read from the unit that knows it."""
+        """A number of the shape, read from the unit that holds it."""
         if name not in self.places:
             self.table("SHAPE", [0] * len(self.shape))
             place = [ir.Constant(LONG, 0), ir.Constant(LONG, self.shape[name])]
@@ -159,14 +159,14 @@ class Unit:
         return self.kernels[name]
 
     def trap(self, name: str) -> None:
-        """A kernel that ends the process where it is called, in place of the one of this name."""
+        """A kernel that ends the process when it is called, under this name."""
         self.foreign |= {name}
         builder = ir.IRBuilder(self.plain(name).function.append_basic_block())
         builder.call(self.intrinsic("llvm", ir.FunctionType(VOID, []), "trap"), [])
         builder.unreachable()
 
     def widened(self, name: str) -> Kernel:
-        """The lane kernel of this name: its own, or the plain one widened."""
+        """The lane kernel of this name: as written, or the plain one widened."""
         if name not in self.lanes:
             self.lanes[name] = _declare(self, self.lane_texts.get(name) or self.texts[name], wide=True)
         return self.lanes[name]
@@ -198,14 +198,14 @@ def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
         return Kernel(node, function, (), changing, wide)
     function.linkage = "internal"
     if unit.lane_texts:
-        # Vectors put aside on the stack must not lie across two cache lines.
+        # Vectors spilled to the stack must not cross cache lines.
         function.attributes.alignstack = 64
     if "apart" in said:
         function.attributes.add("noinline")
     if "inline" in said:
         function.attributes.add("alwaysinline")
     for argument, value in zip(node.args.args, function.args, strict=True):
-        # No other name writes to them: what depends on them alone is computed once.
+        # Not aliased: what depends on them alone is computed once.
         pointer = value.type in (VECTOR, unit.wide_vector)
         if pointer and "contract" in said and argument.arg in ("x", "p", "m", "jet"):
             value.add_attribute("noalias")
@@ -215,10 +215,10 @@ def _declare(unit: Unit, node: ast.FunctionDef, wide: bool) -> Kernel:
 
 
 def add_kernels(unit: Unit, text: str, file: str = "kernels") -> None:
-    """Take in every decorated function of a source text; its constants may come later.
+    """Add every decorated function of a source text; its constants may come later.
 
-    Raises KernelError, with the file and the line, for one that is there already. What is outside the
-    language is refused where it is asked for: most kernels of the loop are no part of a system's unit.
+    Raises KernelError, with the file and the line, for a name that is taken. What is outside the language
+    is refused at the first use: most kernels of the loop are not part of a system's unit.
     """
     for node in _kernels_of(text):
         texts = unit.lane_texts if "lanes" in marks(node) else unit.texts
@@ -248,12 +248,12 @@ def _kernels_of(text: str) -> tuple[ast.FunctionDef, ...]:
 
 @lru_cache(maxsize=128)
 def parsed(text: str) -> ast.Module:
-    """The syntax tree of a file of kernels, which many units hold; nobody changes it."""
+    """The syntax tree of a file of kernels, shared by units and never modified."""
     return ast.parse(text)
 
 
 def _check(node: ast.FunctionDef, file: str) -> frozenset[str]:
-    """Refuse a kernel outside the language; one that stands in several units is looked at once."""
+    """Refuse a kernel outside the language; one used in several units is checked once."""
     if node not in _checked:
         _checked[node] = check_kernel(node, file)
     return _checked[node]

@@ -32,7 +32,7 @@ from filippov.kernel.tables.codes import (
 
 @kernel
 def take_up(run: Trajectory) -> None:
-    """What a call finds. Steps must not depend on how a run is cut into calls."""
+    """Restore the state that the previous call left. Steps must not depend on how a run is cut into calls."""
     clock, w, iw, now = run.clock, run.w, run.iw, run.now
     w.direction = 1.0 if clock.t_end >= clock.t else -1.0
     now.steps_left = run.count.step_budget
@@ -55,7 +55,7 @@ def take_up(run: Trajectory) -> None:
 
 @kernel
 def hand_back(run: Trajectory) -> None:
-    """What a call leaves behind besides the state."""
+    """Save what the next call needs besides the state."""
     run.count.field_calls += run.iw.calls
     for i in range(M):
         run.lam[i] = run.w.mult[i].value
@@ -64,7 +64,7 @@ def hand_back(run: Trajectory) -> None:
 @inline
 @kernel
 def make_ready(run: Trajectory) -> int:
-    """See whether there is something to do and room for it, and open the segment if one begins."""
+    """Check for work and room in the buffers, and open the segment if one begins."""
     clock, count, now = run.clock, run.count, run.now
     now.t = clock.t
     if (clock.t_end - now.t) * run.w.direction <= clock.same_instant:
@@ -92,7 +92,7 @@ def make_ready(run: Trajectory) -> int:
 @entry
 @kernel
 def advance(run: Trajectory) -> int:
-    """Run one trajectory from (clock.t, x, m) towards clock.t_end; returns why it came back (see `codes`).
+    """Run one trajectory from (clock.t, x, m) towards clock.t_end; returns why it stopped (see `codes`).
 
     Everything is updated in place.
     """

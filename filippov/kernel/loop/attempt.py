@@ -1,4 +1,4 @@
-"""A step of the loop: its length, its stages, and whether it stands."""
+"""A step of the loop: its length, its stages, and whether it is accepted."""
 
 from filippov.kernel.language.primitives import NAN, Vector, apart, inline, kernel, shift, truncate
 from filippov.kernel.loop.control import (
@@ -43,12 +43,13 @@ def choose_step(run: Trajectory) -> int:
     elif abs(step) <= least_step(t, clock.t_start, clock.t_end):
         if now.rested != 0 or not at_rest(run.w):
             return MIN_STEP
-        # The equilibrium of a non-Lipschitz field was reached by ever shorter steps; staying needs none.
+        # The equilibrium of a non-Lipschitz field was reached by ever shorter steps; staying there needs
+        # none.
         now.rested = 1
         clock.step = max(1024.0 * EPS * abs(t), 1e-12 * abs(remaining))
         return AGAIN
     elif now.taken == 0.0:
-        # What is added to the state must be what is added to the time, also where t is large.
+        # State and time must advance by the same step, also where t is large.
         step = (t + step) - t
     now.step, now.last = step, 1 if last else 0
     now.t_end = clock.t_end if last else t + step
@@ -84,7 +85,7 @@ def keep_multipliers(run: Trajectory) -> None:
 @apart
 @kernel
 def go_back(run: Trajectory) -> None:
-    """The multipliers at the start of a step again: from those of a trial Newton's method may go astray."""
+    """Restore the multipliers of the start of a step: from those of a trial Newton's method may go astray."""
     if not AFFINE and run.iw.sliding > 1:
         for c in range(run.iw.sliding):
             i = run.iw.listed[c]
@@ -93,7 +94,7 @@ def go_back(run: Trajectory) -> None:
 
 @kernel
 def reject(run: Trajectory, length: float, error: float) -> int:
-    """Take a shorter step than this one, which was too far off."""
+    """Shorten the step after one whose error is too large."""
     go_back(run)
     clock = run.clock
     run.count.rejected += 1
@@ -105,7 +106,7 @@ def reject(run: Trajectory, length: float, error: float) -> int:
 @inline
 @kernel
 def try_step(run: Trajectory) -> int:
-    """Stages of the step and, if it stands, field and guards at its end; a lane's step has been taken."""
+    """Stages of the step and, if accepted, field and guards at its end; a lane's step is taken over."""
     x, m, p, w, iw, ctx, now = run.x, run.m, run.p, run.w, run.iw, run.ctx, run.now
     t, step, te, y, last_k = now.t, now.step, now.t_end, w.y, shift(w.k, (STAGES - 1) * N)
     failed, error, fresh = 0, now.taken, now.taken == 0.0

@@ -54,7 +54,7 @@ def newton_step(b: Vector, degree: int, u: float) -> tuple[float, float, float]:
 
     p = (1 - u)**n sum b_j q**j with q = u / (1 - u) where u is below 1/2, from the other end above (Schumaker
     & Volk 1986): as stable as de Casteljau, at a fraction of the work. b: the coefficients times binomials.
-    Even and odd powers are summed apart, so that one half need not wait for the other.
+    Even and odd powers are summed separately, as two independent chains.
     """
     forward = u <= 0.5
     near = u if forward else 1.0 - u
@@ -71,7 +71,7 @@ def newton_step(b: Vector, degree: int, u: float) -> tuple[float, float, float]:
         even, odd = even * square + b[j if forward else degree - j], odd * square + above
     value = even + q * odd
     slope = 2.0 * q * (even_slope + q * odd_slope) + odd
-    # p' up to the factor far, by which it is no less than 1/2 of itself
+    # p' up to the factor far, which is at least 1/2
     change = slope - float(degree) * far * value
     change = change if forward else -change
     return value, change, (value * far * far / change if change != 0.0 else 0.0)
@@ -79,7 +79,7 @@ def newton_step(b: Vector, degree: int, u: float) -> tuple[float, float, float]:
 
 @kernel
 def bracketed_root(c: Vector, degree: int, work: Vector) -> float:
-    """The one root of c in [0, 1], c[0] > 0 >= c[degree]: Newton's steps, bisection where they leave it."""
+    """The only root of c in [0, 1], c[0] > 0 >= c[degree]: Newton's steps, or bisection."""
     lo, hi = 0.0, 1.0
     if c[degree] == 0.0:
         return 1.0
@@ -100,7 +100,7 @@ def bracketed_root(c: Vector, degree: int, work: Vector) -> float:
             following = 0.5 * (lo + hi)
         change = abs(following - u)
         u = following
-        # Near a simple root each step is a constant times the square of the one before.
+        # Near a simple root each step is a constant times the square of the previous one.
         if hi - lo <= 1e-15 or change <= 1e-15 or (newton and change * change * change <= 1e-17 * before):
             break
         before = change * change if newton else 0.0
@@ -157,7 +157,7 @@ def first_root(
         if changes == 1 and (row[degree] < 0.0 or least >= 0.0):
             return SIMPLE_ROOT, lo + width * bracketed_root(row, degree, work)
         if least > 0.0 and width <= RESOLUTION:
-            # No root here; a least value inside the piece, or on the seam to the one before, is a tangency.
+            # No root here; a least value inside the piece, or where it joins the previous one, is a tangency.
             falls, rises = row[1] < row[0], row[degree] > row[degree - 1]
             if (falls or falling) and rises:
                 # The vertex of the parabola with the slopes of both ends.

@@ -40,7 +40,7 @@ from filippov.kernel.tables.root_tables import GAUSS_A, GAUSS_B, GAUSS_C
 ONE_BITS = 4606988764016040477
 
 
-# An error that a field overflows in, next to a pole, is only large.
+# An error in which the field overflows, next to a pole, counts as large.
 LARGEST_ERROR = 1e6
 
 
@@ -48,9 +48,9 @@ LARGEST_ERROR = 1e6
 def combine(square5: float, square3: float, step: float, n: float, rtol: float) -> float:
     """Square of the error's norm from its one or two estimates (Hairer, Norsett & Wanner 1993, II.10).
 
-    The two of order 8 together can be far too small where a step enters a narrow peak of the field: e5**2
-    over a large e3. What either may be by itself in an accepted step grows as the tolerance falls, like the
-    powers of a step between its order and theirs: 10 rtol**(-1/4) and 10 rtol**(-1/2).
+    The combination of both at order 8 can be far too small where a step enters a narrow peak of the field:
+    e5**2 over a large e3. The bound of each by itself in an accepted step grows as the tolerance falls, by
+    the difference of the orders: 10 rtol**(-1/4) and 10 rtol**(-1/2).
     """
     if ORDER == 8 and not SERIES:
         both = step * step * square5 * square5 / (square5 + 0.01 * square3 + 1e-300)
@@ -73,8 +73,8 @@ def error_norm(
 ) -> float:  # fmt: skip
     """Mean square of the local error over atol + rtol |x|; of guard `relative` over rtol |h| slack too.
 
-    kept (0 or 1): |h| is that of the guard itself, or what it goes in the time `slack` of a cycle, so that
-    the next root is as accurate in time; else it is its change over the step.
+    kept (0 or 1): |h| is that of the guard itself, or its change in the time `slack` of a cycle, so that the
+    next root is as accurate in time; else it is its change over the step.
     """
     square5, square3 = 0.0, 0.0
     guard5, guard3, rise, terms = 0.0, 0.0, 0.0, 0.0
@@ -136,7 +136,7 @@ def first_step(
     for i in range(N):
         d2 += ((f1[i] - f[i]) / (atol[i] + rtol * abs(x[i]))) ** 2
     if d2 == 0.0:
-        # A constant field, as far as can be seen from here.
+        # A field that appears constant from here.
         return 0, limit
     d2 = sqrt(d2 / float(N)) / h0
     if not (d2 < 1e300):
@@ -158,7 +158,7 @@ def at_rest(w: Scratch) -> bool:
 
 @kernel
 def uniform(w: Scratch) -> bool:
-    """Whether all stages saw the same field: then the step is a straight line."""
+    """Whether the field was the same in all stages: then the step is a straight line."""
     if SERIES:
         return constant_series(w)
     for r in range(1, STAGES - 1):
@@ -180,7 +180,7 @@ def go_straight(x: Vector, step: float, y: Vector, w: Scratch) -> None:
 def other_stages(
     t: float, x: Vector, p: Vector, m: Vector, step: float, line: bool, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """The stages that only the dense output needs; on a straight line they are known."""
+    """The stages needed only by the dense output; on a straight line they are known."""
     if not line:
         return extra_stages(t, x, p, m, step, w, iw, ctx)
     for r in range(STAGES, STAGES + EXTRA):
@@ -191,7 +191,7 @@ def other_stages(
 
 @kernel
 def mark_grazed(m: Vector, start: bool, w: Scratch) -> None:
-    """Keep a tangency from being reported twice: the guard has to get clear of 0 in between (hysteresis)."""
+    """Keep a tangency from being reported twice: in between, the guard must depart from 0 (hysteresis)."""
     for i in range(M):
         clear = abs(w.end[2 * i]) > 1e3 * w.touch[i]
         if start:
@@ -213,7 +213,7 @@ def finite(x: Vector, n: int) -> bool:
 def leaves(i: int, twice: bool, step: float, side: float, w: Scratch) -> bool:
     """Whether guard i, zero at the start of the step (twice: its rate too), grows all the way through it.
 
-    Its rates along the stages, by theta where they start from zero, keep clear of 0 by more than their range.
+    Its rates along the stages, divided by theta where they start from zero, exceed their own range.
     """
     least, most = 1e300, -1e300
     for r in range(1, STAGES):
@@ -223,19 +223,19 @@ def leaves(i: int, twice: bool, step: float, side: float, w: Scratch) -> bool:
     return least > most - least
 
 
-# Stages that are enough for the range of a multiplier over them to tell that it turns fast.
+# So many stages that the range of a multiplier over them shows that it varies fast.
 MANY_STAGES = 10
 
 
 @kernel
 def suspicious(step: float, m: Vector, order: Indices, line: bool, w: Scratch, iw: Integers) -> bool:
-    """Whether a guard may vanish in the step: no if it keeps clear of 0 by more than it bends.
+    """Whether a guard may vanish in the step: not if its distance from 0 exceeds its curvature.
 
     For linear guards the test is on the cubic through both ends of the step; it is skipped for others, which
     are always sampled. One that starts from 0 is clear if it grows throughout (see `leaves`). Multipliers are
-    judged by their range over the stages, if these are many and the ends of their sets stand still: what
-    holds a solution on a surface may turn faster than the solution, which then takes steps as long as it
-    likes. On a straight line it can always do so, unless the rates are straight too.
+    judged by their range over the stages, if these are many and the ends of their sets are constant: the
+    multiplier may vary faster than the solution, which then takes long steps. On a straight line that is
+    always possible, unless the rates are straight too.
     """
     if SERIES:
         return not series_clear(step, m, order, w, iw)
@@ -291,10 +291,11 @@ def guards_on(
     t: float, x: Vector, p: Vector, m: Vector, order: Indices, surface: int, f: Vector, state: Vector,
     w: Scratch, ctx: Indices,
 ) -> int:  # fmt: skip
-    """`guard_state` of guards with roots in them, at a point on surfaces: there |h| is 0, whatever h is left.
+    """`guard_state` of guards that contain roots, at a point on surfaces: there |h| counts as 0.
 
-    surface: the one that was reached, -1 for none; a segment starts from those of positive order. A root of
-    what rounding left would have any slope; its own, which is infinite, says nothing of the guard elsewhere.
+    surface: the one that was reached, -1 for none; a segment starts from those of positive order. The root of
+    a rounding error would have an arbitrary slope; the true one is infinite and says nothing of the guard
+    elsewhere.
     """
     g, gt = w.rooted, shift(w.rooted, M * N)
     for j in range(M):
@@ -347,7 +348,7 @@ def collocation_start(
     """A first tiny step off a surface where the field is not Lipschitz: Picard iteration on 3 Gauss nodes.
 
     A relative error in h decays like 1/t from there on, so the step may be inaccurate as long as it is tiny;
-    for the same reason `slack` lets the steps that follow be as much less accurate as they are closer to the
+    for the same reason `slack` lets the following steps be the less accurate the closer they are to the
     surface.
     """
     at, f = w.collocation, shift(w.collocation, 3 * N)
@@ -404,7 +405,7 @@ def shrink_invalid(clock: Clock, m: Vector, order: Indices, step: float, w: Scra
 
 @kernel
 def hides_order(t: float, length: float, step: float) -> bool:
-    """Whether a step is so long that rounding of its dense output may hide which of two impacts is first."""
+    """Whether a step is so long that rounding of its dense output may hide the order of two impacts."""
     return RESETS and M > 1 and length < 1e-3 * step and length > 1e3 * EPS * abs(t)
 
 
@@ -422,7 +423,7 @@ def mark_triggers(
 ) -> int:
     """Mark every surface whose guard vanishes at the event within rounding, and return how many.
 
-    A sliding surface counts where its multiplier stands at an end of its set.
+    A sliding surface counts where its multiplier is at an end of its set.
     """
     total = 0
     for j in range(M):

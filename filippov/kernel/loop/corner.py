@@ -12,9 +12,9 @@ from filippov.kernel.loop.model import G_COLUMN, G_FIRST, M, N, gradients, rhs
 from filippov.kernel.loop.resolve import CLEAR_RATE
 from filippov.kernel.loop.state import Integers, Scratch
 
-# A principal minor is positive above this part of its rows; a cycle round the corner grows by more than it.
+# Relative to its rows, the least positive principal minor; also the least growth of a cycle round the corner.
 MINOR, NEUTRAL = 1e-9, 1e-9
-# What a corner is, in bits.
+# Properties of a corner, as bits.
 ONE_SOLUTION, TURNS_OUT = 1, 2
 
 
@@ -71,12 +71,12 @@ def one_solution(corner: Vector) -> bool:
 
 @kernel
 def turns_out(corner: Vector) -> bool:
-    """Whether the fields turn round the corner, and a cycle leads away from it.
+    """Whether the fields rotate around the corner, and a cycle leads away from it.
 
-    With h' constant in each quadrant a cycle takes a distance d from the corner to rho d; rho is the product
+    With h' constant in each quadrant a cycle maps a distance d from the corner to rho d; rho is the product
     of the four ratios of the rates. Beyond 1 the corner is left backwards along an infinite number of cycles.
     """
-    # Each quadrant is left across one surface while the other gets further away: in turn, either way round.
+    # Each quadrant is left across one surface while the distance from the other grows, in either sense.
     for first in range(2):
         rho = 1.0
         for turn in range(4):
@@ -97,7 +97,7 @@ def turns_out(corner: Vector) -> bool:
 def corner_kind(
     t: float, x: Vector, p: Vector, m: Vector, i: int, j: int, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """What the corner of surfaces i and j is, in bits; 0 too where a rate is no number."""
+    """The properties of the corner of surfaces i and j, as bits; 0 too where a rate is not finite."""
     if corner_rates(t, x, p, m, i, j, w, iw, ctx) != 0 or not finite(w.corner, 8):
         return 0
     return (ONE_SOLUTION if one_solution(w.corner) else 0) + (TURNS_OUT if turns_out(w.corner) else 0)

@@ -46,7 +46,8 @@ from filippov.kernel.tables.codes import (
     ZENO,
 )
 
-# How far from the ends of its set a multiplier has to be; cycles as short, of the time run, may pile up.
+# The least distance of a multiplier from the ends of its set; cycles as short, relative to the time run, may
+# accumulate.
 OFF_ENDS, SHORT_CYCLE = 1e-5, 1e-6
 
 
@@ -59,7 +60,7 @@ def plain_surface(i: int, w: Scratch) -> bool:
 
 @kernel
 def partner(run: Trajectory) -> int:
-    """The surface slid on with which the one that is reached makes a plain corner of two; -1 for none."""
+    """The surface slid on that forms a plain corner of two with the one reached; -1 for none."""
     m, w, clock, i, found = run.m, run.w, run.clock, run.now.surface, -1
     t, cycles = run.now.t_end, run.zeno[run.now.surface]
     if RULE != FILIPPOV or w.direction < 0.0 or clock.relative != 0.0:
@@ -128,8 +129,8 @@ def reach_corner(run: Trajectory) -> int:
 def leave_corner(run: Trajectory) -> int:
     """CORNER with the mode after a multiplier of a corner has clearly reached an end of its set; else NONE.
 
-    There is one solution, and the slide on both surfaces goes on outwards: it is the one that leaves the
-    surface, tangentially, and slides on the other.
+    There is one solution, and the multiplier goes on outwards: the solution leaves the surface tangentially
+    and slides on the other.
     """
     m, w, iw, now, i, j = run.m, run.w, run.iw, run.now, run.now.surface, -1
     for c in range(iw.sliding):
@@ -184,7 +185,7 @@ def take_corner(run: Trajectory) -> int:
             run.marks[run.count.events * (3 + 2 * M) - 1] = 1
         first = False
         if w.before[k] == 0.0:
-            # The step of a slide says nothing about the solution that leaves it.
+            # The step size of a slide says nothing about the solution that leaves it.
             clock.step = 0.0
         if count_down(shift_indices(run.stop, STOPS * k), kind) != 0:
             stopped = k
@@ -204,7 +205,7 @@ def take_corner(run: Trajectory) -> int:
 def look_at_corner(run: Trajectory) -> int:
     """GO_ON while no other solution leaves the corner that the loop has decided to slide on, else GENERAL.
 
-    Then the step is not taken, and `count.pair` is 2: other modes may follow, or a spiral lead away.
+    Then the step is discarded, and `count.pair` is 2: other modes may follow, or a spiral may lead away.
     """
     m, w, iw, i, j = run.m, run.w, run.iw, -1, -1
     for c in range(iw.sliding):

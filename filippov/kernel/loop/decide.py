@@ -1,4 +1,4 @@
-"""An event that has been reached: what else happens there, what it is, and how the trajectory goes on."""
+"""An event that has been reached: simultaneous events, its kind, and the mode that follows."""
 
 from filippov.kernel.language.primitives import NAN, inline, kernel, shift_indices
 from filippov.kernel.loop.control import guard_state, guards_on, mark_triggers
@@ -53,11 +53,11 @@ def kind_of(run: Trajectory) -> int:
     clock, x, m, order, p = run.clock, run.w.xe, run.m, run.order, run.p
     w, iw, ctx, now = run.w, run.iw, run.ctx, run.now
     te, surface, cause = now.t_end, now.surface, now.cause
-    # A reset at the instant of a clock is one set with it.
+    # A reset at the instant of a clock belongs to the same set of events.
     due = clock.same_instant > 0.0 and (clock.t_end - te) * w.direction <= clock.same_instant
-    # Of a guard that is followed relative to itself roots are known to a part of the last cycle.
+    # Roots of a guard that is followed relative to itself are known to a part of the last cycle.
     cycle = max(abs(te - clock.fast_from), clock.fast_span) if clock.relative < 0.0 else 0.0
-    told = cause == ROOT or clock.relative < 0.0  # a tangency is its own answer elsewhere
+    told = cause == ROOT or clock.relative < 0.0  # elsewhere the mode after a tangency is the same
     if told and faint(te, x, p, m, surface, te - now.t, clock.rtol * cycle, w, iw, ctx):
         return NONE
     if cause == TOUCH:
@@ -67,7 +67,7 @@ def kind_of(run: Trajectory) -> int:
             return NONE
         if RESETS and resets_from(surface, m[surface]):
             return apply_reset(te, x, p, m, order, surface, w, iw, ctx)
-        # The sign of the surface acts on the multipliers of what is coupled to it.
+        # The sign of the surface acts on the multipliers of the surfaces coupled to it.
         if M > 1 and iw.coupled[COMPONENT[surface]] > 0:
             return reach_corner(run)
         rate = w.end[2 * surface + 1] * w.direction
@@ -83,7 +83,7 @@ def kind_of(run: Trajectory) -> int:
 
 @kernel
 def leave_it(run: Trajectory) -> int:
-    """Hand the event to the classification."""
+    """Leave the event to the classification."""
     for i in range(M):
         if run.trigger[i] != 0:
             run.w.grazed[i] = 1.0
@@ -127,7 +127,7 @@ def decide(run: Trajectory) -> int:
 @inline
 @kernel
 def take(run: Trajectory, kind: int) -> int:
-    """Record a decided event and go on in the mode after it, as far as the run has not ended with it."""
+    """Record a decided event and go on in the mode after it, unless the run ends with it."""
     clock, x, m, order, w, now = run.clock, run.x, run.m, run.order, run.w, run.now
     t, te, surface = now.t, now.t_end, now.surface
     for i in range(M):
@@ -146,10 +146,10 @@ def take(run: Trajectory, kind: int) -> int:
     now.renew = 1
     clock.trend = 1e-300
     if kind == EXIT_UP or kind == EXIT_DOWN:  # noqa: PLR1714, SIM109 - the kernel language has no `in`
-        # The step of a slide says nothing about the solution that leaves it.
+        # The step size of a slide says nothing about the solution that leaves it.
         clock.step = 0.0
     if LINEAR[surface] == 0 and abs(te - t) < 0.25 * abs(now.step):
-        # A guard that turns faster than the solution: the next event is about as far.
+        # A guard that varies faster than the solution: the next event is about as far away.
         clock.step = min(clock.step, 4.0 * abs(te - t) + 1e3 * EPS * abs(te))
     if clock.relative == -float(surface) - 1.0:
         clock.fast_span, clock.fast_from = abs(te - clock.fast_from), te

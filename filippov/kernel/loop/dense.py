@@ -44,7 +44,7 @@ def solve_linear(a: Vector, b: Vector, n: int, stride: int) -> bool:
 
 @kernel
 def rotate_columns(a: Vector, v: Vector, n: int, stride: int) -> None:
-    """Turn the columns of a until they are orthogonal; v becomes the matrix that turns them.
+    """Rotate the columns of a until they are orthogonal; v becomes the rotation.
 
     One-sided Jacobi (Hestenes 1958): a v = u s without squaring the condition number.
     """

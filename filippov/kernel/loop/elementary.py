@@ -1,6 +1,6 @@
 """Elementary functions of the generated field, free of calls so that they are inlined where they are used.
 
-What counts is latency: a stage waits for the exponential of the stage before it.
+Latency counts: a stage waits for the exponential of the previous stage.
 """
 
 from filippov.kernel.language.primitives import (
@@ -20,14 +20,14 @@ from filippov.kernel.tables.root_tables import EXP2
 PER_LN2 = 92.33248261689366
 LN2_HIGH = 0.010830424695086549
 LN2_LOW = 1.162596423439437e-12
-# Adding and taking away 1.5 * 2**52 rounds to a whole number.
+# Adding and subtracting 1.5 * 2**52 rounds to an integer.
 ROUNDER = 6755399441055744.0
 
 
 @inline
 @contract
 def exponential(x: float) -> float:
-    """exp(x) to about one rounding: x = n ln 2 / 64 + r, a table of 2**(j/64), degree 5 in r."""
+    """exp(x) to about one rounding: x = n ln 2 / 64 + r, a table of 2**(j/64), r to degree 5."""
     n = (x * PER_LN2 + ROUNDER) - ROUNDER
     r = fma(-n, LN2_LOW, fma(-n, LN2_HIGH, x))
     r2 = r * r
@@ -49,7 +49,7 @@ def exponential(x: float) -> float:
 @inline
 @kernel
 def power_of(base: float, exponent: float) -> float:
-    """base**exponent with usual exponents told apart: pow costs several times the rest of a field."""
+    """base**exponent, the usual exponents apart: pow costs several times the rest of a field."""
     if exponent == 2.0:
         return base * base
     if exponent == 1.0:

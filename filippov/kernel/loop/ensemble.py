@@ -50,8 +50,8 @@ from filippov.kernel.tables.codes import (
 
 # Events that fit into the buffer of one call.
 MOST_EVENTS = 64
-# Least speed across a surface, of the terms of its rate, with which a slide is told to begin next to an end
-# of its set; depth of an excursion that is rounding, of the terms of the guard.
+# Relative to the terms of its rate, the least speed across a surface with which a slide is found to begin
+# next to an end of its set; relative to the terms of the guard, the depth of an excursion that is rounding.
 SLOWEST, NO_DEPTH = 1e-9, 1e-12
 
 
@@ -60,9 +60,9 @@ def slide_close(run: Trajectory) -> int:
     """AGAIN, or how the run ends, where an event left to the classification begins sliding next to an end of
     Filippov's own set; else GENERAL.
 
-    The solution comes to the surface nearly along it, faster than rounding can tell, and the field beyond
-    leads back: no other mode is consistent. For runs that count their events; one that is kept says by which
-    margin it was decided (`filippov.solving.diagnosis`).
+    The solution approaches the surface almost tangentially, by more than rounding, and the field beyond leads
+    back: no other mode is consistent. For runs that count their events; one that records them reports the
+    margin of the decision (`filippov.solving.diagnosis`).
     """
     clock, m, w, iw, now = run.clock, run.m, run.w, run.iw, run.now
     i, te, length = run.count.surface, now.t_end, now.t_end - now.t
@@ -73,7 +73,7 @@ def slide_close(run: Trajectory) -> int:
             return GENERAL
     simple = run.count.cause == ROOT and m[i] != 0.0 and length > 0.0 and iw.coupled[COMPONENT[i]] == 0
     simple = simple and ROLE[i] == SWITCHING and WIDTH[i] == 0.0 and CONTACT[i] == 0 and HELD[i] == 0
-    # An event that was left just now, not one decided before.
+    # An event left undecided just now, not one decided before.
     simple = simple and clock.t == te and w.grazed[i] != 0.0
     simple = simple and w.radius[2 * i] == -1.0 and w.radius[2 * i + 1] == 1.0
     if not simple or clock.relative != 0.0 or clock.t_end - te <= clock.same_instant:
@@ -98,9 +98,9 @@ def slide_close(run: Trajectory) -> int:
 
 @kernel
 def count_events(run: Trajectory) -> None:
-    """Add the events of a call to the trajectory's numbers of each kind; only its past remembers them.
+    """Add the events of a call to the trajectory's counts of each kind; only its past keeps them.
 
-    Behind the numbers stand the surface and the kind of the last event.
+    The counts are followed by the surface and the kind of the last event.
     """
     count, kinds, marks = run.count, run.kinds, run.marks
     for q in range(count.events):
@@ -119,7 +119,7 @@ def count_events(run: Trajectory) -> None:
 
 @kernel
 def settle(run: Trajectory) -> int:
-    """AGAIN, or how the run ends, where its events accumulate: at rest in their limit, or not there yet."""
+    """AGAIN, or the code of the end, where events accumulate: at rest in their limit, or before it."""
     clock, now, i = run.clock, run.now, run.count.surface
     found = rest_in_limit(run)
     if found == NONE:
@@ -149,9 +149,9 @@ def time_slice(steps: int, run: Trajectory) -> int:
             count_events(run)
             code = settle(run)
         if code == AGAIN:
-            code = EVENTS_FULL  # it goes on as after a full buffer
+            code = EVENTS_FULL  # resumed as after a full buffer
         full = code == EVENTS_FULL
-        # How many steps a full buffer cut short is not known; the next call has its budget to itself.
+        # The number of steps cut short by a full buffer is not known; the next call has a budget of its own.
         left = left if full else left - give
         count.step_budget = left
         count_events(run)
@@ -187,7 +187,7 @@ def take_row(q: int, batch: Trajectories, run: Trajectory) -> None:
 @entry
 @kernel
 def launch(run: Trajectory) -> int:
-    """What the field takes from the parameters, the first instant, and the mode at the start."""
+    """Quantities derived from the parameters, the first instant of time events, the mode at the start."""
     derive(run.p)
     if TICKS:
         aim(run)
@@ -213,9 +213,9 @@ def another(last: int, queue: Indices, mine: Indices) -> bool:
 def ensemble(last: int, steps: int, mine: Indices, batch: Trajectories, run: Trajectory) -> int:
     """Run trajectories from the queue until it is empty or about `steps` steps are done; 1 if some are left.
 
-    Of each only how it ended is told, nothing is kept of the way there. A trajectory that the compiled path
-    cannot decide ends with GENERAL at the place where it cannot. Threads share the queue (see `another`),
-    queue[1] counts the trajectories that are done. mine[0] is the one under way, -1 for none.
+    Only the end of each is returned, nothing of its course is kept. A trajectory with an event that the
+    compiled loop cannot decide ends there with GENERAL. Threads share the queue (see `another`), queue[1]
+    counts the trajectories that are done. mine[0] is the one under way, -1 for none.
     """
     left, queue = steps, batch.queue
     while left > 0:

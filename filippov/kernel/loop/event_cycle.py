@@ -1,4 +1,4 @@
-"""Event cycles, from a surface back to it: whether they pile up, or are too small to be told from none.
+"""Event cycles, from a surface back to it: whether they accumulate, or are too small to be resolved.
 
 A surface on whose rate its own sign does not act (h'' feels it, or a higher derivative) cannot hold the
 solution by itself, which circles around h = h' = 0, in ever smaller cycles where it settles there.
@@ -11,26 +11,26 @@ from filippov.kernel.loop.resolve import NO_EFFECT, side_rates
 from filippov.kernel.loop.state import EventCycles, Integers, Scratch
 from filippov.kernel.tables.codes import SWITCHING
 
-# Intervals in a row that shrink, for each lag: what a solution that is no accumulation hardly ever does.
+# Shrinking intervals in a row, for each lag: a solution without accumulation hardly ever has as many.
 ZENO_STREAK = 6
 # Depth of a cycle, in roundings of h, below which its length soon shows them.
 GRAINY = 1e5
-# Depth of a cycle, in tolerances of h, below which the run does not know it.
+# Depth of a cycle, in tolerances of h, below which the run does not resolve it.
 FAINT = 10.0
 # Length of a cycle that is none, in spacings of t and in the accuracy of its ends.
 NO_TIME, UNSURE = 1e4, 1e2
 # Events of one surface that a cycle may have, cycles looked at, how steady their ratio is to be.
 LONGEST_CYCLE, CYCLES = 6, 4
 STEADY, SHRINKING = 0.05, 0.9999
-# The law's answers may move again by as much as they moved in the last cycles, and a little more.
+# The limit by the law may change again by as much as it changed in the last cycles, and a little more.
 MOVES = 2.0
-# The least of many estimates of an error is too small by more than one of them is.
+# The least of many estimates of an error is further too small than a single one.
 CHOSEN = 4.0
 
 
 @kernel
 def zeno_horizon(t: float, start: float, x: Vector, i: int, cycles: EventCycles, w: Scratch) -> float:
-    """How near an accumulation has to be: 1e-7 of the time run, any distance where cycles near rounding."""
+    """The largest distance of an accumulation: 1e-7 of the time run, any where cycles come near rounding."""
     if abs(w.end[2 * i + 1] * (t - cycles.last)) <= GRAINY * EPS * guard_scale(i, t, x, w):
         return 1e300
     return max(1e-7 * abs(t - start), 1e3 * EPS * abs(t))
@@ -67,8 +67,8 @@ def faint(
 ) -> bool:  # fmt: skip
     """Whether a surface whose sign does not act on its rate is crossed with less speed than the run knows.
 
-    What lies beyond it is a cycle no deeper than the tolerance, or no longer than its times are known:
-    whether the solution goes on circling, or has settled on h = h' = 0, is not for its rates to say.
+    Beyond it lies a cycle that is no deeper than the tolerance, or no longer than the accuracy of its times:
+    its rates cannot decide whether the solution goes on circling or has settled on h = h' = 0.
     """
     if ROLE[i] != SWITCHING or WIDTH[i] > 0.0 or m[i] == 0.0:
         return False
@@ -103,7 +103,7 @@ def steady_cycle(times: Vector, first: int, last: int) -> int:
             before = length
         if not shortest > 0.0:
             return 0
-        # Rounding of the times shows in the shortest cycles.
+        # Rounding of the times is visible in the shortest cycles.
         noise, spread = 4.0 * EPS * abs(times[last]) / shortest, slowest - fastest
         steady = spread <= STEADY * (1.0 - slowest) + 4.0 * noise
         if slowest < SHRINKING and (steady or (cycle == 1 and spread <= STEADY)):
@@ -117,8 +117,8 @@ def cycle_law(
 ) -> None:  # fmt: skip
     """Time of the limit of cycles up to event `last`, its error and the ratio of the cycles, into out.
 
-    The error: by how much the law's answer moved in the last cycles, which may agree by chance; rounding of
-    the times, which 1 - ratio enlarges; the slack, which is the tolerance of the run.
+    The error: the change of the limit over the last cycles, which may agree by chance; rounding of the times,
+    which 1 - ratio enlarges; the slack, which is the tolerance of the run.
     """
     cycles = min(CYCLES, (last - first) // cycle)
     ran, before, limit, ratio, moved, earlier = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0

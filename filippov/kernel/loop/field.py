@@ -112,7 +112,7 @@ def only_sliding(iw: Integers) -> int:
 
 @kernel
 def remove_residual(out: Vector, w: Scratch, iw: Integers) -> None:
-    """Take out of the field what rounding left across the surfaces, so that h stays where it is."""
+    """Remove the rounding errors of the field across the surfaces, so that h stays constant."""
     if M == 1 or iw.sliding == 1:
         i = only_sliding(iw)
         take_out_one(i, rate(i, out, w), out, w)
@@ -123,7 +123,7 @@ def remove_residual(out: Vector, w: Scratch, iw: Integers) -> None:
     take_out(w.vec, w.residual, out, w, iw)
 
 
-# What is left of two velocities that cancel, in parts of them.
+# The rounding that remains of two velocities that cancel, relative to them.
 CANCELLED = 1e-15
 
 
@@ -140,7 +140,7 @@ def slide_one(
         return 1
     iw.calls += 2
     minus, plus = rate(i, low, w), rate(i, high, w)
-    # Both rates alike and not zero: the sign does not act on the surface, nothing holds the solution on it.
+    # Equal rates that are not zero: the sign does not act on the surface, nothing holds the solution on it.
     # A contact always holds it: its rates differ by 1, however large both are.
     if CONTACT[i] == 0 and abs(plus - minus) < 1e-9 * (abs(plus) + abs(minus)):
         return 2
@@ -150,7 +150,7 @@ def slide_one(
     weight = 0.5 * (1.0 + value)
     for j in range(N):
         out[j] = low[j] + weight * (high[j] - low[j])
-        # A two-fold that is rested at would be left by a rounding.
+        # Rounding would lead away from rest at a two-fold.
         if rest and abs(out[j]) <= CANCELLED * (abs(low[j]) + abs(high[j])):
             out[j] = 0.0
     track(w, i, value, plus, minus)

@@ -1,7 +1,7 @@
 """Land on a located event: a real step of the integrator to it, then Newton steps short enough to be exact.
 
-The dense output only says where to go; the state at the event comes from the method itself, so |h| there is
-at rounding level and not at the interpolant's.
+The dense output only gives the time; the state at the event comes from the method itself, so |h| there is at
+rounding level, not at that of the interpolant.
 """
 
 from filippov.kernel.language.primitives import INF, Indices, Vector, kernel
@@ -29,15 +29,15 @@ from filippov.kernel.tables.codes import ROOT, SWITCHING, TOUCH, UPPER
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
 EPS = 2.220446049250313e-16
-# Roundings of its terms that a guard may be off 0 at an event, where the integration is that accurate.
+# The largest |guard| at an event, in roundings of its terms, where the integration is that accurate.
 ASTRAY = 1e4
-# A rate below this part of its terms is rounding: the state is at rest relative to the surface.
+# A rate smaller than this, relative to its terms, is rounding: the state is at rest relative to the surface.
 NO_RATE = 1e-12
 
 
 @kernel
 def guard_scale(i: int, t: float, x: Vector, w: Scratch) -> float:
-    """Size of the terms of h_i, from its gradient: what rounding in h_i is measured by."""
+    """The magnitude of the terms of h_i, from its gradient: the scale of rounding in h_i."""
     total = float(abs(w.gt[i] * t))
     for a in range(G_FIRST[i], G_FIRST[i + 1]):
         total += abs(w.g[i * N + G_COLUMN[a]] * x[G_COLUMN[a]])
@@ -63,7 +63,7 @@ def go(
     t: float, x: Vector, p: Vector, m: Vector, length: float, line: bool, xe: Vector, w: Scratch,
     iw: Integers, ctx: Indices,
 ) -> int:  # fmt: skip
-    """A step of the method from (t, x), its end in xe; along a straight line it needs no field."""
+    """A step of the method from (t, x), its end in xe; along a straight line no field is evaluated."""
     if not line:
         return stages(t, x, p, m, length, xe, w, iw, ctx)
     for j in range(N):
@@ -73,7 +73,7 @@ def go(
 
 @kernel
 def reached_before(t: float, x: Vector, f: Vector, m: Vector, i: int, w: Scratch) -> tuple[int, float]:
-    """Of the surfaces with resets that the solution has run behind, the one longest ago: (number, how long).
+    """Of the surfaces with resets that the solution has passed, the earliest: (number, time since then).
 
     (-1, 0.0) for none. The guards and their rates at (t, x) are those in w.end, f is the field; surface i is
     left out. The dense output shows roots, and their order, to its rounding; a step shows them to that of x.
@@ -93,7 +93,7 @@ def reached_before(t: float, x: Vector, f: Vector, m: Vector, i: int, w: Scratch
     return first, longest
 
 
-# How much farther than where it was located an event may be, of the step, without another look, and how far
+# How far beyond its located place an event may be, relative to the step, without another search, and how far
 # beyond its set a multiplier may be there.
 PAST, BEYOND = 0.05, 1e-6
 
@@ -104,7 +104,7 @@ def passed(
 ) -> bool:
     """Whether a landing went past another event: then a guard is negative, or a multiplier outside its set.
 
-    Newton's method knows nothing of a guard that is but rounding, and may lead anywhere on the step.
+    On a guard that is all rounding Newton's method may lead anywhere on the step.
     """
     h, f = w.h, w.f
     if guards(t, x, p, m, h, ctx) != 0 or field(t, x, p, m, f, w, iw, ctx) != 0:
@@ -146,7 +146,7 @@ def land(
     dense_length = length
     code = go(t, x, p, m, length, line, xe, w, iw, ctx)
     value, change, last = 0.0, 0.0, 1e300
-    # Lengths on both sides of the root of a guard with a root in it, which may bend Newton's steps anywhere.
+    # The bracket of the zero of a guard that contains a root, which may send Newton's steps anywhere.
     bent, before, behind = ROOTS and cause == ROOT and ROOTED[i] != 0, 0.0, INF
     for attempt in range(48):
         if code != 0 or cause == TOUCH:
@@ -167,7 +167,7 @@ def land(
         if code != 0 or not (0.0 < abs(value) < 1e300 and abs(change) > 0.0):
             break
         delta = -value / change
-        # Newton must not leave the step by more than it can trust the slope.
+        # Newton's steps must not leave the step by more than the slope can be trusted.
         if (length + delta) / step > 1.001:
             delta = step - length
         if (length + delta) / step < 0.0:
@@ -180,7 +180,7 @@ def land(
         if abs(delta) <= 2.0 * EPS * abs(te) or (attempt > 2 and abs(value) >= last and not bent):
             break
         last = abs(value)
-        # An explicit correction of a stiff field is no small one.
+        # An explicit correction of a stiff field is not small.
         if IMPLICIT or abs(delta) > 1e-5 * abs(step):
             length += delta
             dense_length = length
@@ -192,10 +192,10 @@ def land(
         for j in range(N):
             xe[j] += delta * f[j]
         length += delta
-    # The state may have got to where the field, or a guard, has no value.
+    # The state may be where the field, or a guard, is undefined.
     sound = abs(value) < 1e300 and abs(change) <= INF
     if (CLAMPED or bent) and code == 0 and sound and cause == ROOT and ROLE[i] == SWITCHING:
-        # What is farther off than the integration is accurate is no landing: a field that stands still beyond
+        # A landing farther off than the accuracy of the integration has failed: a field that vanishes beyond
         # the surface leads Newton's method off.
         went = (abs(t) + abs(length)) * (abs(w.start[2 * i + 1]) + abs(rate(i, f, w)))
         known = max(w.touch[i], ASTRAY * EPS * (guard_scale(i, t + length, xe, w) + went + WIDTH[i]))

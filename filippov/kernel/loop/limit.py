@@ -1,7 +1,7 @@
 """Impacts on one contact that accumulate: their limit in time and state, and rest there (E9).
 
-The last events stand in `Past`: `ensemble` remembers them where no other record is kept, Python writes
-those of its log. What several surfaces take part in, and what does not rest in its limit, is left to
+The last events are in `Past`: `ensemble` keeps them where there is no other record, Python copies those of
+its log. Accumulations that involve several surfaces, or do not end at rest, are left to
 `filippov.solving.settling`, which decides by the same law.
 """
 
@@ -17,15 +17,15 @@ from filippov.kernel.tables.codes import ENTRY, GENERAL, LIMIT, NONE, OBSERVER, 
 
 # Errors of the many steps of a non-Lipschitz field, in tolerances of one.
 GLOBAL = 4.0
-# What an impact at rest may change of a state, in parts of it: more has no limit.
+# The largest relative change of a state by an impact at rest: beyond it there is no limit.
 KEPT = 1e-6
-# Between impacts a guard is known to so many roundings of its terms.
+# The accuracy of a guard between impacts, in roundings of its terms.
 ROUNDINGS = 16.0
 
 
 @kernel
 def remember(past: Past, t: float, surface: int, grazing: bool) -> None:
-    """Append an event; of a past that is full the latter half stays."""
+    """Append an event; of a full past the latter half is kept."""
     half = past.room // 2
     if past.count >= past.room:
         for q in range(half):
@@ -38,7 +38,7 @@ def remember(past: Past, t: float, surface: int, grazing: bool) -> None:
 
 @kernel
 def forget_cycles(run: Trajectory) -> None:
-    """Look for accumulations anew."""
+    """Start the search for accumulations anew."""
     for i in range(M):
         cycles = run.zeno[i]
         cycles.last, cycles.widest = 0.0, 0.0
@@ -87,9 +87,9 @@ def takes_part(past: Past, i: int) -> bool:
 
 @kernel
 def fall(run: Trajectory, t: float, out: Vector, bend: Vector) -> int:
-    """The state at t if there were no more impacts, and what of it no straight line gives.
+    """The state at t without further impacts, and its deviation from a straight line.
 
-    Bodies that come to rest on each other fall all the while: a step of the classical method of order 4.
+    Bodies coming to rest on each other may fall together meanwhile: a step of the classical order 4.
     """
     w, begin, dt, stage, mean, f = run.w, run.clock.t, t - run.clock.t, run.w.stage, run.w.xm, run.w.f
     code = field(begin, run.x, run.p, run.m, f, w, run.iw, run.ctx)
@@ -110,7 +110,7 @@ def fall(run: Trajectory, t: float, out: Vector, bend: Vector) -> int:
 
 @kernel
 def still_on(t: float, x: Vector, p: Vector, m: Vector, i: int, w: Scratch, ctx: Indices) -> int:
-    """Take the speed across contact i out of x, along the direction in which it pushes."""
+    """Remove the speed across contact i from x, along the direction of its reaction."""
     side, code, push = m[i], 0, 0.0
     m[i] = 0.0
     for j in range(M):
@@ -195,8 +195,8 @@ def rest_in_limit(run: Trajectory) -> int:
     """Where the last events are impacts on one contact that accumulate: go to their limit and rest there.
 
     ENTRY: done, the event is to be recorded; NONE: it is no accumulation, or something comes before its
-    limit; LIMIT: the limit of an accumulation at which the trajectory stops is told; GENERAL: the
-    classification has to say what it is, or how it goes on, from where it was.
+    limit; LIMIT: the limit of an accumulation at which the trajectory stops is known; GENERAL: the
+    classification has to decide what it is, or how the solution goes on.
     """
     clock, past, m, w, i = run.clock, run.past, run.m, run.w, reached_in(run.past, run.past.count - 1)
     if i >= M or w.direction < 0.0:
@@ -230,7 +230,7 @@ def rest_in_limit(run: Trajectory) -> int:
     forget_cycles(run)
     for j in range(N):
         run.x[j] = w.jump[j]
-    # A limit that the law puts before the last event, by less than its error, is that event.
+    # A limit that the law places before the last event, by less than its error, is that event.
     clock.t = past.t if (past.t - clock.t) * w.direction > 0.0 else clock.t
     clock.trend, clock.grow, clock.relative = 0.0, 0.0, min(clock.relative, 0.0)
     run.lam[i] = w.mult[i].value

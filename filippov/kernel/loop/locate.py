@@ -41,16 +41,16 @@ from filippov.kernel.tables.root_tables import DEGREE, NO_ROOT, NODES, TANGENT_R
 
 NOISY = 64.0
 LEAVES = 16
-# Rounding of a guard with a root in it, at most, in parts of its magnitude on the step.
+# The largest rounding of a guard that contains a root, relative to its magnitude on the step.
 STEEP = 1e-9
-# Of the rates on both sides of a sliding surface: an excess of the multiplier that is rounding.
+# Relative to the rates on both sides of a sliding surface: an excess of the multiplier that is rounding.
 BOUND_TOLERANCE = 1e-10
 EPS = 2.220446049250313e-16
 
 
 @kernel
 def sampled_range(row: int, w: Scratch) -> tuple[float, float]:
-    """Least and largest sample of a guard: between Chebyshev points a polynomial does not go far beyond."""
+    """Least and largest sample of a guard, which a polynomial hardly exceeds between Chebyshev points."""
     least, most = float(w.node[row]), float(w.node[row])
     for a in range(1, NODES):
         least = min(least, w.node[a * 2 * M + row])
@@ -60,7 +60,7 @@ def sampled_range(row: int, w: Scratch) -> tuple[float, float]:
 
 @kernel
 def rises(row: int, w: Scratch) -> bool:
-    """Whether all samples of a guard but that at the start are positive: with a root of time it begins so."""
+    """Whether all samples of a guard except the first are positive: it may begin like a root of time."""
     least = float(w.node[2 * M + row])
     for a in range(2, NODES):
         least = min(least, w.node[a * 2 * M + row])
@@ -71,7 +71,7 @@ def rises(row: int, w: Scratch) -> bool:
 def to_polynomial(row: int, judged: bool, noise: float, tolerance: float, w: Scratch) -> bool:
     """Bernstein coefficients of one guard on the sampled piece; False where they do not stand for it.
 
-    tolerance: where it is not negative, the guard is asked for its sign as well, unless it is this small.
+    tolerance: unless negative, the sign of the guard is compared as well, where it is larger than this.
     """
     c = w.c
     largest, worst = 0.0, 0.0
@@ -114,7 +114,7 @@ def order_at_start(c: Vector, spread: float) -> int:
 
 @kernel
 def balanced_terms(j: int, m: Vector, w: Scratch, iw: Integers) -> float:
-    """The size of the fields that the multipliers balance in velocity j: what its rounding is part of."""
+    """The magnitude of the fields that the multipliers balance in velocity j: the scale of its rounding."""
     total = abs(w.vert[j])
     if AFFINE and M > 1 and iw.sliding > 1:
         for colour in range(COLOURS):
@@ -128,7 +128,7 @@ def balanced_terms(j: int, m: Vector, w: Scratch, iw: Integers) -> float:
 
 @kernel
 def rounding(t: float, step: float, i: int, m: Vector, w: Scratch, iw: Integers) -> float:
-    """What guard i cannot be told from 0 by on this step: the rounding of the dense output in its terms.
+    """Below this magnitude guard i cannot be told from 0 on this step: the rounding of its terms.
 
     While others slide their multipliers balance vertex fields, whose rounding is left in the velocity.
     """
@@ -144,7 +144,7 @@ def rounding(t: float, step: float, i: int, m: Vector, w: Scratch, iw: Integers)
 
 @kernel
 def stands_still(least: float, most: float, touch: float, step: float, i: int, w: Scratch) -> bool:
-    """Whether guard i stays within `touch` of 0 while its terms move: a first integral but for errors."""
+    """Whether guard i stays within `touch` of 0 while its terms vary: a first integral up to errors."""
     moved = float(abs(w.gt[i] * step))
     for a in range(G_FIRST[i], G_FIRST[i + 1]):
         j = G_COLUMN[a]
@@ -173,7 +173,7 @@ def row_polynomial(
 ) -> tuple[int, float]:  # fmt: skip
     """One sampled guard in Bernstein form, in w.c: (0 where that stands for it, noise of the guard).
 
-    Elsewhere 1 and, where the guard is no more than what may be noise, -1. The noise is -1 if not asked.
+    Else 1, or -1 where the guard does not exceed what may be noise. The noise is -1 if not computed.
     """
     i = row if row < M else row - M
     judged, noise = m[i] == 0.0 or LINEAR[i] == 0, -1.0
@@ -197,12 +197,12 @@ def row_root(
 ) -> tuple[int, float, int]:  # fmt: skip
     """First place on the piece where the guard in w.c stops being positive: (kind of root, u, degree).
 
-    What no more than touches 0 within rounding, stands still there, or is nothing but rounding, has none.
+    A guard that only touches 0 within rounding, is constant there, or is all rounding, has none.
     """
     c, i, degree, dip = w.c, row if row < M else row - M, DEGREE, 0.0
     allowed = w.touch[i] if m[i] != 0.0 else 0.0
     touch = allowed if w.grazed[i] == 0.0 else 0.0
-    # Hysteresis: what never got clear of 0 since it was last there has to go clearly below it.
+    # Hysteresis: a guard that has not departed from 0 since its last root has to go clearly below it.
     low, high = coefficient_range(c) if straight(iw) else sampled_range(row, w)
     if ROLE[i] == OBSERVER and w.grazed[i] != 0.0 and low >= -16.0 * allowed:
         return NO_ROOT, 2.0, degree
@@ -219,16 +219,16 @@ def row_root(
             return NO_ROOT, 2.0, degree
         dip = rounding(t, step, i, m, w, iw)
         if ROOTS and ROOTED[i] != 0:
-            # Where its root vanishes a guard is as steep as can be, and nowhere else on the step.
+            # A guard that contains a root is steepest where that vanishes, and nowhere else on the step.
             dip = min(dip, STEEP * max(-low, high))
         touch += dip if touch > 0.0 else 0.0
         allowed += dip
-        # A root at the very end of a clear descent is none of these.
+        # Except for a root at the very end of a clear descent.
         at_end = c[DEGREE] <= 0.0 and c[DEGREE - 1] > 2.0 * dip
         for a in range(DEGREE if at_end else NODES):
             c[a] += dip
     elif m[i] == 0.0:
-        # A multiplier that comes to the end of its set and turns back, does not leave it.
+        # A multiplier that only touches the end of its set does not leave it.
         dip = tolerance
         for a in range(NODES):
             c[a] += dip
@@ -236,12 +236,12 @@ def row_root(
     for a in range(1, degree + 1):
         least = min(least, c[a])
         most = max(most, c[a])
-    # A guard that is zero throughout says nothing: its surface is a first integral of the solution.
+    # A guard that is zero throughout has no events: its surface is a first integral of the solution.
     if least > allowed or (least >= 0.0 and most <= 2.0 * dip):
         return NO_ROOT, 2.0, degree
     if m[i] != 0.0 and LINEAR[i] == 0:
         grain = noise if noise >= 0.0 else noise_in(i, t, step, lo + 0.5 * width, p, m, w, ctx)
-        # A guard that is nothing but rounding says nothing.
+        # A guard that is all rounding has no events.
         if high <= NOISY * grain and low >= -NOISY * grain:
             return NO_ROOT, 2.0, degree
     kind, u = first_root(c, degree, touch, w.stack, w.bounds, w.work)
@@ -251,7 +251,7 @@ def row_root(
 @inline
 @kernel
 def slope_at_end(i: int, degree: int, u: float, width: float, step: float, w: Scratch) -> float:
-    """Slope by theta of a multiplier's guard at u of a piece; notes how fast the rates come together."""
+    """Slope by theta of a multiplier's guard at u of a piece; notes how fast both rates come together."""
     upper, lower = min(1.0, u + 1e-4), max(0.0, u - 1e-4)
     slope = bernstein_value(w.c, degree, upper, w.work) - bernstein_value(w.c, degree, lower, w.work)
     end = DEGREE * 2 * M + i
@@ -305,11 +305,11 @@ def locate(
 ) -> tuple[int, int, float, float]:
     """The first event in (0, 1] of the step: (cause, surface, theta, slope of the guard by theta).
 
-    order[i]: how often guard i vanishes at the start of the step (the root it starts from is divided out);
-    for a sliding surface +-2 says that its multiplier starts at an end of its set, +-3 that the rates of both
-    sides vanish at the start. A least value of a guard below w.touch is a tangency. Cause -1: the user's code
-    failed; -2: no sliding; UNRESOLVED: the step is too long for its guards. iw.pieces counts the pieces on
-    which a guard was no polynomial, however small; what is no more than rounding is not counted.
+    order[i]: the order of the zero of guard i at the start of the step (it is divided out); for a sliding
+    surface +-2 says that its multiplier starts at an end of its set, +-3 that the rates of both sides vanish
+    at the start. A least value of a guard below w.touch is a tangency. Cause -1: the user's code failed; -2:
+    no sliding; UNRESOLVED: the step is too long for its guards. iw.pieces counts the pieces, however small,
+    on which a guard was not a polynomial, apart from rounding.
     """
     pieces = w.pieces
     pieces[0], pieces[1], pieces[2] = 0.0, 1.0, 0.0

@@ -1,4 +1,4 @@
-"""What every compiled system provides to the loop: the interface, with a trivial system behind it.
+"""The interface that every compiled system provides to the loop, implemented by a trivial system.
 
 The kernel files import these names so that they read, check and run as ordinary modules. A compiled unit
 takes the same names from the generated source of one system and from its method (`method`) instead. The
@@ -8,19 +8,19 @@ N, M, P: numbers of states, surfaces, and parameters with what is derived from t
 ROLE[i], LINEAR[i], WIDTH[i]: what surface i is, whether its guard is linear in (t, x), and the half width of
 its hysteresis. MOVING[i]: the ends of its set of signs depend on t or x. STRAIGHT[i]: its rates on
 both sides are affine in t and x on it.
-AFFINE: the field is jointly affine in the signs. NON_LIPSCHITZ: it may hold a power of |h| below 1; CLAMPED:
-one that stands still in stages beyond its surface. WIDE: it is small enough to be sampled in lanes. VECTORS:
-how many numbers a vector holds, 1 in Python.
-ROOTED[i]: guard i may hold such a power too, and is infinitely steep where it vanishes; ROOTS: one does.
+AFFINE: the field is jointly affine in the signs. NON_LIPSCHITZ: it may contain a power of |h| with an
+exponent below 1; CLAMPED: such a power is 0 in stages beyond its surface. WIDE: it is small enough to be
+sampled in lanes. VECTORS: the numbers of a vector, 1 in Python.
+ROOTED[i]: guard i may contain such a power too, and is infinitely steep where it vanishes; ROOTS: one does.
 RESET_FROM[i]: the side from which surface i resets the state, 2 for both, 0 for none; CONTACT[i]: the side on
 which the state may rest on it, 0 for none; RESETS, CONTACTS: whether there are any; TICKS: whether there are
-time events. EVENT_SIZE: doubles of an event. HELD[i]: guard i is a derivative of h_i, and only the general
-path leaves it.
-RULE: which of the rules of sliding in `rules`. ORDER: power of the step that the error estimate goes with.
+time events. EVENT_SIZE: doubles of an event. HELD[i]: guard i is a derivative of h_i, and only the
+classification of corners leaves it.
+RULE: the rule of sliding, see `rules`. ORDER: the power of the step with which the error estimate scales.
 IMPLICIT: the stages are solved for. SERIES: they are the coefficients of a series (see `taylor`).
 PER_NODE: 1 / theta of every main stage.
-DENSE: powers of the dense output, a row a stage; DENSE_BERNSTEIN: the same in Bernstein form; WEIGHTED: the
-stages that have weights there.
+DENSE: powers of the dense output, one row per stage; DENSE_BERNSTEIN: the same in Bernstein form; WEIGHTED:
+the stages that have weights there.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, entry, kernel
@@ -34,7 +34,7 @@ VECTORS = 1
 STAGES, EXTRA, DEGREE_DENSE = 13, 3, 7
 RULE = 0
 ORDER, END_IN_ERROR, IMPLICIT, SERIES = 8, False, False, False
-# Of Taylor's method: coefficients of an order (field, two rows a surface), and the interpolant of DOP853.
+# Of Taylor's method: coefficients per order (field, two rows per surface), and the interpolant of DOP853.
 JETS, STAND_IN_STAGES = 3, 16
 ROLE: list[int] = [0]
 LINEAR: list[int] = [1]
@@ -109,7 +109,7 @@ def radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices) -> int:
 @entry
 @kernel
 def derive(p: Vector) -> int:
-    """What the field takes from the parameters alone, computed once, behind them in p."""
+    """Quantities of the field that depend on the parameters alone, computed once, stored after them in p."""
     return 0
 
 
@@ -125,7 +125,7 @@ def resets(i: int, t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: 
 def stages(
     t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """Stages from the first on, all but the one at the end of the step; leaves that end in y.
+    """All stages but the one at the end of the step; leaves that end in y.
 
     Returns 0, a code of `field`, or 3 where an implicit method does not converge.
     """

@@ -1,7 +1,7 @@
 """Guards of a solution that slides on one surface, at several points of a step side by side.
 
-The points of a sample do not wait for each other, so a vector takes as many as it holds: LANES of them. Only
-small symbolic fields are sampled like this (WIDE); `sampling.sample` has the plain way.
+The points of a sample are independent, so a vector takes LANES of them at once. Only small symbolic fields
+are sampled in this way (WIDE); `sampling.sample` is the plain form.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, anywhere, contract, kernel, lanes, shift
@@ -21,7 +21,7 @@ from filippov.kernel.loop.model import (
 from filippov.kernel.loop.state import Scratch
 from filippov.kernel.tables.layout import LANES
 
-# Places in the room `wide`, in vectors: times, states, parameters, modes, rows of guards, and the rest.
+# Offsets in `wide`, in vectors: times, states, parameters, modes, rows of guards, and the rest.
 X = 1
 
 
@@ -101,7 +101,7 @@ def same_everywhere(n: int, source: Vector, target: Vector) -> None:
 
 @kernel
 def prepare_points(p: Vector, m: Vector, w: Scratch) -> None:
-    """What is the same at all points of a step."""
+    """Fill in what is the same at all points of a step."""
     room = w.wide
     same_everywhere(P, p, shift(room, (X + N) * LANES))
     same_everywhere(M, m, shift(room, (X + N + P) * LANES))
@@ -109,7 +109,7 @@ def prepare_points(p: Vector, m: Vector, w: Scratch) -> None:
 
 @kernel
 def place_point(lane: int, t: float, x: Vector, w: Scratch) -> None:
-    """A point into its lane."""
+    """Put a point into its lane."""
     w.wide[lane] = t
     for j in range(N):
         w.wide[(X + j) * LANES + lane] = x[j]
@@ -127,7 +127,7 @@ def point_rows(i: int, attract: float, w: Scratch, ctx: Indices) -> int:
 
 @kernel
 def take_rows(lane: int, out: Vector, w: Scratch) -> None:
-    """The guards at one lane's point."""
+    """Copy the guards at one lane's point."""
     rows = shift(w.wide, (X + N + P + M) * LANES)
     for j in range(2 * M):
         out[j] = rows[j * LANES + lane]

@@ -1,4 +1,4 @@
-"""What the classification asks of the compiled system: a mode's field, and its guards along a trial step."""
+"""For the classification: a mode's field, and its guards along a trial step."""
 
 from filippov.kernel.language.primitives import Indices, Vector, entry, kernel, shift
 from filippov.kernel.loop.field import field, set_mode

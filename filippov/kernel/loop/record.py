@@ -1,4 +1,4 @@
-"""What the event loop leaves behind: events, and the dense output of accepted steps."""
+"""The record of a run: events, and the dense output of accepted steps."""
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel, shift, shift_indices, truncate
 from filippov.kernel.loop.model import DEGREE_DENSE, EVENT_SIZE, M, N
@@ -19,7 +19,7 @@ from filippov.kernel.tables.codes import (
 def record_event(run: Trajectory, kind: int) -> None:
     """Append an event: floats (t, multiplier, |h|, x, x after) and integers (surface, kind, both modes, 0).
 
-    The last is 1 for one of the set of the event before.
+    The last is 1 for an event of the same set as the previous one.
     """
     count, m, w, now = run.count, run.m, run.w, run.now
     event = shift(run.events, count.events * EVENT_SIZE)
@@ -42,7 +42,7 @@ def record_event(run: Trajectory, kind: int) -> None:
 
 @kernel
 def store_step(count: Count, t: float, step: float, rec: Vector, rec_coef: Vector, w: Scratch) -> None:
-    """Keep the dense output of the step that starts at t."""
+    """Store the dense output of the step that starts at t."""
     n = count.records
     rec[2 * n], rec[2 * n + 1] = t, step
     size = (DEGREE_DENSE + 1) * N
@@ -53,7 +53,7 @@ def store_step(count: Count, t: float, step: float, rec: Vector, rec_coef: Vecto
 
 @kernel
 def count_down(stop: Indices, kind: int) -> int:
-    """Count an event against the terminal ones of its surface; 1 where the run is to end."""
+    """Count down the terminal events of a surface; 1 where the run is to end."""
     either = kind
     if kind == CROSSING_UP or kind == CROSSING_DOWN:  # noqa: PLR1714, SIM109 - the kernel language has no `in`
         either = CROSSING_EITHER

@@ -1,9 +1,9 @@
-"""Resets x+ = r(t, x, p) at a surface reached from an active side: the simple ones, decided in the loop.
+"""Resets x+ = r(t, x, p) at a surface reached from an active side: simple ones, decided in the loop.
 
-Simple: one surface, nothing slides, and after the jump every other surface is clear of 0 on the side it was.
-Where the solution goes from x+ is told by h there and, on the surface itself, by its rate: back to the side
-it came from, through, or, with no rate left, into a resting contact; where the field jumps there, by the
-rates on both sides. All else is the classification's.
+Simple: one surface, nothing slides, and after the jump every other h is clearly nonzero with its sign
+unchanged. The direction from x+ follows from h there and, on the surface itself, from its rate: back to the
+side it came from, through, or, with a vanishing rate, into a resting contact; where the field jumps there,
+from the rates on both sides. All else is left to the classification.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel
@@ -33,7 +33,7 @@ INSTANT = 1.42e-14
 
 @kernel
 def noise(i: int, t: float, x: Vector, w: Scratch) -> float:
-    """What rounding makes of h_i at an event: of its terms, and of its rate over the error of the time."""
+    """The rounding error of h_i at an event: that of its terms, and its rate times the error of the time."""
     return float(8.0 * EPS * guard_scale(i, t, x, w) + INSTANT * abs(t * w.end[2 * i + 1]))
 
 
@@ -47,7 +47,7 @@ def resets_from(i: int, side: float) -> bool:
 def rest(
     t: float, y: Vector, p: Vector, m: Vector, order: Indices, i: int, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """The mode at rest on surface i: contact where the free motion presses on it, off where it lifts."""
+    """The mode at rest on surface i: contact where the free acceleration presses, off where it lifts."""
     side = float(CONTACT[i])
     code, plus, minus, scale = side_rates(t, y, p, m, i, w, iw, ctx)
     if code != 0:
@@ -69,7 +69,7 @@ def rest(
 def goes_off(
     t: float, y: Vector, p: Vector, m: Vector, order: Indices, i: int, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """The mode off surface i, at which the field jumps, where the rates on both sides lead to one of them."""
+    """The mode off surface i, across which the field jumps, where the rates on both sides agree on a side."""
     code, plus, minus, scale = side_rates(t, y, p, m, i, w, iw, ctx)
     if code != 0 or radii(t, y, p, w.radius, ctx) != 0:
         return -1
@@ -101,7 +101,7 @@ def apply_reset(
     size = abs(w.gt[i])
     for j in range(N):
         size += abs(w.g[i * N + j] * f[j])
-    # Rounding of the place may find what has just been left again; a reset is for what runs onto the surface.
+    # By rounding, the surface just left may be reached again; only a solution that runs onto it is reset.
     if not (-m[i] * w.end[2 * i + 1] * w.direction > NO_RATE * size):
         return NONE
     if resets(i, t, x, p, m, y, ctx) != 0:
@@ -114,7 +114,7 @@ def apply_reset(
         if j != i and not (m[j] * h[j] + WIDTH[j] > noise(j, t, y, w)):
             return NONE
     side = m[i]
-    # What the location left of h at the event says nothing of the side on which the state is put.
+    # The residual h of the location says nothing of the side on which the state is put.
     if abs(h[i]) > max(64.0 * EPS * guard_scale(i, t, y, w), 2.0 * abs(w.end[2 * i])):
         if jumps and abs(h[i]) <= 8.0 * noise(i, t, y, w):
             return NONE
@@ -133,7 +133,7 @@ def apply_reset(
     if abs(rate) <= NO_RATE * size:
         return rest(t, y, p, m, order, i, w, iw, ctx) if float(CONTACT[i]) == side else NONE
     if CONTACT[i] != 0 and float(CONTACT[i]) == side and side * rate > 0.0:
-        # A flight that stays within rounding of h cannot be followed.
+        # A flight within rounding of h = 0 cannot be followed.
         reach = noise(i, t, y, w) + INSTANT * abs(t) * size
         code, plus, minus, _ = side_rates(t, y, p, m, i, w, iw, ctx)
         if code != 0:

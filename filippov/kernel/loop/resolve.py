@@ -1,9 +1,9 @@
-"""The simple events, decided in the loop: one surface, rates clear of zero. All else is the classification's.
+"""Simple events, decided in the loop: one surface, rates clearly nonzero. Others go to the classification.
 
 For a surface reached from side sigma with rates h'(+) and h'(-) of the two fields there: both carry on,
 cross; both point to it, slide; a rate within CLEAR_RATE of zero on its own scale, a second surface, or one
-that is coupled to a sliding one, is left to `filippov.solving.selection.modes`. What slides apart from it
-does not matter: the rates of h do not depend on those signs.
+that is coupled to a sliding one, is left to `filippov.solving.selection.modes`. Uncoupled sliding
+surfaces do not matter: the rates of h do not depend on their signs.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, kernel
@@ -37,11 +37,11 @@ from filippov.kernel.tables.codes import (
 )
 
 CLEAR_RATE = 1e-6
-# Of the terms of a rate: what two rates may differ by, and what one rate may be, by rounding.
+# Relative to the terms of a rate: the difference of two rates, and the value of one, that may be rounding.
 NO_EFFECT, ROUNDING = 1e-15, 1e-12
-# Of the time that a slide has lasted: one that would reach a two-fold in less may be drawn into it.
+# Relative to the duration of a slide: one that would reach a two-fold in less may be drawn into it.
 NEAR_FOLD = 3e-2
-# Depth of a tangency over what cannot be told from one: forwards, and backwards.
+# The depth of a tangency, relative to what cannot be told from one: forwards, and backwards in time.
 SHALLOW, BACKWARDS = 1e-2, 10.0
 
 
@@ -141,7 +141,7 @@ def leads_off(
 ) -> int:  # fmt: skip
     """Whether the slow rate beyond surface i lasts until h is farther than a tangency is deep; -1: failure.
 
-    So it does into a layer in which the solution relaxes, and does not near a fold of the field beyond.
+    It does in a layer in which the solution relaxes, and does not near a fold of the field beyond.
     """
     if iw.sliding > 0:
         return 0
@@ -173,10 +173,10 @@ def touch_or_root(i: int, length: float, m: Vector, w: Scratch) -> int:
     """
     rate = w.end[2 * i + 1]
     turn = (rate - w.start[2 * i + 1]) / length
-    # Far below what the step resolves and below the height it came down from, however loose the tolerance is;
+    # Far below what the step resolves and below the height it came from, however loose the tolerance is;
     # written without squares, which would underflow in a guard of tiny values.
     shallow = min(SHALLOW * w.touch[i], 1e-6 * abs(w.start[2 * i]))
-    # Backwards a slide that was left is reached in such a tangency, as deep as the integration is in error.
+    # Backwards in time a slide that was left is reached in such a tangency, as deep as the integration error.
     if w.direction < 0.0:
         shallow = max(shallow, BACKWARDS * w.touch[i])
     if m[i] * turn > 0.0 and abs(rate) * abs(rate / turn) <= 2.0 * shallow:
@@ -193,7 +193,7 @@ def resolve_touch(
         code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
         if code != 0:
             return -1
-        # A rate that is a state itself has no scale of its own: what it came down from is one.
+        # A rate that is a state itself has no scale of its own: its change in the step is one.
         scale = max(scale, abs(w.start[2 * i + 1]))
         if m[i] * (minus if m[i] > 0.0 else plus) < -CLEAR_RATE * scale:
             return NONE

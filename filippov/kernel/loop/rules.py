@@ -37,7 +37,7 @@ DELTA, ENOUGH = 1e-6, 1e-14
 def sign_derivatives(
     t: float, x: Vector, p: Vector, m: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """The field with every sliding sign at -1, then for every colour half of what its signs at +1 add."""
+    """The field with every sliding sign at -1, then for every colour half the change by its signs at +1."""
     k = iw.sliding
     base = w.vert
     for c in range(k):
@@ -110,7 +110,7 @@ def slide_affine(
             shift_by = 0.0
             if not solve_or_least(w.mat, w.vec, size, SIDE, 0):
                 couple(first, last, m, w, iw)
-                # Of many multipliers that hold the solution, those closest to the middle of their sets.
+                # Of all multipliers that hold the solution, those closest to the middle of their sets.
                 for c in range(size):
                     for d in range(size):
                         w.vec[c] -= w.mat[c * SIDE + d]
@@ -196,7 +196,7 @@ def slide_multi_affine(
         for c in range(k):
             w.mult[iw.listed[c]].value += w.vec[c]
             largest = max(largest, abs(w.vec[c]))
-        # Where the signs hardly act on the rates, rounding of these is more than rounding in the signs.
+        # Where the signs hardly act on the rates, rounding of the rates exceeds that of the signs.
         done = largest <= 1e-14 or (largest < 1e-8 and largest >= 0.5 * last)
         last = largest
         if largest > 1e6:
@@ -341,7 +341,7 @@ def slide_utkin(
             for c in range(k):
                 w.s[iw.listed[c]] += rate[c]
                 largest = max(largest, abs(rate[c]))
-        # Far off, or turning in circles: one surface has a bracket to fall back on.
+        # Diverged, or cycling: for one surface there is a bracket to fall back on.
         if not (largest < 1e3) or iteration == 30:
             if k > 1 or bisected:
                 return 2

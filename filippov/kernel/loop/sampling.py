@@ -1,4 +1,4 @@
-"""The dense output of a step, and its guards at points of it: what `locate` looks for events in.
+"""The dense output of a step and the guards at points of it, in which `locate` finds events.
 
 Guards of surfaces off which the solution runs are h_i itself; a sliding surface has two, the rates at the
 ends of its set of signs or, where another surface coupled to it slides too, the distance of its multiplier
@@ -40,7 +40,7 @@ from filippov.kernel.tables.root_tables import DEGREE, NODES, POSITION
 CHECK_FIRST, CHECK_APART = 0.3137, 0.4218
 NEIGHBOUR = 1.2345e-10
 OPEN = 1e299
-# What the series of a guard may miss it by, in parts of its size.
+# The largest error of a guard's series, relative to its magnitude.
 HOLDS = 1e-7
 
 
@@ -79,7 +79,7 @@ def guard_polynomial(i: int, step: float, m: Vector, w: Scratch) -> None:
             rate += w.g[i * N + G_COLUMN[b]] * w.k[r * N + G_COLUMN[b]]
         for a in range(1, DEGREE):
             c[a] += DENSE_BERNSTEIN[r * NODES + a] * rate
-    # The ends are samples themselves: rounding in the sums must not move them off zero.
+    # The ends are samples: rounding in the sums must not move them off zero.
     c[0] = m[i] * w.start[2 * i] + WIDTH[i]
     c[DEGREE] = m[i] * w.end[2 * i] + WIDTH[i]
     for a in range(1, DEGREE):
@@ -110,7 +110,7 @@ def sliding_guards(out: Vector, w: Scratch, iw: Integers) -> None:
         else:
             out[i] = hi - mult.value
             out[M + i] = mult.value - lo
-        # A contact has one end: the other side of its set is open, and further off than that end, whose row
+        # The set of a contact has one end: it is open on the other side, and the row of that side
         # may be as negative as it likes.
         if CONTACTS and hi > OPEN:
             out[i] = sqrt(1.0 + out[M + i] * out[M + i])
@@ -155,7 +155,7 @@ def sample_in_lanes(
     i, first, x = only_sliding(iw), 0, w.xm
     prepare_points(p, m, w)
     while first < NODES + CHECKS:
-        # Lanes that are left over in the last round keep their points.
+        # Unused lanes in the last round keep their points.
         filled = min(LANES, NODES + CHECKS - first)
         for lane in range(filled):
             q = first + lane
@@ -222,7 +222,7 @@ def sample(
         theta = lo + width * POSITION[q]
         dense_value(theta, x, w)
         if theta == 1.0:
-            # The step's own end: what is 0 there is 0 here.
+            # The end of the step itself: a guard that is 0 there is 0 here.
             for j in range(N):
                 x[j] = w.y[j]
         code = guard_rows(t + theta * step, x, p, m, shift(w.node, q * 2 * M), w, iw, ctx)
@@ -242,8 +242,8 @@ def sample(
 def guard_noise(i: int, t: float, x: Vector, p: Vector, m: Vector, w: Scratch, ctx: Indices) -> float:
     """The noise of guard i near (t, x): its second differences over a few neighbouring points.
 
-    A smooth function has next to none so close; what is left is rounding inside h, which its gradient does
-    not show (More & Wild 2011). 0 where h cannot be evaluated.
+    Over such distances those of a smooth function almost vanish; the rest is rounding inside h, which its
+    gradient does not show (More & Wild 2011). 0 where h cannot be evaluated.
     """
     y, h = w.stage, w.h
     noise, one, two = 0.0, 0.0, 0.0

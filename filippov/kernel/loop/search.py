@@ -1,4 +1,4 @@
-"""A step that stands: the length of the next one, the first event in this one, and the way to it."""
+"""An accepted step: the length of the next one, the first event in this one, and the landing on it."""
 
 from filippov.kernel.language.primitives import Indices, Vector, apart, inline, kernel, shift
 from filippov.kernel.loop.attempt import error_of, go_back, reject
@@ -37,11 +37,11 @@ from filippov.kernel.loop.state import Scratch, Trajectory
 from filippov.kernel.tables.codes import AGAIN, ARRIVED, GO_ON, LOST, LOWER, NOTHING, ROOT, UPPER, USER_ERROR
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
-SAME_END = 1e-11  # times so close to the end of the run, in parts of it, are the end
-ROUNDED = 1e-12  # events so little later than the end of the run, in parts of it, are at the end
-FALLING = 1e-6  # the same of the terms of its rate: a guard that falls, and not by rounding
-BEFORE_END = 1e-3  # where the slope of a multiplier's guard at the end is taken from, in parts of the step
-# Pieces into which the guards of a step may split it for steps to go on growing.
+SAME_END = 1e-11  # times so close to the end of the run, relative to it, are the end
+ROUNDED = 1e-12  # events so little later than the end of the run, relative to it, are at the end
+FALLING = 1e-6  # relative to the terms of its rate: a guard that falls by more than rounding
+BEFORE_END = 1e-3  # the distance, relative to the step, for the slope of a multiplier's guard at the end
+# The most pieces into which the guards of a step may divide it while steps go on growing.
 PIECES = 64
 
 
@@ -49,7 +49,7 @@ PIECES = 64
 def turns(
     i: int, t: float, x: Vector, length: float, p: Vector, m: Vector, w: Scratch, ctx: Indices
 ) -> bool:
-    """Whether guard i is negative so much later along the field at the end of the step."""
+    """Whether guard i is negative a time later along the field at the end of the step."""
     last_k = shift(w.k, (STAGES - 1) * N)
     for j in range(N):
         w.xm[j] = x[j] + length * last_k[j]
@@ -66,8 +66,8 @@ def event_at_end(
         rate, terms = m[i] * w.end[2 * i + 1] * w.direction, abs(w.gt[i])
         for a in range(G_FIRST[i], G_FIRST[i + 1]):
             terms += abs(w.g[i * N + G_COLUMN[a]] * last_k[G_COLUMN[a]])
-        # A guard that the segment starts from has come back where it clearly falls; differences of a function
-        # may be rounding however large they are.
+        # A guard from which the segment starts has come back only where it clearly falls; differences of a
+        # function may be rounding, however large.
         if rate < (0.0 if order[i] == 0 else -FALLING * terms) and (order[i] == 0 or LINEAR[i] != 0):
             wait = -(m[i] * w.end[2 * i] + WIDTH[i]) / rate
             if wait <= ROUNDED * max(abs(t), abs(t - start)):
@@ -112,7 +112,7 @@ def propose(run: Trajectory) -> None:
     clock, now = run.clock, run.now
     size = abs(now.step)
     factor = 10.0 if now.error == 0.0 else step_factor(now.error)
-    # Gustafsson's prediction: an error that grows from step to step will go on growing.
+    # Gustafsson's prediction: an error that grows from step to step goes on growing.
     predicted = factor * factor * size / clock.trend
     clock.trend = size * min(factor, 3.0)
     factor = min(clock.grow, factor, predicted)
@@ -124,7 +124,7 @@ def propose(run: Trajectory) -> None:
 @inline
 @kernel
 def carry_on(run: Trajectory) -> int:
-    """Take over the end of a step without events."""
+    """Accept a step without events: its end becomes the state."""
     clock, m, order, w, now = run.clock, run.m, run.order, run.w, run.now
     if run.count.store != 0:
         store_step(run.count, now.t, now.step, run.rec, run.rec_coef, w)
@@ -140,7 +140,7 @@ def carry_on(run: Trajectory) -> int:
             order[i] = 0
         elif order[i] <= -2:
             order[i] = -1
-    # Away from the surface, or on the way back to one, the ordinary tolerance is the right one.
+    # Away from the surface, or on the way back to one, the ordinary tolerance applies.
     relative = now.relative
     if relative >= 0 and now.kept == 0:
         away = abs(now.t_end - clock.fast_from) > clock.fast_span
@@ -162,7 +162,7 @@ def search(run: Trajectory) -> int:
     count.steps += 1
     look = suspicious(step, m, order, now.line != 0, w, iw)
     if SERIES and now.last != 0 and iw.sliding > 0:
-        # A series tells that a multiplier does not get beyond its set, and not that it gets to its end.
+        # A series shows that a multiplier stays in its set, but not that it reaches the end of it.
         look = True
     if look or count.store != 0:
         failed = other_stages(t, x, p, m, step, now.line != 0, w, iw, ctx)
@@ -180,7 +180,7 @@ def search(run: Trajectory) -> int:
     if failed == 1 or cause == -1:
         return USER_ERROR
     if look and iw.pieces > PIECES:
-        # Guards that turn faster than the solution: longer steps cost more and hide what happens.
+        # Guards that vary faster than the solution: longer steps cost more and hide events.
         clock.step = min(clock.step, abs(step) * float(PIECES) / float(iw.pieces))
     if RESETS and cause == NOTHING:
         surface, ago = reached_before(te, w.y, shift(w.k, (STAGES - 1) * N), m, -1, w)
@@ -226,7 +226,7 @@ def land_here(run: Trajectory, slope: float) -> int:
 @inline
 @kernel
 def land_first(run: Trajectory) -> int:
-    """Land on the event, or on one that the way to it has passed; the code of `land`."""
+    """Land on the event, or on one that was passed on the way; the code of `land`."""
     p, m, w, iw, ctx, now = run.p, run.m, run.w, run.iw, run.ctx, run.now
     failed = land_here(run, now.slope)
     for _ in range(M if RESETS and M > 1 else 0):
@@ -243,7 +243,7 @@ def land_first(run: Trajectory) -> int:
     return failed
 
 
-# How far from the end of its set a multiplier may be that was to reach it.
+# The largest distance from the end of its set of a multiplier that should have reached it.
 ASTRAY_FROM_END = 1e-3
 
 
@@ -258,16 +258,16 @@ def astray(run: Trajectory) -> bool:
     return not (abs(w.mult[i].value - end) <= ASTRAY_FROM_END * (1.0 + abs(end)))
 
 
-# How far beyond 0 a guard with a root in it is at an event that came after its own, of what it was before.
+# How far beyond 0 a guard that contains a root is at an event after its own, relative to its value before.
 SKIPPED = 1e-6
 
 
 @apart
 @kernel
 def skipped(run: Trajectory) -> bool:
-    """Whether a guard with a root in it changed its sign on the way to the surface where that vanishes.
+    """Whether a guard that contains a root changed its sign on the way to the surface where that vanishes.
 
-    It may do so in less time than the step is told apart into.
+    It may do so in less time than the step resolves.
     """
     w, now = run.w, run.now
     for j in range(M):
@@ -284,7 +284,7 @@ def skipped(run: Trajectory) -> bool:
 @inline
 @kernel
 def arrive(run: Trajectory) -> int:
-    """Land on the event, and keep the dense output of the way to it."""
+    """Land on the event, and store the dense output up to it."""
     clock, count, now, w = run.clock, run.count, run.now, run.w
     t, step = now.t, now.step
     go_back(run)
@@ -302,12 +302,12 @@ def arrive(run: Trajectory) -> int:
         return AGAIN
     length = now.length
     if CLAMPED and now.cause == ROOT and failed == 0 and now.line == 0:
-        # In stages beyond the surface such a field stands still, and a step across may look exact.
+        # Such a field is clamped in stages beyond the surface, and a step across may look exact.
         error = error_of(run, length, w.xe)
         if error > 1.0:
             count.steps -= 1
             return reject(run, length, error)
-    # What was missed at the end of the run may have been long before it.
+    # An event that was missed at the end of the run may have been long before it.
     there = abs(step - length) <= SAME_END * max(abs(clock.t_end), abs(step))
     te = t + length
     if (now.last != 0 and now.theta >= 1.0 and there) or (te - clock.t_end) * w.direction > 0.0:

@@ -37,7 +37,7 @@ from filippov.kernel.tables.codes import (
     USER_ERROR,
 )
 
-GRAIN = 1e2  # what a guard that is followed relative to itself is known to, in roundings of its terms
+GRAIN = 1e2  # the accuracy of a guard that is followed relative to itself, in roundings of its terms
 
 
 @kernel
@@ -45,7 +45,7 @@ def renew_state(
     t: float, x: Vector, p: Vector, m: Vector, order: Indices, rtol: float, atol: Vector, w: Scratch,
     iw: Integers, ctx: Indices,
 ) -> int:  # fmt: skip
-    """Field, guards and radii at the start of a segment; a code of `advance`, REACHED where all is well."""
+    """Field, guards and bounds of multipliers at the start of a segment; REACHED, or a code of `advance`."""
     set_mode(m, iw)
     if SERIES:
         w.origin.t = NAN
@@ -63,7 +63,7 @@ def renew_state(
     for i in range(M):
         # The driver marks sliding that repels in the direction of integration by a negative order.
         w.attract[i] = -w.direction if m[i] == 0.0 and order[i] < 0 else w.direction
-    # Closer to 0 than the integration is accurate, a least value of a guard cannot be told from a tangency.
+    # A least value of a guard below the accuracy of the integration cannot be told from a tangency.
     for i in range(M):
         w.touch[i] = 0.0
         if ROLE[i] != KINK and WIDTH[i] == 0.0:
@@ -78,7 +78,7 @@ def non_lipschitz_start(
     clock: Clock, t: float, x: Vector, p: Vector, m: Vector, order: Indices, direction: float, w: Scratch,
     iw: Integers, ctx: Indices,
 ) -> int:  # fmt: skip
-    """Leave a surface tangentially where the field is not Lipschitz: which, -1 for none, -2 at failure."""
+    """Leave a surface tangentially where the field is not Lipschitz: its number, -1: none, -2: failure."""
     if NON_LIPSCHITZ:
         for i in range(M):
             if clock.relative < 0.0:
@@ -94,7 +94,8 @@ def non_lipschitz_start(
                     span = 0.1 * size / speed
                 span = min(span, abs(clock.t_end - t))
                 tiny = direction * 1e-8 * span
-                # Rounding of the rates that cancel where the surface is left: no step can do better.
+                # Rounding of the rates that cancel where the surface is left bounds the accuracy of every
+                # step.
                 _, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
                 clock.start_noise = 16.0 * EPS * max(abs(plus), abs(minus), scale) + 1e-300
                 if collocation_start(t, x, p, m, tiny, w, iw, ctx) != 0:
@@ -109,7 +110,7 @@ def non_lipschitz_start(
 
 @kernel
 def first_length(run: Trajectory) -> int:
-    """A length for the first step, where none is known."""
+    """The length of the first step, where none is known."""
     clock, w = run.clock, run.w
     limit = min(abs(clock.t_end - clock.t), clock.max_step)
     failed, length = first_step(

@@ -2,12 +2,12 @@
 
 x(t + step) = sum_k x_k step**k, the x_k by recurrences that are written for the system (`jets`). Steps are
 those of Jorba & Zou 2005 (Experimental Mathematics 14, section 3): the last two coefficients are as large as
-the tolerance. What coefficients cannot show, a wall beyond which the field is another, shows at the end of
-the step, where the polynomial's rate is compared with the field; the difference is the next coefficient.
+the tolerance. What coefficients cannot show, a steep change of the field ahead, shows at the end of the
+step, where the polynomial's rate is compared with the field; the difference is the next coefficient.
 
-Coefficients are kept with the place where they were taken, so that a shorter step from there and the landing
-on an event cost none. Where there are none (several surfaces slide together, a power has its root there),
-DOP853 takes the step, and its interpolant is written as a polynomial like the others.
+Coefficients are kept with the point at which they were computed, so that a shorter step from there and the
+landing on an event need no others. Where there are none (several surfaces slide together, a power is singular
+there), DOP853 takes the step, and its interpolant is written as such a polynomial.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, from_bits, inline, kernel, to_bits
@@ -30,7 +30,7 @@ from filippov.kernel.tables.root_tables import NODES, POSITION
 # Bits of 1.0, moved by the mean error of reading a mantissa as a logarithm.
 ONE_BITS = 4606988764016040477
 GROWTH = 10.0
-# What a guard's series may miss the guard by at the end of a step, in parts of its terms.
+# The largest error of a guard's series at the end of a step, relative to its terms.
 SERIES_MISS = 1e-9
 
 
@@ -46,9 +46,9 @@ def series_step(
     t: float, x: Vector, p: Vector, m: Vector, rtol: float, atol: Vector, before: float, w: Scratch,
     iw: Integers,
 ) -> float:  # fmt: skip
-    """A step that suits the coefficients at (t, x), or `before` where this one was tried or there are none.
+    """A step by the coefficients at (t, x), or `before` where that one was tried or there are none.
 
-    What the coefficients cannot show makes it no more than `GROWTH` times what the last step would suggest.
+    It is at most `GROWTH` times what the last step suggests, for what the coefficients cannot show.
     """
     if taken_here(t, x, m, w):
         return before
@@ -71,7 +71,7 @@ def series_step(
 
 @kernel
 def constant_series(w: Scratch) -> bool:
-    """Whether the field does not change along the step, as far as its coefficients say."""
+    """Whether the field is constant along the step by its coefficients."""
     if w.explicit != 0.0:
         return False
     for a in range(N, (STAGES - 1) * N):  # noqa: SIM110 - the kernel language has no `all`
@@ -92,7 +92,7 @@ def series_dense(x: Vector, step: float, w: Scratch) -> None:
 
 @kernel
 def has_series(m: Vector, w: Scratch) -> bool:
-    """Whether the coefficients of the guards are those of this mode: a contact has but one end."""
+    """Whether the coefficients of the guards are those of this mode: a contact has one end only."""
     if w.explicit != 0.0:
         return False
     for i in range(M):  # noqa: SIM110 - the kernel language has no `all`
@@ -103,7 +103,7 @@ def has_series(m: Vector, w: Scratch) -> bool:
 
 @kernel
 def guard_side(row: int, m: Vector, w: Scratch) -> float:
-    """What the series of a row of `jets` is to be multiplied by to be positive while the mode lasts."""
+    """The factor that makes the series of a row of `jets` positive while the mode lasts."""
     i = row if row < M else row - M
     if m[i] != 0.0:
         return float(m[i])
@@ -112,7 +112,7 @@ def guard_side(row: int, m: Vector, w: Scratch) -> float:
 
 @kernel
 def series_value(row: int, time: float, m: Vector, w: Scratch) -> float:
-    """The guard of a row, a time after the place of the coefficients; 1 where the row stands for none."""
+    """The guard of a row, a time after the point of the coefficients; 1 for an unused row."""
     i = row if row < M else row - M
     if row >= M and m[i] != 0.0:
         return 1.0
@@ -137,8 +137,8 @@ def series_sample(step: float, first: float, apart: float, m: Vector, w: Scratch
 def series_clear(step: float, m: Vector, order: Indices, w: Scratch, iw: Integers) -> bool:
     """Whether no guard can vanish in the step: its first coefficient outweighs all later ones together.
 
-    One that vanishes at the start is divided by the time as often as it does. A series that does not give
-    the guard at the end of the step says nothing.
+    One that vanishes at the start is divided by the power of time with which it does. A series that misses
+    the guard at the end of the step proves nothing.
     """
     if not has_series(m, w):
         return False

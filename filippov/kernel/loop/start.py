@@ -1,4 +1,4 @@
-"""The mode at an initial state, where it is simple: off all surfaces, or on one with rates that tell."""
+"""The mode at an initial state in simple cases: off all surfaces, or on one with decisive rates."""
 
 from filippov.kernel.language.primitives import Indices, Vector, entry, kernel
 from filippov.kernel.loop.land import EPS, guard_scale
@@ -50,7 +50,7 @@ def second_rate(
             whole = rate
         else:
             half = rate
-    # A rate that does not grow like the time vanishes more often: the classification counts how often.
+    # A rate that does not grow like the time has a zero of higher order, which the classification finds.
     if abs(whole - 2.0 * half) > 0.1 * abs(whole):
         return 0, 0.0
     return 0, 1.0 if whole > 0.0 else -1.0
@@ -69,7 +69,7 @@ def on_one_surface(
     iw: Integers,
     ctx: Indices,
 ) -> int:
-    """Mode on surface i alone: slide, leave, or leave along a tangency whose second derivative tells."""
+    """Mode on surface i alone: slide, leave, or leave along a tangency decided by the second derivative."""
     code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
     if code != 0 or radii(t, x, p, w.radius, ctx) != 0:
         return USER_ERROR
@@ -134,7 +134,7 @@ def begin(run: Trajectory) -> int:
         return USER_ERROR
     reached, total = -1, 0
     for i in range(M):
-        # A relay with hysteresis is inside its band there, and h = 0 is as good as any other place.
+        # A relay with hysteresis is inside its band there; h = 0 is not special.
         if WIDTH[i] == 0.0 and not (abs(h[i]) > 8.0 * EPS * guard_scale(i, t, x, w)):
             reached = i
             total += 1

@@ -1,7 +1,7 @@
 """The state of the event loop: every number it keeps, by name. Python reads and writes the same places.
 
-A trajectory is told by its `Clock`, its `Count`, its state and mode; its `Scratch` and `Integers` may be
-another's before and after. Lengths follow from the `Sizes` of a system and a method.
+A trajectory is determined by its `Clock`, its `Count`, its state and mode; its `Scratch` and `Integers` may
+serve another one before and after. Lengths follow from the `Sizes` of a system and a method.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from filippov.kernel.tables.tableaus import DOP853
 
 @dataclass(frozen=True)
 class Sizes:
-    """What lengths depend on.
+    """The numbers on which lengths depend.
 
-    colours  field calls that give the derivatives by all signs
+    colours  field calls for the derivatives by all signs
     largest  surfaces in the largest component
     powers   of the dense output
     jet_room scratch of the recurrences of Taylor's method
-    roots    whether guards hold roots of |h|
+    roots    whether guards contain roots of |h|
     points   parameters of a field that is sampled in lanes (see `points`), None where it is not
     """
 
@@ -64,12 +64,12 @@ class Sizes:
 
     @property
     def nodes(self) -> int:
-        """Samples of a guard, one more than the degree that it is taken for."""
+        """Samples of a guard, one more than the degree of its polynomial."""
         return self.powers if self.series else NODES
 
 
 class Clock(Struct):
-    """What the loop reads and leaves behind about time, and its step control."""
+    """Time and step control: the loop's input and output."""
 
     t: float
     t_end: float
@@ -90,12 +90,12 @@ class Clock(Struct):
     t_final: float
     instant: float
     event_t: float
-    # The square of its error where the next step stands in the scratch already, taken in a lane; else 0.
+    # The square of its error where the next step is in the scratch already, taken in a lane; else 0.
     taken: float
 
 
 class Count(Struct):
-    """Work done, room left in the buffers, and what stopped the loop."""
+    """Work done, room left in the buffers, and the reason why the loop stopped."""
 
     field_calls: int
     steps: int
@@ -114,7 +114,7 @@ class Count(Struct):
     due: int
     # 1 while the loop slides on a corner of two that it has decided, 2 where other modes may follow there.
     pair: int
-    # Which of the pasts of its thread is that of the trajectory.
+    # The number of the trajectory's past among those of its thread.
     past: int
 
 
@@ -211,7 +211,7 @@ class Tally(Struct):
 
 
 class Scratch(Struct):
-    """Numbers that are made and used on the way; functions of the user write rates by t behind g."""
+    """Intermediate numbers; functions of the user write derivatives by t after g."""
 
     s: Vector = part(lambda of: of.m)
     s2: Vector = part(lambda of: of.m)
@@ -293,7 +293,7 @@ class Scratch(Struct):
 
 
 class Integers(Struct):
-    """The sliding surfaces component by component: how many, which, the end of each one's group in the list,
+    """The sliding surfaces component by component: their number, the list, the end of each one's group in it,
     its place there, how many slide in every component; what is counted; the pivots of an implicit method.
     """
 
@@ -347,7 +347,7 @@ class Attempt(Struct):
 
 
 class Trajectory(Struct):
-    """One trajectory: where what belongs to it lies, and the step under way.
+    """One trajectory: references to its data, and the step under way.
 
     x, mode m, multipliers lam of the sliding surfaces; order[i]: how often guard i vanishes at the start;
     trigger: the surfaces that are active where the classification is needed; stop: events until a terminal
@@ -385,7 +385,7 @@ class Trajectory(Struct):
 
 
 class Trajectories(Struct):
-    """Trajectories by number: what a `Trajectory` names once stands here for each, one behind the other.
+    """Trajectories by number: the data that a `Trajectory` has once, here for each, one after the other.
 
     queue  what has been taken, how many are done, how many are taken at a time: threads share it
     codes  how each ended
@@ -409,7 +409,7 @@ class Trajectories(Struct):
 
 
 class Entries(Struct):
-    """Addresses of plain kernels, which belong to a unit of their own."""
+    """Addresses of plain kernels, which are in another unit."""
 
     launch: int
     time_slice: int

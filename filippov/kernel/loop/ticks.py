@@ -1,8 +1,8 @@
-"""Time events: the next instants of clocks, and what happens at an instant, decided where it is simple.
+"""Time events: the next instants of clocks, and simple events at an instant.
 
 Simple: forwards in time, at most one reset is due, no surface with a reset is near before or after it, and
-after it every surface is clear of 0, or the only one that is slid on still is and its rates tell whether the
-slide lasts. All else is the classification's (`filippov.solving.resets.jumps`).
+after it every h is clearly nonzero, or only one surface is slid on, before and after, and its rates decide
+whether the slide lasts. All else is left to the classification (`filippov.solving.resets.jumps`).
 """
 
 from filippov.kernel.language.primitives import INF, NAN, Vector, kernel, rint, shift_indices
@@ -45,13 +45,13 @@ from filippov.kernel.tables.codes import (
     TIME_RESET,
 )
 
-# Instants closer than this part of the time run are one.
+# Instants closer than this, relative to the time run, are one.
 SAME = 1e-12
-# What rounding makes of h, in EPS of its terms: twice what the classification takes for on the surface.
+# The rounding error of h, in EPS of its terms: twice what the classification counts as on the surface.
 ON_IT = 128.0
-# The code of `field` where no multipliers hold the motion.
+# The code of `field` where no multipliers hold the solution on the surfaces.
 LOOSE = 2
-# How far from the ends of its set a multiplier has to be, in parts of the set.
+# The least distance of a multiplier from the ends of its set, relative to the set.
 ROOM = 4e-6
 
 
@@ -100,7 +100,7 @@ def preceding(tick: Tick, instants: Vector, t: float) -> float:
 
 @kernel
 def aim(run: Trajectory) -> None:
-    """Let the loop run to the next instant, or to the end of the run; note what is due there."""
+    """Direct the loop to the next instant, or to the end of the run; note what is due there."""
     clock, count, ticks = run.clock, run.count, run.ticks
     late, first = clock.t + same_time(clock.t, clock.t_start), INF
     for i in range(count.ticks):
@@ -118,7 +118,7 @@ def aim(run: Trajectory) -> None:
 
 @kernel
 def grain(i: int, t: float, x: Vector, start: float, w: Scratch) -> float:
-    """What rounding may make of h_i: of its terms, and of its rate over that of the time."""
+    """The rounding error of h_i: that of its terms, and its rate times that of the time."""
     flow = abs(w.gt[i])
     for a in range(G_FIRST[i], G_FIRST[i + 1]):
         flow += abs(w.g[i * N + G_COLUMN[a]] * w.f[G_COLUMN[a]])
@@ -129,7 +129,7 @@ def grain(i: int, t: float, x: Vector, start: float, w: Scratch) -> float:
 def look(run: Trajectory, t: float, x: Vector) -> bool:
     """Field, guards and gradients of the present mode at a state; whether there are any.
 
-    Where nothing holds the motion on what it slides on, the field is that of the upper sides.
+    Where no multipliers hold the solution on its sliding surfaces, the field is that of the upper sides.
     """
     p, m, w, iw, ctx = run.p, run.m, run.w, run.iw, run.ctx
     set_mode(m, iw)
@@ -145,7 +145,7 @@ def look(run: Trajectory, t: float, x: Vector) -> bool:
 
 @kernel
 def slid_on(m: Vector) -> int:
-    """The only surface that is slid on, -1 for none, -2 where it is not for this file to decide."""
+    """The only surface that is slid on, -1 for none, -2 where the case is not simple."""
     found = -1
     for i in range(M):
         if HELD[i] != 0:
@@ -207,7 +207,7 @@ def jump(run: Trajectory, t: float, i: int) -> bool:
         lo, hi = w.radius[2 * on], w.radius[2 * on + 1]
         room = min(lam[on] - lo, hi - lam[on])
         if m[on] != 0.0:
-            # The step of a slide says nothing about the solution that leaves it.
+            # The step size of a slide says nothing about the solution that leaves it.
             clock.step = 0.0
         return code == REACHED and order[on] != 2 and (m[on] != 0.0 or room > ROOM * (hi - lo))
     return True
@@ -215,7 +215,7 @@ def jump(run: Trajectory, t: float, i: int) -> bool:
 
 @kernel
 def record_due(run: Trajectory, kind: int) -> None:
-    """Record what happens at an instant: one set with what has just happened (E5)."""
+    """Record the events at an instant: one set with those just recorded (E5)."""
     together = abs(run.clock.event_t - run.now.t_end) <= run.clock.same_instant
     record_event(run, kind)
     run.marks[run.count.events * (3 + 2 * M) - 1] = 1 if together else 0
@@ -241,7 +241,7 @@ def note_changes(run: Trajectory) -> int:
 
 @kernel
 def tick(run: Trajectory) -> int:
-    """What is due at an instant, where it is simple; REACHED where the classification has to decide."""
+    """Carry out what is due at an instant, where simple; REACHED where the classification has to decide."""
     clock, count, x, m, w, now = run.clock, run.count, run.x, run.m, run.w, run.now
     if count.events + M >= count.event_room:
         return EVENTS_FULL
@@ -257,7 +257,7 @@ def tick(run: Trajectory) -> int:
     now.t_end, now.multiplier = t, NAN
     if moving >= 0:
         if not jump(run, t, moving):
-            # As it was found.
+            # Restored.
             for i in range(M):
                 m[i] = w.before[i]
                 w.mult[i].value = run.lam[i]

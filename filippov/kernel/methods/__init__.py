@@ -1,1 +1,1 @@
-"""Stages of methods that are no tableau written out: Radau IIA with its LU factors, Taylor series."""
+"""Stages of methods without an explicit tableau: Radau IIA with its LU factors, Taylor series."""

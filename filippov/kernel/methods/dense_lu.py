@@ -8,7 +8,7 @@ from filippov.kernel.language.primitives import Indices, Vector, kernel
 
 @kernel
 def factor(a: Vector, pivots: Indices, n: int) -> bool:
-    """LU factors of a in its place; False where it is singular."""
+    """LU factors of a, in place; False where it is singular."""
     for k in range(n):
         pivot = k
         for i in range(k + 1, n):
@@ -33,7 +33,7 @@ def factor(a: Vector, pivots: Indices, n: int) -> bool:
 
 @kernel
 def substitute(a: Vector, pivots: Indices, b: Vector, n: int) -> None:
-    """Solve with the factors of `factor`, b in its place."""
+    """Solve with the factors of `factor`, b in place."""
     for k in range(n):
         pivot = pivots[k]
         if pivot != k:
@@ -54,7 +54,7 @@ def substitute(a: Vector, pivots: Indices, b: Vector, n: int) -> None:
 
 @kernel
 def factor_complex(re: Vector, im: Vector, pivots: Indices, n: int) -> bool:
-    """LU factors of re + i im in their place; False where it is singular."""
+    """LU factors of re + i im, in place; False where it is singular."""
     for k in range(n):
         pivot, best = k, abs(re[k * n + k]) + abs(im[k * n + k])
         for i in range(k + 1, n):
@@ -84,7 +84,7 @@ def factor_complex(re: Vector, im: Vector, pivots: Indices, n: int) -> bool:
 
 @kernel
 def substitute_complex(re: Vector, im: Vector, pivots: Indices, b: Vector, c: Vector, n: int) -> None:
-    """Solve with the factors of `factor_complex`, b + i c in its place."""
+    """Solve with the factors of `factor_complex`, b + i c in place."""
     for k in range(n):
         pivot = pivots[k]
         if pivot != k:

@@ -1,7 +1,7 @@
-"""What a series misses of the field inside a step, at points of it side by side.
+"""The error of a series against the field inside a step, at several points side by side.
 
-A series that ends, or seems to, knows of no wall and no peak on the way, and far from a peak the terms that
-it adds up to are all below the tolerance: the step is sampled as densely as by an explicit method.
+A finite, or apparently finite, series does not show a steep change or a peak of the field ahead, and far from
+a peak its terms are all below the tolerance: the step is sampled as densely as by an explicit method.
 """
 
 from filippov.kernel.language.primitives import (
@@ -65,7 +65,7 @@ def field_beside(
 @inline
 @kernel
 def note_miss(j: int, found: float, rate: float, w: Scratch) -> None:
-    """What is no number there is missed by any amount."""
+    """Note the largest error; one that is not finite counts as infinite."""
     gap = abs(found - rate)
     w.miss[j] = max(w.miss[j], min(INF, gap))
 
@@ -74,7 +74,7 @@ def note_miss(j: int, found: float, rate: float, w: Scratch) -> None:
 def look_beside(
     t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """As `look_inside`, field and polynomial in lanes; made for the system (WIDE)."""
+    """As `look_inside`, field and polynomial in lanes; for small systems (WIDE)."""
     at, rates, found = w.inside, shift(w.inside, N * LANES), shift(w.inside, 2 * N * LANES)
     polynomial_beside(LOOKS, x, w.k, step, at, rates)
     prepare_points(p, m, w)
@@ -97,7 +97,7 @@ def look_beside(
 def look_in_turn(
     t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """As `look_inside`, the polynomial in lanes and the field at one point after the other."""
+    """As `look_inside`, the polynomial in lanes, the field at one point after the other."""
     at, rates = w.inside, shift(w.inside, N * LANES)
     polynomial_beside(LOOKS, x, w.k, step, at, rates)
     for lane in range(LANES):

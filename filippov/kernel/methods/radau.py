@@ -5,12 +5,12 @@ Z = step (A x I) F(x + Z) is solved for Z = (TO_Z x I) W (Hairer & Wanner 1996, 
     (REAL/step - J) dW_1 = r_1,   ((PAIR - i SPIN)/step - J) (dW_2 + i dW_3) = r_2 + i r_3
 
 J is the derivative of the mode's field, sliding included, by differences. It is kept from step to step while
-the iteration converges fast, its LU factors while the step stays the same. The derivatives at the stages go
-to w.k behind the field at the start, so that dense output, event location and landing are those of every
-method; behind them there is room for the field at the end of the step.
+the iteration converges fast, its LU factors while the step stays the same. The derivatives at the stages are
+stored in w.k after the field at the start, so that dense output, event location and landing are those of
+every method, and are followed by the field at the end of the step.
 
-The iteration goes on to 3e-14 of the state, whatever rtol is looser than 1e-9: the state at an event depends
-on it. Where rounding ends it earlier, what the tolerance asks for is enough.
+The iteration goes on to 3e-14 of the state, also where rtol is looser than 1e-9: the state at an event
+depends on it. Where rounding ends it earlier, the accuracy of the tolerance is enough.
 """
 
 from filippov.kernel.language.primitives import NAN, Indices, Vector, kernel, shift, sqrt
@@ -77,10 +77,10 @@ def difference(
 def renew_jacobian(
     t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """J at (t, x) by forward differences: 1.5e-8 of what a state is, moves or may err; more where it is lost.
+    """J at (t, x) by forward differences of 1.5e-8 of a state, its change or tolerance; larger where lost.
 
     A difference below 1e-12 of the field is repeated with a thousand times its step. Where the field is not
-    defined ahead, the step goes the other way; where it is not there either, the column is 0.
+    defined ahead, the difference is taken backwards; where it is not defined there either, the column is 0.
     """
     at = w.stage
     for j in range(N):
@@ -134,7 +134,7 @@ def factor_both(step: float, w: Scratch, iw: Integers) -> bool:
 
 @kernel
 def differences(one: Vector, other: Vector, n: int) -> int:
-    """In how many of n entries two arrays differ."""
+    """The number of entries, of n, in which two arrays differ."""
     total = 0
     for i in range(n):
         total += 1 if one[i] != other[i] else 0
@@ -146,7 +146,7 @@ def guess(t: float, x: Vector, step: float, w: Scratch) -> None:
     """Z from the collocation polynomial of the accepted step that led to (t, x), 0 where there is none."""
     memory, z, past = w.memory, w.z, w.past
     for i in range(N):
-        # A jump of the state.
+        # The state has jumped.
         if abs(x[i] - w.reached[i]) > 1e3 * w.scale[i]:
             memory.last_step = 0.0
     if memory.last_step != 0.0 and abs(memory.last_end - t) <= 1e-9 * abs(memory.last_step):
@@ -173,7 +173,7 @@ def guess(t: float, x: Vector, step: float, w: Scratch) -> None:
 def newton(
     t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """Solve for Z from the guess in it: 0, a code of `field`, NOT_CONVERGED or UNDEFINED; leaves its rate."""
+    """Solve for Z from the guess in it: 0, a code of `field`, NOT_CONVERGED or UNDEFINED; stores its rate."""
     z, v, f, at = w.z, w.zw, w.diff, w.stage
     r1, r2, r3 = f, shift(f, N), shift(f, 2 * N)
     rtol = min(w.rtol, 1e-3)
@@ -265,7 +265,7 @@ def estimate(
 def still(
     t: float, x: Vector, p: Vector, m: Vector, step: float, y: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> bool:
-    """Whether to stay at x solves the stages; in a non-Lipschitz equilibrium no Jacobian would find it."""
+    """Whether the constant x solves the stages; in a non-Lipschitz equilibrium no Jacobian would show it."""
     for i in range(N):
         if w.k[i] != 0.0:
             return False

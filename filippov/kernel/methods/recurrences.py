@@ -1,4 +1,4 @@
-"""Sums in the recurrences of Taylor coefficients: those of order k from the ones before (see `jet_graph`)."""
+"""Sums in the recurrences of Taylor coefficients: order k from the lower ones (see `jet_graph`)."""
 
 from filippov.kernel.language.primitives import Vector, apart, contract, lanes
 
@@ -6,7 +6,7 @@ from filippov.kernel.language.primitives import Vector, apart, contract, lanes
 @apart
 @contract
 def folded(k: int, first: int, a: Vector, b: Vector) -> float:
-    """sum_j a_j b_(k-j) over j = first ... k, in two sums that do not wait for each other."""
+    """sum_j a_j b_(k-j) over j = first ... k, as two independent sums."""
     one, two = 0.0, 0.0
     for half in range((k - first + 1) // 2):
         j = first + 2 * half
@@ -51,7 +51,7 @@ def power_term(k: int, exponent: float, u: Vector, y: Vector) -> float:
 @contract
 @lanes
 def products_beside(k: int, blocks: int, a: Vector, b: Vector, out: Vector) -> None:
-    """Coefficient k of as many products as there are lanes in the blocks."""
+    """Coefficient k of the products in all lanes of the blocks."""
     for block in range(blocks):
         one, two = 0.0, 0.0
         for half in range((k + 1) // 2):

@@ -1,4 +1,4 @@
-"""The stages of Taylor's method, in place of those that a tableau is written out to (see `series`)."""
+"""The stages of Taylor's method, in place of those written out from a tableau (see `series`)."""
 
 from filippov.kernel.language.primitives import Indices, Vector, contract, kernel, sqrt
 from filippov.kernel.loop.model import (
@@ -50,7 +50,7 @@ def take_jets(t: float, x: Vector, p: Vector, m: Vector, w: Scratch, iw: Integer
         origin.m[i] = m[i]
     code = jets(t, x, p, m, w.jet_room, w.jet, iw)
     iw.calls += STAGES - 1
-    # What is no number spoils all orders behind it.
+    # A coefficient that is not finite spoils all later orders.
     total, top = 0.0, (STAGES - 2) * JETS
     for a in range(JETS):
         total += w.jet[top + a] * 0.0
@@ -77,7 +77,7 @@ def stages(
 def extra_stages(
     t: float, x: Vector, p: Vector, m: Vector, step: float, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """Nothing for a series; the interpolant of DOP853 as the coefficients of one."""
+    """None for a series; else the interpolant of DOP853 as the coefficients of one."""
     if w.explicit == 0.0:
         return 0
     for j in range(N):

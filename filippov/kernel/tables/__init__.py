@@ -1,1 +1,1 @@
-"""Numbers that Python and kernels share: coefficients of methods, codes, places in arrays."""
+"""Constants that Python and kernels share: coefficients of methods, codes, offsets in arrays."""

@@ -1,4 +1,4 @@
-"""How much room there is: trajectories side by side, halvings of a step, signs that are enumerated."""
+"""Sizes: trajectories side by side, halvings of a step, signs that are enumerated."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ SPLITS, CHECKS = 10, 2
 MOST_ENUMERATED = 6
 # Trajectories side by side in a lane kernel: two vectors keep a processor busier whose vectors hold 8.
 LANES, MOST_LANES = 8, 16
-# Of a step of a series: points inside of it that are looked at, a lane each, spaced by the golden section.
+# Of a step of a series: the points inside that are checked, one per lane, spaced by the golden section.
 LOOKS: Any = [(0.5 * (5.0**0.5 - 1.0) * (q + 1)) % 1.0 for q in range(LANES)]
 # Rules of sliding by name, in the order of their numbers in `rules`.
 RULES = ("filippov", "moments", "utkin")

@@ -1,7 +1,7 @@
 """Constants of the Radau IIA method with three stages (Hairer & Wanner 1996, section IV.8), and positions.
 
 Collocation at C: Z = step (A x I) F(x + Z). The inverse of A has one real eigenvalue REAL and a pair
-PAIR -+ i SPIN; with Z = (TO_Z x I) W Newton's matrices fall apart into one real and one complex of n rows.
+PAIR -+ i SPIN; with Z = (TO_Z x I) W Newton's matrices decouple into a real and a complex one of n rows.
 """
 
 import numpy as np
@@ -36,7 +36,7 @@ def _split(inverse: Array) -> tuple[float, float, float, Array]:
 
 
 def _polynomials(nodes: Array) -> Array:
-    """Lagrange polynomials of the nodes: row j holds the powers of the one that is 1 at node j."""
+    """Lagrange polynomials of the nodes: row j has the coefficients of the one that is 1 at node j."""
     return np.asarray(np.linalg.inv(np.vander(nodes, len(nodes), increasing=True)).T, dtype=np.float64)
 
 
@@ -50,9 +50,9 @@ C: list[float] = _C.tolist()
 A_INVERSE: list[float] = _A_INVERSE.ravel().tolist()
 TO_Z: list[float] = _TO_Z.ravel().tolist()
 TO_W: list[float] = np.linalg.inv(_TO_Z).ravel().tolist()
-# Weights of the three Z in the error estimate, behind the field at the start (there, equation 8.19).
+# Weights of the three Z in the error estimate, after the field at the start (there, equation 8.19).
 ERROR_Z: list[float] = [(-13 - 7 * _ROOT) / 3, (-13 + 7 * _ROOT) / 3, -1 / 3]
-# The collocation polynomial through 0 and the three Z: powers 1, 2, 3 of theta, a row each Z.
+# The collocation polynomial through 0 and the three Z: powers 1, 2, 3 of theta, one row per Z.
 FROM_Z: list[float] = _polynomials(np.array([0.0, *_C]))[1:, 1:].ravel().tolist()
 
 
@@ -62,7 +62,7 @@ def dense_rows() -> tuple[tuple[float, ...], ...]:
     return ((0.0,) * 4, *inside, (0.0,) * 4)
 
 
-# What `newton` returns besides the codes of `field`.
+# Also returned by `newton`, besides the codes of `field`.
 NOT_CONVERGED, UNDEFINED = 3, 4
 MOST_ITERATIONS = 10
 # A rate of convergence below which J is kept; spacing of doubles at 1, and its root.

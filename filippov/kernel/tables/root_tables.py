@@ -33,7 +33,7 @@ def _values_to_bernstein(degree: int) -> npt.NDArray[np.float64]:
 
 
 def to_bernstein(rows: Sequence[Sequence[float]], degree: int = DEGREE) -> list[float]:
-    """Polynomials by their powers, one a row, as Bernstein coefficients of a degree, row by row."""
+    """Polynomials in powers, one per row, as Bernstein coefficients of a degree."""
     return [
         sum(row[j] * _binomial(a, j) / _binomial(degree, j) for j in range(min(a + 1, len(row))))
         for row in rows
@@ -42,7 +42,7 @@ def to_bernstein(rows: Sequence[Sequence[float]], degree: int = DEGREE) -> list[
 
 
 def by_degree(degree: int) -> dict[str, int | list[float]]:
-    """The tables that go with a degree, by their names here."""
+    """The tables for a degree, by their names here."""
     size = degree + 1
     return {
         "DEGREE": degree,

@@ -244,7 +244,7 @@ class Collocation:
     """An implicit method whose stages are solved for together; `dense` is its collocation polynomial.
 
     Stages: the field at the start, those inside the step, and the field at the end, which closes the step.
-    error_order: power of the step that the local error estimate goes with.
+    error_order: power of the step with which the local error estimate scales.
     """
 
     name: str
@@ -291,20 +291,20 @@ Method = Tableau | Collocation | Series
 TABLEAUS: dict[str, Method] = {method.name: method for method in (DOP853, DP5, RADAU)}
 # What a user may choose.
 INTEGRATORS = (*TABLEAUS, "Taylor")
-# Orders of Taylor's method that are made, so that tolerances share units.
+# The available orders of Taylor's method: few, so that tolerances share units.
 SERIES_ORDERS = (8, 10, 12, 14, 16, 18, 20)
 TABLEAUS |= {f"Taylor{order}": Series(f"Taylor{order}", order) for order in SERIES_ORDERS}
-# For what is asked of a system without a tolerance.
+# For evaluations of a system without a tolerance.
 TABLEAUS["Taylor"] = Series("Taylor", 14)
 
 
 def weighted(rows: Sequence[Sequence[float]]) -> list[int]:
-    """The stages that have weights in a dense output, a row a stage."""
+    """The stages that have weights in a dense output, one row per stage."""
     return [stage for stage, row in enumerate(rows) if any(row)]
 
 
 def for_tolerance(method: str, rtol: float) -> str:
-    """The name under which a method runs at a tolerance: Taylor's of an order of about 4 - log10(rtol)."""
+    """The name of a method at a tolerance: Taylor's method of an order of about 4 - log10(rtol)."""
     if method != "Taylor":
         return method
     wanted = 4.0 - math.log10(rtol)
