@@ -116,7 +116,7 @@ def _coefficients(problem: OrbitProblem, at: DiscontinuityMap) -> dict[str, floa
 
 
 class _Free:
-    """The orbit as if the surface were not there, from the tangency to the next."""
+    """The orbit continued as if the surface were absent, from one tangency to the next."""
 
     def __init__(
         self, problem: OrbitProblem, u: Array, value: float, i: int, side: int, touch: Tangency
@@ -156,7 +156,7 @@ class _Free:
         return np.delete(values, int(np.argmin(np.abs(values - 1.0)))) if self.autonomous else values
 
     def rate(self, width: float) -> float:
-        """d(least H)/d(value) of the orbit that goes on as if the surface were not there."""
+        """d(least H)/d(value) of the orbit continued as if the surface were absent."""
         corrector, step = Corrector(self.problem, width), _ASIDE * width
         heights = []
         for way in (1.0, -1.0):

@@ -63,7 +63,7 @@ def locate(equations: Callable[[Array], tuple[Array, Array]], z: Array) -> Array
         if not size < 1.0:
             break
         w = w + change
-        # Changes that no longer shrink are the rounding of the solutions.
+        # Changes that no longer shrink are rounding of the solutions.
         if size < _TOLERANCE or (size < _NOISE and size > 0.1 * last):
             if abs(w[len(z)]) > _UNFOLDED:
                 raise NoConvergenceError("two branches pass each other without meeting.")

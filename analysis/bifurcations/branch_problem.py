@@ -31,18 +31,18 @@ from filippov.solving.solver import solve
 
 Array = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
-# A cycle this much smaller than at the start is one that shrinks into the equilibrium set.
+# A cycle this much smaller than at the start is taken to shrink into the equilibrium set.
 _SHRUNK = 1e-5
 # One this much smaller is followed in steps that multiply d by 0.4, where the parameters' part of the tangent
 # is below _STILL.
-_SMALL, _CREEP, _STILL = 0.05, 0.3, 0.1
+_SMALL, _LONGEST_STEP, _STILL = 0.05, 0.3, 0.1
 # It joins the set where its branch is this near to it, in widths of the bounds; it is followed down to so
 # many times the least coordinate that rounding leaves.
 # Where the slope at the set is farther than this from 1, in its logarithm, the cycle does not join it.
 _JOINS, _SLACK, _FAR = 1e-3, 100.0, 0.1
-# An event this near to the state that a forced orbit begins with, in parts of the solution, moves the state.
+# An event this near to the initial state of a forced orbit, relative to its duration, moves that state.
 _CLOSE = 0.03
-# Jets of a map that are kept: a curve asks for those of neighbours, and again with another border.
+# The number of cached jets of a map: a curve needs those of neighbours, and again with another border.
 _KEPT = 64
 _SWITCHES = (EventKind.CROSSING, EventKind.ENTRY, EventKind.EXIT, EventKind.RESET, EventKind.TIME)
 
@@ -94,7 +94,7 @@ class MapProblem:
         return other
 
     def doubled(self) -> MapProblem:
-        """The fixed points of twice as many turns; for an odd map those without the symmetry."""
+        """The fixed points of twice as many returns; for an odd map those without the symmetry."""
         other = object.__new__(MapProblem)
         other.__dict__.update(self.__dict__)
         other.event_map = self.event_map.remake(order=2 * self.event_map.order)
@@ -127,10 +127,10 @@ class MapProblem:
         return self._jets[key]
 
     def room(self, u: Array, tangent: Array) -> float:
-        """The longest step where a branch, or a curve of special points, creeps into the equilibrium set: a
-        small cycle shrinks while the parameters hardly change any more; 0 elsewhere."""
+        """The longest step where a branch, or a curve of special points, approaches the equilibrium set: a
+        small cycle shrinks while the parameters hardly change; 0 elsewhere."""
         small = self.rests and u[0] < self.start[0] + np.log(_SMALL)
-        return _CREEP if small and np.linalg.norm(tangent[1:]) < _STILL else 0.0
+        return _LONGEST_STEP if small and np.linalg.norm(tangent[1:]) < _STILL else 0.0
 
     def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:
         """See `BranchProblem`."""
@@ -214,13 +214,13 @@ class OrbitProblem:
         self.parameter, self.names = parameter, (parameter,)
         self.shooting = shooting or orbit.problem
         if orbit.symmetric and self.shooting.symmetry_order == 1 and len(self.shooting.shares) == 1:
-            # Half the work, and the branch cannot leave for one without the symmetry.
+            # Half the work, and the branch cannot change to one without the symmetry.
             self.shooting = replace(self.shooting, symmetry=-np.eye(self.shooting.n), symmetry_order=2)
         self.base = orbit.system.parameters.resolve(dict(orbit.parameters))
         self.index = orbit.system.parameters.index(parameter)
         self.start = orbit.unknowns
         size = np.maximum(orbit.high - orbit.low, 1e-9)
-        # A state that stands still along the orbit still moves along the branch.
+        # A state that is constant along the orbit may vary along the branch.
         still = size < 1e-6 * np.max(size)
         size[still] = np.maximum(np.abs(orbit.high), np.max(size))[still]
         parts = [np.tile(size, len(self.shooting.shares))]
@@ -366,7 +366,7 @@ class OrbitProblem:
         times = sorted(e.t for e in solution.events if e.kind in _SWITCHES)
         if not times or min(times[0] - low, high - times[-1]) > _CLOSE * (high - low):
             return None
-        # Between neighbours on the circle; the segment that goes over the end is looked at in both parts.
+        # Between neighbours on the circle; the segment that spans the end is examined in both parts.
         gaps = [(b - a, 0.5 * (a + b)) for a, b in pairwise(times)]
         gaps += [(times[0] - low, 0.5 * (times[0] + low)), (high - times[-1], 0.5 * (high + times[-1]))]
         free = [(width, t) for width, t in gaps if 0 not in solution.mode_at(t, "+")]

@@ -198,7 +198,7 @@ class Continuation:
         corrector, points, out = Corrector(self.problem, self.width), self.branch.points, []
         for k, (a, b) in enumerate(pairwise(points)):
             inside = min(a.value, b.value) <= value <= max(a.value, b.value) and a.value != b.value
-            # An end that two segments share is taken once.
+            # An end that two segments share counts once.
             if len(a.u) != len(b.u) or not inside or (k and value == a.value):
                 continue
             share = (value - a.value) / (b.value - a.value)
@@ -260,7 +260,7 @@ class Continuation:
         if self._resumed and self.branch.state.get("way") == way:
             end = -1 if way == (self.direction or 1) else 0
             while len(points) > 1 and points[end].special:
-                # It is found again on the way from the point before it.
+                # It is found again from the point before it.
                 points.pop(end)
             stored = points[end]
             u = np.array(stored.u)
@@ -272,7 +272,7 @@ class Continuation:
             corrector = Corrector(self.problem, self.width)
             tangent = np.array(stored.tangent) if stored.tangent else None
             found = corrector.along(corrector.scaled(u, stored.value), tangent, way)
-            # Signs of tests that are 0 here to rounding stay as they were.
+            # Tests that are 0 here to rounding keep their previous signs.
             return replace(found, point=stored) if stored.tests else found
         if self._first is not None:
             return replace(self._first, tangent=way * self._first.tangent)

@@ -16,7 +16,7 @@ from filippov.base.errors import ModelError, SolveError
 Array = npt.NDArray[np.float64]
 FAILURES = (SolveError, ArithmeticError, np.linalg.LinAlgError, ModelError)
 _ITERATIONS, _TOLERANCE, _NOISE, _FARTHEST = 12, 1e-9, 1e-6, 0.5
-# At this distance the matrix of one point serves for another.
+# At this distance the matrix of one point is used for another.
 _CLOSE = 1e-3
 
 
@@ -71,7 +71,7 @@ class Corrector:
     def __init__(self, problem: Any, width: float) -> None:
         self.problem, self.width = problem, width
         self.sizes = np.append(problem.scale, width)
-        # Where the matrix was taken last, and the matrix.
+        # The point of the latest matrix, and the matrix.
         self._last: tuple[Array, Array] | None = None
 
     def scaled(self, u: Array, value: float) -> Array:
@@ -93,9 +93,9 @@ class Corrector:
         return residual, self._last[1]
 
     def _finished(self, z: Array, guess: Array, normal: Array) -> Array | None:
-        """The solution next to z by the matrix of a point close to it, where no more than a rounding is left.
+        """The solution next to z by the matrix of a nearby point, where only rounding remains.
 
-        The matrix is most of the work; what it is wrong by is the distance times the change.
+        The matrix is most of the work; its error is proportional to the distance.
         """
         residual = getattr(self.problem, "residual", None)
         if residual is None or self._last is None or not np.linalg.norm(z - self._last[0]) < _CLOSE:
@@ -107,7 +107,7 @@ class Corrector:
         if not np.linalg.norm(change) < _TOLERANCE:
             return None
         found = np.asarray(z + change)
-        # Next to a grazing orbit the matrix changes like a square root.
+        # Next to a grazing orbit the matrix varies like a square root.
         return found if np.max(np.abs(residual(*self.plain(found)))) < _TOLERANCE else None
 
     def correct(self, guess: Array, normal: Array) -> tuple[Array, int]:
@@ -124,7 +124,7 @@ class Corrector:
             if not np.isfinite(size) or moved > _FARTHEST or (count > 3 and size > 4 * last and size > 1e-6):
                 raise NoConvergenceError("the corrector leaves the branch.")
             z = z + change
-            # Changes that no longer shrink are the rounding of the solutions.
+            # Changes that no longer shrink are rounding of the solutions.
             rounding = size < _NOISE and size > 0.1 * last and float(np.max(np.abs(residual))) < _NOISE
             if size < _TOLERANCE or rounding:
                 return z, count
@@ -209,7 +209,7 @@ class Corrector:
         return z
 
     def _usual(self, z: Array, residual: Array) -> float:
-        """How much the residual changes a tenth of a unit away: what a slope is measured with."""
+        """The change of the residual a tenth of a unit away: the scale of its slopes."""
         moved = [self.equations(z + 0.1 * row)[0] for row in np.eye(len(z))]
         return 10.0 * max(float(np.linalg.norm(left - residual)) for left in moved)
 

@@ -1,5 +1,5 @@
-"""What lies between two points of a branch: changes of sign located by root-finding, changes of the word by
-bisection, and how the branch goes on across them."""
+"""Special points between two points of a branch: changes of sign located by root-finding, of the word by
+bisection, and the continuation of the branch across them."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Crossings:
             if _vanishes(name, a, b, at):
                 found.append((share, _titled(at.point, name), name, at))
         meetings = [at.z for _, _, name, at in found if name in ("branch point", _CUSP)]
-        # A branch that turns where it meets another one has no fold of its own, nor a curve at its cusp.
+        # A branch that turns back where it meets another one has no fold there, nor has a curve at its cusp.
         found = [
             item for item in found
             if item[2] != "fold" or not any(np.linalg.norm(item[3].z - z) < _SAME for z in meetings)
@@ -83,7 +83,7 @@ class Crossings:
             share = float(brentq(test, 0.0, 1.0, xtol=1e-13, rtol=1e-12, maxiter=60))
             test(share)
         except (*FAILURES, ValueError, KeyError):
-            # A test that an orbit does not have, or without a change of sign: nothing was found.
+            # A test that an orbit lacks, or that does not change its sign: nothing was found.
             return None
         return share, last[share]
 
@@ -129,7 +129,8 @@ class Crossings:
             else:
                 high = middle
                 after.append(z)
-                # Close to grazing a root of the distance makes solutions inaccurate: go on from farther away.
+                # Close to grazing solutions depend on the square root of the distance: go on from farther
+                # away.
                 if (high - low) * abs(length) > _AWAY:
                     away.append(z)
         name = self._named(_last_along(before, a, a), _last_along(after, a, b))

@@ -41,8 +41,8 @@ _REACH, _SMALLEST = 1e-5, 1e-7
 GRAZING = ("grazing-sliding", "C-bifurcation", "grazing")
 BORDERS = (*ARRIVALS, ADDING)
 CONTACTS = ("grazing", *BORDERS)
-# On the border itself an orbit enters and leaves sliding at one instant, which no location of events
-# resolves: it is kept this far inside.
+# On the border itself an orbit enters and leaves sliding at one instant, which event location does not
+# resolve: it is kept this far inside.
 _ASIDE = 1e-9
 
 
@@ -110,8 +110,9 @@ def _grazed(problem: Any, special: BranchPoint) -> tuple[int, int]:
 class CurveProblem:
     """A solution with a vanishing test function; the second parameter is the one that is followed.
 
-    straight   a curve that turns by less than this for its length is straight, to the differences that its
-               tangents are known by
+    straight   a curve whose direction changes by less than this per length is straight, to the accuracy of
+    its
+               tangents
     """
 
     straight = 1e-3
@@ -137,7 +138,7 @@ class CurveProblem:
                 self.inner = inner.with_system(
                     without_surface(inner.shooting.system, self.grazed, self.side)
                 )
-            # The contact is kept away from the ends of the solution, which it would leave by otherwise.
+            # The contact is kept away from the ends of the solution, which it might cross otherwise.
             contact = self._nearest(self._inner(at), u, value, avoid)
             self.inner, u = self._inner(at).phased(u, value, contact.t)
             self.start = np.append(u, value)
@@ -231,8 +232,8 @@ class CurveProblem:
             return None
 
     def _left(self, z: Array, matrix: bool = False) -> tuple[Array, Array | None]:
-        """What is left of the equations at (u, value, second), and the matrix of the solution: where it is
-        asked for, or needed for the test."""
+        """The residual of the equations at (u, value, second), and the matrix of the solution where it is
+        requested, or needed for the test."""
         problem, u, value = self._inner(float(z[-1])), z[:-2], float(z[-2])
         if self.test in CONTACTS and not matrix:
             return np.append(problem.residual(u, value), self.function(problem, u, value)), None
@@ -240,7 +241,7 @@ class CurveProblem:
         return np.append(residual, self.function(problem, u, value, slopes)), slopes
 
     def residual(self, u: Array, value: float) -> Array:
-        """What is left of the equations."""
+        """The residual of the equations."""
         return self._left(np.append(u, value))[0]
 
     def room(self, u: Array, tangent: Array) -> float:
@@ -281,7 +282,7 @@ class CurveProblem:
         )  # fmt: skip
 
     def _note(self, point: BranchPoint) -> str:
-        """Where the pair of a Hopf or Neimark-Sacker curve is real, it is none."""
+        """A note where the pair of a Hopf or Neimark-Sacker curve is real."""
         hopf, values = self.test == "Hopf", np.array(point.multipliers, dtype=complex)
         if (not hopf and self.test != "Neimark-Sacker") or len(values) < 2:
             return point.note

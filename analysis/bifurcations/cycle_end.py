@@ -31,7 +31,7 @@ _NEAR, _PART, _ITERATIONS = 4.0, 0.1, 12
 
 
 def cycle_end(a: Along, b: Along, bounds: tuple[float, float]) -> BranchPoint | None:
-    """The end that lies between two orbits of one branch, or next to the second one; None elsewhere."""
+    """The end between two orbits of one branch, or next to the second one; None where there is none."""
     problem = a.corrector.problem
     if not isinstance(problem, OrbitProblem) or problem.shooting.period is not None:
         return None
@@ -52,7 +52,7 @@ def cycle_end(a: Along, b: Along, bounds: tuple[float, float]) -> BranchPoint | 
 
 
 def _out(point: BranchPoint, u: Array, names: tuple[str, ...]) -> tuple[Array, Array]:
-    """The state that is solved for, from the middle of the orbit, and half the orbit's size."""
+    """The state that is solved for, relative to the middle of the orbit, and half the orbit's size."""
     low, high = (np.array([point.coordinates[f"{end} {name}"] for name in names]) for end in ("min", "max"))
     return u[: len(names)] - 0.5 * (low + high), 0.5 * (high - low)
 

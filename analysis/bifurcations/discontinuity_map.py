@@ -1,4 +1,4 @@
-"""What a tangency of a surface adds to a solution: the zero-time discontinuity map x -> x + c z^q + ...
+"""The effect of a tangency of a surface on a solution: the zero-time discontinuity map x -> x + c z^q + ...
 
 z > 0 measures how far beyond the border the solution is, c is the coefficient, q the leading exponent. With
 H = side h >= 0 where the solution is, F1 its field and F2 that of the other side, v2 = L_F2 H, a = L_F1^2 H,
@@ -37,7 +37,7 @@ from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
 GRAZING = "grazing"
-# Speeds and jumps below this part of their sizes are 0.
+# Speeds and jumps below this, relative to their scales, count as 0.
 _ZERO = 1e-5
 
 
@@ -138,7 +138,7 @@ def discontinuity_map(
     mode   signs of the other surfaces; i: the surface; side: +1 or -1, the side on which the solution is (for
            adding-sliding the one it does not leave to)
 
-    Raises UsageError where the fields do not allow it, and names what is in the way.
+    Raises UsageError where the fields do not allow it, with the reason.
     """
     at = _touch(system, tuple(mode), i, side)
     f1, f2 = at.value("f1", t, x, p)[:-1, 0], at.value("f2", t, x, p)[:-1, 0]

@@ -1,4 +1,4 @@
-"""A system as it would be if one surface were not there: for the solution on beyond a tangency."""
+"""A system without the effect of one surface: for the solution beyond a tangency."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from filippov.model.system import System
 
 @lru_cache(maxsize=32)
 def without_surface(system: System, i: int, side: int) -> System:
-    """The system with the sign of surface i held at `side`: the surface is then only watched."""
+    """The system with the sign of surface i held at `side`: the surface then only gives events."""
     form = system.symbolic
     if form is None:
         raise UsageError("a curve of grazing needs a system of expressions, whose sign can be held.")

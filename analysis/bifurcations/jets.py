@@ -34,13 +34,13 @@ _REACHES = (0.02, 0.005, 0.001)
 
 
 class OutsideError(ArithmeticError):
-    """A is asked for where it is another function, such as beyond a change of the sequence of modes."""
+    """A is evaluated where it is another function, as beyond a change of the sequence of modes."""
 
 
 class Jets:
     """Derivatives of A at 0: matrix(x) gives A (n, n) for x (n,) in units of the size of the solution.
 
-    matrix may raise OutsideError; then it is asked nearer to 0.
+    matrix may raise OutsideError; it is then evaluated nearer to 0.
     """
 
     def __init__(self, matrix: Callable[[Array], Array], n: int) -> None:
@@ -70,7 +70,7 @@ class Jets:
         values, left, right = linalg.eig_both(self.A)
         k = int(np.argmin(np.abs(values - value)))
         q = right[:, k] / np.linalg.norm(right[:, k])
-        # Where q can be real it is, with its largest entry positive.
+        # q is real where possible, with its largest entry positive.
         lead = q[int(np.argmax(np.abs(q)))]
         q = q * (np.conj(lead) / abs(lead))
         p = left[:, k] / np.conj(np.vdot(left[:, k], q))

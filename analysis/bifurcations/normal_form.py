@@ -1,11 +1,8 @@
 """Normal form of a special point: its coefficients and what they predict, by kind.
 
-    fold, period doubling, symmetry breaking, Neimark-Sacker, Hopf
-    `filippov.analysis.bifurcations.smooth_normal_form` grazing-sliding, C-bifurcation, crossing-, switching-,
-    adding-sliding
-                                                                     `filippov.analysis.bifurcations.border_normal_form`
-    boundary equilibrium
-                                                                     `filippov.analysis.bifurcations.boundary_normal_form`
+    fold, period doubling, symmetry breaking, Neimark-Sacker, Hopf    `smooth_normal_form`
+    grazing, C-bifurcation, grazing-, crossing-, switching-, adding-sliding    `border_normal_form`
+    boundary equilibrium    `boundary_normal_form`
 
 A continuation puts them into `coefficients` and `predicts` of the special points that it finds.
 """
@@ -68,6 +65,6 @@ def described(problem: Any, point: BranchPoint, width: float, name: str) -> Bran
     try:
         coefficients, predicts = normal_form(problem, point, width, name)
     except (*FAILURES, UsageError, ValueError) as error:
-        # What is told besides does not end a continuation.
+        # A failure of the normal form does not end a continuation.
         return replace(point, predicts=f"no normal form: {error}")
     return replace(point, coefficients=coefficients, predicts=predicts)

@@ -1,7 +1,7 @@
 """The return map of a fixed point or orbit as a function, for its higher derivatives.
 
-A forced orbit returns after its period; an autonomous one to the plane across its velocity at the state that
-its equations begin with. A map that rests at 0 is taken in the logarithm of its coordinate.
+A forced orbit returns after its period; an autonomous one to the plane normal to its velocity at the initial
+state of its equations. A map that rests at 0 is taken in the logarithm of its coordinate.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _RETURNS = 8
 
 
 def return_jets(problem: MapProblem | OrbitProblem, u: Array, value: float) -> tuple[Jets, Array]:
-    """Jets of the return map at a solution, and the states (n, k) that its k coordinates move.
+    """Jets of the return map at a solution, and the states (n, k) along its k coordinates.
 
     Raises UsageError where the state lies on a sliding surface or the orbit has several nodes, and what the
     solutions raise; the jets raise OutsideError where neighbouring solutions meet other events.
@@ -51,7 +51,7 @@ def _map_jets(problem: MapProblem, u: Array, value: float) -> tuple[Jets, Array]
 
 
 class _Return:
-    """x -> G^-1 Phi(x), on the plane across the velocity where the system is autonomous."""
+    """x -> G^-1 Phi(x), on the plane normal to the velocity where the system is autonomous."""
 
     def __init__(self, problem: OrbitProblem, u: Array, value: float) -> None:
         shooting = problem.shooting
@@ -61,7 +61,7 @@ class _Return:
         if shooting.period is None:
             solution = problem.solutions(u, value)[0]
             f = velocity_at(shooting.system, solution.start_mode, solution.problem.t_span[0], self.x, self.p)
-            # Orthonormal in scaled states: the plane is across the velocity there.
+            # Orthonormal in scaled states: the plane is normal to the velocity there.
             self.normal = f / scale**2
             self.directions = scale[:, None] * linalg.null_space((f / scale)[None, :])
         else:

@@ -29,7 +29,7 @@ from filippov.solving.state.events import Mode
 
 Array = npt.NDArray[np.float64]
 ARRIVALS, ADDING = ("crossing-sliding", "switching-sliding"), "adding-sliding"
-# A tangency by c tau**2 leaves for 4 tau, with the least distance at a quarter of it.
+# A tangency by c tau**2 leaves the surface for 4 tau, with the least distance at a quarter of that.
 _GRID, _BEYOND, _SHORT = 8, 0.5, 0.5
 SIDES = np.array([-1.0, 1.0])
 
@@ -95,7 +95,7 @@ def _least(solution: Solution, i: int) -> Iterator[Contact]:
         grid = np.concatenate([np.linspace(a, b, _GRID, endpoint=False) for a, b in pairwise(ends)])[1:]
         path: Callable[[Array], Array] = sol
         if k + 1 < len(phases) and phases[k + 1][0].mode[i] != 0:
-            # The exit is located a little before or after the least distance, so both sides are one path.
+            # The exit is located a little before or after the least distance, so both sides are joined.
             beyond = edge.beyond(t1, sol(t1), sum(segment.dwell for segment in phases[k + 1]))
             if beyond is not None:
                 path = _joined(sol, beyond[0], t1)
@@ -106,7 +106,7 @@ def _least(solution: Solution, i: int) -> Iterator[Contact]:
 def _joined(
     first: Callable[[Array], Array], second: Callable[[Array], Array], at: float
 ) -> Callable[[Array], Array]:
-    """One path up to a time, another one from there; t: (k,)."""
+    """One solution up to a time, another one from there; t: (k,)."""
     return lambda t: np.where(t <= at, first(np.minimum(t, at)), second(np.maximum(t, at)))
 
 
@@ -144,7 +144,7 @@ class _Edge:
     def beyond(self, t: float, x: Array, dwell: float) -> tuple[Callable[[Array], Array], Array] | None:
         """The sliding solution from where the orbit left it, as if its set had no end; None where it stops.
 
-        An excursion off the surface that is so long that it does not end soon is none of a tangency: None.
+        None also for an excursion off the surface that is too long to come from a tangency.
         """
         gaps, rates = self.gaps(np.array([t]), x[:, None])
         if np.min(np.abs(rates)) * dwell > _SHORT * np.sum(gaps):

@@ -188,7 +188,7 @@ def _branching(
     out: dict[str, float], restoring: float, rate: float, size: Array, names: list[str], value: float,
     name: str, what: str, attracts: bool, ring: bool,
 ) -> Form:  # fmt: skip
-    """What leaves where growth = rate (value - value0), held back by restoring xi^3."""
+    """The solutions that branch off where growth = rate (value - value0) is balanced by restoring xi^3."""
     if abs(restoring) < _FLAT or abs(rate) < _FLAT:
         return out, f"degenerate: the {'cubic coefficient' if abs(restoring) < _FLAT else 'rate'} is 0"
     factor = float(np.sqrt(abs(rate / restoring)))

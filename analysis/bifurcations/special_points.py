@@ -1,4 +1,4 @@
-"""Names of special points: what a test function's change of sign means, and what a change of the word is.
+"""Names of special points, by a test function's change of sign or by a change of the word.
 
 Changes of the sequence of modes of an orbit are named by the short segment that appears or vanishes between
 its neighbours a -> z -> b on a surface (di Bernardo et al. 2008):
@@ -88,7 +88,7 @@ def _same_cycle(a: Sequence[Any], b: Sequence[Any]) -> bool:
 
 # A change of sign counts only where the multipliers at the point found confirm it.
 def confirmed(name: str, point: BranchPoint) -> bool:
-    """Whether the point has what its name says: a pair on the unit circle, a multiplier at -1, ..."""
+    """Whether the point has the property of its name: a pair on the unit circle, a multiplier at -1, ..."""
     values = np.array(point.multipliers, dtype=complex)
     if name == "Neimark-Sacker":
         return bool(np.any((np.abs(np.abs(values) - 1.0) < 1e-4) & (np.abs(values.imag) > 1e-6)))

@@ -1,4 +1,4 @@
-"""Onto another branch at a special point: the one that meets a branch point, the doubled orbit at a period
+"""To another branch at a special point: the other one at a branch point, the doubled orbit at a period
 doubling, the pair without the symmetry at a symmetry breaking.
 
 In equations for the orbit of twice the length (without the symmetry) a period doubling (symmetry breaking) is
@@ -113,6 +113,6 @@ def _other(corrector: Corrector, z: Array, tangent: Array) -> Array:
     pair = [np.sqrt(values[1]) * vectors[:, 0] + s * np.sqrt(-values[0]) * vectors[:, 1] for s in (1, -1)]
     found = [(plane.T @ v) / np.linalg.norm(v) for v in pair]
     other = min(found, key=lambda v: abs(float(v @ tangent)))
-    # A vanishing part of the parameter is rounding: a pitchfork.
+    # A vanishing component along the parameter is rounding: a pitchfork.
     lead = other[-1] if abs(other[-1]) > _FLAT else next(v for v in other if abs(v) > _FLAT)
     return np.asarray(other if lead > 0 else -other)

@@ -1,4 +1,4 @@
-"""Where trajectories graze a surface, or nearly: least heights of side h, and events almost without speed."""
+"""Where trajectories graze a surface, or nearly: least heights of side h, and events at almost no speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a case's strings to a System, through the safe expression reader."""
+"""From a case's texts to a System, by the safe expression reader."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ TIME_EVENT_KEYS = ("name", "period", "start", "times", "reset")
 NUMBERS = ("rtol", "atol", "first_step", "max_step", "max_steps", "max_events")
 OPTIONS = (*NUMBERS, "method", "nonunique", "zeno", "simultaneous", "sliding")
 MOST_SURFACES = 12
-# Surfaces with those of the formulas themselves (Abs, sign, Max ...), and nodes of all fields together.
+# The most surfaces, with those in formulas (Abs, sign, Max ...), and the most nodes of all fields together.
 MOST_KINKS, MOST_NODES = 64, 40_000
 _WORD = re.compile(r"[^\W\d]\w*")
 
 
 @dataclass(frozen=True)
 class Built:
-    """A case as a problem: the system, its start and span, and what its names stand for.
+    """A case as a problem: the system, its start and span, and the meaning of its names.
 
     declared   names of the surfaces in the order of `h` and `event_functions`, then of the time events; kinks
                have others
@@ -64,7 +64,7 @@ class Built:
 
 
 def build(raw: Mapping[str, Any], free: str = "") -> Built:
-    """The problem that a case states; `free` names a parameter that is to stay one of the system.
+    """The problem of a case; `free` names a parameter that remains one of the system.
 
     Raises ModelError with what is missing or wrong.
     """
@@ -105,7 +105,7 @@ def build(raw: Mapping[str, Any], free: str = "") -> Built:
 def _names(
     raw: Mapping[str, Any], states: Sequence[Symbol], put: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """What states and parameters stand for; `put` replaces what the case gives."""
+    """The meaning of states and parameters; `put` replaces values of the case."""
     names: dict[str, Any] = {symbol.name: symbol for symbol in states}
     for key, value in (raw.get("params") or {}).items():
         name = check_name(key, "parameter")
@@ -130,7 +130,7 @@ def _automaton(raw: Mapping[str, Any]) -> dict[str, Any]:
         raise ModelError(f"until is {until!r:.60}, {said}")
     (where,) = until[0]
     first, second = (f"({u[where]})" for u in until)
-    # The mode that lasts to the upper threshold is the one below it.
+    # The mode that lasts until the upper threshold is the one below it.
     params = {key: number(value, {}) for key, value in (raw.get("params") or {}).items()}
     upper = number(first, params) > number(second, params)
     low, high = (mode.get("field") for mode in (modes if upper else modes[::-1]))
@@ -159,7 +159,7 @@ def expression(value: Any, names: Mapping[str, Any]) -> Expr:
 
 
 def _check_size(fields: Mapping[str, Sequence[Expr]]) -> None:
-    """Refuse fields that would take minutes to compile: the same row counts once."""
+    """Refuse fields that would take minutes to compile; equal rows count once."""
     scale = Scale()
     rows = {id(row): row for row in fields.values()}.values()
     nodes = sum(scale.weigh(e)[0] for row in rows for e in row)
@@ -245,7 +245,7 @@ def _reset(entry: Any, where: str, names: Mapping[str, Any]) -> dict[Any, Any]:
 
 
 def _fields(raw: Mapping[str, Any], names: Mapping[str, Any], count: int, n: int) -> dict[str, list[Expr]]:
-    """The vertex fields; sign vectors that are left out take the nearest given one's."""
+    """The vertex fields; missing sign vectors take the nearest one given."""
     given = raw.get("fields")
     if given is None and raw.get("smooth_field") is not None:
         given = {"*" * count: raw["smooth_field"]}
@@ -293,7 +293,7 @@ def _start(raw: Mapping[str, Any], names: Mapping[str, Any], n: int) -> tuple[tu
 
 
 def _without_keywords(raw: Mapping[str, Any]) -> dict[str, Any]:
-    """Names that Python keeps for itself, such as lambda, get an underscore wherever they stand."""
+    """Reserved words of Python, such as lambda, get an underscore wherever they occur."""
 
     def rename(value: Any) -> Any:
         if isinstance(value, str):

@@ -1,4 +1,4 @@
-"""The file of a bank and its cases, checked as far as every case needs it: JSON, nothing is run as code."""
+"""The file of a bank and its cases, with the checks common to all cases: JSON, nothing is run as code."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LARGEST_FILE = 1 << 26
 
 @dataclass(frozen=True)
 class Entry:
-    """One expectation as in the file, under a name that no other of its case has."""
+    """One expectation as in the file, under a name unique in its case."""
 
     name: str
     given: Mapping[str, Any]
@@ -27,8 +27,8 @@ class Entry:
 class Case:
     """One case of a bank: its id, itself as in the file, and its expectations.
 
-    typed  whether its expectations name what they measure: else it is of the earlier form and is
-           migrated on the way (see `filippov.app.bank.migrate`)
+    typed  whether its expectations name what they measure; else it has the earlier form and is migrated when
+           it is run (see `filippov.app.bank.migrate`)
     """
 
     id: str

@@ -1,4 +1,4 @@
-"""The solutions of a case: computed when asked for, further or otherwise where an expectation needs it."""
+"""The solutions of a case, computed at first use, also beyond its span or with other options if needed."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ from filippov.solving.state.options import Options, falls
 
 Array = npt.NDArray[np.float64]
 T = TypeVar("T")
-SAMPLES = 64  # of each segment of one mode, where zeros and extremes are looked for
-LONGEST = 16.0  # how many times its span a solution is followed until it recurs
+SAMPLES = 64  # of each segment of one mode, for the search of zeros and extremes
+LONGEST = 16.0  # so many times its span a solution is followed until it recurs
 
 
 @dataclass
 class Settings:
-    """What is asked of every case, whatever its own options say (None: nothing), and the seconds for each."""
+    """Options that override those of every case (None: they do not), and the seconds for each."""
 
     rtol: float | None = None
     atol: float | None = None
@@ -60,7 +60,7 @@ class Settings:
 
 @dataclass
 class CaseRuns:
-    """Runs of one case: `options` of the solver are its defaults, the case's own, and what was asked for."""
+    """Runs of one case: `options` of the solver are the defaults, the case's own, and those of the call."""
 
     built: Built
     settings: Settings
@@ -80,7 +80,7 @@ class CaseRuns:
 
     @property
     def names(self) -> Mapping[str, Any]:
-        """What names stand for in the case's formulas."""
+        """The meaning of names in the case's formulas."""
         return self.built.names
 
     @property
@@ -122,7 +122,7 @@ class CaseRuns:
         if plain and key in self._runs:
             return self._runs[key]
         chosen = {**self.options, "max_time": remaining(self.deadline), **options}
-        if "max_step" in chosen:  # the case's longest step may be longer than a part of its span
+        if "max_step" in chosen:  # the case's longest step may exceed a fraction of its span
             chosen["max_step"] = min(chosen["max_step"], abs(span[1] - span[0]) or math.inf)
         run: Solution = solve(self.built.system, start, span, backward=falls(span), **chosen)
         self.field_calls += run.nfev
@@ -297,7 +297,7 @@ def remaining(deadline: float) -> float:
 
 
 def in_time(deadline: float, function: Callable[[], T]) -> T:
-    """function(), ended also where it computes with formulas forever. Raises OutOfTimeError."""
+    """function(), interrupted also within symbolic computations. Raises OutOfTimeError."""
     try:
         return within(remaining(deadline), function)
     except OutOfBudgetError:

@@ -30,7 +30,7 @@ class Expectation:
     atol, rtol  accepted: |measured - value| <= atol + rtol |value|, both 0 if left out
     n           [first, last]: value is a formula in n that stands for the list of these n; last null:
                 for as many as are measured
-    order       any: the entries of a list in any order; set: points, each near to one of the other list
+    order       any: the entries of a list in any order; set: points, each near one of the other list
     each        the value is that of every measured entry
     text        the measured text, or the list of them
     sign        of the measured number, which is 0 within atol

@@ -59,10 +59,10 @@ class ModeForm:
 class SystemForm:
     """A system with its start and span; formulas use numbers, states, params and t.
 
-    params           numbers or formulas by name, put in exactly
+    params           numbers or formulas by name, substituted exactly
     h                switching functions
     fields           sign vector to formulas, one for each state: "+-" is h_0 > 0, h_1 < 0; * is either sign
-    smooth_field     the formulas, where there is no h; signs and absolute values in them are found
+    smooth_field     the formulas, where there is no h; signs and absolute values in them are recognised
     event_functions  formulas whose zeros are events and change nothing
     automaton        two modes, in place of h and fields
     options          of the solver, such as rtol, atol, method, max_step; left out: the solver's defaults
@@ -94,7 +94,7 @@ class CaseForm(SystemForm, _Whole):
     id          its name; --only takes it, or the part before the first _
     polynomial  in place of a system: coefficients, highest power first, numbers or formulas in parameters
     parts       systems of its own by label, with the case's params where they have none
-    about       sources and notes, as one likes
+    about       sources and notes, in any form
     """
 
     polynomial: tuple[Number, ...] | None = None
@@ -111,7 +111,7 @@ class BankForm:
 
 
 def read_case(given: Mapping[str, Any]) -> CaseForm:
-    """A case of this form, checked. Raises ModelError that names what is wrong, and where."""
+    """A checked case of this form. Raises ModelError that names what is wrong, and where."""
     case: CaseForm = record.read(CaseForm, given, "the case")
     return case
 

@@ -1,1 +1,1 @@
-"""The explorer: a page on this machine with sliders for the parameters of one system and its pictures."""
+"""The explorer: a local page with sliders for the parameters of one system, and its pictures."""

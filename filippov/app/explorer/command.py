@@ -44,8 +44,7 @@ def run(settings: dict[str, Any], console: Console) -> int:
 def explorer_of(loaded: Loaded, settings: dict[str, Any]) -> Explorer:
     """The explorer of a model as the command line names it, at the view that the flags ask for.
 
-    The flags are changes of the view: its link has them, and restores them without the flags. Raises
-    UsageError.
+    The flags change the view: its link contains them and restores it without flags. Raises UsageError.
     """
     system, start = loaded.system, loaded.x0
     made: Any = loaded.model
@@ -62,7 +61,7 @@ def explorer_of(loaded: Loaded, settings: dict[str, Any]) -> Explorer:
 
 
 def _origin(settings: dict[str, Any]) -> str:
-    """Lines of Python that make the system of a file; of a registered model the subject knows them."""
+    """Lines of Python that make the system of a file; for a registered model the subject has them."""
     name = settings["model"]
     if ".py" not in name or settings["input"]:
         return ""

@@ -38,9 +38,9 @@ class Explorer:
                  parametrisation; default the Model's own, else one that is found along the solution
     view         the link, or its part after the question mark, that another page gave
 
-    As the value of a notebook's cell it is the page itself; `open()` shows it in a browser. The page is
-    served from 127.0.0.1, to this machine only, until `close()` or the end of the process. The other methods
-    take changes of the settings: figures(P=20, x0={"x": 0.2}, t1=30, against="Smooth", width=1e-3), or
+    As the value of a notebook's cell it displays the page; `open()` shows it in a browser. The page is served
+    from 127.0.0.1, to this machine only, until `close()` or the end of the process. The other methods take
+    changes of the settings: figures(P=20, x0={"x": 0.2}, t1=30, against="Smooth", width=1e-3), or
     figures({"p.P": 20}), by the keys of a link.
 
     Raises UsageError, ModelError.
@@ -108,7 +108,7 @@ class Explorer:
 
     @property
     def url(self) -> str:
-        """The address of the page, which is served from now on."""
+        """The address of the page; starts the server."""
         if self._server is None:
             self._server = self.server()
             threading.Thread(target=self._server.serve_forever, daemon=True).start()
@@ -122,7 +122,7 @@ class Explorer:
         return self.url
 
     def close(self) -> None:
-        """End the server."""
+        """Stop the server."""
         if self._server is not None:
             self._server.shutdown()
             self._server.server_close()
@@ -139,5 +139,5 @@ class Explorer:
 
 
 def address(server: BaseWSGIServer, view: View) -> str:
-    """Where a server shows a view."""
+    """The address at which a server shows a view."""
     return f"http://127.0.0.1:{server.server_port}/" + ("?" + view.query if view.query else "")

@@ -111,7 +111,7 @@ def script(solutions: Solutions, view: View) -> str:
     return "\n".join(lines) + "\n"
 
 
-# What the page and `filippov explore -o DIR` offer: name -> (how it is made, its type).
+# The files of the page and of `filippov explore -o DIR`: name -> (function, type).
 FILES: dict[str, tuple[Callable[[Solutions, View], str | bytes], str]] = {
     "view.py": (script, "text/x-python"), "solution.csv": (solution_csv, "text/csv"),
     "events.csv": (events_csv, "text/csv"), "map.csv": (map_csv, "text/csv"),
@@ -130,7 +130,7 @@ def offered(solutions: Solutions, view: View) -> list[str]:
 
 
 def _picture(draw: Callable[[Any], object], height: float) -> bytes:
-    """What is drawn into a figure of no window, as PNG: any thread may do that."""
+    """A plot on a figure without a window, as PNG; safe in any thread."""
     from matplotlib.figure import Figure
 
     figure, out = Figure(figsize=(7.0, height), layout="constrained"), io.BytesIO()

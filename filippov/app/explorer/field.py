@@ -1,4 +1,4 @@
-"""One setting of a view: how it is read from a control or a link, and over which range a slider moves it."""
+"""One setting of a view: how it is read from a control or a link, and the range of its slider."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Field:
     """A setting by its key.
 
     key      as in the link: p.NAME, x0.NAME, or a name of its own
-    default  a number, a whole number or a text; its kind is what is read
-    choices  what a text may be
+    default  a float, an int or a text; its type is that of the value
+    choices  the allowed texts
     check    value -> value within its bounds; raises ModelError or UsageError
-    slider   low, high and step of its slider, None for none
-    group    where it stands on the page
+    slider   low, high and step of its slider, or None
+    group    its group on the page
     """
 
     key: str
@@ -37,11 +37,11 @@ class Field:
 
     @property
     def id(self) -> str:
-        """The name of its control on the page, where a dot has another meaning."""
+        """The id of its control on the page, where a dot has another meaning."""
         return self.key.replace(".", "-")
 
     def read(self, given: Any) -> float | int | str:
-        """The value that was given, a number or text of one. Raises UsageError, which names the setting."""
+        """The value of a number or of a text. Raises UsageError, which names the setting."""
         try:
             return self._checked(given)
         except (ModelError, UsageError) as error:
@@ -75,9 +75,9 @@ class Field:
 def slider_range(parameter: Parameter, value: float) -> tuple[float, float, float] | None:
     """Low, high and step around a value: from 0 to three times it, within the bounds, in round steps.
 
-    None where the bounds leave no room. The box beside a slider takes every value within the bounds.
+    None where the bounds leave no room. The box beside a slider accepts every value within the bounds.
     """
-    # Below the normal numbers there are no 200 steps: such a value counts as 0.
+    # Subnormal values do not allow 200 steps: they count as 0.
     value = value if abs(value) > 1e-300 else 0.0
     reach = abs(value) or 1.0
     low = 0.0 if value > 0 else value - 2 * reach if value < 0 else -reach
@@ -89,11 +89,11 @@ def slider_range(parameter: Parameter, value: float) -> tuple[float, float, floa
         high = min(high, parameter.upper)
         low = low if low < high else high - 2 * reach
         low = low if parameter.lower is None else max(low, parameter.lower)
-    # Narrower ones have no round steps of as many digits as are shown.
+    # Narrower ranges have no round steps in the digits that are shown.
     if not high - low > max(1e-300, 1e-6 * max(abs(low), abs(high))):
         return None
     step = step_of(low, high)
-    # Ends on the grid of steps, within the bounds, so that a slider shows round numbers.
+    # The ends lie on the grid of steps, within the bounds, so that a slider shows round numbers.
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     if parameter.lower is not None and first * step < parameter.lower:
         first += 1
@@ -103,7 +103,7 @@ def slider_range(parameter: Parameter, value: float) -> tuple[float, float, floa
 
 
 def step_of(low: float, high: float) -> float:
-    """A round step, 1, 2 or 5 in its first digit: 80 to 200 of them between low and high."""
+    """A round step, with first digit 1, 2 or 5: 80 to 200 of them between low and high."""
     raw = (high - low) / 200
     power = 10.0 ** math.floor(math.log10(raw))
     return _round(next(power * k for k in (1, 2, 5, 10) if power * k >= raw * (1 - 1e-12)))

@@ -1,4 +1,4 @@
-"""The modes that the solution was in, at the place of their signs, and its transitions with their number."""
+"""The modes of the solution, placed by their signs, and its transitions with their counts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ GAP = 0.26  # between a mode and the end of an arc, in the units of the picture
 
 
 def graph_figure(solution: Solution) -> Figure:
-    """Boxes are sliding modes; an arc is an event, thicker at its end, its number of times beside it."""
+    """Boxes are sliding modes; an arc is an event, thicker at its end, with its count beside it."""
     graph = solution.mode_graph()
     if not graph or len(graph) > MOST_MODES:
         what = "The system has no surfaces" if not graph else f"The solution goes through {len(graph)} modes"

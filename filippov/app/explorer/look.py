@@ -15,7 +15,7 @@ from filippov.base.status import EventKind
 from filippov.plot.style import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, RED, SKY
 
 Figure = dict[str, Any]
-# Of a sliding mode a strong tint, of another one a faint one.
+# A strong tint for a sliding mode, a faint one for others.
 BANDS = (ORANGE, SKY, GREEN, PURPLE)
 FAINT = (BLUE, RED, GREY, INK)
 MARKS = {
@@ -34,7 +34,7 @@ AXIS: dict[str, Any] = {
 
 
 def figure(data: list[dict[str, Any]], axes: Mapping[str, Any], **layout: Any) -> Figure:
-    """A figure with axes x, y, y2, ...; a zoom stays while a slider moves."""
+    """A figure with axes x, y, y2, ...; its zoom is kept while a slider moves."""
     shown = {
         "font": {"family": "system-ui, sans-serif", "size": 13, "color": INK}, "paper_bgcolor": "white",
         "plot_bgcolor": "white", "margin": {"l": 70, "r": 26, "t": 8, "b": 48}, "uirevision": "kept",
@@ -46,7 +46,7 @@ def figure(data: list[dict[str, Any]], axes: Mapping[str, Any], **layout: Any) -
 
 
 def empty(text: str) -> Figure:
-    """No picture, but a sentence that says why."""
+    """A figure with a sentence in place of a picture."""
     words = plain(_wrapped(text)).replace("\n", "<br>")
     note = {"text": words, "showarrow": False, "x": 0.5, "y": 0.5, "xref": "paper", "yref": "paper",
             "font": {"size": 13, "color": GREY}}  # fmt: skip
@@ -64,12 +64,12 @@ def label(subject: Subject, name: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Text in which plotly finds no tags."""
+    """Text escaped for plotly, which interprets tags."""
     return escape(text, quote=False)
 
 
 def numbers(values: Iterable[float]) -> list[float | None]:
-    """Numbers as JSON has them; None leaves a gap."""
+    """Numbers for JSON; None leaves a gap."""
     return [value if math.isfinite(value) else None for value in map(float, values)]
 
 
@@ -91,7 +91,7 @@ def points(
 
 
 def packed(part: Any) -> Any:
-    """A figure with its long rows of numbers as base64, which plotly.js reads, and a browser faster."""
+    """A figure with its long arrays as base64, which plotly.js decodes faster than numbers."""
     if isinstance(part, dict):
         return {key: packed(value) for key, value in part.items()}
     if isinstance(part, list) and len(part) > SHORT and all(isinstance(v, float | None) for v in part):

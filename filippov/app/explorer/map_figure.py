@@ -20,7 +20,7 @@ LETTERS = "PRMQ"  # of the map, the first that the model does not use
 def map_figure(view: View, found: MapData) -> Figure:
     """P(d), the diagonal, and the steps from the start that was chosen.
 
-    Without a parametrisation P is known where the solution has been, as points. Where the model has a P of
+    Without a parametrisation P is known along the solution only, as points. Where the model has a P of
     its own, a gain or a power, the map has another letter.
     """
     system = view.subject.system
@@ -64,14 +64,14 @@ def diagram_figure(view: View, found: tuple[Array, Array] | None, now: MapData |
 
 
 def here(view: View, now: MapData | None) -> dict[str, Any]:
-    """Where the iterates are at the value that the slider has."""
+    """The iterates at the value of the slider."""
     value = view[f"p.{view['over']}"]
     d = np.array([]) if now is None else now.last[np.isfinite(now.last)]
     return points(np.full(d.size, value), d, "diamond", RED, "here", size=9)
 
 
 def _ends(d: Array) -> Array:
-    """An interval around the pairs, which it does not magnify where they differ by rounding."""
+    """An interval around the pairs, not magnified where they differ by rounding only."""
     low, high = float(d.min()), float(d.max())
     margin = max(0.08 * (high - low), 1e-3 * max(abs(low), abs(high))) or 1.0
     return np.array([low - margin, high + margin])

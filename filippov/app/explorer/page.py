@@ -26,7 +26,7 @@ MENU: dict[str, Any] = {
 
 
 def index() -> str:
-    """The HTML around the page, with the style and the script in it: nothing is loaded from elsewhere."""
+    """The HTML around the page, with style and script inline: nothing is loaded from elsewhere."""
     style, client = ((HERE / name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
     return (
         '<!DOCTYPE html><html lang="en"><head>{%metas%}<title>{%title%}</title>{%favicon%}{%css%}'
@@ -36,10 +36,10 @@ def index() -> str:
 
 
 def page(solutions: Solutions, view: View) -> html.Div:
-    """The layout at a view."""
+    """The layout of the page for a view."""
     subject, files = solutions.subject, offered(solutions, view)
 
-    # A row for the point that follows the slider, before the rest of its diagram is there.
+    # A trace for the point that follows the slider, before its diagram is computed.
     waiting = {**empty("…"), "data": [points([], [], "circle", INK, "")]}
 
     def height(name: str) -> int:
@@ -71,7 +71,7 @@ def page(solutions: Solutions, view: View) -> html.Div:
 
 
 def controls(view: View) -> list[Any]:
-    """The settings in groups that can be folded."""
+    """The settings in collapsible groups."""
     out = []
     for group, title in GROUPS.items():
         rows = [_row(item, view) for item in view.fields.values() if item.group == group]
@@ -86,7 +86,7 @@ def _row(item: Field, view: View) -> html.Div:
     told = [html.Small(f" {item.label}")] if item.group == "parameters" and item.label else []
     label = html.Label([f"{name}{unit}", *told], htmlFor=item.id)
     if item.choices:
-        # A list of the browser's own is short enough for the keyboard, and known to every reader of screens.
+        # A native list of the browser works with the keyboard and with screen readers.
         choice = dcc.Dropdown(
             list(item.choices), view[item.key], id=item.id, clearable=False, searchable=False
         )

@@ -68,7 +68,7 @@ def phase_figure(view: View, solution: Solution, other: Solution | None) -> Figu
 
 
 def surfaces(view: View, i: int, j: int, drawn: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The line h = 0 of every surface that is one in the plane of two states: h depends on no other."""
+    """The line h = 0 of every surface in the plane of two states, if h depends on no other."""
     ends = [_range([v for part in drawn for v in part[key] if v is not None]) for key in "xy"]
     across, up = (np.linspace(*pair, GRID) for pair in ends)
     out = []
@@ -109,7 +109,7 @@ def functions(system: System, parameters: dict[str, float]) -> dict[str, Callabl
 def _heights(
     h: Callable[..., Any], across: Array, up: Array, i: int, j: int, view: View, shift: float
 ) -> Array | None:
-    """h over the plane, the other states and time at the start, shifted."""
+    """h over the plane, the other states and time as at the start, shifted."""
     grid = np.meshgrid(across, up)
     x = [np.full(grid[0].shape, value + shift * (1.0 + abs(value))) for value in view.x0]
     x[i], x[j] = grid

@@ -1,4 +1,4 @@
-"""From the settings of the page to its pictures and the sentence beside them; no error leaves here."""
+"""From the settings of the page to its pictures and the sentence beside them; no error is raised."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from filippov.solving.solution import Solution
 class Drawn:
     """Figures by name (time, phase, graph, map); none where the settings cannot be used.
 
-    said   what the run did, or what is wrong; good: whether the run reached its end
+    said   the result of the run, or what is wrong; good: whether the run reached its end
     query  the link that restores the view; here: the point of the diagram that follows the slider
     """
 
@@ -33,7 +33,7 @@ class Drawn:
 
 
 def draw(solutions: Solutions, values: Mapping[str, Any]) -> Drawn:
-    """Everything that follows a slider."""
+    """Everything that is redrawn while a slider moves."""
     try:
         view = View(solutions.subject, values)
         return pictures(solutions, view)
@@ -42,7 +42,7 @@ def draw(solutions: Solutions, values: Mapping[str, Any]) -> Drawn:
 
 
 def pictures(solutions: Solutions, view: View) -> Drawn:
-    """The figures of a view. Raises what the exact solution raises; the others say what is wrong in place."""
+    """The figures of a view. Raises the errors of the exact solution; other figures show theirs in place."""
     solution = solutions.exact(view)
     said, other = summary(solution), None
     try:
@@ -71,7 +71,7 @@ def pictures(solutions: Solutions, view: View) -> Drawn:
 
 
 def draw_diagram(solutions: Solutions, values: Mapping[str, Any]) -> Figure | None:
-    """The diagram, computed once the sliders rest; None without one, and where the settings are wrong.
+    """The diagram, computed once the sliders rest; None without one, or where the settings are wrong.
 
     Raises PostponedError where a redraw waits.
     """
@@ -98,7 +98,7 @@ def summary(solution: Solution) -> str:
 
 
 def told(error: Exception) -> str:
-    """An error as a sentence; one that is not the package's own with its name."""
+    """An error as a sentence; a foreign one with its class name."""
     name = type(error).__name__
     text = str(error) or "no more is known"
     return text if name in ("ModelError", "UsageError", "SolveError") else f"{name}: {text}"

@@ -1,4 +1,4 @@
-"""The page as a server on this machine: what it asks for is answered here, and nothing goes elsewhere."""
+"""The page as a local server: its requests are answered here, and none goes elsewhere."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from filippov.app.explorer.subject import Subject
 from filippov.app.explorer.view import View
 
 ADDRESS = "127.0.0.1"
-# Also what plotly and Dash might ask for elsewhere is refused by the browser.
+# The browser also refuses what plotly and Dash might request elsewhere.
 POLICY = (
     "default-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; connect-src 'self'; frame-ancestors *"
 )
@@ -28,7 +28,7 @@ POLICY = (
 
 def application(solutions: Solutions, start: View) -> Dash:
     """The Dash application of a subject, at a view."""
-    # Runs of the solver share what they keep: one at a time.
+    # Runs of the solver share buffers: one at a time.
     lock = threading.Lock()
     app = Dash(
         __name__, serve_locally=True, include_assets_files=False, title=f"filippov: {start.subject.name}",
@@ -39,7 +39,7 @@ def application(solutions: Solutions, start: View) -> Dash:
     items = list(start.fields.values())
 
     def restore(search: str | None) -> list[Any]:
-        """The controls of a link; of one that cannot be read the subject's own, and the message says why."""
+        """The controls of a link; those of the subject where it cannot be read, with the reason."""
         view, _ = read_link(solutions.subject, search or "")
         return [view[item.key] for item in items]
 
@@ -56,10 +56,10 @@ def application(solutions: Solutions, start: View) -> Dash:
 def redraw(
     solutions: Solutions, settings: Mapping[str, Any], search: str, files: list[str]
 ) -> dict[str, Any]:
-    """What the page shows at settings by key; search: the link that it was opened with."""
+    """The output of the page at settings by key; search: the link with which it was opened."""
     made = draw(solutions, settings)
     _, wrong = read_link(solutions.subject, search)
-    # Of a link that was not taken the page tells until a setting is changed.
+    # The page reports a link that was refused until a setting is changed.
     wrong = "" if made.query else wrong
     return {
         "said": f"{wrong} {made.said}".strip(), "good": made.good and not wrong, "drawn": bool(made.figures),
@@ -69,7 +69,7 @@ def redraw(
 
 
 def read_link(explored: Subject, search: str) -> tuple[View, str]:
-    """The view of a link and what is wrong with it; the subject's own where it cannot be read."""
+    """The view of a link and its error; the subject's own view where it cannot be read."""
     try:
         return View.from_query(explored, search), ""
     except ValueError as error:
@@ -80,9 +80,9 @@ def _routes(flask: Any, solutions: Solutions, start: View, lock: threading.Lock)
     keys, files = {item.id: item.key for item in start.fields.values()}, offered(solutions, start)
 
     def answer(make: Callable[[dict[str, Any], str], Any], hurry: bool) -> Response:
-        """The settings of the page's controls, by their ids, into what it shows.
+        """From the settings of the page's controls, by their ids, to its output.
 
-        hurry: a diagram makes way.
+        hurry: interrupt a diagram.
         """
         asked = request.get_json(silent=True)
         if not isinstance(asked, dict) or not isinstance(held := asked.get("settings"), dict):
@@ -109,7 +109,7 @@ def _routes(flask: Any, solutions: Solutions, start: View, lock: threading.Lock)
         return answer(make, False)
 
     def own_host() -> None:
-        """A page of another site that has its name point here is not answered."""
+        """Refuse a request with a foreign host name (DNS rebinding)."""
         if request.host.partition(":")[0] not in {ADDRESS, "localhost"}:
             abort(403)
 
@@ -139,7 +139,7 @@ def _routes(flask: Any, solutions: Solutions, start: View, lock: threading.Lock)
 
 class _Quiet(WSGIRequestHandler):
     def log(self, type: str, message: str, *args: Any) -> None:  # noqa: A002  # its name there
-        """Say nothing of a request."""
+        """Do not log requests."""
 
 
 def listen(app: Dash, port: int = 0) -> BaseWSGIServer:

@@ -1,4 +1,4 @@
-"""The solutions and iterates behind a view, each within a budget, the last of each kept."""
+"""The solutions and iterates of a view, each within a budget, the last of each cached."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from filippov.solving.solver import solve
 
 T = TypeVar("T")
 Array = npt.NDArray[np.float64]
-# A slider never waits longer than for these; a solution that needs more ends early and says so.
+# The budget of a redraw; a solution that needs more ends early, with a message.
 MOST_STEPS, MOST_EVENTS = 40_000, 2_000
 KEPT = 8
 # Events of all kinds for one return, at most, of those after which a solution without a parametrisation ends.
@@ -32,15 +32,15 @@ RTOL, ATOL = 1e-8, 1e-10  # of the returns of a map
 
 
 class PostponedError(Exception):
-    """A diagram has made way for a redraw."""
+    """A diagram was interrupted by a redraw."""
 
 
 @dataclass(frozen=True)
 class MapData:
-    """The event map, iterates from a start, and those of them that show where it leads.
+    """The event map, iterates from a start, and those that show their limit.
 
     d, image  on an interval, or of a section without a parametrisation the pairs along the solution
-    note      why the solution has less of them; "" where it has not
+    note      why the solution has fewer of them, or ""
     """
 
     d: Array
@@ -51,11 +51,11 @@ class MapData:
 
 
 class Solutions:
-    """What belongs to a view of one subject: solved when first asked for."""
+    """The solutions of a view of one subject, computed at first use."""
 
     def __init__(self, subject: Subject) -> None:
         self.subject = subject
-        # Set while a redraw waits, for which a diagram makes way.
+        # Set while a redraw waits, which interrupts a diagram.
         self.hurry = threading.Event()
         self._found: dict[Any, Any] = {}
         self._systems: dict[str, tuple[System, str]] = {}
@@ -67,7 +67,7 @@ class Solutions:
         return self._kept(key, lambda: self._solve(self.subject.system, view, {}))
 
     def other(self, view: View) -> Solution | None:
-        """The comparator's solution beside it, None for none. Raises ModelError where it does not fit."""
+        """The comparator's solution, or None. Raises ModelError where it does not fit."""
         kind = view["against"]
         if kind == EXACT:
             return None
@@ -111,7 +111,7 @@ class Solutions:
         return solution
 
     def _system(self, kind: str) -> tuple[System, str]:
-        """The system under a comparator whose width is a parameter: made and compiled once."""
+        """The system under a comparator whose width is a parameter: built and compiled once."""
         if kind not in self._systems:
             name = "comparator_width"
             while name in self.subject.system.parameters:
@@ -139,7 +139,7 @@ class Solutions:
         return MapData(d, event_map(d), orbit[: COBWEB + 1], orbit[-KEEP:])
 
     def _followed(self, view: View) -> MapData:
-        """The pairs that one solution gives, which is as a diagram begins, at t = 0."""
+        """The pairs along one solution from t = 0, as at the start of a diagram."""
         from filippov.analysis.maps.returns import coordinate_of, returns
 
         section, order = self.subject.section, view["order"]

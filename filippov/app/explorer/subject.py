@@ -1,4 +1,4 @@
-"""What is explored: a system with the values to start from and the section it proposes."""
+"""The subject of the explorer: a system with its initial values and a section."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from filippov.analysis.maps.section import Section
     from filippov.analysis.maps.stroboscope import Stroboscope
 
-# Spans of the solution in which a section is looked for; part of its longest return that a slider waits for.
+# Spans of the solution in which a section is searched for; the budget relative to its longest return.
 SPANS, WAIT = 10.0, 10.0
-# The system out of a file that stands beside the script.
+# The system from a file next to the script.
 STORED = "from filippov import Solution\n\nsystem = Solution.load('solution.npz').system"
 
 
@@ -63,11 +63,11 @@ def subject(
     name: str = "",
     origin: str = "",
 ) -> Subject:
-    """A subject with everything checked; system: a System, a Problem or a registered Model.
+    """A checked subject; system: a System, a Problem or a registered Model.
 
-    What a Problem or a Model has of x0, t_span, parameters and section goes after what is given. A System
-    alone starts at 0 and is followed to t = 10. Without a section what recurs along the solution is one
-    (`find_section`); there is none where nothing does. Raises UsageError, ModelError.
+    Given x0, t_span, parameters and section take precedence over those of a Problem or a Model. A System
+    alone starts at 0 and is followed to t = 10. Without a section one is searched for along the solution
+    (`find_section`); there is none where nothing recurs. Raises UsageError, ModelError.
     """
     made = system
     if isinstance(system, Problem):
@@ -133,5 +133,5 @@ def _found(
         found = find_section(system, x0, parameters=parameters, t_max=length)
     except Exception:  # noqa: BLE001  # also a function of the user's: the page itself tells of it
         return None
-    # A slider does not wait for a hundred times the longest return that was seen.
+    # A redraw does not wait for a hundred times the longest return so far.
     return replace(found, t_max=found.t_max / WAIT) if isinstance(found, Events) else found

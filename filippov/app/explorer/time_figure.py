@@ -64,7 +64,7 @@ def time_height(subject: Subject) -> int:
 
 
 def mode_words(surfaces: tuple[str, ...], mode: tuple[int, ...]) -> str:
-    """A mode in words: its signs, and the surfaces that it slides on."""
+    """A mode in words: its signs, and its sliding surfaces."""
     on = [name for name, sign in zip(surfaces, mode, strict=True) if sign == 0]
     return f"mode {mode_text(mode)}" + (f", on {', '.join(on)}" if on else "")
 
@@ -88,7 +88,7 @@ def _marks(solution: Solution, i: int, more: dict[str, Any]) -> list[dict[str, A
 
 
 def _bands(solution: Solution) -> list[dict[str, Any]]:
-    """One shape for each mode, of as many rectangles as the solution has segments in it."""
+    """One shape for each mode, with a rectangle for each of its segments."""
     spans: dict[tuple[int, ...], list[str]] = {}
     for segment in solution.segments:
         low, high = segment.t0, segment.t1

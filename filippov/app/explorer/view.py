@@ -1,9 +1,9 @@
-"""A view: everything that the page shows follows from it, and a link holds it.
+"""A view: it determines everything that the page shows, and a link contains it.
 
     ?p.k=2&x0.x=0.5&t1=20&against=Smooth&width=0.01
 
-A link has the settings that differ from those of the subject. It is read as text and numbers, every name and
-value is checked, and nothing in it is run.
+A link contains the settings that differ from those of the subject. It is read as text and numbers, every name
+and value is checked, and nothing in it is executed.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ class View:
     def but(self, settings: Mapping[str, Any] | None = None, /, **changes: Any) -> Self:
         """The view with other values: settings by key, changes by the name of a parameter or by key.
 
-        x0 takes a state as `solve` does, or some of them by name. Raises UsageError, also for a name that is
-        a parameter's and a setting's.
+        x0 takes a state as `solve` does, or some components by name. Raises UsageError, also for a name that
+        is both a parameter's and a setting's.
         """
         named: dict[str, Any] = {}
         for name, value in changes.items():
@@ -82,7 +82,7 @@ class View:
             else:
                 named[f"p.{name}" if parameter else name] = value
         new = {**(settings or {}), **named}
-        # Another parameter's range is its own, where none is given.
+        # Another parameter has its own range, unless one is given.
         left = {"low", "high"} - set(new) if "over" in new else set()
         return type(self)(self.subject, {k: v for k, v in (self.values | new).items() if k not in left})
 
@@ -103,7 +103,7 @@ class View:
 
     @property
     def query(self) -> str:
-        """The part of a link after the question mark: what differs from the subject's own values."""
+        """The part of a link after the question mark: the settings that differ from the subject's."""
         changed = {key: value for key, value in self.values.items() if value != self.fields[key].default}
         return urlencode({k: repr(v) if isinstance(v, float) else v for k, v in changed.items()})
 
@@ -166,7 +166,7 @@ def fields_of(subject: Subject, over: Any = None) -> dict[str, Field]:
 
 
 def diagram_ranges(subject: Subject) -> dict[str, tuple[float, float]]:
-    """Parameters that a diagram may go over, with the range that it has at first."""
+    """Parameters of a diagram, with their initial ranges."""
     ranges = {
         name: slider_range(subject.system.parameters[name], v) for name, v in subject.parameters.items()
     }

@@ -1,4 +1,4 @@
-"""Parts of a study that another process computes while its own goes on with the others."""
+"""Parts of a study computed in other processes while the first one goes on."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from filippov.app.report.effort import Effort
 from filippov.models.studies import BUILT_IN, Study, get_study
 
 T = TypeVar("T")
-# A part: a function of a module, called with the study, how much to compute, and a number.
+# A part: a function of a module, called with the study, the effort and a number.
 Part = Callable[[Study, Effort, int], T]
 
 
 class Aside:
-    """Parts begun in `jobs - 1` processes; what they have not begun when it is wanted is computed here.
+    """Parts submitted to `jobs - 1` processes; a part not yet begun when it is needed is computed here.
 
-    Only studies that another process can import are: those that come with the package.
+    Only the package's own studies are submitted: another process must be able to import them.
     """
 
     def __init__(self, study: Study, effort: Effort, jobs: int = 1) -> None:
@@ -48,13 +48,13 @@ class Aside:
         self._pool.shutdown(wait=kind is None, cancel_futures=True)
 
     def begin(self, part: Part[Any], numbers: Iterable[int]) -> None:
-        """Let parts be computed elsewhere, in this order."""
+        """Submit parts to the other processes, in this order."""
         if self._pool is not None:
             for k in numbers:
                 self._waiting[part, k] = self._pool.submit(_named, part, self.study.name, self.effort, k)
 
     def value(self, part: Part[T], k: int) -> T:
-        """What a part gives."""
+        """The result of a part."""
         future: Future[T] | None = self._waiting.pop((part, k), None)
         if future is not None and not future.cancel():
             try:
@@ -65,7 +65,7 @@ class Aside:
 
 
 def _begin() -> None:
-    """An interrupt from the terminal is for the first process."""
+    """Ignore an interrupt from the terminal, which the first process handles."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 

@@ -1,4 +1,4 @@
-"""Models with a band in place of the surface, beside the inclusion."""
+"""Models with a band in place of the surface, compared with the inclusion."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ERRORS = ("error_P", "error_times", "error_fixed_points", "drift")
 
 
 def compared(study: Study, effort: Effort, k: int) -> Comparison:
-    """The models with a band beside the inclusion, in case k."""
+    """The models with a band compared with the inclusion, in case k."""
     about, coarse = Context(study, effort), effort.widths
     bands = [
         BandModel(v.name, v.build, v.stick, {k: o[:1] if coarse > 1 else o for k, o in v.options.items()})
@@ -33,7 +33,7 @@ def compared(study: Study, effort: Effort, k: int) -> Comparison:
 
 
 def comparison(run: StudyRun) -> Section:
-    """Errors and work over the width of the band."""
+    """The section of errors and work over the width of the band."""
     study = run.study
     with run.stage("comparison", run.until):
         found = run.aside.value(compared, 0)
@@ -89,7 +89,7 @@ COLUMNS = {
 
 
 def approximations(run: StudyRun) -> Section:
-    """Other plants under what is used in place of the inclusion, from the rows kept with the study."""
+    """Other plants under the approximations of the inclusion, from the rows stored with the study."""
     rows = run.study.approximated
     source = "filippov.app.approximations.table_of_approximations, kept with the package; approximations.csv."
     table = TextTable(
@@ -111,7 +111,7 @@ def approximations(run: StudyRun) -> Section:
 
 
 def _facts(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """What the widest and the narrowest band get wrong at most."""
+    """The largest errors of the widest and the narrowest band."""
     bands = [row for row in rows if row["width"] is not None]
     wide, narrow = max(row["width"] for row in bands), min(row["width"] for row in bands)
     lost = [row for row in bands if row["width"] == wide and "is lost" in row["note"]]

@@ -27,7 +27,7 @@ from filippov.solving.solver import solve
 from filippov.solving.state.machine import Machine
 
 Array = npt.NDArray[np.float64]
-# Where the stages end, in parts of a case.
+# The ends of the stages, as fractions of a case.
 ENDS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.6, 0.7, 1.0)
 
 
@@ -70,9 +70,9 @@ def diagrams(study: Study, effort: Effort, k: int) -> tuple[Diagram, Diagram | N
 
 
 class CaseResults:
-    """Everything computed for one case; `low` and `high`: the part of the whole that it is.
+    """Everything computed for one case; `low` and `high`: the fraction of the whole at its start and end.
 
-    orbit   iterates of the map from the first rest of the response, as many as it has
+    orbit   iterates of the map from the first rest of the response, as many as it has rests
     height  largest |h| while sliding on the section's surface; spreads: of the model's invariants there
     apart   largest distance of the response's rest positions from the orbit; NaN without any
     """
@@ -140,7 +140,7 @@ class CaseResults:
 
     @property
     def thresholds(self) -> tuple[float, ...]:
-        """Values at which the linearised return map says that the set changes stability."""
+        """Values at which the set changes stability by the linearised return map."""
         return next((tuple(s.threshold) for s in self._solved()), ())
 
     @property
@@ -163,7 +163,7 @@ class CaseResults:
         return [c.solved for c in cases if c.solved is not None and c.polynomial is not None]
 
     def _sample(self, low: float, high: float) -> Samples:
-        """Coordinates evenly, and crowding at 0, where a map may be steep."""
+        """Samples at even coordinates and, denser, next to 0, where a map may be steep."""
         count, once = self.run.effort.samples, self.event_map
         d = np.linspace(low, high, count)
         if low == 0.0:
@@ -212,7 +212,7 @@ class CaseResults:
                     values[f"collocation, {stages} stages"] = orbits.collocation(cycle.d, study.order, stages)
                 name = f"solve_ivp + brentq, rtol {effort.shooting:g}"
                 values[name] = orbits.shooting(cycle.d, study.order, effort.shooting)
-            except UsageError as error:  # they are for other systems
+            except UsageError as error:  # those methods do not apply to this system
                 why = str(error)
             reference = stated[k].reference if len(stated) == len(self.cycles) else ""
             out.append(Agreement(values, reference, why))

@@ -21,7 +21,7 @@ class CaseCycles:
 
     orbits  at its own parameters, by growing coordinate
     runs    the continuations over the study's parameter; at: points on them at every value of the study
-    pairs   every number with the one from a tighter tolerance
+    pairs   every number with that of a tighter tolerance
     """
 
     def __init__(self, run: Context, case: CaseResults) -> None:
@@ -56,7 +56,7 @@ class CaseCycles:
 
 
 def _runs(run: Context, case: CaseResults, rtol: float) -> tuple[Continuation, ...]:
-    """Branches through all cycles of the case, from the largest down; none is begun again."""
+    """Branches through all cycles of the case, from the largest down; each is followed once."""
     name, values = run.study.parameter, run.study.values
     power = case.power.remake(rtol=rtol, atol=1e-2 * rtol)
     own, bounds = power.parameters[name], (values[0], values[-1])

@@ -1,4 +1,4 @@
-"""What the diagrams and the equations say, and how well it is known."""
+"""The results of diagrams and equations, and their accuracy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from filippov.app.report.run import StudyRun
 
 
 def classification(run: StudyRun) -> Section:
-    """What the diagrams say of each regime, over all values that were computed."""
+    """The classification of each regime by the diagrams, over all values that were computed."""
     said = run.study.stated.classification if run.study.stated else {}
     found, rows = {}, []
     for c in run.cases:
@@ -41,7 +41,7 @@ def classification(run: StudyRun) -> Section:
 
 
 def stability(run: StudyRun) -> Section:
-    """The report of the main case whole."""
+    """The complete stability report of the main case."""
     main = run.main
     text = (
         "Equilibria, one-sided linearisation, Routh arrays and conditions as the program derives them from "
@@ -54,7 +54,7 @@ def stability(run: StudyRun) -> Section:
 
 
 def checks(run: StudyRun) -> Section:
-    """Each cycle by several methods, and what should be exact along the responses."""
+    """Each cycle by several methods, and quantities that should be exact along the responses."""
     rows = [
         (c.case.key, k, name, value)
         for c in run.cases for k, a in enumerate(c.agreements) for name, value in a.values.items()
@@ -107,7 +107,7 @@ def _agreements(run: StudyRun) -> TextTable:
 
 
 def _exactness(run: StudyRun) -> TextTable:
-    """What should be exact along the responses."""
+    """Quantities that should be exact along the responses."""
     names = list(dict.fromkeys(n for c in run.cases for n in c.spreads))
     rows = tuple(
         (c.label, f"{c.height:.3g}", *(f"{c.spreads[n]:.3g}" for n in names), str(len(c.orbit)),

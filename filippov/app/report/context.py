@@ -1,4 +1,4 @@
-"""What a study is about: its system and section; progress and time of the work."""
+"""The context of a study: its system and section; progress and time of the work."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Progress = Callable[..., object]
 
 
 class Context:
-    """What a study is about.
+    """The context of a study.
 
     surface, index   of the section and its coordinate; timing: seconds by stage
-    until            fraction of the whole that is done when the section at hand is
-    aside            what other processes compute
+    until            fraction of the whole that is done after the present section
+    aside            parts computed in other processes
 
     Raises UsageError for a model without a section, or with one of several surfaces or of a formula.
     """
@@ -55,12 +55,12 @@ class Context:
         self._low = until
 
     def tell(self, fraction: float, what: str) -> None:
-        """How much of the stage is done."""
+        """Report the fraction of the stage that is done."""
         if self._progress is not None:
             self._progress(self._low + (self._high - self._low) * fraction, 1.0, what)
 
     def label(self, name: str, default: str = "") -> str:
-        """The axis label of something."""
+        """An axis label by its name."""
         unit, x = self.study.unit, self.section.coordinate
         own = {"d": f"{x} [{unit}]", "image": f"{self.study.letter}(d) [{unit}]",
                "iterate": f"{self.iterate} [{unit}]", "fixed points": f"fixed points {x} [{unit}]",
@@ -74,7 +74,7 @@ class Context:
         return {1: f"{letter}(d)", 2: f"{letter}({letter}(d))"}.get(order, f"{letter}^{order}(d)")
 
     def lettered(self, text: str) -> str:
-        """A text of an analysis, which calls the map P, with the letter of the study."""
+        """A text of an analysis, which calls the map P, with the study's letter."""
         return text.replace("P(d)", f"{self.study.letter}(d)").replace("P(0+)", f"{self.study.letter}(0+)")
 
     def given(self, case: StudyCase, *words: str) -> str:

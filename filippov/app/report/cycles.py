@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 # Points of the border at which the set changes stability, and of the scan for each.
 BORDER, SCAN = 25, 40
-# Part of its range within which the end of a fold curve is at the bound; part of the largest cycle below
-# which another is magnified.
+# An end of a fold curve this near to a bound, relative to the range, is at it; cycles smaller than this,
+# relative to the largest, are magnified.
 NEAR, SMALL = 1e-4, 0.1
 
 
@@ -134,7 +134,7 @@ def fold_curve(run: StudyRun) -> Section:
     source, limit = "filippov.analysis.bifurcations.curve", _limit(run, ending, second, bounds)
     message = ending.message + (f"; its limit is at {second} = {limit.value:g}" if limit else "")
     if limit is not None:
-        # What is found that near to the limit, as a turn by rounding, is no place of its own.
+        # A point that near to the limit, as a turn by rounding, is not a separate one.
         reach = NEAR * (bounds[1] - bounds[0])
         near = [abs(p.value - limit.value) <= reach for p in ending.points]
         ending.points[:] = [
@@ -234,7 +234,7 @@ def _fold_curve(
 
 
 def _limit(run: StudyRun, ending: Branch, second: str, bounds: tuple[float, float]) -> BranchPoint | None:
-    """Where a fold curve goes whose cycle shrinks into the equilibrium set at a bound; None elsewhere.
+    """The limit of a fold curve whose cycle shrinks into the equilibrium set at a bound; None for others.
 
     There the set changes stability, in the case whose value is the bound, at the value nearest to the curve.
     """

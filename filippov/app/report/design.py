@@ -1,4 +1,4 @@
-"""What follows for who designs: settings without cycles, what harmonic balance says, what data tell."""
+"""Results for design: settings without cycles, predictions by harmonic balance, parameters from data."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def prediction(run: StudyRun) -> Section:
 
 
 class Estimate(NamedTuple):
-    """What a record with noise gives: the estimate, and the study's borders for it and for its intervals."""
+    """The result of a noisy record: the estimate, and the study's borders for it and for its intervals."""
 
     found: Identified
     limit: float | None

@@ -1,4 +1,4 @@
-"""Fixed points of the map, and how they change with the parameter."""
+"""Fixed points of the map, and their changes with the parameter."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def fixed_points(run: StudyRun) -> Section:
 
 
 def bifurcation(run: StudyRun) -> Section:
-    """The diagrams and where they change."""
+    """The diagrams and the points where they change."""
     name, cases = run.study.parameter, run.cases
     low, high = run.study.values[0], run.study.values[-1]
     pictures = [
@@ -165,7 +165,7 @@ def _points_table(run: StudyRun, ordinal: str) -> TextTable:
 
 
 def _basins(run: StudyRun) -> TextTable:
-    """Intervals of the start by where they lead."""
+    """Intervals of the initial coordinate by their attractor."""
     rows = []
     for c in run.cases:
         for basin in c.basins:

@@ -1,4 +1,4 @@
-"""How much a study computes."""
+"""The effort of a study."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class Effort:
 
     @classmethod
     def quick(cls) -> Effort:
-        """Coarser, for a look whether it works."""
+        """Coarser, for a trial run."""
         return cls(
             200, 160, 3, (100, 160), shooting=1e-9, widths=3, cells=(10, 7), tune=(16, 12), grid=8, follow=4,
             relatives=1,
         )  # fmt: skip
 
     def finer(self, resolution: float) -> Effort:
-        """So many times as many points in maps and searches. Raises UsageError outside 0.1 ... 20."""
+        """The number of points in maps and searches times a factor. Raises UsageError outside 0.1 ... 20."""
         if not 0.1 <= resolution <= 20:
             raise UsageError(f"resolution is {resolution:g}, expected a factor of 0.1 to 20.")
 

@@ -1,4 +1,4 @@
-"""What texts speak of: computed values by name, and the numbers of sections, figures and tables."""
+"""References of texts: computed values by name, and the numbers of sections, figures and tables."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PLACE = re.compile(r"\[\[((?:section|figure|table) [^\]]+)\]\]", re.IGNORECASE)
 
 
 class Facts(dict[str, float]):
-    """Values by name, for format_map; what was not computed says so.
+    """Values by name, for format_map; a value that was not computed reads as such.
 
     cycle_<case>_<k>, fold_<case>; change_<case> of the set's stability, change_rest_<case> by the linearised
     return map; bound_<case> of Routh-Hurwitz; jump_<case> of the map at 0; end_value, end_parameter,
@@ -31,7 +31,7 @@ class Facts(dict[str, float]):
 
 
 def begun(number: str) -> str:
-    """A number as a sentence begins with it: Table A1."""
+    """A reference at the start of a sentence: Table A1."""
     return number[0].upper() + number[1:]
 
 
@@ -61,7 +61,7 @@ class Numbers(dict[str, tuple[str, str]]):
                     self[f"table {part.label}"] = f"table {prefix}{tables}", f"table-{part.label}"
 
     def told(self, texts: Iterable[tuple[str, str]], facts: Facts) -> list[tuple[str, str]]:
-        """(title, paragraph) with the facts put in; what speaks of something not computed is left out."""
+        """(title, paragraph) with the facts filled in; a text on something not computed is left out."""
         made = [(title, text.format_map(facts)) for title, text in texts]
         return [
             (title, text) for title, text in made
@@ -69,7 +69,7 @@ class Numbers(dict[str, tuple[str, str]]):
         ]  # fmt: skip
 
     def linked(self, text: str) -> Markup:
-        """Escaped text with [[figure NAME]] as its number and a link; what names nothing stays as it is."""
+        """Escaped text with [[figure NAME]] as its number and a link; an unknown name is left as it is."""
         from markupsafe import Markup, escape
 
         def link(found: re.Match[str]) -> str:
@@ -81,7 +81,7 @@ class Numbers(dict[str, tuple[str, str]]):
         return Markup(_PLACE.sub(link, str(escape(printable(text, LINES)))))  # noqa: S704
 
     def coded(self, text: str) -> Markup:
-        """`linked`, with `code` as such."""
+        """As `linked`, with `code` marked up."""
         from markupsafe import Markup
 
         parts = [str(self.linked(part)) for part in text.split("`")]

@@ -1,4 +1,4 @@
-"""The files of a report: each appears whole or not at all."""
+"""The files of a report: each is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ MARGIN = 0.08  # inches
 
 
 def write(path: Path, content: str | bytes) -> None:
-    """Write a file, whole or not at all."""
+    """Write a file, completely or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, content)
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Iterable[Any]]) -> None:
-    """Write a table; floats in the shortest form that reads back equal."""
+    """Write a table; floats in the shortest form that reads back exactly."""
     write(path, csv_text(columns, rows))
 
 

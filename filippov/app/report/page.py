@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _DROP = re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>|<!--.*?-->", re.DOTALL)
 _SPACES = re.compile(r'\s+(?:xmlns(?::\w+)?|version)="[^"]*"')
 _NUMBER = re.compile(r"[-+−]?(\d[\d.,]*([eE][-+]?\d+)?|∞)|—|")
-# Sections that may be text only.
+# Sections that may consist of text alone.
 ALONE = {"differences"}
 PACKAGES = ("filippov", "numpy", "scipy", "sympy", "networkx", "llvmlite", "matplotlib")
 
@@ -48,11 +48,11 @@ def document(
     title: str, subtitle: str, sections: Sequence[Section], texts: Mapping[str, Any],
     drawings: Mapping[str, str], appendix: Sequence[Section] = (),
 ) -> str:  # fmt: skip
-    """The whole page: the sections that have something to show, each after its own paragraphs of `texts`.
+    """The whole page: the sections with content, each after its own paragraphs of `texts`.
 
     texts     (title, paragraph) by anchor, and by "figure NAME" the captions; drawings: SVG by name
 
-    Sections, figures and tables are numbered as they follow each other; long tables go to the appendix.
+    Sections, figures and tables are numbered in order; long tables go to the appendix.
     """
     facts = Facts({name: value for section in sections for name, value in section.facts.items()})
     every = [part for section in sections for part in section.parts]
@@ -82,7 +82,7 @@ def _prepared(
     part: TextTable | Picture | Words, texts: Mapping[str, Any], facts: Facts, numbers: Numbers,
     drawings: Mapping[str, str],
 ) -> dict[str, Any]:  # fmt: skip
-    """What the template shows of a part."""
+    """The template's variables for a part."""
     if isinstance(part, Words):
         return {"kind": part.kind, "content": part.content}
     if isinstance(part, TextTable):
@@ -97,7 +97,7 @@ def _prepared(
 
 
 def inline_svg(svg: str, name: str, label: str) -> str:
-    """The svg element of a file, for use within a page: no prologue, its own names, a label for readers."""
+    """The svg element of a file, for use in a page: no prologue, unique names, a label for screen readers."""
     body = _DROP.sub("", svg).strip()
     head, _, rest = body.partition(">")
     body = _SPACES.sub("", head) + ">" + rest
@@ -109,7 +109,7 @@ def inline_svg(svg: str, name: str, label: str) -> str:
 
 
 def wrapped(text: str, width: int = 112) -> str:
-    """Text with its own line breaks; long sentences are wrapped under their beginning."""
+    """Text with its line breaks; long sentences are wrapped with a hanging indent."""
     lines = []
     for line in text.rstrip().splitlines():
         indent = " " * (len(line) - len(line.lstrip(" *-")))
@@ -136,7 +136,7 @@ def machine() -> dict[str, str]:
 
 
 def _processor() -> str:
-    """The processor's name where the system tells it."""
+    """The processor's name where the platform provides it."""
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):

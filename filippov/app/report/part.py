@@ -1,4 +1,4 @@
-"""What a section of a report is made of, and numbers as its text."""
+"""The parts of a section of a report, and the text of numbers."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ File = tuple[str, Sequence[str], Iterable[Iterable[Any]]]
 
 @dataclass(frozen=True)
 class TextTable:
-    """Rows of text under columns, with a note and the command or method that gives them.
+    """Rows of text under columns, with a note and the command or method that produced them.
 
-    label   by which texts speak of it: [[label]]; long: it stands in the appendix
+    label   by which texts refer to it: [[label]]; long: it is put in the appendix
     """
 
     title: str
@@ -31,7 +31,7 @@ class TextTable:
     long: bool = False
 
     def unstated(self) -> TextTable:
-        """The same table without the columns of what a source states."""
+        """The same table without the columns of the source's values."""
         kept = [k for k, name in enumerate(self.columns) if name != "same" and not name.startswith("paper")]
         rows = tuple(tuple(row[k] for k in kept) for row in self.rows)
         return replace(self, columns=tuple(self.columns[k] for k in kept), rows=rows)
@@ -59,7 +59,7 @@ class Words:
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the report; without parts it only gives facts, entries of summary.json and CSV files.
+    """A section of the report; without parts it only provides facts, entries of summary.json and CSV files.
 
     facts   values by name, for the texts; summary: entries of summary.json; files: (name, columns, rows)
     """

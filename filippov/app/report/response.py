@@ -99,7 +99,7 @@ def event_map(run: StudyRun) -> Section:
 
 
 def modes(run: StudyRun) -> Section:
-    """What the system can do and what it did."""
+    """The possible and the observed modes."""
     main, names = run.main, run.study.mode_names
     with run.stage("possible transitions", run.until):
         possible = possible_graph(run.system)
@@ -115,7 +115,7 @@ def modes(run: StudyRun) -> Section:
 
 
 def beside(width: float, height: float, count: int) -> tuple[Figure, Any, list[Any]]:
-    """A figure of parts beside each other under a strip for their common legend."""
+    """A figure of parts side by side under a strip for their common legend."""
     figure = new_figure(width, height)
     strips: Any = figure.subfigures(2, 1, height_ratios=(0.11, 1.0))
     top, lower = strips

@@ -1,4 +1,4 @@
-"""A study under way: what it is about, and what is known so far."""
+"""A study under way: its context, and the results so far."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from filippov.models.studies import Study
 
 
 class StudyRun(Context):
-    """What the sections are made from: computed cases, the main one first, and the cycles of each."""
+    """The data of the sections: computed cases, the main one first, and the cycles of each."""
 
     def __init__(
         self, study: Study, effort: Effort, progress: Progress | None = None, aside: Aside | None = None

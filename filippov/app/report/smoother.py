@@ -50,7 +50,7 @@ class Followed:
 
 
 def followed(study: Study, effort: Effort, k: int) -> Followed:
-    """What the smoother model of a study does in its case k."""
+    """The results of the smoother model of a study in case k."""
     return Smoother(study, effort).follow(study.cases[k])
 
 
@@ -64,7 +64,7 @@ class Smoother:
         self.size = f"amplitude {self.system.states[0]}"
 
     def follow(self, case: StudyCase) -> Followed:
-        """Its branch in one case, and what starts near rest do."""
+        """Its branch in one case, and the behaviour of starts near rest."""
         study, asked, effort = self.study, self.asked, self.effort
         own = {k: v for k, v in case.parameters.items() if k in self.system.parameters}
         branch = self.branch(self.orbit(own, asked.x0), study.values[-1], effort.follow)
@@ -76,7 +76,7 @@ class Smoother:
         return Followed(branch, beyond, tuple((a, self.rests(own, a)) for a in asked.small))
 
     def solution(self, values: Mapping[str, float], x0: Sequence[float], time: float) -> Solution:
-        """A solution of so long."""
+        """A solution of a given length."""
         run = solve(
             self.system, x0, (0.0, time), parameters=values, method=self.asked.method, rtol=1e-8, atol=1e-10
         )
@@ -85,7 +85,7 @@ class Smoother:
         return run
 
     def orbit(self, values: Mapping[str, float], x0: Sequence[float]) -> Orbit:
-        """The orbit that a solution goes to."""
+        """The orbit to which a solution converges."""
         end = self.solution(values, x0, self.asked.transient).x_end
         return find_orbit(
             self.system, end, symmetry=self.study.symmetry, method=self.asked.method, rtol=RTOL,
@@ -100,10 +100,10 @@ class Smoother:
         return bool(np.max(np.abs(run.sol(np.linspace(0.9 * end, end, 2001))[1])) < self.asked.threshold)
 
     def branch(self, orbit: Orbit, last: float, follow: int) -> Branch:
-        """The branch to larger values, until so many points after its first fold.
+        """The branch to larger values, up to a number of points after its first fold.
 
-        In legs: steps are in units of the orbit at a leg's start, so one begins where the word has changed
-        and where the orbit has become half as large.
+        In parts: steps are in units of the orbit at a part's start, so a new one begins where the word has
+        changed and where the orbit has become half as large.
         """
         name, whole = self.study.parameter, None
         bounds = (orbit.parameters[name], last)
@@ -120,7 +120,7 @@ class Smoother:
             orbit = self.orbit({**orbit.parameters, name: point.value}, point.u[: self.system.dimension])
 
     def _leg(self, run: Continuation, whole: Branch, follow: int) -> BranchPoint | None:
-        """Append the points of one leg; the point at which the next one begins, None after the last."""
+        """Append the points of one part; the point at which the next one begins, None after the last."""
         start, changed, begun = None, False, bool(whole.points)
         for point in run:
             if start is None:
@@ -139,7 +139,7 @@ class Smoother:
 
 
 def relative(run: StudyRun) -> Section:
-    """Where the smoother model is right, and where not."""
+    """Where the smoother model is right, and where it is not."""
     asked, name = run.study.relative, run.study.parameter
     assert asked is not None
     found: list[Followed] = []

@@ -25,8 +25,8 @@ from filippov.plot.style import style
 
 # Fractions of the whole at which the cases, and all sections, are computed; the rest is drawing.
 CASES, COMPUTED = 0.25, 0.85
-# Every section in the order in which it stands in summary.json: what computes it, the entry of the study that
-# asks for it ("" for always), and how long it takes, in parts of the whole.
+# Every section in the order of summary.json: its function, the entry of the study that requests it ("" for
+# always), and its time, as a fraction of the whole.
 SECTIONS: tuple[tuple[Callable[[StudyRun], Section], str, float], ...] = (
     (response.model, "", 0), (response.response, "", 0), (response.event_map, "", 0),
     (diagram.fixed_points, "", 0), (diagram.bifurcation, "", 0), (checks.classification, "", 0),
@@ -36,7 +36,7 @@ SECTIONS: tuple[tuple[Callable[[StudyRun], Section], str, float], ...] = (
     (cycles.region_map, "plane", 0.08), (design.settings, "tuned", 0.15), (design.prediction, "laws", 0.05),
     (design.experiment, "experiment", 0.05), (smoother.relative, "relative", 0.3), (checks.checks, "", 0),
 )  # fmt: skip
-# Sections made from what another process may still be at when the others are done.
+# Sections made from parts that another process may still be computing when the others are done.
 LATE = (design.settings, design.experiment, smoother.relative)
 # The order of the sections in the report, and those of the appendix.
 ORDER = (
@@ -54,7 +54,7 @@ def run_study(
     """Run a study, a name or a declaration, into a folder and return its summary.
 
     progress  called with (done, all, what)
-    quick     coarser, to see whether it works
+    quick     coarser, for a trial run
     resolution   factor of the number of points in maps, diagrams, searches, 0.1 to 20
     jobs      processes that a study of the package is computed with; a script that asks for more than one
               needs the guard `if __name__ == "__main__":`
@@ -64,7 +64,7 @@ def run_study(
     """
     since, folder = time.perf_counter(), Path(output)
     os.environ.setdefault("MPLBACKEND", "Agg")
-    environment()  # without jinja2 or matplotlib this is the time to say so, not the end
+    environment()  # without jinja2 or matplotlib, fail now and not at the end
     with style():
         pass
     asked = get_study(study) if isinstance(study, str) else study
@@ -99,9 +99,9 @@ def run_study(
 
 
 def compute(run: StudyRun) -> tuple[list[Section], dict[str, tuple[str, bytes]]]:
-    """Every section that the study asks for, in their order, and their figures by name.
+    """Every section that the study requests, in order, and their figures by name.
 
-    Figures are drawn while another process computes what the last sections are made from.
+    Figures are drawn while another process computes the data of the last sections.
     """
     share = CASES / len(run.study.cases)
     for k, case in enumerate(run.study.cases):

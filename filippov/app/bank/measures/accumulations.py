@@ -1,4 +1,4 @@
-"""Where events accumulate (Zeno): when, how fast they contract, what comes after."""
+"""Accumulations of events (Zeno): their time, their ratios, the state afterwards."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from filippov.solving.state.events import Event
 from filippov.solving.state.machine import Machine
 
 LONGER = (1.0, 2.0, 8.0, 32.0)
-# Distances are compared down to here, and of so many events.
+# The least distance that is compared, and the most events.
 NEAREST, MOST = 1e-9, 24
 
 
 def accumulation(runs: CaseRuns) -> Solution:
-    """The run up to the limit of its events, from ever longer spans. Raises MissingError."""
+    """The run up to the limit of its events, from increasingly long spans. Raises MissingError."""
     start, end = runs.built.t_span
     for factor in LONGER:
         run = runs.solve(t_end=start + factor * (end - start), zeno="stop")
@@ -85,7 +85,7 @@ class Ratios(Measure, quantity="ratios"):
 
 
 def _tail(runs: CaseRuns) -> list[Event]:
-    """Events of the accumulating solution that are far enough from its limit to have digits."""
+    """Events of the accumulating solution that are far enough from its limit to be accurate."""
     events = runs.events()
     if len(events) < 6:
         events = runs.events(accumulation(runs))

@@ -1,4 +1,4 @@
-"""A formula in t and the states along the solution: extremes, averages, what is constant, what vanishes."""
+"""A formula in t and the states along the solution: extremes, averages, constancy, zeros."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _NODES, _GAUSS = np.polynomial.legendre.leggauss(24)
 
 
 class Along(Measure, quantity="along"):
-    """What a formula in t, the states and the parameters does along the solution.
+    """A property of a formula in t, the states and the parameters along the solution.
 
     take    max, min, max_abs (the largest magnitude: how far the formula is from vanishing), range (largest
             less least value), spread (the same in each part in one mode: how far it is from constant there),
@@ -113,7 +113,7 @@ def _integral(run: Solution, f: Callable[[Array], Array], low: float, high: floa
 class Share(Measure, quantity="share"):
     """The part of the time spent in some modes, or that time itself.
 
-    mode   a text of +, -, 0 and * (any) for each surface; what it leaves out is any
+    mode   a text of +, -, 0 and * (any) for each surface; missing ones are any
     slides  only modes that slide, or only those that do not
     """
 

@@ -1,4 +1,4 @@
-"""Events: one of them, their list, how many there are."""
+"""Events: one of them, their list, their number."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Filter(Measure):
     acting       only events at which the field or the state changes
     over         "span", or "period": the events of the last period of the solution that the run settles on
     x0           another start
-    until        the run is taken on to this time where that is beyond the span
+    until        the run is continued to this time if that is beyond the span
     """
 
     kind: Kind | None = None
@@ -92,7 +92,7 @@ def word(event: Event) -> str:
 
 
 def taken(runs: CaseRuns, event: Event, take: str) -> Any:
-    """What is asked of an event: t, kind, signed_kind, surface, state, state_after, or a state by name."""
+    """A property of an event: t, kind, signed_kind, surface, state, state_after, or a state by name."""
     after = event.x if event.x_after is None else event.x_after
     named = {
         "t": event.t, "kind": WORDS[event.kind], "signed_kind": word(event), "state": event.x,
@@ -105,7 +105,7 @@ def taken(runs: CaseRuns, event: Event, take: str) -> Any:
 
 
 class OneEvent(Filter, quantity="event"):
-    """One event: the `number`-th of those that the filter leaves, from 1, or from the end with -1.
+    """One event: the `number`-th of those that pass the filter, from 1, or from the end with -1.
 
     take   "t", "kind", "signed_kind" (cross+, exit-), "surface", "state", "state_after", the name of a state,
            or that name with @after
@@ -120,7 +120,7 @@ class OneEvent(Filter, quantity="event"):
 
 
 class SomeEvents(Filter, quantity="events"):
-    """All events that the filter leaves, or the first or last of them, as a list of what is taken of each."""
+    """A property of all events that pass the filter, or of the first or last of them, as a list."""
 
     first: int | None = None
     last: int | None = None
@@ -132,7 +132,7 @@ class SomeEvents(Filter, quantity="events"):
 
 
 class EventCount(Filter, quantity="event_count"):
-    """The number of events that the filter leaves."""
+    """The number of events that pass the filter."""
 
     def __call__(self, subject: CaseRuns) -> Any:
         return float(len(self.chosen(subject)))
@@ -140,7 +140,7 @@ class EventCount(Filter, quantity="event_count"):
 
 @dataclass(frozen=True)
 class EventRecord:
-    """What is known of one event; what is left out is not compared.
+    """The expected properties of one event; those left out are not compared.
 
     kind   with or without the direction: cross+, cross
     """

@@ -1,4 +1,4 @@
-"""What every measure is: a quantity that is worked out from a case's runs, numbers or a text."""
+"""The base of all measures: a quantity computed from a case's runs, numbers or a text."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Number = float | str
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
 class Measure:
-    """A quantity by name: a frozen dataclass; called with a case's runs it gives its value there.
+    """A quantity by name: a frozen dataclass; called with a case's runs it returns its value.
 
     Raises MissingError where the case has none.
     """
@@ -52,13 +52,13 @@ class PolynomialMeasure(Measure):
 
 # A time: a number, a formula, or another quantity that is one; where it is left out, the end of the span.
 When = Number | Measure | None
-# What a quantity is about: the span of the case, the last period of the solution that the run settles on, its
-# first sliding, all of its sliding, or an interval of times.
+# The times of a quantity: the span of the case, the last period of the solution that the run settles on, its
+# first sliding, all of its sliding, or an interval.
 Over = Literal["span", "period", "first_sliding", "sliding"] | tuple[When, When]
 
 
 class Formula(Measure, quantity="formula"):
-    """A formula in parameters and in other quantities by name; lists are taken entry by entry."""
+    """A formula in parameters and in other quantities by name; lists are evaluated entry by entry."""
 
     formula: str
     where: dict[str, Measure] = field(default_factory=dict)
@@ -83,7 +83,7 @@ def evaluated(subject: Any, text: str, given: dict[str, Any]) -> Any:
 
 
 def moment(runs: CaseRuns, when: When) -> float:
-    """The time that is meant; the end of the span where none is."""
+    """The value of a time; by default the end of the span."""
     if when is None:
         return runs.t_end
     if isinstance(when, Measure):
@@ -92,7 +92,7 @@ def moment(runs: CaseRuns, when: When) -> float:
 
 
 def segments_over(runs: CaseRuns, over: Over) -> list[tuple[Solution, float, float]]:
-    """The parts in one mode of what a quantity is about: run, begin and end of each. Raises MissingError."""
+    """The parts in one mode of a quantity's times: run, begin and end of each. Raises MissingError."""
     if over == "period":
         run, (low, high) = runs.cycle.run, runs.cycle.span
     elif isinstance(over, tuple):
@@ -120,7 +120,7 @@ def expression(
 
 
 def one_of(items: Sequence[Any], number: int, what: str) -> Any:
-    """The entry of that number, from 1, or from the end with -1. Raises MissingError."""
+    """The entry of a number, from 1, or from the end with -1. Raises MissingError."""
     if not number:
         raise ModelError("number is 0, expected 1, 2, ... from the first, or -1, -2, ... from the last.")
     place = number - 1 if number > 0 else number

@@ -1,4 +1,4 @@
-"""Periodic solutions: period, multipliers, stability; what harmonic balance predicts; folds of orbits."""
+"""Periodic solutions: period, multipliers, stability; predictions of harmonic balance."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class PeriodicOrbit(Measure, quantity="orbit"):
             else the second
     period  a guess of the period, for near_start
     half    multipliers of the half map x(0) -> -x(T/2), for solutions that are symmetric under x -> -x
-    trivial whether lists hold the multiplier 1 of an autonomous system, which single values leave out
+    trivial whether lists contain the multiplier 1 of an autonomous system, which single values omit
     """
 
     take: Literal["period", "multipliers", "moduli", "multiplier", "modulus", "exponent", "stability"]
@@ -40,7 +40,7 @@ class PeriodicOrbit(Measure, quantity="orbit"):
     trivial: bool = False
 
     def __call__(self, subject: CaseRuns) -> Any:
-        """What is taken of it. Raises MissingError."""
+        """The property. Raises MissingError."""
         if self.take == "period":
             cycle = self._cycle(subject)
             return self._orbit(subject).period if cycle is None else cycle.period
@@ -92,7 +92,7 @@ def _real(value: complex) -> float:
 
 
 def _eigenvalues(runs: CaseRuns, cycle: Cycle, half: bool) -> list[complex]:
-    """Of the derivative of the flow over the period, from the middle of its longest part in one mode."""
+    """Eigenvalues of the flow's derivative over a period, from the middle of its longest part in a mode."""
     (low, high), tiny = cycle.span, 1e-9 * cycle.period
     parts = [s for s in cycle.run.segments if s.t0 >= low - tiny and s.t1 <= high + tiny]
     parts = [s for s in parts if not slides(s.mode)] or parts
@@ -116,7 +116,7 @@ def _eigenvalues(runs: CaseRuns, cycle: Cycle, half: bool) -> list[complex]:
 
 
 class HarmonicBalance(Measure, quantity="harmonic_balance"):
-    """What harmonic balance predicts for a limit cycle: the `number`-th by growing amplitude."""
+    """A prediction of harmonic balance for a limit cycle: the `number`-th by growing amplitude."""
 
     take: Literal["period", "frequency", "amplitude"]
     number: int = 1

@@ -1,4 +1,4 @@
-"""Values of a parameter: where the solution begins to reach a surface, where a branch of solutions turns."""
+"""Values of a parameter: where the solution begins to reach a surface, where a branch has a fold."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from filippov.base.errors import SolveError, UsageError
 from filippov.base.names import check_known
 from filippov.base.status import EventKind
 
-SETTLED = 0.75  # what of a doubled span counts as settled
+SETTLED = 0.75  # the fraction of a doubled span that counts as settled
 
 
 class Threshold(Measure, quantity="threshold"):
     """The value of a parameter between settled solutions that reach a surface and those that do not.
 
-    It is halved from `between`, where one end has such events and the other has none, down to `width`; the
-    middle of what is left is returned. Settled is the last quarter of a run over twice the span.
+    By bisection of `between`, where one end has such events and the other has none, down to `width`; the
+    middle of the last interval. Settled is the last quarter of a run over twice the span.
     """
 
     parameter: str

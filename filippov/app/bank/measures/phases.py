@@ -14,7 +14,7 @@ class Phases(Measure, quantity="phases"):
 
     slides  whether those that slide are meant
     over    "span", or "period": those that lie within the last period of the solution that the run settles on
-    whole   without those at the begin and the end of the span, where there are others
+    whole   without those at the beginning and the end of the span, if there are others
     number  only that one, from 1 or from the end with -1; first: only so many
     take    length, interval ([begin, end]), begin, middle, end
     """
@@ -46,7 +46,7 @@ class Phases(Measure, quantity="phases"):
 
 
 def phases(segments: tuple[Segment, ...]) -> list[tuple[bool, float, float]]:
-    """Whether it slides, begin and end; a slip through h = 0 is one phase, whatever modes it passes."""
+    """Whether it slides, its begin and end; a slip through h = 0 is one phase, in any number of modes."""
     out: list[tuple[bool, float, float]] = []
     for segment in segments:
         kind, low = slides(segment.mode), segment.t0

@@ -21,7 +21,7 @@ NEAR_AXIS = 1e-9
 
 
 def assigned(polynomial: Polynomial, at: dict[str, Number]) -> Polynomial:
-    """The polynomial with numbers, as exact fractions, for parameters. Raises ModelError."""
+    """The polynomial with numbers, as exact fractions, substituted for parameters. Raises ModelError."""
     check_known("parameter", at, [symbol.name for symbol in polynomial.symbols])
     values = {name: sympy.Rational(str(formula(str(value), {}))) for name, value in at.items()}
     return polynomial.at(values) if at else polynomial

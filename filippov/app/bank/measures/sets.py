@@ -1,4 +1,4 @@
-"""Where the solution is a set, and where it rests."""
+"""Sets of solutions, and rest."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Rest(Measure, quantity="rest"):
 
 
 class Stop(Measure, quantity="stop"):
-    """When the solution comes to rest for good within the span, or where.
+    """The time at which the solution comes to permanent rest within the span, or the state.
 
     take   t, state, or the name of a state
     still  largest rate that counts as rest

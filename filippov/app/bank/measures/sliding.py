@@ -20,7 +20,7 @@ Array = npt.NDArray[np.float64]
 
 
 def under(runs: CaseRuns, rule: Rule | None, when: When) -> tuple[Solution, float]:
-    """The run under a rule of sliding, and the time that is meant. Raises MissingError."""
+    """The run under a rule of sliding, and the value of the time. Raises MissingError."""
     if when is None and not runs.main.status.ok and rule is None:
         return runs.main, runs.main.t_end
     t = moment(runs, when)

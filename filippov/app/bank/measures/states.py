@@ -1,4 +1,4 @@
-"""The state and its mode at a time, at the end of the run, and where it settles."""
+"""The state and its mode at a time and at the end of the run, and the steady state."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Rule = Literal["filippov", "moments", "utkin"]
 
 
 class State(Measure, quantity="state"):
-    """The state at a time; the run is taken on to there where it is beyond the span.
+    """The state at a time; the run is continued if that is beyond the span.
 
     component  one state by name; default: all
     side       "-" or "+": before or after a jump there
@@ -82,7 +82,7 @@ class SlidingOn(Measure, quantity="sliding_on"):
 
 
 class End(Measure, quantity="end"):
-    """How the run ends: its status as text (success, non_unique, zeno, grazing, not_finite, ...), or when.
+    """The end of the run: its status as text (success, non_unique, zeno, grazing, not_finite, ...), or time.
 
     take     status, t, or size: the largest |x| there
     grazing  whether the run ends at a grazing

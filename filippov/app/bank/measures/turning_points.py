@@ -1,4 +1,4 @@
-"""Where a state turns, and when a formula takes a value."""
+"""Turning points of a state, and the zeros of a formula."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class LevelTimes(Measure, quantity="level_times"):
 
 
 class TurningPoints(Measure, quantity="turning_points"):
-    """Where a state turns: times at which its derivative changes sign, or its values there.
+    """Turning points of a state: times at which its derivative changes sign, or its values there.
 
     component  its name
     kind       "max" or "min"; default: both
@@ -66,7 +66,7 @@ class TurningPoints(Measure, quantity="turning_points"):
         rows: list[tuple[float, Any, int]] = []
         for t, way in turning(subject, run, k):
             x = np.asarray(run.sol(t))
-            # The end of a time of rest is no turn.
+            # The end of a time of rest is not a turning point.
             if (not rows or abs(x[k] - rows[-1][1][k]) > 1e-12) and (self.start or t > begin + 1e-12):
                 rows.append((t, x, way))
         rows = [row for row in rows if self.kind is None or row[2] == (-1 if self.kind == "max" else 1)]

@@ -15,7 +15,7 @@ from filippov.app.bank.migrate import events, formulas, hybrid, orbits, polynomi
 from filippov.app.bank.migrate.rule import Old, Reading, nearest, readings, tolerance
 from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome, OutOfTimeError
 
-# The rules are entered, and tried, in this order.
+# The rules are registered, and tried, in this order.
 GROUPS = (events, states, sliding, orbits, formulas, sets, polynomials)
 _LABELLED = re.compile(r"(?P<label>[A-Z]\d+)_(?P<rest>.+)")
 _SYSTEM = record.hints(SystemForm)
@@ -67,7 +67,7 @@ def outcome(case: Case, entry: Entry, subjects: Subjects) -> Outcome:
 
 
 def first_reading(case: Case, entry: Entry, subjects: Subjects) -> tuple[Expectation, ...]:
-    """What an expectation means before anything is run; () where it is not understood."""
+    """The meaning of an expectation before anything is run; () where it is not understood."""
     try:
         return readings(_old(case, entry, subjects))[0].expectations
     except NotUnderstoodError:
@@ -75,9 +75,9 @@ def first_reading(case: Case, entry: Entry, subjects: Subjects) -> tuple[Expecta
 
 
 def migrated(case: Case, subjects: Subjects) -> tuple[dict[str, Any], list[str]]:
-    """The case in today's form, with the readings that are nearest in a run, and what to look at.
+    """The case in today's form, with the readings that are nearest in a run, and notes on what to check.
 
-    What could not be carried over is told, and kept under about. Raises ModelError for a case without a
+    What could not be carried over is noted, and kept under about. Raises ModelError for a case without a
     problem.
     """
     said: list[str] = []

@@ -31,7 +31,7 @@ _KIND = (
     "graze|grazing|touch"
 )
 _PLACE = {"first": 1, "second": 2, "third": 3, "fourth": 4, "fifth": 5, "last": -1}
-# How many values of a formula in n without a range are compared.
+# The number of values compared of a formula in n without a range.
 MOST = 24
 
 

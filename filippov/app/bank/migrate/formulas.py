@@ -1,4 +1,4 @@
-"""Names of formulas that are claimed to hold along the solution, and of quantities that are constant."""
+"""Names of formulas that should hold along the solution, and of quantities that should be constant."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ASIDE = re.compile(r"\s+\([^()]*(?:\([^()]*\)[^()]*)*\)")
 _PHRASE = re.compile(r"\b(?:while|during|in|along) (?:the )?(?:sliding|sliding motion|stick|sticking)\b")
 _CONTROL = ("equivalent control", "u_eq", "ueq", "sign value", "multiplier")
 _WORD = re.compile(r"[^\W\d]\w*")
-# Kind of event, names of its time, what follows the name of a state there.
+# Kind of event, names of its time, suffix of the names of states there.
 _MARKS: tuple[tuple[Any, str, str], ...] = (
     ("slide", "t_enter t_entry t_e te", "_e e _enter _entry"), ("exit", "t_exit t_x tx", "_exit"),
     ("cross", "t_cross t_c tc", "_cross"),
@@ -29,7 +29,7 @@ _SIGN = "sgn_value"
 
 
 def _over(old: Old) -> Any:
-    """What a claim is about: the first sliding, where its name or text say so, else the whole solution."""
+    """The range of a claim: the first sliding, where its name or text say so, else the whole solution."""
     text = f"{old.name} {old.value}".casefold()
     return "first_sliding" if re.search(r"slid|stick|after_ent", text) else "span"
 
@@ -48,7 +48,7 @@ def _known(old: Old) -> dict[str, Measure]:
 
 
 def _claims(text: str) -> list[tuple[str, str]]:
-    """The equations in a text, left and right sides, without asides in brackets."""
+    """The equations in a text, left and right sides, without remarks in brackets."""
     found = []
     for clause in re.split(r";|\band\b", text):
         for piece in parts(_PHRASE.sub("", clause)):
@@ -60,7 +60,7 @@ def _claims(text: str) -> list[tuple[str, str]]:
 
 
 def _side(old: Old, text: str) -> tuple[str, dict[str, Measure]]:
-    """A side of an equation as a formula, x(t) standing for x, and what its names stand for."""
+    """A side of an equation as a formula, with x for x(t), and the meaning of its names."""
     names, known = old.runs.names, _known(old)
     polar = {}
     if len(old.states) == 2:

@@ -23,7 +23,7 @@ _SIDE = re.compile(r"^\s*(?P<state>\w+)\s*(?P<relation>[<>]=?|=)\s*(?P<value>.+?
 
 
 def written_out(raw: Mapping[str, Any]) -> dict[str, Any]:
-    """The case with h and fields, or its automaton, from its hybrid text, where that can be read."""
+    """The case with h and fields, or an automaton, from its hybrid text, if that can be read."""
     text = raw.get("hybrid")
     if not isinstance(text, str) or any(raw.get(key) is not None for key in _OTHERS):
         return dict(raw)
@@ -69,7 +69,7 @@ def _flow(clauses: list[str], states: list[str]) -> dict[str, Any] | None:
             return None
         if match["relation"] == "=":
             surface = f"{match['state']}-({strict(match['value'], states)})"
-            # The guard is reached from above where what falls is asked for.
+            # The guard is reached from above where it is a falling one.
             side = side or "+"
         elif match["relation"].startswith(">"):
             side = "-"

@@ -110,7 +110,7 @@ def _after(old: Old, _: Groups) -> list[Reading]:
         point = [0.0] * len(old.states)
     else:
         raise NotUnderstoodError("the text names no point to stay at")
-    # A text has no digits of its own: what the accumulation's limit is good for.
+    # A text has no digits of its own: the accuracy of the accumulation's limit.
     return old.one(Accumulation("state_after"), value=point, atol=max(old.tol, 1e-8))
 
 

@@ -23,7 +23,7 @@ LONGEST_TOLERANCE = 100
 
 @dataclass(frozen=True)
 class Reading:
-    """What a name may mean: expectations, and what it means instead where they cannot be measured."""
+    """A meaning of a name: expectations, and the alternative where they cannot be measured."""
 
     expectations: tuple[Expectation, ...]
     instead: Reading | None = None
