@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from filippov.model.system import System
 
 # Name -> module that registers it when it is imported.
-BUILT_IN: dict[str, str] = {"hunting": "hunting_study", "belt": "belt_study"}
+BUILT_IN: dict[str, str] = {"hunting": "study.hunting", "belt": "study.belt"}
 
 Values = Mapping[str, float]
 Range = tuple[float, float]

@@ -157,9 +157,9 @@ def run(settings: dict[str, Any], console: Console) -> int:
 
 
 def test_13_8_a_study(copy: Copy) -> None:
-    text = (ROOT / "models/belt_study.py").read_text(encoding="utf-8")
-    copy.add("models/brake_study.py", text.replace('name="belt"', 'name="brake"'))
-    copy.put("models/studies.py", '"belt": "belt_study"}', '"brake": "brake_study", ')
+    text = (ROOT / "models/study/belt.py").read_text(encoding="utf-8")
+    copy.add("models/study/brake.py", text.replace('name="belt"', 'name="brake"'))
+    copy.put("models/studies.py", '"belt": "study.belt"}', '"brake": "study.brake", ')
     copy.put("filippov/app/report/checks.py", "def classification(", '''def about(run: StudyRun) -> Section:
     """A section of its own."""
     return Section("about", "About", [Words("p", f"A study of {run.study.model}.")])

@@ -426,7 +426,7 @@ def belt(tmp_path_factory):
 
 def test_13_6_the_belt_needs_a_declaration_of_a_few_lines_only():
     root = Path(__file__).resolve().parent.parent
-    assert len((root / "models" / "belt_study.py").read_text(encoding="utf-8").splitlines()) < 25
+    assert len((root / "models" / "study" / "belt.py").read_text(encoding="utf-8").splitlines()) < 25
 
 
 def test_13_6_the_belt_sticks_where_its_slip_comes_back(belt):

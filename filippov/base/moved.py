@@ -25,10 +25,11 @@ _MOVED: dict[tuple[str, str], str] = {
     ("filippov", "filippov.graphs"): ("graph graph_io guards reset_guards word"),
     ("filippov", "filippov.io"): ("archive export storage stored_system tree tree_storage"),
     ("filippov", "filippov.model"): (
-        "assemble check comparator contact equations expression extract hysteresis kinds parameter "
-        "parameter_symbol reduction regularize size spelling surface symbolic symbols system table "
+        "assemble check comparator contact equations expression extract kinds parameter "
+        "parameter_symbol reduction size spelling surface symbolic symbols system table "
         "time_event user_event"
     ),
+    ("filippov", "filippov.model.comparators"): ("hysteresis regularize"),
     ("filippov.plot", "filippov.plot"): ("motions>solution_comparison"),
     ("filippov", "filippov.plot"): (
         "plot_branch>branch plot_comparison>comparison plot_describing>describing plot_graph>graph "
@@ -58,9 +59,10 @@ _MOVED: dict[tuple[str, str], str] = {
         "compiler language>primitives operand translate unit"
     ),
     ("filippov._kernels", "filippov.kernel.loop"): (
-        "advance bernstein control dense elementary ensemble field land lap>event_cycle locate model "
-        "multiplier>gradients points probe record reset resolve rules segment start turn>ensemble"
+        "advance control dense elementary ensemble field land lap>event_cycle model "
+        "multiplier>gradients probe record reset resolve rules segment start turn>ensemble"
     ),
+    ("filippov._kernels", "filippov.kernel.loop.roots"): ("bernstein locate points"),
     ("filippov._kernels", "filippov.kernel.methods"): ("dense_lu radau"),
     ("filippov._kernels", "filippov.kernel.tables"): (
         "codes layout radau_tables tableaus tables>root_tables"

@@ -12,9 +12,9 @@ from sympy import Expr, Symbol
 from filippov.base.errors import ModelError
 from filippov.base.names import closest, unknown
 from filippov.model.check import as_expression, check_size
+from filippov.model.comparators.hysteresis import normalised
 from filippov.model.contact import contact_of
 from filippov.model.extract import Extractor
-from filippov.model.hysteresis import normalised
 from filippov.model.kinds import Kinds
 from filippov.model.parameter_symbol import ParameterNamespace, ParameterSymbol
 from filippov.model.signals.input import InputSymbol, as_symbols, inputs_in

@@ -376,14 +376,14 @@ class System:
         kept = {name: getattr(base, name) for name in _KEPT}
         content: dict[str, Any] = {**kept, "comparator": checked, "_base": base}
         if base.symbolic is not None:
-            from filippov.model.regularize import regularize_symbolic
+            from filippov.model.comparators.regularize import regularize_symbolic
 
             form, surfaces = regularize_symbolic(base.symbolic, base.surfaces, chosen)
             if form.p != base.symbolic.p:
                 content["parameters"] = ParameterSet({q.name: q.parameter for q in form.p})
             system._set(**content, symbolic=form, surfaces=surfaces, field=None)
         else:
-            from filippov.model.regularize_plain import regularize_functions
+            from filippov.model.comparators.regularize_plain import regularize_functions
 
             assert base.field is not None
             field, surfaces = regularize_functions(base.field, base.surfaces, chosen)

@@ -14,8 +14,8 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.model.comparator import Exact, by_surface
+from filippov.model.comparators.regularize import regularize_symbolic
 from filippov.model.extract import Extractor
-from filippov.model.regularize import regularize_symbolic
 from filippov.model.signals.input import as_symbols, sampled_in
 from filippov.model.symbolic import SymbolicForm, convex
 from filippov.model.system import System

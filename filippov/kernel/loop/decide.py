@@ -6,7 +6,6 @@ from filippov.kernel.loop.corner_event import leave_corner, reach_corner, take_c
 from filippov.kernel.loop.event_cycle import faint, zeno_horizon, zeno_remaining
 from filippov.kernel.loop.field import field
 from filippov.kernel.loop.land import EPS
-from filippov.kernel.loop.locate import BOUND_TOLERANCE
 from filippov.kernel.loop.model import (
     COMPONENT,
     LINEAR,
@@ -26,6 +25,7 @@ from filippov.kernel.loop.resolve import (
     resolve_touch,
     touch_or_root,
 )
+from filippov.kernel.loop.roots.locate import BOUND_TOLERANCE
 from filippov.kernel.loop.state import Trajectory
 from filippov.kernel.tables.codes import (
     AGAIN,

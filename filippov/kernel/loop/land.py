@@ -23,7 +23,7 @@ from filippov.kernel.loop.model import (
     guards,
     stages,
 )
-from filippov.kernel.loop.sampling import guard_rows
+from filippov.kernel.loop.roots.sampling import guard_rows
 from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.tables.codes import ROOT, SWITCHING, TOUCH, UPPER
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED

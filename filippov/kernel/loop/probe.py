@@ -11,7 +11,7 @@ from filippov.kernel.loop.model import (
     radii,
     stages,
 )
-from filippov.kernel.loop.sampling import dense_output, sample
+from filippov.kernel.loop.roots.sampling import dense_output, sample
 from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.tables.root_tables import NODES
 

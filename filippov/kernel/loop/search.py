@@ -12,7 +12,6 @@ from filippov.kernel.loop.control import (
 )
 from filippov.kernel.loop.field import field
 from filippov.kernel.loop.land import land, reached_before
-from filippov.kernel.loop.locate import NOISY, locate
 from filippov.kernel.loop.model import (
     AFFINE,
     CLAMPED,
@@ -32,7 +31,8 @@ from filippov.kernel.loop.model import (
 )
 from filippov.kernel.loop.record import store_step
 from filippov.kernel.loop.resolve import widen
-from filippov.kernel.loop.sampling import dense_output, dense_value, guard_noise, guard_rows, straight
+from filippov.kernel.loop.roots.locate import NOISY, locate
+from filippov.kernel.loop.roots.sampling import dense_output, dense_value, guard_noise, guard_rows, straight
 from filippov.kernel.loop.state import Scratch, Trajectory
 from filippov.kernel.tables.codes import AGAIN, ARRIVED, GO_ON, LOST, LOWER, NOTHING, ROOT, UPPER, USER_ERROR
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED

@@ -28,7 +28,7 @@ from filippov.kernel.loop.model import (
     P,
     rhs,
 )
-from filippov.kernel.loop.points import X, prepare_points, sliding_beside
+from filippov.kernel.loop.roots.points import X, prepare_points, sliding_beside
 from filippov.kernel.loop.rules import UTKIN
 from filippov.kernel.loop.state import Integers, Scratch
 from filippov.kernel.tables.layout import LANES, LOOKS

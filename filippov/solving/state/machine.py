@@ -258,7 +258,7 @@ class Machine:
         Raises ModelError where a width is not positive for them.
         """
         if self.system.variable_widths:
-            from filippov.model.hysteresis import check_widths
+            from filippov.model.comparators.hysteresis import check_widths
 
             assert self.system.symbolic is not None
             check_widths(self.system.symbolic, self.system.surfaces, values)

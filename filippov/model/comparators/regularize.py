@@ -11,8 +11,8 @@ from sympy import Expr, Symbol
 from filippov.base.errors import ModelError
 from filippov.base.symbolic_value import is_expression
 from filippov.model.comparator import Band, Comparator, Exact, Hysteresis, Karnopp, Smooth, Switch, numbers_of
+from filippov.model.comparators.stick_band import UNIT, NewSurfaces, StickBand, kink
 from filippov.model.parameter_symbol import ParameterSymbol
-from filippov.model.stick_band import UNIT, NewSurfaces, StickBand, kink
 from filippov.model.surface import Surface
 from filippov.model.symbolic import Select, SymbolicForm, convex
 

@@ -12,7 +12,7 @@ import numpy as np
 from filippov.base.errors import ModelError
 from filippov.base.symbolic_value import is_expression
 from filippov.model.comparator import Band, Comparator, Exact, Hysteresis, Smooth, numbers_of
-from filippov.model.stick_band import kink
+from filippov.model.comparators.stick_band import kink
 from filippov.model.surface import Surface
 
 

@@ -30,7 +30,7 @@ from filippov.kernel.loop.model import (
     guards,
     radii,
 )
-from filippov.kernel.loop.points import place_point, point_rows, prepare_points, take_rows
+from filippov.kernel.loop.roots.points import place_point, point_rows, prepare_points, take_rows
 from filippov.kernel.loop.rules import UTKIN
 from filippov.kernel.loop.series import has_series, series_dense, series_sample, series_value
 from filippov.kernel.loop.state import Integers, Scratch

@@ -10,7 +10,6 @@ A guard that needs this in many places asks for a shorter step.
 """
 
 from filippov.kernel.language.primitives import Indices, Vector, inline, kernel, shift
-from filippov.kernel.loop.bernstein import bernstein_value, coefficient_range, deflate, first_root
 from filippov.kernel.loop.land import guard_scale
 from filippov.kernel.loop.model import (
     AFFINE,
@@ -25,7 +24,8 @@ from filippov.kernel.loop.model import (
     M,
     N,
 )
-from filippov.kernel.loop.sampling import (
+from filippov.kernel.loop.roots.bernstein import bernstein_value, coefficient_range, deflate, first_root
+from filippov.kernel.loop.roots.sampling import (
     CHECK_APART,
     CHECK_FIRST,
     dense_value,

@@ -1,0 +1,1 @@
+"""Mechanical systems of the gallery: friction, impacts, rolling and rocking bodies."""
