@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from filippov.kernel.language.compiler import compile_unit, load_objects
 from filippov.kernel.language.primitives import KernelError
 from filippov.kernel.language.unit import Unit, add_kernels
-from filippov.kernel.loop import bernstein, dense
+from filippov.kernel.loop import dense
+from filippov.kernel.loop.roots import bernstein
 from filippov.kernel.tables import root_tables as tables
 
 ROOM = tables.DEPTH + 3

@@ -73,6 +73,16 @@ def uncoupled() -> int:
     return 1 if M > 1 and AFFINE and COLOURS == 1 and LARGEST == 1 else 0
 
 
+@lanes
+def vertex_fields(t: float, x: Vector, p: Vector, m: Vector, w: Scratch, ctx: Indices) -> None:
+    """The gradients, and the fields with all sliding signs at the lower and at the upper end, in `vert`."""
+    gradients(t, x, p, m, w.g, w.gt, ctx)
+    for i in range(M):
+        w.s[i] = -1.0 if m[i] == 0.0 else m[i]
+        w.s2[i] = 1.0 if m[i] == 0.0 else m[i]
+    pair(t, x, p, w.s, w.s2, m, w.vert, shift(w.vert, N), ctx)
+
+
 @contract
 @lanes
 def slide_apart(
@@ -80,11 +90,7 @@ def slide_apart(
 ) -> int:
     """Both fields with all sliding signs at one end of their sets, each velocity blended by its own sign."""
     low, high = w.vert, shift(w.vert, N)
-    gradients(t, x, p, m, w.g, w.gt, ctx)
-    for i in range(M):
-        w.s[i] = -1.0 if m[i] == 0.0 else m[i]
-        w.s2[i] = 1.0 if m[i] == 0.0 else m[i]
-    pair(t, x, p, w.s, w.s2, m, low, high, ctx)
+    vertex_fields(t, x, p, m, w, ctx)
     for i in range(M):
         minus, plus = rate(i, low, w), rate(i, high, w)
         value = multiplier(plus, minus, w.mult[i].value)
@@ -115,11 +121,7 @@ def slide(
 ) -> int:
     """Both vertex fields and their blend, without the rounding error across the surface."""
     g, low, high = w.xm, w.vert, shift(w.vert, N)
-    gradients(t, x, p, m, w.g, w.gt, ctx)
-    for i in range(M):
-        w.s[i] = -1.0 if m[i] == 0.0 else m[i]
-        w.s2[i] = 1.0 if m[i] == 0.0 else m[i]
-    pair(t, x, p, w.s, w.s2, m, low, high, ctx)
+    vertex_fields(t, x, p, m, w, ctx)
     size = pick_gradient(m, w)
     drift, value, slides = 0.0, 0.0, 0.0
     for i in range(M):

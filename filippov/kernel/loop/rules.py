@@ -136,8 +136,10 @@ def slide_affine(
 def vertex_fields(t: float, x: Vector, p: Vector, m: Vector, w: Scratch, iw: Integers, ctx: Indices) -> int:
     """The fields at the 2**k vertices of the signs, and the rates of the sliding surfaces under each.
 
-    Bit c of a vertex's number tells the side of the c-th of the listed surfaces.
+    Bit c of a vertex's number tells the side of the c-th of the listed surfaces. A code of `field`.
     """
+    if iw.sliding > MOST_ENUMERATED:
+        return 2
     k, vertices = iw.sliding, 1 << iw.sliding
     for v in range(vertices):
         for c in range(k):
@@ -166,12 +168,10 @@ def slide_multi_affine(
     t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """2**k vertex fields and Newton's method on the k multipliers, started from the last ones."""
-    k = iw.sliding
-    if k > MOST_ENUMERATED:
-        return 2
-    vertices = 1 << k
-    if vertex_fields(t, x, p, m, w, iw, ctx) != 0:
-        return 1
+    code = vertex_fields(t, x, p, m, w, iw, ctx)
+    if code != 0:
+        return code
+    k, vertices = iw.sliding, 1 << iw.sliding
     done, last = False, 1e300
     for _ in range(30):
         for c in range(k):
@@ -221,12 +221,10 @@ def slide_moments(
     t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
     """2**k vertex fields and one linear system for their weights."""
-    k = iw.sliding
-    if k > MOST_ENUMERATED:
-        return 2
-    vertices = 1 << k
-    if vertex_fields(t, x, p, m, w, iw, ctx) != 0:
-        return 1
+    code = vertex_fields(t, x, p, m, w, iw, ctx)
+    if code != 0:
+        return code
+    k, vertices = iw.sliding, 1 << iw.sliding
     for c in range(k):
         norm = sqrt(gradient_product(iw.listed[c], iw.listed[c], w) + 1e-300)
         for v in range(vertices):

@@ -28,7 +28,7 @@ from filippov.kernel.loop.state import (
 from filippov.kernel.tables import codes
 from filippov.model.system import System
 from filippov.model.time_event import TimeEvent
-from filippov.solving.state.clocks import tick_rows
+from filippov.solving.state.clocks import start_clock, tick_rows
 from filippov.solving.state.event_log import looked_at
 from filippov.solving.state.events import Stop
 from filippov.solving.state.gradients import check_gradients
@@ -80,11 +80,7 @@ class Batch:
         self.machine, self.size, self.options = machine, k, options
         self.values, self.x = values, states.copy()
         clock, count = Clock.new(), Count.new()
-        clock.t = clock.t_start = span[0]
-        clock.t_end = clock.t_final = span[1]
-        clock.instant = clock.event_t = np.nan
-        clock.rtol, clock.max_step = options.rtol, options.max_step
-        clock.step = options.first_step or 0.0
+        start_clock(clock, span, options)
         count.step_budget, count.event_budget = options.max_steps, options.max_events
         events = machine.time_events if machine.ticking and span[1] > span[0] else ()
         # Whether the compiled loop stops wherever the field is to change.

@@ -1,4 +1,4 @@
-"""The next instant at which the time events of a system are due, or a knot of its inputs."""
+"""The clock of a run: its start, and the next instant of a time event or of a knot of the inputs."""
 
 from __future__ import annotations
 
@@ -9,11 +9,21 @@ from typing import Any
 import numpy as np
 
 from filippov.kernel.language.records import Rows
-from filippov.kernel.loop.state import Tick
+from filippov.kernel.loop.state import Clock, Tick
 from filippov.kernel.loop.ticks import following, preceding, same_time
 from filippov.model.system import System
 from filippov.model.time_event import TimeEvent
 from filippov.solving.state.machine import Array
+from filippov.solving.state.options import Options
+
+
+def start_clock(clock: Clock, span: tuple[float, float], options: Options) -> None:
+    """Set a clock, in zeros, to the start of a run."""
+    clock.t = clock.t_start = span[0]
+    clock.t_end = clock.t_final = span[1]
+    clock.instant = clock.event_t = math.nan
+    clock.rtol, clock.max_step = options.rtol, options.max_step
+    clock.step = options.first_step or 0.0
 
 
 def tick_rows(

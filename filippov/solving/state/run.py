@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,7 +14,7 @@ from filippov.kernel.language.records import Rows
 from filippov.kernel.loop.state import Clock, Count, EventCycles, Trajectory
 from filippov.kernel.tables import codes
 from filippov.kernel.tables.root_tables import NODES
-from filippov.solving.state.clocks import Clocks
+from filippov.solving.state.clocks import Clocks, start_clock
 from filippov.solving.state.event_log import EventLog
 from filippov.solving.state.events import Mode, Stop
 from filippov.solving.state.gradients import check_gradients, scatter
@@ -78,11 +77,7 @@ class Run:
         self.options = options
         self.x[:] = x0
         self.mode.fill(1.0)
-        clock.t = clock.t_start = span[0]
-        clock.t_end = clock.t_final = span[1]
-        clock.instant = clock.event_t = math.nan
-        clock.rtol, clock.max_step = options.rtol, options.max_step
-        clock.step = options.first_step or 0.0
+        start_clock(clock, span, options)
         count.store = int(options.dense_output)
         count.event_room, count.record_room = _EVENT_ROOM + m, _RECORD_ROOM
         self.atol[:] = (
