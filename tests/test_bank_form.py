@@ -16,8 +16,8 @@ from filippov.app.bank import migrate_bank, run_bank, schema
 from filippov.app.bank.case import read_bank
 from filippov.app.bank.case_runs import CaseRuns, Settings
 from filippov.app.bank.measures import GROUPS, QUANTITIES
-from filippov.app.bank.record import written
 from filippov.app.bank.subjects import Subjects
+from filippov.app.bank.typed_json import written
 from filippov.app.cli.main import main
 from filippov.solving.state.options import Options
 

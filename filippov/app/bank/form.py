@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from filippov.app.bank import measures, record
+from filippov.app.bank import measures, typed_json
 from filippov.app.bank.expectation import Expectation
 from filippov.app.bank.measures.measure import Number
 
@@ -112,10 +112,10 @@ class BankForm:
 
 def read_case(given: Mapping[str, Any]) -> CaseForm:
     """A checked case of this form. Raises ModelError that names what is wrong, and where."""
-    case: CaseForm = record.read(CaseForm, given, "the case")
+    case: CaseForm = typed_json.read(CaseForm, given, "the case")
     return case
 
 
 def schema() -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of a bank."""
-    return record.schema(BankForm, "A bank of cases for filippov")
+    return typed_json.schema(BankForm, "A bank of cases for filippov")

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import sympy
 from sympy import Expr
 
-from filippov.app.bank import record
+from filippov.app.bank import typed_json
 from filippov.app.bank.build import Built
 from filippov.app.bank.case import Case, read_bank
 from filippov.app.bank.case_runs import CaseRuns, Settings
@@ -59,10 +59,10 @@ def whole_and_parts(case: Case) -> list[Case]:
     expected, found = subjects.expectations(), []
     for label in dict.fromkeys(expectation.part for expectation in expected):
         own = [replace(expectation, part="") for expectation in expected if expectation.part == label]
-        known, given = record.hints(SystemForm), subjects.system(label)
+        known, given = typed_json.hints(SystemForm), subjects.system(label)
         system = {k: v for k, v in given.items() if k in known and v is not None}
         name = f"{case.id} {label}".strip()
-        found += read_bank([{**system, "id": name, "expected": record.written(own)}])
+        found += read_bank([{**system, "id": name, "expected": typed_json.written(own)}])
     return found
 
 

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from filippov.app.bank import record
+from filippov.app.bank import typed_json
 from filippov.app.bank.case import Case, Entry
 from filippov.app.bank.expectation import Expectation, Subject
 from filippov.app.bank.form import SystemForm
@@ -18,7 +18,7 @@ from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome,
 # The rules are registered, and tried, in this order.
 GROUPS = (events, states, sliding, orbits, formulas, sets, polynomials)
 _LABELLED = re.compile(r"(?P<label>[A-Z]\d+)_(?P<rest>.+)")
-_SYSTEM = record.hints(SystemForm)
+_SYSTEM = typed_json.hints(SystemForm)
 Subjects = Callable[[str], Subject]
 
 
@@ -108,7 +108,7 @@ def migrated(case: Case, subjects: Subjects) -> tuple[dict[str, Any], list[str]]
     gone = {"id", "expected", "hybrid", "more", "n_events", *_SYSTEM, "polynomial", "parts"}
     about = {k: v for k, v in case.raw.items() if k not in gone and v not in (None, "")}
     about |= {"not_carried_over": left} if left else {}
-    data = {"id": case.id, **own, "expected": record.written(expected)}
+    data = {"id": case.id, **own, "expected": typed_json.written(expected)}
     return data | ({"about": about} if about else {}), said
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from sympy import Symbol
 
-from filippov.app.bank import record
+from filippov.app.bank import typed_json
 from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.expectation import LONGEST_LIST
 from filippov.app.bank.measures.events import EventCount, EventList, EventRecord, OneEvent, SomeEvents
@@ -89,7 +89,7 @@ def _record(old: Old, item: dict[str, Any], key: str) -> EventRecord:
         where = key if base in ("reset", "time") else "state"
         data[where] = [float(v) for v in np.atleast_1d(old.numbers(state))]
     try:
-        found: EventRecord = record.read(EventRecord, data, "event")
+        found: EventRecord = typed_json.read(EventRecord, data, "event")
     except ModelError as error:
         raise NotUnderstoodError(str(error)) from None
     return found
