@@ -108,9 +108,9 @@ def test_12_numbers_are_printed_as_they_were_written(digits: int, places: int) -
 
 def test_12_numbers_in_a_report() -> None:
     text = stability_report(System({x: v, v: -0.2 * x - 0.3 * v - 0.1 * sign(v)})).to_text()
-    assert "p(s) = s**2 + 0.3*s + 0.2" in text
+    assert "p(lambda) = lambda**2 + 0.3*lambda + 0.2" in text
     fractions = stability_report(System({x: v, v: -x / 5 - 3 * v / 10})).to_text()
-    assert "p(s) = s**2 + 3/10*s + 1/5" in fractions
+    assert "p(lambda) = lambda**2 + 3/10*lambda + 1/5" in fractions
     assert not re.search(r"\d{12,}", text + fractions)
     assert plain(False)(sympy.Rational(4330127018922193, 5000000000000000)) == "0.8660254038"
     assert plain(True)(sympy.sqrt(x) / 5) == "0.2*sqrt(x)"
@@ -202,3 +202,17 @@ def test_12_names_of_states_are_formulas_in_latex() -> None:
     assert "$x_{1}$ = " in document
     assert "F_{s}" in document
     assert "k_{p}" in document
+
+
+def test_12_sets_of_one_kind_are_told_apart_and_s_is_the_multiplier_alone() -> None:
+    """A pendulum with friction rests about 0 and about pi: one line tells which of the sets is stable."""
+    q, w = states("q w")
+    report = stability_report(System({q: w, w: -sympy.sin(q) - 0.1 * sign(w)}))
+    line = next(part for part in report.to_text().splitlines() if part.startswith("Verdict: "))
+    low, high = math.pi - math.asin(0.1), math.pi + math.asin(0.1)
+    assert f"between ({low:.6g}, 0) and ({high:.6g}, 0): unstable" in line
+    assert line.count("set of equilibria") == 2
+    stable = re.findall(r"between \(([-.\d]+), 0\) and \(([-.\d]+), 0\): asymptotically stable", line)
+    assert [sorted(map(float, ends)) for ends in stable] == [pytest.approx([-0.100167, 0.100167], abs=1e-6)]
+    assert "s in [-1, 1]" in report.to_text()
+    assert not re.search(r"p\(s\)|s\^\d|\bs\*\*", report.to_text())

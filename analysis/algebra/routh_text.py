@@ -137,7 +137,7 @@ def _polynomial(result: RouthResult, formula: Formula, times: str) -> str:
 
 def _sentences(result: RouthResult, formula: Formula, tex: bool) -> list[str]:
     """What was found in the array and what follows from it, one sentence an item."""
-    lines = [_found(special, result.s, formula, tex) for special in result.special]
+    lines = [_found(special, result.s, formula) for special in result.special]
     counts, conditions = result.counts, result.conditions
     if counts is not None:
         lines.append(f"roots: {counts.rhp} right, {counts.axis} on the axis, {counts.lhp} left")
@@ -158,9 +158,8 @@ def _sentences(result: RouthResult, formula: Formula, tex: bool) -> list[str]:
     return [*lines, result.message] if result.message else lines
 
 
-def _found(special: Special, s: sympy.Symbol, formula: Formula, tex: bool) -> str:
-    row = f"{s}^0" if special.power == 0 else formula(s**special.power)
-    row = f"${s}^0$" if special.power == 0 and tex else row
+def _found(special: Special, s: sympy.Symbol, formula: Formula) -> str:
+    row = formula(sympy.Pow(s, special.power, evaluate=special.power != 0))
     if special.auxiliary is None:
         return f"the first entry of row {row} is zero; replaced by an infinitesimal epsilon > 0"
     auxiliary = formula(special.auxiliary)

@@ -15,7 +15,7 @@ from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.budget import Clock
 from filippov.analysis.algebra.polynomial import Verdict, count_roots, exact
 from filippov.analysis.algebra.routh_hurwitz import RouthHurwitz, routh_hurwitz
-from filippov.analysis.local_stability.stability_result import SetStability, Solved
+from filippov.analysis.local_stability.stability_result import EIGENVALUE, SetStability, Solved
 from filippov.analysis.steady.linearisation import SlidingLinearisation
 from filippov.base.errors import UsageError
 from filippov.model import symbols
@@ -89,7 +89,8 @@ class Context:
             return None
         for given in (polynomial, [self._rational(c) for c in polynomial]):
             try:
-                return routh_hurwitz(given, assume=self.assume, budget=min(10.0, self.clock.remaining()))
+                left = min(10.0, self.clock.remaining())
+                return routh_hurwitz(given, EIGENVALUE, assume=self.assume, budget=left)
             except UsageError:
                 return None
             except sympy.PolynomialError:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.algebra.routh_hurwitz import RouthHurwitz
@@ -99,6 +100,10 @@ class EquilibriumStability:
     answer: Answer
     statements: tuple[Statement, ...]
     solved: Solved | None = None
+
+
+# Of characteristic polynomials: s is a multiplier. No state or parameter can have the name.
+EIGENVALUE = sympy.Symbol("lambda")
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from sympy.core.relational import Relational
 from filippov.analysis.algebra import routh_text
 from filippov.analysis.algebra.number_text import Formula, plain, tex
 from filippov.analysis.local_stability.stability_result import (
+    EIGENVALUE,
     EquilibriumStability,
     SlipCase,
     Solved,
@@ -109,6 +110,20 @@ def _summary(result: StabilityResult, style: Style) -> str:
 
 
 def _title(item: EquilibriumStability, result: StabilityResult, style: Style) -> str:
+    """What an equilibrium is called; those of one kind and mode are told apart by their place."""
+    named = _kind(item, result, style)
+    alike = [other for other in result.items if _kind(other, result, style) == named]
+    return named if len(alike) < 2 else f"{named}, {_at(item.equilibrium)}"
+
+
+def _at(e: EquilibriumPoint | EquilibriumSet) -> str:
+    if isinstance(e, EquilibriumPoint):
+        return f"at {_values(e.value, 6)}"
+    shown = [_values(end.value, 6) for end in e.ends]
+    return f"between {shown[0]} and {shown[1]}" if len(shown) == 2 else f"with {len(shown)} ends"
+
+
+def _kind(item: EquilibriumStability, result: StabilityResult, style: Style) -> str:
     e = item.equilibrium
     on = ", ".join(name for name, c in zip(result.surfaces, e.mode, strict=True) if c == "0")
     kind = "set of equilibria" if isinstance(e, EquilibriumSet) else e.kind
@@ -167,8 +182,8 @@ def _name(state: str, style: Style) -> str:
     return style.formula(sympy.Symbol(state))
 
 
-def _values(values: Sequence[float]) -> str:
-    return "(" + ", ".join(f"{v:.10g}" for v in values) + ")"
+def _values(values: Sequence[float], digits: int = 10) -> str:
+    return "(" + ", ".join(f"{v:.{digits}g}" for v in values) + ")"
 
 
 def _case(case: SlipCase, ends: bool, style: Style) -> list[str]:
@@ -232,8 +247,8 @@ def _statement(statement: Statement, style: Style) -> str:
 
 
 def _polynomial(coefficients: Sequence[Any]) -> Any:
-    s, n = sympy.Symbol("s"), len(coefficients) - 1
-    terms = [c * s ** (n - k) for k, c in enumerate(coefficients)]
+    n = len(coefficients) - 1
+    terms = [c * EIGENVALUE ** (n - k) for k, c in enumerate(coefficients)]
     return sympy.Add(*terms)
 
 
