@@ -29,7 +29,8 @@ def finished(
     problem, events = course.problem, watch.events(run)
     system = problem.system
     events.place_of, events.states = system.surface_place, system.states
-    events.names = (*system.surface_names, *(event.name for event in system.time_events), *watch.names)
+    if watch.users:  # the loop has them before the time events
+        events.names = (*system.surface_names, *(event.name for event in system.time_events), *watch.names)
     njev, nlu = run.factorisations()
     return Solution.made_of(
         course, problem=problem, options=run.options, status=status, events=events, user_events=watch.names,

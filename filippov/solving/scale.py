@@ -39,6 +39,9 @@ def default_atol(system: System, x0: Array, span: tuple[float, float], p: Array,
 
     A start that is not small keeps 1e-12.
     """
+    # Most starts are not small, which `small` tells of many at once.
+    if options.rtol * max(map(abs, x0.tolist()), default=0.0) >= LARGEST_ATOL:
+        return LARGEST_ATOL
     return float(default_atols(system, x0[None, :], span, p[None, :], options)[0])
 
 

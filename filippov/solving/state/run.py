@@ -67,6 +67,10 @@ class Run:
             lam=self.lam, atol=self.atol, stop=self.stop, zeno=self.zeno, rec=self.record,
             rec_coef=self.coef, events=self.found, marks=self.marks,
         )  # fmt: skip
+        self._blank = (
+            self.order, self.trigger, self.lam, self.stop, self.zeno.array, self.clock.array, self.count.array,
+            self.trajectory.now.array,
+        )  # fmt: skip
         self.own, self.ticked = machine, False
         self.attach(machine)
         self._start(x0, span, options)
@@ -97,10 +101,8 @@ class Run:
     def again(self, p: Array, x0: Array, span: tuple[float, float], options: Options) -> None:
         """As a new run of the same machine, with other values."""
         self.machine.again(p)
-        for array in (self.order, self.trigger, self.lam, self.stop, self.zeno.array):
+        for array in self._blank:
             array.fill(0)
-        for record in (self.clock, self.count, self.trajectory.now):
-            record.array.fill(0)
         self._start(x0, span, options)
 
     def attach(self, machine: Machine) -> None:
