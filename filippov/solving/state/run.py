@@ -68,8 +68,8 @@ class Run:
             rec_coef=self.coef, events=self.found, marks=self.marks,
         )  # fmt: skip
         self._blank = (
-            self.order, self.trigger, self.lam, self.stop, self.zeno.array, self.clock.array, self.count.array,
-            self.trajectory.now.array,
+            self.order, self.trigger, self.lam, self.stop, self.zeno.array,
+            self.clock.array, self.count.array, self.trajectory.now.array,
         )  # fmt: skip
         self.own, self.ticked = machine, False
         self.attach(machine)
