@@ -20,12 +20,18 @@ from filippov.solving.state.events import Event, Mode
 Array = npt.NDArray[np.float64]
 
 
-def reset_slopes(system: System, event: Event, names: tuple[str, ...], p: Array) -> Array:
-    """dR/dy of the reset y+ = R(y) at an event: (N, N). UsageError for a system of plain functions."""
+def reset_slopes(
+    system: System, event: Event, names: tuple[str, ...], p: Array, at: Array | None = None
+) -> Array:
+    """dR/dy of the reset y+ = R(y) at an event: (N, N). UsageError for a system of plain functions.
+
+    at: the state where another reset of the instant comes first
+    """
+    x = event.x if at is None else at
     n, slopes = len(_form(system).x), _slopes(system, event.index, tuple(event.before), names)
     out = np.eye(n + len(names) + 1)
     with np.errstate(all="ignore"):
-        out[:n] = np.reshape(slopes(np.float64(event.t), *event.x, *p), (n, -1))
+        out[:n] = np.reshape(slopes(np.float64(event.t), *x, *p), (n, -1))
     return out
 
 

@@ -353,17 +353,47 @@ class Together:
         return slope, self.field(self.after)[1]
 
     def _reset(self, events: Sequence[Event]) -> Array:
-        if len(events) > 1:
-            names = ", ".join(repr(e.surface) for e in events)
-            raise self.refused(f"{names} happen at once, resets among them")
-        (event,) = events
-        by = reset_slopes(self.system, event, self.names, self.p)
-        before, after = self.field(self.before)[1], self.field(self.after, event.x_after)[1]
-        if event.kind is EventKind.TIME:
-            slope, rate = instant_slopes(self.system, event, self.names, self.p), 1.0
+        resets = [e for e in events if e.x_after is not None]
+        left = [e for e in events if e.x_after is None]
+        clocks = all(e.kind is EventKind.TIME for e in resets)
+        if len(events) > 1 and not (clocks and all(e.kind is EventKind.EXIT for e in left)):
+            raise self._resets_among(events)
+        by, x_after = np.eye(self.system.dimension + len(self.names) + 1), self.x
+        machine = Machine(self.system, self.solution.options.stepper, self.p)
+        for event in resets:
+            by = reset_slopes(self.system, event, self.names, self.p, x_after) @ by
+            if len(resets) > 1:
+                x_after = machine.reset(event.index, self.t, x_after, np.array(self.before, dtype=float))
+        x_after = resets[-1].x_after
+        assert x_after is not None
+        before, after = self.field(self.before)[1], self.field(self.after, x_after)[1]
+        if clocks:
+            slopes = [instant_slopes(self.system, event, self.names, self.p) for event in resets]
+            slope, rate = slopes[0], 1.0
+            if any(not np.array_equal(slope, other) for other in slopes):
+                raise self._resets_among(events)
         else:
-            slope, rate = self.rate(self.before, event.index, 1)
+            slope, rate = self.rate(self.before, resets[0].index, 1)
+        if left and not self._off(left, by - np.outer(by @ before, slope), x_after):
+            raise self._resets_among(events)
         return np.asarray(by + np.outer(after - by @ before, slope) / rate)
+
+    def _off(self, left: Sequence[Event], change: Array, x_after: Array) -> bool:
+        """Whether neighbours, which slide too, are on the surfaces that a clock makes them leave, after it.
+
+        change: dy after by dy before, each at the clock's instant
+        """
+        signs = np.zeros((1, len(self.before)))
+        t, part = np.array([self.t]), mode_field(self.system, self.after, self.names, self.jacobian)
+        held = [i for i, sign in enumerate(self.before) if sign == 0]
+        normals = part.part("hy", t, self.x[None, :], signs, self.p)[0, held]
+        seen = part.part("hy", t, x_after[None, :], signs, self.p)[0, [e.index for e in left]] @ change
+        beside = seen - seen @ np.linalg.pinv(normals) @ normals
+        return bool(np.max(np.abs(beside)) <= 1e-9 * (np.max(np.abs(seen)) + np.max(np.abs(normals))))
+
+    def _resets_among(self, events: Sequence[Event]) -> NotDifferentiableError:
+        names = ", ".join(repr(e.surface) for e in events)
+        return self.refused(f"{names} happen at once, resets among them")
 
     def leads(self, event: Event) -> bool:
         """Whether the event occurs by itself, and does not follow from another one of the instant."""

@@ -59,6 +59,16 @@ def sampled_range(row: int, w: Scratch) -> tuple[float, float]:
 
 
 @kernel
+def at_end_throughout(row: int, tolerance: float, w: Scratch) -> bool:
+    """Whether a multiplier is at an end of its set up to rounding on the whole piece, which is no polynomial.
+
+    So it is where a surface is a solution of the field on one side, as a curve of optimal switching.
+    """
+    least, most = sampled_range(row, w)
+    return least >= -tolerance and most <= tolerance
+
+
+@kernel
 def rises(row: int, w: Scratch) -> bool:
     """Whether all samples of a guard except the first are positive: it may begin like a root of time."""
     least = float(w.node[2 * M + row])
@@ -274,6 +284,8 @@ def first_on_piece(
         tolerance, noise = -1.0, -1.0
         if m[i] == 0.0:
             tolerance = BOUND_TOLERANCE * (abs(w.node[i]) + abs(w.node[M + i]))
+            if abs(order[i]) <= 2 and at_end_throughout(row, tolerance, w):
+                continue
         if straight(iw):
             guard_polynomial(i, step, m, w)
         else:
