@@ -31,6 +31,8 @@ Complex = npt.NDArray[np.complex128]
 FORMAT, VERSION = "filippov orbit", 1
 # A symmetric orbit satisfies x(t + T/2) = -x(t) to this part of its size.
 _SYMMETRIC = 1e-7
+# Part of the duration that a solution may take from a node onto the surfaces that the orbit slides on there.
+_AT_NODE = 1e-7
 # The accuracy of the derivative of a return, in units of rtol.
 _ACCURACY = 100.0
 
@@ -292,9 +294,16 @@ def _whole(problem: Shooting, x0: Array, period: float, p: Array) -> Solution:
 def cycle_of_modes(solutions: Sequence[Solution]) -> tuple[str, ...]:
     """Modes of a period in order without repetitions, the last one joined with the first."""
     out: list[Mode] = []
-    for mode in (segment.mode for solution in solutions for segment in solution.segments):
-        if not out or out[-1] != mode:
-            out.append(mode)
+    ends = [solution.end_mode for solution in solutions]
+    for before, solution in zip([ends[-1], *ends[:-1]], solutions, strict=True):
+        segments = list(solution.segments)
+        length = abs(solution.t_end - solution.problem.t_span[0])
+        # A node in sliding is off the surface by what is left of the equations, for as long as that takes.
+        if len(segments) > 1 and segments[1].mode == before and segments[0].dwell < _AT_NODE * length:
+            del segments[0]
+        for segment in segments:
+            if not out or out[-1] != segment.mode:
+                out.append(segment.mode)
     if len(out) > 1 and out[0] == out[-1]:
         out.pop()
     return tuple(mode_text(mode) for mode in out)

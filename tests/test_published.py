@@ -1,0 +1,209 @@
+"""Problems of the literature as a user writes them, against closed forms and matrix exponentials.
+
+Each docstring names the source; nothing here is computed by the code under test but the answer.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from filippov import (
+    Heaviside,
+    Max,
+    Piecewise,
+    Status,
+    Surface,
+    System,
+    TimeEvent,
+    cos,
+    parameters,
+    sign,
+    sin,
+    solve,
+    sqrt,
+    states,
+    t,
+)
+from filippov.analysis import continuation, find_orbit, stability_report
+
+approx = pytest.approx
+x, v, w = states("x v w")
+
+
+def test_brockett_integrator_is_held_on_z_0_after_a_finite_time() -> None:
+    """Bloch & Drakunov 1996: z' = -(x^2 + y^2) sign z, while (x, y) turns and decays like exp(-t)."""
+    y, z = states("y z")
+    across, along = -x + y * sign(z), -y - x * sign(z)
+    run = solve(System({x: across, y: along, z: x * along - y * across}), (1, 0.5, 0.4), (0, 5))
+    hits = -0.5 * math.log(1 - 2 * 0.4 / 1.25)
+    turned = complex(1, 0.5) * np.exp(-1j * hits - 5)
+    assert run.modes == ("+", "0")
+    assert run.events.t == approx([hits], rel=1e-9)
+    assert run.x_end == approx([turned.real, turned.imag, 0], abs=1e-9)
+
+
+def test_super_twisting_takes_its_time_from_linear_arcs() -> None:
+    """Levant 1993: with q = sqrt|x| and dt = 2 q dtau each arc is linear; half turns shrink by a factor."""
+    k1, k2 = 1.5, 1.1
+    rate = np.array([[-k1, 1, 0], [-2 * k2, 0, 0], [2, 0, 0]])
+
+    def arc(q: float, speed: float) -> tuple[float, float]:
+        ends = next(s for s in np.arange(0.05, 20, 0.05) if (expm(rate * s) @ [q, speed, 0])[0] < 0)
+        s = brentq(lambda s: (expm(rate * s) @ [q, speed, 0])[0], ends - 0.05, ends, xtol=1e-15)
+        _, speed, time = expm(rate * s) @ [q, speed, 0]
+        return speed, time
+
+    speed, first = arc(1, 0)
+    after, second = arc(1e-300, -speed)
+    total = first + second / (1 - after / speed)
+    run = solve(
+        System({x: -k1 * sqrt(abs(x)) * sign(x) + w, w: -k2 * sign(x)}), (1, 0), (0, 5), zeno="continue"
+    )
+    assert run.success
+    assert run.x_end == approx([0, 0], abs=1e-9)
+    assert run.events.t[:2] == approx([first, first + second], rel=1e-8)
+    assert run.zeno.t == approx(total, rel=1e-7)
+
+
+@pytest.mark.parametrize("power", [0.5, 0.6])
+def test_terminal_sliding_reaches_its_end_in_finite_time(power: float) -> None:
+    """Venkataraman & Gulati 1993: v + |x|^a sign x = 0 slides to rest within x^(1-a)/(1-a)."""
+    run = solve(System({x: v, v: -2 * sign(v + abs(x) ** power * sign(x))}), (1, 0), (0, 6))
+    meets = brentq(lambda s: 2 * s - (1 - s * s) ** power, 0, 1, xtol=1e-15)
+    rest = meets + (1 - meets**2) ** (1 - power) / (1 - power)
+    assert run.success
+    assert run.events.t == approx([meets, rest], rel=1e-8)
+    assert run.x_end == approx([0, 0], abs=1e-12)
+
+
+def test_relay_with_hysteresis_has_the_limit_cycle_of_its_closed_form() -> None:
+    """Astrom 1995: C x(h) = width with x(h) = -x(0) for 1/(s + 1)^3."""
+    y, u = states("y u")
+    loop = System({x: y, y: u, u: -x - 3 * y - 3 * u - sign(x)}, surfaces=[Surface("relay", x, width=0.1)])
+    A, B, C = np.array([[0, 1, 0], [0, 0, 1], [-1, -3, -3.0]]), np.array([0, 0, -1.0]), np.array([1.0, 0, 0])
+
+    def start(h: float) -> np.ndarray:
+        over = np.linalg.solve(A, (expm(A * h) - np.eye(3)) @ B)
+        return np.asarray(-np.linalg.solve(np.eye(3) + expm(A * h), over))
+
+    h = brentq(lambda h: start(h)[0] - 0.1, 1, 8, xtol=1e-14)
+    speed = expm(A * h) @ (A @ start(h) + B)
+    half = (np.eye(3) - np.outer(speed, C) / (C @ speed)) @ expm(A * h)
+    orbit = find_orbit(loop, (0.5, 0, 0))
+    assert orbit.period == approx(2 * h, rel=1e-10)
+    largest = sorted(abs(np.linalg.eigvals(half)))[:0:-1]
+    assert sorted(abs(orbit.multipliers))[::-1][:2] == approx(np.square(largest), rel=1e-6)
+
+
+def test_three_gene_ring_has_the_period_of_the_golden_ratio() -> None:
+    """Glass & Pasternack 1978: x' = -x - sign z and round the ring; the period is 6 ln((1 + sqrt 5)/2)."""
+    a, b, c = states("a b c")
+    ring = find_orbit(System({a: -a - sign(c), b: -b + sign(a), c: -c + sign(b)}), (0.5, 0.1, -0.2))
+    assert ring.period == approx(6 * math.log((1 + math.sqrt(5)) / 2), rel=1e-10)
+    assert ring.stable
+
+
+def test_ice_line_has_two_climates_and_an_unstable_one_between() -> None:
+    """Budyko 1969 with one temperature: albedo 0.62 below -10 degrees, 0.32 above."""
+    T, = states("T")
+    p = parameters(Q=342.0, A=202.0, B=1.9)
+    albedo = Piecewise((0.62, T < -10), (0.32, True))
+    found = stability_report(System({T: p.Q * (1 - albedo) - p.A - p.B * T})).items
+    told = {item.equilibrium.mode: (item.equilibrium.value[0], item.answer) for item in found}
+    assert told["+"] == (approx((342 * 0.68 - 202) / 1.9), "asymptotically stable")
+    assert told["-"] == (approx((342 * 0.38 - 202) / 1.9), "asymptotically stable")
+    assert told["0"] == (approx(-10), "unstable")
+
+
+def test_threshold_policy_holds_the_stock_at_the_threshold() -> None:
+    """Costa, Kaszkurewicz, Bhaya & Hsu 2000: x' = x (1 - x) - e x above the threshold 0.5."""
+    run = solve(System({x: x * (1 - x) - 0.8 * x * Heaviside(x - 0.5)}), (0.9,), (0, 10))
+    assert run.events.t == approx([5 * math.log((5 - 1 / 0.9) / 3)], rel=1e-9)
+    assert run.modes == ("+", "0")
+    assert (1 + run.multiplier("x - 0.5", 8)) / 2 == approx(0.5 / 0.8)
+
+
+def test_forced_block_without_stops_has_den_hartogs_amplitude() -> None:
+    """Den Hartog 1931: x0^2 = V^2 - (f U)^2, V = 1/(1 - w^2), U = sin(pi/w)/(w (1 + cos(pi/w)))."""
+    f, omega = 0.3, 0.7
+    swing = find_orbit(System({x: v, v: -x - f * sign(v) + cos(omega * t)}), (0, 0))
+    V, U = 1 / (1 - omega**2), math.sin(math.pi / omega) / (omega * (1 + math.cos(math.pi / omega)))
+    assert swing.amplitude["x"] == approx(math.sqrt(V**2 - (f * U) ** 2), rel=1e-9)
+
+
+def test_grazing_of_an_impact_oscillator_is_where_its_amplitude_is_the_gap() -> None:
+    """Nordmark 1991: without impacts the amplitude is 1/|1 - w^2 + 2 i zeta w|."""
+    p = parameters(d=1.0, zeta=0.1, w=0.8, r=0.8)
+    free = System(
+        {x: v, v: -x - 2 * p.zeta * v + cos(p.w * t)},
+        surfaces=[Surface("wall", p.d - x, reset={v: -p.r * v})], parameters=p,
+    )  # fmt: skip
+    size = 1 / abs(complex(1 - 0.8**2, 2 * 0.1 * 0.8))
+    orbit = find_orbit(free, (0, 0), parameters={"d": 1.2 * size})
+    branch = continuation(free, orbit, parameter="d", bounds=(0.9 * size, 1.3 * size), direction=-1).run()
+    assert [point.special for point in branch.special] == ["C-bifurcation"]
+    assert branch.special[0].value == approx(size, rel=1e-9)
+
+
+def test_delta_sigma_modulator_gives_the_bits_of_its_recursion() -> None:
+    """Norsworthy, Schreier & Temes 1997, first order: x+ = x + T (u - y), y = sign x at each clock."""
+    y, = states("y")
+    clock = TimeEvent("clock", period=0.1, reset={y: sign(x)})
+    run = solve(System({x: 0.3 - y, y: 0 * y}, time_events=[clock]), (0.123, 1), (0, 20))
+    level, bit, bits = 0.123, 1.0, []
+    for _ in range(200):
+        level += 0.1 * (0.3 - bit)
+        bit = math.copysign(1, level)
+        bits.append(bit)
+    assert [event.x_after[1] for event in run.events.of("clock")] == bits
+    assert run.x_end[0] == approx(level, abs=1e-10)
+
+
+def test_resistor_behind_a_diode_is_switched_by_the_sign_of_the_voltage() -> None:
+    """Acary & Brogliato 2008, an LC circuit whose resistor conducts for v > 0: matrix exponentials."""
+    L, C, R = 1e-2, 1e-6, 1e3
+    run = solve(System({v: -x / C - Max(v, 0) / (R * C), x: v / L}), (10, 0), (0, 2e-3))
+    fields = [np.array([[-g / (R * C), -1 / C], [1 / L, 0]]) for g in (1, 0)]
+    state, now = np.array([10.0, 0.0]), 0.0
+    for k in range(len(run.events)):
+        A, side = fields[k % 2], 1 - 2 * (k % 2)
+        grid = np.arange(1, 80) * 1e-5
+        last = next(s for s in grid if side * (expm(A * s) @ state)[0] < 0)
+        dt = brentq(lambda s, A=A, state=state: (expm(A * s) @ state)[0], last - 1e-5, last, xtol=1e-20)
+        state, now = expm(A * dt) @ state, now + dt
+        assert run.events.t[k] == approx(now, rel=1e-8)
+    assert len(run.events) >= 5
+    assert run.x_end == approx(expm(fields[len(run.events) % 2] * (2e-3 - now)) @ state, rel=1e-7, abs=1e-9)
+
+
+def test_curve_of_optimal_switching_by_plain_functions_is_not_searched_for_roots() -> None:
+    """Pontryagin et al. 1962: x'' = -sign(x + v|v|/2) rests at t = 2; the curve is a solution of one side."""
+    curve = Surface("curve", lambda t, x, p: x[0] + x[1] * abs(x[1]) / 2)
+    plain = System(field=lambda t, x, p, s: [x[1], -s[0]], surfaces=[curve], states="x v")
+    run = solve(plain, (1, 0), (0, 1.6))
+    assert run.status is Status.SUCCESS
+    assert run.x_end == approx([0.08, -0.4], abs=1e-9)
+    assert run.events.t == approx([1], abs=1e-9)
+    assert run.nfev < 2000
+    assert solve(plain, (1, 0), (0, 5)).x_end == approx([0, 0], abs=1e-6)
+
+
+def test_forced_stops_change_nowhere_but_where_the_orbit_does() -> None:
+    """Rounding is no event: x'' + x = cos(t/3) - F sign x' has one word from F = 0.2 to 0.9."""
+    p = parameters(F=0.4)
+    block = System({x: v, v: -x - p.F * sign(v) + cos(t / 3)}, parameters=p)
+    branch = continuation(block, find_orbit(block, (0, 0)), parameter="F", bounds=(0.2, 0.9)).run()
+    assert not branch.special
+    assert {point.word for point in branch.points} == {"stick slip- stick slip+"}
+
+
+def test_disturbance_is_seen_in_the_mean_of_the_switching() -> None:
+    """Utkin 1992: x' = 3 sin t - 2 sign x is held at 0 while |3 sin t| <= 2, with sign = 3/2 sin t."""
+    run = solve(System({x: 3 * sin(t) - 2 * sign(x)}), (1,), (0, 20))
+    lands = brentq(lambda s: 1 + 3 * (1 - math.cos(s)) - 2 * s, 3, 4, xtol=1e-15)
+    leaves = math.asin(2 / 3)
+    assert run.events.t[:2] == approx([lands, math.pi + leaves], rel=1e-10)
+    assert run.multiplier("x", 3.6) == approx(1.5 * math.sin(3.6), abs=1e-9)
