@@ -166,6 +166,22 @@ def test_contact_with_an_oscillating_table_is_left_where_it_falls_faster_than_g(
             assert push == pytest.approx(g - 25 * np.sin(5 * times), abs=1e-7)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_contact_of_a_reset_with_numbers_in_it(seed: int) -> None:
+    """Numbers are known to their rounding: (1 + e) A w - e A w - A w is 0, or some 1e-17."""
+    e, size, w = np.random.default_rng(seed).uniform((0.2, 0.05, 3), (0.8, 0.15, 7)).tolist()
+    height = y - size * sin(w * t)
+    moved = (1 + e) * size * w * cos(w * t) - e * v
+    rest = System({y: v, v: -g + 0 * y}, surfaces=[Surface("table", height, reset={v: moved})])
+    run = solve(rest, (0.5, 0), (0, 4), zeno="continue")
+    assert run.success
+    assert run.end_mode == (0,)
+    assert run.x_end == pytest.approx([size * math.sin(4 * w), size * w * math.cos(4 * w)], abs=1e-12)
+    assert (1 - run.multiplier("table", 3.9)) / 2 == pytest.approx(g - size * w**2 * math.sin(3.9 * w))
+    off = System({y: v, v: -g + 0 * y}, surfaces=[Surface("table", height, reset={v: moved + 1e-9})])
+    assert solve(off, (0.5, 0), (0, 4), zeno="continue").status is Status.ZENO
+
+
 def test_contact_from_below_is_the_mirror_image() -> None:
     ceiling = System({y: v, v: g + 0 * y}, surfaces=[Surface("ceiling", y, reset={v: -0.7 * v}, side="-")])
     floor = solve(ball(), (1, 0), (0, 3), zeno="continue")

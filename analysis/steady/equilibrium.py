@@ -75,6 +75,11 @@ class EquilibriumSet:
     degenerate: tuple[str, ...] = ()
 
     @property
+    def kind(self) -> str:
+        """What a point is called by, of a set."""
+        return "equilibrium set"
+
+    @property
     def dimension(self) -> int:
         """Number of free symbols."""
         return len(self.free)

@@ -25,6 +25,8 @@ from filippov.model.table import samples, vanishes
 
 DIGITS = 30
 CLOSE = Float("1e-18")
+# Of the terms of an expression with numbers in it.
+ROUNDING = Float("1e-14")
 TRIALS = 6
 
 
@@ -85,10 +87,20 @@ def _rests(x: Sequence[Symbol], h: Expr, rate: Expr, after: Sequence[Expr], alon
         values = [e.xreplace(at).evalf(DIGITS) for e in (*after, along)]
         if not all(v.is_number and v.is_finite for v in values):
             continue
-        if any(abs(v) > CLOSE for v in values[:-1]) or abs(values[-1]) < CLOSE:
+        if abs(values[-1]) < CLOSE:
+            return False
+        if any(abs(v) > CLOSE and abs(v) > _rounding(e, at) for v, e in zip(values, after, strict=False)):
             return False
         found += 1
     return found > 0
+
+
+def _rounding(e: Expr, at: dict[Symbol, Expr]) -> Expr:
+    """What the numbers in e, which are known to their rounding, may leave of it where it vanishes: as in
+    (1 + r) w cos(t) - r v - w cos(t) at v = w cos(t), with r and w given as numbers."""
+    if not e.has(Float):
+        return sympy.S.Zero
+    return ROUNDING * sum(abs(term.xreplace(at).evalf(DIGITS)) for term in sympy.Add.make_args(expanded(e)))
 
 
 def _solved(
