@@ -383,3 +383,28 @@ def test_16_6_a_saturation_has_one_surface_a_bound() -> None:
                 assert run.sol.rate(0.0, "+")[1] == pytest.approx(exact(*at, *bounds), abs=1e-6)
     assert set(System({x: np.clip(-x, -1, 1)}).surface_names) == {"x - 1", "x + 1"}
     assert System({x: sp.Max(-1.5, sp.Min(v - 2 * x, 9)), v: -x}).surface_names[1] == "v - 2*x + 1.5"
+
+
+@pytest.mark.parametrize("level", [0.5, 10, 1e5])
+@pytest.mark.parametrize("form", ["Max", "Min", "Abs", "product"])
+def test_a_jump_that_a_continuous_function_hides_near_the_origin(level: float, form: str) -> None:
+    """x' = 1 - sign(x) max(y - c, 0), y' = 1 from y = c - 1: x is 0 at t = 4 and stays there."""
+    load = {
+        "Max": sp.Max(v - level, 0),
+        "Min": -sp.Min(level - v, 0),
+        "Abs": (v - level + abs(v - level)) / 2,
+        "product": sp.Max(v * z - level, 0),
+    }[form]
+    system = System({x: 1 - sp.sign(x) * load, v: 1 + 0 * v, z: 0 * z})
+    assert next(surface.kind for surface in system.surfaces if surface.name == "x") == "switching"
+    run = solve(system, (0.5, level - 1, 1), (0, 6))
+    assert run.status == "success"
+    assert run.events.t == pytest.approx([1, 4], abs=1e-8)
+    assert run.multiplier("x", 5.0) == pytest.approx(1 / 4, rel=1e-8)
+
+
+def test_what_continuous_functions_make_of_a_sign_may_be_a_kink() -> None:
+    """sign(x) max(|x| - y^2 - 1, 0) is 0 next to x = 0, and |x| max(y, 0) is continuous."""
+    field = sp.sign(x) * sp.Max(abs(x) - v**2 - 1, 0) + abs(x) * sp.Max(v - 10, 0)
+    system = System({x: field, v: 0 * v})
+    assert next(surface.kind for surface in system.surfaces if surface.name == "x") == "kink"

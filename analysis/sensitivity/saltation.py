@@ -358,12 +358,12 @@ class Together:
         clocks = all(e.kind is EventKind.TIME for e in resets)
         if len(events) > 1 and not (clocks and all(e.kind is EventKind.EXIT for e in left)):
             raise self._resets_among(events)
-        by, x_after = np.eye(self.system.dimension + len(self.names) + 1), self.x
+        by, x = np.eye(self.system.dimension + len(self.names) + 1), self.x
         machine = Machine(self.system, self.solution.options.stepper, self.p)
         for event in resets:
-            by = reset_slopes(self.system, event, self.names, self.p, x_after) @ by
+            by = reset_slopes(self.system, event, self.names, self.p, x) @ by
             if len(resets) > 1:
-                x_after = machine.reset(event.index, self.t, x_after, np.array(self.before, dtype=float))
+                x = machine.reset(event.index, self.t, x, np.array(self.before, dtype=float))
         x_after = resets[-1].x_after
         assert x_after is not None
         before, after = self.field(self.before)[1], self.field(self.after, x_after)[1]

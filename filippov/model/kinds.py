@@ -20,6 +20,8 @@ from filippov.model.table import as_decimals, decimal, number, samples
 MAX_COMBINATIONS = 1024
 ROUNDING = 1e-12
 MARGIN = 1e-9
+# Scales at which a jump is asked for where a continuous function may hide it near the origin.
+SCALES = tuple(Integer(10) ** k for k in (0, 1, 2, 3, 4, 6, 8, -2, -4))
 
 
 class Kinds:
@@ -34,9 +36,12 @@ class Kinds:
         self._used = set().union(*(e.free_symbols for e in (*form.field, *form.h)))
         self._number = {s: i for i, s in enumerate(form.s)}
         self._across: list[list[Expr]] = [[] for _ in form.s]
-        for f in unexpanded:
+        self._expanded: list[list[Expr]] = [[] for _ in form.s]
+        for f, expanded in zip(unexpanded, form.field, strict=True):
             for s in f.free_symbols & self._number.keys():
                 self._across[self._number[s]].append(f)
+                if f.has(sympy.Abs, sympy.Max, sympy.Min):
+                    self._expanded[self._number[s]].append(expanded)
         self._roles = dict.fromkeys(form.x, "x") | dict.fromkeys(form.s, "s")
         # Whether the field jumps across surfaces on which nothing else acts, by what stands there.
         self._alone: dict[Hashable, bool] = {}
@@ -85,7 +90,33 @@ class Kinds:
             if any(search.found(jump, {}) for jump in jumps):
                 return True
             seen = seen or search.evaluated
-        return not seen
+        return not seen or self._jumps_elsewhere(i, jumps)
+
+    def _jumps_elsewhere(self, i: int, jumps: Sequence[Expr]) -> bool:
+        """Whether f jumps where the continuous functions in it have other branches than at the points tried,
+        as sign(x) Max(y - 10, 0) does: in each branch that linear conditions allow, and on larger scales."""
+        if not self._expanded[i]:
+            return False
+        s, a, m = self.form.s[i], self.form.a[i], len(self.form.s)
+        branches = []
+        for f in map(decimal, self._expanded[i]):
+            plus, minus = (f.xreplace({s: Integer(side), a: sympy.S.Zero}) for side in (1, -1))
+            jump = plus - minus
+            for j in reversed(range(m)):
+                size = sympy.S.Zero if j == i else self.form.s[j] * decimal(self.form.h[j])
+                jump = jump.xreplace({self.form.a[j]: size})
+            branches.append(jump)
+        symbols = set().union(*(e.free_symbols for e in (*jumps, *branches))) - {*self._number}
+        h = decimal(self.h[i])
+        for point in _points_on(h, symbols):
+            search = _Search(self.form, self._number, i, point, certain=True)
+            if any(search.found(jump, {}) for jump in branches):
+                return True
+        return any(
+            self._jumps_at(jump, point)
+            for k, scale in enumerate(SCALES, start=2)
+            for point in _points_on(h, symbols, scale, k) for jump in jumps
+        )  # fmt: skip
 
     def _jumps_at(self, jump: Expr, point: dict[Symbol, Expr]) -> bool:
         """Whether a jump is not 0 with the signs that the other surfaces have at the point itself."""
@@ -100,12 +131,16 @@ class Kinds:
 
 
 class _Search:
-    """Walks through the signs of the other surfaces that a jump across surface i depends on."""
+    """Walks through the signs of the other surfaces that a jump across surface i depends on.
+
+    certain: whether signs must be known to occur together; else what is left open counts
+    """
 
     def __init__(
-        self, form: SymbolicForm, number: Mapping[Symbol, int], i: int, point: dict[Symbol, Expr]
-    ) -> None:
-        self.form, self.number = form, number
+        self, form: SymbolicForm, number: Mapping[Symbol, int], i: int, point: dict[Symbol, Expr],
+        certain: bool = False,
+    ) -> None:  # fmt: skip
+        self.form, self.number, self.certain = form, number, certain
         self.i = i
         self.point = point
         self.evaluated = False
@@ -122,10 +157,12 @@ class _Search:
             return any(self.found(jump.xreplace({s: Integer(m)}), {**mode, s: m}) for m in (1, -1))
         self.budget -= 1
         if self.budget < 0:
-            return True
+            return not self.certain
         size = _size(jump, self.point)
         self.evaluated = self.evaluated or size is not None
-        return size is not None and bool(size > ROUNDING) and _possible(self.form, self.i, mode, self.point)
+        return size is not None and bool(size > ROUNDING) and (
+            _possible(self.form, self.i, mode, self.point, not self.certain)
+        )
 
 
 def _size(jump: Expr, point: dict[Symbol, Expr]) -> Expr | None:
@@ -137,11 +174,15 @@ def _size(jump: Expr, point: dict[Symbol, Expr]) -> Expr | None:
     return abs(sum(term for term in terms if term is not None)) / scale if scale else sympy.S.Zero
 
 
-def _points_on(h: Expr, symbols: set[Symbol]) -> list[dict[Symbol, Expr]]:
-    """Return a few points with h = 0."""
+def _points_on(
+    h: Expr, symbols: set[Symbol], scale: Expr = sympy.S.One, seed: int = 1
+) -> list[dict[Symbol, Expr]]:
+    """Return a few points with h = 0, their states and time of a scale."""
     variables = sorted(h.free_symbols, key=lambda q: (isinstance(q, ParameterSymbol), q == t, q.name))
     points = []
-    for point in (as_decimals(at, h) for at in samples(h.free_symbols | symbols, 6)):
+    for at in samples(h.free_symbols | symbols, 6, seed):
+        moved = {q: v if isinstance(q, ParameterSymbol) else scale * v for q, v in at.items()}
+        point = as_decimals(moved, h)
         for variable in variables:
             rest = {q: v for q, v in point.items() if q != variable}
             line = h.xreplace(rest)
@@ -166,11 +207,12 @@ def _root(line: Expr, variable: Symbol, start: Expr) -> Expr | None:
     return None
 
 
-def _possible(form: SymbolicForm, i: int, mode: Mapping[Symbol, int], point: Mapping[Symbol, Expr]) -> bool:
+def _possible(
+    form: SymbolicForm, i: int, mode: Mapping[Symbol, int], point: Mapping[Symbol, Expr], left_open: bool
+) -> bool:
     """Whether the signs in `mode` can occur together on surface i, at the parameters of `point`.
 
-    True where a switching function involved is not affine in state and time, or has no value at 0: the
-    question is left open.
+    `left_open` where a switching function involved is not affine in state and time, or has no value at 0.
     """
     if not mode:
         return True
@@ -186,17 +228,17 @@ def _possible(form: SymbolicForm, i: int, mode: Mapping[Symbol, int], point: Map
             rows.append((inner.xreplace(fixed), sign))
     free = set().union(*(h.free_symbols for h, _ in rows))
     if free & set(form.a):
-        return True
+        return left_open
     variables = sorted(free, key=lambda q: q.name)
     equal: list[list[float]] = []
     above: list[list[float]] = []
     for h, sign in rows:
         slopes = [h.diff(q) for q in variables]
         if any(slope.free_symbols for slope in slopes):
-            return True
+            return left_open
         line = [float(slope) for slope in slopes] + [float(h.xreplace(dict.fromkeys(variables, Integer(0))))]
         if not np.all(np.isfinite(line)):
-            return True
+            return left_open
         scale = max(abs(c) for c in line) or 1.0
         (above if sign else equal).append([(sign or 1) * c / scale for c in line])
     return _feasible(np.array(equal), np.array(above))
