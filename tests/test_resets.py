@@ -5,27 +5,8 @@ from itertools import accumulate
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
-from scipy.optimize import brentq
 
-from filippov import (
-    Max,
-    ModelError,
-    Piecewise,
-    Status,
-    Surface,
-    System,
-    TimeEvent,
-    cos,
-    models,
-    parameters,
-    sign,
-    sin,
-    solve,
-    states,
-    t,
-)
-from filippov.analysis import find_orbit
+from filippov import ModelError, Status, Surface, System, cos, models, parameters, sign, sin, solve, states, t
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
 from filippov.solving.solution import Solution
 from filippov.solving.state.events import Stop
@@ -484,37 +465,3 @@ def test_the_accumulation_of_impacts_has_no_derivative() -> None:
     run = solve(ball(), (1, 0), (0, 3), zeno="continue")
     with pytest.raises(NotDifferentiableError, match="impacts accumulate"):
         flow_derivative(run)
-
-
-def test_a_clock_that_ends_a_slide_and_clocks_at_once_have_a_derivative() -> None:
-    """Discontinuous conduction (Erickson & Maksimovic 2001, chapter 5), beside a count at the same clock.
-
-    The current is 0 at the end of a period, so its map takes the voltage alone: by the matrix exponential of
-    each part, where the time at which the diode blocks is a function of the voltage.
-    """
-    i, v, q, n = states("i v q n")
-    L, C, R, E, T, D = 2e-5, 1e-4, 50.0, 12.0, 2e-5, 0.3
-    drive = (q * E - v) / L
-    diode = Piecewise((drive, i > 0), (Max(drive, 0), True))
-    clocks = [
-        TimeEvent("on", period=T, reset={q: 1}),
-        TimeEvent("off", period=T, start=D * T, reset={q: 0}),
-        TimeEvent("count", period=T, reset={n: n / 2 + v}),
-    ]
-    system = System({i: diode, v: (i - v / R) / C, q: 0 * q, n: 0 * n}, time_events=clocks)
-
-    def flow(x: np.ndarray, drive: float, dt: float) -> np.ndarray:
-        rate = np.array([[0, -1 / L, drive / L], [1 / C, -1 / (R * C), 0], [0, 0, 0]])
-        return np.asarray((expm(rate * dt) @ [*x, 1])[:2])
-
-    def period(voltage: float) -> float:
-        x = flow(np.array([0, voltage]), E, D * T)
-        out = brentq(lambda dt: flow(x, 0, dt)[0], 0, (1 - D) * T, xtol=1e-20)
-        return float(flow(x, 0, out)[1] * np.exp(-((1 - D) * T - out) / (R * C)))
-
-    voltage = brentq(lambda u: period(u) - u, 5, 12, xtol=1e-13)
-    slope = (period(voltage + 1e-3) - period(voltage - 1e-3)) / 2e-3
-    orbit = find_orbit(system, (0, 8, 1, 0), period=T, transient=400 * T)
-    at_clock = next(event.x[1] for event in orbit.events if event.surface == "on")
-    assert at_clock == pytest.approx(voltage, rel=1e-8)
-    assert orbit.multipliers[:2].real == pytest.approx([slope, 0.5], abs=1e-7)

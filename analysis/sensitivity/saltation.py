@@ -28,6 +28,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.reset_slopes import instant_slopes, reset_slopes
 from filippov.analysis.sensitivity.variation import ModeField, mode_field, transitions
 from filippov.base.errors import UsageError
@@ -388,7 +389,7 @@ class Together:
         held = [i for i, sign in enumerate(self.before) if sign == 0]
         normals = part.part("hy", t, self.x[None, :], signs, self.p)[0, held]
         seen = part.part("hy", t, x_after[None, :], signs, self.p)[0, [e.index for e in left]] @ change
-        beside = seen - seen @ np.linalg.pinv(normals) @ normals
+        beside = seen - seen @ linalg.pinv(normals) @ normals
         return bool(np.max(np.abs(beside)) <= 1e-9 * (np.max(np.abs(seen)) + np.max(np.abs(normals))))
 
     def _resets_among(self, events: Sequence[Event]) -> NotDifferentiableError:
