@@ -12,7 +12,7 @@ from filippov.models import get
 
 STATIC = Path(__file__).resolve().parent / "_static"
 VIEW = {"p.P": 20, "order": 2, "against": "Smooth", "width": 0.05, "over": "P", "low": 10, "high": 31}
-COLOURS = 240
+COLOURS = 128
 NARROW = 1500  # pixels of height that are kept
 
 
@@ -29,7 +29,7 @@ def main() -> None:
             page.wait_for_timeout(1500)
             with Image.open(io.BytesIO(page.screenshot(full_page=True))) as taken:
                 top = taken.convert("RGB").crop((0, 0, width, min(taken.height, NARROW)))
-            top.quantize(COLOURS, Image.Quantize.MAXCOVERAGE).save(STATIC / name, optimize=True)
+            top.quantize(COLOURS, Image.Quantize.MEDIANCUT).save(STATIC / name, optimize=True)
             page.close()
         browser.close()
     explorer.close()
