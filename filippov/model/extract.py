@@ -69,7 +69,13 @@ class Extractor:
                     "its sign. "
                     "Give the argument of its sign, Heaviside or Piecewise as the surface."
                 )
-            self.table.declare(surface, h)
+            entry = self.table.declare(surface, h)
+            flat = [part for part in _factors(entry.h) if _flat(part)]
+            if flat:
+                raise ModelError(
+                    f"{self._where}: h = {surface.h} has no slope where {flat[0].as_base_exp()[0]} is 0, expected "
+                    "simple zeros. Give the same zeros without the power."
+                )
 
     def field(self, expr: Expr, where: str) -> Expr:
         """Return a right-hand side with the signs and sizes as symbols; `where` names it in messages."""
@@ -473,6 +479,12 @@ def _difference(condition: Any) -> tuple[Expr, bool]:
 def _odd_power(arg: Expr) -> bool:
     """Whether a surface is an odd power of one with the same zeros, which are simple there."""
     return bool(arg.is_Pow and arg.exp.is_odd)
+
+
+def _flat(part: Expr) -> bool:
+    """Whether a factor is a whole power, at least the second, of what can vanish along a solution."""
+    base, exponent = part.as_base_exp()
+    return bool(exponent.is_Integer and exponent > 1 and dynamic(base) and not base.is_nonzero)
 
 
 def _factors(arg: Expr) -> list[Expr]:
