@@ -21,6 +21,7 @@ from filippov.kernel.loop.model import (
     ROLE,
     ROOTED,
     ROOTS,
+    WIDTH,
     M,
     N,
 )
@@ -35,7 +36,7 @@ from filippov.kernel.loop.roots.sampling import (
     straight,
 )
 from filippov.kernel.loop.state import Integers, Scratch
-from filippov.kernel.tables.codes import LOWER, NOTHING, OBSERVER, ROOT, TOUCH, UNRESOLVED, UPPER
+from filippov.kernel.tables.codes import KINK, LOWER, NOTHING, OBSERVER, ROOT, TOUCH, UNRESOLVED, UPPER
 from filippov.kernel.tables.layout import CHECKS, SPLITS
 from filippov.kernel.tables.root_tables import DEGREE, NO_ROOT, NODES, TANGENT_ROOT, TO_BERNSTEIN
 
@@ -101,7 +102,7 @@ def to_polynomial(row: int, judged: bool, noise: float, tolerance: float, w: Scr
             if abs(miss) > 1e-7 * largest + NOISY * noise:
                 return False
             worst = max(worst, abs(miss))
-    if tolerance >= 0.0 and worst > tolerance:
+    if tolerance >= 0.0 and worst > max(tolerance, NOISY * (EPS * largest + noise)):
         bound, _ = coefficient_range(c)
         least, _ = sampled_range(row, w)
         return bound > 4.0 * worst or least < -4.0 * worst
@@ -179,7 +180,7 @@ def noise_in(
 @kernel
 def row_polynomial(
     row: int, t: float, step: float, lo: float, width: float, tolerance: float, p: Vector, m: Vector,
-    w: Scratch, iw: Integers, ctx: Indices,
+    order: Indices, w: Scratch, iw: Integers, ctx: Indices,
 ) -> tuple[int, float]:  # fmt: skip
     """One sampled guard in Bernstein form, in w.c: (0 where that stands for it, noise of the guard).
 
@@ -187,6 +188,8 @@ def row_polynomial(
     """
     i = row if row < M else row - M
     judged, noise = m[i] == 0.0 or LINEAR[i] == 0, -1.0
+    if m[i] != 0.0 and judged and ROLE[i] != KINK and (lo > 0.0 or order[i] <= 0):
+        tolerance = w.touch[i]
     if to_polynomial(row, judged, 0.0, tolerance, w):
         return 0, noise
     if m[i] != 0.0:
@@ -214,24 +217,27 @@ def row_root(
     touch = allowed if w.grazed[i] == 0.0 else 0.0
     # Hysteresis: a guard that has not departed from 0 since its last root has to go clearly below it.
     low, high = coefficient_range(c) if straight(iw) else sampled_range(row, w)
-    if ROLE[i] == OBSERVER and w.grazed[i] != 0.0 and low >= -16.0 * allowed:
+    # A guard is known to rounding at best, also where its terms vanish, as those of a function of time.
+    known = m[i] != 0.0 and ((ROLE[i] != KINK and WIDTH[i] == 0.0) or iw.sliding > 0)
+    if known and (lo > 0.0 or order[i] <= 0 or ROLE[i] == OBSERVER):
+        dip = max(rounding(t, step, i, m, w, iw), NOISY * EPS * max(-low, high))
+        if ROOTS and ROOTED[i] != 0:
+            # A guard that contains a root is steepest where that vanishes, and nowhere else on the step.
+            dip = min(dip, STEEP * max(-low, high))
+    if ROLE[i] == OBSERVER and w.grazed[i] != 0.0 and low >= -16.0 * allowed - dip:
         return NO_ROOT, 2.0, degree
     if lo == 0.0 and m[i] != 0.0 and order[i] > 0:
         degree = deflate(c, order[i])
-        allowed, touch = 0.0, 0.0
+        allowed, touch, dip = 0.0, 0.0, 0.0
     elif lo == 0.0 and m[i] == 0.0 and (abs(order[i]) > 2 or (abs(order[i]) == 2 and c[0] < -tolerance)):
         # At a two-fold (3) both rates vanish: their size at the start is rounding.
         spread = abs(w.node[i]) + abs(w.node[M + i]) if abs(order[i]) == 2 else 1e300
         degree = deflate(c, order_at_start(c, spread))
-    elif allowed > 0.0 or (m[i] != 0.0 and iw.sliding > 0):
+    elif known:
         # A dip below 0 no deeper than rounding is a tangency, not two crossings.
         if stands_still(low, high, allowed, step, i, w):
             return NO_ROOT, 2.0, degree
-        dip = rounding(t, step, i, m, w, iw)
-        if ROOTS and ROOTED[i] != 0:
-            # A guard that contains a root is steepest where that vanishes, and nowhere else on the step.
-            dip = min(dip, STEEP * max(-low, high))
-        touch += dip if touch > 0.0 else 0.0
+        touch += dip if w.grazed[i] == 0.0 and ROLE[i] != KINK and WIDTH[i] == 0.0 else 0.0
         allowed += dip
         # Except for a root at the very end of a clear descent.
         at_end = c[DEGREE] <= 0.0 and c[DEGREE - 1] > 2.0 * dip
@@ -289,7 +295,7 @@ def first_on_piece(
         if straight(iw):
             guard_polynomial(i, step, m, w)
         else:
-            off, noise = row_polynomial(row, t, step, lo, width, tolerance, p, m, w, iw, ctx)
+            off, noise = row_polynomial(row, t, step, lo, width, tolerance, p, m, order, w, iw, ctx)
             if off != 0 and halve_more:
                 return UNRESOLVED, 0, 0.0, 0.0
             iw.unresolved += 1 if off > 0 else 0
