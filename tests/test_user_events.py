@@ -179,3 +179,46 @@ def test_events_that_are_none_of_these() -> None:
             solve(SYMBOLIC, (1, 0), (0, 1), events=events)
     with pytest.raises(UsageError, match="expression"):
         solve(FUNCTIONS, (1, 0), (0, 1), events=[x])
+
+
+# Functions that touch 0, or pass it, at the turning points of a friction oscillator and elsewhere: their
+# tangencies and their roots in (0, 7].
+AT_TURNS = {
+    "1 + cos 5t": (lambda t, y: 1 + math.cos(5 * t), math.pi / 5 * np.arange(1, 12, 2), []),
+    "1 - cos 2t": (lambda t, y: 1 - math.cos(2 * t), [math.pi, 2 * math.pi], []),
+    "sin t": (lambda t, y: math.sin(t), [], [math.pi, 2 * math.pi]),
+    "(t - 1)**2": (lambda t, y: (t - 1) ** 2, [1], []),
+    "v**2": (lambda t, y: y[1] ** 2, [math.pi, 2 * math.pi], []),
+    "(x + 0.6) v": (lambda t, y: (y[0] + 0.6) * y[1], [2 * math.pi], [math.pi]),
+}
+
+
+@pytest.mark.parametrize("name", AT_TURNS)
+@pytest.mark.parametrize("max_step", [math.inf, 0.1, 0.03])
+def test_what_is_watched_changes_nothing(name: str, max_step: float) -> None:
+    """Each tangency and each root is found once, also at the instant of another event; from closed forms."""
+    watched, touches, roots = AT_TURNS[name]
+    plain = System(
+        field=lambda t, x, p, s: [x[1], -x[0] - 0.2 * s[0]],
+        surfaces=[Surface("v", lambda t, x, p: x[1])],
+        states="x v",
+    )
+    for system in (System({x: y, y: -x - sign(y) / 5}), plain):
+        run = solve(system, (1, 0), (0, 7), events=watched, max_step=max_step)
+        assert run.success, run.message
+        assert run.x_end == pytest.approx([0.2, 0], abs=1e-9)
+        mine = [e for e in run.events if e.index == 1]
+        assert [e.t for e in mine if e.kind == "grazing"] == pytest.approx(touches, abs=1e-7)
+        assert run.t_events[-1] == pytest.approx(roots, abs=1e-7)
+        assert len([e for e in run.events if e.index == 0]) == 2
+
+
+@pytest.mark.parametrize("power", [2, 3, 4, 5])
+@pytest.mark.parametrize("side", [1, -1])
+def test_multiple_roots_of_time(power: int, side: int) -> None:
+    """Where nothing moves a step is as long as the run, and a guard of time has no terms where it starts."""
+    run = solve(System({x: 0 * x}), (1,), (0, 2), events=side * (t - 1) ** power)
+    assert run.success, run.message
+    counted = [e for e in run.events if power % 2 == 0 or e.kind != "grazing"]
+    assert [e.kind == "grazing" for e in counted] == [power % 2 == 0]
+    assert counted[0].t == pytest.approx(1, abs=1e-6)

@@ -72,9 +72,10 @@ class Extractor:
             entry = self.table.declare(surface, h)
             flat = [part for part in _factors(entry.h) if _flat(part)]
             if flat:
+                base = flat[0].as_base_exp()[0]
                 raise ModelError(
-                    f"{self._where}: h = {surface.h} has no slope where {flat[0].as_base_exp()[0]} is 0, expected "
-                    "simple zeros. Give the same zeros without the power."
+                    f"{self._where}: h = {surface.h} has no slope where {base} is 0, expected simple zeros. "
+                    "Give the same zeros without the power."
                 )
 
     def field(self, expr: Expr, where: str) -> Expr:

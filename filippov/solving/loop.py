@@ -34,7 +34,8 @@ from filippov.solving.selection.attraction import LOST, Attraction
 from filippov.solving.selection.fold_point import depart, followers, funnelled
 from filippov.solving.selection.higher_order import Begun, HigherOrder
 from filippov.solving.selection.modes import Successor
-from filippov.solving.settling import Ended, Settling
+from filippov.solving.selection.observed import observe, watched
+from filippov.solving.settling import Settling
 from filippov.solving.solution import Solution
 from filippov.solving.state.change import Jump, change_of
 from filippov.solving.state.clocks import Clocks
@@ -372,13 +373,6 @@ class _Loop(Settling):
             return self._end(Status.NO_CONTINUATION, f"at state {state_text(run)} {why}")
         return ended
 
-    def _near(self, roots: Sequence[int] = ()) -> list[int]:
-        """Surfaces that the present point lies on, to rounding; `roots`: those that it was led to."""
-        sizes, scale = self.run.scales(roots)
-        near = sizes <= 8 * np.finfo(float).eps * scale
-        # A relay with hysteresis switches at the edges of its band, not where h is 0.
-        return [i for i in range(self.run.machine.m) if near[i] and self.run.machine.widths[i] == 0.0]
-
     def _classify(
         self, reached: Sequence[int], triggered: Sequence[int], start: bool, jump: Jump | None = None,
         rested: Sequence[int] = (),
@@ -390,10 +384,14 @@ class _Loop(Settling):
         run = self.run
         before = run.signs
         base = tuple(0 if i in rested else sign for i, sign in enumerate(before))
-        if jump is not None and not reached:
+        seen = watched(run, reached)
+        reached = [i for i in reached if i not in seen]
+        if not reached and (seen or jump is not None):
             run.put(before, (0,) * run.machine.m, tuple(run.lam))
-            return self._record(before, np.zeros(run.machine.m), triggered, "", jump)
-        happens = None if start or jump is not None else triggered
+            observe(run, seen)
+            here, none = jump or Jump(before, run.x.copy()), np.zeros(run.machine.m)
+            return None if start else self._record(run.signs, none, triggered, "", here)
+        happens = None if start or jump is not None else [i for i in triggered if i not in seen]
         name, candidates, point = followers(run, base, reached, happens)
         begun = self.higher.idle(candidates) if jump is None else ""
         if isinstance(begun, Begun):
@@ -444,12 +442,14 @@ class _Loop(Settling):
     ) -> tuple[Status, str] | None:  # fmt: skip
         run = self.run
         run.put(chosen.mode, chosen.order, chosen.multipliers)
+        if "observer" in run.machine.roles:
+            observe(run, watched(run, sorted({*triggered, *self._near()})))
         if any(a == 0 != b for a, b in zip(before, chosen.mode, strict=True)):
             # The step of a slide says nothing about the solution that leaves it.
             run.clock.step = 0.0
         jump = jump or Jump(before, run.x.copy())
         multipliers = np.array(chosen.multipliers)
-        ended = None if start else self._record(chosen.mode, multipliers, triggered, note, jump)
+        ended = None if start else self._record(run.signs, multipliers, triggered, note, jump)
         depart(run, chosen)
         return ended
 
@@ -474,7 +474,7 @@ class _Loop(Settling):
             # Of a contact that is rested on the residual is that of its rate.
             root = root and not (after[i] == 0 and run.machine.contacts[i])
             if root and run.machine.callbacks is not None and not (jump.by or jump.clocks):
-                run.check_root(run.t, i, jump.x.copy(), float(residual[i]))
+                run.check_root(run.t, i, jump.x.copy(), float(residual[i]), before)
             run.add_event(
                 run.t, i, kind, before, after, jump.x.copy(), multiplier, float(residual[i]),
                 AT_KNOT if caused else JUMPED_OVER if over else note, together,
@@ -493,8 +493,3 @@ class _Loop(Settling):
             )  # fmt: skip
             together = True
         return ended
-
-    def _changed(
-        self, before: Mode, after: Mode, multipliers: Array, triggered: Sequence[int], note: str
-    ) -> Ended:
-        return self._record(after, multipliers, triggered, note, Jump(before, self.run.x.copy()))

@@ -30,6 +30,7 @@ from filippov.solving.resets.zeno import (
     sentence,
 )
 from filippov.solving.selection.higher_order import Begun, HigherOrder
+from filippov.solving.selection.observed import observe, watched
 from filippov.solving.state.change import Jump
 from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Array
@@ -62,9 +63,6 @@ class Settling(ABC):
     def _reached(self) -> Ended: ...
 
     @abstractmethod
-    def _near(self) -> list[int]: ...
-
-    @abstractmethod
     def _reset(self, active: list[int], triggered: Sequence[int], jump: Jump | None = None) -> Ended: ...
 
     @abstractmethod
@@ -74,10 +72,24 @@ class Settling(ABC):
     ) -> Ended: ...  # fmt: skip
 
     @abstractmethod
+    def _record(
+        self, after: Mode, multipliers: Array, triggered: Sequence[int], note: str, jump: Jump
+    ) -> Ended: ...
+
     def _changed(
-        self, before: Mode, after: Mode, multipliers: Array, triggered: Sequence[int], note: str
-    ) -> Ended:
-        """Record a change of mode that has been taken up."""
+        self, before: Mode, after: Mode, multipliers: Array, triggered: Sequence[int], note: str,
+        together: bool = False,
+    ) -> Ended:  # fmt: skip
+        """Record a change of mode that has been taken up; together: in the set of the event before."""
+        jump = Jump(before, self.run.x.copy(), together=together)
+        return self._record(after, multipliers, triggered, note, jump)
+
+    def _near(self, roots: Sequence[int] = ()) -> list[int]:
+        """Surfaces that the present point lies on, to rounding; `roots`: those that it was led to."""
+        sizes, scale = self.run.scales(roots)
+        near = sizes <= 8 * np.finfo(float).eps * scale
+        # A relay with hysteresis switches at the edges of its band, not where h is 0.
+        return [i for i in range(self.run.machine.m) if near[i] and self.run.machine.widths[i] == 0.0]
 
     def _zeno(self) -> Ended:
         """Events accumulate: name the limit, and stop there or go on in the limit mode."""
@@ -156,6 +168,8 @@ class Settling(ABC):
         """Decide events by resets, by sliding of higher order, or by the modes that can follow."""
         if active or bouncing(self.run, [i for i in triggered if self.run.trigger[i] == codes.ROOT]):
             return self._reset(active, triggered)
+        if seen := watched(self.run, triggered):
+            return self._observed(seen, reached, [i for i in triggered if i not in seen])
         if self.higher.active is not None:
             return self._besides(triggered)
         if len(triggered) == 1 and self.run.trigger[triggered[0]] in (codes.ROOT, codes.TOUCH):
@@ -172,6 +186,17 @@ class Settling(ABC):
                 self.run.put(over.mode, over.order, tuple(self.run.lam.tolist()))
                 return self._changed(before, over.mode, self.run.lam, triggered, "")
         return self._classify(reached, triggered, start=False)
+
+    def _observed(self, seen: Sequence[int], reached: Sequence[int], others: Sequence[int]) -> Ended:
+        """Decide what else happens at the instant of observers and user events as if these were not there."""
+        run, first = self.run, self.run.signs
+        ended = self._decided([], reached, others) if others else None
+        before = run.signs
+        seen = [i for i in seen if before[i] == first[i]]
+        if ended is not None or not seen:
+            return ended
+        observe(run, seen)
+        return self._changed(before, run.signs, run.lam, seen, "", together=bool(others))
 
     def _arrived(self) -> bool:
         """Whether a solution that no step leads on has arrived where sliding of higher order begins."""

@@ -236,16 +236,22 @@ class Run:
                 check_gradients(machine, float(row[0]), row[3 : 3 + machine.n].copy(), (mark[0],))
             if mark[1] not in (codes.CROSSING_UP, codes.CROSSING_DOWN, codes.ENTRY) or row[2] == 0.0:
                 continue
-            self.check_root(float(row[0]), mark[0], row[3 : 3 + machine.n].copy(), float(row[2]))
+            self.check_root(float(row[0]), mark[0], row[3 : 3 + machine.n].copy(), float(row[2]), self.signs)
 
-    def check_root(self, t: float, i: int, x: Array, residual: float) -> None:
-        """Raise ModelError where |h_i| = residual is no zero of a continuous function."""
+    def check_root(self, t: float, i: int, x: Array, residual: float, before: Mode) -> None:
+        """Raise ModelError where |h_i| = residual, reached in a mode, is no zero of a continuous function."""
         machine = self.machine
+        if machine.surfaces[i].symbolic:
+            return
         g, gt = machine.gradients(t, x, self.mode)
+        # What is reached at the instant of another event is off 0 by its rate and the rounding of time.
+        _, velocity, _, _ = machine.probe(t, 0.0, x, np.array(before, dtype=float), self.lam)
+        rate = abs(machine.rate(i, g, velocity)) + abs(gt[i])
+        late = 64 * np.finfo(float).eps * max(abs(t), abs(t - float(self.clock.t_start))) * rate
         reach = np.abs(x) + self.atol + 1e-9 * np.max(np.abs(x), initial=0.0)
         # A function may be a difference of terms of this size, of which nothing but rounding is left.
         rounding = 64 * np.finfo(float).eps * (1.0 + np.max(np.abs(x), initial=0.0) + abs(t))
-        known = 1e-6 * float(np.abs(g[i]) @ reach + abs(gt[i] * t)) + machine.widths[i]
+        known = 1e-6 * float(np.abs(g[i]) @ reach + abs(gt[i] * t)) + machine.widths[i] + late
         if residual > known + min(rounding, 16 * scatter(machine, t, x, self.mode, i)):
             raise ModelError(
                 f"surface {machine.surfaces[i].name!r}: h changes its sign at t = {t:.9g} without being 0 "
