@@ -99,6 +99,22 @@ def test_b5_equal_times_give_one_point() -> None:
     np.testing.assert_array_equal(with_times.y[:, 0], [3, 0])
 
 
+def test_a_state_given_twice() -> None:
+    with pytest.raises(UsageError, match="gives x twice"):
+        solve(COULOMB, {x: 1, "x": 2, "v": 0}, (0, 1))
+    p = parameters(mu=1)
+    with pytest.raises(ModelError, match="given twice"):
+        solve(System({x: -p.mu * sign(x)}), (1,), (0, 1), parameters={p.mu: 1, "mu": 2})
+
+
+@pytest.mark.parametrize("method", ["DOP853", "DP5", "Radau", "Taylor"])
+def test_no_absolute_tolerance(method: str) -> None:
+    """From v = 0, which has no relative error; it turns at pi and stays from 2 pi on, at 0.1 (closed form)."""
+    got = solve(System({x: v, v: -x - sign(v) / 5}), (0.9, 0), (0, 9), method=method, atol=0)
+    assert got.success, got.message
+    np.testing.assert_allclose(got.x_end, [0.1, 0], atol=1e-6)
+
+
 def test_b5_denormal_length() -> None:
     got = solve(COULOMB, (3, 0), (0, 5e-324))
     assert got.success

@@ -30,6 +30,8 @@ METHODS = (*INTEGRATORS, STEPPING)
 POLICIES = ("raise", "stick", "slip", "branch")
 # Where none is given; see `filippov.solving.scale` for solutions that are small.
 LARGEST_ATOL = 1e-12
+# What 0 stands for: of a state that is 0 an error has no other measure, and has a square in these units.
+LEAST_ATOL = 1e-150
 SMALLEST_RTOL = 100 * np.finfo(float).eps
 
 
@@ -141,16 +143,16 @@ class Options:
             )
 
     def tolerances(self, system: System) -> npt.NDArray[np.float64]:
-        """One absolute tolerance per state."""
+        """One absolute tolerance per state, at least LEAST_ATOL."""
         if isinstance(self.atol, float):
-            return np.full(system.dimension, self.atol)
+            return np.full(system.dimension, max(self.atol, LEAST_ATOL))
         atol = np.asarray(self.atol, dtype=float)
         if atol.ndim and atol.shape != (system.dimension,):
             raise UsageError(
                 f"atol has shape {atol.shape}, expected one number or {system.dimension} "
                 f"(states: {', '.join(system.states)})."
             )
-        return np.ascontiguousarray(np.broadcast_to(atol, (system.dimension,)), dtype=float)
+        return np.ascontiguousarray(np.broadcast_to(np.maximum(atol, LEAST_ATOL), (system.dimension,)))
 
 
 OPTIONS = tuple(item.name for item in fields(Options))
@@ -209,6 +211,8 @@ def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
         for name in names:
             if name not in system.states:
                 raise UsageError(unknown("state", name, system.states))
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise UsageError(f"x0 gives {', '.join(twice)} twice, by name and as a symbol; give it once.")
         missing = [name for name in system.states if name not in names]
         if missing:
             raise UsageError(
