@@ -30,8 +30,8 @@ METHODS = (*INTEGRATORS, STEPPING)
 POLICIES = ("raise", "stick", "slip", "branch")
 # Where none is given; see `filippov.solving.scale` for solutions that are small.
 LARGEST_ATOL = 1e-12
-# What 0 stands for: of a state that is 0 an error has no other measure, and has a square in these units.
-LEAST_ATOL = 1e-150
+# What 0 stands for: the error of a state that is 0 has no other measure, and a power of it is to be a number.
+LEAST_ATOL = 1e-100
 SMALLEST_RTOL = 100 * np.finfo(float).eps
 
 
