@@ -5,7 +5,8 @@ stops being positive.
 
 Resolution. Linear guards are polynomials of the dense output and are isolated on the whole step. Others are
 sampled at 9 Chebyshev points, checked at two more, and the step is halved (at most SPLITS times) until the
-polynomial stands for the guard to 1e-7 of its size: what is narrower than 2**-SPLITS of a step is not seen.
+polynomial stands for the guard to 1e-7 of its size, and where its sign hangs on more, to `touch` or rounding:
+what is narrower than 2**-SPLITS of a step is not seen.
 A guard that needs this in many places asks for a shorter step.
 """
 
