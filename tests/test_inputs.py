@@ -109,7 +109,7 @@ def test_a_state_given_twice() -> None:
 
 @pytest.mark.parametrize("method", ["DOP853", "DP5", "Radau", "Taylor"])
 def test_no_absolute_tolerance(method: str) -> None:
-    """From v = 0, which has no relative error; it turns at pi and stays from 2 pi on, at 0.1 (closed form)."""
+    """From v = 0, which has no relative error; it stays at 0.1 from 2 pi on (closed form)."""
     got = solve(System({x: v, v: -x - sign(v) / 5}), (0.9, 0), (0, 9), method=method, atol=0)
     assert got.success, got.message
     np.testing.assert_allclose(got.x_end, [0.1, 0], atol=1e-6)

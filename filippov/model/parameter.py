@@ -263,7 +263,7 @@ class ParameterSet:
             pairs = [(self.index(name), value) for name, value in values.items()]
             if len(dict(pairs)) < len(pairs):
                 keys = ", ".join(map(str, values))
-                raise ModelError(f"a parameter is given twice, by name and as a symbol: {keys}; give it once.")
+                raise ModelError(f"a parameter is given twice, by name and as a symbol: {keys}.")
         elif isinstance(values, str) or not isinstance(values, (Sequence, np.ndarray, ParameterRecord)):
             raise ModelError(f"parameter values are {values!r}, expected a dict of name: number.")
         else:
