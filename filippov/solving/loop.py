@@ -470,7 +470,8 @@ class _Loop(Settling):
             at = i in triggered or (jump.knot is not None and i in jump.knot and before[i] != 0)
             caused = jump.knot is not None and not at
             changes = kind in (EventKind.CROSSING, EventKind.ENTRY)
-            root = changes and i in triggered and run.trigger[i] == codes.ROOT
+            root = changes and i in triggered
+            root = root and (run.trigger[i] == codes.ROOT or run.machine.roles[i] == "observer")
             # Of a contact that is rested on the residual is that of its rate.
             root = root and not (after[i] == 0 and run.machine.contacts[i])
             if root and run.machine.callbacks is not None and not (jump.by or jump.clocks):
