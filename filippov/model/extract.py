@@ -31,7 +31,7 @@ from filippov.model.check import check_expression
 from filippov.model.size import Scale
 from filippov.model.surface import Surface
 from filippov.model.symbolic import Select
-from filippov.model.table import SurfaceTable, dynamic, vanishes
+from filippov.model.table import SurfaceTable, dynamic, refuse_flat, vanishes
 
 Path = Mapping[Symbol, int]
 Context = Literal["field", "h", "jump", "reset"]
@@ -70,13 +70,7 @@ class Extractor:
                     "Give the argument of its sign, Heaviside or Piecewise as the surface."
                 )
             entry = self.table.declare(surface, h)
-            flat = [part for part in _factors(entry.h) if _flat(part)]
-            if flat:
-                base = flat[0].as_base_exp()[0]
-                raise ModelError(
-                    f"{self._where}: h = {surface.h} has no slope where {base} is 0, expected simple zeros. "
-                    "Give the same zeros without the power."
-                )
+            refuse_flat(self._where, surface.h, _factors(entry.h))
 
     def field(self, expr: Expr, where: str) -> Expr:
         """Return a right-hand side with the signs and sizes as symbols; `where` names it in messages."""
@@ -480,12 +474,6 @@ def _difference(condition: Any) -> tuple[Expr, bool]:
 def _odd_power(arg: Expr) -> bool:
     """Whether a surface is an odd power of one with the same zeros, which are simple there."""
     return bool(arg.is_Pow and arg.exp.is_odd)
-
-
-def _flat(part: Expr) -> bool:
-    """Whether a factor is a whole power, at least the second, of what can vanish along a solution."""
-    base, exponent = part.as_base_exp()
-    return bool(exponent.is_Integer and exponent > 1 and dynamic(base) and not base.is_nonzero)
 
 
 def _factors(arg: Expr) -> list[Expr]:

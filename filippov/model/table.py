@@ -194,6 +194,16 @@ class SurfaceTable:
         return constant
 
 
+def refuse_flat(where: str, h: Expr, factors: Iterable[Expr]) -> None:
+    """Refuse a declared h with a factor that is a power, at least the second, of what vanishes on the way."""
+    for base, exponent in (part.as_base_exp() for part in factors):
+        if exponent.is_Integer and exponent > 1 and dynamic(base) and not base.is_nonzero:
+            raise ModelError(
+                f"{where}: h = {h} has no slope where {base} is 0, expected simple zeros. "
+                "Give the same zeros without the power."
+            )
+
+
 def decimal(expr: Expr) -> Expr:
     """Return expr with its floats as the decimal fractions that they were written as."""
     floats = expr.atoms(sympy.Float)
