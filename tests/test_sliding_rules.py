@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command import summary
 
-from filippov import Surface, System, UsageError, sign, solve, states, t
+from filippov import Surface, System, UsageError, parameters, sign, solve, states, t
 from filippov.solving.solution import Solution
 
 RULES = ("filippov", "moments", "utkin")
@@ -260,3 +260,38 @@ def test_the_rule_is_checked_stored_and_part_of_the_command(
         "-o", str(tmp_path / "out"),
     )  # fmt: skip
     assert abs(told["x_end"]["z"] - 0.13808084038587663659) < 1e-10
+
+
+def barely(end: int, plain: bool) -> System:
+    """x' = s (1 + d - a (t - 1)^2) - sign(x), s = +-1: slides on x = 0 until a (t - 1)^2 = d."""
+    if plain:
+        return System(
+            field=lambda t, x, p, s: [end * (1 + p.d - p.a * (t - 1) ** 2) - s[0]],
+            surfaces=[Surface("x", lambda t, x, p: x[0], linear=True)],
+            states="x",
+            parameters={"a": 1.0, "d": 0.0},
+        )
+    p = parameters(a=1.0, d=0.0)
+    return System({x: end * (1 + p.d - p.a * (t - 1) ** 2) - sign(x)}, parameters=p)
+
+
+@pytest.mark.parametrize("plain", [False, True], ids=["symbolic", "plain"])
+@pytest.mark.parametrize("end", [1, -1], ids=["upper", "lower"])
+def test_multiplier_that_hardly_leaves_its_set_does_so_in_time(end: int, plain: bool) -> None:
+    system, random = barely(end, plain), np.random.default_rng(5 + end)
+    left = 0
+    # Below 1e-10 of the rates it may stay; those just above were located where it was that far beyond.
+    excess = np.concatenate([np.geomspace(1e-12, 1e-6, 40), np.linspace(1.9e-10, 2.1e-10, 40)])
+    for d in excess:
+        a = random.uniform(0.1, 1.9)
+        run = solve(system, (0.0,), (0, 2), parameters={"a": a, "d": d}, rtol=1e-10, atol=1e-12)
+        assert run.success, run.message
+        times = [event.t for event in run.events]
+        if d > 2.1e-10 or times:
+            left += 1
+            # What is rounding of the multiplier, 1e-15, over its slope there, a time of at most 1 apart.
+            assert times[0] == pytest.approx(1 - math.sqrt(d / a), rel=0, abs=1e-15 / math.sqrt(a * d) + 1e-15)
+            # With r^2 = d/a, T = t - 1: x = a (T + r)^2 (2 r - T)/3, back on the surface at T = 2 r.
+            assert times[1] == pytest.approx(1 + 2 * math.sqrt(d / a), rel=0, abs=1e-2 * math.sqrt(d / a))
+        assert len(times) in (0, 2), times
+    assert left > 20

@@ -262,6 +262,11 @@ def row_root(
         if high <= NOISY * grain and low >= -NOISY * grain:
             return NO_ROOT, 2.0, degree
     kind, u = first_root(c, degree, touch, w.stack, w.bounds, w.work)
+    if m[i] == 0.0 and kind != NO_ROOT and dip > 0.0 and c[0] > 2.0 * dip:
+        # It does leave: where it passes the end of its set, not where it is clearly beyond and may turn back.
+        for a in range(NODES):
+            c[a] -= dip
+        kind, u = first_root(c, degree, touch, w.stack, w.bounds, w.work)
     return (NO_ROOT if kind == TANGENT_ROOT and most <= allowed else kind), u, degree
 
 
