@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bank import case, expected, number
+from friction_trees import examine
 
 from filippov import Solution, Status, Surface, System, pi, sign, sin, solve, sqrt, states, t
 
@@ -180,3 +181,9 @@ def test_limits_are_kept_with_the_solution(tmp_path: Path) -> None:
     back = Solution.load(run.save(tmp_path / "run.npz"))
     assert back.accumulations == run.accumulations
     assert solve(system, x0, (0, limit / 2)).zeno is None
+
+
+def test_E9_what_else_comes_to_rest_in_the_limit_of_impacts_is_decided_there() -> None:
+    # Three bodies that stick to each other bounce without loss on a wall: friction on the ground, and between
+    # them as they strike, brings all to rest at once.
+    assert examine(300128) == []

@@ -19,6 +19,7 @@ from filippov.solving.resets.zeno import (
     Accumulation,
     accumulates,
     accumulation,
+    also_reached,
     beyond,
     bridge,
     interrupted,
@@ -133,6 +134,7 @@ class Settling(ABC):
         if isinstance(here, Begun):
             # What is left of the cycles is rounding already, and so is a limit by their law.
             return self._changed(before, here.mode, here.multipliers, limit.surfaces, here.note)
+        besides = also_reached(run, limit)
         bridge(run, limit)
         zero = self._back()
         run.x[:] = limit.x
@@ -149,7 +151,8 @@ class Settling(ABC):
                 rest(run, limit.surfaces)
                 return self._reached()
         run.x[:] = limit.x
-        return self._classify(limit.surfaces, limit.surfaces, start=False, rested=rested) or self._budgets()
+        reached = sorted({*limit.surfaces, *besides})
+        return self._classify(reached, limit.surfaces, start=False, rested=rested) or self._budgets()
 
     def _spirals(self) -> Ended:
         """Half of the events went into ever slower cycles around a corner: go on in it, if that is wanted."""

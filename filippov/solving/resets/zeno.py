@@ -191,17 +191,29 @@ def interrupted(run: Run, limit: Accumulation) -> bool:
     error moves both alike. The error of the law does not excuse a surface on that path: further cycles
     decide.
     """
+    impacts = all(run.machine.contacts[i] for i in limit.surfaces)
+    others = _others(run, limit)
+    return any(h < -CHOSEN * (min(known, rounding) if impacts else known) for _, h, known, rounding in others)
+
+
+def also_reached(run: Run, limit: Accumulation) -> tuple[int, ...]:
+    """Surfaces that take no part in the cycles and on which the limit lies nevertheless, to rounding."""
+    others = [other for other in _others(run, limit) if run.machine.widths[other[0]] == 0.0]
+    return tuple(i for i, h, _, rounding in others if abs(h) <= CHOSEN * rounding)
+
+
+def _others(run: Run, limit: Accumulation) -> list[tuple[int, float, float, float]]:
+    """The surfaces that take no part: guard at the limit, its error, its rounding on the way from the run."""
     mode, x = off_contact(run, run.mode), np.ascontiguousarray(limit.x)
     h = mode * run.machine.guards(limit.t, x, mode) + run.machine.widths
     g, gt = run.machine.gradients(limit.t, x, mode)
     known = np.abs(g).sum(axis=1) * limit.x_error + np.abs(gt) * limit.error
-    if all(run.machine.contacts[i] for i in limit.surfaces):
-        start = mode * run.machine.guards(run.t, run.x, mode) + run.machine.widths
-        length = abs(limit.t - run.t) + EPS * abs(limit.t)
-        terms = guard_terms(g, gt, limit.t, x)
-        known = np.minimum(known, 16.0 * EPS * (terms + np.abs(h - start) * abs(limit.t) / length))
+    start = mode * run.machine.guards(run.t, run.x, mode) + run.machine.widths
+    length = abs(limit.t - run.t) + EPS * abs(limit.t)
+    terms = guard_terms(g, gt, limit.t, x)
+    rounding = 16.0 * EPS * (terms + np.abs(h - start) * abs(limit.t) / length)
     others = [i for i in range(run.machine.m) if i not in limit.surfaces and run.mode[i] != 0.0]
-    return any(h[i] < -CHOSEN * known[i] for i in others)
+    return [(i, float(h[i]), float(known[i]), float(rounding[i])) for i in others]
 
 
 def _between_impacts(run: Run, mode: Array, t: float) -> tuple[Array, Array]:
