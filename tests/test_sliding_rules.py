@@ -290,7 +290,8 @@ def test_multiplier_that_hardly_leaves_its_set_does_so_in_time(end: int, plain: 
         if d > 2.1e-10 or times:
             left += 1
             # What is rounding of the multiplier, 1e-15, over its slope there, a time of at most 1 apart.
-            assert times[0] == pytest.approx(1 - math.sqrt(d / a), rel=0, abs=1e-15 / math.sqrt(a * d) + 1e-15)
+            known = 1e-15 * (1 + 1 / math.sqrt(a * d))
+            assert times[0] == pytest.approx(1 - math.sqrt(d / a), rel=0, abs=known)
             # With r^2 = d/a, T = t - 1: x = a (T + r)^2 (2 r - T)/3, back on the surface at T = 2 r.
             assert times[1] == pytest.approx(1 + 2 * math.sqrt(d / a), rel=0, abs=1e-2 * math.sqrt(d / a))
         assert len(times) in (0, 2), times
