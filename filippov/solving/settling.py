@@ -151,8 +151,8 @@ class Settling(ABC):
                 rest(run, limit.surfaces)
                 return self._reached()
         run.x[:] = limit.x
-        reached = sorted({*limit.surfaces, *besides})
-        return self._classify(reached, limit.surfaces, start=False, rested=rested) or self._budgets()
+        on = sorted({*limit.surfaces, *besides})
+        return self._classify(on, limit.surfaces, start=False, rested=rested) or self._budgets()
 
     def _spirals(self) -> Ended:
         """Half of the events went into ever slower cycles around a corner: go on in it, if that is wanted."""
