@@ -206,7 +206,7 @@ def test_15_2_plastic_flow_begins_and_is_complete_where_the_published_one_does()
             lambda: with_friction_model(System({x: sign(x) + v_, v_: -sign(v_ + 1)}), "dahl", 1),
             "say surface=",
         ),
-        (lambda: with_friction_model(System({x: v_, v_: -x}), "dahl", 1), "none"),
+        (lambda: with_friction_model(System({x: v_, v_: -x}), "dahl", 1), "no switching surface"),
         (lambda: with_friction_model(BLOCK, "lugre", 1e-3, dwell=1), "times of seven-parameter"),
         (lambda: with_friction_model(BLOCK, "seven-parameter", 1e-3, lag=-1), "lag is -1"),
     ],
