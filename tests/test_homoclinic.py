@@ -91,8 +91,12 @@ def test_12_13_a_guess_that_is_nearest_to_the_saddle_beside_a_border(start: floa
 
 
 @pytest.mark.parametrize("b", [0.5, 0.8])
-def test_12_13_a_pseudo_saddle_of_a_planar_system(b: float) -> None:
-    """Out along the sliding motion, off at the fold, round, and down on the pseudo-saddle in finite time."""
+@pytest.mark.parametrize("beside", [-0.04, -0.031, -0.02, -0.01, 0.02])
+def test_12_13_a_pseudo_saddle_of_a_planar_system(b: float, beside: float) -> None:
+    """Out along the sliding motion, off at the fold, round, and down on the pseudo-saddle in finite time.
+
+    On one side of the value the guess goes round a cycle, and lands at one place again and again.
+    """
     p, (u, w) = parameters(mu=0.1), states("u w")
     above = (p.mu * (u - 1) - (w - b), (u - 1) + p.mu * (w - b))
     below, side = (-b + 0.5 * u, 1.0), sign(w)
@@ -108,7 +112,7 @@ def test_12_13_a_pseudo_saddle_of_a_planar_system(b: float) -> None:
 
     known = brentq(lambda mu: landing(mu, b) - rest(mu), 0.02, 0.6, xtol=1e-14)
     found = find_homoclinic(
-        system, (rest(known), 0.0), free="mu", parameters={"mu": known + 0.02}, mode="0", side=1
+        system, (rest(known), 0.0), free="mu", parameters={"mu": known + beside}, mode="0", side=1
     )  # fmt: skip
     assert found.value == pytest.approx(known, abs=1e-9)
     assert found.modes == ("0", "+")

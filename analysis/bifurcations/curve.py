@@ -111,8 +111,7 @@ class CurveProblem:
     """A solution with a vanishing test function; the second parameter is the one that is followed.
 
     straight   a curve whose direction changes by less than this per length is straight, to the accuracy of
-    its
-               tangents
+               its tangents
     """
 
     straight = 1e-3

@@ -208,7 +208,9 @@ class _Search:
             gaps = [(float(np.linalg.norm(arcs[k].x[-1] - self.saddle.x)), k) for k in ends]
             if not gaps:
                 return None
-            gap, k = min(gaps)
+            # A solution that has come to a cycle lands at one place again and again: the first of them.
+            least = min(gap for gap, _ in gaps)
+            gap, k = next((gap, k) for gap, k in gaps if gap <= least * (1 + _MISSED))
             last = Arc(arcs[k].mode, arcs[k].t, arcs[k].x)
             return gap / float(np.max(away)), [*arcs[:k], last]
         falling = np.flatnonzero(np.diff(away) < 0)

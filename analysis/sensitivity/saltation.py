@@ -360,10 +360,11 @@ class Together:
         if len(events) > 1 and not (clocks and all(e.kind is EventKind.EXIT for e in left)):
             raise self._resets_among(events)
         by, x = np.eye(self.system.dimension + len(self.names) + 1), self.x
-        machine = Machine(self.system, self.solution.options.stepper, self.p)
+        # What one reset leads to is what the event says.
+        machine = Machine(self.system, self.solution.options.stepper, self.p) if len(resets) > 1 else None
         for event in resets:
             by = reset_slopes(self.system, event, self.names, self.p, x) @ by
-            if len(resets) > 1:
+            if machine is not None:
                 x = machine.reset(event.index, self.t, x, np.array(self.before, dtype=float))
         x_after = resets[-1].x_after
         assert x_after is not None

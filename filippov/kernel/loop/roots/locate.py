@@ -262,13 +262,14 @@ def row_root(
         if high <= NOISY * grain and low >= -NOISY * grain:
             return NO_ROOT, 2.0, degree
     kind, u = first_root(c, degree, touch, w.stack, w.bounds, w.work)
-    gap, q = w.node[i] + w.node[M + i], DEGREE * 2 * M + i
-    if m[i] == 0.0 and kind != NO_ROOT and c[0] > 2.0 * dip > 0.0 and w.node[q] + w.node[q + M] > 0.5 * gap:
-        # It does leave: where it passes the end of its set, not where it is clearly beyond and may turn back.
-        # Where the rates come together, at a two-fold, that place is but rounding.
-        for a in range(NODES):
-            c[a] -= dip
-        kind, u = first_root(c, degree, touch, w.stack, w.bounds, w.work)
+    if m[i] == 0.0 and kind != NO_ROOT and c[0] > 2.0 * dip > 0.0:
+        end = DEGREE * 2 * M + i
+        # Where the rates come together, at a two-fold, the place at which they do is but rounding.
+        if w.node[end] + w.node[end + M] > 0.5 * (w.node[i] + w.node[M + i]):
+            # It does leave: where it passes the end of its set, not where it is clearly beyond.
+            for a in range(NODES):
+                c[a] -= dip
+            kind, u = first_root(c, degree, touch, w.stack, w.bounds, w.work)
     return (NO_ROOT if kind == TANGENT_ROOT and most <= allowed else kind), u, degree
 
 
