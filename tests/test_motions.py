@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import sympy as sp
 
-from filippov import Solution, Surface, System, UsageError, parameters, sign, states
+from filippov import Solution, Surface, System, TimeEvent, UsageError, parameters, sign, states, t
 from filippov.analysis import Approximation, compare
 from filippov.analysis.comparisons.approximation import under
 from filippov.analysis.comparisons.solution_result import SolutionComparison
@@ -192,6 +192,65 @@ def test_15_4_each_surface_has_what_fits_it() -> None:
     made: Any = model.build(1e-3)[0]  # type: ignore[index]
     assert "relay" in made.surface_names
     assert "slip:upper" in made.surface_names
+
+
+# x is no velocity, and time stepping knows no clock.
+CLOCKED = System({x: -sign(x - sp.sin(t)), v: 1 - v}, time_events=[TimeEvent("clock", 1, 1, reset={v: 0})])
+
+
+def test_15_4_what_does_not_apply_is_a_row_that_says_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = compare(
+        CLOCKED, (0.5, 0), (0, 3), against=["karnopp", "band", "moreau", "tanh"], widths=(1e-2, 1e-3),
+        accuracy=1e-2,
+    )  # fmt: skip
+    names = [(row["model"], row["width"]) for row in found.rows]
+    assert names == [
+        ("exact", None), ("karnopp", None), ("band", 1e-2), ("band", 1e-3), ("moreau", None), ("tanh", 1e-2),
+        ("tanh", 1e-3),
+    ]  # fmt: skip
+    assert found.models == ("band", "tanh")
+    for row in (found.rows[1], found.rows[4]):
+        assert row["note"].startswith("does not apply: "), row
+        assert row["note"] in found.to_text()
+        assert row["entries"] is None
+    assert "it is no velocity" in found.rows[1]["note"]
+    assert "time events ('clock')" in found.rows[4]["note"]
+    assert [item.model for item in found.needed] == ["band", "tanh"]
+    assert found.trend("band", "error_state").order == pytest.approx(1.0, abs=0.15)
+    assert found.to_html().count("<tr>") == len(names) + 1
+    found.plot()
+    ball = System({x: v, v: -1}, surfaces=[Surface("floor", x, reset={v: -v / 2}, contact=True)])
+    tried = compare(ball, (1, 0), (0, 2), against=["switch", "lugre", "moreau"], widths=(1e-2, 1e-3))
+    assert tried.models == ("moreau",)
+    assert [row["note"].split(":")[0] for row in tried.rows[1:3]] == ["does not apply"] * 2
+    with pytest.raises(UsageError, match=r"no approximation applies.*switch, lugre: the system has no"):
+        compare(ball, (1, 0), (0, 2), against=("switch", "lugre"))
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "from filippov import System, sign, states\nx, = states('x')\nrelay = System({x: -sign(x)})\n"
+    )
+    words = ["compare", f"{file}:relay", "--x0", "x=1", "--t-span", "0", "2", "--widths", "1e-2", "--quiet"]
+    assert main([*words, "--against", "karnopp,band", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["note"].split(":")[0] for row in rows[1:]] == ["does not apply", ""]
+    assert main([*words, "--against", "karnopp"]) == 2
+    assert "it is no velocity" in capsys.readouterr().err
+
+
+def test_15_4_a_friction_model_leaves_exact_what_is_no_friction() -> None:
+    """A relay with hysteresis beside friction: the friction has the bristles, the relay stays."""
+    (y,) = states("y")
+    loop = System(
+        {x: v, v: y - x - p.mu * sign(v), y: -y - sign(y - x / 2)},
+        surfaces=[Surface("slip", v), Surface("relay", y - x / 2, width=0.05)],
+    )
+    found = compare(loop, (0.7, 0, 0), (0, 2), against=["lugre"], widths=(1e-3, 1e-4))
+    assert found.models == ("lugre",)
+    assert len(found.left) == 1
+    assert found.left[0].startswith("lugre leaves 'relay' exact: ")
+    assert found.trend("lugre", "error_state").vanishes is True
 
 
 @pytest.mark.parametrize(

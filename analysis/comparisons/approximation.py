@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from filippov.analysis.comparisons.band_model import SMOOTH_REACH, BandModel
 from filippov.base.errors import ModelError, UsageError
@@ -37,6 +37,7 @@ KINDS: dict[str, tuple[Callable[[Any, Any], Comparator], bool]] = {
 # Time stepping of the exact system: its width is the step.
 STEPS = "moreau"
 NAMES = (*KINDS, *FRICTION, STEPS)
+UNFIT = "does not apply"
 
 
 @constructor()
@@ -71,66 +72,86 @@ class Approximation:
         return BandModel(self.name, self.build) if self.stick is None else self.stick(surface)
 
 
-def approximations(exact: System, against: Any, alpha: float = ALPHA) -> list[Approximation]:
-    """The requested approximations: names of KINDS ("smooth" is "tanh") and of friction
-    models, "moreau", a mapping from names to
-    builds, Approximations, or several of these. Raises UsageError.
+class Unfit(NamedTuple):
+    """An approximation by name that does not apply to the system, and why."""
+
+    name: str
+    why: str
+
+
+def approximations(exact: System, against: Any, alpha: float = ALPHA) -> list[Approximation | Unfit]:
+    """The requested approximations: names of KINDS ("smooth" is "tanh") and of friction models, "moreau", a
+    mapping from names to builds, Approximations, or several of these.
+
+    Raises UsageError: for unknown names, and where not one of them applies.
     """
     items = [against] if isinstance(against, str | Approximation) else against
     if isinstance(items, Mapping):
         return [Approximation(str(name), build) for name, build in items.items()]
-    out = [_one(exact, item, alpha) for item in items]
+    out = [approximation(exact, item, alpha) for item in items]
     names = [item.name for item in out]
     if not out or len(set(names)) < len(names):
         raise UsageError(f"against is {against!r}, expected at least one approximation, each once.")
+    unfit = [item for item in out if isinstance(item, Unfit)]
+    if len(unfit) == len(out):
+        said = [
+            f"{', '.join(item.name for item in unfit if item.why == why)}: {why}"
+            for why in dict.fromkeys(item.why for item in unfit)
+        ]
+        raise UsageError(f"no approximation applies to this system. {' '.join(said)}")
     return out
 
 
-def _one(exact: System, item: Any, alpha: float) -> Approximation:
+def approximation(exact: System, item: Any, alpha: float = ALPHA) -> Approximation | Unfit:
+    """One of the requested approximations: a name, or as it is. Raises UsageError for an unknown name."""
     if isinstance(item, Approximation):
         return item
     if not isinstance(item, str):
         known = ", ".join(NAMES)
         raise UsageError(f"against holds {item!r}, expected a name of {known} or an Approximation.")
     name = "tanh" if item == "smooth" else item
-    if name in FRICTION:
-        return with_friction(exact, name)
-    if name == STEPS:
-        check_fits(exact)
-        return Approximation(name, lambda _: exact, method=STEPPING, timed=True)
-    if name not in KINDS:
+    if name not in NAMES:
         raise UsageError(unknown("approximation", item, NAMES))
-    return under(exact, name, alpha)
+    try:
+        if name in FRICTION:
+            return with_friction(exact, name)
+        if name in KINDS:
+            return under(exact, name, alpha)
+        check_fits(exact)
+    except (ModelError, UsageError) as error:
+        return Unfit(name, str(error))
+    return Approximation(name, lambda _: exact, method=STEPPING, timed=True)
 
 
 def with_friction(exact: System, name: str) -> Approximation:
-    """The system with a friction model of the literature on every switching surface, one after the other.
+    """The system with a friction model of the literature on every switching surface to which it applies.
 
-    Raises UsageError where it does not fit.
+    Raises ModelError where there is none.
     """
     word = _fresh("width", exact)
     width = parameters(**{word: Parameter(1e-3, lower=SMALLEST, description=f"width of {name}")})[word]
-    surfaces = [q.name for q in exact.surfaces if q.kind == "switching"]
-    try:
-        made = with_friction_model(exact, name, width, surface=surfaces[0] if surfaces else None)
-        for surface in surfaces[1:]:
+    made, without = exact, {}
+    surfaces = _switching(exact)
+    for surface in surfaces:
+        try:
             made = with_friction_model(made, name, width, surface=surface)
-    except ModelError as error:
-        raise UsageError(f"{name} does not fit this system. {error}") from None
+        except ModelError as error:
+            without[surface] = str(error)
+    if len(without) == len(surfaces):
+        raise ModelError(without[surfaces[0]])
     method = None if name == "maxwell-slip" else "Radau"
-    sticks = name not in BRISTLES
-    return Approximation(name, lambda value: (made, {word: value}), method=method, sticks=sticks)
+    return Approximation(
+        name, lambda value: (made, {word: value}), method=method, sticks=name not in BRISTLES, without=without
+    )
 
 
 def under(exact: System, name: str, alpha: float = ALPHA) -> Approximation:
     """The system under a comparator on every switching surface to which it applies.
 
-    Raises UsageError where there is none.
+    Raises ModelError where there is none.
     """
     make, stiff = KINDS[name]
-    surfaces = [q.name for q in exact.surfaces if q.kind == "switching"]
-    if not surfaces:
-        raise UsageError("the system has no switching surface, so nothing can stand for one.")
+    surfaces = _switching(exact)
     without: dict[str, str] = {}
     for surface in surfaces:
         try:
@@ -139,7 +160,7 @@ def under(exact: System, name: str, alpha: float = ALPHA) -> Approximation:
             without[surface] = str(error)
     able = [surface for surface in surfaces if surface not in without]
     if not able:
-        raise UsageError(f"{name} does not fit this system. {next(iter(without.values()))}")
+        raise ModelError(without[surfaces[0]])
     stick = partial(_stick, name)
     if exact.symbolic is None:
         def build(width: float) -> Built:
@@ -151,11 +172,16 @@ def under(exact: System, name: str, alpha: float = ALPHA) -> Approximation:
         own[0]: Parameter(1e-3, lower=SMALLEST, description=f"half-width of {name}"),
         own[1]: Parameter(alpha, lower=0, description="rate towards the surface"),
     })  # fmt: skip
-    try:
-        made = exact.with_comparator(dict.fromkeys(able, make(p[own[0]], p[own[1]])))
-    except ModelError as error:
-        raise UsageError(f"{name} does not fit this system. {error}") from None
+    made = exact.with_comparator(dict.fromkeys(able, make(p[own[0]], p[own[1]])))
     return Approximation(name, lambda width: (made, {own[0]: width}), stiff, stick=stick, without=without)
+
+
+def _switching(system: System) -> list[str]:
+    """The names of its switching surfaces. Raises ModelError where there is none."""
+    surfaces = [q.name for q in system.surfaces if q.kind == "switching"]
+    if not surfaces:
+        raise ModelError("the system has no switching surface, so nothing can stand for one.")
+    return surfaces
 
 
 def _fresh(word: str, system: System) -> str:

@@ -53,9 +53,10 @@ class Needed:
 class SolutionComparison(Answering):
     """Rows of a comparison of solutions, the exact one first.
 
-    rows       one dict per row: model, width (None: exact), method, error_state, error_final (over the extent
-               of each state), error_times, drift, stick (time), entries (into stick, by surface), ending,
-               amplitude, period, field_calls, jacobians, factorisations, calls_ratio, seconds, note, measures
+    rows       one dict per row: model, width (None: exact, or the note says why it does not apply), method,
+               error_state, error_final (over the extent of each state), error_times, drift, stick (time),
+               entries (into stick, by surface), ending, amplitude, period, field_calls, jacobians,
+               factorisations, calls_ratio, seconds, note, measures
     faults     a sentence for each qualitative difference at the narrowest width computed
     needed     the widths for the requested accuracy
     exact      the exact Solution; solutions: those of the widest width by model

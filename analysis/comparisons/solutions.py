@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from filippov.analysis.comparisons.approximation import ALPHA, approximations
+from filippov.analysis.comparisons.approximation import ALPHA, UNFIT, Unfit, approximations
 from filippov.analysis.comparisons.solution_ending import ending, faults
 from filippov.analysis.comparisons.solution_result import Needed, SolutionComparison
 from filippov.analysis.comparisons.solution_run import (
     ERRORS,
     ExactSolution,
     ModelSolutions,
+    blank_row,
     chosen_widths,
     needed_width,
 )
@@ -52,7 +53,7 @@ def compare_solutions(
     against     names ("switch", "karnopp", "band", "tanh", "arctan", "sqrt", "hysteresis"; "lugre", "dahl",
                 "elasto-plastic", "maxwell-slip", "memory", "bengisu-akay", "seven-parameter", see
                 `filippov.model.bristles`; "moreau": time stepping, whose width is its step), a mapping {name:
-                width -> System}, or Approximations; default: the first four, where they fit the system
+                width -> System}, or Approximations; default: the first four
     widths      half-widths in the units of h; default: five decades below the largest |h| of the solution
     measures    further numbers of each run, as in sweeps: "amplitude(x)", a function of the Solution
     parameters  values by name, for the exact system and every approximation that has them
@@ -65,7 +66,8 @@ def compare_solutions(
     progress    called with (done, total, what)
 
     Stiff approximations are integrated by Radau where stability would limit an explicit method; the rows say
-    which. Raises UsageError, ModelError.
+    which. One that does not apply to the system has a row that says why; only where none applies is that an
+    error. Raises UsageError, ModelError.
     """
     if quantity not in ERRORS:
         raise UsageError(unknown("quantity", quantity, ERRORS))
@@ -74,13 +76,16 @@ def compare_solutions(
     exact = ExactSolution(
         system.exact, x0, t_span, parameters, measures, rtol, atol, max_steps, max_events, repeats
     )
-    models, left = _models(system.exact, against, alpha)
+    models = approximations(system.exact, AGAINST if against is None else against, alpha)
     sizes = chosen_widths(exact, widths, DECADES)
-    rows, wrong, needs = [exact.row], [], []
+    rows, wrong, needs, left = [exact.row], [], [], []
     shown: dict[str, Solution] = {}
     total = 1 + len(models) * len(sizes)
     names = list(exact.reader.readers)
     for model in models:
+        if isinstance(model, Unfit):
+            rows.append(blank_row(model.name, None) | {"note": f"{UNFIT}: {model.why}"})
+            continue
         left += [f"{model.name} leaves {surface!r} exact: {why}" for surface, why in model.without.items()]
         own: list[dict[str, Any]] = []
         sizes = chosen_widths(exact, widths, DECADES, model.timed)
@@ -111,18 +116,3 @@ def compare_solutions(
 
 
 compare_motions = compare_solutions  # its earlier name
-
-
-def _models(exact: System, against: Any, alpha: float) -> tuple[list[Any], list[str]]:
-    """The approximations, and sentences on those of the default that do not fit."""
-    if against is not None:
-        return approximations(exact, against, alpha), []
-    found, left = [], []
-    for name in AGAINST:
-        try:
-            found += approximations(exact, name, alpha)
-        except UsageError as error:
-            left.append(str(error))
-    if not found:
-        raise UsageError(" ".join(dict.fromkeys(left)))
-    return found, left

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from filippov.analysis.comparisons.approximation import STEPS, approximations
+from filippov.analysis.comparisons.approximation import STEPS, UNFIT, Unfit, approximation
 from filippov.analysis.comparisons.solution_result import SolutionComparison
 from filippov.analysis.comparisons.solutions import compare_solutions
 from filippov.base.errors import UsageError
@@ -32,9 +32,9 @@ def table_of_approximations(
     plants: Iterable[str] = tuple(PLANTS), models: Iterable[str] = MODELS,
     progress: Callable[[str], object] | None = None,
 ) -> list[dict[str, Any]]:  # fmt: skip
-    """Rows by the names of COLUMNS: of each plant the exact solution, then the models that fit it.
+    """Rows by the names of COLUMNS: of each plant the exact solution, then the models.
 
-    said   what is wrong in kind, or why a model does not fit; progress: called with the plant and model
+    said   what is wrong in kind, or why a model does not apply; progress: called with the plant and model
     """
     plants, models = tuple(plants), tuple(models)
     check_known("plant", plants, PLANTS, UsageError)
@@ -47,14 +47,14 @@ def table_of_approximations(
             if progress is not None:
                 progress(f"{name} {model}")
             widths = plant.steps if model == STEPS else plant.widths if model in BANDS else plant.deflections
-            try:
-                made = approximations(system, model)
-                found = compare_solutions(
-                    system, plant.x0, plant.t_span, against=made, widths=widths, max_steps=2_000_000
-                )
-            except UsageError as error:
-                rows.append(dict.fromkeys(COLUMNS) | {"plant": name, "model": model, "said": str(error)})
+            made = approximation(system, model)
+            if isinstance(made, Unfit):
+                said = f"{UNFIT}: {made.why}"
+                rows.append(dict.fromkeys(COLUMNS) | {"plant": name, "model": model, "said": said})
                 continue
+            found = compare_solutions(
+                system, plant.x0, plant.t_span, against=made, widths=widths, max_steps=2_000_000
+            )
             if not any(row["plant"] == name and row["model"] == "exact" for row in rows):
                 rows.append(_row(name, found.rows[0], "-"))
             rows.append(_summary(name, model, found))
