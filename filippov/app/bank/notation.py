@@ -39,7 +39,7 @@ def number(value: Any, names: Mapping[str, Any] | None = None) -> float:
         result = math.nan
     if math.isnan(result):
         try:
-            result = float(parse_expression(str(value), names))
+            result = float(formula(str(value), names or {}))
         except (TypeError, OverflowError):
             raise ModelError(f"{str(value)[:80]!r} is not a real number.") from None
     if not math.isfinite(result):
