@@ -35,7 +35,7 @@ def hunting() -> None:
     plot_solution(response, ["x", "v"], figure=left, labels=names)
     plot_event_map(
         turns, 0.0, 0.5, fixed=turns.fixed_points(0.0, 0.5), figure=right,
-        labels={"d": "stick position [m]", "P": "two sticks later [m]"},
+        labels={"d": "stick position [m]", "image": "two sticks later [m]"},
     )  # fmt: skip
     # No date and no random ids: the same figure is the same file.
     with mpl.rc_context({"svg.hashsalt": "filippov", "svg.fonttype": "none"}):

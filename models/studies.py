@@ -158,7 +158,7 @@ class Study:
                        stand for computed values (see `filippov.app.report.page.Facts`), [[regions]] for the
                        number of a figure (its file), a table (its label) or a section (its anchor)
     symbols            (symbol, what it is, unit) of everything in the texts except parameters
-    letter             of the event map in words and labels, where P means something else
+    letter             of the event map in words and labels, where R means something else
     x0, t_span         of the time response, those of the model by default
     order              the iterate of the model's event map whose fixed points are studied
     symmetry           of the cycles, as in `find_orbit`
@@ -187,7 +187,7 @@ class Study:
     values: tuple[float, ...]
     texts: Texts = field(default_factory=dict)
     symbols: tuple[tuple[str, str, str], ...] = ()
-    letter: str = "P"
+    letter: str = "R"
     x0: tuple[float, ...] = ()
     t_span: tuple[float, ...] = ()
     order: int = 1

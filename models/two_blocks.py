@@ -107,7 +107,7 @@ def stick_map(
     system: System, d: Any, parameters: Mapping[str, Any] | None = None, *, t_max: Positive = 200.0,
     rtol: Positive = 1e-10, atol: NonNegative = 1e-12,
 ) -> Array:  # fmt: skip
-    """Return P(d): x1 - x2 in the next stick of both blocks after the one with d; shape (k,).
+    """Return R(d): x1 - x2 in the next stick of both blocks after the one with d; shape (k,).
 
     d, parameters   numbers or k of them, side by side; NaN where both do not stick again
     """

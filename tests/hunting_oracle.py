@@ -125,12 +125,12 @@ def turns(d: Array, p: Array, rtol: float) -> Array:
 
 
 def twice(d: float, p: Array) -> float:
-    """P(P(d))."""
+    """R(R(d))."""
     return float(turn(turn(d, p, FINE), p, FINE))
 
 
 def cycles(p: Array, least: float = 1e-11, most: float = 0.5, points: int = 400) -> tuple[Array, Array]:
-    """Fixed points of P(P(d)) between two coordinates, by sign changes and extrema over log d, and slopes."""
+    """Fixed points of R(R(d)) between two coordinates, by sign changes and extrema over log d, and slopes."""
     q = np.linspace(math.log(least), math.log(most), points)
     d = np.exp(q)
     gap = turns(turns(d, p, 1e-9), p, 1e-9) / d - 1.0
@@ -172,7 +172,7 @@ def _slope(rest: Callable[[float], float], at: float) -> float:
 
 
 def set_slope(p: Array) -> float:
-    """Slope of P(P(d)) at 0 in closed form: matrix exponentials of the slip linearised beside the set."""
+    """Slope of R(R(d)) at 0 in closed form: matrix exponentials of the slip linearised beside the set."""
     m, P, D, I, Fs, Fc, vs, beta, b = p
     if beta < 1:
         return math.inf

@@ -121,7 +121,7 @@ def test_branch_point_from_either_branch_and_its_curve(kind, start, value):
 
 
 def test_symmetry_breaking_of_an_odd_map():
-    # P = -a d + d^3, P(d) = -d for d^2 = a - 1; -P has the slope 3 - 2 a: -1 at a = 2, d = 1.
+    # P = -a d + d^3, R(d) = -d for d^2 = a - 1; -P has the slope 3 - 2 a: -1 at a = 2, d = 1.
     system = clock(lambda u, p: -(p.a + p.q) * u + u**3, a=1.5, q=0.0)
     run = continuation(
         system, (map_of(system, 2), sqrt(0.5)), parameter="a", bounds=(1.5, 2.4), direction=1, **COARSE

@@ -97,12 +97,12 @@ def test_event_map_writes_its_files(tmp_path: Path, capsys: pytest.CaptureFixtur
     found = summary(capsys, *words, "--iterates", "3", "-o", str(tmp_path))
     assert {path.name for path in tmp_path.iterdir()} == {"map.csv", "fixed_points.json", "map.png"}
     rows = table(tmp_path / "map.csv")
-    assert [float(row["P"]) for row in rows] == found["P"]
+    assert [float(row["R"]) for row in rows] == found["R"]
     assert found["orbit"][0] == 0.3
     assert len(found["orbit"]) == 4
-    # The reference value of the stable cycle's half: P maps its stick position to the opposite one.
+    # The reference value of the stable cycle's half: R maps its stick position to the opposite one.
     d = 0.252304806412
-    assert np.interp(d, found["d"], found["P"]) == pytest.approx(-d, abs=1e-3)
+    assert np.interp(d, found["d"], found["R"]) == pytest.approx(-d, abs=1e-3)
 
 
 def test_a_model_without_a_section_says_what_to_give(own: Path, capsys: pytest.CaptureFixture[str]) -> None:

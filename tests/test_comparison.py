@@ -60,7 +60,7 @@ def test_the_exact_row_has_the_known_cycles_and_no_drift(hunting: Comparison) ->
     assert exact["model"] == "exact"
     assert exact["drift"] == 0.0
     assert exact["fixed_points"] == pytest.approx(CYCLES, abs=1e-10)
-    assert max(exact["error_P"], exact["error_times"], *exact["error_fixed_points"]) < 1e-10
+    assert max(exact["error_R"], exact["error_times"], *exact["error_fixed_points"]) < 1e-10
 
 
 @pytest.mark.parametrize("alpha", [10, 100])
@@ -73,7 +73,7 @@ def test_switch_drifts_by_the_way_that_its_velocity_takes_to_decay(hunting: Comp
 
 @pytest.mark.parametrize("alpha", [10, 100])
 def test_switch_is_of_first_order_in_times_drift_and_cycles(hunting: Comparison, alpha: float) -> None:
-    # A band of eta is entered eta/|v'| early and left late; P(d) itself, from break-away on, does better.
+    # A band of eta is entered eta/|v'| early and left late; R(d) itself, from break-away on, does better.
     for quantity in ("error_times", "drift", "error_fixed_points"):
         trend = hunting.trend("switch", quantity, alpha=alpha)
         assert trend.vanishes is True
@@ -83,9 +83,9 @@ def test_switch_is_of_first_order_in_times_drift_and_cycles(hunting: Comparison,
 @pytest.mark.parametrize("model", ["switch", "karnopp"])
 def test_the_map_of_a_band_model_converges_faster_than_first_order(hunting: Comparison, model: str) -> None:
     # In the band the static level stands for the slip law: the speed is off by b eta t, with eta ~ t^2 there.
-    trend = hunting.trend(model, "error_P")
+    trend = hunting.trend(model, "error_R")
     assert trend.order == pytest.approx(1.5, abs=0.15)
-    errors = [row["error_P"] for row in rows_of(hunting, model) if row["model"] == model]
+    errors = [row["error_R"] for row in rows_of(hunting, model) if row["model"] == model]
     assert errors[len(WIDTHS) - 1] < 1e-10 < errors[0]
 
 
@@ -112,7 +112,7 @@ def test_belt_with_a_saturated_line_and_with_tanh(belt: Comparison) -> None:
     # The exact block rides with the belt: x - vb t is kept to the rounding of v = vb.
     assert belt.rows[0]["drift"] < 1e-12
     for model in ("band", "smooth"):
-        for quantity in ("error_times", "error_P", "error_fixed_points"):
+        for quantity in ("error_times", "error_R", "error_fixed_points"):
             trend = belt.trend(model, quantity)
             assert trend.vanishes is True
             assert 0.8 < trend.order < 1.3, trend.sentence
@@ -157,7 +157,7 @@ def test_a_spent_budget_is_said_and_not_tried_again() -> None:
     assert not notes[0]
     assert "more than 3000 steps" in notes[1]
     assert "not enough at width 1e-07" in notes[2]
-    assert result.trend("band", "error_P").vanishes is None
+    assert result.trend("band", "error_R").vanishes is None
 
 
 def test_the_stick_of_a_plain_function_is_read_by_layer(hunting: Comparison) -> None:
@@ -169,7 +169,7 @@ def test_the_stick_of_a_plain_function_is_read_by_layer(hunting: Comparison) -> 
     )  # fmt: skip
     named = rows_of(hunting, "switch", alpha=100)
     for row, other in zip(rows_of(result, "switch"), named, strict=False):
-        assert row["error_P"] == pytest.approx(other["error_P"], rel=1e-4)
+        assert row["error_R"] == pytest.approx(other["error_R"], rel=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -157,7 +157,7 @@ def test_16_8_figures_hold_the_closed_form() -> None:
 
 
 def test_16_8_the_map_and_the_diagram_hold_the_closed_form() -> None:
-    """P(d) = -(d - 2k) for d > 3k, one crossing later; nothing returns from where it sticks, |P(d)| <= k."""
+    """R(d) = -(d - 2k) for d > 3k, one crossing later; nothing returns from where it sticks, |R(d)| <= k."""
     found = MODEL.solutions.map(MODEL.view(k=0.4, d=4.0))
     assert found is not None
     known = np.isfinite(found.image) & (found.d > 1.2)
@@ -185,7 +185,7 @@ def test_16_8_a_section_is_found_along_the_motion_and_holds_the_closed_form(tmp_
     figures = made.figures(over="slope", low=0.08, high=0.3, order=1)
     cobweb = trace(figures["map"], "cobweb")
     np.testing.assert_allclose(row(cobweb["y"])[2::2], after(row(cobweb["x"])[1:-1:2], 0.1), rtol=1e-7)
-    assert len(trace(figures["map"], "P(d) along the solution")["x"]) == 35
+    assert len(trace(figures["map"], "R(d) along the solution")["x"]) == 35
     values, d = made.solutions.diagram(made.view(over="slope", low=0.08, high=0.3))
     for slope, iterates in zip(values[::10], d[::10], strict=True):
         # To the first spoke from x0 = (-0.2, 0.8), then one after the other.
@@ -231,12 +231,13 @@ def test_16_8_sliding_arcs_are_thick_and_the_graph_counts_transitions() -> None:
 
 
 def test_16_8_the_map_has_a_letter_that_the_model_does_not_use() -> None:
-    """In the hunting loop P is a gain."""
-    loop = Explorer(registry.get("hunting"), t_span=(0, 3))
-    drawn = loop.figures()["map"]
-    loop.close()
-    assert {"R(d)", "R(d) = d"} <= {item["name"] for item in drawn["data"]}
-    assert drawn["layout"]["yaxis"]["title"]["text"] == "R(d): one return later"
+    """R for return; in a converter R is its load."""
+    for name, letter in (("hunting", "R"), ("buck_hysteresis", "M")):
+        shown = Explorer(registry.get(name))
+        drawn = shown.figures()["map"]
+        shown.close()
+        assert drawn["layout"]["yaxis"]["title"]["text"] == f"{letter}(d): one return later"
+        assert any(item["name"].startswith(f"{letter}(d)") for item in drawn["data"])
 
 
 def test_16_8_a_comparator_stands_beside_the_exact_motion() -> None:
@@ -360,7 +361,7 @@ def test_16_8_the_command_takes_its_flags_into_the_link(
     rows = list(csv.DictReader(io.StringIO((tmp_path / "map.csv").read_text())))
     event_map = EventMap(model.build(), Section.from_model(model), parameters={"P": 20, "m": 1.1})
     for line in rows[10::40]:
-        assert float(line["P"]) == pytest.approx(event_map(float(line["d"])), abs=1e-6)
+        assert float(line["R"]) == pytest.approx(event_map(float(line["d"])), abs=1e-6)
     assert main(["explore", "hunting", "--view", "p.Q=1"]) == 2
     assert "did you mean" in capsys.readouterr().err
 

@@ -22,7 +22,7 @@ def clock(image, **values):
 
 
 def quintic():
-    """P(d) = d - c (d - r0) ... (d - r4)."""
+    """R(d) = d - c (d - r0) ... (d - r4)."""
 
     def image(u, p):
         product = p.c

@@ -48,7 +48,7 @@ def test_two_tolerances_agree_on_ten_digits_at_beta_one_half() -> None:
 
 
 def map_in_root_of_speed(d: float) -> float:
-    """P(d) for beta = 1/2 in w = sqrt|v|, in which the slip field is smooth, by scipy's DOP853.
+    """R(d) for beta = 1/2 in w = sqrt|v|, in which the slip field is smooth, by scipy's DOP853.
 
     v = -w**2, w' = -v'/(2 w). The start is w = a t with 2 a**2 = c a + r (leading order of v' at break-away).
     """
@@ -72,7 +72,7 @@ def map_in_root_of_speed(d: float) -> float:
 
 
 def test_beta_one_half_by_an_independent_method() -> None:
-    """P(P(d)) = d where P(d) = -d: the map in w = sqrt|v| by another integrator."""
+    """R(R(d)) = d where R(d) = -d: the map in w = sqrt|v| by another integrator."""
     d = cycles(beta=0.5)[0]
     assert map_in_root_of_speed(d) == pytest.approx(-d, abs=2e-10)
 

@@ -25,7 +25,7 @@ def closed() -> Iterator[None]:
 
 
 class Halving:
-    """P(d) = d/2 below 0.5 and d/2 - 0.4 above it; no return beyond 0.9."""
+    """R(d) = d/2 below 0.5 and d/2 - 0.4 above it; no return beyond 0.9."""
 
     def __call__(self, d: Any) -> Any:
         values = np.asarray(d, dtype=float)
@@ -47,7 +47,7 @@ def line(figure: Any, label: str) -> Any:
 def test_a_map_is_drawn_with_gaps_at_jumps_and_where_it_has_no_value() -> None:
     at_rest = point(0.0, "equilibrium set")
     drawn = plot_event_map(Halving(), 0.0, 1.0, points=101, fixed=[at_rest], orbit=[0.4, 0.2, 0.1])
-    x, y = line(drawn, "P(d)").get_data()
+    x, y = line(drawn, "R(d)").get_data()
     inside = np.isfinite(y)
     assert np.allclose(y[inside], Halving()(x[inside]))
     assert np.nanmax(x[inside]) == pytest.approx(0.9)
@@ -62,8 +62,9 @@ def test_samples_are_used_where_they_are_given() -> None:
     def never(d: Any) -> Any:
         raise AssertionError(d)
 
-    drawn = plot_event_map(never, 0, 1, samples=([0, 0.5, 1], [1, 2, 3]))
-    assert np.array_equal(line(drawn, "P(d)").get_ydata(), [1, 2, 3])
+    drawn = plot_event_map(never, 0, 1, samples=([0, 0.5, 1], [1, 2, 3]), labels={"P": "next"})
+    assert drawn.axes[0].get_ylabel() == "next"  # "P" is the earlier name of "image"
+    assert np.array_equal(line(drawn, "R(d)").get_ydata(), [1, 2, 3])
 
 
 def test_a_cobweb_goes_from_the_map_to_the_diagonal_and_back() -> None:

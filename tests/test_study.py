@@ -71,7 +71,7 @@ def test_summary_has_the_stated_structure(summary):
             assert isinstance(point["stable"], bool)
             assert point["slope"] is not None or point["note"]
     for row in summary["comparison"]:
-        assert {"model", "eta", "alpha", "error_P", "field_calls", "seconds"} <= set(row)
+        assert {"model", "eta", "alpha", "error_R", "field_calls", "seconds"} <= set(row)
     assert {"exact", "switch", "karnopp"} == {row["model"] for row in summary["comparison"]}
     assert summary["timing"]["total"] > 0
 
@@ -144,7 +144,7 @@ def test_band_models_approach_the_inclusion(summary):
     for model in ("switch", "karnopp"):
         rows = [r for r in summary["comparison"] if r["model"] == model]
         widest, narrowest = max(rows, key=lambda r: r["eta"]), min(rows, key=lambda r: r["eta"])
-        assert narrowest["error_P"] < 1e-3 * widest["error_P"]
+        assert narrowest["error_R"] < 1e-3 * widest["error_R"]
 
 
 def test_every_figure_is_there_as_svg_and_png(folder):

@@ -36,7 +36,7 @@ def rates(y: Any, side: Any) -> Any:
 
 
 def turn(d: float) -> tuple[float, float]:
-    """(P(d), time) from the end of a stick of both, one block's event after the other."""
+    """(R(d), time) from the end of a stick of both, one block's event after the other."""
     x1 = min(1.0 - 1.2 * d, d + 1.3 + 1.2 * d)
     y = np.array([x1, VB, x1 - d, VB])
     side, spent = np.zeros(2), 0.0

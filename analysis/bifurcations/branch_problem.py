@@ -65,7 +65,7 @@ class BranchProblem(Protocol):
 
 
 class MapProblem:
-    """Fixed points P(d) = d of an event map, as P(d)/d - 1 over log d where the map rests at 0."""
+    """Fixed points R(d) = d of an event map, as R(d)/d - 1 over log d where the map rests at 0."""
 
     kind = "map"
 
@@ -79,7 +79,7 @@ class MapProblem:
             # Small cycles need the absolute tolerance that rounding leaves.
             self.event_map = event_map = event_map.remake(atol=min(event_map.atol, near.atol))
         self.scale = np.array([3.0 if self.rests else max(abs(start), 1e-3)])
-        # Of an odd map the second iterate's fixed points are those of -P, at half the work.
+        # Of an odd map the second iterate's fixed points are those of -R, at half the work.
         self.half = event_map.order == 2 and self._odd(start)
         if self.half:
             self.event_map = event_map.remake(order=1)
@@ -102,7 +102,7 @@ class MapProblem:
         return other
 
     def _odd(self, start: float) -> bool:
-        """Whether -P has the fixed point that P(P) has, and P is odd there."""
+        """Whether -R has the fixed point that R(R) has, and R is odd there."""
         once = self.event_map.remake(order=1)
         d = np.array([start, -start, 0.5 * start, -0.5 * start])
         image = once(d)
@@ -114,7 +114,7 @@ class MapProblem:
         return float(np.exp(u[0]) if self.rests else u[0])
 
     def jet(self, u: Array, value: float) -> Array:
-        """P(d), dP/dd, dP/dparameter; those of the last calls are kept."""
+        """R(d), dR/dd, dR/dparameter; those of the last calls are kept."""
         event_map = self.event_map.remake(parameters={self.parameter: value})
         key = float(u[0]), value, event_map.p.tobytes()
         if key not in self._jets:

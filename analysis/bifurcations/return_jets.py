@@ -70,7 +70,7 @@ class _Return:
         self.word = [segment.mode for segment in problem.solutions(u, value)[0].segments]
 
     def matrix(self, z: Array) -> Array:
-        """dP/dz at x + directions z."""
+        """dR/dz at x + directions z."""
         x = self.x + self.directions @ z
         shooting, n = self.shooting, self.shooting.n
         u = np.append(x, self.u[n:])

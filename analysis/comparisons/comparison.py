@@ -3,12 +3,12 @@
 Compared, at every width and for every combination of a model's options:
 
     error_times         largest |t - t_exact| over the first entries into and exits from stick of one response
-    error_P             largest |P(d) - P_exact(d)| over the coordinates d
+    error_R             largest |R(d) - R_exact(d)| over the coordinates d
     error_fixed_points  |d* - d*_exact| for every isolated fixed point of the order-th return
     drift               largest |position(t) - position(entry)| during the stays in stick of the response
     field_calls, seconds   of the same solutions over the same span, ratios to the exact system beside them
 
-P(d) is the section's coordinate where the solution that starts on the section at d enters stick (see
+R(d) is the section's coordinate where the solution that starts on the section at d enters stick (see
 `band_model` for what that is); the order-th return is its order-th entry, in one solution, so that it
 includes what the model does during stick. The exact system is computed at two tolerances; its row holds their
 difference, which limits what can be resolved.
@@ -92,7 +92,7 @@ def compare_sections(
     bands        BandModels, or {name: width -> System} (stick is then read by layer)
     widths       half-widths of the bands, in the units of h
     comparators  regularisations of `exact` itself to try too: "band", "smooth"
-    coordinates  d at which P(d) is compared; default five over the interval, else 0.1 ... 0.5
+    coordinates  d at which R(d) is compared; default five over the interval, else 0.1 ... 0.5
     interval     where fixed points of the order-th return are sought; None: not compared
     x0           start of the response, default that of the middle coordinate; events: how many to compare
     position     quantity (t, x, p) that stick keeps, p of the exact system; default the coordinate

@@ -14,13 +14,13 @@ from filippov.base.json_text import json_text
 from filippov.base.names import Answering
 
 QUANTITIES = {
-    "error_P": "error of P(d)",
+    "error_R": "error of R(d)",
     "error_times": "error of event times",
     "error_fixed_points": "error of fixed points",
     "drift": "drift in stick",
 }
 _OWN = (
-    "model", "width", "error_times", "error_P", "error_fixed_points", "drift", "field_calls", "seconds",
+    "model", "width", "error_times", "error_R", "error_fixed_points", "drift", "field_calls", "seconds",
     "calls_ratio", "time_ratio", "fixed_points", "note",
 )  # fmt: skip
 UNCOMPUTED = "not computed"
@@ -57,7 +57,7 @@ class Comparison(Answering):
     """Rows of a comparison, the exact system first.
 
     rows         one dict per row, as JSON takes it: model, width (None: exact), options, error_times,
-                 error_P, error_fixed_points, drift, field_calls, seconds, calls_ratio, time_ratio,
+                 error_R, error_fixed_points, drift, field_calls, seconds, calls_ratio, time_ratio,
                  fixed_points, note;
                  None where there is no value
     coordinate   name of the section's coordinate; coordinates: the d compared
@@ -82,6 +82,7 @@ class Comparison(Answering):
 
     def trend(self, model: str, quantity: str, **options: float) -> Trend:
         """One of the trends; KeyError if there is none."""
+        quantity = "error_R" if quantity == "error_P" else quantity  # its earlier name
         for trend in self.trends:
             matches = all(trend.options.get(name) == value for name, value in options.items())
             if trend.model == model and trend.quantity == quantity and matches:
@@ -147,10 +148,10 @@ class Comparison(Answering):
 
     def to_text(self) -> str:
         """The table, then the orders, then what does not go to 0."""
-        head = ("model", "width", "err times", "err P", "err fixed", "drift", "calls", "x", "ms", "x", "note")
+        head = ("model", "width", "err times", "err R", "err fixed", "drift", "calls", "x", "ms", "x", "note")
         lines = aligned([head, *(_cells(row) for row in self.rows)])
         where = ", ".join(f"{d:g}" for d in self.coordinates)
-        foot = f"P(d) at {self.coordinate} = {where}; rtol {self.rtol:g}; x: over the exact system beside it."
+        foot = f"R(d) at {self.coordinate} = {where}; rtol {self.rtol:g}; x: over the exact system beside it."
         lines += ["", foot, ""]
         lines += [trend.sentence for trend in self.trends]
         return "\n".join(lines) + "\n"
@@ -217,7 +218,7 @@ def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     seconds = row["seconds"]
     return (
         label(row["model"], options_of(row)), "-" if row["width"] is None else f"{row['width']:.0e}",
-        *(number(row[name]) for name in ("error_times", "error_P", "error_fixed_points", "drift")),
+        *(number(row[name]) for name in ("error_times", "error_R", "error_fixed_points", "drift")),
         number(row["field_calls"], ".0f"), number(row["calls_ratio"], ".2f"),
         number(None if seconds is None else 1e3 * seconds, ".2f"), number(row["time_ratio"], ".2f"),
         row["note"],

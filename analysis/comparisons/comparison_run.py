@@ -39,7 +39,7 @@ class OverBudgetError(Exception):
 def blank_row(name: str, width: float | None, options: Mapping[str, float]) -> dict[str, Any]:
     """A row without values."""
     blank = dict.fromkeys((
-        "error_times", "error_P", "error_fixed_points", "drift", "field_calls", "seconds", "calls_ratio",
+        "error_times", "error_R", "error_fixed_points", "drift", "field_calls", "seconds", "calls_ratio",
         "time_ratio", "fixed_points",
     ))  # fmt: skip
     return {"model": name, "width": width, **options, **blank, "note": ""}
@@ -160,7 +160,7 @@ class ExactRun:
         same = a.kinds == b.kinds and a.fixed.shape == b.fixed.shape
         return blank_row("exact", None, {}) | {
             "error_times": _largest(a.times - b.times) if same else None,
-            "error_P": _largest(a.values - b.values),
+            "error_R": _largest(a.values - b.values),
             "error_fixed_points": np.abs(a.fixed - b.fixed).tolist() if same else None,
             "fixed_points": b.fixed.tolist(),
             "drift": max(a.drift, b.drift), "field_calls": self.calls, "seconds": seconds, "calls_ratio": 1.0,
@@ -248,7 +248,7 @@ class BandRun:
         ]
         return {
             "error_times": _largest(times - exact.fine.times) if same else None,
-            "error_P": None if lost else _largest(gap),
+            "error_R": None if lost else _largest(gap),
             "error_fixed_points": errors, "fixed_points": fixed,
             "drift": exact.drift(response, stays, exact.t_response) if stays else None,
             "field_calls": calls, "seconds": seconds, "calls_ratio": calls / max(exact.calls, 1),

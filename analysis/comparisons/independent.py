@@ -3,7 +3,7 @@
 A return is one smooth segment off the surface, from the point of the section with coordinate d to the next
 zero of h. Two methods:
 
-    shooting     scipy's solve_ivp(DOP853) with an event, and brentq on P^order(d) - d
+    shooting     scipy's solve_ivp(DOP853) with an event, and brentq on R^order(d) - d
     collocation  Gauss collocation of the whole orbit as one boundary-value problem in (x, T, d), by Newton
 
 Collocation runs in c with t = T c (2 - c), so (T - t)**(1/2) is linear in 1 - c, and Gauss points avoid the

@@ -1,4 +1,4 @@
-"""Cycles of a map for many parameter sets at once: sign changes of P(d) - d over a grid, each solved for."""
+"""Cycles of a map for many parameter sets at once: sign changes of R(d) - d over a grid, each solved for."""
 
 from __future__ import annotations
 

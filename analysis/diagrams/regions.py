@@ -1,6 +1,6 @@
 """How many cycles there are, and which are stable, over two parameters.
 
-Every cell is one pair of values: the sign changes of P(d) - d over a grid of coordinates, each refined until
+Every cell is one pair of values: the sign changes of R(d) - d over a grid of coordinates, each refined until
 its slope is known, and the local extrema that come close to 0, where a pair of cycles may hide. The borders
 between regions are not read off the cells but computed as curves (see
 `filippov.analysis.bifurcations.curve`).

@@ -1,6 +1,6 @@
 """Contraction of an event map over its coordinate, for many parameter sets at once.
 
-    rho = max over d in [lo, hi], d != 0, of |P(d)/d|
+    rho = max over d in [lo, hi], d != 0, of |R(d)/d|
 
 Below 1 every excursion returns smaller: there is no cycle within the interval, and the set of equilibria
 at d = 0 attracts. Every return of every parameter set is one trajectory of the same ensemble.
@@ -28,11 +28,11 @@ NEAR, STEPS = 0.8, 12
 
 @dataclass(frozen=True)
 class Contraction:
-    """Largest |P(d)|/d of each parameter set.
+    """Largest |R(d)|/d of each parameter set.
 
     ratio    (k,); inf where the map leaves the interval without a value that can be judged
     at       d of the largest ratio, (k,)
-    nearest  |P(d)|/d at the least d, (k,): it decides whether the set of equilibria attracts
+    nearest  |R(d)|/d at the least d, (k,): it decides whether the set of equilibria attracts
     lost     share of the d whose solution does not return within the section's t_max, (k,)
     """
 

@@ -1,6 +1,6 @@
 """The manifold of a fixed point of a map, grown as a curve by arclength.
 
-    M(k + s) = P^k(x + e q^s v),   0 <= s <= 1, k = 0, 1, ...
+    M(k + s) = R^k(x + e q^s v),   0 <= s <= 1, k = 0, 1, ...
 
 with multiplier q, eigenvector v and a small e: a piece that the map stretches, mapped again and again. Points
 are added in s where neighbours are far apart or the curve bends, as far as the length goes; where they do not

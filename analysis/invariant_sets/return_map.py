@@ -26,7 +26,7 @@ STEPS, RETURNS, SAME = 200_000, 64, 1e-6
 
 
 class ReturnMap:
-    """P with P(x) = x on the orbit, for states (k, n); its inverse runs backwards in time.
+    """R with R(x) = x on the orbit, for states (k, n); its inverse runs backwards in time.
 
     x        the point of the orbit at the strobe or on the section
     returns  section events in a period of the orbit (1 for a forced one)
@@ -103,7 +103,7 @@ class ReturnMap:
         return Prepared(self.system, span, stop=stop, backward=back, **self.options)
 
     def map_of(self, side: Side) -> Callable[[Array], Array]:
-        """P for the unstable side, its inverse for the stable one; NaN where a solution does not return."""
+        """R for the unstable side, its inverse for the stable one; NaN where a solution does not return."""
         prepared = self._ahead if side == "unstable" else self._back
         wanted = Status.SUCCESS if self.section is None else Status.STOPPED
 
@@ -132,7 +132,7 @@ class ReturnMap:
 
     @cached_property
     def matrix(self) -> Array:
-        """dP/dx at the orbit, (n, n)."""
+        """dR/dx at the orbit, (n, n)."""
         n = self.system.dimension
         if self.section is None:
             run = solve(
@@ -151,7 +151,7 @@ class ReturnMap:
         """The multiplier of a manifold that is a curve, and its unit eigenvector. Raises UsageError."""
         values, vectors = linalg.eig(self.matrix)
         if self.section is not None:
-            # On the section: along the solution P does not change, which is a multiplier 0 of this matrix.
+            # On the section: along the solution R does not change, which is a multiplier 0 of this matrix.
             keep = np.argsort(np.abs(values))[1:]
             values, vectors = values[keep], vectors[:, keep]
         inside, outside = np.abs(values) < 1 - 1e-7, np.abs(values) > 1 + 1e-7

@@ -1,7 +1,7 @@
 """The map whose iterates show where solutions go: the flow over a period, over a step, or to a section.
 
-forced or clocked    P(x) = Phi(t0 + T, t0, x), the stroboscopic map
-autonomous           P(x) = Phi(dt, x), or the next event of a section
+forced or clocked    R(x) = Phi(t0 + T, t0, x), the stroboscopic map
+autonomous           R(x) = Phi(dt, x), or the next event of a section
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ROUNDS, SETTLED = 3, 20
 
 
 class StateMap:
-    """P: states (k, n) -> states (k, n).
+    """R: states (k, n) -> states (k, n).
 
     kind      "strobe" (one period of the forcing), "step" (a fixed time) or "section" (the next event)
     duration  period, step, or the longest time of a return

@@ -1,4 +1,4 @@
-"""The event map d -> P(d) of a section: with its iterates, derivative and fixed points.
+"""The event map d -> R(d) of a section: with its iterates, derivative and fixed points.
 
 Source: Hensen & van de Molengraft 2002 (event maps of a controlled mass); Galvanetto & Knudsen 1997.
 """
@@ -28,7 +28,7 @@ Array = npt.NDArray[np.float64]
 
 
 class EventMap(Answering):
-    """P(d): from coordinate d on the section, along the solution, to that of the section's next event.
+    """R(d): from coordinate d on the section, along the solution, to that of the section's next event.
 
     order       the map is the order-th iterate (2 for orbits that come back after two returns)
     parameters  values by name
@@ -133,7 +133,7 @@ class EventMap(Answering):
         return values, tuple(came)
 
     def __call__(self, d: Any) -> Any:
-        """P(d), a number or an array like d; NaN where the solution does not return."""
+        """R(d), a number or an array like d; NaN where the solution does not return."""
         if type(d) is float and self.order == 1 and math.isfinite(d):
             return float(self._return(np.array([d]))[0][0])
         values, _ = self.returns(d)
@@ -141,7 +141,7 @@ class EventMap(Answering):
 
     @keywords()
     def iterate(self, d: float, n: Natural) -> Array:
-        """d, P(d), P(P(d)), ...: n + 1 numbers."""
+        """d, R(d), R(R(d)), ...: n + 1 numbers."""
         out = [float(d)]
         for _ in range(n):
             out.append(float(self(out[-1])))
@@ -163,12 +163,12 @@ class EventMap(Answering):
 
     @keywords()
     def derivative(self, d: float) -> float:
-        """dP/dd from saltation matrices (no differences); NaN where the map does not return."""
+        """dR/dd from saltation matrices (no differences); NaN where the map does not return."""
         return float(self.jet(d)[1])
 
     @keywords()
     def jet(self, d: float, parameters: Sequence[str] = ()) -> Array:
-        """P(d), dP/dd, and dP/dq for the named parameters q, in one array; NaN where the map does not return.
+        """R(d), dR/dd, and dR/dq for the named parameters q, in one array; NaN where the map does not return.
 
         All derivatives come from saltation matrices; that of the parametrisation by parameters from
         differences.

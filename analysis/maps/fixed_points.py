@@ -1,8 +1,8 @@
 """Fixed points, jumps and basins of an event map on an interval.
 
-Roots of P(d) - d are bracketed on a grid that is dense near 0 as well, and beside an equilibrium set at 0 on
+Roots of R(d) - d are bracketed on a grid that is dense near 0 as well, and beside an equilibrium set at 0 on
 one that is even in log d down to rounding. Pairs that lie between points of the grid are found from the
-extrema of P(d) - d, and each is solved for at a tight tolerance (`filippov.analysis.maps.gap_roots`).
+extrema of R(d) - d, and each is solved for at a tight tolerance (`filippov.analysis.maps.gap_roots`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ TIGHT, CLOSEST = 1e-12, 1e-5
 # Halvings between the coarse grid and the smallest coordinate, a decade in about three.
 PER_DECADE = 6
 _SAME = 1e-6
-# What rounding may leave of P(d) - d, in units of the smallest coordinate that it leaves.
+# What rounding may leave of R(d) - d, in units of the smallest coordinate that it leaves.
 _NOISE = 1e-2
 
 
@@ -35,10 +35,10 @@ _NOISE = 1e-2
 class FixedPoint:
     """A fixed point of a map.
 
-    d         coordinate; residual: |P(d) - d| there
+    d         coordinate; residual: |R(d) - d| there
     kind      "equilibrium set" where the solution rests, else "limit cycle"
-    slope     dP/dd (from saltation matrices), NaN where the map has none; at an equilibrium set the limit of
-              P(d)/d for d -> 0+, which is
+    slope     dR/dd (from saltation matrices), NaN where the map has none; at an equilibrium set the limit of
+              R(d)/d for d -> 0+, which is
               infinite where the map jumps at the set
     stable    |slope| < 1
     period    time of the returns together, 0 for an equilibrium set
@@ -120,7 +120,7 @@ def _beside_set(event_map: ReturnMap, first: float) -> tuple[ReturnMap, Array, A
     count = max(2, 1 + int(PER_DECADE * np.log10(max(abs(first) / least, 1.0))))
     d = np.sort(first * np.geomspace(1.0, min(least / abs(first), 0.5), count))
     gap = near(d) - d
-    # P(d) = d to so many digits is rounding: the solution came back before it left.
+    # R(d) = d to so many digits is rounding: the solution came back before it left.
     left = np.isfinite(gap) & (np.abs(gap) > _SAME * np.abs(d))
     return near, d[left], gap[left]
 
@@ -143,7 +143,7 @@ def _told(at_set: FixedPoint, d: Array, gap: Array) -> FixedPoint:
 
 
 def _gap(event_map: ReturnMap) -> Gap:
-    """P(d) - d of the one map."""
+    """R(d) - d of the one map."""
 
     def gap(d: Array, _: Whole) -> Array:
         return np.asarray(event_map(d) - d)

@@ -1,4 +1,4 @@
-"""Roots of P(d) - d, the gap of a map, of one map or of many side by side: where a grid brackets them, and
+"""Roots of R(d) - d, the gap of a map, of one map or of many side by side: where a grid brackets them, and
 which are fixed points.
 
 A pair of roots between two points of a grid is found at the extremum of the gap there. A change of sign
@@ -16,7 +16,7 @@ from scipy.optimize import elementwise
 
 Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
-# P(d) - d at coordinates (k,) of the maps with these numbers (k,); NaN where the map does not return.
+# R(d) - d at coordinates (k,) of the maps with these numbers (k,); NaN where the map does not return.
 Gap = Callable[[Array, Whole], Array]
 
 

@@ -1,7 +1,7 @@
 """The slope of an event map at the set where it rests, in closed form: a return of the linearised inclusion.
 
 From an end of a set of rest positions the slip field vanishes, so a return from a coordinate d next to the
-set obeys y' = A y on its side of the surface, y(0) = d dx0/dd, until c y = 0 again at T: then P(d)/d -> r
+set obeys y' = A y on its side of the surface, y(0) = d dx0/dd, until c y = 0 again at T: then R(d)/d -> r
 y(T)/d, with c = grad h and r the gradient of the coordinate. Where the slip field grows out of the surface
 like |h|**e with 0 < e < 1, or does not vanish at the end, a solution that starts arbitrarily close to the set
 leaves it by a finite distance: the map jumps there. Source: `filippov.analysis.steady.rest_map`; Hensen & van
@@ -39,7 +39,7 @@ NEAR = 1e-3
 
 
 def linear_slope(return_map: ReturnMap, reach: float) -> float | None:
-    """Limit of P(d)/d for d -> 0 on the side of `reach`, for a map of one return.
+    """Limit of R(d)/d for d -> 0 on the side of `reach`, for a map of one return.
 
     inf or -inf where the map jumps at 0 or slip grows without end; None where no formula gives it: a system
     of plain functions, a section on several surfaces or of another kind than an entry into sliding, a return

@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 
 
 class MapRows:
-    """P(d; p) for rows of parameters.
+    """R(d; p) for rows of parameters.
 
     order   the map is the order-th iterate; rtol, atol, threads: of `solve_many`
 

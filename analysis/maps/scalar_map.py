@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 
 
 class ReturnMap(Protocol):
-    """P(d): from coordinate d on a section to that of its next event, or the order-th iterate of this."""
+    """R(d): from coordinate d on a section to that of its next event, or the order-th iterate of this."""
 
     system: System
     section: Section
@@ -26,10 +26,10 @@ class ReturnMap(Protocol):
     atol: float
 
     def __call__(self, d: Any) -> Any:
-        """P(d), a number or an array like d; NaN where the solution does not return."""
+        """R(d), a number or an array like d; NaN where the solution does not return."""
 
     def derivative(self, d: float) -> float:
-        """dP/dd; NaN where the map does not return."""
+        """dR/dd; NaN where the map does not return."""
 
     def orbit(self, d: float) -> tuple[Solution, ...]:
         """The solution behind the map, one solution per return."""

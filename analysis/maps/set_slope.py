@@ -1,8 +1,8 @@
-"""The slope of an event map at the equilibrium set: in closed form, or from ratios P(d)/d at ever smaller d.
+"""The slope of an event map at the equilibrium set: in closed form, or from ratios R(d)/d at ever smaller d.
 
 `filippov.analysis.maps.linear_return` has the closed form. Elsewhere, where the slip field is smooth beside
-the set, P(d)/d = kappa + c d + ...: Richardson's extrapolation by halving. A friction curve |v|**beta makes
-it a series in u = d**(beta - 1), which may fall slowly: there log P(d)/d is fitted by polynomials in d**gamma
+the set, R(d)/d = kappa + c d + ...: Richardson's extrapolation by halving. A friction curve |v|**beta makes
+it a series in u = d**(beta - 1), which may fall slowly: there log R(d)/d is fitted by polynomials in d**gamma
 over windows of d, gamma free, and three degrees tell the error.
 """
 
@@ -40,7 +40,7 @@ def near_set(event_map: ReturnMap, reach: float) -> tuple[ReturnMap, float]:
 
 
 def equilibrium_slope(event_map: ReturnMap, reach: float, side: float = 1.0) -> tuple[float, str]:
-    """Limit of P(d)/d for d -> 0 on one side, and a note: infinite where the map jumps at 0.
+    """Limit of R(d)/d for d -> 0 on one side, and a note: infinite where the map jumps at 0.
 
     It is the product of the limits over the returns of the map, each on the side to which the one before it
     leads.
@@ -66,7 +66,7 @@ def log_slope(event_map: ReturnMap, reach: float, **parameters: float) -> float:
 
 
 def _one_turn_slope(event_map: ReturnMap, reach: float) -> tuple[float, str]:
-    """Limit of P(d)/d in closed form; else from ratios at reach, reach/2, ..., extrapolated until rounding
+    """Limit of R(d)/d in closed form; else from ratios at reach, reach/2, ..., extrapolated until rounding
     takes over."""
     fine, least = near_set(event_map, reach)
     exact = linear_slope(event_map, reach)
@@ -84,7 +84,7 @@ def _one_turn_slope(event_map: ReturnMap, reach: float) -> tuple[float, str]:
         if np.all(growth[-3:] > 1.9):
             return (
                 sign * np.inf,
-                f"the map jumps at the equilibrium set: P(0+) = {float(ratios[-1] * abs(d[-1])):.9g}",
+                f"the map jumps at the equilibrium set: R(0+) = {float(ratios[-1] * abs(d[-1])):.9g}",
             )
         return sign * np.inf, "the slope of the map grows without bound at the equilibrium set"
     table: list[Array] = [ratios]
@@ -107,12 +107,12 @@ def _leaving(fine: ReturnMap, least: float) -> str:
     """What is seen of a jump of the map at the set, from the smallest coordinates."""
     near, far = fine(np.array([30.0 * least, 60.0 * least]))
     if abs(far / near - 1.0) < 0.01:
-        return f"the map jumps at the equilibrium set: P(0+) = {near:.6g}"
+        return f"the map jumps at the equilibrium set: R(0+) = {near:.6g}"
     return "the slope of the map grows without bound at the equilibrium set"
 
 
 def _fitted(fine: ReturnMap, reach: float, least: float) -> tuple[float, float]:
-    """Limit of P(d)/d for d -> 0 and its error, from fits in d**gamma over windows above `least`."""
+    """Limit of R(d)/d for d -> 0 and its error, from fits in d**gamma over windows above `least`."""
     d = reach * np.geomspace(1.0, min(least / abs(reach), 0.5), 56)
     ratios = fine(d) / d
     best = (float("nan"), float("inf"))

@@ -1,6 +1,6 @@
 """Figure of a comparison of band models with the exact system, over the width of the band.
 
-What is drawn is asked only for its attributes: `rows` (dicts with model, width, error_P, drift, field_calls
+What is drawn is asked only for its attributes: `rows` (dicts with model, width, error_R, drift, field_calls
 and the model's options; the first one the exact system) and `trends` (model, options, quantity, order,
 label).
 """
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MARKS = "osD^v<>P"
-_PANELS = (("error_P", "error of P(d)"), ("drift", "drift during stick"), ("field_calls", "field calls"))
+_PANELS = (("error_R", "error of R(d)"), ("drift", "drift during stick"), ("field_calls", "field calls"))
 
 
 @keywords()
@@ -33,7 +33,7 @@ def plot_comparison(
     One colour per model, one mark per combination of its options; the exact system's own uncertainty and work
     are dashed lines.
 
-    labels  {"width": ..., "error_P": ..., "drift": ..., "field_calls": ...} of the axes, with units
+    labels  {"width": ..., "error_R": ..., "drift": ..., "field_calls": ...} of the axes, with units
     """
     text = {"width": "half-width of the band", **dict(_PANELS)}
     check_known("label", labels or {}, text, UsageError)

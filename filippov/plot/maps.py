@@ -41,17 +41,17 @@ def plot_event_map(
     title: str = "",
     figure: Figure | None = None,
 ) -> Figure:
-    """P(d) over [lo, hi] with the diagonal, fixed points, and the pairs (d_k, d_k+1) of an orbit.
+    """R(d) over [lo, hi] with the diagonal, fixed points, and the pairs (d_k, d_k+1) of an orbit.
 
     event_map  function of an array of d, NaN where it does not return
-    samples    (d, P(d)) where they are known already
+    samples    (d, R(d)) where they are known already
     fixed      objects with d, kind and stable
     orbit      successive d of a solution
-    labels     {"d": "x at the stick [m]", "P": "next x", "map": "R(d)", its name in the legend}
+    labels     {"d": "x at the stick [m]", "image": "next x", "map": "R(d)", its name in the legend}
 
     The line is broken where the map has no value, and where it jumps. Raises UsageError.
     """
-    text = _labels(labels, {"d": "d", "P": "P(d)", "map": "P(d)"})
+    text = _labels(labels, {"d": "d", "image": "R(d)", "map": "R(d)"})
     d, image = _sampled(event_map, lo, hi, points, samples)
     with style():
         drawn = figure if figure is not None else new_figure(4.8, 4.4)
@@ -61,7 +61,7 @@ def plot_event_map(
             steps = np.asarray(orbit, dtype=float)
             ax.plot(steps[:-1], steps[1:], "o", color=ORANGE, markersize=3.6, zorder=3, label="orbit")
         _fixed(ax, fixed)
-        ax.set(xlim=(lo, hi), xlabel=text["d"], ylabel=text["P"])
+        ax.set(xlim=(lo, hi), xlabel=text["d"], ylabel=text["image"])
         _finish(ax, title)
     return drawn
 
@@ -76,7 +76,7 @@ def plot_returns(
     d, image  coordinates at events of a section and at the events that are set against them
     fixed, labels  as in `plot_event_map`
     """
-    text = _labels(labels, {"d": "d", "P": "P(d)"})
+    text = _labels(labels, {"d": "d", "image": "R(d)"})
     x, y = np.asarray(d, dtype=float), np.asarray(image, dtype=float)
     if x.shape != y.shape or x.size == 0:
         raise UsageError(f"d and image have shapes {x.shape} and {y.shape}, expected (k,), k > 0, for both.")
@@ -86,12 +86,12 @@ def plot_returns(
     with style():
         drawn = figure if figure is not None else new_figure(4.8, 4.4)
         ax = drawn.subplots()
-        ax.plot(ends, ends, color=GREY, linewidth=0.8, linestyle=":", zorder=1, label="P(d) = d")
+        ax.plot(ends, ends, color=GREY, linewidth=0.8, linestyle=":", zorder=1, label="R(d) = d")
         half = x.size // 2
         ax.plot(x[:half], y[:half], ".", color=PALE, markersize=5, zorder=2, label="first half")
         ax.plot(x[half:], y[half:], ".", color=BLUE, markersize=5, zorder=3, label="second half")
         _fixed(ax, fixed)
-        ax.set(xlim=ends, ylim=ends, xlabel=text["d"], ylabel=text["P"])
+        ax.set(xlim=ends, ylim=ends, xlabel=text["d"], ylabel=text["image"])
         _finish(ax, title)
     return drawn
 
@@ -114,7 +114,7 @@ def plot_iterates(
 
     event_map  as in `plot_event_map`, with iterate(d, n)
     """
-    text = _labels(labels, {"d": "d", "P": "P(d)", "map": "P(d)"})
+    text = _labels(labels, {"d": "d", "image": "R(d)", "map": "R(d)"})
     orbit = np.asarray(event_map.iterate(start, n), dtype=float)
     known = orbit[np.isfinite(orbit)]
     margin = 0.08 * (float(np.ptp(known)) or abs(start) or 1.0)
@@ -130,7 +130,7 @@ def plot_iterates(
         ax.plot(x, y, color=ORANGE, linewidth=0.9, zorder=3, label=f"{n} iterates")
         ax.plot(orbit[0], orbit[0], "s", color=INK, markersize=4.5, zorder=4, label="start")
         _fixed(ax, fixed)
-        ax.set(xlim=(low, high), xlabel=text["d"], ylabel=text["P"])
+        ax.set(xlim=(low, high), xlabel=text["d"], ylabel=text["image"])
         _finish(ax, title)
     return drawn
 
@@ -282,8 +282,11 @@ def _branch(ax: Any, branch: Any) -> None:
 
 
 def _labels(given: Mapping[str, str] | None, known: Mapping[str, str]) -> dict[str, str]:
-    check_known("label", given or {}, known, UsageError)
-    return {**known, **(given or {})}
+    named = dict(given or {})
+    if "P" in named and "image" in known:  # its earlier name
+        named["image"] = named.pop("P")
+    check_known("label", named, known, UsageError)
+    return {**known, **named}
 
 
 def _finish(ax: Any, title: str) -> None:

@@ -131,7 +131,7 @@ STUDY = register_study(Study(
         StudyCase("0.5", {"beta": 0.5}, "β = 0.5", "0 < beta < 1", 0.002),
     ),
     parameter="P", values=tuple(float(P) for P in range(10, 32)), beyond=(50.0, 100.0),
-    texts=read_texts("hunting.md"), symbols=SYMBOLS, letter="R", order=2, symmetry="odd",
+    texts=read_texts("hunting.md"), symbols=SYMBOLS, order=2, symmetry="odd",
     labels={
         "t": "time t [s]", "x": "position error x [m]", "v": "velocity v [m/s]", "z": "integral z [m s]",
         "multiplier": "dry friction / g(|v|) [-]", "d": "rest position d [m]",

@@ -44,7 +44,7 @@ breaking.terminal, breaking.direction = True, 1
 
 
 def scipy_map(d: np.ndarray, rtol: float, method: str = "DOP853") -> np.ndarray:
-    """P(d) for d > 0, started at break-away: the first return of v to 0 from below."""
+    """R(d) for d > 0, started at break-away: the first return of v to 0 from below."""
     out = np.empty_like(d)
     for i, value in enumerate(d):
         x0 = (value, -1e-300, (FS / P - value) / I)

@@ -28,11 +28,11 @@ def events_csv(solutions: Solutions, view: View) -> str:
 
 
 def map_csv(solutions: Solutions, view: View) -> str:
-    """d and P(d) over the interval. Raises UsageError without a section."""
+    """d and R(d) over the interval. Raises UsageError without a section."""
     found = solutions.map(view)
     if found is None:
         raise UsageError("the subject has no section, so it has no event map.")
-    return csv_text(("d", "P"), zip(found.d.tolist(), found.image.tolist(), strict=True))
+    return csv_text(("d", "R"), zip(found.d.tolist(), found.image.tolist(), strict=True))
 
 
 def diagram_csv(solutions: Solutions, view: View) -> str:

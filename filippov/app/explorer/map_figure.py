@@ -14,14 +14,14 @@ from filippov.plot.maps import with_gaps
 from filippov.plot.style import BLUE, GREY, INK, ORANGE, RED
 
 Array = npt.NDArray[np.float64]
-LETTERS = "PRMQ"  # of the map, the first that the model does not use
+LETTERS = "RMQW"  # of the map, the first that the model does not use
 
 
 def map_figure(view: View, found: MapData) -> Figure:
-    """P(d), the diagonal, and the steps from the start that was chosen.
+    """R(d), the diagonal, and the steps from the start that was chosen.
 
-    Without a parametrisation P is known along the solution only, as points. Where the model has a P of
-    its own, a gain or a power, the map has another letter.
+    Without a parametrisation R is known along the solution only, as points. Where the model has an R of
+    its own, a resistance or a radius, the map has another letter.
     """
     system = view.subject.system
     taken = {*system.parameters.names, *system.states}

@@ -15,7 +15,7 @@ from filippov.app.report.part import NONE, Picture, Section, TextTable, Words, n
 from filippov.app.report.run import StudyRun
 from filippov.models.studies import Study
 
-ERRORS = ("error_P", "error_times", "error_fixed_points", "drift")
+ERRORS = ("error_R", "error_times", "error_fixed_points", "drift")
 
 
 def compared(study: Study, effort: Effort, k: int) -> Comparison:
@@ -63,7 +63,7 @@ def comparison(run: StudyRun) -> Section:
         source, "comparison", long=True,
     )  # fmt: skip
     letter = study.letter
-    labels = {"width": run.label("width", "half-width"), "error_P": f"error of {letter}(d) [{unit}]",
+    labels = {"width": run.label("width", "half-width"), "error_R": f"error of {letter}(d) [{unit}]",
               "drift": f"drift during stick [{unit}]", "field_calls": "calls of the field [-]"}  # fmt: skip
     columns: Sequence[str] = tuple(dict.fromkeys(key for row in found.rows for key in row))
     return Section(

@@ -74,8 +74,8 @@ class Context:
         return {1: f"{letter}(d)", 2: f"{letter}({letter}(d))"}.get(order, f"{letter}^{order}(d)")
 
     def lettered(self, text: str) -> str:
-        """A text of an analysis, which calls the map P, with the study's letter."""
-        return text.replace("P(d)", f"{self.study.letter}(d)").replace("P(0+)", f"{self.study.letter}(0+)")
+        """A text of an analysis, which calls the map R, with the study's letter."""
+        return text.replace("R(d)", f"{self.study.letter}(d)").replace("R(0+)", f"{self.study.letter}(0+)")
 
     def given(self, case: StudyCase, *words: str) -> str:
         """The command's words for the model and a case's parameters."""

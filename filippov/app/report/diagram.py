@@ -102,7 +102,7 @@ def _panel(run: StudyRun, case: CaseResults, figure: Any, samples: Samples) -> N
     shown = [q for q in case.fixed if low <= q.d <= high]
     plot_event_map(
         case.power, low, high, samples=(samples.d, samples.power), fixed=shown, figure=figure,
-        labels={"d": run.label("d"), "P": run.label("iterate"), "map": run.iterate},
+        labels={"d": run.label("d"), "image": run.label("iterate"), "map": run.iterate},
     )  # fmt: skip
     # A margin below the origin, so that marks on the axes are whole.
     margin, axes = 0.03 * (high - low), figure.axes[0]

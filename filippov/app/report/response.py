@@ -181,7 +181,7 @@ def _iterates(run: StudyRun, case: CaseResults) -> Figure:
     reach = 1.15 * float(np.max(np.abs(case.orbit)))
     return plot_iterates(
         case.event_map, float(case.orbit[0]), len(case.orbit) - 1, lo=-reach, hi=reach, points=600,
-        labels={"d": run.label("d"), "P": run.label("image"), "map": f"{run.study.letter}(d)"},
+        labels={"d": run.label("d"), "image": run.label("image"), "map": f"{run.study.letter}(d)"},
     )  # fmt: skip
 
 

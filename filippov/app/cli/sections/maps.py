@@ -106,14 +106,14 @@ def run_event_map(settings: dict[str, Any], console: Console) -> int:
     }  # fmt: skip
     if orbit is not None:
         data["orbit"] = orbit
-    console.result(data | {"d": d[:done], "P": image[:done], "status": status[:done]})
-    folder.csv("map.csv", ("d", "P", "status"), zip(d[:done].tolist(), image.tolist(), status, strict=False))
+    console.result(data | {"d": d[:done], "R": image[:done], "status": status[:done]})
+    folder.csv("map.csv", ("d", "R", "status"), zip(d[:done].tolist(), image.tolist(), status, strict=False))
     folder.json("fixed_points.json", data)
     if code == 0:
         name = loaded.labels(section.coordinate)[section.coordinate]
         folder.picture("map.png", lambda: plot_event_map(
             event_map, lo, hi, samples=(d, image), fixed=points, orbit=orbit, title=loaded.title,
-            labels={"d": f"{name} at the event", "P": f"{name} at event {settings['order']} after it"},
+            labels={"d": f"{name} at the event", "image": f"{name} at event {settings['order']} after it"},
         ))  # fmt: skip
     folder.report()
     return code

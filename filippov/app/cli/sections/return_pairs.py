@@ -11,7 +11,7 @@ from filippov.app.cli.sections.along import section_along, section_data
 from filippov.base.errors import ModelError, SolveError, UsageError
 from filippov.plot.maps import plot_returns
 
-COLUMNS = ("t", "d", "P")
+COLUMNS = ("t", "d", "R")
 
 
 def run_return_pairs(loaded: Loaded, settings: dict[str, Any], console: Console) -> int:
@@ -49,13 +49,13 @@ def run_return_pairs(loaded: Loaded, settings: dict[str, Any], console: Console)
         "section": section_data(section), "fixed_points": [vars(point) for point in points], "note": note,
         "complete": True,
     }  # fmt: skip
-    console.result(data | {"t": found.t[: len(image)], "d": d, "P": image})
+    console.result(data | {"t": found.t[: len(image)], "d": d, "R": image})
     rows = zip(found.t.tolist(), d.tolist(), image.tolist(), strict=False)
     folder.csv("map.csv", COLUMNS, rows)
     folder.json("fixed_points.json", data)
     if d.size:
         name = loaded.labels(str(section.coordinate)).get(str(section.coordinate), str(section.coordinate))
-        labels = {"d": f"{name} at the event", "P": f"{name} at event {order} after it"}
+        labels = {"d": f"{name} at the event", "image": f"{name} at event {order} after it"}
         folder.picture("map.png", lambda: plot_returns(d, image, fixed=points, labels=labels,
                                                        title=loaded.title))  # fmt: skip
     folder.report()
