@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from filippov import Surface, System, parameters, sign, states
 from filippov import cos as cosine
 from filippov import t as time
-from filippov.analysis.bifurcations.branch import Branch, BranchPoint
+from filippov.analysis.bifurcations.branch import CRITICAL, Branch, BranchPoint
 from filippov.analysis.bifurcations.continuation import Continuation, continuation
 from filippov.analysis.bifurcations.curve import curve
 from filippov.analysis.maps.event_map import EventMap
@@ -37,11 +37,12 @@ def map_of(system: System, order: int = 1) -> EventMap:
 
 
 def the(run: Continuation, kind: str) -> BranchPoint:
-    """The only special point, of this kind."""
+    """The only special point, of this kind, where multipliers on the border decide nothing."""
     if not run.branch.points:
         run.run()
     found = run.branch.special
     assert [point.special for point in found] == [kind]
+    assert found[0].verdict != "stable" or kind not in (*CRITICAL, "boundary equilibrium")
     return found[0]
 
 

@@ -36,7 +36,7 @@ class Halving:
 
 
 def point(d: float, kind: str = "limit cycle", stable: bool = True) -> SimpleNamespace:
-    return SimpleNamespace(d=d, kind=kind, stable=stable)
+    return SimpleNamespace(d=d, kind=kind, stable=stable, verdict="stable" if stable else "unstable")
 
 
 def line(figure: Any, label: str) -> Any:

@@ -27,7 +27,8 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
-from filippov.analysis.bifurcations.branch import BranchPoint
+from filippov.analysis.algebra.growth import by_multipliers
+from filippov.analysis.bifurcations.branch import LOCATED, BranchPoint
 from filippov.analysis.bifurcations.branch_problem import OrbitProblem
 from filippov.analysis.bifurcations.corrector import FAILURES, Corrector
 from filippov.analysis.bifurcations.discontinuity_map import GRAZING, DiscontinuityMap, discontinuity_map
@@ -188,7 +189,7 @@ def _counted(
     out["multiplier"], out["multiplier beyond"] = (float(np.max(np.abs(v))) for v in (first, second))
     above = sum(_real(v, 1.0) for v in (first, second))
     below = sum(_real(-v, 1.0) for v in (first, second))
-    kinds = ["stable" if np.max(np.abs(v)) < 1 else "unstable" for v in (first, second)]
+    kinds = [by_multipliers(v, LOCATED) for v in (first, second)]
     text = f"persistence: {kinds[0]} orbit for {before}, {kinds[1]} sliding one for {beyond}"
     if above % 2:
         both = f"{kinds[0]} orbit and {kinds[1]} sliding one"
@@ -219,8 +220,9 @@ def _square_root(
     # sqrt(z) = -H_free/sum per unit of the parameter.
     out["root per value"] = abs(rate / total) if total else float("inf")
     one = f"an unstable orbit with one contact for {beyond if total > 0 else before}"
-    if abs(largest) >= 1:
-        return f"the grazing orbit is unstable; {one}"
+    verdict = by_multipliers(values, LOCATED)
+    if verdict != "stable":
+        return f"the grazing orbit is {verdict}; {one}"
     size = max(abs(v) for v in rows)
     if any(v < -1e-6 * size for v in rows):
         return f"no attractor near for {beyond} (e_n < 0); {one}"

@@ -23,6 +23,7 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 
 from filippov.analysis.algebra import linalg
+from filippov.analysis.algebra.growth import ROUNDING
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.bifurcations.smooth_normal_form import number
 from filippov.base.errors import UsageError
@@ -162,6 +163,8 @@ class BoundaryEquilibrium:
 
 def _kind(values: npt.NDArray[np.complex128]) -> str:
     """An equilibrium by its eigenvalues."""
+    if not np.all(np.abs(values.real) > ROUNDING * np.max(np.abs(values))):
+        return "an undecided equilibrium"
     if np.all(values.real < 0) or np.all(values.real > 0):
         word = "a stable" if values[0].real < 0 else "an unstable"
         if len(values) != 2:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra.growth import Growth, by_eigenvalues, by_multipliers
 from filippov.analysis.orbits.orbit_file import read_json, write_json
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
@@ -17,6 +18,13 @@ from filippov.base.names import Answering, unknown
 
 Array = npt.NDArray[np.float64]
 FORMAT, VERSION = "filippov branch", 1
+# How many multipliers a special point has on the border by its definition, and the error of the others.
+CRITICAL = {
+    "fold": 1, "branch point": 1, "period doubling": 1, "symmetry breaking": 1,
+    "Neimark-Sacker": 2, "Hopf": 2, "pseudo-Hopf": 0,
+}  # fmt: skip
+LOCATED = 1e-8
+BOUNDARY = ("boundary ", "upper ", "lower ")
 
 
 @dataclass(frozen=True)
@@ -27,7 +35,8 @@ class BranchPoint(Answering):
     coordinates   what describes it, by name: d of a map; period, and "max x", "min x", "amplitude x" of an
                   orbit; the states and multipliers of an equilibrium
     multipliers   Floquet multipliers or slope of the map; eigenvalues of an equilibrium
-    stable        by them
+    verdict       by them: "stable", "unstable", or "undecided" where one is on the border, within its error
+                  or by what is special here; stable: the verdict is "stable"
     word          mode word; modes: the modes in order
     tests         test functions, whose changes of sign are special points
     special       what is special here, "" for an ordinary point; note: more about it
@@ -42,7 +51,7 @@ class BranchPoint(Answering):
     u: tuple[float, ...]
     coordinates: Mapping[str, float]
     multipliers: tuple[complex, ...]
-    stable: bool
+    verdict: Growth
     word: str = ""
     modes: tuple[str, ...] = ()
     period: float = 0.0
@@ -55,13 +64,28 @@ class BranchPoint(Answering):
     coefficients: Mapping[str, float] = field(default_factory=dict)
     predicts: str = ""
 
+    def named(self, special: str, kind: str, note: str = "") -> BranchPoint:
+        """The special point with its name: at one where multipliers are on the border by definition, they
+        decide nothing, nor do those of one side of a surface. kind: of the branch."""
+        verdict: Growth = "undecided" if special.startswith(BOUNDARY) else self.verdict
+        if special in CRITICAL:
+            count, on_axis = CRITICAL[special], kind in ("equilibrium", "function")
+            verdict = (by_eigenvalues(self.multipliers, count) if on_axis
+                       else by_multipliers(self.multipliers, LOCATED, critical=count))  # fmt: skip
+            verdict = "unstable" if verdict == "unstable" else "undecided"
+        return replace(self, special=special, note=note or self.note, verdict=verdict)
+
+    @property
+    def stable(self) -> bool:
+        """Whether all multipliers lie inside the border, by more than their errors."""
+        return self.verdict == "stable"
+
     def __str__(self) -> str:
         where = ", ".join(f"{name} = {v:.12g}" for name, v in list(self.coordinates.items())[:3])
         kind = f"{self.special}: " if self.special else ""
         note = f" ({self.note})" if self.note else ""
         says = f"; {self.predicts}" if self.predicts else ""
-        stable = "stable" if self.stable else "unstable"
-        return f"{kind}value {self.value:.12g}, {where}, {stable}{note}{says}"
+        return f"{kind}value {self.value:.12g}, {where}, {self.verdict}{note}{says}"
 
 
 @dataclass
@@ -87,7 +111,7 @@ class Branch(Answering):
 
     @property
     def stable(self) -> npt.NDArray[np.bool_]:
-        """Stability along the branch."""
+        """Where the verdict is "stable", along the branch."""
         return np.array([point.stable for point in self.points])
 
     @property
@@ -159,6 +183,9 @@ def _out(point: BranchPoint) -> dict[str, Any]:
 def _in(row: Mapping[str, Any]) -> BranchPoint:
     data = dict(row)
     data["multipliers"] = tuple(complex(*pair) for pair in data["multipliers"])
+    # Files of before have no third verdict.
+    before = "stable" if data.pop("stable", False) else "unstable"
+    data.setdefault("verdict", before)
     for name in ("u", "modes", "tangent"):
         data[name] = tuple(data[name])
     return BranchPoint(**data)

@@ -112,9 +112,10 @@ class BranchPointCurve:
         """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`; "unfolding" is b."""
         k = len(self.sizes)
         problem = self.inner.with_parameter(self.parameter, value)
-        found: BranchPoint = problem.point(u[: k - 1], float(u[k - 1]))
+        found: BranchPoint = problem.point(u[: k - 1], float(u[k - 1])).named("branch point", problem.kind)
         data = {self.inner.parameter: float(u[k - 1]), "unfolding": float(u[k]), **found.coordinates}
-        return replace(found, value=value, u=tuple(u.tolist()), coordinates=data, tests={}, word="")
+        return replace(found, value=value, u=tuple(u.tolist()), coordinates=data, tests={}, word="",
+                       special="")  # fmt: skip
 
     def moved(self, u: Array, value: float) -> BranchPointCurve:
         """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""

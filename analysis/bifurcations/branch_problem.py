@@ -16,6 +16,7 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 
 from filippov.analysis.algebra import linalg
+from filippov.analysis.algebra.growth import ACCURACY, by_eigenvalues, by_multipliers
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.set_slope import log_slope, near_set
@@ -148,7 +149,8 @@ class MapProblem:
         name = "symmetry breaking" if self.half else "period doubling"
         return BranchPoint(
             value, tuple(u.tolist()), {self.event_map.section.coordinate: d, "slope": slope},
-            (complex(slope),), abs(slope) < 1.0, tests={name: half + 1.0}, residual=abs(float(jet[0]) - d),
+            (complex(slope),), by_multipliers(half, ACCURACY * self.event_map.rtol),
+            tests={name: half + 1.0}, residual=abs(float(jet[0]) - d),
         )  # fmt: skip
 
     def moved(self, u: Array, value: float) -> MapProblem:
@@ -173,7 +175,7 @@ class MapProblem:
         if at is not None and abs(at - value) < _JOINS * width:
             return BranchPoint(
                 at, (float("-inf"),), {self.event_map.section.coordinate: 0.0, "slope": 1.0},
-                (1.0 + 0j,), False, special="cycle shrinks into the equilibrium set",
+                (1.0 + 0j,), "undecided", special="cycle shrinks into the equilibrium set",
                 note="the set changes stability",
             )  # fmt: skip
         if not tiny:
@@ -337,7 +339,7 @@ class OrbitProblem:
             data[f"max {name}"], data[f"min {name}"] = float(orbit.high[i]), float(orbit.low[i])
             data[f"amplitude {name}"] = 0.5 * float(orbit.high[i] - orbit.low[i])
         return BranchPoint(
-            value, tuple(u.tolist()), data, tuple(complex(v) for v in orbit.multipliers), orbit.stable,
+            value, tuple(u.tolist()), data, tuple(complex(v) for v in orbit.multipliers), orbit.verdict,
             _told(orbit.word, orbit.solutions), orbit.modes, orbit.period, tests, orbit.residual,
             phase=self.shooting.phase,
         )  # fmt: skip
@@ -435,7 +437,7 @@ class FunctionProblem:
         values = linalg.eigvals(matrix[:, :-1])
         data = {f"u{j}": float(v) for j, v in enumerate(u)}
         return BranchPoint(
-            value, tuple(u.tolist()), data, tuple(complex(v) for v in values), bool(np.all(values.real < 0)),
+            value, tuple(u.tolist()), data, tuple(complex(v) for v in values), by_eigenvalues(values),
             residual=float(np.max(np.abs(left))),
         )  # fmt: skip
 

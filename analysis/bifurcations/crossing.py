@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import brentq
 
-from filippov.analysis.bifurcations.branch import BranchPoint
+from filippov.analysis.bifurcations.branch import BOUNDARY, BranchPoint
 from filippov.analysis.bifurcations.branch_point import locate
 from filippov.analysis.bifurcations.branch_problem import OrbitProblem
 from filippov.analysis.bifurcations.codim2 import PREFIX, title
@@ -22,7 +22,6 @@ _BISECTIONS = 44
 _AWAY = 1e-5
 _SAME = 1e-4
 _CUSP = PREFIX + "cusp"
-_BOUNDARY = ("boundary ", "upper ", "lower ")
 
 
 class Crossings:
@@ -52,7 +51,7 @@ class Crossings:
                 continue
             share, at = located
             if _vanishes(name, a, b, at):
-                found.append((share, _titled(at.point, name), name, at))
+                found.append((share, _titled(at.point, name, a.corrector.problem.kind), name, at))
         meetings = [at.z for _, _, name, at in found if name in ("branch point", _CUSP)]
         # A branch that turns back where it meets another one has no fold there, nor has a curve at its cusp.
         found = [
@@ -62,7 +61,7 @@ class Crossings:
         found.sort(key=lambda item: item[0])
         points: list[BranchPoint] = []
         for _, point, name, at in found:
-            if name.startswith(_BOUNDARY):
+            if name.startswith(BOUNDARY):
                 special, onwards = self._boundary(a, at, name)
                 return [*points, special], onwards
             points.append(point)
@@ -205,7 +204,7 @@ class Crossings:
         onwards = replace(onwards, tangent=tangent, point=_leaving(onwards.point, test))
         same = tangent[-1] * a.tangent[-1] > 0
         note = f"{'persistence' if same else 'non-smooth fold'}; {name}: {problem.mode} -> {new.mode}"
-        return replace(at.point, special="boundary equilibrium", note=note, stable=at.point.stable), onwards
+        return at.point.named("boundary equilibrium", problem.kind, note), onwards
 
 
 def _leaving(point: BranchPoint, test: str) -> BranchPoint:
@@ -213,12 +212,12 @@ def _leaving(point: BranchPoint, test: str) -> BranchPoint:
     return replace(point, tests={**point.tests, test: abs(point.tests[test])})
 
 
-def _titled(point: BranchPoint, name: str) -> BranchPoint:
-    """The point with its name."""
+def _titled(point: BranchPoint, name: str, kind: str) -> BranchPoint:
+    """The point with its name; kind: of the branch."""
     if name.startswith(PREFIX):
         special, note = title(name)
         return replace(point, special=special, note="; ".join(filter(None, (point.note, note))))
-    return replace(point, special="boundary equilibrium" if name.startswith(_BOUNDARY) else name)
+    return point.named("boundary equilibrium" if name.startswith(BOUNDARY) else name, kind)
 
 
 def _vanishes(name: str, a: Along, b: Along, at: Along) -> bool:
@@ -227,8 +226,6 @@ def _vanishes(name: str, a: Along, b: Along, at: Along) -> bool:
         return True
     size = max(abs(q.point.tests[name]) for q in (a, b))
     return abs(at.point.tests.get(name, np.inf)) < 1e-3 * size
-
-
 
 
 def _last_along(found: list[Array], a: Along, otherwise: Along) -> Along:

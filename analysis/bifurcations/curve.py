@@ -274,10 +274,13 @@ class CurveProblem:
         """See `filippov.analysis.bifurcations.branch_problem.BranchProblem`."""
         found: BranchPoint = self._inner(value).point(u[:-1], float(u[-1]))
         data = {self.inner.parameter: float(u[-1]), **found.coordinates}
+        note = self._note(found)
+        if "neutral saddle" not in note:
+            found = replace(found.named(self.test, self.inner.kind), special=found.special)
         # The word at a grazing changes with rounding.
         return replace(
             found, value=value, u=tuple(u.tolist()), coordinates=data, word="",
-            tests=self.tests(u, value, found), note=self._note(found),
+            tests=self.tests(u, value, found), note=note,
         )  # fmt: skip
 
     def _note(self, point: BranchPoint) -> str:

@@ -17,7 +17,8 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 
 from filippov.analysis.algebra import linalg
-from filippov.analysis.bifurcations.branch import BranchPoint
+from filippov.analysis.algebra.growth import by_multipliers
+from filippov.analysis.bifurcations.branch import LOCATED, BranchPoint
 from filippov.analysis.bifurcations.branch_problem import OrbitProblem
 from filippov.analysis.bifurcations.corrector import FAILURES, Along, Corrector
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
@@ -193,6 +194,6 @@ def _ended(
     for name, at in zip(names, place.tolist(), strict=True):
         data |= {f"max {name}": at, f"min {name}": at, f"amplitude {name}": 0.0}
     return BranchPoint(
-        value, (float("-inf"),), data, multipliers, last.stable, last.word, last.modes, period,
-        special=SHRINKS, note=note,
+        value, (float("-inf"),), data, multipliers, by_multipliers(multipliers, LOCATED), last.word,
+        last.modes, period, special=SHRINKS, note=note,
     )  # fmt: skip

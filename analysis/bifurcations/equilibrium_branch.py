@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
+from filippov.analysis.algebra.growth import by_eigenvalues, by_excess
 from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.sensitivity.variation import mode_field
 from filippov.analysis.steady.forcing import depends_on_time
@@ -107,10 +108,11 @@ class EquilibriumProblem:
         sums = [values[i] + values[j] for i in range(len(values)) for j in range(i + 1, len(values))]
         if sums:
             tests["Hopf"] = float(np.prod(sums).real)
-        stable = bool(np.all(values.real < 0)) and (not self.sliding or attracts > 0)
+        told = {by_eigenvalues(values), by_excess(-attracts, 0.0)}
+        verdict = next(word for word in ("unstable", "undecided", "stable") if word in told)
         left = float(np.max(np.abs(self.evaluate(u, value)[0])))
         return BranchPoint(
-            value, tuple(u.tolist()), data, tuple(complex(v) for v in values), stable, mode_text(self.mode),
+            value, tuple(u.tolist()), data, tuple(complex(v) for v in values), verdict, mode_text(self.mode),
             (mode_text(self.mode),), 0.0, tests, left, note="" if inside else "virtual",
         )  # fmt: skip
 

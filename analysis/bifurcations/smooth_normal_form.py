@@ -19,7 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
-from filippov.analysis.bifurcations.branch import BranchPoint
+from filippov.analysis.algebra.growth import Growth, by_eigenvalues, by_multipliers
+from filippov.analysis.bifurcations.branch import LOCATED, BranchPoint
 from filippov.analysis.bifurcations.branch_problem import MapProblem, OrbitProblem
 from filippov.analysis.bifurcations.corrector import Corrector
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
@@ -100,7 +101,7 @@ def doubling(problem: Any, u: Array, value: float, width: float, name: str, symm
     rate = _rate(problem, u, value, width, multiplier)
     others = list(linalg.eigvals(jets.A))
     del others[int(np.argmin(np.abs(np.array(others) + 1.0)))]
-    attracts = all(abs(v) < 1 for v in others)
+    attracts = by_multipliers(others, LOCATED)
     out = {"cubic": cubic, "rate": rate}
     what = "pair without the symmetry" if symmetric else "doubled orbit"
     return _branching(out, cubic, -rate, directions @ q, _names(problem), value, name, what, attracts, False)
@@ -129,11 +130,11 @@ def ring(problem: Any, u: Array, value: float, width: float, name: str) -> Form:
 
     rate = _rate(problem, u, value, width, modulus)
     q, _ = jets.pair(np.exp(1j * angle))
-    others = [abs(v) for v in values if abs(abs(v) - 1.0) > 1e-4]
+    others = [v for v in values if abs(abs(v) - 1.0) > 1e-4]
     out |= {"cubic": cubic, "rate": rate}
     size = 2 * np.abs(directions @ q)
     return _branching(out, -cubic, rate, size, _names(problem), value, name, "closed invariant curve",
-                      all(v < 1 for v in others), True)  # fmt: skip
+                      by_multipliers(others, LOCATED), True)  # fmt: skip
 
 
 def _half(problem: Any) -> bool:
@@ -160,10 +161,10 @@ def hopf(problem: EquilibriumProblem, u: Array, value: float, width: float, name
         return float(pair[int(np.argmin(np.abs(pair - 1j * frequency)))].real)
 
     rate = _rate(problem, u, value, width, growth)
-    others = [v.real for v in values if abs(abs(v.imag) - frequency) > 1e-6 or abs(v.real) > 1e-4]
+    others = [v for v in values if abs(abs(v.imag) - frequency) > 1e-6 or abs(v.real) > 1e-4]
     out = {"cubic": cubic, "rate": rate, "frequency": frequency}
     return _branching(out, -cubic, rate, 2 * np.abs(scale * q), list(problem.system.states), value, name,
-                      "cycle", all(v < 0 for v in others), True)  # fmt: skip
+                      "cycle", by_eigenvalues(others), True)  # fmt: skip
 
 
 def hopf_jets(problem: EquilibriumProblem, u: Array, value: float) -> tuple[Jets, Array]:
@@ -186,7 +187,7 @@ def _names(problem: MapProblem | OrbitProblem) -> list[str]:
 
 def _branching(
     out: dict[str, float], restoring: float, rate: float, size: Array, names: list[str], value: float,
-    name: str, what: str, attracts: bool, ring: bool,
+    name: str, what: str, others: Growth, ring: bool,
 ) -> Form:  # fmt: skip
     """The solutions that branch off where growth = rate (value - value0) is balanced by restoring xi^3."""
     if abs(restoring) < _FLAT or abs(rate) < _FLAT:
@@ -195,5 +196,7 @@ def _branching(
     out |= {f"root {key}": factor * abs(float(s)) for key, s in zip(names, size, strict=True)}
     above = rate * restoring > 0
     kind = "supercritical" if restoring > 0 else "subcritical"
-    stable = "a stable" if restoring > 0 and attracts else "an unstable"
-    return out, f"{kind}: {stable} {what} for {name} {'>' if above else '<'} {number(value)}"
+    born = "a stable" if restoring > 0 and others == "stable" else "an unstable"
+    if restoring > 0 and others == "undecided":
+        born = "an undecided"
+    return out, f"{kind}: {born} {what} for {name} {'>' if above else '<'} {number(value)}"

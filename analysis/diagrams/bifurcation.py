@@ -184,7 +184,12 @@ def _set_changes(
     sets = [next((q for q in points if q.kind == "equilibrium set"), None) for points in found]
     for i in range(len(values) - 1):
         a, b = sets[i], sets[i + 1]
-        if a is None or b is None or a.stable == b.stable or not np.isfinite(a.slope * b.slope):
+        if a is None or b is None or not np.isfinite(a.slope * b.slope):
+            continue
+        # One of the values may be the root itself: the next pair of values then finds it, or the last.
+        beyond = [abs(q.slope) - 1.0 for q in (a, b)]
+        last = i == len(values) - 2
+        if beyond[0] * beyond[1] > 0 or (beyond[1] == 0 and not last) or beyond == [0.0, 0.0]:
             continue
         value = float(brentq(excess, values[i], values[i + 1], xtol=1e-11, rtol=1e-14))
         out.append(Special("set stability change", value, 0.0, abs(excess(value)), "|slope| = 1 at the set"))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra.growth import GROWTHS
 from filippov.analysis.diagrams.cells import CLOSEST, cells
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
@@ -128,8 +129,8 @@ class DiagramWork:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """d, slope, residual, period, kind and stable of up to MOST points, one after the other."""
-        return tuple(f"{name}{k}" for k in range(MOST) for name in (*_NUMBERS, "kind", "stable"))
+        """d, slope, residual, period, kind and verdict of up to MOST points, one after the other."""
+        return tuple(f"{name}{k}" for k in range(MOST) for name in (*_NUMBERS, "kind", "verdict"))
 
     @cached_property
     def fields(self) -> dict[str, str]:
@@ -155,8 +156,9 @@ class DiagramWork:
             if len(found) > MOST:
                 raise SolveError(f"{self.names[0]} = {self.points[point, 0]}: more than {MOST} fixed points.")
             numbers = [
-                x for q in found
-                for x in (*(getattr(q, name) for name in _NUMBERS), KINDS.index(q.kind), q.stable)
+                x for q in found for x in (
+                    *(getattr(q, name) for name in _NUMBERS), KINDS.index(q.kind), GROWTHS.index(q.verdict),
+                )
             ]  # fmt: skip
             values[row, : len(numbers)] = numbers
             notes[point] = json.dumps([q.note for q in found])
@@ -170,7 +172,8 @@ def fixed_points_of(table: SweepTable) -> list[tuple[FixedPoint, ...]]:
         rows = table.values[point].reshape(MOST, -1)
         found = []
         for row, note in zip(rows.tolist(), json.loads(table.message[point]), strict=False):
-            d, slope, residual, period, kind, stable = row
-            found.append(FixedPoint(d, KINDS[int(kind)], slope, bool(stable), residual, period, note))
+            d, slope, residual, period, kind, verdict = row
+            told = KINDS[int(kind)], slope, GROWTHS[int(verdict)]
+            found.append(FixedPoint(d, *told, residual, period, note))
         out.append(tuple(found))
     return out

@@ -155,7 +155,7 @@ def _read(
     found = read(system, section, x0, point.phase * point.period, point.period, values)
     slope = largest(point.multipliers)
     return [
-        FixedPoint(d, "limit cycle", slope, point.stable, point.residual, point.period, point.note)
+        FixedPoint(d, "limit cycle", slope, point.verdict, point.residual, point.period, point.note)
         for d in found.tolist()
     ]
 

@@ -24,7 +24,7 @@ def orbit_points(section: Section | Stroboscope, orbit: Orbit) -> list[FixedPoin
     found = read(orbit.system, section, orbit.x0, orbit.t0, orbit.period, orbit.parameters)
     slope = largest(orbit.multipliers.tolist())
     return [
-        FixedPoint(d, "limit cycle", slope, orbit.stable, orbit.residual, orbit.period)
+        FixedPoint(d, "limit cycle", slope, orbit.verdict, orbit.residual, orbit.period)
         for d in found.tolist()
     ]
 

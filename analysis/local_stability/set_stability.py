@@ -20,6 +20,7 @@ import numpy as np
 import sympy
 from sympy import Expr, Rational, Symbol
 
+from filippov.analysis.algebra.growth import by_excess
 from filippov.analysis.algebra.polynomial import Verdict
 from filippov.analysis.local_stability.kink_stability import kink_stability, touched
 from filippov.analysis.local_stability.sliding_stability import attraction
@@ -47,6 +48,8 @@ PROOF = "proved in filippov.analysis.steady.rest_map"
 FOLLOWED = "computed, see filippov.analysis.steady.drift_map"
 Sides = list[tuple[str, SlipLinearisation]]
 EDGE = 1e-9
+# The error of a slope of the return map at an end.
+SAME = 1e-9
 NARROW = 1e-6
 
 
@@ -162,10 +165,13 @@ def _asked(context: Context, found: EquilibriumSet, answer: Answer) -> tuple[Ans
     evidence = context.hook(context.system, found, {q.name: float(v) for q, v in context.values.items()})
     if evidence is None:
         return answer, []
-    told: Answer = "asymptotically stable" if abs(evidence.slope) < 1 else "unstable"
+    verdict = by_excess(abs(evidence.slope) - 1.0, evidence.error)
+    told: Answer = "asymptotically stable" if verdict == "stable" else verdict
     statement = Statement(
         f"slope of the second iterate at the set: {evidence.slope:.10g}, {told}", evidence.method
     )
+    if told == "undecided":
+        return answer, [statement]
     if answer not in {"undecided", told}:
         return answer, [statement, Statement(f"this contradicts the verdict {answer!r} of the linear part")]
     return told, [statement]
@@ -176,7 +182,8 @@ def _slope_text(m: RestMap) -> str:
         return "slip never ends"
     if m.outcome == "converges":
         return "slip converges to the end"
-    return f"slope {m.kappa:.9g}, {'attracts' if abs(m.kappa) < 1 else 'repels'}"
+    told = {"stable": "attracts", "unstable": "repels", "undecided": "1 to rounding"}
+    return f"slope {m.kappa:.9g}, {told[by_excess(abs(m.kappa) - 1.0, SAME)]}"
 
 
 class _Ends:
@@ -358,7 +365,7 @@ class _Ends:
             return ("asymptotically stable" if factor < 1 or self._returns(maps) else "unstable"), statements
         text = f"return map from one rest position to the next, linearised at an end: {kappa}"
         statements.append(Statement(text, FOLLOWED if self.followed else PROOF))
-        if abs(factor - 1) < 1e-9:
+        if abs(factor - 1) < SAME:
             return "undecided", statements
         answer: Answer = "asymptotically stable" if factor < 1 else "unstable"
         if hurwitz is False and answer == "asymptotically stable":

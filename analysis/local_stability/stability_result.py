@@ -30,10 +30,11 @@ class Statement:
 
 @dataclass(frozen=True)
 class SetEvidence:
-    """The evidence of an event map about a set: the slope of its second iterate there, and the method."""
+    """Evidence of an event map about a set: the slope of its second iterate there, the method, the error."""
 
     slope: float
     method: str
+    error: float = 1e-6
 
 
 # A hook for stability_report: (system, set, parameter values) -> evidence, or None where it has none.

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra.growth import ACCURACY, Growth, by_excess, by_multipliers
 from filippov.analysis.maps.gap_roots import Gap, Whole, brackets, coordinates, roots
 from filippov.analysis.maps.set_slope import equilibrium_slope, near_set
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
@@ -40,7 +41,8 @@ class FixedPoint:
     slope     dR/dd (from saltation matrices), NaN where the map has none; at an equilibrium set the limit of
               R(d)/d for d -> 0+, which is
               infinite where the map jumps at the set
-    stable    |slope| < 1
+    verdict   "stable" for |slope| < 1, "unstable" for > 1, "undecided" where it is 1 within its error or
+              not known; stable: the verdict is "stable"
     period    time of the returns together, 0 for an equilibrium set
     hidden    of an equilibrium set: a cycle of the other stability lies between it and this coordinate, too
               near to the set for the rounding of its states; 0 where none is known to
@@ -50,11 +52,16 @@ class FixedPoint:
     d: float
     kind: str
     slope: float
-    stable: bool
+    verdict: Growth
     residual: float
     period: float
     note: str = ""
     hidden: float = 0.0
+
+    @property
+    def stable(self) -> bool:
+        """|slope| < 1 by more than the error of the slope."""
+        return self.verdict == "stable"
 
 
 @dataclass(frozen=True)
@@ -134,7 +141,8 @@ def _told(at_set: FixedPoint, d: Array, gap: Array) -> FixedPoint:
         return at_set
     last = int(np.argmin(np.abs(d)))
     grows = gap[last] * d[last] > 0
-    if at_set.slope <= 0 or not np.isfinite(gap[last]) or grows != at_set.stable:
+    undecided = at_set.verdict == "undecided"
+    if undecided or at_set.slope <= 0 or not np.isfinite(gap[last]) or grows != at_set.stable:
         return at_set
     kind = "unstable" if at_set.stable else "stable"
     note = f"{kind} cycle between the set and |d| = {abs(d[last]):.1g} is not resolved"
@@ -158,13 +166,14 @@ def _cycle(event_map: ReturnMap, d: float, left: float) -> FixedPoint:
         slope, note = event_map.derivative(d), ""
     except NotDifferentiableError as error:
         slope, note = float("nan"), f"stability undecided: {error}"
-    return FixedPoint(d, "limit cycle", slope, bool(abs(slope) < 1.0), left, period, note)
+    verdict = by_multipliers(slope, ACCURACY * event_map.rtol)
+    return FixedPoint(d, "limit cycle", slope, verdict, left, period, note)
 
 
 def equilibrium_set(event_map: ReturnMap, reach: float) -> FixedPoint:
     """The fixed point at 0, where the solution rests."""
-    slope, note = equilibrium_slope(event_map, reach)
-    return FixedPoint(0.0, "equilibrium set", slope, bool(abs(slope) < 1.0), 0.0, 0.0, note)
+    slope, error, note = equilibrium_slope(event_map, reach)
+    return FixedPoint(0.0, "equilibrium set", slope, by_excess(abs(slope) - 1.0, error), 0.0, 0.0, note)
 
 
 def jumps(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tuple[Jump, ...]:
@@ -173,7 +182,7 @@ def jumps(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tupl
     value = event_map(d)
     out: list[Jump] = []
     if lo <= 0.0 < hi:
-        _, note = equilibrium_slope(event_map, 1e-3 * hi)
+        note = equilibrium_slope(event_map, 1e-3 * hi).note
         if note.startswith("the map jumps"):
             above = float(event_map(1e-9 * hi))
             out.append(Jump(0.0, -above if lo < 0 else 0.0, above))

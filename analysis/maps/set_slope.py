@@ -8,7 +8,7 @@ over windows of d, gamma free, and three degrees tell the error.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,16 @@ EPS = float(np.finfo(float).eps)
 ROUNDINGS = 1e5
 EXPONENTS = np.linspace(0.04, 2.2, 55)
 DEGREES = (2, 3, 4, 5)
+# What rounding leaves of a slope in closed form, relative to it.
+CLOSED = 1e-9
+
+
+class SetSlope(NamedTuple):
+    """Limit of R(d)/d at the set, its error, and a note on it: infinite where the map jumps there."""
+
+    value: float
+    error: float
+    note: str = ""
 
 
 def near_set(event_map: ReturnMap, reach: float) -> tuple[ReturnMap, float]:
@@ -39,21 +49,22 @@ def near_set(event_map: ReturnMap, reach: float) -> tuple[ReturnMap, float]:
     return event_map.remake(rtol=TIGHT * 0.1, atol=2.0 * EPS * size), ROUNDINGS * EPS * size
 
 
-def equilibrium_slope(event_map: ReturnMap, reach: float, side: float = 1.0) -> tuple[float, str]:
-    """Limit of R(d)/d for d -> 0 on one side, and a note: infinite where the map jumps at 0.
+def equilibrium_slope(event_map: ReturnMap, reach: float, side: float = 1.0) -> SetSlope:
+    """Limit of R(d)/d for d -> 0 on one side.
 
     It is the product of the limits over the returns of the map, each on the side to which the one before it
     leads.
     """
-    slope, notes = 1.0, []
+    slope, share, notes = 1.0, 0.0, []
     for _ in range(event_map.order):
-        one, note = _one_turn_slope(event_map.remake(order=1), side * reach)
+        one, error, note = _one_turn_slope(event_map.remake(order=1), side * reach)
+        if not np.isfinite(one):
+            return SetSlope(float("nan") if np.isnan(one) else float(np.inf), 0.0, note)
         slope *= one
+        share += error / abs(one) if one else 0.0
         side = side if one > 0 else -side
         notes.append(note)
-        if not np.isfinite(one):
-            return float(np.inf), note
-    return slope, next((note for note in notes if note), "")
+    return SetSlope(slope, abs(slope) * share, next((note for note in notes if note), ""))
 
 
 def log_slope(event_map: ReturnMap, reach: float, **parameters: float) -> float:
@@ -61,32 +72,32 @@ def log_slope(event_map: ReturnMap, reach: float, **parameters: float) -> float:
 
     -inf where the slope is 0, inf where it has no bound, NaN where it is not known.
     """
-    slope, _ = equilibrium_slope(event_map.remake(parameters=parameters), reach)
+    slope = equilibrium_slope(event_map.remake(parameters=parameters), reach).value
     return float(np.log(abs(slope))) if slope else -np.inf
 
 
-def _one_turn_slope(event_map: ReturnMap, reach: float) -> tuple[float, str]:
+def _one_turn_slope(event_map: ReturnMap, reach: float) -> SetSlope:
     """Limit of R(d)/d in closed form; else from ratios at reach, reach/2, ..., extrapolated until rounding
     takes over."""
     fine, least = near_set(event_map, reach)
     exact = linear_slope(event_map, reach)
     if exact is not None:
-        return exact, "" if np.isfinite(exact) else _leaving(fine, float(np.copysign(least, reach)))
+        note = "" if np.isfinite(exact) else _leaving(fine, float(np.copysign(least, reach)))
+        return SetSlope(exact, CLOSED * abs(exact), note)
     d = reach * 0.5 ** np.arange(LEVELS)
     ratios = fine(d) / d
     good = int(np.argmin(np.isfinite(ratios))) if not np.all(np.isfinite(ratios)) else LEVELS
     d, ratios = d[:good], ratios[:good]
     if good < 6:
-        return float("nan"), "the map does not return near the equilibrium set"
+        return SetSlope(float("nan"), np.inf, "the map does not return near the equilibrium set")
     growth = np.abs(ratios[1:] / ratios[:-1])
     if abs(ratios[-1]) > 10.0 and np.all(growth[-5:] > 1.05) and growth[-1] > growth[-3] - 1e-3:
         sign = float(np.sign(ratios[-1]))
         if np.all(growth[-3:] > 1.9):
-            return (
-                sign * np.inf,
-                f"the map jumps at the equilibrium set: R(0+) = {float(ratios[-1] * abs(d[-1])):.9g}",
-            )
-        return sign * np.inf, "the slope of the map grows without bound at the equilibrium set"
+            note = f"the map jumps at the equilibrium set: R(0+) = {float(ratios[-1] * abs(d[-1])):.9g}"
+        else:
+            note = "the slope of the map grows without bound at the equilibrium set"
+        return SetSlope(sign * np.inf, 0.0, note)
     table: list[Array] = [ratios]
     for j in range(1, min(6, good - 2)):
         previous = table[-1]
@@ -100,7 +111,8 @@ def _one_turn_slope(event_map: ReturnMap, reach: float) -> tuple[float, str]:
     if error > 1e-6 * max(1.0, abs(best)):
         best, error = min((best, error), _fitted(fine, reach, least), key=lambda pair: pair[1])
     told = error < 1e-6 * max(1.0, abs(best))
-    return best, "" if told else f"slope at the equilibrium set known to {error:.1g} only"
+    note = "" if told else f"slope at the equilibrium set known to {error:.1g} only"
+    return SetSlope(best, max(error, CLOSED * abs(best)), note)
 
 
 def _leaving(fine: ReturnMap, least: float) -> str:

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra.growth import ACCURACY, Growth, by_multipliers
 from filippov.analysis.orbits.floquet import product_multipliers, return_factors, without_trivial
 from filippov.analysis.orbits.margin import Margin, margin
 from filippov.analysis.orbits.oddness import is_odd
@@ -33,8 +34,6 @@ FORMAT, VERSION = "filippov orbit", 1
 _SYMMETRIC = 1e-7
 # Part of the duration that a solution may take from a node onto the surfaces that the orbit slides on there.
 _AT_NODE = 1e-7
-# The accuracy of the derivative of a return, in units of rtol.
-_ACCURACY = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,18 +85,10 @@ class Orbit(Answering):
     solutions: tuple[Solution, ...] = field(default=(), repr=False)
 
     @property
-    def verdict(self) -> Literal["stable", "unstable", "undecided"]:
+    def verdict(self) -> Growth:
         """Whether all multipliers lie inside the unit circle, one outside, or one on it."""
-        if not self.multipliers.size:
-            return "stable"
-        first, shift = self.multipliers[0], [] if self.trivial is None else [self.trivial]
-        # Of two that are equal the error is the root of that of a matrix.
-        error = _ACCURACY * self.rtol
-        gap = np.min(np.abs(np.append(self.multipliers[1:], shift) - first), initial=np.inf)
-        beyond = abs(first) - 1.0
-        if abs(beyond) < min(np.sqrt(error), error / max(gap, error)):
-            return "undecided"
-        return "stable" if beyond < 0.0 else "unstable"
+        shift = [] if self.trivial is None else [self.trivial]
+        return by_multipliers(self.multipliers, ACCURACY * self.rtol, shift)
 
     @property
     def stable(self) -> bool:

@@ -257,17 +257,17 @@ def _fixed(ax: Any, points: Iterable[Any]) -> None:
 
 def _scatter(ax: Any, points: Sequence[tuple[float, float, Any]]) -> None:
     """Marks by kind and stability, one entry in the legend each."""
-    for stable in (True, False):
+    for verdict, face in (("stable", INK), ("unstable", "white"), ("undecided", GREY)):
         for rest in (True, False):
-            wanted = stable, rest
-            chosen = [(x, y) for x, y, q in points if (bool(q.stable), q.kind == "equilibrium set") == wanted]
+            wanted = verdict, rest
+            chosen = [(x, y) for x, y, q in points if (q.verdict, q.kind == "equilibrium set") == wanted]
             if not chosen:
                 continue
-            name = f"{'stable' if stable else 'unstable'} {'equilibrium set' if rest else 'cycle'}"
+            name = f"{verdict} {'equilibrium set' if rest else 'cycle'}"
             ax.plot(
                 *np.array(chosen).T, "s" if rest else "o", color=INK, zorder=5, label=name,
                 markersize=(6.0 if rest else 5.5) if len(points) < 30 else 4.0,
-                markerfacecolor=INK if stable else "white", markeredgewidth=1.0,
+                markerfacecolor=face, markeredgewidth=1.0,
             )  # fmt: skip
 
 

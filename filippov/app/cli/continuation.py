@@ -188,7 +188,8 @@ def _coordinates(branch: Any) -> list[str]:
 def _row(point: Any, branch: Any) -> dict[str, Any]:
     """A point as a row of the table."""
     row = {
-        "special": point.special, "value": point.value, "stable": point.stable, "word": point.word,
+        "special": point.special, "value": point.value, "stable": point.stable, "verdict": point.verdict,
+        "word": point.word,
         "period": point.period, "note": point.note, "predicts": point.predicts,
         "coefficients": dict(point.coefficients),
     }  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from filippov.analysis.algebra.growth import Growth
 from filippov.app.report.part import NONE, Section, TextTable, Words, yes
 from filippov.app.report.run import StudyRun
 
@@ -14,9 +15,9 @@ def classification(run: StudyRun) -> Section:
     found, rows = {}, []
     for c in run.cases:
         points = [row for diagram in c.diagrams for row in diagram.points]
-        sets = [[q.stable for q in row if q.kind == "equilibrium set"] for row in points]
-        cycles = [[q.stable for q in row if q.kind == "limit cycle"] for row in points]
-        quiet = [all(a) and bool(a) and not any(b) for a, b in zip(sets, cycles, strict=True)]
+        sets = [{q.verdict for q in row if q.kind == "equilibrium set"} for row in points]
+        cycles = [{q.verdict for q in row if q.kind == "limit cycle"} for row in points]
+        quiet = [a == {"stable"} and b <= {"unstable"} for a, b in zip(sets, cycles, strict=True)]
         told = {"equilibrium set": _set_words({s for row in sets for s in row}),
                 "limit cycles": _cycle_words(cycles)}  # fmt: skip
         if run.study.goal:
@@ -63,20 +64,17 @@ def checks(run: StudyRun) -> Section:
     return Section("checks", "Independent checks", [_agreements(run), _exactness(run)], files=files)
 
 
-def _set_words(seen: set[bool]) -> str:
-    words = {frozenset(): "none", frozenset({True}): "stable", frozenset({False}): "unstable"}
-    return words.get(frozenset(seen), "stable or unstable")
+def _set_words(seen: set[Growth]) -> str:
+    return " or ".join(sorted(seen)) or "none"
 
 
-def _cycle_words(cycles: list[list[bool]]) -> str:
-    seen = {stable for row in cycles for stable in row}
+def _cycle_words(cycles: list[set[Growth]]) -> str:
+    seen = {verdict for row in cycles for verdict in row}
     if not seen:
         return "never"
     often = "always" if all(cycles) else "possible"
-    if len(seen) == 2:
-        return f"{often}, stable and unstable"
-    only = " only" if often == "possible" else ""
-    return f"{often}, {'stable' if True in seen else 'unstable'}{only}"
+    only = " only" if often == "possible" and len(seen) == 1 else ""
+    return f"{often}, {' and '.join(sorted(seen))}{only}"
 
 
 def _agreements(run: StudyRun) -> TextTable:

@@ -16,7 +16,7 @@ from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.steady.rest_map import growth, rest_map, threshold
 from filippov.app.report.case import CaseResults
 from filippov.app.report.case_cycles import CaseCycles
-from filippov.app.report.part import NONE, Picture, Section, TextTable, first, number, yes
+from filippov.app.report.part import NONE, Picture, Section, TextTable, answer, first, number
 from filippov.app.report.run import StudyRun
 from filippov.plot.branch import plot_branches
 from filippov.plot.place import label_beside
@@ -32,6 +32,7 @@ BORDER, SCAN = 25, 40
 # An end of a fold curve this near to a bound, relative to the range, is at it; cycles smaller than this,
 # relative to the largest, are magnified.
 NEAR, SMALL = 1e-4, 0.1
+STATED = {"stable": "", "unstable": " (unstable)", "undecided": " (undecided)"}
 
 
 def orbits(run: StudyRun) -> Section:
@@ -45,7 +46,7 @@ def orbits(run: StudyRun) -> Section:
     for case, orbit in every:
         values = ", ".join(f"{v.real:.8g}" if v.imag == 0 else f"{v:.6g}" for v in orbit.multipliers)
         rows.append((
-            case.label, yes(orbit.stable), f"{orbit.period:.9f}",
+            case.label, answer(orbit.verdict), f"{orbit.period:.9f}",
             *(f"{orbit.amplitude[name]:.10g}" for name in states[:2]), values, orbit.word,
             f"{number(orbit.margin.distance, 4)}, {number(orbit.margin.sliding, 4)}",
             number(orbit.margin.transversality, 4),
@@ -86,8 +87,8 @@ def branches(run: StudyRun) -> Section:
         special.append((label, "digits that two tolerances share", digits, NONE))
     rows = []
     for value in run.study.values:
-        told = [sorted((first(p), p.stable) for p in c.at[value]) for c in cycles]
-        words = ["; ".join(f"{d:.12f}{'' if ok else ' (unstable)'}" for d, ok in row) or NONE for row in told]
+        told = [sorted((first(p), p.verdict) for p in c.at[value]) for c in cycles]
+        words = ["; ".join(f"{d:.12f}{STATED[verdict]}" for d, verdict in row) or NONE for row in told]
         rows.append((f"{value:g}", *words))
     command, unit = f"`filippov continue {run.model.name} --parameter {name} ...`", run.study.unit
     shown = [(branch, c.case.label) for c in cycles for branch in c.branches]
@@ -283,9 +284,9 @@ def _portraits(run: StudyRun) -> Figure:
                 once = orbit.solution()
                 assert once.sol is not None
                 x = once.sol(np.linspace(once.problem.t_span[0], once.t_end, 2000))
-                word = "stable" if orbit.stable else "unstable"
                 look: dict[str, Any] = {"linestyle": "-" if orbit.stable else "--", "color": SERIES[k]}
-                ax.plot(x[0], x[1], **look, label=f"{found.case.label}, {word}, period {orbit.period:.4g} s")
+                label = f"{found.case.label}, {orbit.verdict}, period {orbit.period:.4g} s"
+                ax.plot(x[0], x[1], **look, label=label)
                 shown.append((float(np.max(np.abs(x[0]))), x, look))
         small = [item for item in shown if item[0] < SMALL * max(size for size, _, _ in shown)]
         if small:

@@ -137,7 +137,7 @@ def prediction(run: StudyRun) -> Section:
     rows = []
     facts: dict[str, float] = {}
     for k, p in enumerate(found):
-        exact = "; ".join(f"d = {q.d:.12f} ({'stable' if q.stable else 'unstable'})" for q in p.exact)
+        exact = "; ".join(f"d = {q.d:.12f} ({q.verdict})" for q in p.exact)
         said = "; ".join(f"amplitude {c.amplitude:.6g}, period {c.period:.6g} s" for c in p.harmonic.cycles)
         right = bool(p.harmonic.cycles) == bool(p.exact)
         algebra = "; ".join(f"d = {d:.12f}" for d in p.algebraic) or ("none" if p.law.cycles else NONE)

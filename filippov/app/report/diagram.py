@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from filippov.app.report.case import CaseResults, Samples
-from filippov.app.report.part import NONE, Picture, Section, TextTable, number, yes
+from filippov.app.report.part import NONE, Picture, Section, TextTable, answer, number, yes
 from filippov.app.report.response import TITLE, beside, common_legend
 from filippov.app.report.run import StudyRun
 from filippov.plot.maps import plot_diagram, plot_event_map
@@ -120,7 +120,7 @@ def _diagram(run: StudyRun, case: CaseResults) -> Figure:
 
 def _in_words(case: CaseResults) -> str:
     """The fixed points in a sentence."""
-    found = [f"d = {q.d:.6g} ({'stable' if q.stable else 'unstable'} {q.kind})" for q in case.fixed]
+    found = [f"d = {q.d:.6g} ({q.verdict} {q.kind})" for q in case.fixed]
     notes = [q.note for q in case.fixed if q.note]
     words = f"Fixed points: {', '.join(found)}." if found else "No fixed point on the interval."
     return words + "".join(f" {n[0].upper()}{n[1:]}." for n in notes)
@@ -146,7 +146,7 @@ def _points_table(run: StudyRun, ordinal: str) -> TextTable:
             s = said[k] if len(said) == len(c.fixed) else None
             paper = NONE if s is None else s.d + (f" ({s.reference})" if s.reference else "")
             rows.append((
-                c.label, "0" if q.d == 0 else f"{q.d:.12f}", paper, q.kind, yes(q.stable),
+                c.label, "0" if q.d == 0 else f"{q.d:.12f}", paper, q.kind, answer(q.verdict),
                 NONE if s is None else yes(s.stable), number(q.slope, 8),
                 NONE if q.period == 0 else f"{q.period:.8f}",
             ))  # fmt: skip
@@ -207,14 +207,14 @@ def _places(run: StudyRun) -> TextTable:
 
 
 def _never(case: CaseResults) -> str:
-    stable = {q.stable for points in case.diagram.points for q in points if q.kind == "equilibrium set"}
-    if not stable:
+    seen = {q.verdict for points in case.diagram.points for q in points if q.kind == "equilibrium set"}
+    if not seen:
         return "no set among the fixed points"
-    return f"never, {'stable' if stable == {True} else 'unstable'} at every value computed"
+    return f"never, {' or '.join(sorted(seen))} at every value computed"
 
 
 def _point(q: Any) -> dict[str, Any]:
-    out = {"d": float(q.d), "kind": q.kind, "stable": bool(q.stable), "slope": q.slope}
+    out = {"d": float(q.d), "kind": q.kind, "stable": bool(q.stable), "verdict": q.verdict, "slope": q.slope}
     if q.note or not math.isfinite(q.slope):
         out["note"] = q.note or f"the slope is {q.slope}"
     return out

@@ -88,6 +88,11 @@ def yes(value: bool) -> str:
     return "yes" if value else "no"
 
 
+def answer(verdict: str) -> str:
+    """Whether it is stable: yes, no, or undecided."""
+    return {"stable": "yes", "unstable": "no"}.get(verdict, verdict)
+
+
 def first(point: Any) -> float:
     """The first coordinate of a point of a branch."""
     return float(next(iter(point.coordinates.values())))

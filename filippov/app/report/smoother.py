@@ -23,6 +23,8 @@ from filippov.plot.style import GREY, INK, SERIES, new_figure, style
 from filippov.solving.solution import Solution
 from filippov.solving.solver import solve
 
+SAID = {"unstable": "repels", "undecided": "undecided"}
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -158,13 +160,14 @@ def relative(run: StudyRun) -> Section:
         ends = [f"{q.special}, {name} = {q.value:.6f}" for q in exact.special]
         own = item.branch.points[0].coordinates[size]
         change = NONE if largest is None else f"{100 * (own / largest - 1):+.1f} %"
-        repels = any(not q.stable for q in case.fixed if q.d == 0)
+        told = {q.verdict for q in case.fixed if q.d == 0}
         rests = all(rests for _, rests in item.small)
         ratios = [abs(float(case.event_map(start))) / start for start, _ in item.small]
         rows.append((
             case.label, number(largest, 7), number(own, 7), change, "; ".join(ends) or "never",
             f"fold, {name} = {fold.value:.6f}" if fold else "no end found",
-            "repels" if repels else "attracts", "attracts" if rests else "repels",
+            next((word for verdict, word in SAID.items() if verdict in told), "attracts"),
+            "attracts" if rests else "repels",
         ))  # fmt: skip
         summary[case.case.key] = {
             "amplitude": own,

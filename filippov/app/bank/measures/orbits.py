@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from filippov.analysis.algebra.growth import ACCURACY, by_multipliers
 from filippov.analysis.harmonic.describing_function import describing_function
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
@@ -16,6 +17,7 @@ from filippov.app.bank.notation import number
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.recurrence import Cycle
 from filippov.base.errors import ModelError, UsageError
+from filippov.solving.state.options import Options
 
 SYMMETRIC = 1e-6
 
@@ -25,7 +27,7 @@ class PeriodicOrbit(Measure, quantity="orbit"):
 
     take    period; multipliers (real, by growing modulus); moduli (of all of them); multiplier (that of the
             largest modulus, real); modulus (the same without sign); exponent (its logarithm over the period);
-            stability ("stable" or "unstable")
+            stability ("stable", "unstable", or "undecided" where the largest modulus is 1 to its accuracy)
     find    "settled", or "near_start", found by Newton's method; default: the first where the run settles,
             else the second
     period  a guess of the period, for near_start
@@ -49,7 +51,7 @@ class PeriodicOrbit(Measure, quantity="orbit"):
             moduli = sorted(abs(v) for v in values)
             return moduli if self.take == "moduli" else [_real(v) for v in sorted(values, key=abs)]
         if self.take == "stability":
-            return "stable" if max(map(abs, values), default=0.0) < 1 else "unstable"
+            return by_multipliers(values, ACCURACY * subject.options.get("rtol", Options.rtol))
         if not values:
             raise MissingError("the solution has no multiplier besides 1")
         largest = max(values, key=abs)

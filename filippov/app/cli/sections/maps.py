@@ -19,7 +19,7 @@ from filippov.plot.maps import plot_diagram, plot_event_map
 PARTS = ("surface", "event", "coordinate", "parametrisation")
 CONDITION = "after"
 SPECIAL_COLUMNS = ("kind", "value", "d", "residual", "note")
-POINT_COLUMNS = ("d", "kind", "slope", "stable", "residual", "period", "note")
+POINT_COLUMNS = ("d", "kind", "slope", "stable", "verdict", "residual", "period", "note")
 CHUNK = 64
 
 
@@ -184,6 +184,6 @@ def point_data(point: Any) -> dict[str, Any]:
 
 def _tell(points: Sequence[Any], console: Console) -> None:
     for point in points:
-        kind = f"{'stable' if point.stable else 'unstable'} {point.kind}"
+        kind = f"{point.verdict} {point.kind}"
         note = f", {point.note}" if point.note else ""
         console.say(f"d = {point.d:.12g}  {kind}, slope {point.slope:.6g}{note}")

@@ -39,14 +39,14 @@ def run_return_pairs(loaded: Loaded, settings: dict[str, Any], console: Console)
     if note:
         console.say(note)
     for point in points:
-        kind = "stable" if point.stable else "unstable"
-        console.say(f"d = {point.d:.12g}  {kind} {point.kind}, multiplier {point.slope:.6g}, one of "
+        console.say(f"d = {point.d:.12g}  {point.verdict} {point.kind}, multiplier {point.slope:.6g}, one of "
                     f"{len(points)} events in its period {point.period:.9g}")  # fmt: skip
     image = found.d[order:]
     d = found.d[: len(image)]
     data = {
         "model": loaded.name, "parameters": values, "order": order, "x0": x0.tolist(),
-        "section": section_data(section), "fixed_points": [vars(point) for point in points], "note": note,
+        "section": section_data(section), "note": note,
+        "fixed_points": [vars(point) | {"stable": point.stable} for point in points],
         "complete": True,
     }  # fmt: skip
     console.result(data | {"t": found.t[: len(image)], "d": d, "R": image})
