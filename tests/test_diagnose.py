@@ -435,3 +435,20 @@ def test_15_5_the_command_says_whose_code_it_runs(tmp_path: Path, capsys: pytest
     assert "did you mean 'oscillator'?" in capsys.readouterr().err
     assert main(["diagnose", f"{path}:oscillator", "--t-span", "0", "1"]) == 2
     assert "--x0 is missing" in capsys.readouterr().err
+
+
+def test_15_5_a_backlash_is_a_corner_and_no_dead_band_written_by_hand(tmp_path: Path) -> None:
+    """k (d -+ gap) beyond a gap of the shaft, 0 inside it: the field is continuous at both ends."""
+    source = tmp_path / "shaft.py"
+    source.write_text(
+        "def shaft(t, s):\n    a, w = s\n"
+        "    if abs(a) <= 0.02: T = 0\n"
+        "    elif a > 0: T = 100*(a - 0.02)\n"
+        "    else: T = 100*(a + 0.02)\n"
+        "    return [w, 1 - T - 0.5*w]\n"
+    )
+    found = diagnose(load_file(source).shaft, (0, 0), (0, 20))
+    assert {switch.kind for switch in found.switches} == {"kink"}
+    assert not found.of("dead band")
+    assert found.solution is not None
+    assert found.solution.x_end == pytest.approx([0.03, 0], abs=0.01)

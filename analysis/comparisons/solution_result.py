@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from filippov.analysis.comparisons.approximation import UNFIT
 from filippov.analysis.comparisons.comparison_result import SLOWEST, Trend, aligned, fitted
 from filippov.analysis.comparisons.solution_run import ERRORS, OWN
 from filippov.base.csv_text import csv_text
@@ -144,6 +145,7 @@ class SolutionComparison(Answering):
             ("Wrong in kind:", self.faults),
             ("Widths needed:", tuple(item.sentence for item in self.needed)),
             ("Left exact:", self.left),
+            ("Does not apply:", tuple(f"{row['model']}: {_why(row)}" for row in self.rows if _why(row))),
         ) if found]  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
@@ -194,5 +196,11 @@ def cells(row: Mapping[str, Any], measures: Sequence[str] = ()) -> tuple[str, ..
         row["model"], "-" if row["width"] is None else f"{row['width']:.0e}", row["method"] or "-",
         *(number(row[name]) for name in ERRORS), number(row["field_calls"], "d"),
         number(row["calls_ratio"], ".2f"), number(None if seconds is None else 1e3 * seconds, ".2f"),
-        *(number(row.get(name), ".6g") for name in measures), row["note"],
+        *(number(row.get(name), ".6g") for name in measures), UNFIT if _why(row) else row["note"],
     )  # fmt: skip
+
+
+def _why(row: Mapping[str, Any]) -> str:
+    """Why the approximation of a row does not apply; empty where it does."""
+    said, _, why = row["note"].partition(": ")
+    return why if said == UNFIT else ""

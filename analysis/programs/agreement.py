@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,8 @@ POINTS, FEWEST = 200, 20
 SAME, NEAR = 1e-8, 1e-9
 # Lines on which each surface is looked for, and how far beside it the places lie, in parts of such a line.
 LINES, BESIDE = 6, 1e-6
+# What a continuous field differs by falls at least so much where the distance falls by 100.
+FALLS = 0.1
 _OUTSIDE = (ValueError, ZeroDivisionError, OverflowError, TypeError, FloatingPointError)
 
 
@@ -100,30 +103,81 @@ def _beside(
     numbers: Numbers, translation: Translation, t: Array, y: Array, seed: int
 ) -> Iterator[tuple[float, Array]]:
     """Places closely on both sides of each surface: a branch may hold in a narrow part of the states only."""
+    for _, along, root in _crossed(numbers, translation, t, y, seed):
+        yield along(root - BESIDE)
+        yield along(root + BESIDE)
+
+
+def continuous(translation: Translation, t: Array, y: Array) -> set[int]:
+    """Surfaces across which the field was found continuous, at all places where it was compared.
+
+    Across a corner what it differs by between two places falls with their distance, across a jump it stays.
+    """
+    numbers = Numbers(translation.system)
+    found: dict[int, bool] = {}
+    for i, along, root in _crossed(numbers, translation, t, y, 0):
+        gaps = []
+        with np.errstate(all="ignore"):
+            try:
+                for reach in (100 * BESIDE, BESIDE):
+                    a, b = (
+                        numbers.field(when, translation.extended(when, where))
+                        for when, where in (along(root - reach), along(root + reach))
+                    )
+                    gaps.append(float(np.max(np.abs(b - a)) / (1.0 + np.max(np.abs(a)))))
+            except _OUTSIDE:
+                continue
+        if np.all(np.isfinite(gaps)):
+            found[i] = found.get(i, True) and (gaps[1] < FALLS * gaps[0] or gaps[1] < NEAR)
+    return {i for i, always in found.items() if always}
+
+
+def _crossed(
+    numbers: Numbers, translation: Translation, t: Array, y: Array, seed: int
+) -> Iterator[tuple[int, Callable[[float], tuple[float, Array]], float]]:
+    """Surfaces with lines (time, state) of s that cross them, and the s where they do.
+
+    Lines in time, at random through the places of the run, and between neighbours of these: what lies within
+    a narrow band of the states is met by the run alone.
+    """
     rng, spread = np.random.default_rng(seed + 1), _spread(y)
-    length = t[-1] - t[0]
+    length, own = t[-1] - t[0], _heights(numbers, translation, t, y)
     for i in range(len(translation.system.surfaces)):
+        lines: list[tuple[float, float, Array, Array, Array]] = []
         for k in range(LINES):
             j = int(rng.integers(len(t)))
             turn = rng.normal(size=len(y)) * spread * (k % 3 > 0)
-            start = t[0] if k % 3 == 0 else float(t[j])
+            start, runs = (t[0], length) if k % 3 == 0 else (float(t[j]), 0.0)
+            ends = np.linspace(0.0, 1.0, 12) if k % 3 == 0 else np.linspace(-2.0, 2.0, 12)
+            lines.append((start, runs, y[:, j], turn, ends))
+        lines += [
+            (t[j], t[j + 1] - t[j], y[:, j], y[:, j + 1] - y[:, j], np.array([0.0, 1.0]))
+            for j in np.flatnonzero(own[i, :-1] * own[i, 1:] < 0)[:LINES]
+        ]
+        for line in lines:
 
-            def along(
-                s: float, j: int = j, turn: Array = turn, start: float = start, k: int = k
-            ) -> tuple[float, Array]:
-                return float(start + (s * length if k % 3 == 0 else 0.0)), y[:, j] + s * turn
+            def along(s: float, line: Any = line) -> tuple[float, Array]:
+                start, runs, place, turn, _ = line
+                return float(start + s * runs), place + s * turn
 
             def height(s: float, i: int = i, along: Any = along) -> float:
                 when, where = along(s)
                 return float(numbers.h(when, translation.extended(when, where))[i])
 
             try:
-                ends = np.linspace(0.0, 1.0, 12) if k % 3 == 0 else np.linspace(-2.0, 2.0, 12)
-                heights = [height(float(s)) for s in ends]
+                heights = [height(float(s)) for s in line[-1]]
                 turns = [q for q, (a, b) in enumerate(itertools.pairwise(heights)) if a * b < 0]
                 if turns:
-                    root = brentq(height, float(ends[turns[0]]), float(ends[turns[0] + 1]))
-                    yield along(root - BESIDE)
-                    yield along(root + BESIDE)
+                    root = brentq(height, float(line[-1][turns[0]]), float(line[-1][turns[0] + 1]))
+                    yield i, along, float(root)
             except _OUTSIDE:
                 continue
+
+
+def _heights(numbers: Numbers, translation: Translation, t: Array, y: Array) -> Array:
+    """The switching functions (m, k) at the places of a run; NaN where they have no value."""
+    out = np.full((len(translation.system.surfaces), len(t)), np.nan)
+    for j, when in enumerate(t):
+        with np.errstate(all="ignore"), suppress(*_OUTSIDE):
+            out[:, j] = numbers.h(float(when), translation.extended(float(when), y[:, j]))
+    return out

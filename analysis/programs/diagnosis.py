@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.programs.agreement import FEWEST, Numbers, disagreement
+from filippov.analysis.programs.agreement import FEWEST, Numbers, continuous, disagreement
 from filippov.analysis.programs.findings import (
     Finding,
     Switch,
@@ -207,11 +207,12 @@ def diagnose(
             said = sentence or f"f and the System could be compared at {compared} random states only"
             findings.append(Finding("differs", said))
             translation = None if sentence else translation
-    found = switches(translation, None) if translation else ()
+    corners = continuous(translation, run.t, run.y) if translation else set()
+    found = switches(translation, None, corners) if translation else ()
     solution = None
     if translation is not None and (found or translation.clocks):
         solution = solve(translation.system, translation.x0, span)
-        found = switches(translation, solution)
+        found = switches(translation, solution, corners)
         if memories:
             findings += _replayed(f, args, reading, solution, translation)
             _put_back(memories)
@@ -220,7 +221,7 @@ def diagnose(
     elif run.ended:
         findings += [early(run), *(singular(run, translation) if translation else ())]
     if reading is not None:
-        findings += _in_source(reading, translation)
+        findings += _in_source(reading, translation, found)
     source = reading.source if reading else source_of(f)
     name, file = source.name, source.file
     if run.written is not None:
@@ -261,7 +262,9 @@ def _put_back(memories: Sequence[Memory]) -> None:
         memory.put(memory.initial)
 
 
-def _in_source(reading: Reading, translation: Translation | None) -> Iterator[Finding]:
+def _in_source(
+    reading: Reading, translation: Translation | None, found: Sequence[Switch]
+) -> Iterator[Finding]:
     """What the source says by itself: equalities, dead bands, memories, clocks."""
     for site in reading.sites:
         if site.kind == "equality":
@@ -272,7 +275,9 @@ def _in_source(reading: Reading, translation: Translation | None) -> Iterator[Fi
             )  # fmt: skip
     for site in translation.sites if translation else ():
         width = _band(site.h)
-        if width is not None:
+        # A play or a backlash is a dead band of the plant itself: its field is continuous at the ends.
+        plays = any(switch.kind == "kink" and site in switch.sites for switch in found)
+        if width is not None and not plays:
             yield Finding(
                 "dead band", f"line {site.line} `{site.text}` is a dead band written by hand, {width:.3g} "
                 "wide to each side: inside it the solution creeps or drifts. Write sign(...) alone, and the "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,8 +71,10 @@ class Switch:
         return ", ".join(f"line {line} `{found[line]}`" for line in self.lines) or "a square root or power"
 
 
-def switches(translation: Translation, solution: Solution | None) -> tuple[Switch, ...]:
-    """The surfaces of the System with their places in the source."""
+def switches(
+    translation: Translation, solution: Solution | None, corners: Collection[int] = ()
+) -> tuple[Switch, ...]:
+    """The surfaces of the System with their places in the source; corners: where the field is continuous."""
     system = translation.system
     form = system.symbolic
     assert form is not None
@@ -88,7 +90,7 @@ def switches(translation: Translation, solution: Solution | None) -> tuple[Switc
             s for s in translation.sites if s.h is not None and s.kind != "equality" and _same(s.h, h)
         )
         moving = h.free_symbols & (set(form.x) - clocks - remembered)
-        kind = "kink" if surface.kind == "kink" else "jump" if moving else "time"
+        kind = "kink" if surface.kind == "kink" or i in corners else "jump" if moving else "time"
         kind = "memory" if surface.reset is not None else kind
         out.append(Switch(surface.name, kind, sites, i in held))
     return tuple(out)

@@ -16,7 +16,7 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NoReturn
 
@@ -137,6 +137,22 @@ def _choice(options: Sequence[Option], flag: str) -> str:
     return f"write {takers[0]} {word}" if takers else ""
 
 
+def _elsewhere(name: str | None, flag: str, known: Mapping[str, Command]) -> str:
+    """Which commands have a flag that this one has not, and what stands for a span where there is none."""
+    if name is None:
+        return ""
+    having = [
+        key for key, command in known.items() if any(flag in (q.flags or (q.flag,)) for q in command.settings)
+    ]
+    if not having:
+        return ""
+    follows = flag == "--t-span" and any(q.flag == "--t-max" for q in known[name].settings)
+    return (
+        f"it is an option of {', '.join(having)}, not of {name}"
+        + (", which follows a return as long as --t-max" if follows else "")
+    )  # fmt: skip
+
+
 def _joined(argv: list[str], word: str) -> str:
     """What to write where a flag of one value was given several: the words after it, with commas."""
     end = argv.index(word) if word in argv else 0
@@ -181,7 +197,9 @@ def _main(argv: list[str], show: dict[str, bool], for_good: bool) -> int:
         word = extra[0].strip()
         if word.startswith("-"):
             own = known[given["command"]].settings if given.get("command") else ()
-            hint = closest(word.split("=")[0], part.words) or _choice(own, word)
+            flag = word.split("=")[0]
+            hint = _elsewhere(given.get("command"), flag, known)
+            hint = hint or closest(flag, part.words) or _choice(own, word)
         else:
             hint = _joined(argv, word) or "expected no more"
         raise UsageError(f"unknown argument {word!r}{'; ' + hint if hint else ''} (see {part.prog} --help)")

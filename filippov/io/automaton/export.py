@@ -67,7 +67,8 @@ def export_system(
     if target == "c":
         return write_whole(path, c_file(eq, values, start, span))
     if start is None or (target == "modelica" and span is None):
-        raise UsageError(f"{target} needs x0{' and t_span' if target == 'modelica' else ''}: give the start.")
+        need, flags = ("x0 and t_span", "--x0 and --t-span") if target == "modelica" else ("x0", "--x0")
+        raise UsageError(f"{target} needs {need}: give the start, in the command by {flags}.")
     if target == "fmu":
         return write_fmu(eq, values, start, span, Path(path))
     assert span is not None
@@ -82,7 +83,7 @@ def _target(to: str | None, path: Path) -> str:
                 return name
         raise UsageError(
             f"{str(path)!r} has no suffix that says what to write ({', '.join(TARGETS.values())}); give "
-            f"to=..., one of {', '.join(TARGETS)}."
+            f"to=... (--to in the command), one of {', '.join(TARGETS)}."
         )
     if to not in TARGETS:
         hint = closest(str(to), TARGETS)
