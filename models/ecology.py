@@ -33,8 +33,8 @@ def switching_predator(
     p = parameters(
         r1=Parameter(r1, "1/s", 0, description="growth of prey 1"),
         r2=Parameter(r2, "1/s", 0, description="growth of prey 2"),
-        l1=Parameter(l1, "", 0, description="search rate for prey 1"),
-        l2=Parameter(l2, "", 0, description="search rate for prey 2"),
+        l1=Parameter(l1, "1/s", 0, description="search rate for prey 1"),
+        l2=Parameter(l2, "1/s", 0, description="search rate for prey 2"),
         e1=Parameter(e1, "", 0, description="benefit of prey 1"),
         e2=Parameter(e2, "", 0, description="benefit of prey 2"),
         m=Parameter(m, "1/s", 0, description="mortality of the predator"),
@@ -72,7 +72,7 @@ def threshold_harvest(
     """
     p = parameters(
         r=Parameter(r, "1/s", 0, description="growth of the prey"),
-        a=Parameter(a, "", 0, description="attack rate"),
+        a=Parameter(a, "1/s", 0, description="attack rate"),
         e=Parameter(e, "", 0, description="benefit of the prey"),
         m=Parameter(m, "1/s", 0, description="mortality of the predator"),
         K=Parameter(K, "", 1e-12, description="capacity for the prey"),

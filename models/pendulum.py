@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from filippov.model.parameter_symbol import parameters
@@ -12,6 +13,8 @@ from filippov.models.laws import Coulomb
 from filippov.models.registry import Invariant, Model, register
 
 LAW = Coulomb(Fc=0.5)
+# Units of a law of forces -> of the same law of moments over an angular velocity.
+OF_MOMENTS = {"N": "N m", "N s/m": "N m s", "m/s": "rad/s", "s/m": "s/rad", "N s^2/m^2": "N m s^2"}
 
 
 def pendulum(friction: FrictionLaw = LAW, m: float = 1.0, l: float = 1.0, g: float = 9.81) -> System:
@@ -24,7 +27,9 @@ def pendulum(friction: FrictionLaw = LAW, m: float = 1.0, l: float = 1.0, g: flo
         **declare("m", m, "kg", "mass of the bob", SMALLEST),
         **declare("l", l, "m", "length", SMALLEST),
         **declare("g", g, "m/s^2", "gravity"),
-        **friction.parameters(),
+        **{
+            name: replace(q, unit=OF_MOMENTS.get(q.unit, q.unit)) for name, q in friction.parameters().items()
+        },
     )
     q, w = states("q w")
     moment = p.m * p.g * p.l * sin(q) + friction.force(w, p)

@@ -408,3 +408,64 @@ def test_16_6_there_are_enough_models_and_each_says_where_it_is_from() -> None:
 def test_16_6_a_clutch_that_grips_otherwise_locks_otherwise(grip: float) -> None:
     locks = 200 / ((grip - 50) / 0.2 + (grip - 20))
     assert run("clutch", 4.0, grip=grip).events[0].t == approx(locks, rel=1e-12)
+
+
+# -- friction and relays: what holds at each event --------------------------------------------------------
+
+
+def test_16_6_pendulum_turns_where_friction_has_taken_the_height() -> None:
+    """m g l (cos b - cos a) = M |b - a| between turning points a and b; it rests where it no longer falls."""
+    angle, turns = 1.0, []
+    while 9.81 * math.sin(abs(angle)) > 0.5:
+        ends = sorted((-0.01 * angle, -angle))
+        angle = brentq(
+            lambda b, a=angle: 9.81 * (math.cos(b) - math.cos(a)) - 0.5 * abs(b - a), *ends, xtol=1e-15
+        )
+        turns.append(angle)
+    solution = run("pendulum")
+    assert solution.events.x[:, 0] == approx(turns, abs=1e-9)
+    assert solution.x_end == approx([turns[-1], 0], abs=1e-9)
+
+
+def test_16_6_forced_oscillator_leaves_its_first_stick_where_the_force_does() -> None:
+    """It holds x = 1 as long as 1 - cos(0.6 t) < 0.6."""
+    assert run("oscillator_forced").events[0].t == approx(math.acos(0.4) / 0.6, rel=1e-10)
+
+
+def test_16_6_stribeck_belt_lets_go_at_the_static_level() -> None:
+    exits = run("belt_stribeck").events.of(kind="sliding exit")
+    assert len(exits) > 3
+    assert exits.x == approx(np.tile([1.0, 0.2], (len(exits), 1)), abs=1e-9)
+
+
+def test_16_6_blocks_of_the_chain_let_go_at_the_static_level() -> None:
+    solution = run("chain")
+    known = solution.system.parameters
+    kc, kp, dc, static = (known.resolve({})[known.index(name)] for name in ("kc", "kp", "dc", "Fs"))
+    exits = solution.events.of(kind="sliding exit")
+    assert len(exits) > 10
+    for event in exits:
+        x, v, i = event.x[0::2], event.x[1::2], int(event.surface.split()[1]) - 1
+        pull = -kp * x[i] + sum(
+            kc * (x[j] - x[i]) + dc * (v[j] - v[i]) for j in (i - 1, i + 1) if 0 <= j < x.size
+        )
+        assert abs(pull) == approx(static, abs=1e-8)
+
+
+def test_16_6_buck_slides_as_an_exponential_and_with_hysteresis_between_its_ends() -> None:
+    solution = run("buck")
+    entry = solution.events.of(kind="sliding entry")[-1]
+    t = np.linspace(entry.t, 0.002, 7)
+    known = 8 + (entry.x[0] - 8) * np.exp(-2000 * (t - entry.t))
+    assert solution.sol(t)[0] == approx(known, abs=1e-8)
+    switches = run("buck_hysteresis").events
+    y, i = switches.x.T
+    line = 2000 * (y - 8) + (i - y / 10) / 1e-4
+    assert len(switches) > 20
+    assert line == approx(500 * (-1.0) ** np.arange(len(switches)), abs=1e-6)
+
+
+def test_16_6_harvest_ends_where_the_predator_needs_none() -> None:
+    """On the threshold C' = C (a e R - m) - q2 C u with u in [0, 1]: u is 0 at R = m/(a e) = 1."""
+    leaves = run("threshold_harvest").events.of(kind="sliding exit")
+    assert leaves.x[0] == approx([1.0, 0.8], abs=1e-9)

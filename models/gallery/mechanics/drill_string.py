@@ -24,7 +24,7 @@ def drill_string(
 
     J1, J2      inertias of the top and of the bit [kg m^2]
     k, d        stiffness [N m/rad] and damping [N m s/rad] of the string
-    c, speed    stiffness of the speed control [N m s/rad] and its set point [rad/s]
+    c, speed    gain of the speed control [N m s/rad] and its set point [rad/s]
     Ts, Tc      torque on the bit at rest, at most, and in slip [N m]
     """
     p = parameters(
@@ -32,7 +32,7 @@ def drill_string(
         J2=Parameter(J2, "kg m^2", 1e-12, description="inertia of the bit"),
         k=Parameter(k, "N m/rad", 0, description="stiffness of the string"),
         d=Parameter(d, "N m s/rad", 0, description="damping of the string"),
-        c=Parameter(c, "N m s/rad", 0, description="stiffness of the speed control"),
+        c=Parameter(c, "N m s/rad", 0, description="gain of the speed control"),
         speed=Parameter(speed, "rad/s", description="set point of the speed"),
         Ts=Parameter(Ts, "N m", 0, description="largest torque on the bit at rest"),
         Tc=Parameter(Tc, "N m", 1e-12, description="torque on the bit in slip"),
