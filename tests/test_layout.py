@@ -185,6 +185,27 @@ def test_13_4_short_names_are_given_by_one_rule(package: str) -> None:
         holder.no_such  # noqa: B018
 
 
+@pytest.mark.parametrize(
+    ("package", "name", "said"),
+    [
+        ("filippov", "compare", "write from filippov.analysis import compare"),
+        ("filippov", "from_statespace", "write from filippov.interop import from_statespace"),
+        ("filippov", "Explorer", "write from filippov.app import Explorer"),
+        ("filippov.analysis", "solve", "write from filippov import solve"),
+        ("filippov", "solv", "did you mean 'solve'"),
+    ],
+)
+def test_16_4_a_name_that_another_package_has_is_answered_with_where(
+    package: str, name: str, said: str
+) -> None:
+    holder = importlib.import_module(package)
+    assert not hasattr(holder, name)
+    with pytest.raises(AttributeError, match=said):
+        getattr(holder, name)
+    with pytest.raises(ImportError, match=said):
+        exec(f"from {package} import {name}", {})  # noqa: S102  # the statement itself is tried
+
+
 def test_13_1_a_short_name_outlives_an_old_path_that_ends_like_it() -> None:
     from filippov.analysis import lyapunov
 

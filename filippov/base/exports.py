@@ -5,10 +5,16 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Callable, Mapping
-from types import ModuleType
+from opcode import opmap
+from types import FrameType, ModuleType
 from typing import Any
 
 from filippov.base.names import closest
+
+PACKAGES = (
+    "filippov", "filippov.analysis", "filippov.plot", "filippov.models", "filippov.graphs",
+    "filippov.interop", "filippov.app",
+)  # fmt: skip
 
 
 class _Package(ModuleType):
@@ -17,6 +23,19 @@ class _Package(ModuleType):
     def __setattr__(self, name: str, value: Any) -> None:
         if not (isinstance(value, ModuleType) and name in self.__dict__.get("__all__", ())):
             super().__setattr__(name, value)
+
+
+def _at_home(name: str, package: str) -> str:
+    """Which other package exports a name."""
+    for other in PACKAGES:
+        if other != package and name in getattr(importlib.import_module(other), "EXPORTS", ()):
+            return f"write from {other} import {name}"
+    return ""
+
+
+def _imports(frame: FrameType) -> bool:
+    """Whether a frame is at `from ... import name`."""
+    return frame.f_code.co_code[frame.f_lasti] == opmap["IMPORT_FROM"]
 
 
 def short_names(
@@ -34,8 +53,11 @@ def short_names(
     def exported(name: str) -> Any:
         if name not in places:
             hint = (answers or {}).get(name.lower(), "")
-            hint = hint or ("" if name.startswith("_") else closest(name, places))
-            raise AttributeError(f"module {package!r} has no attribute {name!r}{'; ' + hint if hint else ''}")
+            if not name.startswith("_"):
+                hint = hint or _at_home(name, package) or closest(name, places)
+            # `from package import name` drops what an AttributeError says.
+            error = ImportError if hint and _imports(sys._getframe(1)) else AttributeError
+            raise error(f"module {package!r} has no attribute {name!r}{'; ' + hint if hint else ''}")
         value = getattr(importlib.import_module(f"{package}.{places[name]}"), name)
         setattr(holder, name, value)
         return value
