@@ -159,8 +159,19 @@ def _reduction(
         return found
     rows, constraints, orders = found
     for k in kinks:
-        if not _implied(form.h[k].xreplace(gone), constraints, form.x, at):
+        phi = sympy.expand(form.h[k].xreplace(gone))
+        if _implied(phi, constraints, form.x, at):
+            continue
+        rate, effects = _rate(phi, tuple(form.x), tuple(field), signs)
+        if any(effects) or not _implied(rate, constraints, form.x, at):
             return f"the solution on the surfaces leaves {_name(form, k)}"
+        # It stays where it is.
+        constraints = (*constraints, phi)
+    # What acts only on the other side of a kink is as idle as the kink.
+    idle = {i for k, i in enumerate(zero) if not any(e[k] for _, e in rows.values())}
+    if idle and len(idle) < len(zero):
+        more = tuple(sorted({*kinks, *idle}))
+        return _reduction(system, form, tuple(i for i in zero if i not in idle), more, at)
     chosen = _pivots(form, zero, rows, at)
     if isinstance(chosen, str):
         return chosen

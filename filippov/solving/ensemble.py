@@ -56,9 +56,6 @@ _STATUS = {
     codes.STOPPED: Status.STOPPED,
     codes.CHUNK_DONE: Status.MAX_STEPS,
     codes.EVENTS_FULL: Status.MAX_EVENTS,
-    codes.NOT_FINITE: Status.NOT_FINITE,
-    codes.MIN_STEP: Status.MIN_STEP,
-    codes.NO_SLIDING: Status.NO_SLIDING,
     codes.USER_ERROR: Status.ERROR,
     codes.LIMIT: Status.ZENO,
 }
@@ -69,6 +66,8 @@ _OPTIONS = options_but(
 )  # fmt: skip
 # Methods whose stages are written out one after the other, as lanes need them.
 _IN_LANES = ("DOP853", "DP5")
+# Of the time left: a step that leads nowhere, where a budget is used up.
+STUCK, _BUDGETS = 1e-9, (codes.CHUNK_DONE, codes.EVENTS_FULL)
 # Fewer rows than this do not repay the compilation of lanes.
 _ENOUGH = 64
 # A thread of its own for every so many rows, one by one and in lanes.
@@ -277,7 +276,7 @@ class Prepared:
         if self._few and machine is not None and len(states) <= FEW:
             batch = Batch.ready(machine, states, values, self.span, self.stops, self.checked)
             batch.run(1, None)
-            statuses = _statuses(batch.code)
+            statuses = _statuses(batch)
             if None not in statuses:
                 x, mode = batch.x.copy(), batch.mode.copy()
                 batch.put_back()
@@ -387,7 +386,7 @@ def _collect(
 ) -> Ensemble:  # fmt: skip
     """The ends of a batch, with the rows that need the classification solved by it."""
     system = batch.machine.system
-    statuses = _statuses(batch.code)
+    statuses = _statuses(batch)
     x = batch.x if batch.asked is None else batch.x.copy()
     messages = [""] * batch.size
     for q, text in of_little_ends(system.states, start, x, batch.atol):
@@ -439,12 +438,15 @@ def _of_limit(batch: Batch, q: int) -> str:
     return f"{where}: {sentence(t, error, batch.limits[q, 3:], x_error)} {Status.ZENO.advice}"
 
 
-def _statuses(code: npt.NDArray[np.int64]) -> list[Status | None]:
+def _statuses(batch: Batch) -> list[Status | None]:
+    """How each row ended; None where `solve` decides, also of rows that got nowhere at last."""
+    code = batch.code
     first = int(code[0]) if code.size else UNFINISHED
-    if code.tolist().count(first) == code.size:
+    if first not in _BUDGETS and code.tolist().count(first) == code.size:
         return [_STATUS.get(first)] * code.size
-    known: list[Status | None] = _OF_CODE[code - UNFINISHED].tolist()
-    return known
+    step, left = batch.clock.column("step"), batch.clock.column("t_end") - batch.clock.column("t")
+    stuck = np.isin(code, _BUDGETS) & (step < STUCK * np.abs(left))
+    return cast(list[Status | None], np.where(stuck, None, _OF_CODE[code - UNFINISHED]).tolist())
 
 
 @lru_cache(maxsize=64)
@@ -490,9 +492,7 @@ def _joined(parts: list[Ensemble], states: Array, span: tuple[float, float]) -> 
         return np.concatenate([getattr(piece, name) for piece in pieces])
 
     arrays = {name: join(name) for name in ("t", "x", "mode", "nfev", "counts", "last")}
-    measured = None
-    if last.measured is not None:
-        measured = np.concatenate([part.measured for part in parts])
+    measured = None if last.measured is None else np.concatenate([part.measured for part in parts])
     return replace(
         last, **arrays, measured=measured, complete=all(part.complete for part in parts),
         status=tuple(s for piece in pieces for s in piece.status),

@@ -28,7 +28,7 @@ from filippov.solving.resets.jumps import (
 from filippov.solving.resets.passed import passed, slipped
 from filippov.solving.resets.reset_cycle import rests_in_cycle
 from filippov.solving.resets.slow_spiral import slow_spiral
-from filippov.solving.resets.zeno import Accumulation, accumulates, power_law, rest, rests
+from filippov.solving.resets.zeno import Accumulation, accumulates, power_law
 from filippov.solving.selection.ambiguity import BEFORE_A_RESET, SPIRAL, Ambiguity, listing, noted, picked
 from filippov.solving.selection.attraction import LOST, Attraction
 from filippov.solving.selection.fold_point import depart, followers, funnelled
@@ -205,11 +205,10 @@ class _Loop(Settling):
             return self._general()
         if code == codes.ZENO:
             return self._zeno()
-        if code == codes.MIN_STEP:
-            if accumulates(run):
-                return self._zeno()
-            if self._arrived():
-                return self._budgets()
+        if code == codes.MIN_STEP and accumulates(run):
+            return self._zeno()
+        if self._arrived():
+            return self._budgets()
         if code == codes.MIN_STEP and (drawn := funnelled(run) or funnelled(run, behind=True)):
             return self._classify(drawn, drawn, start=False) or self._budgets()
         failures = {codes.NOT_FINITE: Status.NOT_FINITE, codes.MIN_STEP: Status.MIN_STEP}
@@ -238,6 +237,8 @@ class _Loop(Settling):
     def _budgets(self) -> tuple[Status, str] | None:
         run, options = self.run, self.options
         held_up = self.patience.look(self.t_end, self.accumulations)
+        if (held_up is not None or self._stands()) and self._settled():
+            return None
         if self.patience.slow and (drawn := funnelled(run)):
             return self._classify(drawn, drawn, start=False)
         if held_up is not None:
@@ -332,7 +333,7 @@ class _Loop(Settling):
             ended = self._decided(active, reached, triggered)
         if ended is None and accumulates(run):
             return self._zeno()
-        if ended is None and self.stalled > 4 * (run.machine.m + 1):
+        if ended is None and self.stalled > 4 * (run.machine.m + 1) and not self._settled(stuck=True):
             return self._end(Status.NO_CONTINUATION, f"events do not leave the state {state_text(run)}.")
         return ended if ended is not None else self._budgets()
 
@@ -393,6 +394,9 @@ class _Loop(Settling):
             return None if start else self._record(run.signs, none, triggered, "", here)
         happens = None if start or jump is not None else [i for i in triggered if i not in seen]
         name, candidates, point = followers(run, base, reached, happens)
+        # A slide may have come to its end where several modes seem to follow, or one that cannot be told.
+        if not start and jump is None and (name or self.higher.powerless()) and self._settled():
+            return None
         begun = self.higher.idle(candidates) if jump is None else ""
         if isinstance(begun, Begun):
             mode, multipliers = begun.mode, begun.multipliers
@@ -408,10 +412,8 @@ class _Loop(Settling):
                 jump = jump or Jump(before, run.x.copy())
                 mode, multipliers = begun.mode, begun.multipliers
                 return None if start else self._record(mode, multipliers, triggered, begun.note, jump)
-            # A corner entered tangentially may be none of the solution's modes, and yet a place to rest in.
-            if jump is None and rests(run, reached):
-                rest(run, reached)
-                return self._reached()
+            if jump is None and self._rests(reached, start):
+                return None
             return self._end(*no_mode(run, where))
         causes = tuple(triggered) if jump is None else ()
         taken = self._choose(candidates, before, causes)

@@ -13,6 +13,7 @@ from filippov.kernel.tables import codes
 from filippov.solving.patience import Patience
 from filippov.solving.resets.jumps import bouncing, endless
 from filippov.solving.resets.reset_cycle import rests_in_cycle
+from filippov.solving.resets.rest import come_to_rest, rest, rests
 from filippov.solving.resets.slow_spiral import SlowSpiral, slow_spiral
 from filippov.solving.resets.zeno import (
     WITHIN,
@@ -24,9 +25,7 @@ from filippov.solving.resets.zeno import (
     bridge,
     interrupted,
     lawful,
-    rest,
     rest_on_contact,
-    rests,
     second_order,
     sentence,
 )
@@ -39,6 +38,8 @@ from filippov.solving.state.options import Options
 from filippov.solving.state.rates import off_contact
 from filippov.solving.state.run import Run
 
+# Of the time left: steps that get nowhere.
+SHORT = 1e-4
 # How a run ends, and a sentence; None while it goes on.
 Ended = tuple[Status, str] | None
 
@@ -95,6 +96,8 @@ class Settling(ABC):
     def _zeno(self) -> Ended:
         """Events accumulate: name the limit, and stop there or go on in the limit mode."""
         run = self.run
+        if self._settled():
+            return self._budgets()
         code, limit = codes.GENERAL, None
         if self.options.zeno == "continue" and self.higher.active is None:
             before = run.signs
@@ -204,12 +207,50 @@ class Settling(ABC):
     def _arrived(self) -> bool:
         """Whether a solution that no step leads on has arrived where sliding of higher order begins."""
         run, before = self.run, self.run.signs
+        if self._settled(stuck=True):
+            return True
         for i in range(run.machine.m):
             begun = self.higher.arrives(i)
             if isinstance(begun, Begun):
                 self._changed(before, begun.mode, begun.multipliers, (i,), begun.note)
                 return True
         return False
+
+    def _stands(self) -> bool:
+        """Whether a slide goes on in ever shorter steps, with a field that leads within the tolerance."""
+        run = self.run
+        left = abs(float(run.clock.t_end) - run.t)
+        if self.higher.active is not None or run.clock.step > SHORT * left or 0.0 not in run.mode:
+            return False
+        code, field, _, _ = run.machine.probe(run.t, 0.0, run.x, run.mode, run.lam)
+        return code == 0 and bool(np.all(left * np.abs(field) <= run.atol + run.options.rtol * np.abs(run.x)))
+
+    def _settled(self, stuck: bool = False) -> bool:
+        """Whether a slide has led to the end of its own surface, where the solution stays from now on.
+
+        stuck: or a solution along a surface, which no step leads on.
+        """
+        run, before = self.run, self.run.signs
+        slid = self.higher.slid_lately(stuck)
+        if not slid:
+            return False
+        begun = self.higher.settles(slid)
+        if isinstance(begun, Begun):
+            held = [i for i, sign in enumerate(begun.mode) if sign == 0]
+            self._changed(before, begun.mode, begun.multipliers, held, begun.note)
+            return True
+        near = come_to_rest(run, slid)
+        if near:
+            rest(run, near)
+        return bool(near)
+
+    def _rests(self, reached: Sequence[int], start: bool) -> bool:
+        """Whether the solution stays where no mode follows."""
+        # A corner entered tangentially may be none of the solution's modes, and yet a place to rest in.
+        if rests(self.run, reached):
+            rest(self.run, reached)
+            return True
+        return not start and self._settled(stuck=True)
 
     def _back(self) -> tuple[int, ...]:
         """Interrupt sliding of higher order; returns the surfaces that it was on."""

@@ -22,7 +22,6 @@ from filippov.solving.state.rates import off_contact, velocity
 from filippov.solving.state.run import Run, guard_terms
 
 LARGEST_CORNER = 6
-NEAR_REST = 1e-7
 
 
 NEAR_END = 1e-6
@@ -155,7 +154,7 @@ def _told(run: Run) -> _Told | None:
 
 def _accumulation(run: Run) -> Accumulation | None:
     told = _told(run)
-    if told is None:
+    if told is None or not told.part:
         return None
     best = _limit(run, told.past.x[told.ends], int(told.past.surface[-1]), told.law, told.part)
     return _at_rest(run, best) if all(run.machine.contacts[i] for i in told.part) else best
@@ -349,7 +348,8 @@ def onto(run: Run, t: float, x: Array, surfaces: tuple[int, ...]) -> Array:
         g = run.machine.gradients(t, x, run.mode)[0][chosen]
         if resting:
             g = np.vstack([g, run.machine.gradients(t, x, rest_mode)[0][resting]])
-        step, *_ = np.linalg.lstsq(g, h, rcond=None)
+        # A root that is 0 has no slope; others are known without it.
+        step, *_ = np.linalg.lstsq(np.where(np.isfinite(g), g, 0.0), h, rcond=None)
         x = x - step
     return np.ascontiguousarray(x)
 
@@ -369,7 +369,6 @@ def bridge(run: Run, limit: Accumulation) -> None:
     run.zeno.array[:] = 0.0
 
 
-SAMPLES = 16
 # How far, in errors of the limit's state, the point where the rates vanish may lie from it.
 WITHIN = 100.0
 NO_INFLUENCE = 1e-9
@@ -420,59 +419,3 @@ def _rates(run: Run, t: float, x: Array, chosen: Sequence[int]) -> tuple[Array, 
         rows.append(g[chosen] @ field + gt[chosen])
         scale = max(scale, float(np.max(np.abs(g[chosen]) @ np.abs(field) + np.abs(gt[chosen]))))
     return np.mean(rows, axis=0), float(np.max(np.ptp(rows, axis=0))) / scale
-
-
-def holds_still(velocities: Array) -> bool:
-    """Whether 0 is a convex combination of velocities, one per row."""
-    from scipy.optimize import nnls
-
-    if not np.all(np.isfinite(velocities)):
-        return False
-    size = float(np.max(np.abs(velocities))) + 1e-300
-    combination = np.vstack([velocities.T / size, np.ones(len(velocities))])
-    _, gap = nnls(combination, np.append(np.zeros(velocities.shape[1]), 1.0))
-    return bool(gap <= NEAR_REST)
-
-
-def rests(run: Run, surfaces: Sequence[int]) -> bool:
-    """Whether 0 is among the velocities of the inclusion at this point, now and until the end of the run.
-
-    Where the signs do not act on the surfaces to first order (twisting, Fuller's problem) no multipliers
-    follow from staying on them; a state at which 0 is a convex combination of the vertex fields is a solution
-    nevertheless.
-    """
-    switching = [i for i in surfaces if run.machine.roles[i] == "switching"]
-    if not 0 < len(switching) <= LARGEST_CORNER:
-        return False
-    mode = run.mode.copy()
-    mode[list(surfaces)] = 0.0
-    for t in np.linspace(run.t, float(run.clock.t_end), SAMPLES):
-        h = np.abs(run.machine.guards(float(t), run.x, mode))[switching]
-        fields = []
-        for signs in itertools.product((-1.0, 1.0), repeat=len(switching)):
-            corner = np.where(mode == 0.0, 1.0, mode)
-            corner[switching] = signs
-            fields.append(run.machine.rhs(float(t), run.x, corner, mode))
-        if not holds_still(np.array(fields)) or np.any(h > NEAR_REST * (1.0 + np.max(np.abs(run.x)))):
-            return False
-    return True
-
-
-def rest(run: Run, surfaces: Sequence[int]) -> None:
-    """Stay in the present state until the end of the run, sliding on every switching surface of the limit."""
-    before = run.signs
-    for i in surfaces:
-        if run.machine.roles[i] == "switching":
-            run.mode[i] = 0.0
-    after, together = run.signs, False
-    for i in surfaces:
-        if before[i] != after[i]:
-            x, note = run.x.copy(), "rest in the limit"
-            run.add_event(run.t, i, EventKind.ENTRY, before, after, x, float("nan"), 0.0, note, together)
-            together = True
-    end = float(run.clock.t_end)
-    if run.options.dense_output:
-        coef = np.zeros((1, *run.coef.shape[1:]))
-        coef[0, 0] = run.x
-        run.steps.append((np.array([[run.t, end - run.t]]), coef))
-    run.clock.t = end

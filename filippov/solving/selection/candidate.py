@@ -132,9 +132,10 @@ def clear_rates(
     g, gt = point.gradients(mode)
     margin, unclear = np.inf, []
     for i in free:
-        terms = np.append(g[i] * np.where(g[i] == 0.0, 0.0, velocity), gt[i])
-        scale = float(np.sum(np.abs(terms)))
-        rate = float(np.sum(terms)) * mode[i] * point.direction
+        with np.errstate(invalid="ignore"):
+            terms = np.append(g[i] * np.where(g[i] == 0.0, 0.0, velocity), gt[i])
+            scale = float(np.sum(np.abs(terms)))
+            rate = float(np.sum(terms)) * mode[i] * point.direction
         # A guard with a root in it has no rate where the root vanishes.
         unbounded = not np.isfinite(rate)
         if unbounded or i in tangent or abs(rate) <= CLEAR * scale or _balanced(point, i, mode, rate, scale):

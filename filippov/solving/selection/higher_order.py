@@ -15,11 +15,12 @@ import numpy as np
 
 from filippov.base.status import EventKind
 from filippov.kernel.tables import codes
-from filippov.solving.selection.modes import Successor
+from filippov.solving.selection.ambiguity import point_of
+from filippov.solving.selection.modes import Successor, leading_off
 from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Array, Machine
 from filippov.solving.state.options import Options
-from filippov.solving.state.run import Run, guard_terms
+from filippov.solving.state.run import Run, guard_terms, near_within
 
 if TYPE_CHECKING:
     from sympy import Symbol
@@ -45,6 +46,8 @@ TOUCHED = 1e-3
 CAME_DOWN = 1e-3
 # Faint cycles in a row that are looked at, and how far from alike they are where they are noise.
 NOISY_LAPS, ALIKE = 6, 1e-2
+# Of the time of the run: how long ago a slide ended that has led to where the run is.
+MOMENT = 1e-3
 NOTE = "sliding of order"
 
 
@@ -82,11 +85,13 @@ class HigherOrder:
 
     # -- beginning -------------------------------------------------------------------------------------
 
-    def begin(self, surfaces: Sequence[int], slack: Array | None, mode: Array | None = None) -> Begun | str:
+    def begin(
+        self, surfaces: Sequence[int], slack: Array | None, mode: Array | None = None, alone: bool = False
+    ) -> Begun | str:
         """Slide on these surfaces and on what is coupled to them, or say why that cannot be.
 
         slack: how far each component of the state may be moved to get there; None for as far as a cycle that
-        is faint.
+        is faint. alone: only where no mode leads off these surfaces.
         """
         run, plain = self.run, self.plain
         if run.direction < 0:
@@ -102,13 +107,18 @@ class HigherOrder:
             zero = {*wanted, *(i for i in range(plain.m) if base[i] == 0 and plain.component[i] in groups)}
             kinks = {i for i in surfaces if plain.roles[i] == "kink"}
             found, x = self._reduced(base, zero, kinks)
-            if isinstance(found, str):
-                return found
-            near = self._near(base, found, x)
+            if not isinstance(found, str):
+                zero, kinks = set(found.zero), set(found.kinks)
+            near = self._near(base, {*zero, *kinks}, x, slack if alone else None)
             more = {i for i in near if _slides(plain, i)} - zero
             folds = {i for i in near if plain.roles[i] == "kink"} - kinks
-            if not more and not folds:
-                return self._taken(found, base, x, slack)
+            if isinstance(found, str):
+                # A rate may depend on all that the state lies on.
+                if not folds:
+                    return found
+            elif not more and not folds:
+                leads = alone and self._leads_off(base, found, x)
+                return "other modes follow" if leads else self._taken(found, base, x, slack)
             wanted |= more
             surfaces = [*surfaces, *folds]
         return "the surfaces that take part do not come to an end"
@@ -121,7 +131,7 @@ class HigherOrder:
         found = reduction(self.plain.system, sorted(zero), sorted(kinks), at)
         if isinstance(found, str):
             return found, run.x
-        if found.order < 2:
+        if found.order < 2 and not found.kinks:
             return "their signs act on the rates themselves", run.x
         return found, found.projected(run.t, run.x, self._parameters())
 
@@ -154,6 +164,15 @@ class HigherOrder:
         run.clock.step = 0.0
         run.zeno.array[:] = 0.0
         return Begun(mode_after, found.multipliers(lam), f"{NOTE} {found.order}")
+
+    def _leads_off(self, base: Array, found: Reduction, x: Array) -> bool:
+        """Whether a mode leads off the surfaces of a reduction."""
+        run = self.run
+        before, run.x[:] = run.x.copy(), x
+        reached = sorted({*found.zero, *found.kinks})
+        others = leading_off(point_of(run), tuple(int(sign) for sign in base), reached)
+        run.x[:] = before
+        return bool(others)
 
     def _pull(self, machine: Machine, found: Reduction, mode: Array, x: Array) -> float:
         """How strongly the weakest sign pulls back onto its surface; negative where one pushes off."""
@@ -212,7 +231,7 @@ class HigherOrder:
         resting = [i for i, row in zip(zero, effects, strict=True) if not np.any(row)]
         if not resting:
             return "the signs act on the rates"
-        return self.begin(resting, 1e2 * (run.atol + run.options.rtol * np.abs(run.x)), mode)
+        return self.begin(resting, self._slack(), mode)
 
     # -- arrival ---------------------------------------------------------------------------------------
 
@@ -235,6 +254,46 @@ class HigherOrder:
         if not came_down and not _noise([*speeds, now]):
             return "the solution has not settled"
         return self.begin([i], None)
+
+    def slid_lately(self, stuck: bool) -> list[int]:
+        """The surfaces that are slid on, or were a moment ago, unless that is of higher order.
+
+        stuck: and those that the run is on, as closely as it is accurate.
+        """
+        run, plain = self.run, self.plain
+        if self.active is not None or run.direction < 0:
+            return []
+        lately = MOMENT * abs(run.t - float(run.clock.t_start))
+        modes = [run.signs, *(e.before for e in run.events[-64:] if abs(run.t - e.t) <= lately)]
+        near = near_within(run, run.x, self._slack(), run.mode) if stuck else []
+        slid = {i for mode in modes for i in range(plain.m) if mode[i : i + 1] == (0,)}
+        return [i for i in sorted({*slid, *near}) if _slides(plain, i)]
+
+    def powerless(self) -> bool:
+        """Whether a slide has come, as closely as the run is accurate, to where no sign acts on its rate."""
+        run, plain = self.run, self.plain
+        slid = [i for i in range(plain.m) if run.mode[i] == 0.0 and _slides(plain, i)]
+        if not slid or self.active is not None or run.direction < 0:
+            return False
+        mode = run.mode.copy()
+        mode[near_within(run, run.x, self._slack(), mode)] = 0.0
+        effects = _effects(plain, run.t, run.x, mode, slid, CLEAR)
+        return not np.all(np.any(effects, axis=1))
+
+    def _slack(self) -> Array:
+        return np.asarray(1e2 * (self.run.atol + self.run.options.rtol * np.abs(self.run.x)))
+
+    def settles(self, slid: Sequence[int]) -> Begun | str:
+        """Begin where a slide has led to the end of its own surface, off which nothing leads.
+
+        The slope of the surface vanishes or is infinite there, and the slide has no multiplier.
+        """
+        found: Begun | str = "it does not slide"
+        for i in slid:
+            found = self.begin([i], self._slack(), alone=True)
+            if isinstance(found, Begun):
+                break
+        return found
 
     def _acts(self, i: int) -> bool:
         """Whether the sign of a surface clearly acts on its rate, and nothing that slides on that sign."""
@@ -309,16 +368,17 @@ class HigherOrder:
 
     # -- numbers ---------------------------------------------------------------------------------------
 
-    def _near(self, base: Array, found: Reduction, x: Array) -> list[int]:
-        """Further surfaces that the projected state lies on."""
+    def _near(self, base: Array, held: set[int], x: Array, slack: Array | None) -> list[int]:
+        """Further surfaces that a state lies on beside those that hold it, to rounding or to `slack`."""
         run, plain = self.run, self.plain
         mode = base.copy()
-        mode[[*found.zero, *found.kinks]] = 0.0
+        mode[list(held)] = 0.0
+        if slack is not None:
+            return [i for i in near_within(run, x, slack, mode) if i not in held]
         h = np.abs(plain.guards(run.t, x, mode))
         g, gt = plain.gradients(run.t, x, mode)
         scale = guard_terms(g, gt, run.t, x)
-        known = {*found.zero, *found.kinks}
-        return [i for i in range(plain.m) if i not in known and h[i] <= ON * np.finfo(float).eps * scale[i]]
+        return [i for i in range(plain.m) if i not in held and h[i] <= ON * np.finfo(float).eps * scale[i]]
 
     def _parameters(self) -> dict[Symbol, float]:
         form = self.plain.system.symbolic
@@ -370,7 +430,8 @@ def _effects(
         change = machine.rhs(time, x, signs, mode) - base
         signs[j] = 1.0
         for r, i in enumerate(zero):
-            terms = np.abs(g[i]) @ np.where(g[i] == 0.0, 0.0, np.abs(base))
+            with np.errstate(invalid="ignore"):
+                terms = np.abs(g[i]) @ np.where(g[i] == 0.0, 0.0, np.abs(base))
             effect = machine.rate(i, g, change)
             out[r, c] = effect if abs(effect) > least * terms else 0.0
     return out

@@ -81,6 +81,35 @@ def successors(
     return _consistent(replace(point, fine=True), base, reached, triggered)
 
 
+def leading_off(point: Point, base: Mode, reached: Sequence[int]) -> list[Successor]:
+    """The modes that can follow and do not stay on all of the surfaces reached."""
+    found = successors(point, base, reached)
+    off = [c for c in found if any(c.mode[i] != 0 != c.order[i] for i in reached)]
+    return [c for c in off if _goes_on(point, c, reached)]
+
+
+def _goes_on(point: Point, found: Successor, reached: Sequence[int]) -> bool:
+    """Whether a mode goes on to lead off a moment later, where multipliers that no rate fixed are known."""
+    mode = np.array(found.mode, dtype=float)
+    slid = [i for i in reached if mode[i] == 0]
+    x = point.x + point.step * np.array(found.field)
+    for _ in range(4 if slid else 0):
+        h = point.machine.guards(point.t + point.step, x, mode)[slid]
+        g = point.machine.gradients(point.t + point.step, x, mode)[0][slid]
+        if not np.all(np.isfinite(g)) or not np.any(h):
+            break
+        x = np.ascontiguousarray(x - np.linalg.lstsq(g, h, rcond=None)[0])
+    later = replace(point, t=point.t + point.step, x=x, probed={})
+    code, velocity, lam, _ = later.probe(0.0, mode, np.array(found.multipliers))
+    radii = point.machine.radii(later.t, x)
+    if code != 0 or inside(found.mode, lam, radii, slid) is False:
+        return False
+    g, gt = later.gradients(mode)
+    free = [i for i in reached if mode[i] != 0 != found.order[i]]
+    rates = [mode[i] * (point.machine.rate(i, g, velocity) + gt[i]) * point.direction for i in free]
+    return all(rate > 0.0 for rate in rates)
+
+
 def _consistent(
     point: Point, base: Mode, reached: Sequence[int], triggered: Sequence[int] | None
 ) -> list[Successor]:
@@ -107,7 +136,8 @@ def _consistent(
     if len(found) < 2:
         return found
     sizes = point.field_terms(base)
-    found = _without_doubles(found, sizes)
+    left = frozenset(i for i in triggered or () if base[i] == 0)
+    found = _without_doubles(found, left, sizes)
     return _one_per_solution(_without_released_sticking(found, radii), sizes)
 
 
@@ -251,16 +281,23 @@ def _same_field(a: Successor, b: Successor, sizes: Array) -> bool:
     return bool(np.all(np.abs(np.subtract(a.field, b.field)) <= SAME * sizes))
 
 
-def _without_doubles(found: list[Successor], sizes: Array) -> list[Successor]:
-    """Sliding precedes an equal solution along the surface: a multiplier at the end of its set."""
-    return [a for a in found if not any(_slides_instead(a, b, sizes) for b in found)]
+def _without_doubles(found: list[Successor], left: frozenset[int], sizes: Array) -> list[Successor]:
+    """Sliding precedes an equal solution along the surface: a multiplier at the end of its set.
 
+    A slide at the end of its set can go on only where the solution beside it with the same field comes back:
+    that both follow is rounding, as where the surface is a solution of that field. What has just been `left`
+    stays left there.
+    """
 
-def _slides_instead(a: Successor, b: Successor, sizes: Array) -> bool:
-    """Whether b slides where a runs along, with the same field."""
-    where = zip(a.mode, b.mode, a.order, strict=True)
-    same = b.mode != a.mode and all(v == u or (v == 0 and k == 0) for u, v, k in where)
-    return same and _same_field(a, b, sizes)
+    def beaten(a: Successor, b: Successor) -> bool:
+        if a.mode == b.mode or not _same_field(a, b, sizes):
+            return False
+        where = [(i, a.order[i], b.order[i]) for i in range(len(a.mode)) if a.mode[i] != b.mode[i]]
+        if all(b.mode[i] == 0 and (k == 0 or (q == 2 and i not in left)) for i, k, q in where):
+            return True
+        return all(a.mode[i] == 0 and k == 2 and q > 0 and i in left for i, k, q in where)
+
+    return [a for a in found if not any(beaten(a, b) for b in found)]
 
 
 def _without_released_sticking(found: list[Successor], radii: Array) -> list[Successor]:

@@ -36,6 +36,18 @@ def guard_terms(g: Array, gt: Array, t: float, x: Array) -> Array:
     slopes, drift = (np.where(np.isfinite(q), np.abs(q), 0.0) for q in (g, gt))
     return np.asarray(slopes @ np.abs(x) + drift * abs(t))
 
+
+def near_within(run: Run, x: Array, slack: Array, mode: Array) -> list[int]:
+    """The surfaces on which a state is but for `slack` in its components, also where a slope is infinite."""
+    machine = run.machine
+    h = np.abs(machine.guards(run.t, x, mode))
+    g, _ = machine.gradients(run.t, x, mode)
+    with np.errstate(invalid="ignore"):
+        off = ~np.isfinite(h) | (h > np.abs(g) @ slack)
+    able = [role != "observer" and w == 0.0 for role, w in zip(machine.roles, machine.widths, strict=True)]
+    return [i for i in range(machine.m) if able[i] and not off[i]]
+
+
 # Roots of a function that lie in one place, at most: their time is known to a power of rounding.
 MOST_MULTIPLE = 3
 

@@ -1,0 +1,112 @@
+"""States of rest: where 0 is a velocity of the inclusion, and a solution that comes to one stays."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from filippov.base.status import EventKind
+from filippov.solving.resets.zeno import LARGEST_CORNER, onto
+from filippov.solving.selection.ambiguity import point_of
+from filippov.solving.selection.modes import leading_off
+from filippov.solving.state.machine import Array
+from filippov.solving.state.run import Run, near_within
+
+NEAR_REST = 1e-7
+SAMPLES = 16
+
+
+def holds_still(velocities: Array) -> bool:
+    """Whether 0 is a convex combination of velocities, one per row."""
+    from scipy.optimize import nnls
+
+    if not np.all(np.isfinite(velocities)):
+        return False
+    size = float(np.max(np.abs(velocities))) + 1e-300
+    combination = np.vstack([velocities.T / size, np.ones(len(velocities))])
+    _, gap = nnls(combination, np.append(np.zeros(velocities.shape[1]), 1.0))
+    return bool(gap <= NEAR_REST)
+
+
+def rests(run: Run, surfaces: Sequence[int]) -> bool:
+    """Whether 0 is among the velocities of the inclusion at this point, now and until the end of the run.
+
+    Where the signs do not act on the surfaces to first order (twisting, Fuller's problem) no multipliers
+    follow from staying on them; a state at which 0 is a convex combination of the vertex fields is a solution
+    nevertheless.
+    """
+    switching = [i for i in surfaces if run.machine.roles[i] == "switching"]
+    if not 0 < len(switching) <= LARGEST_CORNER:
+        return False
+    mode = run.mode.copy()
+    mode[list(surfaces)] = 0.0
+    for t in np.linspace(run.t, float(run.clock.t_end), SAMPLES):
+        h = np.abs(run.machine.guards(float(t), run.x, mode))[switching]
+        fields = []
+        for signs in itertools.product((-1.0, 1.0), repeat=len(switching)):
+            corner = np.where(mode == 0.0, 1.0, mode)
+            corner[switching] = signs
+            fields.append(run.machine.rhs(float(t), run.x, corner, mode))
+        if not holds_still(np.array(fields)) or np.any(h > NEAR_REST * (1.0 + np.max(np.abs(run.x)))):
+            return False
+    return True
+
+
+def come_to_rest(run: Run, slid: Sequence[int]) -> list[int]:
+    """The surfaces on which a slide has come to rest as closely as the run is accurate; [] where it has not.
+
+    Nothing leads off them, and what the signs do not hold moves by less than the tolerance in the time left.
+    The run is moved onto them.
+    """
+    slack, roles = 1e2 * (run.atol + run.options.rtol * np.abs(run.x)), run.machine.roles
+    near = near_within(run, run.x, slack, run.mode)
+    switching = [i for i in near if roles[i] == "switching"]
+    if not 0 < len(switching) <= LARGEST_CORNER or not set(slid) & set(near):
+        return []
+    start, mode = run.x.copy(), run.mode.copy()
+    run.mode[near] = 0.0
+    run.x[:] = onto(run, run.t, run.x, tuple(near))
+    still = bool(np.all(np.abs(run.x - start) <= slack)) and _still(run, switching, slack)
+    still = still and not leading_off(point_of(run), tuple(map(int, mode)), near) and rests(run, near)
+    run.mode[:] = mode
+    if not still:
+        run.x[:] = start
+    return near if still else []
+
+
+def _still(run: Run, switching: Sequence[int], slack: Array) -> bool:
+    """Whether the signs hold all but what moves by less than `slack` until the end of the run.
+
+    And whether they hold the same all the while: what depends on time may end the rest between two samples.
+    """
+    left, fields = abs(float(run.clock.t_end) - run.t), []
+    corner = np.where(run.mode == 0.0, 1.0, run.mode)
+    for signs in itertools.product((-1.0, 1.0), repeat=len(switching)):
+        corner[list(switching)] = signs
+        fields.append(left * run.machine.rhs(run.t, run.x, corner, run.mode))
+        for t in np.linspace(run.t, float(run.clock.t_end), SAMPLES):
+            if np.any(left * run.machine.rhs(float(t), run.x, corner, run.mode) != fields[-1]):
+                return False
+    return bool(np.all(np.min(fields, axis=0) <= slack) and np.all(np.max(fields, axis=0) >= -slack))
+
+
+def rest(run: Run, surfaces: Sequence[int]) -> None:
+    """Stay in the present state until the end of the run, sliding on every switching surface of the limit."""
+    before = run.signs
+    for i in surfaces:
+        if run.machine.roles[i] == "switching":
+            run.mode[i] = 0.0
+    after, together = run.signs, False
+    for i in surfaces:
+        if before[i] != after[i]:
+            x, note = run.x.copy(), "rest in the limit"
+            run.add_event(run.t, i, EventKind.ENTRY, before, after, x, float("nan"), 0.0, note, together)
+            together = True
+    end = float(run.clock.t_end)
+    if run.options.dense_output:
+        coef = np.zeros((1, *run.coef.shape[1:]))
+        coef[0, 0] = run.x
+        run.steps.append((np.array([[run.t, end - run.t]]), coef))
+    run.clock.t = end
