@@ -43,7 +43,8 @@ class Reduction:
 
     system       guards that hold the solution, in a mode with 0 for every surface of `zero`
     zero         numbers of the surfaces
-    kinks        surfaces without a jump that h = 0 on the solution as well
+    kinks        other surfaces with h = 0 on the solution, which does not depend on their signs
+    sides        the sign that each of them keeps
     orders       order of sliding of each surface of `zero`
     pivots       of those the ones whose multipliers are solved for
     ties         (surface, pivot, factor): a sign that is the factor times that of a pivot
@@ -54,6 +55,7 @@ class Reduction:
     system: System
     zero: tuple[int, ...]
     kinks: tuple[int, ...]
+    sides: tuple[int, ...]
     orders: tuple[int, ...]
     pivots: tuple[int, ...]
     ties: tuple[tuple[int, int, float], ...]
@@ -149,7 +151,8 @@ def _reduction(
     at: Mapping[Symbol, float],
 ) -> Reduction | str:  # fmt: skip
     """The answer itself."""
-    gone = {form.a[i]: sympy.S.Zero for i in (*zero, *kinks)} | {form.s[i]: sympy.S.One for i in kinks}
+    sides = tuple(1 if at[form.s[i]] >= 0.0 else -1 for i in kinks)
+    gone = _gone(form, zero, kinks, sides)
     signs = tuple(form.s[i] for i in zero)
     field = [_on_surface(convex(f, set(signs)).xreplace(gone), at) for f in form.field]
     if any(f.has(sympy.nan, sympy.zoo, sympy.oo) for f in field):
@@ -177,10 +180,18 @@ def _reduction(
         return chosen
     pivots, ties = chosen
     guards = tuple((pivot, rows[i][0]) for i, pivot in pivots)
-    reduced = _system(system, zero, kinks, guards, ties)
+    reduced = _system(system, zero, kinks, sides, guards, ties)
     order = tuple(orders[i] for i in zero)
     held = tuple(pivot for _, pivot in pivots)
-    return Reduction(reduced, zero, kinks, order, held, ties, constraints, _distances(form, signs))
+    return Reduction(reduced, zero, kinks, sides, order, held, ties, constraints, _distances(form, signs))
+
+
+def _gone(
+    form: SymbolicForm, zero: Sequence[int], kinks: Sequence[int], sides: Sequence[int]
+) -> dict[Symbol, Expr]:
+    """What sizes and signs are on the surfaces."""
+    gone: dict[Symbol, Expr] = {form.a[i]: sympy.S.Zero for i in (*zero, *kinks)}
+    return gone | {form.s[i]: sympy.Integer(side) for i, side in zip(kinks, sides, strict=True)}
 
 
 def _distances(form: SymbolicForm, signs: Sequence[Symbol]) -> tuple[int, ...]:
@@ -334,19 +345,19 @@ def non_lipschitz_surface(system: System) -> int | None:
 
 @lru_cache(maxsize=64)
 def _system(
-    system: System, zero: tuple[int, ...], kinks: tuple[int, ...], guards: tuple[tuple[int, Expr], ...],
-    ties: tuple[tuple[int, int, float], ...],
+    system: System, zero: tuple[int, ...], kinks: tuple[int, ...], sides: tuple[int, ...],
+    guards: tuple[tuple[int, Expr], ...], ties: tuple[tuple[int, int, float], ...],
 ) -> System:  # fmt: skip
     """The system with the guards of a reduction."""
     form = system.symbolic
     assert form is not None
-    gone = {form.a[i]: sympy.S.Zero for i in (*zero, *kinks)} | {form.s[i]: sympy.S.One for i in kinks}
+    gone = _gone(form, zero, kinks, sides)
     free = {form.s[i] for i in zero}
     tied = {form.s[i]: sympy.Integer(int(factor)) * form.s[pivot] for i, pivot, factor in ties}
     field = [_at_zero(convex(f, free).xreplace(gone)).xreplace(tied) for f in form.field]
     h, radius = [e.xreplace(gone) for e in form.h], [tuple(e.xreplace(gone) for e in q) for q in form.radius]
-    for i in kinks:
-        h[i] = sympy.S.One
+    for i, side in zip(kinks, sides, strict=True):
+        h[i] = sympy.Integer(side)
     for i, guard in guards:
         h[i] = guard
     for i, _, _ in ties:

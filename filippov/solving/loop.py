@@ -411,7 +411,8 @@ class _Loop(Settling):
             if isinstance(begun, Begun):
                 jump = jump or Jump(before, run.x.copy())
                 mode, multipliers = begun.mode, begun.multipliers
-                return None if start else self._record(mode, multipliers, triggered, begun.note, jump)
+                at = triggered if mode != before else triggered[:1]
+                return None if start else self._record(mode, multipliers, at, begun.note, jump)
             if jump is None and self._rests(reached, start):
                 return None
             return self._end(*no_mode(run, where))

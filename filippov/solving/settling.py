@@ -13,7 +13,7 @@ from filippov.kernel.tables import codes
 from filippov.solving.patience import Patience
 from filippov.solving.resets.jumps import bouncing, endless
 from filippov.solving.resets.reset_cycle import rests_in_cycle
-from filippov.solving.resets.rest import come_to_rest, rest, rests
+from filippov.solving.resets.rest import NEAR_REST, come_to_rest, rest, rests
 from filippov.solving.resets.slow_spiral import SlowSpiral, slow_spiral
 from filippov.solving.resets.zeno import (
     WITHIN,
@@ -236,8 +236,9 @@ class Settling(ABC):
             return False
         begun = self.higher.settles(slid)
         if isinstance(begun, Begun):
-            held = [i for i, sign in enumerate(begun.mode) if sign == 0]
-            self._changed(before, begun.mode, begun.multipliers, held, begun.note)
+            # A solution that goes on sliding comes to rest where it is tangent to a kink.
+            at = [] if begun.mode != before or self.higher.active is None else self.higher.active.kinks[:1]
+            self._changed(before, begun.mode, begun.multipliers, at, begun.note)
             return True
         near = come_to_rest(run, slid)
         if near:
@@ -248,7 +249,7 @@ class Settling(ABC):
         """Whether the solution stays where no mode follows."""
         # A corner entered tangentially may be none of the solution's modes, and yet a place to rest in.
         if rests(self.run, reached):
-            rest(self.run, reached)
+            rest(self.run, come_to_rest(self.run, reached, NEAR_REST) or reached)
             return True
         return not start and self._settled(stuck=True)
 

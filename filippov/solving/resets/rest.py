@@ -54,13 +54,14 @@ def rests(run: Run, surfaces: Sequence[int]) -> bool:
     return True
 
 
-def come_to_rest(run: Run, slid: Sequence[int]) -> list[int]:
+def come_to_rest(run: Run, slid: Sequence[int], within: float = 0.0) -> list[int]:
     """The surfaces on which a slide has come to rest as closely as the run is accurate; [] where it has not.
 
     Nothing leads off them, and what the signs do not hold moves by less than the tolerance in the time left.
-    The run is moved onto them.
+    The run is moved onto them, no farther than that, or than `within` on the scale of the state.
     """
-    slack, roles = 1e2 * (run.atol + run.options.rtol * np.abs(run.x)), run.machine.roles
+    size, roles = float(np.max(np.abs(run.x), initial=0.0)), run.machine.roles
+    slack = 1e2 * (run.atol + run.options.rtol * np.abs(run.x)) + within * (1.0 + size)
     near = near_within(run, run.x, slack, run.mode)
     switching = [i for i in near if roles[i] == "switching"]
     if not 0 < len(switching) <= LARGEST_CORNER or not set(slid) & set(near):
@@ -69,7 +70,12 @@ def come_to_rest(run: Run, slid: Sequence[int]) -> list[int]:
     run.mode[near] = 0.0
     run.x[:] = onto(run, run.t, run.x, tuple(near))
     still = bool(np.all(np.abs(run.x - start) <= slack)) and _still(run, switching, slack)
-    still = still and not leading_off(point_of(run), tuple(map(int, mode)), near) and rests(run, near)
+    left = abs(float(run.clock.t_end) - run.t)
+
+    def stays(field: Array) -> bool:
+        return bool(np.all(left * np.abs(field) <= slack))
+
+    still = still and not leading_off(point_of(run), tuple(map(int, mode)), near, stays) and rests(run, near)
     run.mode[:] = mode
     if not still:
         run.x[:] = start

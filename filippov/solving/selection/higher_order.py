@@ -142,7 +142,7 @@ class HigherOrder:
         if plain.callbacks is not None:
             machine.callbacks, machine.context = plain.callbacks, plain.context
         mode = base.copy()
-        mode[list(found.zero)], mode[list(found.kinks)] = 0.0, 1.0
+        mode[list(found.zero)], mode[list(found.kinks)] = 0.0, found.sides
         code, velocity, lam, _ = machine.probe(run.t, 0.0, x, mode, np.zeros(plain.m))
         if code != 0 or not np.all(np.isfinite(velocity)) or not np.all(np.isfinite(lam)):
             return "no multipliers hold the solution there"
@@ -170,7 +170,14 @@ class HigherOrder:
         run = self.run
         before, run.x[:] = run.x.copy(), x
         reached = sorted({*found.zero, *found.kinks})
-        others = leading_off(point_of(run), tuple(int(sign) for sign in base), reached)
+        point, values = point_of(run), self._parameters()
+
+        def stays(field: Array) -> bool:
+            step = point.step * field
+            off = found.projected(run.t + point.step, x + step, values) - x - step
+            return bool(np.max(np.abs(off)) <= ACTS * np.max(np.abs(step)))
+
+        others = leading_off(point, tuple(int(sign) for sign in base), reached, stays)
         run.x[:] = before
         return bool(others)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,10 +81,12 @@ def successors(
     return _consistent(replace(point, fine=True), base, reached, triggered)
 
 
-def leading_off(point: Point, base: Mode, reached: Sequence[int]) -> list[Successor]:
-    """The modes that can follow and do not stay on all of the surfaces reached."""
+def leading_off(
+    point: Point, base: Mode, reached: Sequence[int], stays: Callable[[Array], bool]
+) -> list[Successor]:
+    """The modes that can follow and leave surfaces reached, or whose field is none with which one `stays`."""
     found = successors(point, base, reached)
-    off = [c for c in found if any(c.mode[i] != 0 != c.order[i] for i in reached)]
+    off = [c for c in found if any(c.mode[i] != 0 != c.order[i] for i in reached) or not stays(np.array(c.field))]
     return [c for c in off if _goes_on(point, c, reached)]
 
 
