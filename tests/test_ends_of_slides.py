@@ -1,7 +1,7 @@
 """Slides that come to rest in finite time where the slope of their own surface is 0 or infinite.
 
-Time-optimal control of the double integrator and the oscillator (Pontryagin et al. 1962; Bushaw 1958), terminal
-sliding (Venkataraman & Gulati 1993; Feng, Yu & Man 2002): after the curve is met the way along it is known.
+Time-optimal control of the double integrator and the oscillator (Pontryagin et al. 1962; Bushaw 1958),
+terminal sliding (Venkataraman & Gulati 1993; Feng, Yu & Man 2002): the way along the curve is known.
 """
 
 import math
@@ -24,14 +24,16 @@ CURVES = {
     "9/7": (X + P.k * abs(V) ** Q(9, 7) * sign(V), 9 / 7),
     "2/3": (V + P.k * abs(X) ** Q(2, 3) * sign(X), -3 / 2),
 }
-SYSTEMS = {name: System({X: V, V: -P.u * sign(h) - P.c * V + P.d}, parameters=P) for name, (h, _) in CURVES.items()}
+SYSTEMS = {
+    name: System({X: V, V: -P.u * sign(h) - P.c * V + P.d}, parameters=P) for name, (h, _) in CURVES.items()
+}
 
 
 Member = tuple[dict[str, float], tuple[float, float], float, float, float]
 
 
 def along(name: str, q: dict[str, float], speed: float) -> tuple[float, float, float, float]:
-    """Time along the curve from this |v|, the power of the time left that |v| is, |v'| there and at the end."""
+    """Time along the curve from this |v|, the power of the time left that it is, |v'| there and at rest."""
     alpha = CURVES[name][1]
     if alpha == 0:
         return speed / q["a"], 1.0, q["a"], q["a"]
@@ -42,8 +44,8 @@ def along(name: str, q: dict[str, float], speed: float) -> tuple[float, float, f
 
 
 def member(name: str, rng: np.random.Generator) -> Member | None:
-    """(values, start, time at which the curve is met, v there, time of rest) where it is slid along to rest."""
-    q = dict(a=1.0, u=float(rng.uniform(0.3, 5)), k=float(rng.uniform(0.3, 3)), c=0.0, d=0.0)
+    """(values, start, time when the curve is met, v there, time of rest) where it is slid along."""
+    q = {"a": 1.0, "u": float(rng.uniform(0.3, 5)), "k": float(rng.uniform(0.3, 3)), "c": 0.0, "d": 0.0}
     kind = rng.integers(4)
     q["a"] = q["u"] * (1.0 if kind == 0 else float(rng.uniform(0.1, 0.99)))
     q["c"] = float(rng.uniform(0, 0.5)) if kind == 2 else 0.0
@@ -76,7 +78,7 @@ def drawn(name: str, count: int) -> list[Member]:
 
 @pytest.mark.parametrize("name", CURVES)
 def test_slides_rest_where_their_curve_ends(name: str) -> None:
-    """Random control, slope, friction, load and start: the way there, the time along the curve, and rest."""
+    """Random control, slope, friction, load and start: the time along the curve, and rest."""
     rows = drawn(name, 16)
     for q, x0, met, v, rest in rows:
         run = solve(SYSTEMS[name], x0, (0, rest + 2), parameters=q)
@@ -141,7 +143,7 @@ def test_least_time_of_the_oscillator_ends_in_the_origin(start: tuple[float, flo
 
 @pytest.mark.parametrize(("u", "a"), [(2, 1), (2, 0.5), (1, 0.5)])
 def test_a_slide_that_others_leave_does_not_rest(u: float, a: float) -> None:
-    """x'' = -u sign(x - v^2/(2a)): 0 is a velocity at the origin, and from there x = u t^2/2 follows as well."""
+    """x'' = -u sign(x - v^2/(2a)): 0 is a velocity at the origin, and x = u t^2/2 follows as well."""
     run = solve(System({X: V, V: -u * sign(X - V**2 / (2 * a))}), (1, -1), (0, 8))
     assert run.status is Status.NON_UNIQUE
     assert run.x_end == pytest.approx([0, 0], abs=1e-9)

@@ -66,8 +66,7 @@ _OPTIONS = options_but(
 )  # fmt: skip
 # Methods whose stages are written out one after the other, as lanes need them.
 _IN_LANES = ("DOP853", "DP5")
-# Of the time left: a step that leads nowhere, where a budget is used up.
-STUCK, _BUDGETS = 1e-9, (codes.CHUNK_DONE, codes.EVENTS_FULL)
+STUCK, _BUDGETS = 1e-9, (codes.CHUNK_DONE, codes.EVENTS_FULL)  # of the time left: a step that leads nowhere
 # Fewer rows than this do not repay the compilation of lanes.
 _ENOUGH = 64
 # A thread of its own for every so many rows, one by one and in lanes.
@@ -444,9 +443,10 @@ def _statuses(batch: Batch) -> list[Status | None]:
     first = int(code[0]) if code.size else UNFINISHED
     if first not in _BUDGETS and code.tolist().count(first) == code.size:
         return [_STATUS.get(first)] * code.size
-    step, left = batch.clock.column("step"), batch.clock.column("t_end") - batch.clock.column("t")
-    stuck = np.isin(code, _BUDGETS) & (step < STUCK * np.abs(left))
-    return cast(list[Status | None], np.where(stuck, None, _OF_CODE[code - UNFINISHED]).tolist())
+    step, t, t_end = (batch.clock.column(name) for name in ("step", "t", "t_end"))
+    stuck = np.isin(code, _BUDGETS) & (step < STUCK * np.abs(t_end - t))
+    known: list[Status | None] = _OF_CODE[np.where(stuck, codes.GENERAL, code) - UNFINISHED].tolist()
+    return known
 
 
 @lru_cache(maxsize=64)

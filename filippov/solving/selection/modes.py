@@ -86,7 +86,8 @@ def leading_off(
 ) -> list[Successor]:
     """The modes that can follow and leave surfaces reached, or whose field is none with which one `stays`."""
     found = successors(point, base, reached)
-    off = [c for c in found if any(c.mode[i] != 0 != c.order[i] for i in reached) or not stays(np.array(c.field))]
+    left = [any(c.mode[i] != 0 != c.order[i] for i in reached) for c in found]
+    off = [c for c, leaves_it in zip(found, left, strict=True) if leaves_it or not stays(np.array(c.field))]
     return [c for c in off if _goes_on(point, c, reached)]
 
 
