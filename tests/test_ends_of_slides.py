@@ -79,7 +79,7 @@ def drawn(name: str, count: int) -> list[Member]:
 @pytest.mark.parametrize("name", CURVES)
 def test_slides_rest_where_their_curve_ends(name: str) -> None:
     """Random control, slope, friction, load and start: the time along the curve, and rest."""
-    rows = drawn(name, 16)
+    rows = drawn(name, 10)
     for q, x0, met, v, rest in rows:
         run = solve(SYSTEMS[name], x0, (0, rest + 2), parameters=q)
         assert run.success, (q, x0, run.message)
@@ -92,14 +92,13 @@ def test_slides_rest_where_their_curve_ends(name: str) -> None:
         close = along(name, q, 1e-11)[0]
         assert abs(run.events[-1].t - rest) <= 1e-8 + close or close > 1e-4
     columns = {i: [q[i] for q, *_ in rows] for i in rows[0][0]}
-    for lanes in (1, 8):
-        ends = solve_many(SYSTEMS[name], [x0 for _, x0, *_ in rows], (0, 32), parameters=columns, lanes=lanes)
-        assert ends.success.all(), ends.message
-        assert np.abs(ends.x).max() <= 1e-11
+    ends = solve_many(SYSTEMS[name], [x0 for _, x0, *_ in rows], (0, 32), parameters=columns, lanes=8)
+    assert ends.success.all(), ends.message
+    assert np.abs(ends.x).max() <= 1e-11
 
 
 def test_uncompiled_loops_rest_there_too() -> None:
-    for name in CURVES:
+    for name in ("root", "5/3"):
         q, x0, _, _, rest = drawn(name, 1)[0]
         run = solve(SYSTEMS[name], x0, (0, rest + 2), parameters=q, backend="python")
         assert run.success
