@@ -177,6 +177,15 @@ def noise_in(
     return max(guard_noise(i, now, w.xm, p, m, w, ctx), EPS * guard_scale(i, now, w.xm, w))
 
 
+@kernel
+def multiplier_noise(i: int, w: Scratch) -> float:
+    """The rounding of the guards of sliding surface i, which the multiplier's distances from its ends are.
+
+    Near an end one of them is small beside the other and has the rounding of both.
+    """
+    return float(EPS * (abs(w.node[i]) + abs(w.node[M + i])))
+
+
 @inline
 @kernel
 def row_polynomial(
@@ -193,6 +202,7 @@ def row_polynomial(
         tolerance = w.touch[i]
     if to_polynomial(row, judged, 0.0, tolerance, w):
         return 0, noise
+    noise = multiplier_noise(i, w)
     if m[i] != 0.0:
         noise = noise_in(i, t, step, lo + 0.5 * width, p, m, w, ctx)
     if noise > 0.0 and to_polynomial(row, judged, noise, tolerance, w):
