@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from filippov.analysis.orbits.collocation_search import CollocationSearch, collocated_from
 from filippov.analysis.orbits.orbit import Orbit, make_orbit
-from filippov.analysis.orbits.search_start import anchor, extent, rests, settling
+from filippov.analysis.orbits.search_start import anchor, extent, rests, return_time, settling
 from filippov.analysis.orbits.shooting import (
     NoConvergenceError,
     ReturnError,
@@ -34,8 +34,6 @@ from filippov.solving.state.events import Mode
 from filippov.solving.state.options import check_state
 
 Array = npt.NDArray[np.float64]
-# A return is a candidate if it comes back to within this part of the solution's extent.
-_NEAR = 0.3
 _SPANS = 12
 # Periods of a forced solution after which its best returns are tried, and how many of them.
 _STAGES, _TRIES = (1, 8, 32, 128, 512), 5
@@ -44,6 +42,9 @@ _STAGES, _TRIES = (1, 8, 32, 128, 512), 5
 _RETURNS, _TRIES_OF_WORD, _MANY = 32, 2, 16
 # A solution may be seen to come back only after some returns; how near it then is after one of them.
 _MOST_TURNS, _SAME = 32, 1e-6
+# How often collocation is tried where shooting fails on the returns of one solution: each time that is
+# farther from an orbit that repels, and longer.
+_STRONG = 3
 COLLOCATION = "collocation"
 # A forced solution is back where it started, on an orbit, to this part of its extent.
 _BACK = 1e-4
@@ -162,7 +163,7 @@ class _Search:
         self, base: Shooting, p: Array, nodes: int, t_max: float, progress: Callable[..., None] | None,
         collocation: bool = False,
     ) -> None:  # fmt: skip
-        self.collocation, self.failed = collocation, ""
+        self.collocation, self.failed, self.strong = collocation, "", 0
         self.base, self.p, self.nodes, self.t_max, self.progress = base, p, nodes, t_max, progress
         self.values = dict(zip(base.system.parameters.names, p.tolist(), strict=True))
         self.size = 0.0
@@ -297,6 +298,9 @@ class _Search:
         try:
             return self._shot(solution, period)
         except NoConvergenceError as error:
+            self.strong += 1
+            if self.strong > _STRONG:
+                raise
             try:
                 return self._strong(self._laid(solution, period), period)
             except (SolveError, ArithmeticError):
@@ -456,41 +460,26 @@ class _Search:
             now, state = now + span, solution.x_end
             self.tell(now, "looking for a return")
             span *= 1.6
+        more = ""
+        if self.strong > _STRONG:
+            tried = f" Collocation was tried on {_STRONG} of {self.strong} returns"
+            more = f"{tried}; method='collocation' tries it on each."
         raise ReturnError(
             f"the solution does not come back to where it was within t = {now:.6g} (t_max = {self.t_max:g})."
-            f"{failed}", solution, now,
+            f"{failed}{more}", solution, now,
         )  # fmt: skip
 
     def _return(self, solution: Solution, begin: float) -> tuple[Solution, float] | None:
         """A solution from a good start on the orbit, and the time of its return to there; None if there is
         none."""
-        sol, base = solution.sol, self.base
-        assert sol is not None
+        base = self.base
         start = anchor(solution, solution.t_end - solution.problem.t_span[0], begin)
         mode = solution.mode_at(start, "+")
         x0 = self.state(solution, start)
         speed = base.gate @ velocity_at(base.system, mode, start, x0, self.p, base.jacobian)
         goal = base.gate @ x0
-        knots = np.concatenate([[start], sol.start[sol.start > start], [solution.t_end]])
-        if len(knots) < 3:
+        time = return_time(solution, start, goal, speed, base.symmetry_order == 1)
+        if time is None:
             return None
-        inner = (knots[:-1, None] + np.diff(knots)[:, None] * np.arange(8) / 8).ravel()
-        t = np.append(inner, knots[-1])
-        x = sol(t, side="+")
-        size = np.maximum(np.ptp(x, axis=1), 1e-9 * (1 + np.max(np.abs(x))))
-        unit = speed / size**2
-        height = unit @ (x - goal[:, None])
-        away = np.linalg.norm((x - goal[:, None]) / size[:, None], axis=0)
-        up = np.flatnonzero((height[:-1] < 0) & (height[1:] >= 0))
-        if base.symmetry_order == 1:
-            up = up[[bool(np.max(away[: k + 1]) > _NEAR) for k in up]] if up.size else up
-        if not up.size:
-            return None
-        part = height[up] / (height[up] - height[up + 1])
-        times = t[up] + part * (t[up + 1] - t[up])
-        gaps = np.linalg.norm((sol(times) - goal[:, None]) / size[:, None], axis=0)
-        if np.min(gaps) > _NEAR:
-            return None
-        first = int(np.flatnonzero(gaps <= max(3.0 * float(np.min(gaps)), 1e-6))[0])
-        period = float(times[first] - start) * base.symmetry_order
+        period = (time - start) * base.symmetry_order
         return self.solution(x0, 0.0, period / base.symmetry_order * 1.02), period

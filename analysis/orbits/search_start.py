@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from filippov.solving.solution import Solution
 
+Array = npt.NDArray[np.float64]
+# A return is a candidate if it comes back to within this part of the solution's extent.
+_NEAR_EXTENT = 0.3
 # An orbit that repels is left soon: only so many segments are looked at for a start.
 _FIRST = 4
 # What counts as a forced solution that goes to a subharmonic orbit: a return as near as this of its extent,
@@ -60,3 +64,34 @@ def settling(gaps: Sequence[float]) -> int:
         if near and gaps[2 * count - 1] <= _AGAIN * gap:
             return count
     return 1
+
+
+def return_time(solution: Solution, start: float, goal: Array, speed: Array, leaves: bool) -> float | None:
+    """When a solution comes back through the plane across `speed` at the state `goal`, first of the returns
+    that are about as near to it as any; None where none is within 0.3 of its extent.
+
+    leaves   only after it has left the state by so much
+    """
+    sol = solution.sol
+    assert sol is not None
+    knots = np.concatenate([[start], sol.start[sol.start > start], [solution.t_end]])
+    if len(knots) < 3:
+        return None
+    inner = (knots[:-1, None] + np.diff(knots)[:, None] * np.arange(8) / 8).ravel()
+    t = np.append(inner, knots[-1])
+    x = sol(t, side="+")
+    size = np.maximum(np.ptp(x, axis=1), 1e-9 * (1 + np.max(np.abs(x))))
+    # One after the other: the square of a size near the largest number is infinite.
+    height = (speed / size / size) @ (x - goal[:, None])
+    away = np.linalg.norm((x - goal[:, None]) / size[:, None], axis=0)
+    up = np.flatnonzero((height[:-1] < 0) & (height[1:] >= 0))
+    if leaves:
+        up = up[[bool(np.max(away[: k + 1]) > _NEAR_EXTENT) for k in up]] if up.size else up
+    if not up.size:
+        return None
+    part = height[up] / (height[up] - height[up + 1])
+    times = t[up] + part * (t[up + 1] - t[up])
+    gaps = np.linalg.norm((sol(times) - goal[:, None]) / size[:, None], axis=0)
+    if np.min(gaps) > _NEAR_EXTENT:
+        return None
+    return float(times[np.flatnonzero(gaps <= max(3.0 * float(np.min(gaps)), 1e-6))[0]])
