@@ -93,6 +93,30 @@ def test_a_start_on_a_root_and_a_touching_are_no_events() -> None:
     assert [e.kind for e in run.events if e.index == 1] == ["grazing"]
 
 
+@pytest.mark.parametrize("backend", ["compiled", "python"])
+@pytest.mark.parametrize("start", [1, -1])
+def test_what_sticks_at_zero_has_arrived(start: int, backend: str) -> None:
+    """x' = -2 sign(x) + t: x = +-1 -+ 2 t + t^2/2 sticks at its root and leaves upwards at t = 2."""
+    symbolic = System({x: -2 * sign(x) + y, y: 1 + 0 * y})
+    plain = System(
+        field=lambda t, x, p, s: [-2 * s[0] + x[1], 1],
+        surfaces=[Surface("x", lambda t, x, p: x[0])],
+        states="x y",
+    )
+    arrives = 2 - math.sqrt(2) if start > 0 else math.sqrt(6) - 2
+    for system, g in ((symbolic, x), (symbolic, lambda t, y: y[0]), (plain, lambda t, y: y[0])):
+        stop = solve(system, (start, 0), (0, 4), events=UserEvent(g, terminal=True), backend=backend)
+        assert stop.status is Status.STOPPED
+        assert stop.t_end == pytest.approx(arrives, abs=1e-9)
+        users = [UserEvent(g, direction=d) for d in (0, 1, -1)]
+        run = solve(system, (start, 0), (0, 4), events=users, backend=backend)
+        falls, rises = ([arrives], [2]) if start > 0 else ([], [arrives])
+        assert run.success
+        assert run.t_events[-3] == pytest.approx([*falls, *rises], abs=1e-9)
+        assert run.t_events[-2] == pytest.approx(rises, abs=1e-9)
+        assert run.t_events[-1] == pytest.approx(falls, abs=1e-9)
+
+
 def test_order_of_the_lists() -> None:
     """Surfaces, then time events, then user events as they were given; modes know only surfaces."""
     system = System({x: y, y: -sign(x)}, time_events=[TimeEvent("clock", period=1)])

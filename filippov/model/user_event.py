@@ -25,7 +25,8 @@ class UserEvent:
     direction  > 0: only where g rises in true time, < 0: only where it falls, 0: both
     name       what it is called in events and messages; default: the function's name
 
-    A start with g = 0 is no event, and neither is a tangency of 0 (`Solution.events` has it as grazing).
+    A start with g = 0 is no event, and neither is a tangency of 0 (`Solution.events` has it as grazing). What
+    sticks at 0 has an event where it arrives there, and one where it turns back to the side it came from.
     Raises UsageError.
     """
 

@@ -201,7 +201,7 @@ class Settling(ABC):
         seen = [i for i in seen if before[i] == first[i]]
         if ended is not None or not seen:
             return ended
-        observe(run, seen)
+        observe(run, seen, arrived=True)
         return self._changed(before, run.signs, run.lam, seen, "", together=bool(others))
 
     def _arrived(self) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from filippov.kernel.tables import codes
 from filippov.kernel.tables.root_tables import DEGREE
 from filippov.solving.selection.ambiguity import point_of
 from filippov.solving.state.leading import SHALLOW, SHORTER, TRIALS
@@ -22,18 +23,19 @@ def watched(run: Run, surfaces: Sequence[int]) -> list[int]:
     return [i for i in surfaces if roles[i] == "observer"]
 
 
-def observe(run: Run, surfaces: Sequence[int]) -> None:
+def observe(run: Run, surfaces: Sequence[int], arrived: bool = False) -> None:
     """Give observers that the state is on the sign that h takes along the mode that the run is in.
 
     h = c tau**k from here on, of the shortest two trial steps over which it stands out of rounding and grows.
-    One that does not leave 0 keeps its sign.
+    One that does not leave 0 keeps its sign, or has the other one where it has just arrived: it is reached.
     """
     if not surfaces:
         return
     point = point_of(run)
     for i in surfaces:
         sign, order = _side(point, run.mode.copy(), i)
-        run.mode[i], run.order[i] = sign or run.mode[i], order
+        stays = arrived and sign == 0 and run.trigger[i] == codes.ROOT
+        run.mode[i], run.order[i] = sign or (-run.mode[i] if stays else run.mode[i]), order
 
 
 def _side(point: Point, mode: Array, i: int) -> tuple[int, int]:
