@@ -26,7 +26,7 @@ class UserEvent:
     name       what it is called in events and messages; default: the function's name
 
     A start with g = 0 is no event, and neither is a tangency of 0 (`Solution.events` has it as grazing). What
-    sticks at 0 has an event where it arrives there, and one where it turns back to the side it came from.
+    arrives at 0 with a speed and stays has an event there, and one where it leaves to the side it came from.
     Raises UsageError.
     """
 
