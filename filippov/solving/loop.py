@@ -325,13 +325,13 @@ class _Loop(Settling):
         moved = abs(run.t - self.general_t) > 64 * np.finfo(float).eps * abs(run.t)
         self.stalled = 0 if moved else self.stalled + 1
         self.general_t = run.t
-        ended = self._back_over(roots)
+        ended, held = self._back_over(roots), self.higher.active
         active = pending(run, roots)
         if active and self.clocks.due and abs(run.t - run.clock.t_end) <= run.clock.same_instant:
             return self._reached()
         if ended is None:
             ended = self._decided(active, reached, triggered)
-        if ended is None and accumulates(run):
+        if ended is None and self.higher.active is held and accumulates(run):
             return self._zeno()
         if ended is None and self.stalled > 4 * (run.machine.m + 1) and not self._settled(stuck=True):
             return self._end(Status.NO_CONTINUATION, f"events do not leave the state {state_text(run)}.")

@@ -240,7 +240,7 @@ class Settling(ABC):
             at = [] if begun.mode != before or self.higher.active is None else self.higher.active.kinks[:1]
             self._changed(before, begun.mode, begun.multipliers, at, begun.note)
             return True
-        near = come_to_rest(run, slid)
+        near = come_to_rest(run, slid, NEAR_REST if stuck else 0.0)
         if near:
             rest(run, near)
         return bool(near)
