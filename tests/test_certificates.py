@@ -366,11 +366,12 @@ def decay(a: np.ndarray, b: np.ndarray) -> float:
         s = np.sign((A @ q)[0])
         big[:3, 3] = -b * s
         span = 2 * abs((A @ q)[0]) / abs(b[1])
+        if abs((A @ q)[0]) > 1e2 * first:  # what follows far away says nothing of the origin
+            break
         for _ in range(30):  # Newton for y = 0 at the end of the half turn
             e = expm(big * span) @ np.append(q, 1.0)
-            rate = (big @ e)[0]
-            span -= e[0] / rate
-            if abs(e[0] / rate) < 1e-16:
+            span -= (late := e[0] / (big @ e)[0])
+            if abs(late) < 1e-16:
                 break
         q = (expm(big * span) @ np.append(q, 1.0))[:3]
         q[0] = 0.0

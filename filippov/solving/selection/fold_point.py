@@ -40,9 +40,10 @@ from filippov.solving.state.run import Run
 RESOLUTION = 1e-4
 # Difference of the rates over the largest of the slide: closer than this the linear flow is asked.
 NEAR = 0.1
-# A two-fold lies ahead where it would be reached in as much less time than the slide has lasted, or at
-# once: after this part of that time.
-AHEAD, AT_ONCE = 30.0, 1e-3
+# A two-fold lies ahead where it would be reached in as much less time than the slide has lasted, or in this
+# part of that time. Rates that fade away exponentially, and vanish nowhere, are as small as rounding
+# before it is as small a part.
+AHEAD, SOON = 30.0, 0.02
 # A tangency is at most so far from where the rate vanishes, of the time of the run.
 TURN = 1e-2
 # First moment of what leaves a two-fold along the surface, of the time scale of the solution.
@@ -193,7 +194,7 @@ def _near(run: Run, fold: TwoFold, lasted: float) -> bool:
     near = _distance(run, fold)
     above, below = fold.way()
     # Rates that fade away together never vanish.
-    return near <= NEAR and abs(above) + abs(below) <= max(AHEAD * near, AT_ONCE) * lasted
+    return near <= NEAR and abs(above) + abs(below) <= max(AHEAD * near, SOON) * lasted
 
 
 def _meets(fold: TwoFold, near: float, attracts: float) -> bool:
