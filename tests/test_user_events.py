@@ -205,15 +205,15 @@ def test_events_that_are_none_of_these() -> None:
         solve(FUNCTIONS, (1, 0), (0, 1), events=[x])
 
 
-# Functions that touch 0, or pass it, at the turning points of a friction oscillator and elsewhere: their
-# tangencies and their roots in (0, 7].
+# Functions that touch 0, pass it, or arrive there and stay, as the last, at the turning points of a friction
+# oscillator and elsewhere: their tangencies and their roots in (0, 7].
 AT_TURNS = {
     "1 + cos 5t": (lambda t, y: 1 + math.cos(5 * t), math.pi / 5 * np.arange(1, 12, 2), []),
     "1 - cos 2t": (lambda t, y: 1 - math.cos(2 * t), [math.pi, 2 * math.pi], []),
     "sin t": (lambda t, y: math.sin(t), [], [math.pi, 2 * math.pi]),
     "(t - 1)**2": (lambda t, y: (t - 1) ** 2, [1], []),
     "v**2": (lambda t, y: y[1] ** 2, [math.pi, 2 * math.pi], []),
-    "(x + 0.5) v": (lambda t, y: (y[0] + 0.5) * y[1], [2 * math.pi], [math.pi]),
+    "(x + 0.5) v": (lambda t, y: (y[0] + 0.5) * y[1], [], [math.pi, 2 * math.pi]),
 }
 
 

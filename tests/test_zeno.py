@@ -187,3 +187,9 @@ def test_E9_what_else_comes_to_rest_in_the_limit_of_impacts_is_decided_there() -
     # Three bodies that stick to each other bounce without loss on a wall: friction on the ground, and between
     # them as they strike, brings all to rest at once.
     assert examine(300128) == []
+
+
+@pytest.mark.parametrize("seed", [800001, 800057])
+def test_E9_a_contact_that_acts_on_no_rate_is_left_as_it_is(seed: int) -> None:
+    # Bodies that stick to each other rest on a wall, in ever shorter steps.
+    assert examine(seed) == []

@@ -66,7 +66,7 @@ class Draw:
         }  # fmt: skip
         surfaces = [] if self.floor is None else [Surface("floor", x[0], reset=jump(self.floor))]
         clocks = []
-        if self.clock is not None:
+        if self.clock is not None and jump(self.clock[1]):
             period, after = self.clock
             clocks = [TimeEvent("clock", period=period, start=period, reset=jump(after))]
         return System(field, surfaces=surfaces, time_events=clocks)
@@ -316,4 +316,6 @@ def _motions(
             return UN, told
         if end < 0.2:  # what chatters within a step of two surfaces ends at 0.15
             return AS, told
+    if said == UN and tried(*SMALL_BASIN)[0] > 10:  # it ends on a cycle about it
+        return UN, told
     return ("falls" if fell < 0.95 else "grows" if peak > 10 or fell > 1.05 else "neutral"), told

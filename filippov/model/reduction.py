@@ -173,6 +173,9 @@ def _reduction(
     # What acts only on the other side of a kink is as idle as the kink.
     idle = {i for k, i in enumerate(zero) if not any(e[k] for _, e in rows.values())}
     if idle and len(idle) < len(zero):
+        resting = [i for i in idle if system.surfaces[i].reset]
+        if resting:
+            return f"the contact at {_name(form, resting[0])} acts on no rate"
         more = tuple(sorted({*kinks, *idle}))
         return _reduction(system, form, tuple(i for i in zero if i not in idle), more, at)
     chosen = _pivots(form, zero, rows, at)
