@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
-from filippov import Abs, Max, System, parameters, sign, sin, sqrt, states
+from filippov import Abs, Max, Surface, System, parameters, sign, sin, sqrt, states
 from filippov.analysis.algebra.number_text import plain, tex, tex_name
 from filippov.analysis.local_stability.stability import stability_report
 from filippov.analysis.steady.equilibria import equilibria
@@ -94,6 +94,46 @@ def test_12_9_a_search_that_was_stopped_says_so_in_its_verdict() -> None:
     text = stability_report(system, budget=1e-3).to_text()
     assert "Verdict: no equilibrium was found. The search was stopped before its end." in text
     assert "stopped" not in stability_report(System({x: -x})).to_text()
+
+
+RESTS = {
+    "dh/dt depends on the sign": ({x: v + sign(w) / 10, v: -1, w: -w}, x, "+", {v: -v / 2}),
+    "h has a kink": ({x: v, v: -x}, 1 - Abs(x), "+", {v: -v / 2}),
+    "the reset depends on signs": ({x: v, v: -1, w: -w}, x, "+", {v: -v / 2, w: w - sign(w) * v}),
+    "it acts on both sides": ({x: v, v: -1}, x, "both", {v: -v / 2}),
+    "the field jumps across": ({x: v, v: -1 - sign(x)}, x, "+", {v: -v / 2}),
+}
+NO_RESTS = {
+    "friction": ({x: v, v: -2 - sign(v)}, x, {v: -v / 2}),
+    "a relay beside it": ({x: v, v: -2 - sign(w), w: -w}, x, {v: -v / 2}),
+    "a reset that leaves the surface": ({x: 1 - x + sign(w), w: -w}, 1 - x, {x: 0}),
+    "a switch": ({x: w - x, w: 0 * w}, x - 1, {w: -1}),
+}
+
+
+@pytest.mark.parametrize("why", RESTS)
+def test_12_2_rest_on_a_surface_that_has_no_contact_is_not_searched_and_the_report_says_so(why: str) -> None:
+    field, h, side, after = RESTS[why]
+    report = stability_report(System(field, surfaces=[Surface("floor", h, side=side, reset=after)]))
+    assert any(why in note and "'floor'" in note for note in report.notes)
+    assert not report.complete
+    assert report.to_dict()["complete"] is False
+    assert "Not complete: see the notes" in report.to_text().splitlines()[3]
+
+
+@pytest.mark.parametrize("case", NO_RESTS)
+def test_12_2_a_derived_contact_and_resets_without_rest_need_no_such_note(case: str) -> None:
+    field, h, after = NO_RESTS[case]
+    report = stability_report(System(field, surfaces=[Surface("floor", h, reset=after)]))
+    assert report.complete
+    assert "complete" not in report.to_text()
+
+
+def test_12_2_contacts_of_plain_functions_are_not_searched_and_the_result_says_so() -> None:
+    floor = Surface("floor", lambda t, x, p: x[0], reset=lambda t, x, p: [x[0], -x[1] / 2], contact=True)
+    found = equilibria(System(field=lambda t, x, p, s: [x[1], -1.0], surfaces=[floor], states="y v"))
+    assert not found.complete
+    assert "at rest on 'floor'" in found.notes[-1]
 
 
 # -- numbers -----------------------------------------------------------------------------------------------

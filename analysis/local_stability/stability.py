@@ -29,7 +29,7 @@ from filippov.analysis.local_stability.stability_result import (
 )
 from filippov.analysis.local_stability.stick_parts import joined
 from filippov.analysis.steady.equilibria import equilibria
-from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Missing
 from filippov.analysis.steady.forcing import depends_on_time
 from filippov.base.errors import ModelError
 from filippov.base.escape import markup
@@ -106,9 +106,8 @@ def stability_report(
         try:
             items += _items(context, equilibrium, t, outer.get(id(equilibrium)))
         except OutOfBudgetError as error:
-            notes.append(
-                f"stopped after {len(items)} of {len(found)} equilibria: {error}. Give a larger budget."
-            )
+            text = f"stopped after {len(items)} of {len(found)} equilibria: {error}. Give a larger budget."
+            notes.append(Missing(text))
             break
     names = tuple(zip(system.parameters.names, p.tolist(), strict=True))
     surfaces = tuple(s.name for s in system.surfaces)

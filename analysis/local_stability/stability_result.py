@@ -10,7 +10,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.algebra.routh_hurwitz import RouthHurwitz
-from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet
+from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Missing
 from filippov.analysis.steady.linearisation import Linearisation, SlipLinearisation
 from filippov.analysis.steady.rest_map import RestMap
 from filippov.base.names import Answering
@@ -121,3 +121,8 @@ class StabilityResult(Answering):
     items: tuple[EquilibriumStability, ...]
     notes: tuple[str, ...]
     decimals: bool = False
+
+    @property
+    def complete(self) -> bool:
+        """Whether no other equilibrium can exist: all modes were searched to their end, in formulas."""
+        return not any(isinstance(note, Missing) for note in self.notes)

@@ -103,6 +103,8 @@ def _summary(result: StabilityResult, style: Style) -> str:
     """The verdicts in one line, and whether they are all."""
     cut = any(note.startswith("stopped after") for note in result.notes)
     left = " The search was stopped before its end." if cut else ""
+    if not cut and not result.complete:
+        left = " Not complete: see the notes at the end."
     if not result.items:
         return f"Verdict: no equilibrium was found.{left}"
     said = [f"{_title(item, result, style)}: {item.answer}" for item in result.items]
@@ -260,6 +262,7 @@ def as_dict(result: StabilityResult) -> dict[str, Any]:
         "parameters": dict(result.parameters),
         "assumptions": [str(a) for a in result.assume],
         "equilibria": [_item_dict(item) for item in result.items],
+        "complete": result.complete,
         "notes": list(result.notes),
     }
 

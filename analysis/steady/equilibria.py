@@ -21,12 +21,13 @@ from filippov.analysis.algebra.time_bounds import bounds
 from filippov.analysis.steady.branches import DegenerateError, Elimination, Family, UnsolvedError
 from filippov.analysis.steady.clocks import after, mover
 from filippov.analysis.steady.equilibria_numeric import NumericMode, numeric_equilibria
-from filippov.analysis.steady.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet
+from filippov.analysis.steady.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet, Missing
 from filippov.analysis.steady.existence import Existence, ModeProblem
 from filippov.base.errors import UsageError
 from filippov.base.given import Positive, interval
 from filippov.base.keywords import keywords
 from filippov.model import symbols
+from filippov.model.contact import not_derived
 from filippov.model.symbolic import SymbolicForm
 from filippov.model.system import System
 
@@ -74,7 +75,8 @@ def equilibria(
                 assert form is not None
                 more, said = _symbolic(system, form, mode, numbers, t, ranges, clock)
         except OutOfBudgetError as error:
-            notes.append(f"stopped after {k} of {len(chosen)} modes: {error}. Give a larger budget.")
+            text = f"stopped after {k} of {len(chosen)} modes: {error}. Give a larger budget."
+            notes.append(Missing(text))
             break
         notes += [note for note in said if note not in notes]
         found += more
@@ -83,6 +85,7 @@ def equilibria(
     found = _without_doubles(found, system, p)
     if system.symbolic is None and t is None and chosen:
         notes.append("plain functions were searched numerically, at t = 0.")
+    notes += _unsearched(system)
     return Equilibria(
         tuple(e for e in found if isinstance(e, EquilibriumPoint)),
         tuple(e for e in found if isinstance(e, EquilibriumSet)),
@@ -116,11 +119,26 @@ def _modes(system: System, modes: Sequence[str] | None) -> tuple[list[str], list
     every = ("".join(m) for m in itertools.product(*options))
     if total <= MOST_MODES:
         return sorted(every, key=lambda m: m.count("0")), []
-    note = (
+    note = Missing(
         f"{total} modes are too many: those that slide on several surfaces were left out. Give modes=[...]."
     )
     few = (m for m in itertools.islice(every, 100_000) if m.count("0") <= 1)
     return list(itertools.islice(few, MOST_MODES)), [note]
+
+
+def _unsearched(system: System) -> list[str]:
+    """Notes on surfaces with a reset that the state may rest on, where that is not searched."""
+    form = exact_form(system)
+    out: list[str] = []
+    for i, surface in enumerate(system.surfaces):
+        if form is not None:
+            reason = not_derived(form, surface, i)
+            why = f"no resting contact is derived, for {reason}" if reason else ""
+        else:
+            why = "its contact is not searched where the field is a plain function" if surface.contact else ""
+        if why:
+            out.append(Missing(f"states at rest on {surface.name!r} are not among these: {why}."))
+    return out
 
 
 def _ranges(system: System, box: Mapping[str, tuple[float, float]] | None) -> list[tuple[float, float]]:
@@ -205,7 +223,9 @@ def _turns(problem: ModeProblem, branches: Sequence[Family]) -> list[str]:
             turns = f"{x} + k ({period}), k a whole number"
             text = f"with each equilibrium {turns}, gives one too; those of one turn are listed."
         else:
-            text = f"{x} stands in sines or cosines: roots further than one turn of {period} may be missing."
+            text = Missing(
+                f"{x} stands in sines or cosines: roots further than one turn of {period} may be missing."
+            )
         notes.append(text)
     return notes
 

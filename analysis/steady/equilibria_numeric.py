@@ -13,7 +13,7 @@ from sympy import Symbol
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.algebra.budget import Clock
-from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, PointKind
+from filippov.analysis.steady.equilibrium import EquilibriumPoint, EquilibriumSet, Missing, PointKind
 from filippov.analysis.steady.existence import ModeProblem, multiplier_symbol
 from filippov.model.system import System
 
@@ -138,7 +138,9 @@ def numeric_equilibria(
     found: list[EquilibriumPoint | EquilibriumSet] = []
     places: list[Array] = []
     where = _box_text(search, ranges)
-    notes = [f"mode {search.mode!r} was searched numerically in {where}; some may be missed."]
+    notes: list[str] = [
+        Missing(f"mode {search.mode!r} was searched numerically in {where}; some may be missed.")
+    ]
     for start in starts:
         clock.check()
         try:

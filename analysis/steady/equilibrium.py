@@ -95,6 +95,12 @@ class EquilibriumSet:
         return tuple(e.subs(put) for e in self.x)
 
 
+class Missing(str):
+    """A note on what was not searched, or not to its end: other equilibria may exist."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True)
 class Equilibria:
     """All that were found, with the parameter values at which existence was decided.
@@ -113,3 +119,8 @@ class Equilibria:
 
     def __len__(self) -> int:
         return len(self.sets) + len(self.points)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all modes were searched to their end, in formulas: there are no others."""
+        return not any(isinstance(note, Missing) for note in self.notes)

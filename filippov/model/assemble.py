@@ -13,7 +13,7 @@ from filippov.base.errors import ModelError
 from filippov.base.names import closest, unknown
 from filippov.model.check import as_expression, check_size
 from filippov.model.comparators.hysteresis import normalised
-from filippov.model.contact import contact_of
+from filippov.model.contact import found_contact
 from filippov.model.extract import Extractor
 from filippov.model.kinds import Kinds
 from filippov.model.parameter_symbol import ParameterNamespace, ParameterSymbol
@@ -157,10 +157,8 @@ def with_contacts(
     for i, surface in enumerate(surfaces):
         contact: Contact | None = None
         after = form.reset[i] if form.reset else None
-        if after is not None and surface.contact is not False and surface.side != "both":
-            found: Contact | str = "the field jumps across the surface"
-            if surface.kind == "reset":
-                found = contact_of(form, i, after, 1 if surface.side == "+" else -1)
+        if after is not None and surface.contact is not False:
+            found = found_contact(form, surface, i)
             if isinstance(found, Contact):
                 contact = found
             elif surface.contact:

@@ -19,6 +19,7 @@ from sympy import Expr, Float, Symbol
 
 from filippov.model.signals.input import as_symbols
 from filippov.model.size import cancelled, expanded
+from filippov.model.surface import Surface
 from filippov.model.symbolic import Contact, SymbolicForm
 from filippov.model.symbols import t
 from filippov.model.table import samples, vanishes
@@ -28,21 +29,57 @@ CLOSE = Float("1e-18")
 # Of the terms of an expression with numbers in it.
 ROUNDING = Float("1e-14")
 TRIALS = 6
+KINK = "h has a kink"
+JUMPS = "dh/dt depends on the sign of a surface"
+SIGNED = "the reset depends on signs"
+ACROSS = "the field jumps across the surface"
+BOTH = "it acts on both sides"
+# Reasons for which none is derived although the state may rest; the others say that it cannot.
+UNDERIVED = (KINK, JUMPS, SIGNED, ACROSS, BOTH)
+
+
+def found_contact(form: SymbolicForm, surface: Surface, i: int) -> Contact | str:
+    """The contact on surface i, whatever it is told, or the reason why there is none."""
+    after = form.reset[i] if form.reset else None
+    if after is None:
+        return "it has no reset"
+    if surface.side == "both":
+        return BOTH
+    if surface.kind != "reset":
+        return ACROSS
+    return contact_of(form, i, after, 1 if surface.side == "+" else -1)
+
+
+def not_derived(form: SymbolicForm, surface: Surface, i: int) -> str:
+    """Why the state may rest on surface i without a contact: its reset keeps h = 0, and a sign is in the way.
+
+    "" where there is a contact, or none by what the reset does or the user says.
+    """
+    after = form.reset[i] if form.reset else None
+    if after is None or surface.contact:
+        return ""
+    found = found_contact(form, surface, i)
+    if found not in UNDERIVED:
+        return ""
+    moved = {x: e for x, e in zip(form.x, after, strict=True) if e != x}
+    h = form.plain_h()[i]
+    x = [q for q in form.x if q in h.free_symbols]
+    return str(found) if x and _kept(x, [h], [h.subs(moved, simultaneous=True)], sympy.S.One) else ""
 
 
 def contact_of(form: SymbolicForm, i: int, after: Sequence[Expr], side: int) -> Contact | str:
     """The contact on surface i whose reset gives `after`, or the reason why there is none."""
     h, n = form.h[i], len(form.x)
     if not h.free_symbols.isdisjoint(form.a):
-        return "h has a kink"
+        return KINK
     inside = h.free_symbols
     steps = ((j, h.diff(x)) for j, x in enumerate(form.x) if x in inside)
     rate = expanded(h.diff(t) + sum(g * form.field[j] for j, g in steps))
     if not rate.free_symbols.isdisjoint((*form.s, *form.a)):
-        return "the field jumps along its gradient"
+        return JUMPS
     moved = {x: e for x, e in zip(form.x, after, strict=True) if e is not x and e != x}
     if not set().union(*(e.free_symbols for e in moved.values())).isdisjoint((*form.s, *form.a)):
-        return "the reset depends on signs"
+        return SIGNED
     # Of many states few have to do with one surface: those that it, its rate and its reset name.
     near = inside | rate.free_symbols | moved.keys()
     places = [j for j, x in enumerate(form.x) if x in near]
@@ -62,26 +99,26 @@ def contact_of(form: SymbolicForm, i: int, after: Sequence[Expr], side: int) -> 
         direction[j] = cancelled(e / along)
     if any(e.has(sympy.nan, sympy.zoo) for e in direction):
         return "the reset does not act on dh/dt"
-    if not _rests(x, h, rate, [e.subs(moved, simultaneous=True) for e in (h, rate)], along):
+    if not _kept(x, (h, rate), [e.subs(moved, simultaneous=True) for e in (h, rate)], along):
         return "the reset changes h or dh/dt where both are 0"
     return Contact(side, rate, tuple(direction))
 
 
-def _rests(x: Sequence[Symbol], h: Expr, rate: Expr, after: Sequence[Expr], along: Expr) -> bool:
-    """Whether h = dh/dt = 0 holds after the reset (`after`) where it did before, at points Newton finds.
+def _kept(x: Sequence[Symbol], zero: Sequence[Expr], after: Sequence[Expr], along: Expr) -> bool:
+    """Whether h = dh/dt = 0 (`zero`) holds after the reset (`after`) where it did, at points Newton finds.
 
     x: the states on which they depend.
 
     What else the reset changes, a counter or the speed along the surface, it changes once at each impact.
     """
     # As long as it holds for any value of an input, and of its slope.
-    inputs = as_symbols([h, rate, along, *after])
-    if inputs:
-        h, rate, along, *after = (e.xreplace(inputs) for e in (h, rate, along, *after))
-    symbols: set[Symbol] = set().union(*(e.free_symbols for e in (h, rate, along, *after))) | {*x, t}
+    inputs = as_symbols([*zero, along, *after])
+    zero, after = ([e.xreplace(inputs) for e in part] for part in (zero, after))
+    along = along.xreplace(inputs)
+    symbols: set[Symbol] = set().union(*(e.free_symbols for e in (*zero, along, *after))) | {*x, t}
     found = 0
     for point in samples(symbols, TRIALS, seed=random.Random(7).randint(1, 99)):  # noqa: S311
-        at = _solved({q: Float(v, DIGITS) for q, v in point.items()}, x, sympy.Matrix([h, rate]))
+        at = _solved({q: Float(v, DIGITS) for q, v in point.items()}, x, sympy.Matrix(zero))
         if at is None:
             continue
         values = [e.xreplace(at).evalf(DIGITS) for e in (*after, along)]

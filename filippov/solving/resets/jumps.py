@@ -281,12 +281,9 @@ def _reason(run: Run, i: int) -> str:
     form, surface = run.machine.system.symbolic, run.machine.surfaces[i]
     if form is None:
         return "functions have one with contact=True only"
-    after = form.reset[i] if form.reset else None
-    if after is None or surface.side == "both" or surface.kind != "reset":
-        return "it needs one side, and a surface on which the field does not jump"
-    from filippov.model.contact import contact_of
+    from filippov.model.contact import found_contact
 
-    found = contact_of(form, i, after, 1 if surface.side == "+" else -1)
+    found = found_contact(form, surface, i)
     return found if isinstance(found, str) else "it is switched off by contact=False"
 
 
