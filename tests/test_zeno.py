@@ -193,3 +193,9 @@ def test_E9_what_else_comes_to_rest_in_the_limit_of_impacts_is_decided_there() -
 def test_E9_a_contact_that_acts_on_no_rate_is_left_as_it_is(seed: int) -> None:
     # Bodies that stick to each other rest on a wall, in ever shorter steps.
     assert examine(seed) == []
+
+
+@pytest.mark.parametrize("seed", [810019, 810266, 820000])
+def test_E9_at_the_limit_of_impacts_rounding_leads_nowhere_and_slides_may_end(seed: int) -> None:
+    # Bodies come to rest at speeds of 1e-76; another friction contact that they slid on is overloaded there.
+    assert examine(seed) == []

@@ -154,7 +154,7 @@ class Settling(ABC):
                 rest(run, limit.surfaces)
                 return self._reached()
         run.x[:] = limit.x
-        on = sorted({*limit.surfaces, *besides})
+        on = self._with_slides([*limit.surfaces, *besides], zero)
         return self._classify(on, limit.surfaces, start=False, rested=rested) or self._budgets()
 
     def _spirals(self) -> Ended:
@@ -168,7 +168,12 @@ class Settling(ABC):
             return None
         run.x[:] = spiral.x
         self.spiral = spiral
-        return self._classify(spiral.surfaces, spiral.surfaces, start=False)
+        return self._classify(self._with_slides(spiral.surfaces), spiral.surfaces, start=False)
+
+    def _with_slides(self, reached: Sequence[int], zero: Sequence[int] = ()) -> list[int]:
+        """The surfaces reached and those slid on: what changes at a limit may take these to their ends."""
+        slid = [i for i, sign in enumerate(self.run.signs) if sign == 0 and i not in zero]
+        return sorted({*reached, *slid})
 
     def _decided(self, active: list[int], reached: Sequence[int], triggered: Sequence[int]) -> Ended:
         """Decide events by resets, by sliding of higher order, or by the modes that can follow."""

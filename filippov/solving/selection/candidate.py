@@ -157,13 +157,16 @@ def _balanced(point: Point, i: int, mode: Array, rate: float, scale: float) -> b
 
 def leaves(
     point: Point, mode: Array, lam: Array, velocity: Array, free: Sequence[int], tangent: Sequence[int]
-) -> tuple[dict[int, int], float] | None:
-    """Orders with which a mode leaves the surfaces it runs off, None where one is not left to its side."""
+) -> tuple[dict[int, int], float, list[int]] | None:
+    """Orders with which a mode leaves the surfaces it runs off, None where one is not left to its side.
+
+    With the least clear rate, and the surfaces that are left by rounding of a rate.
+    """
     clear = clear_rates(point, mode, velocity, free, tangent)
     if clear is None:
         return None
     margin, unclear = clear
-    orders = dict.fromkeys(free, 1)
+    orders, faint = dict.fromkeys(free, 1), []
     g, gt = point.gradients(mode)
     for i in unclear:
         with np.errstate(invalid="ignore"):
@@ -190,11 +193,12 @@ def leaves(
             # The rate, however little it is, says where the solution goes first.
             terms = replace(terms, tangent=False)
             term = leading_term(point, mode, lam, partial(_row, 0, i), terms)
+            faint.append(i)
         if term is None or term[1] < 0:
             return None
         orders[i] = term[0]
         margin = 0.0
-    return orders, float(margin)
+    return orders, float(margin), faint
 
 
 def at_rest(point: Point, base: Mode, i: int) -> bool:

@@ -50,6 +50,7 @@ class Successor:
     field         the field of the mode at the point
     margin        least rate, on its own scale, by which the mode is consistent; 0 for a tangential one
     undetermined  surfaces whose multiplier is one of many that give this solution
+    faint         surfaces that are left by no more than rounding of their rate
     """
 
     mode: Mode
@@ -58,6 +59,7 @@ class Successor:
     field: tuple[float, ...]
     margin: float
     undetermined: tuple[int, ...] = ()
+    faint: tuple[int, ...] = ()
 
     def __str__(self) -> str:
         sliding = [f"{v:.6g}" for v, m in zip(self.multipliers, self.mode, strict=True) if m == 0]
@@ -208,7 +210,7 @@ def _examined(
         left = leaves(point, mode, lam, velocity, free, tangent)
         if left is None or (held is None and moving_outwards(point, base, mode, lam, radii, own)):
             continue
-        orders, margin = left
+        orders, margin, faint = left
         # Nothing depends on the sign of a surface on which nothing jumps and along which the solution runs. A
         # wall at which others hold the solution is left so: it carries nothing.
         idle = [i for i in free if point.machine.roles[i] != "switching" and i not in point.resting]
@@ -228,6 +230,7 @@ def _examined(
                 tuple(float(v) if mode[i] == 0 else 0.0 for i, v in enumerate(lam)),
                 tuple(float(v) for v in velocity),
                 margin if held else 0.0,
+                faint=tuple(faint),
             )
         )
     return [kind for candidate in found for kind in _families(point, candidate, own, radii)]
@@ -295,7 +298,8 @@ def _without_doubles(found: list[Successor], left: frozenset[int], sizes: Array)
     def beaten(a: Successor, b: Successor) -> bool:
         if a.mode == b.mode or not _same_field(a, b, sizes):
             return False
-        where = [(i, a.order[i], b.order[i]) for i in range(len(a.mode)) if a.mode[i] != b.mode[i]]
+        orders = [0 if i in a.faint else k for i, k in enumerate(a.order)]
+        where = [(i, orders[i], b.order[i]) for i in range(len(a.mode)) if a.mode[i] != b.mode[i]]
         if all(b.mode[i] == 0 and (k == 0 or (q == 2 and i not in left)) for i, k, q in where):
             return True
         return all(a.mode[i] == 0 and k == 2 and q > 0 and i in left for i, k, q in where)

@@ -43,7 +43,7 @@ class Point:
     along: frozenset[int] = frozenset()
     longest: float = 0.0
     fine: bool = False
-    reaches: dict[int, float] = field(default_factory=dict, compare=False, repr=False)
+    reaches: dict[tuple[int, tuple[int, ...]], float] = field(default_factory=dict, compare=False, repr=False)
     summed: dict[bytes, Array] = field(default_factory=dict, compare=False, repr=False)
     probed: dict[tuple[float, bytes, bytes], Probe] = field(default_factory=dict, compare=False, repr=False)
 
@@ -69,7 +69,9 @@ class Point:
 
         What is left of forces in balance is rounding of these, however small the sum itself is.
         """
-        if i not in self.reaches:
+        # A contact that rests has its rate for a guard: its reach is of forces, not of speeds.
+        held = tuple(j for j, side in enumerate(self.machine.contacts) if side != 0.0 == mode[j])
+        if (i, held) not in self.reaches:
             component = self.machine.component
             group = [j for j in self.reached if component[j] == component[i]]
             g, _ = self.gradients(mode)
@@ -83,8 +85,8 @@ class Point:
             base = self.rhs(signs, mode)
             for k in {i, *group}:
                 change = [abs(self.machine.rate(k, g, effect - base)) for effect in effects]
-                self.reaches[k] = float(np.nansum(change))
-        return self.reaches[i]
+                self.reaches[k, held] = float(np.nansum(change))
+        return self.reaches[i, held]
 
     def terms(self, i: int, mode: Array) -> float:
         """Size of the terms that the rate of surface i is a sum of: what rounding in it is measured by.
