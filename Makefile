@@ -14,6 +14,9 @@ COMMA := ,
 CHROMIUM := $(shell command -v chromium || command -v chromium-browser || command -v google-chrome)
 BROWSER := $(if $(CHROMIUM),$(COMMA)browser)
 
+# Matrices here are small: two processes with two threads each for linear algebra mostly wait for each other.
+export OPENBLAS_NUM_THREADS ?= 1
+
 # Neighbours share what they make once: each worker begins with one half, and takes from the other at the end.
 TWO := -n 2 --dist worksteal
 

@@ -29,6 +29,8 @@ from filippov.base.names import closest
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 _NEGATIVE = re.compile(r"-[\d.(]")
+# Matrices here are small: threads that wait for each other take a third of the time of a study.
+_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class Parser(argparse.ArgumentParser):
@@ -100,6 +102,9 @@ def build_parser(known: dict[str, Command]) -> Parser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; returns its exit code."""
     show: dict[str, bool] = {}
+    if argv is None:
+        for name in _ONE_THREAD:
+            os.environ.setdefault(name, "1")
     try:
         return _main(list(sys.argv[1:] if argv is None else argv), show, argv is None)
     except SystemExit as leave:

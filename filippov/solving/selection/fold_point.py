@@ -46,6 +46,8 @@ NEAR = 0.1
 AHEAD, SOON = 30.0, 0.02
 # A tangency is at most so far from where the rate vanishes, of the time of the run.
 TURN = 1e-2
+# Of the terms of a rate, far above any rounding of it: a point where a rate is more is no two-fold.
+CLEAR = 1e-4
 # First moment of what leaves a two-fold along the surface, of the time scale of the solution.
 MOMENT = 1e-5
 
@@ -127,8 +129,21 @@ def _fold(
         found = _left(run, point, base, i, behind)
         if found is not None:
             return found
+    if _clear(point, base, i):
+        return None
     fold = two_fold(point, base, i, abs(float(run.clock.t_end) - run.t) or np.inf)
     return None if fold is None or np.any(np.abs(fold.rates) > fold.noise) else fold
+
+
+def _clear(point: Point, base: Mode, i: int) -> bool:
+    """Whether a rate of surface i is too large for a two-fold."""
+    signs = np.where(np.array(base) == 0, point.guess, base)
+    rates, fields = side_rates(point, point.t, point.x, base, signs, i)
+    mode = np.array(base, dtype=float)
+    mode[i] = 0.0
+    g, gt = point.machine.gradients(point.t, point.x, mode)
+    terms = np.abs(g[i]) @ np.where(g[i] == 0.0, 0.0, np.abs(fields)).T + abs(float(gt[i]))
+    return bool(np.any(np.abs(rates) > CLEAR * terms))
 
 
 def _left(run: Run, point: Point, base: Mode, i: int, behind: bool) -> TwoFold | Way | None:
