@@ -6,7 +6,7 @@ import pytest
 from filippov import Surface, System, parameters, states
 from filippov.analysis.diagrams.bifurcation import bifurcation
 from filippov.analysis.maps.event_map import EventMap
-from filippov.analysis.maps.gap_roots import brackets, coordinates, fixed_point_near, roots
+from filippov.analysis.maps.gap_roots import Samples, brackets, coordinates, fixed_point_near, roots, split
 from filippov.analysis.maps.section import Section
 
 x, z = states("x z")
@@ -52,6 +52,73 @@ def test_13_4_fixed_points_are_the_roots_also_two_between_points_of_the_grid(see
     assert [point.stable for point in found] == [bool(abs(1 - c * gap) < 1) for gap in gaps]
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_12_2_three_and_more_cycles_within_one_cell(seed: int) -> None:
+    """Roots that a cell of the grid (0.01 wide) holds, or two beside each other."""
+    draw = np.random.default_rng([2, seed])
+    known = draw.uniform(0.1, 2.0, 5)
+    known[1:3] = known[0] + draw.choice([-1, 1], 2) * 10.0 ** draw.uniform(-3.3, -2.3, 2)
+    if abs(known[1] - known[2]) < 2e-4:
+        known[2] = 2 * known[0] - known[1]
+    given = {"c": draw.uniform(0.3, 2), **dict(zip(ROOTS, known.tolist(), strict=True))}
+    found = QUINTIC.remake(parameters=given).fixed_points(0.05, 2.1)
+    known = np.sort(known)
+    gaps = np.array([np.prod(r - np.delete(known, k)) for k, r in enumerate(known)])
+    assert len(found) == 5
+    assert np.all(np.abs([point.d for point in found] - known) < 1e-11 / np.abs(given["c"] * gaps))
+
+
+def zigzag(draw: np.random.Generator, d: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Corners of a gap that is straight between them, its heights there, and its roots, all in one cell of d:
+    piece j has the slope (-1)^j m[j] and root j."""
+    k, count = int(draw.integers(3, d.size - 5)), int(draw.integers(1, 4))
+    known = d[k] + (d[k + 1] - d[k]) * np.sort(draw.uniform(0.02, 0.98, count))
+    m = draw.uniform(0.3, 4, count)
+    inner = (m[:-1] * known[:-1] + m[1:] * known[1:]) / (m[:-1] + m[1:])
+    at = np.concatenate([[d[0] - 1], inner, [d[-1] + 1]])
+    height = np.append(m[0] * (at[0] - known[0]), (-1) ** np.arange(count) * m * (at[1:] - known))
+    return at, height * draw.choice([-1, 1]), known
+
+
+@pytest.mark.parametrize("points", [40, 400])
+def test_12_2_straight_gaps_with_corners_and_up_to_three_roots_within_a_cell(points: int) -> None:
+    draw = np.random.default_rng(points)
+    d = coordinates(0.0, 2.0, points, 1e-5)
+    members = [zigzag(draw, d) for _ in range(300)]
+
+    def gap(at, which):
+        return np.array([np.interp(q, *members[k][:2]) for q, k in zip(at, which, strict=True)])
+
+    values = np.array([gap(d, np.full(d.size, k)) for k in range(300)])
+    between = brackets(gap, split(gap, Samples.of(d, values), 0.0))
+    found = roots(gap, between, rtol=1e-14, jump=1e-3, floor=0.0)
+    assert np.all(found.fixed)
+    for k, (*_, known) in enumerate(members):
+        assert np.sort(found.d[between.map == k]) == pytest.approx(known, rel=1e-11)
+
+
+def test_12_2_smooth_gaps_with_roots_close_together() -> None:
+    """Roots of g = exp(a sin(3 d) + b d) (d - r0) ... (d - r4), three of them within a cell."""
+    draw = np.random.default_rng(7)
+    d, members = coordinates(0.05, 2.1, 400, 1e-5), []
+    while len(members) < 100:
+        r, (a, b) = draw.uniform(0.1, 2.0, 5), draw.uniform(-2, 2, 2)
+        r[1:3] = r[0] + draw.uniform(-1, 1, 2) * 10.0 ** draw.uniform(-3, -2)
+        gaps = np.diff(np.sort(r))
+        if np.min(gaps) > 1e-4 and np.sum(gaps > 0.03) == 2:
+            members.append((np.sort(r), a, b))
+
+    def gap(at, which):
+        r, a, b = (np.array([member[j] for member in members])[which] for j in range(3))
+        return np.exp(a * np.sin(3 * at) + b * at) * np.prod(at[:, None] - r, axis=1)
+
+    values = np.array([gap(d, np.full(d.size, k)) for k in range(100)])
+    between = brackets(gap, split(gap, Samples.of(d, values), 1e-13))
+    found = roots(gap, between, rtol=1e-14, jump=1e-3, floor=0.0)
+    for k, (known, _, _) in enumerate(members):
+        assert np.sort(found.d[between.map == k]) == pytest.approx(known, rel=1e-10)
+
+
 def test_13_4_many_maps_at_once_have_the_roots_of_each() -> None:
     draw = np.random.default_rng(1)
     known = np.sort(draw.uniform(0.02, 0.98, (40, 3)))
@@ -62,7 +129,7 @@ def test_13_4_many_maps_at_once_have_the_roots_of_each() -> None:
 
     d = coordinates(0.0, 1.0, 80, 1e-5)
     values = np.array([gap(d, np.full(d.size, k)) for k in range(40)])
-    between = brackets(gap, d, values)
+    between = brackets(gap, Samples.of(d, values))
     found = roots(gap, between, rtol=1e-14, jump=1e-3, floor=0.0)
     assert np.all(found.fixed)
     for k in range(40):
@@ -76,7 +143,7 @@ def test_13_4_a_jump_is_no_root_and_nan_is_none() -> None:
 
     d = coordinates(0.0, 1.0, 20, 1e-5)
     values = np.array([gap(d, np.full(d.size, k)) for k in range(2)])
-    between = brackets(gap, d, values)
+    between = brackets(gap, split(gap, Samples.of(d, values), 0.0))
     assert between.map.tolist() == [0]
     assert not np.any(roots(gap, between, rtol=1e-14, jump=1e-3, floor=0.0).fixed)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from filippov.analysis.maps.gap_roots import Whole, brackets, coordinates, roots
+from filippov.analysis.maps.gap_roots import NOISE, Samples, Whole, brackets, coordinates, roots, split
 from filippov.analysis.maps.map_rows import MapRows
 
 Array = npt.NDArray[np.float64]
@@ -23,7 +23,8 @@ def cells(
     def gap(at: Array, cell: Whole) -> Array:
         return event_maps(rows[cell], at[:, None])[:, 0] - at
 
-    between = brackets(gap, d, image - grid, near=NEAR, steps=2 * STEPS)
+    samples = split(gap, Samples.of(d, image - grid), NOISE * event_maps.options["rtol"])
+    between = brackets(gap, samples, near=NEAR, steps=2 * STEPS)
     found = roots(gap, between, rtol=1e-12, jump=JUMP, floor=1e-6 * between.high, steps=STEPS)
     cell, root = between.map[found.fixed], found.d[found.fixed]
     reach = SLOPE * root

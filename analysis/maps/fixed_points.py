@@ -1,8 +1,8 @@
 """Fixed points, jumps and basins of an event map on an interval.
 
 Roots of R(d) - d are bracketed on a grid that is dense near 0 as well, and beside an equilibrium set at 0 on
-one that is even in log d down to rounding. Pairs that lie between points of the grid are found from the
-extrema of R(d) - d, and each is solved for at a tight tolerance (`filippov.analysis.maps.gap_roots`).
+one that is even in log d down to rounding. Several between two points of the grid are told apart by the
+slopes of R(d) - d there, and each is solved for at a tight tolerance (`filippov.analysis.maps.gap_roots`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.algebra.growth import ACCURACY, Growth, by_excess, by_multipliers
-from filippov.analysis.maps.gap_roots import Gap, Whole, brackets, coordinates, roots
+from filippov.analysis.maps.gap_roots import NOISE, Gap, Samples, Whole, brackets, coordinates, roots, split
 from filippov.analysis.maps.set_slope import equilibrium_slope, near_set
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.base.errors import UsageError
@@ -99,7 +99,7 @@ def fixed_points(event_map: ReturnMap, lo: float, hi: float, points: int = 400) 
     """All fixed points of the map in [lo, hi], in order, the equilibrium set at 0 among them."""
     d = grid(lo, hi, points)
     fine = event_map.remake(rtol=min(event_map.rtol, TIGHT), atol=min(event_map.atol, TIGHT * 1e-2))
-    searches = [(fine, d, event_map(d) - d)]
+    searches = [(fine, d, fine(d) - d)]
     found: list[FixedPoint] = []
     if lo <= 0.0 <= hi and event_map(0.0) == 0.0:
         at_set = equilibrium_set(event_map, 1e-3 * max(abs(lo), abs(hi)))
@@ -112,7 +112,8 @@ def fixed_points(event_map: ReturnMap, lo: float, hi: float, points: int = 400) 
     noise = _NOISE * near_set(event_map, max(abs(lo), abs(hi)))[1]
     for at, places, values in searches:
         missed = _gap(at)
-        between = brackets(missed, places, values[None, :])
+        samples = split(missed, Samples.of(places, values[None, :]), NOISE * at.rtol)
+        between = brackets(missed, samples)
         scale = np.maximum(np.abs(between.low), np.abs(between.high))
         there = roots(missed, between, rtol=1e-15, jump=1e-3, floor=np.maximum(1e-7 * scale, noise))
         for root, left in zip(there.d[there.fixed].tolist(), there.left[there.fixed].tolist(), strict=True):

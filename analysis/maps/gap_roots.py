@@ -1,12 +1,14 @@
 """Roots of R(d) - d, the gap of a map, of one map or of many side by side: where a grid brackets them, and
 which are fixed points.
 
-A pair of roots between two points of a grid is found at the extremum of the gap there. A change of sign
+A cell of the grid is split as long as its ends and the slopes there do not exclude further roots. A pair
+that is left between two points is found at the extremum of the gap there. A change of sign
 across a jump of the map is no fixed point, and is told apart by what is left of the gap.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -18,6 +20,14 @@ Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 # R(d) - d at coordinates (k,) of the maps with these numbers (k,); NaN where the map does not return.
 Gap = Callable[[Array, Whole], Array]
+# A cell that is not settled is split into PARTS, at most LEVELS times, to MOST samples for each at first.
+PARTS, LEVELS, MOST = 4, 10, 16
+# Cells are told apart down to this share of d.
+RESOLVED = 1e-8
+# Share of a cell by which tangents reach 0 apart from each other where the gap is but bent.
+APART = 0.02
+# Of a gap, in units of the tolerance of its map.
+NOISE = 10.0
 
 
 @dataclass(frozen=True)
@@ -51,22 +61,96 @@ def coordinates(lo: float, hi: float, points: int, closest: float) -> Array:
     return np.asarray(merged[merged != 0.0])
 
 
-def brackets(gap: Gap, d: Array, values: Array, *, near: float = np.inf, steps: int = 40) -> Brackets:
-    """Between neighbours on a grid d (q,), from the gaps there, values (maps, q).
+@dataclass(frozen=True)
+class Samples:
+    """Gaps of maps at coordinates, flat arrays (k,) in the order of the map, then of d."""
+
+    map: Whole
+    d: Array
+    gap: Array
+
+    @classmethod
+    def of(cls, d: Array, values: Array) -> Samples:
+        """Those on a grid d (q,), values (maps, q)."""
+        which = np.repeat(np.arange(len(values)), d.size)
+        return cls(which, np.tile(d, len(values)), values.ravel())
+
+    def with_more(self, at: Array, which: Whole, gap: Array) -> Samples:
+        """These and others."""
+        maps, d = np.append(self.map, which), np.append(self.d, at)
+        order = np.lexsort((d, maps))
+        return Samples(maps[order], d[order], np.append(self.gap, gap)[order])
+
+
+def split(gap: Gap, samples: Samples, noise: float) -> Samples:
+    """Samples with those that tell apart the roots between two neighbours, where the ends of that cell and
+    the slopes there do not exclude more than its signs show.
+
+    noise  share of d below which gaps are not told from 0
+
+    Where the gap changes its sign both slopes must have that of the chord, and the tangent of the first end
+    must not reach 0 before that of the last; where it does not, none may reach 0 within the cell. Slopes are
+    those of the cubic through four neighbours, and of the chords beside the cell. What leaves no trace at the
+    neighbours is missed.
+    """
+    most = MOST * samples.d.size  # a map that folds everywhere is not told apart
+    for _ in range(LEVELS):
+        k = np.flatnonzero(_unsettled(samples, noise))
+        if not k.size or samples.d.size + (PARTS - 1) * k.size > most:
+            break
+        share = np.arange(1, PARTS) / PARTS
+        at = (samples.d[k, None] + share * (samples.d[k + 1] - samples.d[k])[:, None]).ravel()
+        which = np.repeat(samples.map[k], PARTS - 1)
+        samples = samples.with_more(at, which, gap(at, which))
+    return samples
+
+
+def _unsettled(samples: Samples, noise: float) -> npt.NDArray[np.bool_]:
+    """Whether the cell after each sample may have more roots than its signs show."""
+    d, g, which = samples.d, samples.gap, samples.map
+    out = np.zeros(d.size, dtype=bool)
+    if d.size < 4:
+        return out
+    h, joined = np.diff(d), which[:-1] == which[1:]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        chord = np.where(joined, np.diff(g) / h, np.nan)
+        size = np.maximum(np.abs(g[:-1]), np.abs(g[1:]))
+        reach = np.maximum(np.abs(d[:-1]), np.abs(d[1:]))
+        # Of cells beside the end of a map what is there counts twice.
+        before, after = np.append(np.nan, chord[:-1]), np.append(chord[1:], np.nan)
+        before, after = np.where(np.isnan(before), chord, before), np.where(np.isnan(after), chord, after)
+        left, right = np.append(h[0], h[:-1]), np.append(h[1:], h[-1])
+        first, second = (chord - before) / (left + h), (after - chord) / (h + right)
+        third = (second - first) / (left + h + right)
+        starts = before, chord - h * first - third * h * left
+        ends = after, chord + h * first + third * h * (left + h)
+        through = np.sign(g[:-1]) * np.sign(g[1:]) < 0
+        for start, end in itertools.product(starts, ends):
+            first, last = -g[:-1] / start / h, 1.0 - g[1:] / end / h
+            turns = (start * chord < 0) | (end * chord < 0) | (last - first > APART)
+            reached = ((first > 0) & (first < 1)) | ((last > 0) & (last < 1))
+            out[:-1] |= np.where(through, turns, reached)
+    out[:-1] &= joined & np.isfinite(chord) & (size > noise * reach) & (h > RESOLVED * reach)
+    return out
+
+
+def brackets(gap: Gap, samples: Samples, *, near: float = np.inf, steps: int = 40) -> Brackets:
+    """Between neighbours, from the gaps there.
 
     near   extrema of the gap farther from 0 than this share of d are taken to hide no pair
     steps  of the search for each extremum
     """
+    d, values, which = samples.d, samples.gap, samples.map
     sign, size = np.sign(values), np.abs(values)
-    rows, k = np.nonzero((sign[:, :-1] * sign[:, 1:] < 0) | (sign[:, :-1] == 0))
-    over = np.where(values[rows, k] == 0.0, k, k + 1)
-    found = [(rows, d[k], d[over], values[rows, k], values[rows, over])]
-    same = (sign[:, :-2] * sign[:, 1:-1] > 0) & (sign[:, 1:-1] * sign[:, 2:] > 0)
-    inner = size[:, 1:-1]
-    least = (inner <= size[:, :-2]) & (inner <= size[:, 2:]) & (inner < near * np.abs(d[1:-1]))
-    rows, k = np.nonzero(same & least)
-    if rows.size:
-        side, most = sign[rows, k], np.maximum(size[rows, k], size[rows, k + 2])
+    joined = which[:-1] == which[1:]
+    k = np.flatnonzero(joined & ((sign[:-1] * sign[1:] < 0) | (sign[:-1] == 0)))
+    over = np.where(values[k] == 0.0, k, k + 1)
+    found = [(which[k], d[k], d[over], values[k], values[over])]
+    same = (sign[:-2] * sign[1:-1] > 0) & (sign[1:-1] * sign[2:] > 0) & joined[:-1] & joined[1:]
+    inner = size[1:-1]
+    k = np.flatnonzero(same & (inner <= size[:-2]) & (inner <= size[2:]) & (inner < near * np.abs(d[1:-1])))
+    if k.size:
+        side, most, rows = sign[k], np.maximum(size[k], size[k + 2]), which[k]
 
         def distance(at: Array, which: Whole, side: Array, most: Array) -> Array:
             value = side * gap(at, which.astype(np.int64))
@@ -78,8 +162,8 @@ def brackets(gap: Gap, d: Array, values: Array, *, near: float = np.inf, steps: 
         )  # fmt: skip
         through = lowest.f_x < 0
         rows, k, at, value = rows[through], k[through], lowest.x[through], (side * lowest.f_x)[through]
-        found.append((rows, d[k], at, values[rows, k], value))
-        found.append((rows, at, d[k + 2], value, values[rows, k + 2]))
+        found.append((rows, d[k], at, values[k], value))
+        found.append((rows, at, d[k + 2], value, values[k + 2]))
     return Brackets(*(np.concatenate(part) for part in zip(*found, strict=True)))
 
 
