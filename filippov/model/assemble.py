@@ -63,7 +63,9 @@ def assemble(
     radius = {surface.name: _radius(extractor, surface) for surface in given}
     after = {surface.name: _after(extractor, surface, x) for surface in given if surface.reset is not None}
     ticks = [None if event.reset is None else _after(extractor, event, x) for event in time_events]
-    moved = [e for row in (*after.values(), *ticks) for e in row or ()]
+    # Most states are left as they are by most resets.
+    rows = [row for row in (*after.values(), *ticks) if row is not None]
+    moved = [e for row in rows for q, e in zip(x, row, strict=True) if e is not q]
     used = _used(extractor.table.entries, [*field, *moved], spare)
     entries = _ordered(used, [surface.name for surface in given])
 

@@ -23,6 +23,7 @@ from filippov.kernel.codegen.generated import PAIR, TWICE, Generated, unit_const
 from filippov.kernel.codegen.hoist import Hoisted
 from filippov.kernel.codegen.input_slots import input_text, places
 from filippov.kernel.codegen.pieces import pieces
+from filippov.kernel.codegen.repeated import Places, Repeated, repeated
 from filippov.kernel.codegen.structure import Structure
 from filippov.model.signals.input import Sampled
 from filippov.model.size import expanded
@@ -217,13 +218,14 @@ def total_gradients(form: SymbolicForm, modes: tuple[Symbol, ...]) -> list[list[
     |h_k| has slope 0 while the solution slides on its surface, also inside a root.
     """
     place = {q: j for j, q in enumerate((*form.x, t))}
+    number = {a: k for k, a in enumerate(form.a)}
     rows: list[list[Expr]] = []
-    for i, h in enumerate(form.h):
+    for h in form.h:
         inside = h.free_symbols
         row = [sympy.S.Zero] * len(place)
         for q in inside & place.keys():
             row[place[q]] = slope_of(h, q)
-        for k in (k for k in range(i) if form.a[k] in inside):
+        for k in sorted(number[a] for a in inside & number.keys()):
             slope = slope_of(h, form.a[k]) * modes[k]
             if _roots(slope, {form.a[k]}):
                 slope = Select(2 * modes[k] ** 2 - 1, slope, 0)
@@ -246,14 +248,17 @@ def jointly_affine(form: SymbolicForm) -> bool:
 
 def non_lipschitz(form: SymbolicForm) -> bool:
     """Whether the field contains a power of a size |h| with an exponent that may be below 1."""
-    return any(_roots(f, set(form.a)) for f in form.field)
+    sizes = set(form.a)
+    return any(_roots(f, sizes) for f in form.field)
 
 
 def rooted(form: SymbolicForm) -> list[bool]:
     """Which guards contain a power of a size |h| with an exponent that may be below 1 (infinitely steep)."""
-    own = [_roots(h, set(form.a)) for h in form.h]
-    for i, h in enumerate(form.h):
-        own[i] = own[i] or any(own[k] for k in range(i) if form.a[k] in h.free_symbols)
+    number = {a: k for k, a in enumerate(form.a)}
+    own: list[bool] = []
+    for h in form.h:
+        inside = h.free_symbols & number.keys()
+        own.append(any(own[number[a]] for a in inside) or _roots(h, inside))
     return own
 
 
@@ -396,20 +401,37 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
 def _kernel(
     printer: KernelPrinter, mark: str, head: str, form: SymbolicForm, results: Sequence[tuple[str, Expr]]
 ) -> list[str]:
-    """A kernel that stores the expressions; a long one is divided into kernels that it calls."""
+    """A kernel that stores the expressions; a long one is divided into kernels that it calls.
+
+    Rows that differ in their places alone are loops.
+    """
     name, _, arguments = head.removesuffix(")").partition("(")
-    parts = pieces(results)
-    lines: list[str] = []
-    for k, part in enumerate(parts):
+    sizes = {a: (i, h) for i, (a, h) in enumerate(zip(form.a, form.h, strict=True))}
+    loops, left = repeated(results, Places(printer.names, sizes))
+    bodies = [_loop(printer, form, loop) for loop in loops]
+    for part in pieces(left) if left or not loops else ():
         used = set().union(*(e.free_symbols for _, e in part)) & set(form.a)
-        called = head if len(parts) == 1 else f"{name}{k}({arguments})"
-        lines += [mark, f"def {called} -> int:", *_sizes(form, printer, used), *_assign(printer, part, "c")]
-        lines += ["    return 0", ""]
-    if len(parts) == 1:
+        bodies.append([*_sizes(form, printer, used), *_assign(printer, part, "c")])
+    lines: list[str] = []
+    for k, body in enumerate(bodies):
+        called = head if len(bodies) == 1 else f"{name}{k}({arguments})"
+        lines += [mark, f"def {called} -> int:", *body, "    return 0", ""]
+    if len(bodies) == 1:
         return lines
     given = ", ".join(argument.partition(":")[0] for argument in arguments.split(", "))
-    calls = [f"    {name}{k}({given})" for k in range(len(parts))]
+    calls = [f"    {name}{k}({given})" for k in range(len(bodies))]
     return [*lines, mark, f"def {head} -> int:", *calls, "    return 0", ""]
+
+
+def _loop(printer: KernelPrinter, form: SymbolicForm, loop: Repeated) -> list[str]:
+    """A loop over rows of one form."""
+    before = {symbol: printer.names[symbol] for symbol in loop.names}
+    printer.names |= loop.names
+    guard = dict(zip(form.a, form.h, strict=True))
+    inner = [f"    {printer.names[a]} = {mode} * {printer._print(guard[a])}" for a, mode in loop.sizes]
+    inner += _assign(printer, [loop.row], "c")
+    printer.names |= before
+    return [f"    for b in range({loop.count}):", *(f"    {line}" for line in inner)]
 
 
 def field_source(printer: KernelPrinter, form: SymbolicForm, field: Sequence[Expr]) -> list[str]:
@@ -418,7 +440,7 @@ def field_source(printer: KernelPrinter, form: SymbolicForm, field: Sequence[Exp
     results = [(f"out[{i}]", f) for i, f in enumerate(field)]
     single = _kernel(printer, "@contract", f"rhs({arguments})", form, results)
     # Small fields are inlined in every stage, which saves loads and stores; large ones would bloat the unit.
-    if sum(map(len, single)) >= INLINED:
+    if sum(map(len, single)) >= INLINED or any(" for b in " in line for line in single):
         return [*single, "@contract", *TWICE]
     others = {s: sympy.Dummy(f"s{i}", real=True) for i, s in enumerate(form.s)}
     printer.names |= {other: f"s2[{i}]" for i, other in enumerate(others.values())}

@@ -145,7 +145,7 @@ def inputs_in(expressions: Iterable[Any]) -> tuple[Samples, ...]:
     """The samples of the inputs in expressions, by name. Raises ModelError for two of one name."""
     found: dict[str, Samples] = {}
     for e in expressions:
-        for node in e.atoms(Sampled) if isinstance(e, sympy.Basic) else ():
+        for node in e.atoms(Sampled) if isinstance(e, sympy.Basic) and e.args else ():
             if node.args[0] != t:
                 raise ModelError(f"input {node.samples.name!r} is taken at {node.args[0]}, expected at t.")
             known = found.setdefault(node.samples.name, node.samples)
