@@ -8,15 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import sympy
 from sympy import Expr, Symbol
 from sympy.polys.matrices import DomainMatrix
 from sympy.polys.polyerrors import BasePolynomialError
+from sympy.polys.polytools import NoConvergence
 
 from filippov.analysis.algebra.budget import Clock, OutOfBudgetError
 from filippov.analysis.algebra.polynomial import sign_of_number
+from filippov.analysis.steady.common_roots import common_roots, real_roots
 from filippov.base.errors import UsageError
 
 MOST_BRANCHES = 64
@@ -113,7 +116,9 @@ class Elimination:
             return
         if self._eliminate(single, rest, known, states_only=False):
             return
-        if not self._nonlinear(rest, known, self.unknowns) and not self._split(rest, known):
+        if self._nonlinear(rest, known, self.unknowns) or (self.numeric and self._pair(rest, known)):
+            return
+        if not self._split(rest, known):
             raise UnsolvedError
 
     def _eliminate(self, single: list[int], rest: list[Expr], known: Family, states_only: bool) -> bool:
@@ -154,6 +159,28 @@ class Elimination:
                     continue
                 for root in roots:
                     self._put(unknown, root, rest[:k] + rest[k + 1 :], known)
+                return True
+        return False
+
+    def _pair(self, rest: list[Expr], known: Family) -> bool:
+        """Solve two polynomial equations in two unknowns together."""
+        for k, f in enumerate(rest):
+            held = [x for x in self.unknowns if f.has(x)]
+            for j in range(k + 1, len(rest)):
+                if len(held) != 2 or not all(rest[j].has(x) == (x in held) for x in self.unknowns):
+                    continue
+                g, (u, v) = rest[j], held
+                try:
+                    roots = self.clock.within(partial(common_roots, f, g, u, v))
+                except NoConvergence:
+                    continue
+                if roots is None:
+                    continue
+                others = [e for i, e in enumerate(rest) if i not in (k, j)]
+                for first, second in roots:
+                    put = {u: first, v: second}
+                    moved = {x: e.subs(put) for x, e in known.items()}
+                    self._step([e.subs(put) for e in others], {**moved, **put})
                 return True
         return False
 
@@ -202,7 +229,7 @@ class Elimination:
             if polynomial.degree() < 2:
                 return None
             if polynomial.degree() > 2 and self.numeric and not polynomial.free_symbols_in_domain:
-                return [r for r in polynomial.nroots(n=20, maxsteps=200) if abs(sympy.im(r)) < ROUNDING]
+                return real_roots(polynomial)
             if polynomial.degree() > 2:
                 return None
         try:

@@ -166,7 +166,8 @@ def _symbolic(
         put |= zero
         degenerate = tuple(f"{q} = 0" for q in zero)
     notes: list[str] = []
-    numeric = False
+    # Without parameters there is nothing that formulas could keep.
+    numeric = plain = not any(problem.has(q) for q in form.p)
     branches: list[Family] = []
     for _ in range(len(form.p) + 2):
         current = problem.put(put)
@@ -192,15 +193,19 @@ def _symbolic(
             numeric = True
             put |= values
     still, moving = _apart(branches)
-    held = [point for branch in moving for point in _held(current, branch, {**values, **put})]
+    held: list[EquilibriumPoint | EquilibriumSet] = []
+    held += [point for branch in moving for point in _held(current, branch, {**values, **put})]
     if moving and len(held) < len(moving):
         notes.append(
             f"mode {mode!r}: what balances the field moves with the time t and is no equilibrium. "
             "Give t=... to freeze the system."
         )
     notes += _turns(current, still)
-    existence = Existence(current, {**values, **put}, degenerate, exact=not numeric)
-    return [*held, *(e for branch in still for e in existence.of(branch))], notes
+    existence = Existence(current, {**values, **put}, degenerate)
+    for branch in still:
+        rounded = any(q.has(sympy.Float) for q in branch.values())
+        held += replace(existence, exact=not numeric or (plain and not rounded)).of(branch)
+    return held, notes
 
 
 def _turns(problem: ModeProblem, branches: Sequence[Family]) -> list[str]:
