@@ -59,13 +59,16 @@ def contact_stability(context: Context, point: EquilibriumPoint) -> EquilibriumS
     ]
     verdict = context.verdict(polynomial)
     answer: Answer = "undecided"
-    if e > 1 + SMALL:
+    if e < -SMALL:
+        answer = "unstable"
+        statements.append(Statement("an impact passes the surface, and the field beyond leads away from it"))
+    elif e > 1 + SMALL:
         answer = "unstable"
         statements.append(Statement("bounces grow from impact to impact", BOUNCES))
     elif verdict is Verdict.UNSTABLE:
         answer = "unstable"
         statements.append(Statement("a root of the field on the surface lies on the right", SOURCE))
-    elif not -SMALL <= e < 1 - SMALL:
+    elif not e < 1 - SMALL:
         statements.append(Statement("bounces neither end nor grow in the first order: higher terms decide"))
     elif verdict is Verdict.ASYMPTOTICALLY_STABLE:
         answer = "asymptotically stable"

@@ -131,7 +131,8 @@ def _kind(item: EquilibriumStability, result: StabilityResult, style: Style) -> 
     kind = "set of equilibria" if isinstance(e, EquilibriumSet) else e.kind
     where = f", mode {e.mode}" if e.mode else ""
     how = "on" if kind == "resting contact" else "sliding on"
-    return style.escape(f"{kind}{where}" + (f", {how} {on}" if on else ""))
+    behind = f", behind {', '.join(e.behind)}" if e.behind else ""
+    return style.escape(f"{kind}{where}" + (f", {how} {on}" if on else "") + behind)
 
 
 def _item(item: EquilibriumStability, result: StabilityResult, style: Style) -> list[str]:
@@ -141,6 +142,9 @@ def _item(item: EquilibriumStability, result: StabilityResult, style: Style) -> 
     title = title[0].upper() + title[1:]
     lines = [style.item(line) for line in _place(e, style)]
     verdict = f"Verdict at the parameter values: {item.answer}."
+    if e.behind:
+        text = f"solutions reach it from starts beyond {', '.join(e.behind)} only, which no solution passes"
+        lines.append(style.item(style.escape(text)))
     blocks = [style.heading(2, title), verdict, "\n".join(lines)]
     if item.polynomial is not None and len(item.polynomial) > 1:
         of = "sliding field" if on else "linear part"
@@ -283,6 +287,7 @@ def _item_dict(item: EquilibriumStability) -> dict[str, Any]:
         "conditions": [_plain(c) for c in e.conditions],
         "exact": e.exact,
         "degenerate": list(e.degenerate),
+        "behind": list(e.behind),
     }
     if isinstance(e, EquilibriumSet):
         out["domain"] = {str(q): [str(b) for b in pair] for q, pair in zip(e.free, e.domain, strict=True)}

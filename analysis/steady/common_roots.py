@@ -43,14 +43,15 @@ def common_roots(f: Expr, g: Expr, u: Symbol, v: Symbol) -> list[tuple[Expr, Exp
 
 
 def whole_coefficients(e: Expr, *unknowns: Symbol) -> Poly | None:
-    """The polynomial with whole coefficients in proportion to e; None where e is none with rational ones."""
+    """The polynomial with whole coefficients and simple factors that has the zeros of e; None where e is none
+    with rational coefficients."""
     try:
         polynomial = Poly(e, *unknowns)
     except BasePolynomialError:
         return None
     if not (polynomial.domain.is_ZZ or polynomial.domain.is_QQ):
         return None
-    return polynomial.clear_denoms(convert=True)[1]
+    return polynomial.clear_denoms(convert=True)[1].sqf_part()
 
 
 def real_roots(polynomial: Poly) -> list[Expr]:

@@ -23,6 +23,7 @@ from filippov.analysis.steady.clocks import after, mover
 from filippov.analysis.steady.equilibria_numeric import NumericMode, numeric_equilibria
 from filippov.analysis.steady.equilibrium import Equilibria, EquilibriumPoint, EquilibriumSet, Missing
 from filippov.analysis.steady.existence import Existence, ModeProblem
+from filippov.analysis.steady.stops import with_stops
 from filippov.base.errors import UsageError
 from filippov.base.given import Positive, interval
 from filippov.base.keywords import keywords
@@ -82,7 +83,7 @@ def equilibria(
         found += more
     found, moved = _kept(system, found, p)
     notes += moved
-    found = _without_doubles(found, system, p)
+    found = with_stops(system, _without_doubles(found, system, p), _numbers(system, p))
     if system.symbolic is None and t is None and chosen:
         notes.append("plain functions were searched numerically, at t = 0.")
     notes += _unsearched(system)

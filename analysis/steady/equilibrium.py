@@ -28,6 +28,7 @@ class EquilibriumPoint:
     conditions   inequalities in the parameters under which it exists
     exact        whether x holds for all parameters near the values
     degenerate   the special parameter values on which the result rests, such as "I = 0"
+    behind       stops: surfaces that no solution passes to the side on which it lies
     """
 
     mode: str
@@ -40,6 +41,7 @@ class EquilibriumPoint:
     conditions: tuple[Any, ...] = ()
     exact: bool = True
     degenerate: tuple[str, ...] = ()
+    behind: tuple[str, ...] = ()
 
     @property
     def dimension(self) -> int:
@@ -59,7 +61,7 @@ class EquilibriumSet:
     bounds       the domain at the parameter values
     ends         end points (dimension 1) or corners (more) that exist
     conditions   inequalities in `free` and the parameters that bound the set
-    exact, degenerate   as for a point
+    exact, degenerate, behind   as for a point
     """
 
     mode: str
@@ -73,6 +75,7 @@ class EquilibriumSet:
     conditions: tuple[Any, ...] = ()
     exact: bool = True
     degenerate: tuple[str, ...] = ()
+    behind: tuple[str, ...] = ()
 
     @property
     def kind(self) -> str:

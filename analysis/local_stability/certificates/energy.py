@@ -46,10 +46,11 @@ def _one(found: Local, q: Symbol, v: Symbol, j: int) -> Certificate | None:
     kept = _impacts(found, q, v)
     if kept is None:
         return None
-    powers, checked = list(kept), []
+    walls = [k for k, (_, turns) in kept.items() if turns and found.sides[k] != "both"]
+    impact = [growth for growth, _ in kept.values()]
+    powers, checked = list(impact), []
     for side in (1, -1):
-        if any(found.sides[k] != "both" and _sign(found.h[k], {q: side * EPSILON}) != _of(found.sides[k])
-               for k in found.resets):  # fmt: skip
+        if any(_sign(found.h[k], {q: side * EPSILON}) != _of(found.sides[k]) for k in walls):
             continue
         at = [0 if m else _sign(h, {q: side * EPSILON}) for h, m in zip(found.h, moving, strict=True)]
         if any(s == 0 and not m for s, m in zip(at, moving, strict=True)):
@@ -70,7 +71,7 @@ def _one(found: Local, q: Symbol, v: Symbol, j: int) -> Certificate | None:
             powers.append(power)
     if not checked:
         return None
-    impacts = ["impacts do not raise v^2" if max(kept) <= 0 else "impacts raise v^2"] if kept else []
+    impacts = ["impacts do not raise v^2" if max(impact) <= 0 else "impacts raise v^2"] if impact else []
     if all(p == 0 for p in powers):
         checked += [*impacts, "no power is lost or gained"]
         return Certificate("stable", "the energy is positive definite and kept", ENERGY, tuple(checked))
@@ -127,10 +128,11 @@ def _power(power: Expr) -> int | None:
     return None
 
 
-def _impacts(found: Local, q: Symbol, v: Symbol) -> list[int] | None:
-    """Of each reset q+ = q, v+ = r v on a surface of q: the sign of r^2 - 1; None where one is no such."""
+def _impacts(found: Local, q: Symbol, v: Symbol) -> dict[int, tuple[int, bool]] | None:
+    """Of each reset q+ = q, v+ = r v on a surface of q: the sign of r^2 - 1, and whether r <= 0, so that the
+    surface is not passed; None where one is no such."""
     i, j = found.x.index(q), found.x.index(v)
-    out = []
+    out = {}
     for k, after in found.resets.items():
         if found.h[k].free_symbols - {q}:
             return None
@@ -139,5 +141,5 @@ def _impacts(found: Local, q: Symbol, v: Symbol) -> list[int] | None:
             return None
         if not rate.is_number:
             return None
-        out.append(int(sympy.sign(rate**2 - 1)))
+        out[k] = int(sympy.sign(rate**2 - 1)), bool(rate <= 0)
     return out
