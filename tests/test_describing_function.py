@@ -14,7 +14,7 @@ from filippov.analysis.harmonic.quasi_linear import lure
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.section import Section
 from filippov.model.comparator import Hysteresis
-from filippov.model.symbols import Max, Min, sign
+from filippov.model.symbols import Abs, Max, Min, sign
 from filippov.model.symbols import t as time
 from filippov.models import get
 from filippov.models.static_cycle import coulomb_ratio, static_cycles
@@ -68,6 +68,57 @@ def test_relay_with_hysteresis() -> None:
     exact = solve(plain.with_comparator(Hysteresis(width)), (0.0, 0.3), (0, 200), rtol=1e-10)
     period = 2 * float(exact.events.t[-1] - exact.events.t[-2])
     assert cycle.period == pytest.approx(period, rel=0.03)
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_12_6_cycles_of_random_loops_in_closed_form(seed: int) -> None:
+    """x'' = -w^2 x + a v - b v |v| + c v^3: a - 8 b A/(3 pi) + 3 c A^2/4 = 0 for y = v; 1/(s (s + p) (s + q))
+    under a relay of height b: omega^2 = p q, A = 4 b/(pi p q (p + q)); v under a saturation of slope n: the
+    root of a = n N(A)."""
+    draw = np.random.default_rng([6, seed])
+    w, a, b, c = draw.uniform(0.5, 3), draw.uniform(0.1, 1), draw.uniform(0.5, 3), draw.uniform(-0.4, 0.6)
+    kind, x, v, z = seed % 3, *states("x v z")
+    if kind == 0:
+        system = System({x: v, v: -(w**2) * x + a * v - b * v * Abs(v) + c * v**3})
+        sizes = np.roots([3 * c / 4, -8 * b / (3 * math.pi), a])
+        sizes = np.sort(sizes[(sizes.imag == 0) & (sizes.real > 0)].real)
+        known = [(q, w, -8 * b / (3 * math.pi) + 3 * c * q / 2 < 0) for q in sizes]
+    elif kind == 1:
+        p, q = draw.uniform(0.3, 3, 2)
+        system = System({x: v, v: z, z: -p * q * v - (p + q) * z - b * sign(x)})
+        known = [(4 * b / (math.pi * p * q * (p + q)), math.sqrt(p * q), True)]
+    else:
+        slope = a + c
+        system = System({x: v, v: -(w**2) * x + a * v - slope * Max(-1, Min(1, v))})
+        angle = np.linspace(1e-9, 1 - 1e-9, 1001)
+
+        def gain(s: np.ndarray) -> np.ndarray:
+            return 2 / math.pi * (np.arcsin(s) + s * np.sqrt(1 - s**2))
+
+        known = [] if c <= 0 else [(1 / np.interp(a / slope, gain(angle), angle), w, False)]
+    found = describing_function(system, system.surfaces[0].name, amplitudes=(1e-3, 1e2)).cycles
+    assert len(found) == len(known)
+    for cycle, (size, omega, falls) in zip(found, known, strict=True):
+        assert cycle.amplitude == pytest.approx(size, rel=1e-4 if kind == 2 else 1e-10)
+        assert cycle.frequency == pytest.approx(omega, rel=1e-10)
+        assert cycle.stable == falls
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_12_5_no_cycle_is_told_from_the_rounding_of_a_growth_rate(seed: int) -> None:
+    """Springs without damping, and damping that begins at |v| = d: closed orbits, and no limit cycle."""
+    draw = np.random.default_rng([5, seed])
+    k, b, d = draw.uniform(0.3, 4), draw.uniform(0.1, 2), draw.uniform(0.5, 2)
+    x, v = states("x v")
+    dead = Max(v - d, 0) + Min(v + d, 0)
+    force = [b * sign(x), b * (Max(x - d, 0) + Min(x + d, 0)), b * dead][seed % 3]
+    system = System({x: v, v: -k * x - force})
+    found = describing_function(system, system.surfaces[0].name, amplitudes=(1e-3, 1e2))
+    assert not found.cycles
+    (low, high), = found.neutral
+    assert low == 1e-3
+    assert high == pytest.approx(100.0 if seed % 3 < 2 else d, rel=0.08)
+    assert "does not decide" in str(found)
 
 
 def test_bias_is_balanced() -> None:

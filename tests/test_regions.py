@@ -1,6 +1,7 @@
 """Regions over two parameters and basins over two states, against what is known of the hunting loop."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from command import summary
 from scipy.optimize import brentq
 
-from filippov import UsageError, solve
+from filippov import Surface, System, UsageError, parameters, solve, states
 from filippov.analysis.diagrams.basin import basin
 from filippov.analysis.diagrams.bifurcation import bifurcation
 from filippov.analysis.diagrams.regions import regions
@@ -17,6 +18,7 @@ from filippov.analysis.maps.section import Section
 from filippov.analysis.steady.rest_map import growth, rest_map
 from filippov.models import get
 from filippov.models.static_cycle import static_cycles
+from filippov.plot import plot_regions
 
 MODEL = get("hunting")
 SYSTEM, SECTION = MODEL.build(), Section.from_model(MODEL)
@@ -45,6 +47,27 @@ def test_static_friction_has_one_stable_cycle_of_the_algebraic_size() -> None:
     wanted = [static_cycles(m=1, P=g, D=1, I=10, Fs=4, Fc=2, b=1)[0].d for g in gains]
     np.testing.assert_allclose(found.amplitude[0], wanted, rtol=1e-6)
     assert not found.set_stable.any()
+
+
+def test_12_5_what_lies_on_the_border_is_neither_stable_nor_unstable() -> None:
+    """d -> k d + m (d - 1)(2 - d) d (d + 3): slopes in closed form at 0, 1 and 2, for k = 1."""
+    u, z = states("u z")
+    p = parameters(k=1, m=0.1)
+    image = p.k * u + p.m * (u - 1) * (2 - u) * u * (u + 3)
+    tick = Surface("tick", z - 1, reset={u: image, z: 0 * z}, side="-")
+    system = System({u: 0 * u, z: 1 + 0 * z}, surfaces=[tick], parameters=p)
+    section = Section("tick", "reset", "u", {"u": "d", "z": 0}, t_max=5)
+    # Slopes at 1 and 2: 1 + 4 m and 1 - 10 m, which is -1 at m = 0.2; at 0: 1 - 6 m.
+    m = [-0.4, 0.05, 0.1999, 0.2, 0.2001, 1 / 3, 0.3334]
+    found = regions(system, section, ("m", m), ("k", [1.0, 1.0]), (0, 2.5), order=1)
+    assert found.cycles[0].tolist() == [2] * 7
+    assert found.stable[0].tolist() == [int(abs(1 + 4 * q) < 1) + int(-1e-9 < q < 0.2) for q in m]
+    assert found.undecided[0].tolist() == [0, 0, 0, 1, 0, 0, 0]
+    assert found.set_verdict[0].tolist() == [
+        "unstable", "stable", "stable", "stable", "stable", "undecided", "unstable",
+    ]  # fmt: skip
+    assert found.text(0, 3) == "2 cycles, 0 stable, 1 undecided; set of equilibria stable"
+    plot_regions(replace(found, y=np.array([1.0, 2.0])))
 
 
 def test_rows_that_an_interrupt_left_out_are_marked() -> None:

@@ -169,6 +169,10 @@ def test_return_map_against_the_differential_equation() -> None:
 
 def test_return_map_of_real_roots() -> None:
     assert rest_map(np.poly([-1, -2, -3])).outcome == "converges"
+    for least in (0.0, 1e-18, -1e-18, 1e-14):  # a root that is 0 to rounding says neither
+        border = rest_map([1, 2, 1, least])
+        assert border.outcome == "undecided"
+        assert np.isnan(growth([border]))
     assert rest_map(np.poly([1, -2, -3])).outcome == "leaves"
     assert rest_map(np.poly([-1, -2])).outcome == "converges"
     assert rest_map([1, 0, 4]).kappa == pytest.approx(-1)

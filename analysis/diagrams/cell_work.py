@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.algebra.growth import GROWTHS
-from filippov.analysis.diagrams.cells import CLOSEST, cells
+from filippov.analysis.diagrams.cells import CLOSEST, COLUMNS, cells
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.map_rows import MapRows
@@ -74,7 +74,7 @@ class CellWork:
     parameters: Mapping[str, float]
     units: Mapping[str, str]
     grain: int
-    columns = ("cycles", "stable", "set_stable", "amplitude", "lost")
+    columns = COLUMNS
 
     @property
     def first(self) -> int:

@@ -5,17 +5,19 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra.growth import GROWTHS, by_excess
 from filippov.analysis.maps.gap_roots import NOISE, Samples, Whole, brackets, coordinates, roots, split
 from filippov.analysis.maps.map_rows import MapRows
 
 Array = npt.NDArray[np.float64]
-CLOSEST, STEPS, SLOPE, JUMP, NEAR = 1e-5, 7, 1e-4, 0.05, 0.2
+CLOSEST, STEPS, SLOPE, JUMP, NEAR = 1e-5, 7, 1e-3, 0.05, 0.2
+COLUMNS = ("cycles", "stable", "undecided", "set_verdict", "amplitude", "lost")
 
 
 def cells(
     event_maps: MapRows, rows: Array, hi: float, points: int
-) -> tuple[Whole, Whole, npt.NDArray[np.bool_], Array, Array]:
-    """cycles, stable, set_stable, amplitude and lost of parameter rows (k, P), each of shape (k,)."""
+) -> tuple[Whole, Whole, Whole, Whole, Array, Array]:
+    """COLUMNS of parameter rows (k, P), each of shape (k,); the verdict as its place in GROWTHS."""
     d = coordinates(0.0, hi, points, CLOSEST)
     grid = np.broadcast_to(d, (len(rows), d.size))
     image = event_maps(rows, grid)
@@ -23,7 +25,8 @@ def cells(
     def gap(at: Array, cell: Whole) -> Array:
         return event_maps(rows[cell], at[:, None])[:, 0] - at
 
-    samples = split(gap, Samples.of(d, image - grid), NOISE * event_maps.options["rtol"])
+    noise = NOISE * event_maps.options["rtol"]
+    samples = split(gap, Samples.of(d, image - grid), noise)
     between = brackets(gap, samples, near=NEAR, steps=2 * STEPS)
     found = roots(gap, between, rtol=1e-12, jump=JUMP, floor=1e-6 * between.high, steps=STEPS)
     cell, root = between.map[found.fixed], found.d[found.fixed]
@@ -32,10 +35,16 @@ def cells(
     known = np.isfinite(slope)
     cell, root, slope = cell[known], root[known], slope[known]
     count = np.bincount(cell, minlength=len(rows))
-    firm = np.abs(slope) < 1
+    verdict = np.array([by_excess(float(s), noise / SLOPE) for s in np.abs(slope) - 1.0], dtype=object)
+    firm = verdict == "stable"
     held = np.bincount(cell[firm], minlength=len(rows))
+    open_ = np.bincount(cell[verdict == "undecided"], minlength=len(rows))
     amplitude = np.full(len(rows), np.nan)
     for where, place in zip(cell[firm], root[firm], strict=True):
         amplitude[where] = np.nanmax([amplitude[where], place])
-    set_stable = np.abs(image[:, 0]) < d[0]
-    return count, held, set_stable, amplitude, np.mean(np.isnan(image), axis=1)
+    # The least excursion stands for those that are smaller: what these may differ is its error.
+    ratio = np.abs(image[:, :2]) / d[:2]
+    error = noise + np.abs(ratio[:, 1] - ratio[:, 0]) * d[0] / (d[1] - d[0])
+    excess = (ratio[:, 0] - 1.0).tolist()
+    beside = [GROWTHS.index(by_excess(*pair)) for pair in zip(excess, error.tolist(), strict=True)]
+    return count, held, open_, np.array(beside), amplitude, np.mean(np.isnan(image), axis=1)

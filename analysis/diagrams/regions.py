@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.algebra.growth import GROWTHS
 from filippov.analysis.diagrams.borders import exact_borders
 from filippov.analysis.diagrams.cell_work import CellWork, map_rows
 from filippov.analysis.diagrams.cells import cells
@@ -31,6 +32,8 @@ Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 # Cells that are computed side by side: whole rows, as many as have so many cells. An interrupt loses no more.
 _SIDE_BY_SIDE = 250
+# By their place, from the end for -1: "undecided" is the last.
+_VERDICTS = np.array(GROWTHS)
 
 
 @dataclass(frozen=True)
@@ -38,8 +41,10 @@ class Regions:
     """Cells over two parameters; arrays have shape (len(y), len(x)).
 
     names          of the parameters; x, y: their values
-    cycles, stable number of cycles in the interval, and how many of them are stable; -1 where not computed
-    set_stable     whether small excursions shrink: the set of equilibria attracts
+    cycles, stable, undecided   number of cycles in the interval, how many of them are stable, and of how many
+                   the slope is 1 within its error; -1 where not computed
+    set_verdict    "stable" where small excursions shrink: the set of equilibria attracts; "unstable" where
+                   they grow, "undecided" where they do neither within their error, are lost or not computed
     amplitude      d of the largest stable cycle, NaN without one
     lost           share of the coordinates whose solution does not return within t_max
     borders        (name, points (k, 2)) of curves that bound the regions
@@ -51,19 +56,26 @@ class Regions:
     y: Array
     cycles: Whole
     stable: Whole
-    set_stable: npt.NDArray[np.bool_]
+    undecided: Whole
+    set_verdict: npt.NDArray[np.str_]
     amplitude: Array
     lost: Array
     borders: tuple[tuple[str, Array], ...] = ()
     complete: bool = True
     parameters: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def set_stable(self) -> npt.NDArray[np.bool_]:
+        """Where the set of equilibria attracts."""
+        return np.asarray(self.set_verdict == "stable")
+
     def to_dict(self) -> dict[str, Any]:
         """The map as plain data."""
         return {
             "names": list(self.names), "x": self.x.tolist(), "y": self.y.tolist(),
             "cycles": self.cycles.tolist(), "stable": self.stable.tolist(),
-            "set_stable": self.set_stable.tolist(), "amplitude": self.amplitude.tolist(),
+            "undecided": self.undecided.tolist(), "set_stable": self.set_stable.tolist(),
+            "set_verdict": self.set_verdict.tolist(), "amplitude": self.amplitude.tolist(),
             "lost": self.lost.tolist(), "complete": self.complete, "parameters": dict(self.parameters),
             "borders": [{"name": name, "points": points.tolist()} for name, points in self.borders],
         }  # fmt: skip
@@ -72,8 +84,9 @@ class Regions:
         """What the cell in row i and column j holds."""
         if self.cycles[i, j] < 0:
             return "not computed"
-        word = "stable" if self.set_stable[i, j] else "unstable"
-        return f"{self.cycles[i, j]} cycles, {self.stable[i, j]} stable; set of equilibria {word}"
+        left = f", {self.undecided[i, j]} undecided" if self.undecided[i, j] else ""
+        told = f"{self.cycles[i, j]} cycles, {self.stable[i, j]} stable{left}"
+        return f"{told}; set of equilibria {self.set_verdict[i, j]}"
 
 
 @keywords()
@@ -137,14 +150,13 @@ def regions(
         table = run(work, **engine, progress=progress)
         table.raise_errors(ERROR)
         found = [table[name].reshape(shape) for name in work.columns]
-        count = [np.where(np.isnan(part), -1, part).astype(np.int64) for part in found[:2]]
+        count = [np.where(np.isnan(part), -1, part).astype(np.int64) for part in found[:4]]
         return Regions(
-            (x[0], y[0]), across, up, count[0], count[1], found[2] == 1.0, found[3], found[4],
-            curves(found[3]) if table.complete else (), table.complete, dict(parameters or {}),
+            (x[0], y[0]), across, up, count[0], count[1], count[2], _VERDICTS[count[3]], found[4], found[5],
+            curves(found[4]) if table.complete else (), table.complete, dict(parameters or {}),
         )  # fmt: skip
-    cycles, stable = np.full(shape, -1), np.full(shape, -1)
-    set_stable, lost = np.zeros(shape, dtype=bool), np.full(shape, np.nan)
-    amplitude = np.full(shape, np.nan)
+    cycles, stable, undecided, beside = (np.full(shape, -1) for _ in range(4))
+    amplitude, lost = np.full(shape, np.nan), np.full(shape, np.nan)
     rows_of_map = map_rows(system, section, order, rtol, hi, threads)
     complete = True
     try:
@@ -155,13 +167,13 @@ def regions(
             flat = cells(rows_of_map, rows_of_map.rows(values, parameters), hi, points)
             lines = zip(*(column.reshape(block.size, across.size) for column in flat), strict=True)
             for i, row in enumerate(lines, first):
-                cycles[i], stable[i], set_stable[i], amplitude[i], lost[i] = row
+                cycles[i], stable[i], undecided[i], beside[i], amplitude[i], lost[i] = row
                 if progress is not None:
                     progress(i + 1, up.size)
     except KeyboardInterrupt:
         complete = False
     return Regions(
-        (x[0], y[0]), across, up, cycles, stable, set_stable, amplitude, lost,
+        (x[0], y[0]), across, up, cycles, stable, undecided, _VERDICTS[beside], amplitude, lost,
         curves(amplitude) if complete else (), complete,
         dict(parameters or {}),
     )  # fmt: skip

@@ -11,11 +11,12 @@ Armstrong-Helouvry & Amin 1996 and Olsson 1995.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import brentq, root
 
 from filippov.analysis.algebra import linalg
@@ -26,6 +27,8 @@ from filippov.base.keywords import keywords
 from filippov.model.system import System
 
 LEVELS, EDGE = 160, 1e-9
+# Real part of an eigenvalue, in units of its size, that the integrals of harmonics leave of 0.
+ON_AXIS = 1e-11
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,8 @@ class DescribingFunction:
     amplitude  grid of A; growth, frequency: the largest real part among the oscillating eigenvalues of the
                quasi-linear matrix there, and its frequency; NaN where none oscillates
     gain       N(A) of each equation, shape (n, k)
+    neutral    (low, high) of amplitudes at all of which an oscillating eigenvalue lies on the axis to
+               rounding: closed orbits beside each other, or none, which harmonic balance does not decide
     """
 
     states: tuple[str, ...]
@@ -69,23 +74,29 @@ class DescribingFunction:
     growth: Array
     frequency: Array
     gain: ComplexArray
+    neutral: tuple[tuple[float, float], ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The prediction as plain data."""
         return {
             "surface": self.surface,
             "cycles": [asdict(cycle) | {"period": cycle.period} for cycle in self.cycles],
+            "neutral": [list(pair) for pair in self.neutral],
         }
 
     def __str__(self) -> str:
+        left = "".join(
+            f"\n  from A = {a:.6g} to {b:.6g} it does not decide: the growth rate is 0 to rounding"
+            for a, b in self.neutral
+        )
         if not self.cycles:
-            return f"input '{self.surface}': harmonic balance predicts no limit cycle."
+            return f"input '{self.surface}': harmonic balance predicts no limit cycle.{left}"
         rows = [
             f"  A = {c.amplitude:.9g}, omega = {c.frequency:.9g} (period {c.period:.9g}), "
             f"{'stable' if c.stable else 'unstable'}, third harmonic {100 * c.distortion:.2g} % of A"
             for c in self.cycles
         ]
-        return "\n".join([f"input '{self.surface}': harmonic balance predicts", *rows])
+        return "\n".join([f"input '{self.surface}': harmonic balance predicts", *rows]) + left
 
 
 @keywords()
@@ -119,21 +130,43 @@ def describing_function(
     spectra = [balance.spectrum(amplitude) for amplitude in grid]
     gain = np.array([balance.gain(amplitude) for amplitude in grid]).T
     cycles = []
-    for a, b, first, second in zip(grid[:-1], grid[1:], spectra[:-1], spectra[1:], strict=True):
-        for value in first:
-            if second.size:
-                match = second[np.argmin(np.abs(second - value))]
-                if value.real * match.real < 0 or value.real == 0.0:
-                    cycle = balance.cycle(a, b, value)
-                    if cycle is not None:
-                        cycles.append(cycle)
+    for k, values in enumerate(spectra):
+        for value in values[_sides(values) != 0]:
+            passed, side = _next_side(value, spectra[k + 1 : k + 3])
+            cycle = balance.cycle(grid[k], grid[k + passed], value) if side * value.real < 0 else None
+            if cycle is not None:
+                cycles.append(cycle)
     growth = np.full(grid.size, np.nan)
     frequency = np.full(grid.size, np.nan)
     for k, values in enumerate(spectra):
         if values.size:
             top = values[np.argmax(values.real)]
             growth[k], frequency[k] = top.real, top.imag
-    return DescribingFunction(system.states, surface, tuple(cycles), grid, growth, frequency, gain)
+    neutral = _runs(grid, [bool(np.any(_sides(values) == 0)) for values in spectra])
+    return DescribingFunction(system.states, surface, tuple(cycles), grid, growth, frequency, gain, neutral)
+
+
+def _sides(values: ComplexArray) -> npt.NDArray[np.int64]:
+    """The signs of the real parts, 0 where these are rounding."""
+    return np.where(np.abs(values.real) > ON_AXIS * np.abs(values), np.sign(values.real), 0).astype(np.int64)
+
+
+def _next_side(value: complex, spectra: Sequence[ComplexArray]) -> tuple[int, int]:
+    """How many levels on the eigenvalue that follows is off the axis, and its side; 0 where none is."""
+    for passed, values in enumerate(spectra, 1):
+        if not values.size:
+            break
+        value = values[np.argmin(np.abs(values - value))]
+        if side := int(_sides(np.array(value))):
+            return passed, side
+    return 1, 0
+
+
+def _runs(grid: Array, on: Sequence[bool]) -> tuple[tuple[float, float], ...]:
+    """The ends of two and more neighbours that are on."""
+    marks = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
+    pairs = zip(marks[::2], marks[1::2] - 1, strict=True)
+    return tuple((float(grid[a]), float(grid[b])) for a, b in pairs if b > a)
 
 
 class _Balance:

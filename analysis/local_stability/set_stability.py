@@ -13,6 +13,7 @@ What is decided, and by what:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -180,6 +181,8 @@ def _asked(context: Context, found: EquilibriumSet, answer: Answer) -> tuple[Ans
 def _slope_text(m: RestMap) -> str:
     if m.outcome == "leaves":
         return "slip never ends"
+    if m.outcome == "undecided":
+        return "a root of the slip polynomial is 0 to rounding"
     if m.outcome == "converges":
         return "slip converges to the end"
     told = {"stable": "attracts", "unstable": "repels", "undecided": "1 to rounding"}
@@ -360,6 +363,8 @@ class _Ends:
                 f"{PAPER}; {PROOF}",
             )
         ]
+        if math.isnan(factor):
+            return "undecided", [*statements, Statement(kappa, PROOF)]
         if self.n == 2:
             statements.append(Statement(f"beyond an end, slip {self._told(maps)}", PROOF))
             return ("asymptotically stable" if factor < 1 or self._returns(maps) else "unstable"), statements

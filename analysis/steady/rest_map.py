@@ -31,6 +31,7 @@ from typing import Literal
 import numpy as np
 
 from filippov.analysis.algebra import linalg
+from filippov.analysis.algebra.growth import by_eigenvalues
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 
@@ -39,14 +40,22 @@ LEAVES = 2.0
 
 @dataclass(frozen=True)
 class RestMap:
-    """After break-away at an end, slip returns with slope kappa, converges to the end, or leaves.
+    """After break-away at an end, slip returns with slope kappa, converges to the end, or leaves; undecided
+    where that hangs on a root that is 0 to rounding.
 
     duration   of the slip in the linear system, inf where it does not return
     """
 
-    outcome: Literal["returns", "converges", "leaves"]
+    outcome: Literal["returns", "converges", "leaves", "undecided"]
     kappa: float
     duration: float
+
+
+_STILL = {
+    "stable": RestMap("converges", 0.0, math.inf),
+    "unstable": RestMap("leaves", math.inf, math.inf),
+    "undecided": RestMap("undecided", math.nan, math.inf),
+}
 
 
 @keywords()
@@ -58,8 +67,7 @@ def rest_map(polynomial: Sequence[float]) -> RestMap:
     roots = linalg.roots(a)
     turning = roots[np.abs(roots.imag) > 1e-12 * (1.0 + np.abs(roots))]
     real = [r.real for r in roots if not np.any(r == turning)]
-    hurwitz = bool(np.all(roots.real < 0))
-    still = RestMap("converges", 0.0, math.inf) if hurwitz else RestMap("leaves", math.inf, math.inf)
+    still = _STILL[by_eigenvalues(roots)]
     if not len(turning):
         return still
     sigma, omega = float(turning[0].real), abs(float(turning[0].imag))
@@ -92,12 +100,15 @@ def _position(a: Sequence[float] | np.ndarray, t: float) -> float:
 def growth(maps: Sequence[RestMap]) -> float:
     """Size of the factor from one rest position to the next, over one passage of the ends: < 1 is attractive.
 
-    maps   one for each end, or one that stands for both. 0 where the solution stays at an end that attracts.
+    maps   one for each end, or one that stands for both. 0 where the solution stays at an end that attracts,
+           NaN where one is undecided and none leaves
     """
     if not maps:
         raise UsageError("maps is empty, expected one for each end, or one that stands for both.")
     if any(m.outcome == "leaves" or m.kappa >= 1 for m in maps):
         return LEAVES
+    if any(m.outcome == "undecided" for m in maps):
+        return math.nan
     if any(m.kappa >= 0 for m in maps):
         return 0.0
     return float(math.prod(-m.kappa for m in maps) ** (1 / len(maps)))

@@ -17,8 +17,15 @@ if TYPE_CHECKING:
 
 RESTING = ("#e4f2e9", "#bcdff5", "#7fb8de", "#4a90c2")
 # For readers and printers without colours.
-HATCHES = {True: ("", "..", "xx", "++"), False: ("//", "\\\\", "||", "--")}
-REPELLING = ("#fbe3d6", "#f3b79b", "#e08a66", "#c85f3d")
+HATCHES = {
+    "stable": ("", "..", "xx", "++"), "unstable": ("//", "\\\\", "||", "--"),
+    "undecided": ("o", "oo", "O", "OO"),
+}  # fmt: skip
+PALETTES = {
+    "stable": RESTING, "unstable": ("#fbe3d6", "#f3b79b", "#e08a66", "#c85f3d"),
+    "undecided": ("#f0f0f0", "#d6d6d6", "#b4b4b4", "#8c8c8c"),
+}  # fmt: skip
+REST = {"stable": "attracts", "unstable": "repels", "undecided": "undecided"}
 HATCHED = "#9a9a9a"
 BASINS = (SKY, ORANGE, GREEN, PURPLE, BLUE, RED)
 LINES = (INK, RED, PURPLE, GREEN)
@@ -76,10 +83,11 @@ def _kinds(result: Any) -> tuple[Any, list[str], list[str], list[str]]:
     names: list[str] = []
     colors: list[str] = []
     hatches: list[str] = []
-    cells = zip(result.cycles.ravel(), result.stable.ravel(), result.set_stable.ravel(), strict=True)
-    keys = sorted({(int(a), int(b), bool(c)) for a, b, c in cells})
-    for number, (cycles, stable, attracts) in enumerate(keys):
-        same = (result.cycles == cycles) & (result.stable == stable) & (result.set_stable == attracts)
+    parts = (result.cycles, result.stable, result.undecided, result.set_verdict)
+    keys = sorted(set(zip(*(part.ravel().tolist() for part in parts), strict=True)))
+    for number, (cycles, stable, left, verdict) in enumerate(keys):
+        same = (result.cycles == cycles) & (result.stable == stable)
+        same &= (result.undecided == left) & (result.set_verdict == verdict)
         kinds[same] = number
         if cycles < 0:
             names.append("not computed")
@@ -88,10 +96,11 @@ def _kinds(result: Any) -> tuple[Any, list[str], list[str], list[str]]:
             continue
         word = "cycle" if cycles == 1 else "cycles"
         what = "no cycle" if cycles == 0 else f"{cycles} {word}, {stable} stable"
-        names.append(f"{what}; rest {'attracts' if attracts else 'repels'}")
-        palette = RESTING if attracts else REPELLING
+        what += f", {left} undecided" if left > 0 else ""
+        names.append(f"{what}; rest {REST[verdict]}")
+        palette = PALETTES[verdict]
         colors.append(palette[min(cycles, len(palette) - 1)])
-        hatches.append(HATCHES[attracts][min(cycles, len(palette) - 1)])
+        hatches.append(HATCHES[verdict][min(cycles, len(palette) - 1)])
     return kinds, names, colors, hatches
 
 

@@ -49,10 +49,11 @@ def run_regions(settings: dict[str, Any], console: Console) -> int:
         (x0, y0), (x1, y1) = points[0], points[-1]
         console.say(f"{name}: from {x[0]} {x0:.6g}, {y[0]} {y0:.6g} to {x[0]} {x1:.6g}, {y[0]} {y1:.6g}")
     folder.json("regions.json", data)
-    columns = (x[0], y[0], "cycles", "stable", "set_stable", "amplitude", "lost")
+    columns = (x[0], y[0], "cycles", "stable", "undecided", "set_verdict", "amplitude", "lost")
     grid = np.meshgrid(result.x, result.y)
     cells = [a.ravel().tolist() for a in (
-        *grid, result.cycles, result.stable, result.set_stable, result.amplitude, result.lost,
+        *grid, result.cycles, result.stable, result.undecided, result.set_verdict, result.amplitude,
+        result.lost,
     )]  # fmt: skip
     folder.csv("regions.csv", columns, zip(*cells, strict=True))
     folder.picture("regions.png", lambda: plot_regions(
