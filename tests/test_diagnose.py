@@ -21,7 +21,7 @@ from filippov.analysis import diagnose
 from filippov.analysis.programs.agreement import disagreement
 from filippov.analysis.programs.notes import ReadingError
 from filippov.analysis.programs.reader import read_program
-from filippov.analysis.programs.translation import translate
+from filippov.analysis.programs.translation import number, translate
 from filippov.app.cli.main import main
 from filippov.base.errors import ModelError, UsageError
 from filippov.base.user_file import load_file
@@ -452,3 +452,13 @@ def test_15_5_a_backlash_is_a_corner_and_no_dead_band_written_by_hand(tmp_path: 
     assert not found.of("dead band")
     assert found.solution is not None
     assert found.solution.x_end == pytest.approx([0.03, 0], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.1 + 0.05, "0.15"), (0.1 * 3, "0.3"), (1 / 3, "0.3333333333333333"), (math.pi, "3.141592653589793"),
+     (-0.7 * 0.1, "-0.07"), (2.0, "2"), (1e-3 + 2e-19, "0.001"), (0.1234567890123457, "0.1234567890123457")],
+)  # fmt: skip
+def test_12_7_numbers_are_printed_without_the_rounding_of_what_made_them(value: float, text: str) -> None:
+    assert number(value) == text
+    assert float(text) == pytest.approx(value, rel=1e-15)

@@ -32,8 +32,11 @@ def test_a16_zeno_ball_comes_to_rest_at_the_zeno_time(e: float) -> None:
     stopped = solve(ball(), (1, 0), (0, 2 * limit), parameters={"e": e})
     assert stopped.status is Status.ZENO
     assert f"{limit:.9g}"[:7] in stopped.message
+    assert str(stopped) == f"{stopped!r}\n{stopped.message}"
+    assert "zeno='continue'" in str(stopped)
     on = solve(ball(), (1, 0), (0, 2 * limit), parameters={"e": e}, zeno="continue")
     assert on.success
+    assert str(on) == repr(on)
     assert on.end_mode == (0,)
     entry = on.events[-1]
     assert entry.kind == "sliding entry"

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
-from filippov import Abs, Max, Surface, System, parameters, sign, sin, sqrt, states
+from filippov import Abs, Max, Min, Surface, System, parameters, sign, sin, sqrt, states
 from filippov.analysis.algebra.number_text import plain, tex, tex_name
 from filippov.analysis.local_stability.stability import stability_report
 from filippov.analysis.steady.equilibria import equilibria
@@ -134,6 +134,28 @@ def test_12_2_contacts_of_plain_functions_are_not_searched_and_the_result_says_s
     found = equilibria(System(field=lambda t, x, p, s: [x[1], -1.0], surfaces=[floor], states="y v"))
     assert not found.complete
     assert "at rest on 'floor'" in found.notes[-1]
+
+
+@pytest.mark.parametrize("imax", [2.0, -2.0])
+def test_12_7_branches_that_the_assumed_signs_of_parameters_exclude_are_not_printed(imax: float) -> None:
+    p = parameters(imax=imax, g=3, k=1)
+    limited = {v: -p.k * w - v + Max(0, Min(p.imax, p.g * w)), w: -v}
+    report = stability_report(System(limited))
+    text = report.to_text() + report.to_latex()
+    assert "Select" not in text
+    assert f"imax {'>' if imax > 0 else '<'} 0" in text
+    clipped = stability_report(System({x: -x + Max(0, p.imax)}))
+    (item,) = clipped.items
+    assert item.equilibrium.x == ((p.imax if imax > 0 else 0),)
+
+
+def test_12_7_a_branch_that_signs_do_not_decide_is_printed_as_one() -> None:
+    p = parameters(g=3, k=1)
+    report = stability_report(System({x: -x + Max(p.g - p.k, 0)}))
+    assert "Select" not in report.to_text() + report.to_latex() + report.to_markdown()
+    assert "x = Piecewise((" in report.to_text()
+    assert "True))" in report.to_text()
+    assert r"\begin{cases}" in report.to_latex()
 
 
 # -- numbers -----------------------------------------------------------------------------------------------

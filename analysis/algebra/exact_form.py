@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 
 import sympy
-from sympy import Expr
+from sympy import Expr, Symbol
 
-from filippov.model.symbolic import SymbolicForm
+from filippov.model.symbolic import Select, SymbolicForm
 from filippov.model.system import System
 
 
@@ -18,19 +19,49 @@ def exact_form(system: System) -> SymbolicForm | None:
     form = system.symbolic
     if form is None or not any(e.has(sympy.Float) for e in form.expressions()):
         return form
+    return _each(form, fraction)
+
+
+def _each(form: SymbolicForm, put: Callable[[Expr], Expr]) -> SymbolicForm:
+    """The form with another expression in the place of each."""
     contact = tuple(
-        None if c is None else replace(c, rate=fraction(c.rate), direction=tuple(map(fraction, c.direction)))
+        None if c is None else replace(c, rate=put(c.rate), direction=tuple(map(put, c.direction)))
         for c in form.contact
     )
     return replace(
         form,
-        field=tuple(map(fraction, form.field)),
-        h=tuple(map(fraction, form.h)),
-        radius=tuple((fraction(low), fraction(high)) for low, high in form.radius),
-        reset=tuple(None if row is None else tuple(map(fraction, row)) for row in form.reset),
+        field=tuple(map(put, form.field)),
+        h=tuple(map(put, form.h)),
+        radius=tuple((put(low), put(high)) for low, high in form.radius),
+        reset=tuple(None if row is None else tuple(map(put, row)) for row in form.reset),
         contact=contact,
-        time_reset=tuple(None if row is None else tuple(map(fraction, row)) for row in form.time_reset),
+        time_reset=tuple(None if row is None else tuple(map(put, row)) for row in form.time_reset),
     )
+
+
+def with_signs(system: System, signs: Mapping[Symbol, int]) -> System:
+    """The system without the branches of Select that parameters of these signs (1 or -1) exclude."""
+    form = system.symbolic
+    nodes = {q for e in form.expressions() for q in e.atoms(Select)} if form is not None else set()
+    if form is None or not any(_choice(q, signs) for q in nodes):
+        return system
+
+    def known(q: Expr) -> bool:
+        return _choice(q, signs) != 0
+
+    def put(e: Expr) -> Expr:
+        return e.replace(known, lambda q: q.args[1 if _choice(q, signs) > 0 else 2])
+
+    return system.with_form(_each(form, put), system.surfaces)
+
+
+def _choice(e: Expr, signs: Mapping[Symbol, int]) -> int:
+    """Which branch of a Select it is: 1 or -1, 0 where the signs do not say."""
+    if not isinstance(e, Select) or not e.args[0].free_symbols or not e.args[0].free_symbols <= signs.keys():
+        return 0
+    signed = {q: sympy.Dummy(positive=True) if signs[q] > 0 else sympy.Dummy(negative=True) for q in signs}
+    condition = e.args[0].xreplace(signed)
+    return 1 if condition.is_positive else -1 if condition.is_nonpositive else 0
 
 
 def fraction(expression: Expr) -> Expr:

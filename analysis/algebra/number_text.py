@@ -16,6 +16,8 @@ import sympy
 from sympy import Expr
 from sympy.printing.latex import latex, tex_greek_dictionary, translate
 
+from filippov.model.symbolic import Select
+
 LONGEST = 10
 # Symbols and numbers of a part of a formula that are printed: LaTeX cannot set much more.
 LARGEST = 500
@@ -51,6 +53,9 @@ def _size(expression: Any) -> int:
 
 def written(expression: Any, decimals: bool) -> Any:
     """The expression with its fractions as they are to be printed."""
+    if isinstance(expression, Select):
+        sign, plus, minus = expression.args
+        expression = sympy.Piecewise((plus, sign > 0), (minus, True))
     expression = _shortened(expression)
     if isinstance(expression, sympy.Rational) and not expression.is_Integer:
         return _number(expression, decimals)

@@ -9,7 +9,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.analysis.algebra.budget import Clock, OutOfBudgetError, counted
-from filippov.analysis.algebra.exact_form import exact_form
+from filippov.analysis.algebra.exact_form import exact_form, with_signs
 from filippov.analysis.algebra.number_text import has_decimals
 from filippov.analysis.algebra.polynomial import exact
 from filippov.analysis.local_stability import stability_text
@@ -97,6 +97,7 @@ def stability_report(
     values = {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
     symbol = None if solve_for is None else form.p[system.parameters.index(solve_for)]
     told = tuple(_signs({q: v for q, v in values.items() if q != symbol}) if assume is None else assume)
+    system, form = _branches(system, told)
     found = equilibria(system, parameters, modes=modes, t=t, budget=max(budget / 2, 1e-3))
     notes = list(found.notes)
     items = []
@@ -124,6 +125,14 @@ def _expressions(system: System) -> SymbolicForm:
             "System({x: ..., v: ...}), or use equilibria(system), which works for plain functions too."
         )
     return form
+
+
+def _branches(system: System, told: Iterable[Any]) -> tuple[System, SymbolicForm]:
+    """The system, and its form, on the branches that the assumed signs of parameters leave."""
+    strict = [r for r in told if isinstance(r, sympy.StrictGreaterThan | sympy.StrictLessThan)]
+    signs = {r.gts: 1 for r in strict if r.lts == 0} | {r.lts: -1 for r in strict if r.gts == 0}
+    system = with_signs(system, {q: side for q, side in signs.items() if q.is_Symbol})
+    return system, _expressions(system)
 
 
 def _signs(values: Mapping[Symbol, Expr]) -> list[Any]:
@@ -163,6 +172,7 @@ def certify(
     p = system.parameters.resolve(parameters)
     values = {q: exact(v) for q, v in zip(form.p, p.tolist(), strict=True)}
     told = tuple(_signs(values))
+    system, form = _branches(system, told)
     found = equilibria(system, parameters, budget=max(budget / 2, 1e-3))
     outer = joined(found)
     out = []

@@ -232,7 +232,11 @@ def formula(expr: Any) -> str:
 
 
 def number(value: float) -> str:
-    """A number in its shortest form that reads back equal; a whole one without a point."""
+    """A number in its shortest form that reads back equal, or but for the rounding of a sum or a product,
+    as 0.15 for 0.1 + 0.05; a whole one without a point."""
+    plain = float(f"{value:.15g}")
+    if len(repr(plain)) < len(repr(float(value))) - 3:
+        value = plain
     return str(int(value)) if value == round(value) and abs(value) < 1e15 else repr(float(value))
 
 

@@ -336,3 +336,6 @@ class Solution:
             f"Solution({self.status.value} at t = {self.t_end:.9g}{back}; {number} events, "
             f"{parts}{self.steps} steps, {self.nfev} field calls)"
         )
+
+    def __str__(self) -> str:
+        return repr(self) if self.success else f"{self!r}\n{self.message}"
