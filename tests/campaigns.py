@@ -178,7 +178,16 @@ def verdicts(seed: int) -> str | None:
     return "; ".join(faults) or (None if sure else "")
 
 
-KINDS = {f.__name__: f for f in (linear, resets, metamorphic, whole, networks, twisting, trees, verdicts)}
+def maps(seed: int) -> str | None:
+    """Basins, regions, exponents, multipliers and gains in closed form (tests/map_draws.py)."""
+    import map_draws
+
+    kinds = (map_draws.basins, map_draws.cells, map_draws.exponents, map_draws.multipliers, map_draws.gains)
+    return kinds[seed % len(kinds)](seed // len(kinds)) or None
+
+
+EVERY = (linear, resets, metamorphic, whole, networks, twisting, trees, verdicts, maps)
+KINDS = {f.__name__: f for f in EVERY}
 
 
 def part(kind: str, seeds: range) -> list[tuple[int, str | None]]:

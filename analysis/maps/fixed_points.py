@@ -28,6 +28,8 @@ TIGHT, CLOSEST = 1e-12, 1e-5
 # Halvings between the coarse grid and the smallest coordinate, a decade in about three.
 PER_DECADE = 6
 _SAME = 1e-6
+# Iterates that come nearer to a stable fixed point one after the other, before it counts as reached.
+NEARER = 60
 # What rounding may leave of R(d) - d, in units of the smallest coordinate that it leaves.
 _NOISE = 1e-2
 
@@ -215,15 +217,21 @@ def basins(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tup
     borders = [lo, *sorted(edge for edge in edges if lo < edge < hi), hi]
     out = []
     for a, b in pairwise(borders):
-        d, target = 0.5 * (a + b), None
+        d, target, nearer = 0.5 * (a + b), None, 0
         if max(abs(a), abs(b)) <= hidden:
             out.append(BasinInterval(a, b, None))
             continue
         for _ in range(2000):
-            d = float(event_map(d))
-            near = [q for q in attractors if abs(d - q) <= 1e-6 * max(abs(lo), abs(hi))]
-            if near or not np.isfinite(d):
-                target = near[0] if near else None
+            before, d = d, float(event_map(d))
+            if not attractors or not np.isfinite(d):
+                break
+            to = min(attractors, key=lambda q: abs(d - q))
+            apart = abs(d - to)
+            # However slowly: it comes nearer, and no other fixed point lies on its way.
+            alone = all(not 0 < abs(point.d - to) <= apart for point in known)
+            nearer = nearer + 1 if alone and apart < abs(before - to) else 0
+            if apart <= 1e-6 * max(abs(lo), abs(hi)) or nearer >= NEARER:
+                target = to
                 break
         out.append(BasinInterval(a, b, target))
     return tuple(out)
