@@ -312,3 +312,23 @@ def test_renderings(given_: list) -> None:
     assert not any(mark in part for part in outside for mark in "_^{}\\")
     if result.verdict:
         assert all(f"verdict: {result.verdict.value}" in x for x in (text, markdown, latex))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_12_8_counts_with_square_roots_of_long_decimals(seed: int) -> None:
+    """Up to three roots of 15-digit numbers, against numpy: some took minutes, and one crashed."""
+    draw = np.random.default_rng([8, seed])
+    n, m = int(draw.integers(2, 6)), int(draw.integers(1, 4))
+    radicals = [sympy.sqrt(sympy.Rational(repr(abs(float(q))))) for q in draw.standard_normal(m)]
+    rows = zip(draw.standard_normal(n + 1), draw.integers(-2, 3, (n + 1, m)), strict=True)
+    given = [
+        sympy.Rational(repr(float(a))) + sum(int(q) * r for q, r in zip(row, radicals, strict=True))
+        for a, row in rows
+    ]
+    found, roots = count_roots(given), np.roots([float(c) for c in given])
+    assert (found.rhp, found.axis, found.lhp) == (np.sum(roots.real > 0), 0, np.sum(roots.real < 0))
+
+
+def test_12_8_more_roots_than_a_field_can_hold_are_named() -> None:
+    with pytest.raises(UsageError, match="4 different roots"):
+        count_roots([sympy.sqrt(q) for q in (2, 3, 5, 7)])

@@ -18,6 +18,8 @@ from filippov.base.errors import UsageError
 from filippov.base.given import several
 
 SYMBOL = sympy.Symbol("s")
+# Of the field of the coefficients over the rational numbers: the work grows with its square and more.
+LARGEST_FIELD = 8
 
 
 class Verdict(Enum):
@@ -120,6 +122,12 @@ def count_roots(polynomial: Any, s: sympy.Symbol | None = None) -> RootCounts:
     w = s^2, whose roots w < 0 are the pairs on the axis and whose other roots lie symmetric about it.
     """
     given = coefficients(polynomial, s)
+    roots = {q for c in given for q in c.atoms(sympy.Pow) if q.exp.is_Rational and not q.exp.is_Integer}
+    if math.prod(q.exp.q for q in roots) > LARGEST_FIELD:
+        raise UsageError(
+            f"coefficients with {len(roots)} different roots: roots are counted in fields of degree up to "
+            f"{LARGEST_FIELD}. Give them as rational numbers or floats."
+        )
     # The gcd is taken over the exact field of the coefficients, so "on the axis" is decided, not estimated.
     domain, elements = construct_domain(list(given), field=True, extension=True)
     if not (domain.is_QQ or (domain.is_Algebraic and not any(c.has(sympy.I) for c in given))):
@@ -163,13 +171,14 @@ def sign_of_number(number: sympy.Expr) -> int:
 
 def _cauchy_index(q: sympy.Poly) -> int:
     """lhp - rhp of a polynomial without roots on the axis, by a generalised Sturm chain."""
-    c = q.all_coeffs()
+    # Elements of the domain: what goes through an expression is looked for in the field again.
+    c, zero = q.rep.to_list(), q.domain.zero
     n = q.degree()
     # q(iw) / i^n: even part a0 w^n - a2 w^(n-2) + ..., odd part a1 w^(n-1) - a3 w^(n-3) + ...
-    even = [c[k] * (-1) ** (k // 2) if k % 2 == 0 else sympy.S.Zero for k in range(n + 1)]
-    odd = [c[k] * (-1) ** (k // 2) if k % 2 else sympy.S.Zero for k in range(1, n + 1)]
-    f0 = sympy.Poly(even, SYMBOL, domain=q.domain)
-    f1 = sympy.Poly(odd or [0], SYMBOL, domain=q.domain)
+    even = [c[k] * (-1) ** (k // 2) if k % 2 == 0 else zero for k in range(n + 1)]
+    odd = [c[k] * (-1) ** (k // 2) if k % 2 else zero for k in range(1, n + 1)]
+    f0 = sympy.Poly.from_list(even, SYMBOL, domain=q.domain)
+    f1 = sympy.Poly.from_list(odd or [zero], SYMBOL, domain=q.domain)
     chain = _sturm_chain(f0, f1)
     tops = [sign_of_number(f.LC()) for f in chain]
     bottoms = [t * (-1) ** f.degree() for t, f in zip(tops, chain, strict=True)]
