@@ -249,17 +249,22 @@ def test_elimination_follows_every_factor() -> None:
 numbers = st.floats(-3, 3).filter(lambda q: abs(q) > 0.05)
 
 
+p = parameters(a0=1, a1=1, a2=1, a3=1, b0=1, b1=1, c=1)
+FEEDBACK, AT_0 = (
+    System({x: p.a0 * x + p.a1 * v - p.b0 * sign(h), v: p.a2 * x + p.a3 * v - p.b1 * sign(h) + 1})
+    for h in (x + p.c * v - 0.3, x)
+)
+
+
 @quick
 @given(a=st.lists(numbers, min_size=4, max_size=4), b=st.lists(numbers, min_size=2, max_size=2), c=numbers)
 def test_every_equilibrium_of_a_relay_feedback_balances_the_inclusion(a: list, b: list, c: float) -> None:
-    p = parameters(a0=a[0], a1=a[1], a2=a[2], a3=a[3], b0=b[0], b1=b[1], c=c)
-    h = x + p.c * v - 0.3
-    system = System({x: p.a0 * x + p.a1 * v - p.b0 * sign(h), v: p.a2 * x + p.a3 * v - p.b1 * sign(h) + 1})
-    for e in equilibria(system):
+    values = {**{f"a{k}": q for k, q in enumerate(a)}, "b0": b[0], "b1": b[1], "c": c}
+    for e in equilibria(FEEDBACK, values):
         points = e.ends if isinstance(e, EquilibriumSet) else (e,)
         for point in points:
             scale = 1 + max(map(abs, point.value))
-            assert residual(system, point) < 1e-8 * scale
+            assert residual(FEEDBACK, point, values) < 1e-8 * scale
             value = point.value[0] + c * point.value[1] - 0.3
             if point.mode == "0":
                 assert abs(value) < 1e-8 * scale
@@ -274,9 +279,8 @@ def test_no_smooth_equilibrium_is_missed(a: list, b: list) -> None:
     matrix = np.array(a).reshape(2, 2)
     if abs(np.linalg.det(matrix)) < 1e-3:
         return
-    p = parameters(a0=a[0], a1=a[1], a2=a[2], a3=a[3], b0=b[0], b1=b[1])
-    system = System({x: p.a0 * x + p.a1 * v - p.b0 * sign(x), v: p.a2 * x + p.a3 * v - p.b1 * sign(x) + 1})
-    found = {e.mode: e.value for e in equilibria(system).points}
+    values = {**{f"a{k}": q for k, q in enumerate(a)}, "b0": b[0], "b1": b[1]}
+    found = {e.mode: e.value for e in equilibria(AT_0, values).points}
     for mode, s in (("+", 1.0), ("-", -1.0)):
         place = np.linalg.solve(matrix, [b[0] * s, b[1] * s - 1])
         if abs(place[0]) > 1e-6:
