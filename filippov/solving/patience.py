@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from filippov.base.status import Status
+from filippov.kernel.loop.event_cycle import NEAR_END
 from filippov.solving.diagnosis import LOOKS, NO_PROGRESS, STAGNATION, STAGNATION_STEPS, singular, stagnation
 from filippov.solving.resets.jumps import state_text
-from filippov.solving.resets.zeno import NEAR_END, Accumulation
+from filippov.solving.resets.zeno import Accumulation
 from filippov.solving.state.run import Run
 from filippov.solving.stiffness import StiffnessMonitor
 

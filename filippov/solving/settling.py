@@ -11,7 +11,7 @@ import numpy as np
 from filippov.base.status import Status
 from filippov.kernel.tables import codes
 from filippov.solving.patience import Patience
-from filippov.solving.resets.jumps import bouncing, endless
+from filippov.solving.resets.jumps import bouncing, endless, pending
 from filippov.solving.resets.reset_cycle import rests_in_cycle
 from filippov.solving.resets.rest import NEAR_REST, come_to_rest, rest, rests
 from filippov.solving.resets.slow_spiral import SlowSpiral, slow_spiral
@@ -23,11 +23,13 @@ from filippov.solving.resets.zeno import (
     also_reached,
     beyond,
     bridge,
+    distant,
     interrupted,
     lawful,
     rest_on_contact,
     second_order,
     sentence,
+    with_approached,
 )
 from filippov.solving.selection.higher_order import Begun, HigherOrder
 from filippov.solving.selection.observed import observe, watched
@@ -106,7 +108,7 @@ class Settling(ABC):
             self.accumulations.append(limit)
             return self._changed(before, run.signs, run.lam, limit.surfaces, "") or self._budgets()
         limit = None if code == codes.NONE else accumulation(run)
-        if limit is None or beyond(run, limit) or interrupted(run, limit):
+        if limit is None or beyond(run, limit) or distant(run, limit) or interrupted(run, limit):
             run.zeno.array[:] = 0.0
             return self._budgets()
         if (limit.t - float(run.clock.t_end)) * run.direction > 0.0:
@@ -129,6 +131,7 @@ class Settling(ABC):
             if machine.system.field is not None:
                 detail += " contact=True gives one to a surface of functions whose reset is an impact."
             return self._end(Status.ZENO, detail)
+        limit = with_approached(run, limit)
         rested = [i for i in limit.surfaces if machine.contacts[i]]
         if unending := endless(run, limit.x, off_contact(run, run.mode), rested):
             return self._end(Status.ZENO, f"{detail} {unending}")
@@ -154,8 +157,12 @@ class Settling(ABC):
                 rest(run, limit.surfaces)
                 return self._reached()
         run.x[:] = limit.x
-        on = self._with_slides([*limit.surfaces, *besides], zero)
-        return self._classify(on, limit.surfaces, start=False, rested=rested) or self._budgets()
+        struck = pending(run, besides)
+        on = self._with_slides([*limit.surfaces, *(i for i in besides if i not in struck)], zero)
+        ended = self._classify(on, limit.surfaces, start=False, rested=rested)
+        if ended is None and struck and (struck := pending(run, struck)):
+            ended = self._reset(struck, ())
+        return ended or self._budgets()
 
     def _spirals(self) -> Ended:
         """Half of the events went into ever slower cycles around a corner: go on in it, if that is wanted."""

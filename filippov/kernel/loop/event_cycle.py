@@ -13,6 +13,8 @@ from filippov.kernel.tables.codes import SWITCHING
 
 # Shrinking intervals in a row, for each lag: a solution without accumulation hardly ever has as many.
 ZENO_STREAK = 6
+# A limit that is farther, as a part of the time run, leaves out cycles that are large enough to be resolved.
+NEAR_END = 1e-6
 # Depth of a cycle, in roundings of h, below which its length soon shows them.
 GRAINY = 1e5
 # Depth of a cycle, in tolerances of h, below which the run does not resolve it.
@@ -34,6 +36,18 @@ def zeno_horizon(t: float, start: float, x: Vector, i: int, cycles: EventCycles,
     if abs(w.end[2 * i + 1] * (t - cycles.last)) <= GRAINY * EPS * guard_scale(i, t, x, w):
         return 1e300
     return max(1e-7 * abs(t - start), 1e3 * EPS * abs(t))
+
+
+@kernel
+def distant(t: float, start: float, x: Vector, i: int, left: float, ratio: float, w: Scratch) -> bool:
+    """Whether the cycles on the way to a limit, in the time that is left, are large enough to be resolved.
+
+    The intervals of one surface may shrink by chance, when two surfaces are reached in turn.
+    """
+    cycle = left * (1.0 - ratio) / ratio if 0.0 < ratio < 1.0 else 0.0
+    if abs(w.end[2 * i + 1] * cycle) <= GRAINY * EPS * guard_scale(i, t, x, w):
+        return False
+    return left > CHOSEN * max(NEAR_END * abs(t - start), 1e3 * EPS * abs(t))
 
 
 @kernel

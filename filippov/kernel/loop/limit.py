@@ -7,7 +7,7 @@ its log. Accumulations that involve several surfaces, or do not end at rest, are
 
 from filippov.kernel.language.primitives import Indices, Vector, entry, kernel, truncate
 from filippov.kernel.loop.control import finite
-from filippov.kernel.loop.event_cycle import CHOSEN, cycle_limit
+from filippov.kernel.loop.event_cycle import CHOSEN, cycle_limit, distant
 from filippov.kernel.loop.field import field, set_mode
 from filippov.kernel.loop.land import EPS, guard_scale, project_on
 from filippov.kernel.loop.model import CONTACT, ROLE, WIDTH, M, N, gradients, guards, resets, rhs
@@ -175,6 +175,8 @@ def limit_of(run: Trajectory, i: int) -> int:
         if abs(t - clock.t_end) > error:
             return NONE
         t = clock.t_end
+    if distant(clock.t, clock.t_start, run.x, i, abs(past.law[0] - clock.t), past.law[2], w):
+        return NONE
     code = fall(run, t, y, past.bend)
     code = max(code, project_on(t, y, run.p, m, i, w, run.ctx))
     code = max(code, still_on(t, y, run.p, m, i, w, run.ctx))

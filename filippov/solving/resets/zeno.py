@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.base.status import EventKind
-from filippov.kernel.loop.event_cycle import CHOSEN, CYCLES, LONGEST_CYCLE, STEADY
+from filippov.kernel.loop.event_cycle import CHOSEN, CYCLES, LONGEST_CYCLE, NEAR_END, STEADY
 from filippov.kernel.loop.limit import GLOBAL
 from filippov.kernel.loop.state import Past as PastRecord
 from filippov.kernel.tables import codes
@@ -22,9 +22,6 @@ from filippov.solving.state.rates import off_contact, velocity
 from filippov.solving.state.run import Run, guard_terms
 
 LARGEST_CORNER = 6
-
-
-NEAR_END = 1e-6
 # Depth of a cycle, in roundings of h, below which its length soon shows them.
 GRAINY = 1e5
 # The same in tolerances of h: cycles as small as these may shrink by a law of their own.
@@ -201,6 +198,21 @@ def also_reached(run: Run, limit: Accumulation) -> tuple[int, ...]:
     return tuple(i for i, h, _, rounding in others if abs(h) <= CHOSEN * rounding)
 
 
+def with_approached(run: Run, limit: Accumulation) -> Accumulation:
+    """The limit with the contacts beside it that come to rest there too: approached within its error."""
+    contacts, found = run.machine.contacts, []
+    if not all(contacts[i] for i in limit.surfaces):
+        return limit
+    for i in also_reached(run, limit):
+        if contacts[i]:
+            mode, x = off_contact(run, run.mode), np.ascontiguousarray(limit.x)
+            mode[i] = 0.0
+            rate = contacts[i] * run.direction * float(run.machine.guards(limit.t, x, mode)[i])
+            known = float(np.abs(run.machine.gradients(limit.t, x, mode)[0][i]).sum()) * limit.x_error
+            found += [i] if -known <= rate < 0.0 else []
+    return _at_rest(run, replace(limit, surfaces=(*limit.surfaces, *found))) if found else limit
+
+
 def _others(run: Run, limit: Accumulation) -> list[tuple[int, float, float, float]]:
     """The surfaces that take no part: guard at the limit, its error, its rounding on the way from the run."""
     mode, x = off_contact(run, run.mode), np.ascontiguousarray(limit.x)
@@ -235,31 +247,48 @@ def accumulates(run: Run) -> bool:
     back = 2 * LONGEST_CYCLE + 1
     if len(run.events) < back:
         return False
-    elapsed = abs(run.t - float(run.clock.t_start))
-    near = np.inf if _grainy(run) else NEAR_END * elapsed
+    last = run.events[-1]
+    before = next((e for e in reversed(run.events[-4 * LONGEST_CYCLE : -1]) if e.index == last.index), last)
+    crossed = last.kind is EventKind.CROSSING
+    near = np.inf if crossed and _grainy(run, abs(last.t - before.t)) else _near_end(run)
     if abs(run.t - run.events[-back].t) > near:
         return False
     limit = accumulation(run)
-    if limit is None or beyond(run, limit):
+    if limit is None or beyond(run, limit) or abs(limit.t - run.t) > near:
         return False
-    return abs(limit.t - run.t) <= near and not interrupted(run, limit)
+    return not distant(run, limit) and not interrupted(run, limit)
 
 
-def _grainy(run: Run) -> bool:
-    """Whether the last cycle is so shallow that the next ones show the rounding of h or its tolerance."""
+def distant(run: Run, limit: Accumulation) -> bool:
+    """Whether the cycles on the way to a limit are large enough to be resolved.
+
+    The intervals of one surface may shrink by chance, when two surfaces are reached in turn.
+    """
+    left = abs(limit.t - run.t)
+    cycle = left * (1.0 - limit.ratio) / limit.ratio if 0.0 < limit.ratio < 1.0 else 0.0
+    return left > CHOSEN * _near_end(run) and not _grainy(run, cycle)
+
+
+def _near_end(run: Run) -> float:
+    return max(NEAR_END * abs(run.t - float(run.clock.t_start)), 1e3 * EPS * abs(run.t))
+
+
+def _grainy(run: Run, cycle: float) -> bool:
+    """Whether cycles of this length are so shallow that the next ones show rounding of h or its tolerance."""
     last = run.events[-1]
-    if last.kind is not EventKind.CROSSING or last.t != run.t:
+    # Of impacts at one instant the last may be on a contact that rests, where no cycle is.
+    impact = last.kind is EventKind.RESET and last.before[last.index] != 0
+    if not (impact or last.kind is EventKind.CROSSING) or last.t != run.t:
         return False
-    before = next((e for e in reversed(run.events[-4 * LONGEST_CYCLE : -1]) if e.index == last.index), last)
     mode = np.resize(np.array(last.before, dtype=float), run.machine.m)
     g, gt = run.machine.gradients(run.t, run.x, mode)
     velocity = run.machine.rhs(run.t, run.x, np.where(mode == 0.0, 1.0, mode), mode)
     speed = abs(float(gt[last.index]) + run.machine.rate(last.index, g, velocity))
     scale = float(np.sum(np.abs(g[last.index] * run.x)) + abs(gt[last.index] * run.t))
     known = run.options.rtol * scale + float(np.abs(g[last.index]) @ run.atol)
-    if run.clock.relative == -float(last.index + 1):
+    if run.clock.relative == -float(last.index + 1) or impact:
         known = 0.0
-    return speed * abs(last.t - before.t) <= max(GRAINY * EPS * scale, FAINT * known)
+    return speed * cycle <= max(GRAINY * EPS * scale, FAINT * known)
 
 
 def power_law(run: Run) -> Accumulation | None:
