@@ -31,8 +31,8 @@ def test_11_A_random_stacks_keep_the_laws_of_impact(n: int) -> None:
     assert named <= max(2, RARE * len(ends)), ends
 
 
-# From rest at these heights, with these restitutions: the intervals of the contact shrink by a third three times,
-# while each of them holds ten impacts on the floor.
+# From rest at these heights, with these restitutions, the intervals of the contact shrink by a third three
+# times, while each of them holds ten impacts on the floor.
 BY_CHANCE = ([0.25, 0.30812798], (0.559344816966383, 0.5666148823210103, 0.524054521672256))
 
 
