@@ -175,7 +175,9 @@ def limit_of(run: Trajectory, i: int) -> int:
         if abs(t - clock.t_end) > error:
             return NONE
         t = clock.t_end
-    if distant(clock.t, clock.t_start, run.x, i, abs(past.law[0] - clock.t), past.law[2], w):
+    # The depth of cycles of one event was looked at when they were found to accumulate.
+    left = abs(past.law[0] - clock.t)
+    if past.law[6] > 1.0 and distant(clock.t, clock.t_start, run.x, i, left, past.law[2], w):
         return NONE
     code = fall(run, t, y, past.bend)
     code = max(code, project_on(t, y, run.p, m, i, w, run.ctx))

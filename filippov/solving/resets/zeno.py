@@ -247,10 +247,8 @@ def accumulates(run: Run) -> bool:
     back = 2 * LONGEST_CYCLE + 1
     if len(run.events) < back:
         return False
-    last = run.events[-1]
-    before = next((e for e in reversed(run.events[-4 * LONGEST_CYCLE : -1]) if e.index == last.index), last)
-    crossed = last.kind is EventKind.CROSSING
-    near = np.inf if crossed and _grainy(run, abs(last.t - before.t)) else _near_end(run)
+    crossed = run.events[-1].kind is EventKind.CROSSING
+    near = np.inf if crossed and _grainy(run, _interval(run)) else _near_end(run)
     if abs(run.t - run.events[-back].t) > near:
         return False
     limit = accumulation(run)
@@ -262,11 +260,21 @@ def accumulates(run: Run) -> bool:
 def distant(run: Run, limit: Accumulation) -> bool:
     """Whether the cycles on the way to a limit are large enough to be resolved.
 
-    The intervals of one surface may shrink by chance, when two surfaces are reached in turn.
+    The intervals of one surface may shrink by chance, when two surfaces are reached in turn. The depth of
+    cycles of one event was looked at when they were found to accumulate.
     """
     left = abs(limit.t - run.t)
     cycle = left * (1.0 - limit.ratio) / limit.ratio if 0.0 < limit.ratio < 1.0 else 0.0
+    if cycle <= 2.0 * _interval(run):
+        return False
     return left > CHOSEN * _near_end(run) and not _grainy(run, cycle)
+
+
+def _interval(run: Run) -> float:
+    """The time since the event before of the surface reached last."""
+    last = run.events[-1]
+    before = next((e for e in reversed(run.events[-4 * LONGEST_CYCLE : -1]) if e.index == last.index), last)
+    return abs(last.t - before.t)
 
 
 def _near_end(run: Run) -> float:
