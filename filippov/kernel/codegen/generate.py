@@ -23,7 +23,7 @@ from filippov.kernel.codegen.generated import PAIR, TWICE, Generated, unit_const
 from filippov.kernel.codegen.hoist import Hoisted
 from filippov.kernel.codegen.input_slots import input_text, places
 from filippov.kernel.codegen.pieces import pieces
-from filippov.kernel.codegen.repeated import Places, Repeated, repeated
+from filippov.kernel.codegen.repeated import Repeated, repeated
 from filippov.kernel.codegen.structure import Structure
 from filippov.model.signals.input import Sampled
 from filippov.model.size import expanded
@@ -407,8 +407,8 @@ def _kernel(
     """
     name, _, arguments = head.removesuffix(")").partition("(")
     sizes = {a: (i, h) for i, (a, h) in enumerate(zip(form.a, form.h, strict=True))}
-    loops, left = repeated(results, Places(printer.names, sizes))
-    bodies = [_loop(printer, form, loop) for loop in loops]
+    loops, left = repeated(results, printer.names, sizes)
+    bodies = [_loop(printer, loop, sizes) for loop in loops]
     for part in pieces(left) if left or not loops else ():
         used = set().union(*(e.free_symbols for _, e in part)) & set(form.a)
         bodies.append([*_sizes(form, printer, used), *_assign(printer, part, "c")])
@@ -423,12 +423,11 @@ def _kernel(
     return [*lines, mark, f"def {head} -> int:", *calls, "    return 0", ""]
 
 
-def _loop(printer: KernelPrinter, form: SymbolicForm, loop: Repeated) -> list[str]:
-    """A loop over rows of one form."""
+def _loop(printer: KernelPrinter, loop: Repeated, sizes: Mapping[Symbol, tuple[int, Expr]]) -> list[str]:
+    """A loop over rows of one form; sizes: the number and h of each."""
     before = {symbol: printer.names[symbol] for symbol in loop.names}
     printer.names |= loop.names
-    guard = dict(zip(form.a, form.h, strict=True))
-    inner = [f"    {printer.names[a]} = {mode} * {printer._print(guard[a])}" for a, mode in loop.sizes]
+    inner = [f"    {printer.names[a]} = {mode} * {printer._print(sizes[a][1])}" for a, mode in loop.sizes]
     inner += _assign(printer, [loop.row], "c")
     printer.names |= before
     return [f"    for b in range({loop.count}):", *(f"    {line}" for line in inner)]

@@ -78,10 +78,13 @@ class Places:
         return self._known.setdefault(key, len(self._known))
 
 
-def repeated(rows: Sequence[Row], places: Places) -> tuple[list[Repeated], list[Row]]:
-    """The loops that rows make, and the rows that are left."""
+def repeated(
+    rows: Sequence[Row], names: Mapping[Symbol, str], sizes: Mapping[Symbol, tuple[int, Expr]]
+) -> tuple[list[Repeated], list[Row]]:
+    """The loops that rows make, and the rows that are left; names, sizes: as in `Places`."""
     if len(rows) < FEWEST:
         return [], list(rows)
+    places = Places(names, sizes)
     groups: dict[Hashable, list[tuple[int, Place, dict[Symbol, Place]]]] = {}
     for number, (target, e) in enumerate(rows):
         found, read = _PLACE.fullmatch(target), places.read(e)
@@ -96,11 +99,13 @@ def repeated(rows: Sequence[Row], places: Places) -> tuple[list[Repeated], list[
         first = 0
         while first + FEWEST <= len(group):
             last = _last(steps, first)
-            if last - first >= FEWEST:
-                number, (array, start), read = group[first]
-                loops.append(_loop(rows[number], array, start, read, steps[first : first + 2], last - first))
-                taken |= {number for number, _, _ in group[first:last]}
-            first = max(last - 1, first + 1)
+            if last - first < FEWEST:
+                first = last - 1  # which may be the first of the next
+                continue
+            number, (array, start), read = group[first]
+            loops.append(_loop(rows[number], array, start, read, steps[first : first + 2], last - first))
+            taken |= {number for number, _, _ in group[first:last]}
+            first = last
     return loops, [row for number, row in enumerate(rows) if number not in taken]
 
 

@@ -28,6 +28,7 @@ from filippov.solving.selection.two_fold import (
     TwoFold,
     led_to,
     on_surface,
+    rate_terms,
     side_rates,
     two_fold,
 )
@@ -139,11 +140,7 @@ def _clear(point: Point, base: Mode, i: int) -> bool:
     """Whether a rate of surface i is too large for a two-fold."""
     signs = np.where(np.array(base) == 0, point.guess, base)
     rates, fields = side_rates(point, point.t, point.x, base, signs, i)
-    mode = np.array(base, dtype=float)
-    mode[i] = 0.0
-    g, gt = point.machine.gradients(point.t, point.x, mode)
-    terms = np.abs(g[i]) @ np.where(g[i] == 0.0, 0.0, np.abs(fields)).T + abs(float(gt[i]))
-    return bool(np.any(np.abs(rates) > CLEAR * terms))
+    return bool(np.any(np.abs(rates) > CLEAR * rate_terms(point, base, i, fields)))
 
 
 def _left(run: Run, point: Point, base: Mode, i: int, behind: bool) -> TwoFold | Way | None:

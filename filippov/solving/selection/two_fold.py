@@ -169,12 +169,17 @@ def side_rates(point: Point, t: float, x: Array, base: Mode, signs: Array, i: in
     return np.array(rates), np.array(fields)
 
 
-def _noise(point: Point, base: Mode, signs: Array, i: int, fields: Array) -> Array:
-    """Rounding of the rates: what they move by when every state and the time move by a rounding."""
+def rate_terms(point: Point, base: Mode, i: int, fields: Array) -> Array:
+    """The size of the terms of (a, b), from the fields of both sides."""
     mode = np.array(base, dtype=float)
     mode[i] = 0.0
     g, gt = point.machine.gradients(point.t, point.x, mode)
-    terms = np.abs(g[i]) @ np.where(g[i] == 0.0, 0.0, np.abs(fields)).T + abs(float(gt[i]))
+    return np.asarray(np.abs(g[i]) @ np.where(g[i] == 0.0, 0.0, np.abs(fields)).T + abs(float(gt[i])))
+
+
+def _noise(point: Point, base: Mode, signs: Array, i: int, fields: Array) -> Array:
+    """Rounding of the rates: what they move by when every state and the time move by a rounding."""
+    terms = rate_terms(point, base, i, fields)
     moved = np.zeros(2)
     for j in range(-1, len(point.x)):
         size = abs(point.t) if j < 0 else abs(float(point.x[j]))
