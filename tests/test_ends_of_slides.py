@@ -146,3 +146,26 @@ def test_a_slide_that_others_leave_does_not_rest(u: float, a: float) -> None:
     run = solve(System({X: V, V: -u * sign(X - V**2 / (2 * a))}), (1, -1), (0, 8))
     assert run.status is Status.NON_UNIQUE
     assert run.x_end == pytest.approx([0, 0], abs=1e-9)
+
+
+@pytest.mark.parametrize("gains", [(1, 2), (1, 1), (1, 0.5), (3, 1)])
+def test_a_continuous_feedback_that_ends_in_finite_time_rests_there(gains: tuple[float, float]) -> None:
+    """Bhat & Bernstein 1998: x'' = -k1 |x|^(1/2) sgn x - k2 |v|^(2/3) sgn v is at 0 from a finite time on."""
+    q = parameters(k1=1.0, k2=1.0)
+    feedback = q.k1 * sqrt(abs(X)) * sign(X) + q.k2 * abs(V) ** Q(2, 3) * sign(V)
+    system, values = System({X: V, V: -feedback}, parameters=q), dict(zip(("k1", "k2"), gains, strict=True))
+    starts = np.random.default_rng(0).uniform(-2, 2, (200, 2))
+    ends = solve_many(system, starts, (0, 25), parameters=values, zeno="continue", max_events=2000, lanes=8)
+    assert ends.success.all()
+    assert np.abs(ends.x).max() <= 1e-11
+
+    def field(time: float, y: np.ndarray) -> list[float]:
+        force = gains[0] * abs(y[0]) ** 0.5 * np.sign(y[0]) + gains[1] * abs(y[1]) ** (2 / 3) * np.sign(y[1])
+        return [y[1], -force]
+
+    for x0 in starts[:4]:
+        run = solve(system, x0, (0, 25), parameters=values, zeno="continue", max_events=2000)
+        assert run.success
+        assert run.x_end == pytest.approx([0, 0], abs=1e-11)
+        other = solve_ivp(field, (0, 2), x0, "DOP853", rtol=1e-12, atol=1e-13, max_step=1e-3)
+        assert run.sol(2.0) == pytest.approx(other.y[:, -1], abs=1e-7)

@@ -13,7 +13,7 @@ from filippov.kernel.tables import codes
 from filippov.solving.patience import Patience
 from filippov.solving.resets.jumps import bouncing, endless, pending
 from filippov.solving.resets.reset_cycle import rests_in_cycle
-from filippov.solving.resets.rest import NEAR_REST, come_to_rest, rest, rests
+from filippov.solving.resets.rest import NEAR_REST, come_to_rest, on_equilibrium, rest, rests
 from filippov.solving.resets.slow_spiral import SlowSpiral, slow_spiral
 from filippov.solving.resets.zeno import (
     WITHIN,
@@ -193,6 +193,8 @@ class Settling(ABC):
         if len(triggered) == 1 and self.run.trigger[triggered[0]] in (codes.ROOT, codes.TOUCH):
             if accumulates(self.run):
                 return self._zeno()
+            if on_equilibrium(self.run, triggered):
+                return self._classify(sorted({*reached, *self._near()}), triggered, start=False)
             before = self.run.signs
             # Cycles that shrink by a law go on until their limit is near.
             root = self.run.trigger[triggered[0]] == codes.ROOT

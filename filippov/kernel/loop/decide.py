@@ -3,7 +3,7 @@
 from filippov.kernel.language.primitives import NAN, inline, kernel, shift_indices
 from filippov.kernel.loop.control import guard_state, guards_on, mark_triggers
 from filippov.kernel.loop.corner_event import leave_corner, reach_corner, take_corner
-from filippov.kernel.loop.event_cycle import faint, zeno_horizon, zeno_remaining
+from filippov.kernel.loop.event_cycle import fading, faint, zeno_horizon, zeno_remaining
 from filippov.kernel.loop.field import field
 from filippov.kernel.loop.land import EPS
 from filippov.kernel.loop.model import (
@@ -59,6 +59,8 @@ def kind_of(run: Trajectory) -> int:
     cycle = max(abs(te - clock.fast_from), clock.fast_span) if clock.relative < 0.0 else 0.0
     told = cause == ROOT or clock.relative < 0.0  # elsewhere the mode after a tangency is the same
     if told and faint(te, x, p, m, surface, te - now.t, clock.rtol * cycle, w, iw, ctx):
+        return NONE
+    if fading(run):
         return NONE
     if cause == TOUCH:
         return resolve_touch(te, x, p, m, surface, w, iw, ctx)

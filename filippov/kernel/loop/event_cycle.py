@@ -6,10 +6,10 @@ solution by itself, which circles around h = h' = 0, in ever smaller cycles wher
 
 from filippov.kernel.language.primitives import Indices, Vector, entry, kernel, shift
 from filippov.kernel.loop.land import EPS, guard_scale
-from filippov.kernel.loop.model import ROLE, WIDTH
+from filippov.kernel.loop.model import G_COLUMN, G_FIRST, NON_LIPSCHITZ, ROLE, WIDTH, N
 from filippov.kernel.loop.resolve import NO_EFFECT, side_rates
-from filippov.kernel.loop.state import EventCycles, Integers, Scratch
-from filippov.kernel.tables.codes import SWITCHING
+from filippov.kernel.loop.state import EventCycles, Integers, Scratch, Trajectory
+from filippov.kernel.tables.codes import KINK, SWITCHING
 
 # Shrinking intervals in a row, for each lag: a solution without accumulation hardly ever has as many.
 ZENO_STREAK = 6
@@ -94,6 +94,23 @@ def faint(
             return False
     code, plus, minus, scale = side_rates(t, x, p, m, i, w, iw, ctx)
     return code == 0 and abs(plus - minus) <= NO_EFFECT * scale
+
+
+@kernel
+def fading(run: Trajectory) -> bool:
+    """Whether a kink of a field that is not Lipschitz is reached no faster than the tolerance lets it turn.
+
+    The solution may have come, in finite time, to an equilibrium on the kink, around which rounding circles.
+    """
+    now, w, i = run.now, run.w, run.now.surface
+    if not NON_LIPSCHITZ or ROLE[i] != KINK or now.t_end == now.t:
+        return False
+    known = run.clock.rtol * guard_scale(i, now.t_end, w.xe, w)
+    for a in range(G_FIRST[i], G_FIRST[i + 1]):
+        known += run.atol[G_COLUMN[a]] * abs(w.g[i * N + G_COLUMN[a]])
+    rate = w.end[2 * i + 1]
+    turn = (rate - w.start[2 * i + 1]) / (now.t_end - now.t)
+    return not (abs(rate) * abs(rate) > 2.0 * FAINT * known * abs(turn))
 
 
 @kernel

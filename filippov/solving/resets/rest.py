@@ -16,6 +16,9 @@ from filippov.solving.state.run import Run, near_within
 
 NEAR_REST = 1e-7
 SAMPLES = 16
+# In tolerances: as close to where it stays as a run comes, and so much farther away it is to have begun;
+# events in a row so close to it, by which it is not led out again.
+CLOSE, FAR, CIRCLED = 10.0, 1e2, 6
 
 
 def holds_still(velocities: Array) -> bool:
@@ -96,6 +99,33 @@ def _still(run: Run, switching: Sequence[int], slack: Array) -> bool:
             if np.any(left * run.machine.rhs(float(t), run.x, corner, run.mode) != fields[-1]):
                 return False
     return bool(np.all(np.min(fields, axis=0) <= slack) and np.all(np.max(fields, axis=0) >= -slack))
+
+
+def on_equilibrium(run: Run, triggered: Sequence[int]) -> bool:
+    """Move a run that has come from afar onto the equilibrium on kinks from which it cannot be told.
+
+    A field that is not Lipschitz reaches it in finite time; that several events found the run within the
+    tolerance of it says that nothing leads off.
+    """
+    machine = run.machine
+    if run.direction < 0 or not triggered or any(machine.roles[i] != "kink" for i in triggered):
+        return False
+    slack = CLOSE * (run.atol + run.options.rtol * np.abs(run.x))
+    near = near_within(run, run.x, slack, run.mode)
+    if not set(triggered) <= set(near) or any(machine.roles[i] != "kink" for i in near):
+        return False
+    x = onto(run, run.t, run.x, tuple(near))
+    known = np.vstack([run.x, run.events.past(CIRCLED).x])
+    if len(known) <= CIRCLED or np.any(np.abs(known - x) > slack):
+        return False
+    if np.all(np.abs(run.begun - x) <= FAR * slack):
+        return False
+    for t in np.linspace(run.t, float(run.clock.t_end), SAMPLES):
+        code, field, _, _ = machine.probe(float(t), 0.0, x, run.mode, run.lam)
+        if code != 0 or np.any(field):
+            return False
+    run.x[:] = x
+    return True
 
 
 def rest(run: Run, surfaces: Sequence[int]) -> None:

@@ -111,6 +111,7 @@ class Run:
         self.limit: tuple[Any, Any] | None = None
         # Where the present mode was taken up.
         self.taken = span[0], self.x.copy()
+        self.begun = self.x.copy()
         self.direction = 1.0 if forwards else -1.0
 
     def again(self, p: Array, x0: Array, span: tuple[float, float], options: Options) -> None:
