@@ -14,6 +14,8 @@ from filippov import Solution, Surface, System, cos, sign, solve, states, t
 
 END = 3.0
 GROUND, BELT = -1, -2
+# A contact that sticks is held to rounding; one that slips by 1e-9 and turns back is no fault.
+STUCK = 1e-11
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Network:
     def acceleration(self, time: float, x: np.ndarray, v: np.ndarray) -> np.ndarray:
         """By bounded least squares over the forces that are free."""
         slip, G = self.slip(v), self.rows()
-        stuck = np.abs(slip) < 1e-8
+        stuck = np.abs(slip) < STUCK
         slipping = np.where(stuck, 0.0, self.friction * np.sign(slip))
         pull = self.constant + self.swing * np.cos(time) - slipping @ G
         resting = [
