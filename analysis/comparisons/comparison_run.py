@@ -170,6 +170,8 @@ class ExactRun:
     def clock(self, system: System, given: Mapping[str, float]) -> tuple[int, float, float]:
         """Field calls and seconds of the solutions from all coordinates over the response's span; exact ones.
 
+        They run one after the other: what one solution costs.
+
         The exact system is timed in turn with the model. Raises OverBudgetError.
         """
         starts = self.bound.start(self.d, self.p)
@@ -178,7 +180,7 @@ class ExactRun:
             states = np.tile(starts, (copies, 1))
             begun = time.perf_counter()
             ends = solve_many(
-                target, states, (0.0, self.t_response), parameters=values, threads=1, **self.options
+                target, states, (0.0, self.t_response), parameters=values, threads=1, lanes=1, **self.options
             )
             spent = (time.perf_counter() - begun) / copies
             if any(status is Status.MAX_STEPS for status in ends.status):

@@ -33,6 +33,7 @@ class EventMap(Answering):
     order       the map is the order-th iterate (2 for orbits that come back after two returns)
     parameters  values by name
     rtol, atol  of every return
+    lanes       as in `solve_many`; 1 where so little is asked that compiling 8 or 16 at once would not pay
 
     Call it with a number or an array; the value is NaN where the solution does not return within t_max.
     """
@@ -41,19 +42,23 @@ class EventMap(Answering):
     def __init__(
         self, system: System, section: Section, *, parameters: Mapping[str, float] | None = None,
         order: Count = 1, rtol: Positive = 1e-10, atol: NonNegative = 1e-12, method: str = "DOP853",
+        lanes: int | None = None,
     ) -> None:  # fmt: skip
-        options: dict[str, Any] = {"order": order, "rtol": rtol, "atol": atol, "method": method}
-        self._set(system, section, section.bind(system), parameters, **options)
+        self._set(
+            system, section, section.bind(system), parameters,
+            order=order, rtol=rtol, atol=atol, method=method, lanes=lanes,
+        )  # fmt: skip
 
     def _set(
         self, system: System, section: Section, bound: BoundSection,
         parameters: Mapping[str, float] | None, *, order: int, rtol: float, atol: float, method: str,
+        lanes: int | None,
     ) -> None:  # fmt: skip
         self.system, self.section, self.order = system, section, order
         self.bound = bound
         self.p = system.parameters.resolve(parameters)
         self.parameters = dict(zip(system.parameters.names, self.p.tolist(), strict=True))
-        self.rtol, self.atol, self.method = rtol, atol, method
+        self.rtol, self.atol, self.method, self.lanes = rtol, atol, method, lanes
         self._prepared: Prepared | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -74,6 +79,7 @@ class EventMap(Answering):
             self.system, self.section, self.bound, {**self.parameters, **(parameters or {})},
             order=self.order if order is None else order, rtol=self.rtol if rtol is None else rtol,
             atol=self.atol if atol is None else atol, method=self.method if method is None else method,
+            lanes=self.lanes,
         )  # fmt: skip
         return made
 
@@ -105,13 +111,14 @@ class EventMap(Answering):
         start = self.bound.start(d, self.p)
         if self.section.after:
             x, ended, resting = first_returns(
-                self.bound, start, self.parameters, rtol=self.rtol, atol=self.atol, method=self.method
-            )
+                self.bound, start, self.parameters, rtol=self.rtol, atol=self.atol, method=self.method,
+                lanes=self.lanes,
+            )  # fmt: skip
         else:
             if self._prepared is None:
                 self._prepared = Prepared(
                     self.system, (0.0, self.section.t_max), stop=self.section.stop, rtol=self.rtol,
-                    atol=self.atol, method=self.method, max_steps=MOST_STEPS,
+                    atol=self.atol, method=self.method, lanes=self.lanes, max_steps=MOST_STEPS,
                 )  # fmt: skip
             rows = np.empty((d.size, self.p.size))
             rows[:] = self.p

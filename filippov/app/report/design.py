@@ -110,7 +110,7 @@ class Prediction(NamedTuple):
 def _predicted(run: StudyRun, law: Law) -> Prediction:
     model = registry.get(law.model)
     system = model.build()
-    once = EventMap(system, EventSection.from_model(model))
+    once = EventMap(system, EventSection.from_model(model), lanes=1)
     low, high = run.interval
     cycles = [
         q for q in once.power(run.study.order).fixed_points(low, high, POINTS)
