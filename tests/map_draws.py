@@ -161,7 +161,7 @@ def geared() -> System:
 
 
 def gains(seed: int) -> str:
-    """|R(d)/d| < 1 on (0, 1] where 0 < K L < 2 and |1 - K L + m| < 1."""
+    """|R(d)/d| < 1 on (0, 1] where 0 < K L < 2 and |1 - K L + m| < 1; a box spans 4 log s in log K L."""
     rng = np.random.default_rng([65, seed])
     m, low = float(rng.uniform(-0.8, 0.8)), rng.uniform(0.2, 0.6, 2)
     ranges = {"K": (float(low[0]), float(low[0] * rng.uniform(4, 9))),
@@ -174,5 +174,12 @@ def gains(seed: int) -> str:
     lowest, highest = max(0.0, m), min(2.0, 2.0 + m)
     best = found.best["K"] * found.best["L"]
     box = best / found.margin**2, best * found.margin**2
-    inside = lowest < box[0] and box[1] < highest
-    return "" if inside else f"products of the box {box}, free of cycles in ({lowest}, {highest})"
+    if not (lowest < box[0] and box[1] < highest):
+        return f"products of the box {box}, free of cycles in ({lowest}, {highest})"
+    ends = [sum(math.log(pair[k]) for pair in ranges.values()) for k in (0, 1)]
+    middle = np.linspace(*ends, 4001)
+    below = middle - math.log(lowest) if lowest else np.inf
+    widest = min(math.log(5), float(np.max(np.minimum(below, math.log(highest) - middle))) / 2)
+    if math.log(found.margin) < 0.97 * widest:
+        return f"margin {found.margin}, possible {math.exp(widest)}"
+    return ""

@@ -34,6 +34,6 @@ def test_12_6_multipliers_of_affine_systems_with_a_clock(seed: int) -> None:
     assert not map_draws.multipliers(seed)
 
 
-@pytest.mark.parametrize("seed", range(DRAWS))
+@pytest.mark.parametrize("seed", MORE)
 def test_12_6_gains_of_a_map_in_closed_form(seed: int) -> None:
     assert not map_draws.gains(seed)

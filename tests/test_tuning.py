@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import summary
+from scipy.spatial import cKDTree
 
 from filippov import UsageError, solve
 from filippov.analysis.gains.contraction import contraction
@@ -101,6 +102,27 @@ def test_an_interrupt_keeps_what_was_found() -> None:
     assert not found.complete
     assert found.best is not None
     assert len(found.ratio) >= 16
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_box_is_larger_by_a_dense_search(seed: int) -> None:
+    rng = np.random.default_rng([67, seed])
+    model = get("hunting_coulomb")
+    section, system = Section.from_model(model), model.build()
+    law = dict(zip("mDb", rng.uniform([0.5, 0.5, 0], 2).tolist(), strict=True))
+    low = rng.uniform([3, 1], [15, 5])
+    ranges = dict(zip("PI", zip(low, low * rng.uniform(3, 8, 2), strict=True), strict=True))
+    found = tune(system, section, ranges, (0, 0.5), parameters=law, samples=32, points=16, seed=seed)
+    axes = [np.linspace(np.log(a / 5), np.log(5 * b), 60) for a, b in ranges.values()]
+    grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    gains = dict(zip("PI", np.exp(grid).T, strict=True))
+    seen = contraction(system, section, gains, (0, 0.5), parameters=law, points=8, least=1e-3)
+    hunts = grid[(seen.lost > 0) | (seen.ratio >= 1)]
+    centers = np.stack(np.meshgrid(*[np.log(np.linspace(*pair, 100)) for pair in ranges.values()]), axis=-1)
+    room = np.max(cKDTree(hunts).query(centers, p=np.inf)[0]) if hunts.size else np.log(5)
+    # The border lies less than a step of the grid before the first point that hunts.
+    step = max(axis[1] - axis[0] for axis in axes)
+    assert min(room, np.log(5)) - 1.5 * step < np.log(found.margin) <= min(room, np.log(5)) + 1e-9
 
 
 def test_bad_requests_are_named() -> None:

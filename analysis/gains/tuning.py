@@ -25,7 +25,11 @@ from filippov.base.names import unknown
 from filippov.model.system import System
 
 Array = npt.NDArray[np.float64]
-CANDIDATES, ROUNDS, BISECTIONS, SHELL = 3, 3, 8, 16
+ROUNDS, BISECTIONS, SHELL = 32, 8, 16
+# A box is looked for while it may be larger than the best by this share of its half-width.
+GAIN = 0.01
+# Boxes without a point that hunts: centers tried at a time, those that are moved on, and how often.
+SCATTER, LEADING, NARROWINGS = 1024, 16, 12
 FARTHEST = float(np.log(5.0))
 STEEP = 10.0
 # What hunts is mostly seen by a few excursions that are not small; small ones ask for many decisions.
@@ -177,6 +181,7 @@ class _Search:
         self._ratio: list[Array] = []
         self._nearest: list[Array] = []
         self._lost: list[Array] = []
+        self._bad: list[Array] = []
         self.tell: Callable[[int], None] = lambda done: None
 
     def known(self) -> tuple[Array, Array]:
@@ -206,6 +211,7 @@ class _Search:
             worst[left] = np.maximum(worst[left], np.where(found.lost > 0, np.inf, found.ratio))
             nearest[left] = np.maximum(nearest[left], found.nearest)
             lost[left] = np.maximum(lost[left], found.lost)
+        self._bad.append(u[worst >= 1])
         for store, value in zip(
             (self._u, self._ratio, self._nearest, self._lost), (u, worst, nearest, lost), strict=True
         ):
@@ -225,14 +231,8 @@ class _Search:
                 parameters={**self.parameters, **item}, points=FEW, least=NOT_SMALL,
             )  # fmt: skip
             found[left] = (seen.lost > 0) | (seen.ratio >= 1)
+        self._bad.append(u[found])
         return found
-
-    def free(self, u: Array) -> bool:
-        """Whether all points (k, g) are free of cycles; if not, few of them are looked at closely."""
-        if np.any(self.hunts(u)):
-            return False
-        first = 2 ** len(self.names)
-        return all(bool(np.all(self.ratios(part) < 1)) for part in (u[:first], u[first:]) if len(part))
 
     def first(self, line: Array) -> int:
         """The first of the points (k, g) on a line that is not free of cycles; k where all are."""
@@ -242,40 +242,69 @@ class _Search:
         return int(growing[0]) if end and growing.size else end
 
     def best(self, random: np.random.Generator) -> tuple[Array | None, float]:
-        """The point with the largest verified box around it: candidates far from what hunts, then moves."""
+        """The point with the largest verified box around it, by outer approximation.
+
+        No box can be larger than the largest one that no point known to hunt lies in. That one is probed: its
+        surface is free of cycles, or what hunts there cuts it off; until none is larger than the best so far.
+        """
         u, ratio = self.known()
-        good = u[ratio < 1]
+        good = u[ratio < 1][np.argsort(ratio[ratio < 1])]
         if not good.size:
             return None, 0.0
-        bad = u[ratio >= 1]
-        far = cKDTree(bad).query(good, p=np.inf)[0] if bad.size else np.full(len(good), FARTHEST)
-        centers = good[np.argsort(-far)[:CANDIDATES]]
-        best, margin = centers[0], 0.0
+        best, margin = good[0], 0.0
         for stage in range(ROUNDS):
-            for center in centers:
-                reach = self.margin(center, margin, random)
-                if reach > margin:
-                    best, margin = center, reach
+            center, room = self.roomiest(np.vstack((best, good)), random)
+            if room <= margin * (1 + GAIN):
+                break
+            reach = self.margin(center, margin, room, random)
+            if reach > margin:
+                best, margin = center, reach
             self.tell(2 + stage)
-            moves = random.uniform(-1, 1, (CANDIDATES, len(self.names))) * 0.5 * max(margin, 0.05)
-            centers = np.clip(best + moves, self.low, self.high)
         return best, margin
 
-    def margin(self, center: Array, least: float, random: np.random.Generator) -> float:
-        """Largest box half-width whose surface is free of cycles at all probes; 0 if not even `least`."""
+    def roomiest(self, places: Array, random: np.random.Generator) -> tuple[Array, float]:
+        """Center and half-width of the largest box without a point known to hunt, from `places` (k, g)."""
+        if not any(len(part) for part in self._bad):
+            return places[0], FARTHEST
+        tree, size = cKDTree(np.concatenate(self._bad)), len(self.names)
+        width = 0.5 * (self.high - self.low)
+        centers = np.vstack((places, random.uniform(self.low, self.high, (SCATTER, size))))
+        for _ in range(NARROWINGS):
+            room = np.minimum(tree.query(centers, p=np.inf)[0], FARTHEST)
+            # Stable: of several that are as good the one that is known longest.
+            leading = centers[np.argsort(-room, kind="stable")[:LEADING]]
+            moves = width * random.uniform(-1, 1, (SCATTER // LEADING, LEADING, size))
+            near = np.clip(leading + moves, self.low, self.high)
+            centers = np.vstack((leading, near.reshape(-1, size)))
+            width = 0.6 * width
+        return leading[0], min(float(tree.query(leading[0], p=np.inf)[0]), FARTHEST)
+
+    def margin(self, center: Array, least: float, most: float, random: np.random.Generator) -> float:
+        """Largest half-width <= `most` of a box free of cycles at all probes of its surface; 0 if <= `least`.
+
+        A few excursions tell about how large it is, all of them at every probe whether it is free.
+        """
         shell = self._shell(random)
+        width, tried = self.reach(center, shell, most, self.hunts), np.inf
+        while least < width < tried:
+            tried = width
+            width = self.reach(center, shell, tried, lambda u: self.ratios(u) >= 1)
+        return width if width > least else 0.0
 
-        def free(reach: float) -> bool:
-            return self.free(center + reach * shell)
-
-        if not free(max(least, 1e-3)):
-            return 0.0
-        low, high = max(least, 1e-3), FARTHEST
-        if free(high):
-            return high
+    def reach(
+        self, center: Array, rays: Array, most: float, grows: Callable[[Array], npt.NDArray[np.bool_]],
+    ) -> float:  # fmt: skip
+        """The half-width up to which no ray (k, g) from the center ends in a point that grows."""
+        low, high, at = 0.0, most, most
         for _ in range(BISECTIONS):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if free(middle) else (low, middle)
+            found = grows(center + at * rays)
+            if np.any(found):
+                high, rays = at, rays[found]
+            else:
+                low = at
+            if low == high:
+                break
+            at = 0.5 * (low + high)
         return low
 
     def _shell(self, random: np.random.Generator) -> Array:
