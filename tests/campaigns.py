@@ -186,7 +186,15 @@ def maps(seed: int) -> str | None:
     return kinds[seed % len(kinds)](seed // len(kinds)) or None
 
 
-EVERY = (linear, resets, metamorphic, whole, networks, twisting, trees, verdicts, maps)
+def forced(seed: int) -> str | None:
+    """Floquet multipliers of forced piecewise linear oscillators (tests/forced_draws.py)."""
+    from forced_draws import multipliers
+
+    fault = multipliers(seed)
+    return "" if fault is None else fault or None
+
+
+EVERY = (linear, resets, metamorphic, whole, networks, twisting, trees, verdicts, maps, forced)
 KINDS = {f.__name__: f for f in EVERY}
 
 

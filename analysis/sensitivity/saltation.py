@@ -30,7 +30,7 @@ import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
 from filippov.analysis.sensitivity.reset_slopes import instant_slopes, reset_slopes
-from filippov.analysis.sensitivity.variation import ModeField, mode_field, transitions
+from filippov.analysis.sensitivity.variation import ModeField, mode_field, signs_at, transitions
 from filippov.base.errors import UsageError
 from filippov.base.keywords import keywords
 from filippov.base.status import AT_KNOT, JUMPED_OVER, EventKind, mode_text
@@ -43,6 +43,8 @@ from filippov.solving.state.machine import Machine
 from filippov.solving.state.point import Point
 
 Array = npt.NDArray[np.float64]
+# Of what a reset moves h: what is left of it is rounding.
+ON_SURFACE = 1e-6
 
 
 class NotDifferentiableError(ArithmeticError):
@@ -354,10 +356,14 @@ class Together:
         return slope, self.field(self.after)[1]
 
     def _reset(self, events: Sequence[Event]) -> Array:
-        resets = [e for e in events if e.x_after is not None]
-        left = [e for e in events if e.x_after is None]
+        # What follows from the reset of a surface has the state after it, too.
+        kinds = (EventKind.RESET, EventKind.TIME)
+        resets = [e for e in events if e.kind in kinds]
+        left = [e for e in events if e.kind not in kinds]
+        if not resets:
+            raise self._resets_among(events)
         clocks = all(e.kind is EventKind.TIME for e in resets)
-        if len(events) > 1 and not (clocks and all(e.kind is EventKind.EXIT for e in left)):
+        if not all(e.kind is EventKind.EXIT for e in left) or (len(resets) > 1 and not clocks):
             raise self._resets_among(events)
         by, x = np.eye(self.system.dimension + len(self.names) + 1), self.x
         # What one reset leads to is what the event says.
@@ -376,9 +382,19 @@ class Together:
                 raise self._resets_among(events)
         else:
             slope, rate = self.rate(self.before, resets[0].index, 1)
-        if left and not self._off(left, by - np.outer(by @ before, slope), x_after):
+        # A slide that the reset moves off its surface ends with it, also from beside.
+        on = [e for e in left if not self._moved_off(e.index, x_after)]
+        if on and not (clocks and self._off(on, by - np.outer(by @ before, slope), x_after)):
             raise self._resets_among(events)
         return np.asarray(by + np.outer(after - by @ before, slope) / rate)
+
+    def _moved_off(self, i: int, x_after: Array) -> bool:
+        """Whether a reset moves the state off the surface i on which it slides, by more than rounding."""
+        t, x, n = np.array([self.t]), x_after[None, :], self.system.dimension
+        h, signs = signs_at(self.system, t, x, self.p, self.jacobian)
+        part = mode_field(self.system, self.after, self.names, self.jacobian)
+        normal = part.part("hy", t, x, signs, self.p)[0, i, :n]
+        return bool(abs(h[0, i]) > ON_SURFACE * (np.abs(normal) @ np.abs(x_after[:n] - self.x[:n])))
 
     def _off(self, left: Sequence[Event], change: Array, x_after: Array) -> bool:
         """Whether neighbours, which slide too, are on the surfaces that a clock makes them leave, after it.
