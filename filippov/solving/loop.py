@@ -444,7 +444,7 @@ class _Loop(Settling):
         jump: Jump | None = None,
     ) -> tuple[Status, str] | None:  # fmt: skip
         run = self.run
-        run.put(chosen.mode, chosen.order, chosen.multipliers)
+        run.put(chosen.mode, chosen.order, chosen.multipliers, chosen.along)
         if "observer" in run.machine.roles:
             observe(run, watched(run, sorted({*triggered, *self._near()})))
         if any(a == 0 != b for a, b in zip(before, chosen.mode, strict=True)):

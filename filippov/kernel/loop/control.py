@@ -33,7 +33,7 @@ from filippov.kernel.loop.model import (
 )
 from filippov.kernel.loop.series import constant_series, series_clear
 from filippov.kernel.loop.state import Clock, Integers, Scratch
-from filippov.kernel.tables.codes import LOWER, ROOT, UPPER
+from filippov.kernel.tables.codes import ALONG, LOWER, ROOT, UPPER
 from filippov.kernel.tables.root_tables import GAUSS_A, GAUSS_B, GAUSS_C
 
 # Bits of 1.0, moved by the mean error of reading a mantissa as a logarithm.
@@ -423,13 +423,16 @@ def mark_triggers(
 ) -> int:
     """Mark every surface whose guard vanishes at the event within rounding, and return how many.
 
-    A sliding surface counts where its multiplier is at an end of its set.
+    A sliding surface counts where its multiplier is at an end of its set. One that others hold the solution
+    on is not triggered, and counts: it may be left with them.
     """
     total = 0
     for j in range(M):
         trigger[j] = 0
         if j == i:
             trigger[j] = cause
+        elif m[j] != 0.0 and order[j] == ALONG:
+            total += 1
         elif m[j] != 0.0 and (order[j] == 0 or (RESET_FROM[j] != 0 and falls(j, m, w))):
             near = 8.0 * EPS * guard_scale(j, t, x, w)
             near += abs(w.end[2 * j + 1]) * 32.0 * EPS * max(abs(t), abs(step))

@@ -25,7 +25,7 @@ from filippov.kernel.loop.model import (
 )
 from filippov.kernel.loop.roots.sampling import guard_rows
 from filippov.kernel.loop.state import Integers, Scratch
-from filippov.kernel.tables.codes import ROOT, SWITCHING, TOUCH, UPPER
+from filippov.kernel.tables.codes import ALONG, ROOT, SWITCHING, TOUCH, UPPER
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
 EPS = 2.220446049250313e-16
@@ -72,7 +72,9 @@ def go(
 
 
 @kernel
-def reached_before(t: float, x: Vector, f: Vector, m: Vector, i: int, w: Scratch) -> tuple[int, float]:
+def reached_before(
+    t: float, x: Vector, f: Vector, m: Vector, order: Indices, i: int, w: Scratch
+) -> tuple[int, float]:
     """Of the surfaces with resets that the solution has passed, the earliest: (number, time since then).
 
     (-1, 0.0) for none. The guards and their rates at (t, x) are those in w.end, f is the field; surface i is
@@ -82,6 +84,8 @@ def reached_before(t: float, x: Vector, f: Vector, m: Vector, i: int, w: Scratch
     for j in range(M):
         value, speed = m[j] * w.end[2 * j], m[j] * w.end[2 * j + 1] * w.direction
         if value < 0.0 and speed < 0.0 and j != i and m[j] != 0.0 and RESET_FROM[j] != 0:
+            if order[j] == ALONG:
+                continue
             if RESET_FROM[j] != 2 and float(RESET_FROM[j]) != m[j]:
                 continue
             size = abs(w.gt[j])

@@ -34,7 +34,7 @@ from filippov.kernel.loop.resolve import widen
 from filippov.kernel.loop.roots.locate import NOISY, locate
 from filippov.kernel.loop.roots.sampling import dense_output, dense_value, guard_noise, guard_rows, straight
 from filippov.kernel.loop.state import Scratch, Trajectory
-from filippov.kernel.tables.codes import AGAIN, ARRIVED, GO_ON, LOST, LOWER, NOTHING, ROOT, UPPER, USER_ERROR
+from filippov.kernel.tables.codes import AGAIN, ALONG, ARRIVED, GO_ON, LOST, LOWER, NOTHING, ROOT, UPPER, USER_ERROR
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
 SAME_END = 1e-11  # times so close to the end of the run, relative to it, are the end
@@ -63,6 +63,8 @@ def event_at_end(
     """The surface whose guard vanishes within rounding after the end of the run, -1 if none: clause E4."""
     last_k = shift(w.k, (STAGES - 1) * N)
     for i in range(M):
+        if order[i] == ALONG:
+            continue
         rate, terms = m[i] * w.end[2 * i + 1] * w.direction, abs(w.gt[i])
         for a in range(G_FIRST[i], G_FIRST[i + 1]):
             terms += abs(w.g[i * N + G_COLUMN[a]] * last_k[G_COLUMN[a]])
@@ -137,7 +139,8 @@ def carry_on(run: Trajectory) -> int:
         w.start[2 * i] = w.end[2 * i]
         w.start[2 * i + 1] = w.end[2 * i + 1]
         if m[i] != 0.0 or order[i] > 0:
-            order[i] = 0
+            held = order[i] == ALONG and abs(w.end[2 * i]) <= w.touch[i]
+            order[i] = ALONG if held else 0
         elif order[i] <= -2:
             order[i] = -1
     # Away from the surface, or on the way back to one, the ordinary tolerance applies.
@@ -183,7 +186,7 @@ def search(run: Trajectory) -> int:
         # Guards that vary faster than the solution: longer steps cost more and hide events.
         clock.step = min(clock.step, abs(step) * float(PIECES) / float(iw.pieces))
     if RESETS and cause == NOTHING:
-        surface, ago = reached_before(te, w.y, shift(w.k, (STAGES - 1) * N), m, -1, w)
+        surface, ago = reached_before(te, w.y, shift(w.k, (STAGES - 1) * N), m, order, -1, w)
         if surface >= 0 and ago < abs(step):
             cause, theta = ROOT, 1.0 - ago / abs(step)
     if cause == NOTHING and now.last != 0:
@@ -235,7 +238,7 @@ def land_first(run: Trajectory) -> int:
             failed = field(t, w.xe, p, m, w.f, w, iw, ctx)
         if failed == 0:
             failed = guard_state(t, w.xe, p, m, w.f, w.end, w, ctx)
-        first, ago = reached_before(t, w.xe, w.f, m, now.surface, w)
+        first, ago = reached_before(t, w.xe, w.f, m, run.order, now.surface, w)
         if failed != 0 or first < 0 or ago >= abs(now.length):
             break
         now.cause, now.surface, now.theta = ROOT, first, (now.length - w.direction * ago) / now.step

@@ -26,6 +26,9 @@ TIME, TIME_RESET, OVER_UP, OVER_DOWN = 10, 11, 12, 13
 # Returned by `kind_of` for an event that changes the signs of two surfaces.
 CORNER = 14
 
+# The order of a guard that stays 0 along a solution that others hold there, off which it does not slide.
+ALONG = -4
+
 # Found by `locate`: the guard itself, the upper or lower bound of a multiplier, a tangency of the surface.
 # A step that is too long to be resolved: for its guards, or as multipliers have no value in it.
 NOTHING, ROOT, UPPER, LOWER, TOUCH = 0, 1, 2, 3, 4

@@ -29,7 +29,7 @@ from filippov.solving.selection.candidate import (
     repelling,
     sliding_solutions,
 )
-from filippov.solving.selection.corner import choices, corners, coupling, with_signs
+from filippov.solving.selection.corner import can_slide, choices, corners, coupling, with_signs
 from filippov.solving.state.events import Mode
 from filippov.solving.state.machine import Array
 from filippov.solving.state.point import Point
@@ -51,6 +51,7 @@ class Successor:
     margin        least rate, on its own scale, by which the mode is consistent; 0 for a tangential one
     undetermined  surfaces whose multiplier is one of many that give this solution
     faint         surfaces that are left by no more than rounding of their rate
+    along         surfaces off which the solution does not slide, and on which others hold it
     """
 
     mode: Mode
@@ -60,6 +61,7 @@ class Successor:
     margin: float
     undetermined: tuple[int, ...] = ()
     faint: tuple[int, ...] = ()
+    along: tuple[int, ...] = ()
 
     def __str__(self) -> str:
         sliding = [f"{v:.6g}" for v, m in zip(self.multipliers, self.mode, strict=True) if m == 0]
@@ -202,6 +204,7 @@ def _examined(
     sliding = [i for i in range(m) if mode[i] == 0]
     own = [i for i in surfaces if mode[i] == 0]
     free = [i for i in surfaces if mode[i] != 0]
+    able = [i for i in free if can_slide(point, i)]
     found: list[Successor] = []
     for lam, velocity in sliding_solutions(point, mode, sliding):
         held = inside(base, lam, radii, own)
@@ -231,6 +234,7 @@ def _examined(
                 tuple(float(v) for v in velocity),
                 margin if held else 0.0,
                 faint=tuple(faint),
+                along=tuple(i for i in free if sliding and orders[i] == 0 and (i in able or i in point.resting)),
             )
         )
     return [kind for candidate in found for kind in _families(point, candidate, own, radii)]

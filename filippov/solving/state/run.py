@@ -306,12 +306,15 @@ class Run:
                 ended = ended or bool(self.stop[index, column] == 0)
         return ended
 
-    def put(self, mode: Mode, order: tuple[int, ...], multipliers: tuple[float, ...]) -> None:
-        """Take up a mode."""
+    def put(
+        self, mode: Mode, order: tuple[int, ...], multipliers: tuple[float, ...], along: Sequence[int] = ()
+    ) -> None:
+        """Take up a mode; along: surfaces on which those slid on hold the solution."""
         if self.signs != mode:
             self.taken = self.t, self.x.copy()
         self.mode[:] = mode
         self.order[:] = order
+        self.order[list(along)] = codes.ALONG
         self.lam[:] = multipliers
         self.clock.trend = self.clock.grow = 0.0
         self.clock.relative = min(self.clock.relative, 0.0)

@@ -37,7 +37,7 @@ from filippov.kernel.loop.roots.sampling import (
     straight,
 )
 from filippov.kernel.loop.state import Integers, Scratch
-from filippov.kernel.tables.codes import KINK, LOWER, NOTHING, OBSERVER, ROOT, TOUCH, UNRESOLVED, UPPER
+from filippov.kernel.tables.codes import ALONG, KINK, LOWER, NOTHING, OBSERVER, ROOT, TOUCH, UNRESOLVED, UPPER
 from filippov.kernel.tables.layout import CHECKS, SPLITS
 from filippov.kernel.tables.root_tables import DEGREE, NO_ROOT, NODES, TANGENT_ROOT, TO_BERNSTEIN
 
@@ -68,6 +68,13 @@ def at_end_throughout(row: int, tolerance: float, w: Scratch) -> bool:
     """
     least, most = sampled_range(row, w)
     return least >= -tolerance and most <= tolerance
+
+
+@kernel
+def stays_within(row: int, most: float, w: Scratch) -> bool:
+    """Whether no sample of a guard is farther from 0 than this."""
+    low, high = sampled_range(row, w)
+    return max(-low, high) <= most
 
 
 @kernel
@@ -311,6 +318,8 @@ def first_on_piece(
             tolerance = BOUND_TOLERANCE * (abs(w.node[i]) + abs(w.node[M + i]))
             if abs(order[i]) <= 2 and at_end_throughout(row, tolerance, w):
                 continue
+        if m[i] != 0.0 and order[i] == ALONG and stays_within(row, w.touch[i], w):
+            continue
         if straight(iw):
             guard_polynomial(i, step, m, w)
         else:
