@@ -170,6 +170,13 @@ def trees(seed: int) -> str | None:
     return "; ".join(examine(seed)) or None
 
 
+def shares(seed: int) -> str | None:
+    """Bodies at rest whose contacts share loads in many ways (tests/friction_trees.py)."""
+    from friction_trees import examine, shared
+
+    return "; ".join(examine(seed, shared)) or None
+
+
 def verdicts(seed: int) -> str | None:
     """Stability verdicts of random small systems against motions (tests/verdict_draws.py)."""
     from verdict_draws import examine
@@ -194,7 +201,7 @@ def forced(seed: int) -> str | None:
     return "" if fault is None else fault or None
 
 
-EVERY = (linear, resets, metamorphic, whole, networks, twisting, trees, verdicts, maps, forced)
+EVERY = (linear, resets, metamorphic, whole, networks, twisting, trees, shares, verdicts, maps, forced)
 KINDS = {f.__name__: f for f in EVERY}
 
 

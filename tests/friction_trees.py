@@ -5,6 +5,7 @@ Of all forces that contacts can carry (|friction| <= F_c where bodies stick, wal
 those with the shortest M^(-1/2) f act (Moreau 1988).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,6 +96,28 @@ def drawn(seed: int) -> tuple[Network, np.ndarray]:
     return net, np.concatenate([x, v])
 
 
+def shared(seed: int) -> tuple[Network, np.ndarray]:
+    """2 to 4 bodies at rest with more contacts than bodies, many of them on walls that let nothing bounce."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    pairs = [(i, j) for i in range(n) for j in (*range(i), GROUND, BELT)]
+    rng.shuffle(pairs)
+    walls = {i: (float(rng.choice([-1.0, 1.0])), 0.0, 0.0) for i in range(n) if rng.random() < 0.6}
+    pairs = [(int(i), int(j)) for i, j in pairs[: int(rng.integers(n + 1, 2 * n + 3))]]
+    m = len(pairs)
+    if rng.random() < 0.4:
+        mass, friction = rng.integers(1, 3, n).astype(float), rng.integers(1, 4, m) / 2.0
+        constant, swing = rng.integers(-2, 3, n).astype(float), rng.integers(-2, 3, n).astype(float)
+    else:
+        mass, friction = rng.uniform(0.5, 3, n), rng.uniform(0.2, 2, m)
+        constant, swing = rng.uniform(-2, 2, n), rng.uniform(-3, 3, n)
+    net = Network(tuple(pairs), mass, constant, swing, friction, float(rng.choice([0.3, -1.0])), walls)
+    x = np.zeros(n)
+    for i, (side, _, _) in sorted(walls.items()):
+        x[i] = 0.0 if rng.random() < 0.6 else side * rng.uniform(0.05, 0.5)
+    return net, np.concatenate([x, np.zeros(n)])
+
+
 def system(net: Network) -> System:
     """The network as a symbolic system."""
     n = len(net.mass)
@@ -148,9 +171,9 @@ def faults(net: Network, run: Solution) -> list[str]:
     return found
 
 
-def examine(seed: int) -> list[str]:
+def examine(seed: int, draw: Callable[[int], tuple[Network, np.ndarray]] = drawn) -> list[str]:
     """Faults of one run; to end before END is one."""
-    net, x0 = drawn(seed)
+    net, x0 = draw(seed)
     run = solve(system(net), x0, (0, END), rtol=1e-9, atol=1e-11, zeno="continue", max_events=2000)
     found = faults(net, run)
     if not run.success:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from friction_trees import examine, shared
 from scipy.optimize import lsq_linear
 
 from filippov import Surface, System, parameters, sign, solve, states, t
@@ -116,6 +117,19 @@ WHOLE = [("row of 4", 114), ("tree of 5", 2), ("tree of 5", 40), ("tree of 5", 6
 def test_11_networks_in_exact_balance_go_on(name: str, seed: int) -> None:
     """Whole numbers: contacts slip at the instant at which the last share of a load is used up, or never."""
     assert miss(name, seed) < 1e-6
+
+
+# Walls and contacts that others hold at rest, whose guards are rounding for as long as these do.
+HELD = (16, 20, 68, 87, 95, 98)
+
+
+@pytest.mark.parametrize("seed", HELD)
+def test_11_what_others_hold_at_rest_is_left_with_them_alone(seed: int) -> None:
+    assert examine(seed, shared) == []
+
+
+def test_11_a_tree_of_three_bodies_rests_while_seven_contacts_share_the_load() -> None:
+    assert examine(820136) == []
 
 
 def test_F10_three_contacts_hold_two_bodies_at_rest() -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import sympy
-from sympy import Expr, Poly, Symbol
+from sympy import EXRAW, Expr, Poly, Symbol
 from sympy.polys.polyerrors import BasePolynomialError
 
 DIGITS, STEPS = 30, 200
@@ -17,6 +17,7 @@ DIGITS, STEPS = 30, 200
 ROUNDING = 1e-9
 # A coefficient, in units of its terms.
 ZERO = 1e-20
+_UNKNOWN = sympy.Dummy()
 
 
 def common_roots(f: Expr, g: Expr, u: Symbol, v: Symbol) -> list[tuple[Expr, Expr]] | None:
@@ -67,20 +68,17 @@ def _at(polynomial: Poly, u: Symbol, v: Symbol, at: Expr) -> list[Expr]:
     line: list[Expr] = []
     for c in Poly(polynomial, v).all_coeffs():
         parts = Poly(c, u).all_coeffs()
-        value = _sum(parts, at)
-        zero = abs(value) <= ZERO * _sum(map(abs, parts), abs(at))
+        value = _value(parts, at)
+        zero = abs(value) <= ZERO * _value(map(abs, parts), abs(at))
         if line or not zero:
             line.append(sympy.S.Zero if zero else value)
     return line
 
 
 def _is_root(line: list[Expr], at: Expr) -> bool:
-    return bool(abs(_sum(line, at)) <= ROUNDING * _sum(map(abs, line), abs(at)))
+    return bool(abs(_value(line, at)) <= ROUNDING * _value(map(abs, line), abs(at)))
 
 
-def _sum(coefficients: Iterable[Expr], at: Expr) -> Expr:
+def _value(coefficients: Iterable[Expr], at: Expr) -> Expr:
     """The value of a polynomial, highest coefficient first."""
-    value = sympy.S.Zero
-    for c in coefficients:
-        value = value * at + c
-    return value
+    return Poly([*coefficients], _UNKNOWN, domain=EXRAW).eval(at)

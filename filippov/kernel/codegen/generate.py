@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import sympy
 from sympy import Expr, Symbol
@@ -365,19 +365,19 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
     field = [hoisted(f) for f in contact_field(form, modes)]
     derived = list(hoisted.derived.items())
     printer.names |= {symbol: f"p[{len(form.p) + k}]" for k, (_, symbol) in enumerate(derived)}
-    lines = field_source(printer, form, field)
+    lines, inlined = field_source(printer, form, field)
     targets = [(f"out[{i}]", h) for i, h in enumerate(contact_guards(form, modes))]
     head = "guards(t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices)"
-    lines += ["", *_kernel(printer, "@kernel", head, form, targets)]
+    lines += ["", *_kernel(printer, "@kernel", head, form, targets).lines]
     # The other entries are 0 and remain so.
     pattern = structure(form, field, rows)
     targets = [(f"g[{i * n + j}]", rows[i][j]) for i in range(m) for j in pattern.columns[i]]
     targets += [(f"gt[{i}]", rows[i].get(n, sympy.S.Zero)) for i in range(m)]
     head = "gradients(t: float, x: Vector, p: Vector, m: Vector, g: Vector, gt: Vector, ctx: Indices)"
-    lines += _kernel(printer, "@kernel", head, form, targets)
+    lines += _kernel(printer, "@kernel", head, form, targets).lines
     ends = [(f"out[{2 * i + side}]", radius[i][side]) for i in range(m) for side in (0, 1)]
     head = "radii(t: float, x: Vector, p: Vector, out: Vector, ctx: Indices)"
-    lines += _kernel(printer, "@kernel", head, form, ends)
+    lines += _kernel(printer, "@kernel", head, form, ends).lines
     lines += ["@kernel", "def derive(p: Vector) -> int:"]
     targets = [(f"p[{len(form.p) + k}]", e) for k, (e, _) in enumerate(derived)]
     lines += [*_assign(printer, targets, "c"), "    return 0", ""]
@@ -392,15 +392,22 @@ def generate(form: SymbolicForm, surfaces: tuple[Surface, ...], blended: bool = 
         n, len(form.p) + len(derived), surfaces, linear, jointly_affine(form), non_lipschitz(form), pattern,
         moving=[any(e.free_symbols & varying for e in ends) for ends in form.radius],
         straight=straight_rates(form, plain_rows, linear, varying),
-        wide=lines[0] == "@inline" and m > 0 and not form.inputs, held=form.held, ticks=form.time_reset,
+        wide=inlined and m > 0 and not form.inputs, held=form.held, ticks=form.time_reset,
         roots=rooted(form),
     )  # fmt: skip
     return Generated("\n".join(lines), constants)
 
 
+class _Kernel(NamedTuple):
+    """The lines of a kernel, and whether it has loops."""
+
+    lines: list[str]
+    loops: bool
+
+
 def _kernel(
     printer: KernelPrinter, mark: str, head: str, form: SymbolicForm, results: Sequence[tuple[str, Expr]]
-) -> list[str]:
+) -> _Kernel:
     """A kernel that stores the expressions; a long one is divided into kernels that it calls.
 
     Rows that differ in their places alone are loops.
@@ -417,10 +424,10 @@ def _kernel(
         called = head if len(bodies) == 1 else f"{name}{k}({arguments})"
         lines += [mark, f"def {called} -> int:", *body, "    return 0", ""]
     if len(bodies) == 1:
-        return lines
+        return _Kernel(lines, bool(loops))
     given = ", ".join(argument.partition(":")[0] for argument in arguments.split(", "))
     calls = [f"    {name}{k}({given})" for k in range(len(bodies))]
-    return [*lines, mark, f"def {head} -> int:", *calls, "    return 0", ""]
+    return _Kernel([*lines, mark, f"def {head} -> int:", *calls, "    return 0", ""], bool(loops))
 
 
 def _loop(printer: KernelPrinter, loop: Repeated, sizes: Mapping[Symbol, tuple[int, Expr]]) -> list[str]:
@@ -433,17 +440,19 @@ def _loop(printer: KernelPrinter, loop: Repeated, sizes: Mapping[Symbol, tuple[i
     return [f"    for b in range({loop.count}):", *(f"    {line}" for line in inner)]
 
 
-def field_source(printer: KernelPrinter, form: SymbolicForm, field: Sequence[Expr]) -> list[str]:
-    """The kernels `rhs` and `pair` of a field."""
+def field_source(
+    printer: KernelPrinter, form: SymbolicForm, field: Sequence[Expr]
+) -> tuple[list[str], bool]:
+    """The kernels `rhs` and `pair` of a field, and whether they are inlined."""
     arguments = "t: float, x: Vector, p: Vector, s: Vector, m: Vector, out: Vector, ctx: Indices"
     results = [(f"out[{i}]", f) for i, f in enumerate(field)]
     single = _kernel(printer, "@contract", f"rhs({arguments})", form, results)
     # Small fields are inlined in every stage, which saves loads and stores; large ones would bloat the unit.
-    if sum(map(len, single)) >= INLINED or any(" for b in " in line for line in single):
-        return [*single, "@contract", *TWICE]
+    if single.loops or sum(map(len, single.lines)) >= INLINED:
+        return [*single.lines, "@contract", *TWICE], False
     others = {s: sympy.Dummy(f"s{i}", real=True) for i, s in enumerate(form.s)}
     printer.names |= {other: f"s2[{i}]" for i, other in enumerate(others.values())}
     results += [(f"out2[{i}]", f.xreplace(others)) for i, f in enumerate(field)]
     used = set().union(*(f.free_symbols for f in field)) & set(form.a)
     both = ["@contract", PAIR, *_sizes(form, printer, used), *_assign(printer, results, "c"), "    return 0"]
-    return ["@inline", *single, "@inline", *both]
+    return ["@inline", *single.lines, "@inline", *both], True

@@ -30,24 +30,38 @@ MOVES = 2.0
 CHOSEN = 4.0
 
 
+@entry
+@kernel
+def shallow(speed: float, scale: float, known: float, length: float) -> int:
+    """Whether a cycle of this length is so shallow that the next ones show rounding of h or its accuracy.
+
+    speed: of h at the event; scale: the terms of h; known: a depth that is not told from 0
+    """
+    return 1 if speed * length <= max(GRAINY * EPS * scale, known) else 0
+
+
 @kernel
 def zeno_horizon(t: float, start: float, x: Vector, i: int, cycles: EventCycles, w: Scratch) -> float:
     """The largest distance of an accumulation: 1e-7 of the time run, any where cycles come near rounding."""
-    if abs(w.end[2 * i + 1] * (t - cycles.last)) <= GRAINY * EPS * guard_scale(i, t, x, w):
+    if shallow(abs(w.end[2 * i + 1]), guard_scale(i, t, x, w), 0.0, abs(t - cycles.last)) != 0:
         return 1e300
     return max(1e-7 * abs(t - start), 1e3 * EPS * abs(t))
 
 
+@entry
 @kernel
-def distant(t: float, start: float, x: Vector, i: int, left: float, ratio: float, w: Scratch) -> bool:
+def distant(
+    t: float, start: float, left: float, ratio: float, speed: float, scale: float, known: float
+) -> int:  # fmt: skip
     """Whether the cycles on the way to a limit, in the time that is left, are large enough to be resolved.
 
     The intervals of one surface may shrink by chance, when two surfaces are reached in turn.
+    start: of the run; speed, scale, known: as in `shallow`
     """
     cycle = left * (1.0 - ratio) / ratio if 0.0 < ratio < 1.0 else 0.0
-    if abs(w.end[2 * i + 1] * cycle) <= GRAINY * EPS * guard_scale(i, t, x, w):
-        return False
-    return left > CHOSEN * max(NEAR_END * abs(t - start), 1e3 * EPS * abs(t))
+    if shallow(speed, scale, known, cycle) != 0:
+        return 0
+    return 1 if left > CHOSEN * max(NEAR_END * abs(t - start), 1e3 * EPS * abs(t)) else 0
 
 
 @kernel

@@ -176,8 +176,8 @@ def limit_of(run: Trajectory, i: int) -> int:
             return NONE
         t = clock.t_end
     # The depth of cycles of one event was looked at when they were found to accumulate.
-    left = abs(past.law[0] - clock.t)
-    if past.law[6] > 1.0 and distant(clock.t, clock.t_start, run.x, i, left, past.law[2], w):
+    left, speed, scale = abs(past.law[0] - clock.t), abs(w.end[2 * i + 1]), guard_scale(i, clock.t, run.x, w)
+    if past.law[6] > 1.0 and distant(clock.t, clock.t_start, left, past.law[2], speed, scale, 0.0) != 0:
         return NONE
     code = fall(run, t, y, past.bend)
     code = max(code, project_on(t, y, run.p, m, i, w, run.ctx))

@@ -34,7 +34,18 @@ from filippov.kernel.loop.resolve import widen
 from filippov.kernel.loop.roots.locate import NOISY, locate
 from filippov.kernel.loop.roots.sampling import dense_output, dense_value, guard_noise, guard_rows, straight
 from filippov.kernel.loop.state import Scratch, Trajectory
-from filippov.kernel.tables.codes import AGAIN, ALONG, ARRIVED, GO_ON, LOST, LOWER, NOTHING, ROOT, UPPER, USER_ERROR
+from filippov.kernel.tables.codes import (
+    AGAIN,
+    ALONG,
+    ARRIVED,
+    GO_ON,
+    LOST,
+    LOWER,
+    NOTHING,
+    ROOT,
+    UPPER,
+    USER_ERROR,
+)
 from filippov.kernel.tables.radau_tables import NOT_CONVERGED
 
 SAME_END = 1e-11  # times so close to the end of the run, relative to it, are the end

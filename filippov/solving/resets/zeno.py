@@ -22,9 +22,7 @@ from filippov.solving.state.rates import off_contact, velocity
 from filippov.solving.state.run import Run, guard_terms
 
 LARGEST_CORNER = 6
-# Depth of a cycle, in roundings of h, below which its length soon shows them.
-GRAINY = 1e5
-# The same in tolerances of h: cycles as small as these may shrink by a law of their own.
+# Depth of a cycle, in tolerances of h, below which it may shrink by a law of its own.
 FAINT = 40.0
 # Of a power law: least number of events, and how much shorter each half of them is to be than the one before.
 LEAST_EVENTS, HALVES = 512, 0.9
@@ -247,8 +245,11 @@ def accumulates(run: Run) -> bool:
     back = 2 * LONGEST_CYCLE + 1
     if len(run.events) < back:
         return False
-    crossed = run.events[-1].kind is EventKind.CROSSING
-    near = np.inf if crossed and _grainy(run, _interval(run)) else _near_end(run)
+    near = _near_end(run)
+    if run.events[-1].kind is EventKind.CROSSING:
+        speed, scale, known = _depth(run)
+        shallow = run.machine.call("shallow", speed=speed, scale=scale, known=known, length=_interval(run))
+        near = np.inf if shallow else near
     if abs(run.t - run.events[-back].t) > near:
         return False
     limit = accumulation(run)
@@ -267,7 +268,13 @@ def distant(run: Run, limit: Accumulation) -> bool:
     cycle = left * (1.0 - limit.ratio) / limit.ratio if 0.0 < limit.ratio < 1.0 else 0.0
     if cycle <= 2.0 * _interval(run):
         return False
-    return left > CHOSEN * _near_end(run) and not _grainy(run, cycle)
+    speed, scale, known = _depth(run)
+    return bool(
+        run.machine.call(
+            "distant", t=run.t, start=float(run.clock.t_start), left=left, ratio=limit.ratio, speed=speed,
+            scale=scale, known=known,
+        )
+    )  # fmt: skip
 
 
 def _interval(run: Run) -> float:
@@ -281,13 +288,13 @@ def _near_end(run: Run) -> float:
     return max(NEAR_END * abs(run.t - float(run.clock.t_start)), 1e3 * EPS * abs(run.t))
 
 
-def _grainy(run: Run, cycle: float) -> bool:
-    """Whether cycles of this length are so shallow that the next ones show rounding of h or its tolerance."""
+def _depth(run: Run) -> tuple[float, float, float]:
+    """Speed of h at the last event, its terms, the depth of a cycle of its own law; (inf, 0, 0) elsewhere."""
     last = run.events[-1]
     # Of impacts at one instant the last may be on a contact that rests, where no cycle is.
     impact = last.kind is EventKind.RESET and last.before[last.index] != 0
     if not (impact or last.kind is EventKind.CROSSING) or last.t != run.t:
-        return False
+        return np.inf, 0.0, 0.0
     mode = np.resize(np.array(last.before, dtype=float), run.machine.m)
     g, gt = run.machine.gradients(run.t, run.x, mode)
     velocity = run.machine.rhs(run.t, run.x, np.where(mode == 0.0, 1.0, mode), mode)
@@ -296,7 +303,7 @@ def _grainy(run: Run, cycle: float) -> bool:
     known = run.options.rtol * scale + float(np.abs(g[last.index]) @ run.atol)
     if run.clock.relative == -float(last.index + 1) or impact:
         known = 0.0
-    return speed * cycle <= max(GRAINY * EPS * scale, FAINT * known)
+    return speed, scale, FAINT * known
 
 
 def power_law(run: Run) -> Accumulation | None:

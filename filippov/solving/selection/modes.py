@@ -204,7 +204,7 @@ def _examined(
     sliding = [i for i in range(m) if mode[i] == 0]
     own = [i for i in surfaces if mode[i] == 0]
     free = [i for i in surfaces if mode[i] != 0]
-    able = [i for i in free if can_slide(point, i)]
+    able = [i for i in free if sliding and (can_slide(point, i) or i in point.resting)]
     found: list[Successor] = []
     for lam, velocity in sliding_solutions(point, mode, sliding):
         held = inside(base, lam, radii, own)
@@ -234,7 +234,7 @@ def _examined(
                 tuple(float(v) for v in velocity),
                 margin if held else 0.0,
                 faint=tuple(faint),
-                along=tuple(i for i in free if sliding and orders[i] == 0 and (i in able or i in point.resting)),
+                along=tuple(i for i in able if orders[i] == 0),
             )
         )
     return [kind for candidate in found for kind in _families(point, candidate, own, radii)]
