@@ -384,6 +384,8 @@ class _Loop(Settling):
         """
         run = self.run
         before = run.signs
+        if jump is None:
+            rested = [*rested, *(i for i in run.held_along() if run.machine.contacts[i])]
         base = tuple(0 if i in rested else sign for i, sign in enumerate(before))
         seen = watched(run, reached)
         reached = [i for i in reached if i not in seen]
@@ -417,7 +419,7 @@ class _Loop(Settling):
                 return None
             return self._end(*no_mode(run, where))
         causes = tuple(triggered) if jump is None else ()
-        taken = self._choose(candidates, before, causes)
+        taken = picked(self.options.nonunique, candidates, before, causes)
         ambiguity = Ambiguity(run.t, name, candidates, before, causes, start)
         if taken is None:
             self.ambiguity = ambiguity
@@ -426,18 +428,6 @@ class _Loop(Settling):
             name += ", backwards in time" if run.direction < 0 else ""
             return self._end(Status.NON_UNIQUE, f"{name}, {where} can follow: {listing(candidates)}.")
         return self._take(taken, before, triggered, str(ambiguity), start, jump)
-
-    def _choose(
-        self, candidates: Sequence[Successor], before: Mode, triggered: Sequence[int]
-    ) -> Successor | None:
-        # A surface only touched: the solution goes on where it was, if the other side does not lead away.
-        off = [i for i in triggered if before[i] != 0]
-        parted = any(c.mode[i] == -before[i] and c.order[i] == 1 for c in candidates for i in off)
-        if off and len(off) == len(triggered) and not parted:
-            same = [c for c in candidates if c.mode == before]
-            if same:
-                return same[0]
-        return picked(self.options.nonunique, candidates)
 
     def _take(
         self, chosen: Successor, before: Mode, triggered: Sequence[int], note: str, start: bool,

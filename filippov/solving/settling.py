@@ -91,7 +91,8 @@ class Settling(ABC):
     def _near(self, roots: Sequence[int] = ()) -> list[int]:
         """Surfaces that the present point lies on, to rounding; `roots`: those that it was led to."""
         sizes, scale = self.run.scales(roots)
-        near = (sizes <= 8 * np.finfo(float).eps * scale) | (self.run.order == codes.ALONG)
+        near = sizes <= 8 * np.finfo(float).eps * scale
+        near[self.run.held_along()] = True
         # A relay with hysteresis switches at the edges of its band, not where h is 0.
         return [i for i in range(self.run.machine.m) if near[i] and self.run.machine.widths[i] == 0.0]
 

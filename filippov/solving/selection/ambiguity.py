@@ -157,10 +157,25 @@ def _guard(surface: int, rows: Array) -> Array:
     return np.asarray(rows[:, 0, surface])
 
 
+def _touching(candidates: Sequence[Successor], before: Mode, triggered: Sequence[int]) -> Successor | None:
+    """A surface only touched: the solution goes on where it was, if the other side does not lead away."""
+    off = [i for i in triggered if before[i] != 0]
+    parted = any(c.mode[i] == -before[i] and c.order[i] == 1 for c in candidates for i in off)
+    if not off or len(off) < len(triggered) or parted:
+        return None
+    same = [c for c in candidates if all(c.mode[i] == before[i] for i in off)]
+    exact = [c for c in same if c.mode == before]
+    return exact[0] if exact else same[0] if len(same) == 1 else None
+
+
 def picked(
-    policy: str | tuple[str, ...] | Callable[..., Any], candidates: Sequence[Successor]
-) -> Successor | None:
+    policy: str | tuple[str, ...] | Callable[..., Any], candidates: Sequence[Successor], before: Mode,
+    triggered: Sequence[int],
+) -> Successor | None:  # fmt: skip
     """The candidate that the option `nonunique` chooses, None where it chooses none or several."""
+    same = _touching(candidates, before, triggered)
+    if same is not None:
+        return same
     if callable(policy):
         found = policy(list(candidates))
         if found is None or isinstance(found, Successor):

@@ -32,7 +32,7 @@ from filippov.solving.state.point import Point
 ENUMERATED = 6
 MOST_NONAFFINE = 8
 # Singular values, in units of the rows, that are rounding; how many trial steps ahead ends are looked for.
-REDUNDANT, AHEAD = 1e-10, 1e-3
+REDUNDANT, AHEAD = 1e-10, (1e-3, 1.0, 1e3)
 
 
 def corners(
@@ -177,9 +177,10 @@ def _settled(point: Point, mode: Array, moving: Sequence[int], radii: Array) -> 
         return []
     found: list[Array] = []
     rests = np.array([point.machine.contacts[i] != 0 for i in moving])
-    for _, z, signs in _held(point, r, C, moving, radii, np.zeros(len(moving))):
+    shares = _held(point, r, C, moving, radii, np.zeros(len(moving)))
+    for (_, z, signs), steps in itertools.product(shares, AHEAD):
         velocity = _field_at(point, mode, moving, z, effects)
-        ahead = point.direction * AHEAD * abs(point.step)
+        ahead = point.direction * min(steps * abs(point.step), max(point.longest, AHEAD[0] * abs(point.step)))
         later = replace(
             point, t=point.t + ahead, x=point.x + ahead * velocity, summed={}, reaches={}, probed={}
         )

@@ -319,6 +319,10 @@ class Run:
         self.clock.trend = self.clock.grow = 0.0
         self.clock.relative = min(self.clock.relative, 0.0)
 
+    def held_along(self) -> list[int]:
+        """The surfaces off which the solution does not slide, and on which others hold it."""
+        return [int(i) for i in np.flatnonzero(self.order == codes.ALONG)]
+
     @property
     def attempts(self) -> int:
         """Steps so far, the rejected ones included."""
