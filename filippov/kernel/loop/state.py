@@ -349,12 +349,12 @@ class Attempt(Struct):
 class Trajectory(Struct):
     """One trajectory: references to its data, and the step under way.
 
-    x, mode m, multipliers lam of the sliding surfaces; order[i]: how often guard i vanishes at the start;
-    trigger: the surfaces that are active where the classification is needed; stop: events until a terminal
-    one, a row of STOPS a surface; ticks, instants: time events, with the times of those that list them; rec,
-    rec_coef: steps with their dense output; events, marks: what is kept of events; kinds: how
-    many of each kind a surface had, where events are only counted; past: what accumulations are told by;
-    limit: the last of them, with its error, that of its state, and the state; number: in its batch.
+    x, mode m, multipliers lam of the sliding surfaces; order[i]: how often guard i vanishes at the start,
+    ALONG where others hold the solution on it; trigger: the surfaces that are active where the classification
+    is needed; stop: events until a terminal one, a row of STOPS a surface; ticks, instants: time events, with
+    the times of those that list them; rec, rec_coef: steps with their dense output; events, marks: what is
+    kept of events; kinds: how many of each kind a surface had, where events are only counted; past: what
+    accumulations are told by; limit: the last of them, with its error, that of its state, and the state; number: in its batch.
     """
 
     clock: Clock

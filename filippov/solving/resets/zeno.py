@@ -299,7 +299,7 @@ def _depth(run: Run) -> tuple[float, float, float]:
     g, gt = run.machine.gradients(run.t, run.x, mode)
     velocity = run.machine.rhs(run.t, run.x, np.where(mode == 0.0, 1.0, mode), mode)
     speed = abs(float(gt[last.index]) + run.machine.rate(last.index, g, velocity))
-    scale = float(np.sum(np.abs(g[last.index] * run.x)) + abs(gt[last.index] * run.t))
+    scale = float(guard_terms(g, gt, run.t, run.x)[last.index])
     known = run.options.rtol * scale + float(np.abs(g[last.index]) @ run.atol)
     if run.clock.relative == -float(last.index + 1) or impact:
         known = 0.0

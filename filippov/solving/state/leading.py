@@ -93,8 +93,10 @@ def leading_term(
 
     pick: the guard out of the rows of `Machine.probe`. The trial step is shortened until two lengths agree on
     the term, so that what a polynomial on a long step makes up is not taken for a derivative, and lengthened
-    where it is too short for the term to stand out of rounding.
+    where it is too short for the term to stand out of rounding. Where none agree, as of powers that are not
+    whole, the side of the guard on the shortest step decides, and how it grows.
     """
+    ends: list[float] = []
 
     def follow(step: float) -> tuple[int, float] | None:
         code, _, _, rows = point.probe(step, mode, lam)
@@ -105,6 +107,7 @@ def leading_term(
         start = values[0] if np.isfinite(values[0]) else 0.0
         if not np.all(np.abs(values[1:]) < EXPLODED):
             return -1, 0.0
+        ends.append(_one_sided(values - start, terms, step))
         return first_derivative(values - start, terms, step)
 
     found: list[tuple[int, float]] = []
@@ -120,6 +123,9 @@ def leading_term(
         if term[0] > 0:
             found.append(term)
     else:
+        if len(ends) > 1 and ends[-1] * ends[-2] > 0.0:
+            order = round(float(np.log(ends[-2] / ends[-1]) / np.log(SHORTER)))
+            return min(max(order, 1), NODES - 2), float(np.sign(ends[-1]))
         return (found[-1][0], float(np.sign(found[-1][1]))) if found else None
     last = found[0] if found else term
     for q in range(1, TRIALS):
@@ -131,6 +137,13 @@ def leading_term(
             return last[0], float(np.sign(last[1]))
         last = term
     return 0, 0.0
+
+
+def _one_sided(values: Array, terms: Terms, step: float) -> float:
+    """The guard at the end of a step, without a rate that is none; 0 where it changes its side in between."""
+    rate = terms.rate if terms.tangent else None
+    rest = values[1:] - (rate or 0.0) * step * np.array(POSITION[1:])
+    return float(rest[-1]) if np.all(rest * rest[-1] > 0.0) else 0.0
 
 
 def _agree(short: tuple[int, float], long: tuple[int, float]) -> bool:
