@@ -354,7 +354,8 @@ class Trajectory(Struct):
     is needed; stop: events until a terminal one, a row of STOPS a surface; ticks, instants: time events, with
     the times of those that list them; rec, rec_coef: steps with their dense output; events, marks: what is
     kept of events; kinds: how many of each kind a surface had, where events are only counted; past: what
-    accumulations are told by; limit: the last of them, with its error, that of its state, and the state; number: in its batch.
+    accumulations are told by; limit: the last of them, with its error, that of its state, and the
+    state; number: in its batch.
     """
 
     clock: Clock
