@@ -201,7 +201,17 @@ def forced(seed: int) -> str | None:
     return "" if fault is None else fault or None
 
 
-EVERY = (linear, resets, metamorphic, whole, networks, twisting, trees, shares, verdicts, maps, forced)
+def planes(seed: int) -> str | None:
+    """Basins of planar piecewise linear systems with known borders (tests/basin_draws.py)."""
+    from basin_draws import KINDS, basins
+
+    kinds = sorted(KINDS)
+    return basins(kinds[seed % len(kinds)], seed // len(kinds)) or None
+
+
+EVERY = (
+    linear, resets, metamorphic, whole, networks, twisting, trees, shares, verdicts, maps, forced, planes,
+)  # fmt: skip
 KINDS = {f.__name__: f for f in EVERY}
 
 

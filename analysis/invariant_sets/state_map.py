@@ -28,9 +28,12 @@ Kind = Literal["strobe", "step", "section"]
 STEPS = 200_000
 # A solution is at rest where it is unchanged at these shares of the map's time as well.
 SHARES = (0.371, 0.713)
-# Displacement in one step, in parts of the box, up to which it is doubled; where doubling has to gain
-# something.
-MOST, LEAST, GAIN, TRIES = 0.3, 1e-4, 1.5, 40
+# Displacement in one step, in parts of the box, up to which it is doubled; what doubling has to gain, at once
+# above LEAST, else within a step that is so many times as long: a drift may hide behind a small oscillation,
+# what has come close to a point does not move in any time.
+MOST, LEAST, GAIN, FURTHER = 0.3, 1e-4, 1.5, 256
+# Displacement in tolerances that is none.
+NOISE = 10.0
 # How often the step is chosen anew, after so many steps.
 ROUNDS, SETTLED = 3, 20
 
@@ -103,12 +106,14 @@ class StateMap:
         for _ in range(ROUNDS):
             while self._pace(x, size, step) > MOST and step > 1e-12:
                 step *= 0.5
-            pace = self._pace(x, size, step)
-            for _ in range(TRIES):
-                further = self._pace(x, size, 2 * step)
-                if pace == 0.0 or further > MOST or (pace > LEAST and further < GAIN * pace):
+            pace, tried = self._pace(x, size, step), step
+            while pace > 0.0 and tried < FURTHER * step:
+                tried *= 2
+                further = self._pace(x, size, tried)
+                if further > MOST or (pace > LEAST and further < GAIN * pace):
                     break
-                step, pace = 2 * step, further
+                if further >= GAIN * pace:
+                    step, pace = tried, further
             ends = self.over(x, SETTLED * step)
             good = np.array([status is Status.SUCCESS for status in ends.status])
             if not good.any():
@@ -123,7 +128,7 @@ class StateMap:
         good = np.array([status is Status.SUCCESS for status in ends.status])
         gone = np.max(np.abs(ends.x - states) / size, axis=1)
         gone = np.where(good, gone, np.inf)
-        gone = gone[gone > 1e-9]
+        gone = gone[gone > NOISE * self.options["rtol"]]
         return float(np.median(gone)) if gone.size else 0.0
 
     @cached_property
