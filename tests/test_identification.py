@@ -2,14 +2,17 @@
 
 from pathlib import Path
 
+import mpmath as mp
 import numpy as np
 import pytest
 from command import summary
 
 from filippov import UsageError, solve
+from filippov.analysis.estimation import misfit
 from filippov.analysis.estimation.friction_curve import friction_force, identify_curve
 from filippov.analysis.estimation.identification import Identified, identify
 from filippov.analysis.estimation.record import Curve, Record, read_record
+from filippov.analysis.estimation.residual_noise import Noise, Window, generalised
 from filippov.app.cli.main import main
 from filippov.models import get
 from filippov.models.driven import driven_mass
@@ -132,3 +135,25 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert data["success"]
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"identified.json", "fit.csv", "fit.png"}
     assert main(["identify", str(tmp_path / "none.csv")]) == 2
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.7, -0.4])
+@pytest.mark.parametrize("decades", [0, 6, 10])
+def test_residuals_are_whitened_beside_a_force_of_any_size(rho: float, decades: int) -> None:
+    """The factor of sigma^2 R + kappa F F' in 60 digits; in double precision that sum is indefinite."""
+    rng = np.random.default_rng(decades)
+    window = Window(rng.normal(size=8), rng.normal(size=(8, 2)), 10.0**decades * rng.normal(size=(8, 2)))
+    noise = Noise(0.3, rho, 2.0, 0.0, np.zeros(3))
+    step = generalised([window], noise.sigma, noise.rho, noise.kappa).step
+    rows, jacobians = misfit._white([window], noise)
+    with mp.workdps(60):
+        load = mp.matrix(window.load.tolist())
+        covariance = noise.kappa * load * load.T
+        for i in range(8):
+            for j in range(8):
+                covariance[i, j] += mp.mpf(noise.sigma) ** 2 * mp.mpf(rho) ** abs(i - j)
+        inverse = mp.cholesky(covariance) ** -1
+        rest = window.residual - window.jacobian @ step
+        for got, given in ((rows[0], rest), (jacobians[0], window.jacobian)):
+            exact = inverse * mp.matrix(given.tolist())
+            np.testing.assert_allclose(got.ravel(), [float(q) for q in exact], rtol=1e-8, atol=1e-8)

@@ -100,6 +100,7 @@ class ForceSegment:
     def fit(self, q: float) -> tuple[Array, Array]:
         """Coefficients, and the root of their precision for s = 1."""
         b, d = self.design, self.roughness
-        root = linalg.cholesky(b.T @ b + d.T @ d / q)
+        # The root of b'b + d'd/q without that sum: beside the larger part the other is below rounding.
+        root = np.linalg.qr(np.vstack((d / np.sqrt(q), b)), mode="r").T
         right = solve_triangular(root, b.T @ self.values, lower=True)
         return np.asarray(solve_triangular(root.T, right, lower=False)), np.asarray(root)

@@ -18,9 +18,14 @@ from scipy.linalg import solve_triangular
 from scipy.stats import chi2
 from scipy.stats import f as fisher
 
-from filippov.analysis.algebra import linalg
 from filippov.analysis.estimation.identify_fit import Fit
-from filippov.analysis.estimation.residual_noise import Noise, Window, degrees_of_freedom, generalised
+from filippov.analysis.estimation.residual_noise import (
+    Noise,
+    Window,
+    degrees_of_freedom,
+    generalised,
+    whitened,
+)
 
 Array = npt.NDArray[np.float64]
 # Chance that one of the tests refuses the true law, and that one of them widens its intervals.
@@ -136,15 +141,14 @@ def _white(windows: Sequence[Window], noise: Noise) -> tuple[list[Array], list[A
     step = generalised(windows, noise.sigma, noise.rho, noise.kappa).step
     residuals, jacobians = [], []
     for w in windows:
-        k = np.arange(len(w.residual))
-        power = np.abs(k[:, None] - k)
-        v = (
-            noise.sigma**2 * (noise.rho**power if noise.rho else np.eye(len(k)))
-            + noise.kappa * w.load @ w.load.T
-        )
-        root = linalg.cholesky(v)
-        residuals.append(solve_triangular(root, w.residual - w.jacobian @ step, lower=True))
-        jacobians.append(solve_triangular(root, w.jacobian, lower=True))
+        rows = np.column_stack((w.load, w.residual - w.jacobian @ step, w.jacobian))
+        rows = whitened(rows, noise.rho) / noise.sigma
+        load, rest = rows[:, : w.load.shape[1]], rows[:, w.load.shape[1] :]
+        # The root of 1 + kappa F F' without that sum: beside a large F its 1 is below rounding.
+        root = np.linalg.qr(np.vstack((np.sqrt(noise.kappa) * load.T, np.eye(len(load)))), mode="r").T
+        own = solve_triangular(root * np.sign(np.diag(root)), rest, lower=True)
+        residuals.append(own[:, 0])
+        jacobians.append(own[:, 1:])
     return residuals, jacobians
 
 
