@@ -22,6 +22,7 @@ from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.app.bank.build import Built
+from filippov.app.bank.notation import number
 from filippov.app.bank.outcome import MissingError, OutOfTimeError
 from filippov.app.bank.recurrence import Cycle, recurrence
 from filippov.base.errors import ModelError, SolveError, UsageError
@@ -88,6 +89,14 @@ class CaseRuns:
         """Names of the states."""
         return self.built.system.states
 
+    def number(self, value: Any) -> float:
+        """A number, or a formula in the case's parameters. Raises ModelError."""
+        return number(value, self.names)
+
+    def part(self, x: Any, component: str | None) -> Any:
+        """One state of x by name; None: all. Raises ModelError."""
+        return x if component is None else x[self.component(component)]
+
     def component(self, name: str) -> int:
         """The place of a state. Raises ModelError."""
         check_known("state", [name], self.states)
@@ -132,6 +141,13 @@ class CaseRuns:
             raise KeyboardInterrupt
         if plain:
             self._runs[key] = run
+        return run
+
+    def finished(self, **options: Any) -> Solution:
+        """As `solve`. Raises MissingError where the run ends early."""
+        run = self.solve(**options)
+        if not run.status.ok:
+            raise MissingError(run.message)
         return run
 
     @cached_property

@@ -16,8 +16,7 @@ from filippov.app.bank.case import Case, read_bank
 from filippov.app.bank.case_runs import CaseRuns, Settings
 from filippov.app.bank.expectation import Expectation
 from filippov.app.bank.form import SystemForm
-from filippov.app.bank.measures.accumulations import Accumulation
-from filippov.app.bank.measures.events import OneEvent, SomeEvents
+from filippov.app.bank.measures.events import Accumulation, OneEvent, SomeEvents
 from filippov.app.bank.measures.measure import Measure, When
 from filippov.app.bank.measures.states import End, State
 from filippov.app.bank.notation import number

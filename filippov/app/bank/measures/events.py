@@ -1,4 +1,4 @@
-"""Events: one of them, their list, their number."""
+"""Events: one of them, their list, their number, and the limit at which they accumulate (Zeno)."""
 
 from __future__ import annotations
 
@@ -9,16 +9,21 @@ import numpy as np
 
 from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.measures.measure import Measure, Number, When, moment, one_of
-from filippov.app.bank.notation import number
 from filippov.app.bank.outcome import MissingError
-from filippov.base.status import EventKind
+from filippov.base.status import EventKind, Status
+from filippov.solving.solution import Solution
 from filippov.solving.state.events import Event
+from filippov.solving.state.machine import Machine
 
 Kind = Literal["cross", "slide", "exit", "graze", "reset", "time", "any"]
 WORDS = {
     EventKind.CROSSING: "cross", EventKind.ENTRY: "slide", EventKind.EXIT: "exit", EventKind.GRAZING: "graze",
     EventKind.RESET: "reset", EventKind.TIME: "time",
 }  # fmt: skip
+# Spans in which an accumulation is looked for, as multiples of the case's.
+LONGER = (1.0, 2.0, 8.0, 32.0)
+# The least distance from the limit that is compared, and the most events.
+NEAREST, MOST = 1e-9, 24
 
 
 class Filter(Measure):
@@ -45,33 +50,29 @@ class Filter(Measure):
 
     def chosen(self, runs: CaseRuns) -> list[Event]:
         """The events."""
-        if self.over == "period":
-            events: list[Event] = list(runs.cycle.events)
-        else:
-            events = runs.events(self._run(runs))
-        if self.kind is None:
-            events = [e for e in events if e.kind is not EventKind.GRAZING]
-        elif self.kind != "any":
-            events = [e for e in events if WORDS[e.kind] == self.kind]
-        if self.direction is not None:
-            sign = 1 if self.direction == "+" else -1
-            events = [e for e in events if e.direction == sign]
-        if self.surface is not None:
-            many = self.surface if isinstance(self.surface, tuple) else (self.surface,)
-            places = {runs.place(surface) for surface in many}
-            events = [e for e in events if runs.place(e.surface) in places]
-        if self.codimension is not None:
-            sides = [(e, e.before if e.kind is EventKind.EXIT else e.after) for e in events]
-            events = [e for e, mode in sides if sum(sign == 0 for sign in mode) == self.codimension]
-        return [e for e in events if acts(runs, e)] if self.acting else events
+        every = list(runs.cycle.events) if self.over == "period" else runs.events(self._run(runs))
+        many = self.surface if isinstance(self.surface, tuple) else (self.surface,)
+        places = {runs.place(surface) for surface in many if surface is not None}
 
-    def _run(self, runs: CaseRuns) -> Any:
+        def passes(e: Event) -> bool:
+            mode = e.before if e.kind is EventKind.EXIT else e.after
+            kinds = ("any", WORDS[e.kind], *([] if e.kind is EventKind.GRAZING else [None]))
+            return (
+                self.kind in kinds
+                and self.direction in (None, {1: "+", -1: "-"}.get(e.direction, ""))
+                and (self.surface is None or runs.place(e.surface) in places)
+                and self.codimension in (None, mode.count(0))
+                and (not self.acting or acts(runs, e))
+            )
+
+        return [e for e in every if passes(e)]
+
+    def _run(self, runs: CaseRuns) -> Solution:
         start, end = runs.built.t_span
         last = end if self.until is None else moment(runs, self.until)
         beyond = last > max(start, end)
         if self.x0 is not None:
-            x0 = tuple(number(value, runs.names) for value in self.x0)
-            return runs.solve(x0=x0, t_end=last if beyond else end)
+            return runs.solve(x0=tuple(map(runs.number, self.x0)), t_end=last if beyond else end)
         return runs.covering(last) if beyond else runs.main
 
 
@@ -115,8 +116,7 @@ class OneEvent(Filter, quantity="event"):
     take: str = "t"
 
     def __call__(self, subject: CaseRuns) -> Any:
-        events = self.chosen(subject)
-        return taken(subject, one_of(events, self.number, "such events"), self.take)
+        return taken(subject, one_of(self.chosen(subject), self.number, "such events"), self.take)
 
 
 class SomeEvents(Filter, quantity="events"):
@@ -179,14 +179,12 @@ class EventList(Measure, quantity="event_list"):
             after = event.x if event.x_after is None else event.x_after
             for given, got in ((record.t, [event.t]), (record.state, event.x), (record.state_after, after)):
                 if given is not None:
-                    row = given if isinstance(given, tuple) else (given,)
-                    wanted = np.array([number(value, subject.names) for value in row])
-                    same = len(row) == len(got)
-                    worst = max(worst, float(np.max(np.abs(got - wanted))) if same else np.inf)
+                    row = [*map(subject.number, given if isinstance(given, tuple) else (given,))]
+                    worst = max(worst, *np.abs(np.subtract(got, row))) if len(row) == len(got) else np.inf
         return worst
 
     def _match(self, runs: CaseRuns, left: list[Event], record: EventRecord) -> Event | None:
-        within = number(self.together, runs.names)
+        within = runs.number(self.together)
         for event in left:
             if event.t > left[0].t + within:
                 return None
@@ -194,3 +192,75 @@ class EventList(Measure, quantity="event_list"):
             if there and record.kind in (None, WORDS[event.kind], word(event)):
                 return event
         return None
+
+
+def accumulation(runs: CaseRuns) -> Solution:
+    """The run up to the limit of its events, from increasingly long spans. Raises MissingError."""
+    start, end = runs.built.t_span
+    for factor in LONGER:
+        run = runs.solve(t_end=start + factor * (end - start), zeno="stop")
+        if run.status is Status.ZENO:
+            return run
+        if not run.status.ok:
+            raise MissingError(run.message)
+    raise MissingError(f"no events accumulate within {LONGER[-1]:g} times the span")
+
+
+class Accumulation(Measure, quantity="accumulation"):
+    """The limit of accumulating events.
+
+    take  t; or state_after: the state half as long again after it
+    """
+
+    take: Literal["t", "state_after"] = "t"
+
+    def __call__(self, subject: CaseRuns) -> Any:
+        run = accumulation(subject)
+        if self.take == "t":
+            return run.t_end if run.zeno is None else run.zeno.t
+        end = run.t_end + 0.5 * abs(run.t_end - subject.built.t_span[0])
+        return subject.finished(t_end=end, zeno="continue").x_end
+
+
+class Ratios(Measure, quantity="ratios"):
+    """Ratios of successive quantities at the events of an accumulation, a list.
+
+    between  intervals (of time), distances (|h_1| + |h_2| + ...), or the name of a state: its magnitude
+    surface  only the events of one surface, by number or name
+    """
+
+    between: str
+    surface: int | str | None = None
+
+    def __call__(self, subject: CaseRuns) -> Any:
+        events = _tail(subject)
+        if self.surface is not None:
+            place = subject.place(self.surface)
+            events = [e for e in events if subject.place(e.surface) == place]
+        sizes = self._sizes(subject, events)
+        if len(sizes) < 3 or not np.all(sizes[:-1] > 0):
+            raise MissingError("the run has too few such events for ratios")
+        return sizes[1:] / sizes[:-1]
+
+    def _sizes(self, runs: CaseRuns, events: list[Event]) -> Any:
+        if self.between == "intervals":
+            return np.diff([e.t for e in events])
+        if self.between == "distances":
+            machine = Machine(runs.main.problem.system, runs.method, runs.main.problem.p)
+            rows = [(e.t, np.ascontiguousarray(e.x), np.array(e.before, dtype=float)) for e in events]
+            sizes = np.array([np.sum(np.abs(machine.guards(*row))) for row in rows])
+            if not np.all(sizes[:-1] > NEAREST):
+                raise MissingError("the events are too near to their limit for ratios")
+            return sizes
+        k = runs.component(self.between)
+        return np.abs([e.x[k] for e in events])
+
+
+def _tail(runs: CaseRuns) -> list[Event]:
+    """Events of the accumulating solution that are far enough from its limit to be accurate."""
+    events = runs.events()
+    if len(events) < 6:
+        events = runs.events(accumulation(runs))
+    if len(events) < 4:
+        raise MissingError("the run has too few events")
+    return events[:MOST]

@@ -11,7 +11,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.app.bank.case_runs import CaseRuns, slides
-from filippov.app.bank.notation import formula, number
+from filippov.app.bank.notation import formula
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.polynomial import Polynomial
 from filippov.base.errors import ModelError
@@ -64,22 +64,14 @@ class Formula(Measure, quantity="formula"):
     where: dict[str, Measure] = field(default_factory=dict)
 
     def __call__(self, subject: Any) -> Any:
-        return evaluated(subject, self.formula, measured(subject, self.where))
-
-
-def measured(subject: Any, where: dict[str, Measure]) -> dict[str, Any]:
-    """The values of quantities by name, as arrays."""
-    return {name: np.asarray(measure(subject), dtype=float) for name, measure in where.items()}
-
-
-def evaluated(subject: Any, text: str, given: dict[str, Any]) -> Any:
-    """A formula in the case's parameters and in given arrays. Raises ModelError."""
-    symbols = {name: Symbol(name, real=True) for name in given}
-    expression = formula(text, {**subject.names, **symbols})
-    left = expression.free_symbols - set(symbols.values())
-    if left:
-        raise ModelError(f"the formula {text[:60]!r} has {min(map(str, left))!r}, which has no value here.")
-    return sympy.lambdify(list(symbols.values()), expression, "numpy")(*given.values())
+        given = {name: np.asarray(measure(subject), dtype=float) for name, measure in self.where.items()}
+        symbols = {name: Symbol(name, real=True) for name in given}
+        whole = formula(self.formula, {**subject.names, **symbols})
+        left = whole.free_symbols - set(symbols.values())
+        if left:
+            name = min(map(str, left))
+            raise ModelError(f"the formula {self.formula[:60]!r} has {name!r}, which has no value here.")
+        return sympy.lambdify(list(symbols.values()), whole, "numpy")(*given.values())
 
 
 def moment(runs: CaseRuns, when: When) -> float:
@@ -88,7 +80,7 @@ def moment(runs: CaseRuns, when: When) -> float:
         return runs.t_end
     if isinstance(when, Measure):
         return float(np.asarray(when(runs)).reshape(()))
-    return number(when, runs.names)
+    return runs.number(when)
 
 
 def segments_over(runs: CaseRuns, over: Over) -> list[tuple[Solution, float, float]]:

@@ -1,4 +1,4 @@
-"""Periodic solutions: period, multipliers, stability; predictions of harmonic balance."""
+"""Periodic solutions, predictions of harmonic balance, values of parameters at which solutions change."""
 
 from __future__ import annotations
 
@@ -7,19 +7,24 @@ from typing import Any, Literal
 import numpy as np
 
 from filippov.analysis.algebra.growth import ACCURACY, by_multipliers
+from filippov.analysis.bifurcations.continuation import continuation
 from filippov.analysis.harmonic.describing_function import describing_function
 from filippov.analysis.orbits.orbit import Orbit
+from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow_derivative
 from filippov.analysis.steady.forcing import depends_on_time
-from filippov.app.bank.case_runs import CaseRuns, slides
+from filippov.app.bank.build import build
+from filippov.app.bank.case_runs import CaseRuns, in_time, slides
 from filippov.app.bank.measures.measure import Measure, Number, one_of
-from filippov.app.bank.notation import number
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.recurrence import Cycle
-from filippov.base.errors import ModelError, UsageError
+from filippov.base.errors import ModelError, SolveError, UsageError
+from filippov.base.names import check_known
+from filippov.base.status import EventKind
 from filippov.solving.state.options import Options
 
 SYMMETRIC = 1e-6
+SETTLED = 0.75  # the fraction of a doubled span that counts as settled
 
 
 class PeriodicOrbit(Measure, quantity="orbit"):
@@ -70,7 +75,7 @@ class PeriodicOrbit(Measure, quantity="orbit"):
             return None
 
     def _orbit(self, runs: CaseRuns) -> Orbit:
-        return runs.orbit(None if self.period is None else number(self.period, runs.names))
+        return runs.orbit(None if self.period is None else runs.number(self.period))
 
     def _multipliers(self, runs: CaseRuns) -> list[complex]:
         cycle = self._cycle(runs)
@@ -105,9 +110,7 @@ def _eigenvalues(runs: CaseRuns, cycle: Cycle, half: bool) -> list[complex]:
     assert cycle.run.sol is not None
     x0 = np.asarray(cycle.run.sol(t0))
     length = cycle.period / (2 if half else 1)
-    run = runs.solve(x0=tuple(float(v) for v in x0), t0=t0, t_end=t0 + length)
-    if not run.status.ok:
-        raise MissingError(run.message)
+    run = runs.finished(x0=tuple(float(v) for v in x0), t0=t0, t_end=t0 + length)
     if half and np.max(np.abs(run.x_end + x0)) > SYMMETRIC * (1 + np.max(np.abs(x0))):
         raise MissingError("the periodic solution is not symmetric under x -> -x")
     try:
@@ -129,3 +132,73 @@ class HarmonicBalance(Measure, quantity="harmonic_balance"):
         except (ModelError, UsageError) as error:
             raise MissingError(str(error)) from None
         return getattr(one_of(cycles, self.number, "predicted cycles"), self.take)
+
+
+class Threshold(Measure, quantity="threshold"):
+    """The value of a parameter between settled solutions that reach a surface and those that do not.
+
+    By bisection of `between`, where one end has such events and the other has none, down to `width`; the
+    middle of the last interval. Settled is the last quarter of a run over twice the span.
+    """
+
+    parameter: str
+    between: tuple[Number, Number]
+    width: Number | None = None
+
+    def __call__(self, subject: CaseRuns) -> Any:
+        """The value. Raises MissingError where both ends are alike."""
+        check_known("parameter", [self.parameter], subject.built.raw.get("params") or {})
+        low, high = sorted(map(subject.number, self.between))
+        built = build(subject.built.raw, free=self.parameter)
+        runs = CaseRuns(built, subject.settings, subject.deadline)
+        width = high - low if self.width is None else subject.number(self.width)
+        first = self._contact(runs, low)
+        if first == self._contact(runs, high):
+            said = "contact" if first else "no contact"
+            raise MissingError(f"{said} on both sides, {self.parameter} = {low:.9g} and {high:.9g}")
+        while high - low > width * (1 + 1e-9) and low < (middle := 0.5 * (low + high)) < high:
+            low, high = (middle, high) if self._contact(runs, middle) == first else (low, middle)
+        subject.field_calls += runs.field_calls
+        return 0.5 * (low + high)
+
+    def _contact(self, runs: CaseRuns, value: float) -> bool:
+        x0, (start, end) = runs.built.start(self.parameter, value)
+        last = start + 2 * (end - start)
+        run = runs.solve(x0=x0, t0=start, t_end=last, parameters={self.parameter: value})
+        after = start + SETTLED * (last - start)
+        return any(e.t > after and e.kind is not EventKind.GRAZING for e in runs.events(run))
+
+
+class Fold(Measure, quantity="fold"):
+    """The value of a parameter at which a branch of periodic orbits, or of equilibria, turns back.
+
+    The branch begins at the orbit near the start of the case, or at the equilibrium near it.
+
+    between  the values that the branch is followed through
+    mode     of an equilibrium, such as "+0" (0: slides); left out: the branch is one of orbits
+    number   of the folds in the order along the branch, from 1
+    """
+
+    parameter: str
+    between: tuple[Number, Number]
+    mode: str | None = None
+    number: int = 1
+
+    def __call__(self, subject: CaseRuns) -> Any:
+        """The value. Raises MissingError where no branch is found, or it has no such fold."""
+        try:
+            found = in_time(subject.deadline, lambda: self._folds(subject))
+        except (SolveError, NotDifferentiableError, UsageError) as error:
+            raise MissingError(f"no branch was found: {error}") from None
+        return one_of(found, self.number, "folds")
+
+    def _folds(self, subject: CaseRuns) -> list[float]:
+        built = build(subject.built.raw, free=self.parameter)
+        value = float(built.names[self.parameter])
+        low, high = map(subject.number, self.between)
+        start: Any = built.x0
+        options: dict[str, Any] = {"value": value, "mode": self.mode}
+        if self.mode is None:
+            start, options = find_orbit(built.system, built.x0, t0=built.t_span[0]), {}
+        run = continuation(built.system, start, parameter=self.parameter, bounds=(low, high), **options)
+        return [point.value for point in run.run().folds]

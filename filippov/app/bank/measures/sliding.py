@@ -1,4 +1,4 @@
-"""Sliding: the values of the signs, the field, and the modes that can follow where several can."""
+"""Sliding: the values of the signs and the field; what can follow where several modes can, and its reach."""
 
 from __future__ import annotations
 
@@ -75,8 +75,7 @@ class Rate(Measure, quantity="rate"):
         run, t = under(subject, self.sliding, self.t)
         if self.sliding is not None:
             _sliding(run, t)
-        velocity, _ = subject.velocity(run, t)
-        return velocity if self.component is None else velocity[subject.component(self.component)]
+        return subject.part(subject.velocity(run, t)[0], self.component)
 
 
 class VertexWeights(Measure, quantity="moments_weights"):
@@ -163,3 +162,29 @@ class Continuations(Measure, quantity="continuations"):
             part: Any = slice(None) if self.take == "fields" else subject.component(self.take)
             rows = [c.field[part] for c in found]
         return rows if self.number is None else one_of(rows, self.number, "continuations")
+
+
+class Reachable(Measure, quantity="reachable"):
+    """The states that all solutions reach at a time.
+
+    component  [least, largest] value of one state; default: the ends of all branches, a list of points
+    releases   departures that are sampled along sliding that can be left at any time
+    """
+
+    t: When = None
+    component: str | None = None
+    releases: int = 0
+
+    def __call__(self, subject: CaseRuns) -> Any:
+        """The interval, or the points. Raises MissingError where the solution is unique."""
+        time = moment(subject, self.t)
+        tree = subject.tree(time, self.releases)
+        if tree.unique:
+            raise MissingError("the solution is unique")
+        found = tree.reachable(time)
+        if not found.complete:
+            raise MissingError(f"not every solution was followed to t = {time:.9g}: {tree.message}")
+        if self.component is None:
+            return found.x
+        values = found.x[:, subject.component(self.component)]
+        return [float(np.min(values)), float(np.max(values))]

@@ -9,14 +9,15 @@ from typing import Any
 
 from filippov.app.bank import typed_json
 from filippov.app.bank.case import Case, Entry
+from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.expectation import Expectation, Subject
 from filippov.app.bank.form import SystemForm
-from filippov.app.bank.migrate import events, formulas, hybrid, orbits, polynomials, sets, sliding, states
+from filippov.app.bank.migrate import events, hybrid, polynomials, sets, states
 from filippov.app.bank.migrate.rule import Old, Reading, nearest, readings, tolerance
 from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome, OutOfTimeError
+from filippov.app.bank.polynomial import Polynomial
 
-# The rules are registered, and tried, in this order.
-GROUPS = (events, states, sliding, orbits, formulas, sets, polynomials)
+_RULES = {CaseRuns: (*events.RULES, *states.RULES, *sets.RULES), Polynomial: polynomials.RULES}
 _LABELLED = re.compile(r"(?P<label>[A-Z]\d+)_(?P<rest>.+)")
 _SYSTEM = typed_json.hints(SystemForm)
 Subjects = Callable[[str], Subject]
@@ -60,16 +61,20 @@ def _old(case: Case, entry: Entry, subjects: Subjects) -> Old:
     return Old(case, entry, name, subjects(label), label)
 
 
+def _readings(old: Old) -> list[Reading]:
+    return readings(old, _RULES[type(old.subject)])
+
+
 def outcome(case: Case, entry: Entry, subjects: Subjects) -> Outcome:
     """The outcome of an expectation in its nearest reading. Raises NotUnderstoodError, MissingError."""
     old = _old(case, entry, subjects)
-    return nearest(old, readings(old))[0]
+    return nearest(old, _readings(old))[0]
 
 
 def first_reading(case: Case, entry: Entry, subjects: Subjects) -> tuple[Expectation, ...]:
     """The meaning of an expectation before anything is run; () where it is not understood."""
     try:
-        return readings(_old(case, entry, subjects))[0].expectations
+        return _readings(_old(case, entry, subjects))[0].expectations
     except NotUnderstoodError:
         return ()
 
@@ -86,7 +91,7 @@ def migrated(case: Case, subjects: Subjects) -> tuple[dict[str, Any], list[str]]
     for entry in case.expected:
         try:
             old = _old(case, entry, subjects)
-            found = readings(old)
+            found = _readings(old)
             try:
                 chosen = nearest(old, found)[1]
             except (MissingError, OutOfTimeError) as error:

@@ -17,10 +17,9 @@ from filippov.app.bank.measures.polynomials import (
     StabilityVerdict,
     StableRange,
 )
-from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
+from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
 from filippov.app.bank.notation import formula
 from filippov.app.bank.outcome import NotUnderstoodError
-from filippov.app.bank.polynomial import Polynomial
 from filippov.base.errors import ModelError
 from filippov.model.expression import parse_condition
 
@@ -158,24 +157,22 @@ def _frequencies(old: Old) -> list[Reading]:
     return old.either(*(AxisFrequencies(k + 1) for k in range(_FEW)))
 
 
-enter(
-    Polynomial,
-    (r"rhp_axis_lhp|roots_rhp_axis_lhp", lambda o, _: o.one(RootCounts())),
-    ((r"(?:n_?|number_of_)?(?P<what>rhp|axis|lhp)(?:_roots|_poles|_zeros|_count)?|sign_changes"
-     r"|(?:n_|number_of_)?(?P<un>un)?(?P<stable>stable)_(?:roots|poles)"),
+RULES: Rules = (
+    (r"rhp_axis_lhp roots_rhp_axis_lhp", lambda o, _: o.one(RootCounts())),
+    ((r"(?:n_?|number_of_)?(?P<what>rhp|axis|lhp)(?:_roots|_poles|_zeros|_count)? sign_changes "
+     r"(?:n_|number_of_)?(?P<un>un)?(?P<stable>stable)_(?:roots|poles)"),
      _one_count),
-    (r"roots|poles|zeros", lambda o, _: o.one(Roots(), value=_pairs(o, o.value), order="any")),
-    (r"stable|is_stable|verdict|stability", lambda o, _: verdicts(o, o.text, {})),
+    (r"roots poles zeros", lambda o, _: o.one(Roots(), value=_pairs(o, o.value), order="any")),
+    (r"stable is_stable verdict stability", lambda o, _: verdicts(o, o.text, {})),
     (r"(?:is_)?(?P<what>unstable|marginally_stable|marginal)", _verdict_is),
-    (r"stable_iff|stability_condition|hurwitz_iff|stable_when|stability_range", _iff),
+    (r"stable_iff stability_condition hurwitz_iff stable_when stability_range", _iff),
     (r"at_(?P<values>\w+=.+)", _at),
-    (r"samples|examples", _samples),
-    (r"boundary|critical", _boundary),
-    ((r"(?P<name>\w+?)_(?P<what>max|min|range)(?:_stable)?|(?P<what2>max|min)_(?P<name2>\w+)"
-     r"|stable_(?P<name3>\w+)_range"),
+    (r"samples examples", _samples),
+    (r"boundary critical", _boundary),
+    ((r"(?P<name>\w+?)_(?P<what>max|min|range)(?:_stable)? (?P<what>max|min)_(?P<name>\w+) "
+     r"stable_(?P<name>\w+)_range"),
      _extreme),
-    ((r"(?P<name>\w+?)_(?:critical|crit|marginal|limit)"
-     r"|(?:critical|marginal|ultimate|limiting)_(?P<name2>\w+)"),
+    (r"(?P<name>\w+?)_(?:critical|crit|marginal|limit) (?:critical|marginal|ultimate|limiting)_(?P<name>\w+)",
      _critical),
-    (r"(?:oscillation|axis|crossover|jw)_frequency|axis_omega", lambda o, _: _frequencies(o)),
+    (r"(?:oscillation|axis|crossover|jw)_frequency axis_omega", lambda o, _: _frequencies(o)),
 )  # fmt: skip

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -139,44 +140,30 @@ def tolerance(given: Mapping[str, Any]) -> float:
         return 0.0
 
 
-# The groups of a name's pattern by name: state, state2 and state3 are one; None where it did not take part.
+# The named groups of a pattern; None for one that did not take part.
 Groups = Mapping[str, Any]
-Rule = Callable[[Old, Groups], Iterable[Reading]]
-RULES: list[tuple[str, type, Rule]] = []
+# Patterns of a name, separated by spaces, one of which matches it as a whole, and what it may then mean.
+# {one} stands for the name of a state of the case, {state} for the same as a group of that name.
+Rules = tuple[tuple[str, Callable[[Old, Groups], Iterable[Reading]]], ...]
 
 
-def enter(about: type, *rows: tuple[str, Rule]) -> None:
-    """Enter rules for names that match a pattern whole; {state} stands for the names of the case's states.
-
-    They are tried in the order in which they are entered, until one has readings.
-    """
-    RULES.extend((pattern, about, function) for pattern, function in rows)
-
-
-def readings(old: Old) -> list[Reading]:
-    """What a name may mean. Raises NotUnderstoodError."""
+def readings(old: Old, rules: Rules) -> list[Reading]:
+    """What a name means by the first rule that has readings of it. Raises NotUnderstoodError."""
+    one = "|".join(re.escape(s) for s in sorted(old.states, key=len, reverse=True)) or "(?!)"
     reason = "no rule knows the name"
-    for function, groups in _matching(old):
+    for patterns, function in rules:
+        whole = patterns.replace("{state}", f"(?P<state>{one})").replace("{one}", f"(?:{one})")
+        match = next(filter(None, (re.fullmatch(pattern, old.name) for pattern in whole.split())), None)
+        if match is None:
+            continue
         try:
-            found = list(function(old, groups))
+            found = list(function(old, defaultdict(lambda: None, match.groupdict())))
         except NotUnderstoodError as error:
             reason = str(error)
             continue
         if found:
             return found
     raise NotUnderstoodError(reason)
-
-
-def _matching(old: Old) -> Iterator[tuple[Rule, Groups]]:
-    one = "|".join(re.escape(s) for s in sorted(old.states, key=len, reverse=True)) or "(?!)"
-    for pattern, about, function in RULES:
-        match = re.fullmatch(pattern.replace("{state}", f"(?:{one})"), old.name)
-        if match is not None and isinstance(old.subject, about):
-            groups: dict[str, Any] = {}
-            for name, text in match.groupdict().items():
-                key = name.rstrip("23")
-                groups[key] = groups.get(key) or text
-            yield function, groups
 
 
 def nearest(old: Old, found: Sequence[Reading]) -> tuple[Outcome, Reading]:

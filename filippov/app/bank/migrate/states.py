@@ -1,21 +1,28 @@
-"""Names of states: at a time, at the end, over an interval, at an event, where they turn."""
+"""Names of states, of periodic solutions and averages over them, of accumulations of events."""
 
 from __future__ import annotations
 
 import re
 from typing import Any
 
+import numpy as np
 from sympy import Symbol
 
-from filippov.app.bank.case_runs import CaseRuns
-from filippov.app.bank.measures.along import Along
-from filippov.app.bank.measures.events import OneEvent, SomeEvents
-from filippov.app.bank.measures.measure import When
-from filippov.app.bank.measures.sets import Stop
-from filippov.app.bank.measures.states import SlidingOn, State
-from filippov.app.bank.measures.turning_points import LevelTimes, TurningPoints
+from filippov.app.bank.measures.along import Along, Share
+from filippov.app.bank.measures.events import Accumulation, EventCount, OneEvent, Ratios, SomeEvents
+from filippov.app.bank.measures.measure import Formula, Measure, When
+from filippov.app.bank.measures.orbits import HarmonicBalance, PeriodicOrbit
+from filippov.app.bank.measures.states import (
+    LevelTimes,
+    Phases,
+    Segments,
+    SlidingOn,
+    State,
+    Stop,
+    TurningPoints,
+)
 from filippov.app.bank.migrate.events import kind_word, resets, sequence
-from filippov.app.bank.migrate.rule import Groups, Old, Reading, enter
+from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
 from filippov.app.bank.notation import formula
 from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.base.errors import ModelError
@@ -135,32 +142,186 @@ def _impact_velocities(old: Old, g: Groups) -> list[Reading]:
     return sequence(old, lambda n: [SomeEvents(**hits, first=n, take=take)])
 
 
-enter(
-    CaseRuns,
-    (r"final_state|final|final_value|x_final|x_end|state_final|end_state", _final),
-    (r"final_(?P<state>{state})|(?P<state2>{state})_(?:final|end)",
-     lambda o, g: o.one(State(None, g["state"], side="+"))),
-    (r"(?P<state>{state}|state|[A-Za-z]\w*?)_at_\[(?P<times>[^\]]*)\]", _at_times),
-    ((r"(?P<state>{state}|state|x|y)(?:_at_(?:t\s*=?\s*)?|\((?:t\s*=\s*)?)"
+_FEW = 8
+_WIDTH = "peak_to_peak|range|ripple|pp|swing"
+_CYCLE = "limit_cycle|cycle|orbit"
+_VERDICTS = {"true": True, "stable": True, "yes": True, "false": False, "unstable": False, "no": False}
+
+
+def _orbit(old: Old, take: Any, **options: Any) -> PeriodicOrbit:
+    """The orbit; the period that another expectation gives is a guess of it."""
+    given = {entry.name: entry.given.get("value") for entry in old.case.expected}
+    found = given.get("period", given.get("limit_cycle_period"))
+    return PeriodicOrbit(take, period=None if found is None else old.number(found), **options)
+
+
+def _of_period(old: Old, text: str) -> list[Reading]:
+    """A formula in the period T: of the solution, or, without surfaces, between risings through a level."""
+    orbit = Formula(text, {"T": _orbit(old, "period")}) if text != "T" else _orbit(old, "period")
+    for entry in old.case.expected if not old.runs.built.declared else ():
+        match = re.fullmatch(r"(?:first_)?times?_([^=]+?)=([^=]+?)(?:(?:_up|_down)*)", entry.name)
+        if match is not None:
+            through, ends = level(old, match[1], match[2]), (("a", -2), ("b", -1))
+            where: dict[str, Measure] = {name: LevelTimes(through, ("+",), number=k) for name, k in ends}
+            return [old.other(Formula(re.sub(r"\bT\b", "(b-a)", text), where), orbit)]
+    return old.one(orbit)
+
+
+def _duration(old: Old, g: Groups) -> list[Reading]:
+    slides = g["what"] != "slip"
+    if g["first"]:
+        return old.one(Phases(slides, number=1))
+    pairs = [(Phases(slides, "period", number=k), Phases(slides, whole=True, number=k)) for k in (-1, 1)]
+    return [old.other(*pair) for pair in pairs]
+
+
+def _stick_position(old: Old, g: Groups) -> list[Reading]:
+    take, size = g["state"] or old.states[0], old.size
+    if size > 1:
+        return [old.other(*(SomeEvents("slide", over=o, last=size, take=take) for o in _SPANS), order="any")]
+    return [old.other(*(OneEvent("slide", over=o, number=k, take=take) for o in _SPANS)) for k in (-1, -2)]
+
+
+def _crossings(old: Old, g: Groups) -> list[Reading]:
+    value = np.atleast_1d(old.wanted()).tolist()
+    return old.one(SomeEvents("any", over="period", take=g["state"]), value=value, order="any")
+
+
+def _per_period(old: Old, g: Groups) -> list[Reading]:
+    kinds: dict[str, Any] = {"crossings": "cross", "impacts": "reset", "events": "any"}
+    count = EventCount(kinds.get(g["what"], "slide"), over="period")
+    return old.one(Formula("n/2", {"n": count}) if g["half"] else count)
+
+
+def _amplitude(old: Old, g: Groups) -> list[Reading]:
+    name = g["state"] or old.states[0]
+    whole = Along(name, "range", "period")
+    return old.either(Formula("r/2", {"r": whole}), Along(name, "max_abs", "period"), whole)
+
+
+def _multipliers(old: Old, g: Groups) -> list[Reading]:
+    half = bool(g["half"])
+    if old.size > 1 or g["many"]:
+        values = sorted(np.atleast_1d(old.wanted()).tolist(), key=abs)
+        kinds = [(take, trivial) for take in ("multipliers", "moduli") for trivial in (True, False)]
+        return old.either(*(_orbit(old, k, half=half, trivial=one) for k, one in kinds), value=values)
+    takes = ("multiplier",) if g["sign"] else ("multiplier", "modulus")
+    return old.either(*(_orbit(old, take, half=half) for take in takes))
+
+
+def _stability(old: Old, _: Groups) -> list[Reading]:
+    word = old.text.strip().casefold()
+    if word not in _VERDICTS:
+        raise NotUnderstoodError(f"{word!r:.40} is no verdict")
+    return old.one(_orbit(old, "stability"), text="stable" if _VERDICTS[word] else "unstable")
+
+
+def _ratios(old: Old, g: Groups) -> list[Reading]:
+    between = "intervals" if g["gaps"] else velocity(old) if g["speeds"] else "distances"
+    surfaces: list[Any] = [None, *range(len(old.runs.built.declared))]
+    return old.either(*(Ratios(between, k) for k in surfaces if k is not None or not g["speeds"]), each=True)
+
+
+def _after(old: Old, _: Groups) -> list[Reading]:
+    stays = r"(?:stays?|rests?|remains?|stops?) (?:at|in) "
+    match = re.search(stays + r"\(([^()]*)\)", old.text)
+    if match is not None:
+        point = [old.number(piece) for piece in match[1].split(",")]
+    elif re.search(stays + r"(?:the )?(?:origin|rest|zero)|origin is an equilibrium", old.text):
+        point = [0.0] * len(old.states)
+    else:
+        raise NotUnderstoodError("the text names no point to stay at")
+    # A text has no digits of its own: the accuracy of the accumulation's limit.
+    return old.one(Accumulation("state_after"), value=point, atol=max(old.tol, 1e-8))
+
+
+def _frequency(old: Old, g: Groups) -> list[Reading]:
+    angular = _of_period(old, "2*pi/T")
+    return angular if g["angular"] else [*_of_period(old, "1/T"), *angular]
+
+
+def _durations(old: Old, g: Groups) -> list[Reading]:
+    wanted: Any = np.atleast_1d(old.wanted())
+    take: Any = "interval" if wanted.ndim == 2 else "length"
+    return old.one(Phases(g["what"] != "slip", first=len(wanted), take=take))
+
+
+def _phase_time(old: Old, _: Groups) -> list[Reading]:
+    ends: dict[str, Measure] = {n: OneEvent("any", over="period", number=k) for n, k in (("a", 1), ("b", 2))}
+    whole: dict[str, Measure] = {**ends, "T": PeriodicOrbit("period", "settled")}
+    count = old.e(EventCount("any", over="period"), value=2, atol=0)
+    return [Reading((old.e(one), count)) for one in (Formula("b-a", ends), Formula("T-(b-a)", whole))]
+
+
+def _section(old: Old, _: Groups) -> list[Reading]:
+    take = "state" if old.size > 1 else old.states[0]
+    return old.either(*(OneEvent(over="period", number=k + 1, take=take) for k in range(_FEW)))
+
+
+RULES: Rules = (
+    (r"final_state final final_value x_final x_end state_final end_state", _final),
+    (r"final_{state} {state}_(?:final|end)", lambda o, g: o.one(State(None, g["state"], side="+"))),
+    (r"(?P<state>{one}|state|[A-Za-z]\w*?)_at_\[(?P<times>[^\]]*)\]", _at_times),
+    ((r"(?P<state>{one}|state|x|y)(?:_at_(?:t\s*=?\s*)?|\((?:t\s*=\s*)?)"
      r"(?P<time>[^()=<>\[\]]*(?:\([^()]*\)[^()]*)*)\)?"),
      _at_time),
-    (r"(?P<state>{state})_for_(?P<low>.+?)<=?t<=?(?P<high>.+)", _for),
-    (r"(?P<what>max|min|max_abs|sup)_\|?(?P<state>{state})\|?|\|?(?P<state2>{state})\|?_(?P<what2>max|min)",
-     _extreme),
-    (rf"point_(?P<first>first_)?(?P<kind>{_KINDS})|(?P<first2>first_)?(?P<kind2>{_KINDS})_(?:point|state)",
+    (r"{state}_for_(?P<low>.+?)<=?t<=?(?P<high>.+)", _for),
+    (r"(?P<what>max|min|max_abs|sup)_\|?{state}\|? \|?{state}\|?_(?P<what>max|min)", _extreme),
+    (rf"point_(?P<first>first_)?(?P<kind>{_KINDS}) (?P<first>first_)?(?P<kind>{_KINDS})_(?:point|state)",
      lambda o, g: at_events(o, g, "state")),
-    ((rf"(?P<state>{{state}})_(?P<first>first_)?(?P<kind>{_KINDS})"
-     rf"|(?P<first2>first_)?(?:sliding_|stick_|slip_)?(?P<kind2>{_KINDS}|restick|slip_start)_(?P<state2>{{state}})"),
+    ((rf"{{state}}_(?P<first>first_)?(?P<kind>{_KINDS}) "
+     rf"(?P<first>first_)?(?:sliding_|stick_|slip_)?(?P<kind>{_KINDS}|restick|slip_start)_{{state}}"),
      lambda o, g: at_events(o, g, g["state"])),
-    (r"(?P<what>{state})_(?:stop|rest)|(?:stop|rest)_(?P<what2>position|{state})|x_(?:stop|rest)",
+    (r"(?P<what>{one})_(?:stop|rest) (?:stop|rest)_(?P<what>position|{one}) x_(?:stop|rest)",
      lambda o, g: o.one(Stop(g["what"] if g["what"] in o.states else o.states[0]))),
-    (r"t_(?:stop|rest)|(?:stop|rest)_time", lambda o, _: o.one(Stop())),
-    (r"turn(?:ing)?_(?P<what>points?|times?)(?:_(?P<state>{state}))?", _turns),
-    (r"first_turn_(?:(?P<state>{state})|t|time)",
+    (r"t_(?:stop|rest) (?:stop|rest)_time", lambda o, _: o.one(Stop())),
+    (r"turn(?:ing)?_(?P<what>points?|times?)(?:_{state})?", _turns),
+    (r"first_turn_(?:{state}|t|time)",
      lambda o, g: o.one(TurningPoints(o.states[0], number=1, take=g["state"] or "t"))),
-    (r"first_(?P<what>max|min)_(?P<state>{state})",
-     lambda o, g: o.one(TurningPoints(g["state"], g["what"], number=1))),
+    (r"first_(?P<what>max|min)_{state}", lambda o, g: o.one(TurningPoints(g["state"], g["what"], number=1))),
     (r"(?:first_)?(?:times?|t)_(?P<left>[^=]+?)=(?P<right>[^=]+?)(?P<way>(?:_up|_down)*)", _level),
-    (r"impact_velocit(?:y|ies)|impact_speeds?|(?P<first>first)_impact_(?:velocity|speed|v)",
+    (r"impact_velocit(?:y|ies) impact_speeds? (?P<first>first)_impact_(?:velocity|speed|v)",
      _impact_velocities),
+    (r"(?:limit_cycle_|orbit_|cycle_|hunting_|steady_)?(?P<half>half_)?period T_cycle",
+     lambda o, g: _of_period(o, "T/2" if g["half"] else "T")),
+    (r"(?P<first>first_)?(?P<what>stick|slip|sliding|slide)_(?:duration|time|interval_length)", _duration),
+    (r"stick_positions? stick_{state} rest_positions?", _stick_position),
+    (r"cycle_(?:crossings?|events?|switches)_{state}", _crossings),
+    (r"(?P<what>slides|sticks|crossings|events|stops|impacts)_per_(?P<half>half_)?period", _per_period),
+    ((rf"(?:limit_cycle_|cycle_|hunting_|steady_)?amplitude(?:_{{state}})? (?:max_|peak_)amplitude "
+     rf"(?:{_CYCLE}|steady)_{{state}}_amplitude"),
+     _amplitude),
+    (r"(?P<sign>signed_)?(?P<half>half_(?:map_|period_)?)?(?:floquet_)?multiplier(?P<many>s)?(?:_moduli)?",
+     _multipliers),
+    (rf"(?:{_CYCLE}|periodic_motion)_(?:is_)?(?:stable|stability)", _stability),
+    (r"floquet_exponent largest_exponent", lambda o, _: o.one(_orbit(o, "exponent"))),
+    (r"(?:describing_function|harmonic_balance)_(?P<what>period|frequency|amplitude)",
+     lambda o, g: o.either(*(HarmonicBalance(g["what"], k) for k in (1, 2, 3)))),
+    (r"t_converge t_converged convergence_time zeno_time t_zeno t_limit t_accumulation reaching_time",
+     lambda o, _: [o.other(Accumulation(), OneEvent("slide", number=-1))]),
+    ((r"(?P<gaps>ratio_of_intervals|interval_ratio|contraction_of_intervals) "
+     r"(?P<speeds>(?:velocity|speed)_ratio\w*) contraction(?:_per_\w+|_ratio)? contraction_factor"),
+     _ratios),
+    (r"after(?:_\w+)? afterwards", _after),
+    (r"(?P<what>mean|average|time_average|avg|rms)_{state} {state}_(?P<what>mean|average|avg|rms)",
+     lambda o, g: o.either(*(Along(g["state"], "rms" if g["what"] == "rms" else "mean", x) for x in _SPANS))),
+    (rf"(?:{_WIDTH})_{{state}} {{state}}_(?:{_WIDTH})",
+     lambda o, g: o.either(*(Along(g["state"], "range", over) for over in _SPANS))),
+    (rf"(?:{_CYCLE}|steady)_{{state}}_(?P<what>max|min) (?:{_CYCLE}|steady)_(?P<what>max|min)_{{state}}",
+     lambda o, g: o.one(Along(g["state"], g["what"], "period"))),
+    ((r"(?:limit_cycle_|cycle_|orbit_|switching_|hunting_|self_oscillation_)?(?P<angular>angular_)?frequency "
+     r"(?:limit_cycle_|cycle_|orbit_)(?P<angular>omega) (?P<angular>omega)_(?:limit_)?cycle"),
+     _frequency),
+    ((r"(?P<what>stick|slip|slide|sliding)_(?:fraction|ratio|share) "
+     r"fraction_of_time_(?P<what>stick|slid|slipp)ing"),
+     lambda o, g: [o.other(*(Share(slides=g["what"][:4] != "slip", over=over) for over in _SPANS))]),
+    (r"duty_?(?:cycle|ratio)? on_(?:fraction|ratio)",
+     lambda o, _: [o.other(*(Share(mode, over=over) for over in _SPANS)) for mode in "+-"]),
+    ((r"(?:time_in_|total_)(?P<what>stick|sliding|slip)(?:ping|ing)?(?:_time)? "
+     r"(?P<what>stick|sliding|slip)_time_total"),
+     lambda o, g: o.one(Share(slides=g["what"] != "slip", take="time"))),
+    (r"(?P<what>stick|slide|sliding|slip)_(?:durations|lengths|intervals)", _durations),
+    (r"dwell_times?", lambda o, _: o.one(Segments("length", first=o.size))),
+    (r"(?P<what>on|off|heating|cooling|up|down|rise|fall)_(?:time|duration)", _phase_time),
+    (r"poincare_point fixed_point section_point return_point", _section),
 )  # fmt: skip
