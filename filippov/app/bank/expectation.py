@@ -9,8 +9,8 @@ import numpy as np
 from sympy import Symbol
 
 from filippov.app.bank.case_runs import CaseRuns
-from filippov.app.bank.measures.measure import Measure, Number
-from filippov.app.bank.notation import formula, number
+from filippov.app.bank.measures.measure import Measure
+from filippov.app.bank.notation import Number, formula, number
 from filippov.app.bank.outcome import MissingError, Outcome, compared, compared_texts
 from filippov.app.bank.polynomial import Polynomial
 from filippov.base.errors import ModelError

@@ -4,81 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 from filippov.app.bank import measures, typed_json
 from filippov.app.bank.expectation import Expectation
-from filippov.app.bank.measures.measure import Number
+from filippov.app.bank.notation import Number
+from filippov.app.bank.system_form import SystemForm
 
 __all__ = ["BankForm", "CaseForm", "measures", "read_case", "schema"]
-
-
-@dataclass(frozen=True)
-class SurfaceForm:
-    """A switching function h and what happens on its surface.
-
-    radius   the set of the sign at h = 0: r for [-r, r], or [lo, hi]; static friction Fs above the limit Fc
-             of the slip curve is Fs/Fc
-    width    half-width of a hysteresis
-    reset    {state: formula}: the state after the surface is reached; those left out keep their values
-    side     for a reset, the side from which it is reached
-    contact  for a reset, whether the state may come to rest on the surface
-    """
-
-    h: Number
-    name: str | None = None
-    radius: Number | tuple[Number, Number] | None = None
-    width: Number | None = None
-    kind: Literal["switching", "kink", "observer", "reset"] | None = None
-    reset: dict[str, Number] | None = None
-    side: Literal["+", "-", "both"] | None = None
-    contact: bool | None = None
-
-
-@dataclass(frozen=True)
-class TimeEventForm:
-    """A clock: at start, start + period, ..., or at some times, the state is reset."""
-
-    name: str | None = None
-    period: Number | None = None
-    start: Number | None = None
-    times: tuple[Number, ...] | None = None
-    reset: dict[str, Number] | None = None
-
-
-@dataclass(frozen=True)
-class ModeForm:
-    """A mode of a two-mode automaton: its field, which holds until a state reaches its threshold."""
-
-    name: str
-    field: tuple[Number, ...]
-    until: dict[str, Number]
-
-
-@dataclass(frozen=True)
-class SystemForm:
-    """A system with its start and span; formulas use numbers, states, params and t.
-
-    params           numbers or formulas by name, substituted exactly
-    h                switching functions
-    fields           sign vector to formulas, one for each state: "+-" is h_0 > 0, h_1 < 0; * is either sign
-    smooth_field     the formulas, where there is no h; signs and absolute values in them are recognised
-    event_functions  formulas whose zeros are events and change nothing
-    automaton        two modes, in place of h and fields
-    options          of the solver, such as rtol, atol, method, max_step; left out: the solver's defaults
-    """
-
-    states: tuple[str, ...] | None = None
-    params: dict[str, Number] | None = None
-    h: tuple[Number | SurfaceForm, ...] | None = None
-    fields: dict[str, tuple[Number, ...]] | None = None
-    smooth_field: tuple[Number, ...] | None = None
-    event_functions: tuple[Number | SurfaceForm, ...] | None = None
-    time_events: tuple[TimeEventForm, ...] | None = None
-    automaton: tuple[ModeForm, ModeForm] | None = None
-    x0: tuple[Number, ...] | None = None
-    t_span: tuple[Number, Number] | None = None
-    options: dict[str, Number] | None = None
 
 
 @dataclass(frozen=True)

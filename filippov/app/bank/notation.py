@@ -16,6 +16,8 @@ _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[^\W\d]\w*)|(?P<other>\*\*|[-+*/^(),{}]))"
 )
 LONGEST = 2_000
+# A number, or a formula in the case's parameters.
+Number = float | str
 
 
 def formula(text: str, names: Mapping[str, Any]) -> Expr:

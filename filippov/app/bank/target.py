@@ -15,12 +15,12 @@ from filippov.app.bank.build import Built
 from filippov.app.bank.case import Case, read_bank
 from filippov.app.bank.case_runs import CaseRuns, Settings
 from filippov.app.bank.expectation import Expectation
-from filippov.app.bank.form import SystemForm
 from filippov.app.bank.measures.events import Accumulation, OneEvent, SomeEvents
 from filippov.app.bank.measures.measure import Measure, When
 from filippov.app.bank.measures.states import End, State
 from filippov.app.bank.notation import number
 from filippov.app.bank.subjects import Subjects
+from filippov.app.bank.system_form import SystemForm
 from filippov.base.errors import ModelError
 from filippov.model.symbols import t as time_symbol
 

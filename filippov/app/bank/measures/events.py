@@ -8,7 +8,8 @@ from typing import Any, Literal
 import numpy as np
 
 from filippov.app.bank.case_runs import CaseRuns
-from filippov.app.bank.measures.measure import Measure, Number, When, moment, one_of
+from filippov.app.bank.measures.measure import Measure, When, moment, one_of
+from filippov.app.bank.notation import Number
 from filippov.app.bank.outcome import MissingError
 from filippov.base.status import EventKind, Status
 from filippov.solving.solution import Solution

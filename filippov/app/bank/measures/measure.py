@@ -11,15 +11,12 @@ import sympy
 from sympy import Expr, Symbol
 
 from filippov.app.bank.case_runs import CaseRuns, slides
-from filippov.app.bank.notation import formula
+from filippov.app.bank.notation import Number, formula
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.polynomial import Polynomial
 from filippov.base.errors import ModelError
 from filippov.model.symbols import t as time_symbol
 from filippov.solving.solution import Solution
-
-# A number, or a formula in the case's parameters.
-Number = float | str
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))

@@ -15,7 +15,8 @@ from filippov.analysis.sensitivity.saltation import NotDifferentiableError, flow
 from filippov.analysis.steady.forcing import depends_on_time
 from filippov.app.bank.build import build
 from filippov.app.bank.case_runs import CaseRuns, in_time, slides
-from filippov.app.bank.measures.measure import Measure, Number, one_of
+from filippov.app.bank.measures.measure import Measure, one_of
+from filippov.app.bank.notation import Number
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.recurrence import Cycle
 from filippov.base.errors import ModelError, SolveError, UsageError

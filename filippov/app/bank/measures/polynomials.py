@@ -9,8 +9,8 @@ from typing import Any, Literal
 
 import sympy
 
-from filippov.app.bank.measures.measure import Number, PolynomialMeasure, one_of
-from filippov.app.bank.notation import formula, number
+from filippov.app.bank.measures.measure import PolynomialMeasure, one_of
+from filippov.app.bank.notation import Number, formula, number
 from filippov.app.bank.outcome import MissingError
 from filippov.app.bank.polynomial import Polynomial
 from filippov.base.errors import ModelError

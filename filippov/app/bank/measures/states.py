@@ -8,7 +8,8 @@ from typing import Any, Literal
 import numpy as np
 
 from filippov.app.bank.case_runs import CaseRuns, slides
-from filippov.app.bank.measures.measure import Measure, Number, When, expression, moment, one_of
+from filippov.app.bank.measures.measure import Measure, When, expression, moment, one_of
+from filippov.app.bank.notation import Number
 from filippov.app.bank.outcome import MissingError
 from filippov.base.status import EventKind, mode_text
 from filippov.solving.segments import Segment

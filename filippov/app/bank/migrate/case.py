@@ -11,11 +11,11 @@ from filippov.app.bank import typed_json
 from filippov.app.bank.case import Case, Entry
 from filippov.app.bank.case_runs import CaseRuns
 from filippov.app.bank.expectation import Expectation, Subject
-from filippov.app.bank.form import SystemForm
 from filippov.app.bank.migrate import events, hybrid, polynomials, sets, states
 from filippov.app.bank.migrate.rule import Old, Reading, nearest, readings, tolerance
 from filippov.app.bank.outcome import MissingError, NotUnderstoodError, Outcome, OutOfTimeError
 from filippov.app.bank.polynomial import Polynomial
+from filippov.app.bank.system_form import SystemForm
 
 _RULES = {CaseRuns: (*events.RULES, *states.RULES, *sets.RULES), Polynomial: polynomials.RULES}
 _LABELLED = re.compile(r"(?P<label>[A-Z]\d+)_(?P<rest>.+)")
