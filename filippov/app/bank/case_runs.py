@@ -216,14 +216,12 @@ class CaseRuns:
         parts = [np.linspace(a, b, SAMPLES) for a, b in itertools.pairwise(edges) if b > a]
         return np.unique(np.concatenate(parts))
 
-    def values(
-        self, run: Solution, expression: Expr, times: Array, extra: dict[Any, Any] | None = None
-    ) -> Array:
+    def values(self, run: Solution, expression: Expr, times: Array) -> Array:
         """An expression in t and the states along a run."""
         assert run.sol is not None
         rows = run.sol(times)
         symbols = [time_symbol, *self.built.states]
-        function = sympy.lambdify(symbols, expression.xreplace(extra or {}), "numpy")
+        function = sympy.lambdify(symbols, expression, "numpy")
         return np.broadcast_to(np.asarray(function(times, *rows), dtype=float), times.shape)
 
     def zeros(

@@ -34,7 +34,7 @@ def read(kind: Any, data: Any, where: str) -> Any:
     if kind is Any:
         return data
     if not _fits(kind, data):
-        raise ModelError(f"{where} is {data!r:.60}, expected {told(kind)}.")
+        raise ModelError(f"{where} is {data!r:.60}, expected {in_words(kind)}.")
     if origin in (Union, types.UnionType):
         fitting = [one for one in inner if _fits(one, data)]
         for one in fitting[:-1]:
@@ -67,7 +67,7 @@ def read_fields(kind: Any, data: Mapping[str, Any], where: str) -> Any:
     check_known(f"key of {where}:", data, known)
     for field in dataclasses.fields(kind):
         if _needed(field) and field.name not in data:
-            raise ModelError(f"{where} has no {field.name!r}, expected {told(known[field.name])}.")
+            raise ModelError(f"{where} has no {field.name!r}, expected {in_words(known[field.name])}.")
     return kind(**{name: read(known[name], value, f"{where}.{name}") for name, value in data.items()})
 
 
@@ -93,11 +93,11 @@ def _fits(kind: Any, data: Any) -> bool:
     return isinstance(data, int | float) if kind is float else isinstance(data, kind)
 
 
-def told(kind: Any) -> str:
+def in_words(kind: Any) -> str:
     """A type in words."""
     origin, inner = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
-        return " or ".join(told(one) for one in inner if one is not type(None))
+        return " or ".join(in_words(one) for one in inner if one is not type(None))
     if origin is Literal:
         return "one of " + ", ".join(map(repr, inner))
     if origin is tuple:

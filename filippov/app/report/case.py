@@ -1,4 +1,4 @@
-"""What is computed for each case of a study."""
+"""What is computed for each case of a study, and its cycles followed over the study's parameter."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from filippov.analysis.bifurcations.branch import BranchPoint
+from filippov.analysis.bifurcations.continuation import Continuation, continuation
 from filippov.analysis.comparisons.independent import Orbits
 from filippov.analysis.diagrams.bifurcation import bifurcation
 from filippov.analysis.diagrams.diagram import Diagram
@@ -17,8 +19,10 @@ from filippov.analysis.local_stability.stability import stability_report
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.fixed_points import FixedPoint
 from filippov.analysis.maps.gap_roots import fixed_point_near
+from filippov.analysis.orbits.orbit_search import find_orbit
 from filippov.app.report.context import Context
 from filippov.app.report.effort import Effort
+from filippov.app.report.part import first
 from filippov.base.errors import SolveError, UsageError
 from filippov.graphs.graph import observed_graph
 from filippov.graphs.word import mode_word
@@ -29,6 +33,10 @@ from filippov.solving.state.machine import Machine
 Array = npt.NDArray[np.float64]
 # The ends of the stages, as fractions of a case.
 ENDS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.6, 0.7, 1.0)
+# Tolerances at which branches are followed, and compared.
+LOOSE, TIGHT = 1e-12, 1e-13
+# Longest step along a branch, in units of its size: short enough to be drawn.
+LONGEST = 0.04
 
 
 @dataclass(frozen=True)
@@ -225,3 +233,62 @@ def _polished(power: EventMap, near: float, rtol: float) -> float:
     if found is None:
         raise SolveError(f"the map has no fixed point at d = {near:.6g} at rtol = {rtol:g}.")
     return found
+
+
+class CaseCycles:
+    """The cycles of one case.
+
+    orbits  at its own parameters, by growing coordinate
+    runs    the continuations over the study's parameter; at: points on them at every value of the study
+    pairs   every number with that of a tighter tolerance
+    """
+
+    def __init__(self, run: Context, case: CaseResults) -> None:
+        study, once = run.study, case.event_map
+        self.case = case
+        self.orbits = tuple(
+            find_orbit(run.system, once.bound.start(np.array([q.d]), once.p)[0], symmetry=study.symmetry,
+                       parameters=case.parameters)
+            for q in case.cycles
+        )  # fmt: skip
+        self.runs, tight = _runs(run, case, LOOSE), _runs(run, case, TIGHT)
+        self.branches = tuple(r.branch for r in self.runs)
+        self.at = {v: [p for r in self.runs for p in r.at(v)] for v in study.values}
+        self.pairs = [
+            (first(p), first(q))
+            for v, points in self.at.items()
+            for p, q in zip(points, [p for r in tight for p in r.at(v)], strict=True)
+        ]
+        for one, other in zip(self.runs, tight, strict=True):
+            special = zip(one.branch.special, other.branch.special, strict=True)
+            self.pairs += [(a.value, b.value) for a, b in special]
+
+    @property
+    def spread(self) -> float:
+        """Largest relative difference of the pairs."""
+        return max((abs(a - b) / abs(b) for a, b in self.pairs), default=0.0)
+
+    @property
+    def special(self) -> list[BranchPoint]:
+        """Special points of all branches."""
+        return [point for branch in self.branches for point in branch.special]
+
+
+def _runs(run: Context, case: CaseResults, rtol: float) -> tuple[Continuation, ...]:
+    """Branches through all cycles of the case, from the largest down; each is followed once."""
+    name, values = run.study.parameter, run.study.values
+    power = case.power.remake(rtol=rtol, atol=1e-2 * rtol)
+    own, bounds = power.parameters[name], (values[0], values[-1])
+    out: list[Continuation] = []
+    known: list[float] = []
+    for q in sorted(case.cycles, key=lambda q: -q.d):
+        if any(abs(q.d - d) < 1e-6 * abs(q.d) for d in known):
+            continue
+        way = 1 if own <= bounds[0] else -1 if own >= bounds[1] else 0
+        found = continuation(
+            run.system, (power, q.d), parameter=name, bounds=bounds, direction=way, max_step=LONGEST
+        )
+        found.run()
+        known += [first(p) for p in found.at(own)]
+        out.append(found)
+    return tuple(out)

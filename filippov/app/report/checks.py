@@ -34,7 +34,7 @@ def classification(run: StudyRun) -> Section:
     table = TextTable(
         "Classification", ("regime", "what", "computed", "paper", "same"), tuple(rows),
         f"Computed from the diagrams at {run.study.parameter} = {', '.join(f'{v:g}' for v in values)}, one "
-        f"case a regime. The stability report, at the parameters of [[table parameters]], says of the "
+        f"case per regime. The stability report, at the parameters of [[table parameters]], says of the "
         f"{subject}: {'; '.join(proofs)}.",
         f"bifurcation_*.csv, read by {__name__}.classification.", "classification",
     )  # fmt: skip

@@ -14,8 +14,7 @@ from filippov.analysis.bifurcations.curve import curve
 from filippov.analysis.diagrams.regions import regions
 from filippov.analysis.orbits.orbit import Orbit
 from filippov.analysis.steady.rest_map import growth, rest_map, threshold
-from filippov.app.report.case import CaseResults
-from filippov.app.report.case_cycles import CaseCycles
+from filippov.app.report.case import CaseCycles, CaseResults
 from filippov.app.report.part import NONE, Picture, Section, TextTable, answer, first, number
 from filippov.app.report.run import StudyRun
 from filippov.plot.branch import plot_branches

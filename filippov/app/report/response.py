@@ -122,12 +122,12 @@ def beside(width: float, height: float, count: int) -> tuple[Figure, Any, list[A
     return figure, top, list(np.atleast_1d(np.asarray(lower.subfigures(1, count), dtype=object)))
 
 
-def common_legend(top: Any, parts: list[Any], words: dict[str, str] | None = None) -> None:
+def common_legend(top: Any, parts: list[Any]) -> None:
     """One legend for all parts, in place of their own."""
     handles: dict[str, Any] = {}
     for part in parts:
         for handle, name in zip(*part.axes[0].get_legend_handles_labels(), strict=True):
-            handles.setdefault((words or {}).get(name, name), handle)
+            handles.setdefault(name, handle)
         part.axes[0].get_legend().remove()
     top.legend(
         list(handles.values()), list(handles), loc="center left", ncols=len(handles), handletextpad=0.4,

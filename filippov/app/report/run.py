@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from filippov.app.report.aside import Aside
-from filippov.app.report.case import CaseResults
-from filippov.app.report.case_cycles import CaseCycles
+from filippov.app.report.case import CaseCycles, CaseResults
 from filippov.app.report.context import Context, Progress
 from filippov.app.report.effort import Effort
 from filippov.models.studies import Study

@@ -33,6 +33,19 @@ _MARKS: tuple[tuple[Any, str, str], ...] = (
     ("cross", "t_cross t_c tc", "_cross"),
 )  # fmt: skip
 _SIGN = "sgn_value"
+_SAME = {
+    word: kind for kind, words in (
+        ("slide", "enter entry entrie sliding stick stop saturate capture"), ("exit", "leave release slip"),
+        ("cross", "crossing"), ("reset", "impact jump bounce rebound"), ("graze", "grazing touch tangency"),
+    ) for word in words.split()
+}  # fmt: skip
+_KIND = (
+    "enter|entry|slide|sliding|stick|saturate|capture|exit|leave|release|slip|cross|crossing|impact|reset|jump|"
+    "graze|grazing|touch"
+)
+_PLACE = {"first": 1, "second": 2, "third": 3, "fourth": 4, "fifth": 5, "last": -1}
+# The number of values compared of a formula in n without a range.
+MOST = 24
 
 
 def _over(old: Old) -> Any:
@@ -127,21 +140,6 @@ def _of_value(old: Old, _: Groups) -> list[Reading]:
             text, where = _side(about, about.value)
             return old.one(Along(f"({text})-({wanted!r})", over=_over(about), where=where), value=0)
     raise NotUnderstoodError("no other expectation gives its expression")
-
-
-_SAME = {
-    word: kind for kind, words in (
-        ("slide", "enter entry entrie sliding stick stop saturate capture"), ("exit", "leave release slip"),
-        ("cross", "crossing"), ("reset", "impact jump bounce rebound"), ("graze", "grazing touch tangency"),
-    ) for word in words.split()
-}  # fmt: skip
-_KIND = (
-    "enter|entry|slide|sliding|stick|saturate|capture|exit|leave|release|slip|cross|crossing|impact|reset|jump|"
-    "graze|grazing|touch"
-)
-_PLACE = {"first": 1, "second": 2, "third": 3, "fourth": 4, "fifth": 5, "last": -1}
-# The number of values compared of a formula in n without a range.
-MOST = 24
 
 
 def kind_word(old: Old, text: str) -> Any:

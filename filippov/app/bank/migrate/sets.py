@@ -23,7 +23,7 @@ from filippov.app.bank.measures.sliding import (
 from filippov.app.bank.measures.states import End, ModeAt, Phases, Rest, State, Steady, TurningPoints
 from filippov.app.bank.migrate.events import counting, kind_word
 from filippov.app.bank.migrate.rule import Groups, Old, Reading, Rules
-from filippov.app.bank.migrate.states import moment, velocity
+from filippov.app.bank.migrate.states import velocity_name, when
 from filippov.app.bank.notation import formula
 from filippov.app.bank.outcome import NotUnderstoodError
 from filippov.base.errors import ModelError
@@ -42,6 +42,12 @@ _REPORTS = (
 RELEASES = 7  # departures sampled along sliding that can be left at any time
 NEAR = 1e-8  # how near a time or a point named in a text has to be reached, where it has no tolerance
 _KINDS = "impact|crossing|slide|stick|stop|switch|reset|exit|entry|entrie|grazing|bounce"
+_RULE = "moments|utkin"
+_END = "final_state|x_final|final"
+_FIELD = "(?:vector_)?field"
+_SIGNS = "equivalent_control|u_eq"
+# Candidates of which one may be meant.
+_FEW = 4
 
 
 def _must_report(old: Old, _: Groups) -> list[Reading]:
@@ -53,8 +59,8 @@ def _must_report(old: Old, _: Groups) -> list[Reading]:
     found = [old.e(End(grazing=grazing), text=status.value)]
     at = re.search(r"\bt\s*=\s*([^\s,;:)]+)", text)
     if at is not None:
-        when = old.number(at[1].rstrip("."))
-        found.append(old.e(End("t", grazing), value=when, atol=max(old.tol, NEAR)))
+        time = old.number(at[1].rstrip("."))
+        found.append(old.e(End("t", grazing), value=time, atol=max(old.tol, NEAR)))
     if status is Status.NON_UNIQUE:
         found.append(old.e(Continuations(), least=_at_least(text), atol=0))
     return [Reading(tuple(found))]
@@ -74,7 +80,7 @@ def _at_least(text: str) -> int:
 
 
 def _reachable(old: Old, g: Groups) -> list[Reading]:
-    time = moment(old, g["time"])
+    time = when(old, g["time"])
     if isinstance(old.value, str):
         found = [piece.split(",") for piece in re.findall(r"\(([^()]*,[^()]*)\)", old.value)]
         points = [[old.number(v) for v in piece] for piece in found if len(piece) == len(old.states)]
@@ -99,7 +105,7 @@ def _corner(old: Old, g: Groups) -> list[Reading]:
 
 
 def _velocity(old: Old, g: Groups) -> list[Reading]:
-    take = velocity(old) + ("@after" if g["kind"] == "rebound" else "")
+    take = velocity_name(old) + ("@after" if g["kind"] == "rebound" else "")
     v = OneEvent(kind_word(old, g["kind"]), take=take)
     return old.either(v, Formula("Abs(v)", {"v": v}))
 
@@ -108,13 +114,13 @@ def _mode(old: Old, g: Groups) -> list[Reading]:
     wanted = old.text.strip()
     if not re.fullmatch(r"[-+0]+", wanted):
         raise NotUnderstoodError("the value is no mode such as +0-")
-    return old.one(ModeAt(None if g["time"] is None else moment(old, g["time"])), text=wanted)
+    return old.one(ModeAt(None if g["time"] is None else when(old, g["time"])), text=wanted)
 
 
 def _blow_up(old: Old, _: Groups) -> list[Reading]:
-    large, when = old.e(End("size"), least=1e3), old.e(End("t"))
+    large, time = old.e(End("size"), least=1e3), old.e(End("t"))
     statuses = (Status.NOT_FINITE.value, Status.MIN_STEP.value)
-    return [Reading((old.e(End(), text=status), large, when)) for status in statuses]
+    return [Reading((old.e(End(), text=status), large, time)) for status in statuses]
 
 
 def _rest_set(old: Old, _: Groups) -> list[Reading]:
@@ -143,14 +149,6 @@ def _parameter(old: Old, _: Groups) -> list[Reading]:
         if name in names and not isinstance(names[name], Symbol):
             return old.one(Formula(name))
     raise NotUnderstoodError("no rule knows the name")
-
-
-_RULE = "moments|utkin"
-_END = "final_state|x_final|final"
-_FIELD = "(?:vector_)?field"
-_SIGNS = "equivalent_control|u_eq"
-# Candidates of which one may be meant.
-_FEW = 4
 
 
 def _first(take: Any) -> Phases:
@@ -255,7 +253,7 @@ RULES: Rules = (
     (r"(?P<kind>crossing|exit|entry|stick|reset|rebound)_(?:velocity|speed)", _velocity),
     (r"(?:final|end|last)_mode mode_at_(?P<time>.+)", _mode),
     (r"(?:equivalent_control|u_eq|ueq|lambda|multiplier|sign)_at_(?P<time>.+)",
-     lambda o, g: o.one(Signs(moment(o, g["time"])))),
+     lambda o, g: o.one(Signs(when(o, g["time"])))),
     (r"steady_state (?:steady_state|steady)_{state} {state}_(?:steady|inf|infinity|ss|steady_state)",
      lambda o, g: o.one(Steady(g["state"], still=max(1e-9, 1e-2 * o.tol)))),
     (r"(?:blow_?up|escape|finite_escape)_time t_(?:blow_?up|escape)", _blow_up),

@@ -29,11 +29,15 @@ from filippov.base.errors import ModelError
 
 _KINDS = "enter|entry|exit|leave|cross|crossing|slide|stick|switch|event|impact|reset|release"
 _SPANS: tuple[Any, ...] = ("period", "span")
+_FEW = 8
+_WIDTH = "peak_to_peak|range|ripple|pp|swing"
+_CYCLE = "limit_cycle|cycle|orbit"
+_VERDICTS = {"true": True, "stable": True, "yes": True, "false": False, "unstable": False, "no": False}
 
 
 def _final(old: Old, _: Groups) -> list[Reading]:
     given = old.entry.given
-    t = moment(old, given["t"]) if "t" in given else None
+    t = when(old, given["t"]) if "t" in given else None
     alone = old.states[0] if old.size == 1 < len(old.states) else None
     value = old.value if isinstance(old.value, list) else [old.value]
     found = [old.e(State(t, alone, side="+"), value=value[0] if alone else value)]
@@ -54,7 +58,7 @@ def _at_times(old: Old, g: Groups) -> list[Reading]:
         raise NotUnderstoodError(f"{len(times)} times are given")
     name = g["state"] if g["state"] in old.states else old.states[0]
     pairs = zip(times, old.value, strict=True)
-    return [Reading(tuple(old.e(State(moment(old, t), name), value=value) for t, value in pairs))]
+    return [Reading(tuple(old.e(State(when(old, t), name), value=value) for t, value in pairs))]
 
 
 def _at_time(old: Old, g: Groups) -> list[Reading]:
@@ -63,11 +67,11 @@ def _at_time(old: Old, g: Groups) -> list[Reading]:
         raise NotUnderstoodError("it is no time")
     many = isinstance(old.value, list)
     if many and old.size == len(states) and (len(states) > 1 or name not in states):
-        return old.one(State(moment(old, text)))
-    return old.one(State(moment(old, text), name if name in states else None if many else states[0]))
+        return old.one(State(when(old, text)))
+    return old.one(State(when(old, text), name if name in states else None if many else states[0]))
 
 
-def moment(old: Old, given: object) -> When:
+def when(old: Old, given: object) -> When:
     """A time: a number or formula, the end of the span, the first entry, exit or crossing."""
     text = str(given).strip()
     if text in ("t_enter", "t_entry", "t_e", "te"):
@@ -81,7 +85,7 @@ def moment(old: Old, given: object) -> When:
 
 
 def _for(old: Old, g: Groups) -> list[Reading]:
-    over = (moment(old, g["low"]), moment(old, g["high"]))
+    over = (when(old, g["low"]), when(old, g["high"]))
     return old.one(Along(f"{g['state']}-({float(old.wanted())!r})", over=over), value=0)
 
 
@@ -124,7 +128,7 @@ def level(old: Old, left: str, right: str) -> str:
     return f"{left}-({right})"
 
 
-def velocity(old: Old) -> str:
+def velocity_name(old: Old) -> str:
     """The state that is the derivative of the first one, else one whose name begins with v, else the last."""
     rows = {row[0] for row in old.runs.built.fields.values()}
     only = next(iter(rows)) if len(rows) == 1 else None
@@ -135,17 +139,11 @@ def velocity(old: Old) -> str:
 
 def _impact_velocities(old: Old, g: Groups) -> list[Reading]:
     hits: dict[str, Any] = {"kind": "reset"} if resets(old.runs) else {"kind": "any", "surface": 0}
-    take = velocity(old)
+    take = velocity_name(old)
     formula_in_n = isinstance(old.value, str) and re.search(r"\bn\b", old.value)
     if g["first"] or not (isinstance(old.value, list) or formula_in_n):
         return old.one(OneEvent(**hits, number=1, take=take))
     return sequence(old, lambda n: [SomeEvents(**hits, first=n, take=take)])
-
-
-_FEW = 8
-_WIDTH = "peak_to_peak|range|ripple|pp|swing"
-_CYCLE = "limit_cycle|cycle|orbit"
-_VERDICTS = {"true": True, "stable": True, "yes": True, "false": False, "unstable": False, "no": False}
 
 
 def _orbit(old: Old, take: Any, **options: Any) -> PeriodicOrbit:
@@ -217,7 +215,7 @@ def _stability(old: Old, _: Groups) -> list[Reading]:
 
 
 def _ratios(old: Old, g: Groups) -> list[Reading]:
-    between = "intervals" if g["gaps"] else velocity(old) if g["speeds"] else "distances"
+    between = "intervals" if g["gaps"] else velocity_name(old) if g["speeds"] else "distances"
     surfaces: list[Any] = [None, *range(len(old.runs.built.declared))]
     return old.either(*(Ratios(between, k) for k in surfaces if k is not None or not g["speeds"]), each=True)
 

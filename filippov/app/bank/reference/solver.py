@@ -74,7 +74,7 @@ class Limits:
             raise HangError
 
 
-# Returns states (one row a time) and whether the solver reported success.
+# Returns states (one row per time) and whether the solver reported success.
 Solve = Callable[[Given, Limits], tuple[Array, bool]]
 
 
