@@ -53,13 +53,13 @@ _CHAOS, _WINDOWS = 2 / 3, 1 / 4
 def border_form(problem: OrbitProblem, point: BranchPoint, width: float, name: str) -> Form:
     """Coefficients of a grazing, crossing-, switching- or adding-sliding of an orbit, and what they predict.
 
-    Raises UsageError where they are not known, by name; what solutions raise.
+    Raises UsageError where they are not known, by name, and what `solve` raises.
     """
     u, value = np.array(point.u), point.value
     if problem.shooting.symmetry_order > 1:
         # The tangency may be in any part of a symmetric orbit.
         problem = problem.doubled()
-    i, side = touched(problem, point)
+    i, side = grazed_surface(problem, point)
     solutions = problem.solutions(u, value)
     p = problem.p(value)
     if point.special in (*ARRIVALS, ADDING):
@@ -89,7 +89,7 @@ def border_form(problem: OrbitProblem, point: BranchPoint, width: float, name: s
     return out, _square_root(out, free, at, name, value, width)
 
 
-def touched(problem: Any, point: BranchPoint) -> tuple[int, int]:
+def grazed_surface(problem: Any, point: BranchPoint) -> tuple[int, int]:
     """The surface that a point's note names, and the side the orbit is on most of the time."""
     system = problem.shooting.system
     names = [k for k, surface in enumerate(system.surfaces) if f"surface {surface.name!r}" in point.note]

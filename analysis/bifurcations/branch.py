@@ -40,7 +40,7 @@ class BranchPoint(Answering):
     word          mode word; modes: the modes in order
     tests         test functions, whose changes of sign are special points
     special       what is special here, "" for an ordinary point; note: more about it
-    residual      what is left of the equations; tangent: direction of the branch in (u, value), scaled
+    residual      of the equations; tangent: direction of the branch in (u, value), scaled
     phase         of the state u of a forced orbit, in periods; it changes where an event comes near
     coefficients  of the normal form of a special point, by name (see
                   `filippov.analysis.bifurcations.normal_form`)
@@ -183,7 +183,7 @@ def _out(point: BranchPoint) -> dict[str, Any]:
 def _in(row: Mapping[str, Any]) -> BranchPoint:
     data = dict(row)
     data["multipliers"] = tuple(complex(*pair) for pair in data["multipliers"])
-    # Files of before have no third verdict.
+    # Files written earlier have no third verdict.
     before = "stable" if data.pop("stable", False) else "unstable"
     data.setdefault("verdict", before)
     for name in ("u", "modes", "tangent"):

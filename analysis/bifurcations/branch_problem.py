@@ -21,7 +21,7 @@ from filippov.analysis.bifurcations.branch import BranchPoint
 from filippov.analysis.maps.event_map import EventMap
 from filippov.analysis.maps.set_slope import log_slope, near_set
 from filippov.analysis.orbits.orbit import Orbit, cycle_of_modes, make_orbit, whole_period
-from filippov.analysis.orbits.shooting import NoConvergenceError, Shooting, velocity_at
+from filippov.analysis.orbits.shooting import NoConvergenceError, velocity_at
 from filippov.analysis.sensitivity.saltation import derivative_by_all
 from filippov.base.errors import UsageError
 from filippov.base.status import EventKind, Status
@@ -210,11 +210,11 @@ class OrbitProblem:
 
     kind = "orbit"
 
-    def __init__(self, orbit: Orbit, parameter: str, shooting: Shooting | None = None) -> None:
+    def __init__(self, orbit: Orbit, parameter: str) -> None:
         assert orbit.problem is not None
         assert orbit.unknowns is not None
         self.parameter, self.names = parameter, (parameter,)
-        self.shooting = shooting or orbit.problem
+        self.shooting = orbit.problem
         if orbit.symmetric and self.shooting.symmetry_order == 1 and len(self.shooting.shares) == 1:
             # Half the work, and the branch cannot change to one without the symmetry.
             self.shooting = replace(self.shooting, symmetry=-np.eye(self.shooting.n), symmetry_order=2)
@@ -307,7 +307,7 @@ class OrbitProblem:
         return _told(word_of(cycle_of_modes(whole), system), whole)
 
     def residual(self, u: Array, value: float) -> Array:
-        """What is left of the equations."""
+        """The residual of the equations."""
         return self.shooting.residual(u, self.solutions(u, value), self.p(value))
 
     def evaluate(self, u: Array, value: float) -> tuple[Array, Array]:

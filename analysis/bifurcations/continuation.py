@@ -227,7 +227,7 @@ class Continuation:
             if not self._resumed and not self.branch.points:
                 self.branch.points.append(current.point)
                 yield current.point
-            for point in self._march(current, way, begun):
+            for point in self._march(current, way):
                 # Points of the second way come before those of the first.
                 if way == ways[0]:
                     self.branch.points.append(point)
@@ -288,7 +288,7 @@ class Continuation:
         start = np.asarray(self.problem.start, dtype=float)
         self._z = Corrector(self.problem, self.width).settle(start, self.value)
 
-    def _march(self, current: Along, way: int, begun: float) -> Iterator[BranchPoint]:
+    def _march(self, current: Along, way: int) -> Iterator[BranchPoint]:
         step, low, high = self.step, self.bounds[0], self.bounds[1]
         crossings = Crossings(self.width, self.min_step)
         self.branch.state["way"] = way
@@ -306,7 +306,7 @@ class Continuation:
                 step *= 0.5
                 if step >= self.min_step:
                     continue
-                jumped = crossings.jump(current, error)
+                jumped = crossings.jump(current)
                 if jumped is None:
                     name, note = crossings.blocked(current)
                     if name:

@@ -33,7 +33,7 @@ class Crossings:
     def between(self, a: Along, b: Along, step: float) -> tuple[list[BranchPoint], Along]:
         """The special points after a up to b, and the point to go on from (b, or one beyond a change)."""
         if a.point.word != b.point.word and a.point.word:
-            return self._word(a, b, step)
+            return self._word(a, b)
         found: list[tuple[float, BranchPoint, str, Along]] = []
         length = float(a.tangent @ (b.z - a.z))
         changed = [
@@ -103,7 +103,7 @@ class Crossings:
 
     # -- change of the word --------------------------------------------------------------------------------
 
-    def _word(self, a: Along, b: Along, step: float) -> tuple[list[BranchPoint], Along]:
+    def _word(self, a: Along, b: Along) -> tuple[list[BranchPoint], Along]:
         corrector, length = a.corrector, float(a.tangent @ (b.z - a.z))
         low, high = 0.0, 1.0
         known = {0.0: a.z, 1.0: b.z}
@@ -143,7 +143,7 @@ class Crossings:
             name, note = name_of_change(first, second)
         return replace(before.point, special=name, note=note)
 
-    def jump(self, a: Along, error: Exception) -> tuple[BranchPoint, Along] | None:
+    def jump(self, a: Along) -> tuple[BranchPoint, Along] | None:
         """Across a change of the word where no solution lies ahead: back in the parameter (a non-smooth
         fold), or at a small distance on. None where there is none."""
         if not a.point.word:

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from filippov.analysis.algebra import linalg
-from filippov.analysis.bifurcations.border_normal_form import touched
+from filippov.analysis.bifurcations.border_normal_form import grazed_surface
 from filippov.analysis.bifurcations.branch import Branch, BranchPoint
 from filippov.analysis.bifurcations.branch_point import BranchPointCurve
 from filippov.analysis.bifurcations.branch_problem import MapProblem, OrbitProblem
@@ -104,7 +104,7 @@ def _system(problem: OrbitProblem | EquilibriumProblem) -> Any:
 
 def _grazed(problem: Any, special: BranchPoint) -> tuple[int, int]:
     """The surface that is grazed, and the side the orbit is on."""
-    return touched(problem.doubled() if problem.shooting.symmetry_order > 1 else problem, special)
+    return grazed_surface(problem.doubled() if problem.shooting.symmetry_order > 1 else problem, special)
 
 
 class CurveProblem:

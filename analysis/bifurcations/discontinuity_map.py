@@ -59,7 +59,7 @@ class DiscontinuityMap:
     bend: float
 
 
-class _Touch:
+class _Beside:
     """Fields, H and its Lie derivatives beside one surface, in y = (x, t)."""
 
     def __init__(self, system: System, mode: tuple[int, ...], i: int, side: int) -> None:
@@ -123,8 +123,8 @@ def _bracket(f1: Any, f2: Any, g: Any, v2: Any, y: Sequence[Any]) -> Any:
 
 
 @lru_cache(maxsize=64)
-def _touch(system: System, mode: tuple[int, ...], i: int, side: int) -> _Touch:
-    return _Touch(system, mode, i, side)
+def _beside(system: System, mode: tuple[int, ...], i: int, side: int) -> _Beside:
+    return _Beside(system, mode, i, side)
 
 
 def discontinuity_map(
@@ -140,7 +140,7 @@ def discontinuity_map(
 
     Raises UsageError where the fields do not allow it, with the reason.
     """
-    at = _touch(system, tuple(mode), i, side)
+    at = _beside(system, tuple(mode), i, side)
     f1, f2 = at.value("f1", t, x, p)[:-1, 0], at.value("f2", t, x, p)[:-1, 0]
     g = at.value("g", t, x, p).ravel()
     slope = g[:-1]
@@ -170,10 +170,10 @@ def second_rate(
     system: System, x: Array, t: float, p: Array, mode: tuple[int, ...], i: int, side: int
 ) -> float:
     """L_F2^2 H at a point of the surface; arguments as for `discontinuity_map`."""
-    return _touch(system, tuple(mode), i, side).number("a2", t, x, p)
+    return _beside(system, tuple(mode), i, side).number("a2", t, x, p)
 
 
-def _grazing(at: _Touch, here: Any, f1: Array, f2: Array, slope: Array, size: float) -> DiscontinuityMap:
+def _grazing(at: _Beside, here: Any, f1: Array, f2: Array, slope: Array, size: float) -> DiscontinuityMap:
     a1, v2 = at.number("a1", *here), at.number("v2", *here)
     if not a1 > 0:
         raise UsageError("the solution grazes the surface to higher order (L_F1^2 H = 0): degenerate.")

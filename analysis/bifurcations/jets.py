@@ -6,7 +6,7 @@ With q = a + i b: B(q, v) = B(a, v) + i B(b, v) and C(q, q', .) = C(a, a, .) + C
 Coefficients (Kuznetsov 2004, Elements of Applied Bifurcation Theory), with <p, q> = 1:
 
     cubic_flip    c = <p, C(q, q, q)>/6 - <p, B(q, (A - 1)^-1 B(q, q))>/2
-    cubic_ring    Re e^(-i th) [<p, C(q, q, q')> + 2 <p, B(q, (1 - A)^-1 B(q, q'))>
+    cubic_neimark_sacker    Re e^(-i th) [<p, C(q, q, q')> + 2 <p, B(q, (1 - A)^-1 B(q, q'))>
                                 + <p, B(q', (e^(2 i th) - A)^-1 B(q, q))>]/2
     cubic_hopf    Re [<p, C(q, q, q')> - 2 <p, B(q, A^-1 B(q, q'))>
                       + <p, B(q', (2 i w - A)^-1 B(q, q))>]/2
@@ -90,7 +90,7 @@ class Jets:
         B = Ba + 1j * Bb
         return q, p, B, B @ q, B @ q.conj(), np.vdot(p, (Ca + Cb) @ q)
 
-    def cubic_ring(self, angle: float) -> float:
+    def cubic_neimark_sacker(self, angle: float) -> float:
         """At a pair e^(+- i angle)."""
         q, p, B, qq, qc, third = self._forms(np.exp(1j * angle))
         one = np.eye(len(q))

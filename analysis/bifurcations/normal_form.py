@@ -21,7 +21,7 @@ from filippov.analysis.bifurcations.branch_problem import FunctionProblem, MapPr
 from filippov.analysis.bifurcations.corrector import FAILURES
 from filippov.analysis.bifurcations.equilibrium_branch import EquilibriumProblem
 from filippov.analysis.bifurcations.sliding_border import ADDING, ARRIVALS
-from filippov.analysis.bifurcations.smooth_normal_form import Form, doubling, fold, hopf, ring
+from filippov.analysis.bifurcations.smooth_normal_form import Form, doubling, fold, hopf, neimark_sacker
 from filippov.base.errors import UsageError
 
 BORDER = (*TOUCHED, *ARRIVALS, ADDING)
@@ -35,7 +35,7 @@ def normal_form(problem: Any, point: BranchPoint, width: float, name: str) -> Fo
 
     problem  the equations that the point solves; width: of the bounds; name: of the parameter
 
-    Raises UsageError where the coefficients are not known, what solutions raise.
+    Raises UsageError where the coefficients are not known, and what `solve` raises.
     """
     u, value, kind = np.array(point.u), point.value, point.special
     maps = isinstance(problem, MapProblem | OrbitProblem)
@@ -54,7 +54,7 @@ def normal_form(problem: Any, point: BranchPoint, width: float, name: str) -> Fo
     if maps and kind in ("period doubling", "symmetry breaking"):
         return doubling(problem, u, value, width, name, kind == "symmetry breaking")
     if maps and kind == "Neimark-Sacker":
-        return ring(problem, u, value, width, name)
+        return neimark_sacker(problem, u, value, width, name)
     return {}, ""
 
 

@@ -104,10 +104,10 @@ def doubling(problem: Any, u: Array, value: float, width: float, name: str, symm
     attracts = by_multipliers(others, LOCATED)
     out = {"cubic": cubic, "rate": rate}
     what = "pair without the symmetry" if symmetric else "doubled orbit"
-    return _branching(out, cubic, -rate, directions @ q, _names(problem), value, name, what, attracts, False)
+    return _branching(out, cubic, -rate, directions @ q, _names(problem), value, name, what, attracts)
 
 
-def ring(problem: Any, u: Array, value: float, width: float, name: str) -> Form:
+def neimark_sacker(problem: Any, u: Array, value: float, width: float, name: str) -> Form:
     """A Neimark-Sacker point."""
     jets, directions = return_jets(problem, u, value)
     values = linalg.eigvals(jets.A)
@@ -119,7 +119,7 @@ def ring(problem: Any, u: Array, value: float, width: float, name: str) -> Form:
     for k, goal in ((1, 0.0), (2, np.pi), (3, 2 * np.pi / 3), (4, np.pi / 2)):
         if abs(angle - goal) < _RESONANT:
             return out, f"strong resonance 1:{k}: the cubic coefficient alone decides nothing"
-    cubic = jets.cubic_ring(angle)
+    cubic = jets.cubic_neimark_sacker(angle)
 
     def modulus(point: BranchPoint) -> float:
         near = np.asarray(
@@ -134,7 +134,7 @@ def ring(problem: Any, u: Array, value: float, width: float, name: str) -> Form:
     out |= {"cubic": cubic, "rate": rate}
     size = 2 * np.abs(directions @ q)
     return _branching(out, -cubic, rate, size, _names(problem), value, name, "closed invariant curve",
-                      by_multipliers(others, LOCATED), True)  # fmt: skip
+                      by_multipliers(others, LOCATED))  # fmt: skip
 
 
 def _half(problem: Any) -> bool:
@@ -164,7 +164,7 @@ def hopf(problem: EquilibriumProblem, u: Array, value: float, width: float, name
     others = [v for v in values if abs(abs(v.imag) - frequency) > 1e-6 or abs(v.real) > 1e-4]
     out = {"cubic": cubic, "rate": rate, "frequency": frequency}
     return _branching(out, -cubic, rate, 2 * np.abs(scale * q), list(problem.system.states), value, name,
-                      "cycle", by_eigenvalues(others), True)  # fmt: skip
+                      "cycle", by_eigenvalues(others))  # fmt: skip
 
 
 def hopf_jets(problem: EquilibriumProblem, u: Array, value: float) -> tuple[Jets, Array]:
@@ -187,7 +187,7 @@ def _names(problem: MapProblem | OrbitProblem) -> list[str]:
 
 def _branching(
     out: dict[str, float], restoring: float, rate: float, size: Array, names: list[str], value: float,
-    name: str, what: str, others: Growth, ring: bool,
+    name: str, what: str, others: Growth,
 ) -> Form:  # fmt: skip
     """The solutions that branch off where growth = rate (value - value0) is balanced by restoring xi^3."""
     if abs(restoring) < _FLAT or abs(rate) < _FLAT:

@@ -71,7 +71,7 @@ def switch(
     if isinstance(problem, EquilibriumProblem):
         problem = problem.in_mode(special.modes[0], u)
     elif special.special != "branch point":
-        problem, u, tangent = _doubled(problem, u, special.value, tangent)
+        problem, u, tangent = _doubled(problem, u, tangent)
     problem = problem.moved(u, special.value)
     corrector = Corrector(problem, high - low)
     z = corrector.scaled(u, special.value)
@@ -85,7 +85,7 @@ def switch(
     return out
 
 
-def _doubled(problem: Any, u: Array, value: float, tangent: Array) -> tuple[Any, Array, Array]:
+def _doubled(problem: Any, u: Array, tangent: Array) -> tuple[Any, Array, Array]:
     """The equations of the orbit of twice the length or without the symmetry, its unknowns, the tangent."""
     if not isinstance(problem, MapProblem | OrbitProblem):
         raise UsageError("a period doubles for maps and orbits.")

@@ -76,7 +76,7 @@ class ExactRun:
         self.points: tuple[Any, ...] = ()
 
     def start(self, d: float) -> Array:
-        """The lifted state."""
+        """The state on the section at the coordinate d."""
         return np.asarray(self.bound.start(np.array([d]), self.p)[0])
 
     def place(self, solution_t: float, x: Array) -> float:

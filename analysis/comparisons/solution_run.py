@@ -232,7 +232,7 @@ def chosen_widths(
 
 
 def needed_width(
-    approximate: ModelSolutions, rows: Sequence[Mapping[str, Any]], quantity: str, accuracy: float,
+    rows: Sequence[Mapping[str, Any]], quantity: str, accuracy: float,
     compute: Callable[[float], Mapping[str, Any]], tries: int = 8,
 ) -> tuple[float | None, Mapping[str, Any] | None]:  # fmt: skip
     """The widest width found whose error is within the accuracy, and its row: solved for, then run.

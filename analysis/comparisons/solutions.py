@@ -106,7 +106,7 @@ def compare_solutions(
         if done:
             shown[model.name] = approximate.solutions[done[0]["width"]]
         if accuracy is not None:
-            width_found, row_found = needed_width(approximate, done, quantity, accuracy, approximate.row)
+            width_found, row_found = needed_width(done, quantity, accuracy, approximate.row)
             error = None if row_found is None else row_found[quantity]
             ratio = None if row_found is None else row_found["calls_ratio"]
             needs.append(Needed(model.name, quantity, accuracy, width_found, error, ratio))

@@ -18,7 +18,7 @@ class Special:
     """A place where the diagram changes.
 
     kind   "fold", "set stability change" or "period doubling"
-    value  of the parameter; d: coordinate; residual: what is left of the equations that define it
+    value  of the parameter; d: coordinate; residual: of the equations that define it
     """
 
     kind: str

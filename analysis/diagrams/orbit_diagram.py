@@ -165,7 +165,7 @@ def _near(one: float, other: float) -> bool:
 
 
 def _defect(point: BranchPoint) -> float:
-    """How far a multiplier is off what the special point asks for, or what is left of the equations."""
+    """How far a multiplier is off what the special point asks for, or the residual of the equations."""
     wanted = {"period doubling": -1.0, "fold": 1.0}.get(point.special)
     if wanted is None or not point.multipliers:
         return point.residual

@@ -29,7 +29,7 @@ class Grid:
         return np.floor(np.clip((x - self.low) / self.edge, -1e9, 1e9)).astype(np.int64)
 
     def names(self, x: Array) -> npt.NDArray[np.uint64]:
-        """One number a cell, (k,)."""
+        """One number per cell, (k,)."""
         total = np.zeros(len(x), dtype=np.uint64)
         for column in self.places(x).T.astype(np.uint64):
             total = (total ^ column) * _SPREAD[0]

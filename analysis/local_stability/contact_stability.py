@@ -12,7 +12,7 @@ import numpy as np
 import sympy
 
 from filippov.analysis.algebra.polynomial import Verdict
-from filippov.analysis.local_stability.kink_stability import touched
+from filippov.analysis.local_stability.kink_stability import surfaces_at
 from filippov.analysis.local_stability.stability_context import SMALL, Context
 from filippov.analysis.local_stability.stability_result import Answer, EquilibriumStability, Statement
 from filippov.analysis.steady.clocks import branch_points
@@ -35,7 +35,7 @@ def contact_stability(context: Context, point: EquilibriumPoint) -> EquilibriumS
     linear = linearise(context.system, point, values=context.put, sides=[])
     assert linear.sliding is not None
     on = in_contact(context, point.mode)
-    kinked = touched(context, point) or any(_kinked(context, point, i) for i in on)
+    kinked = surfaces_at(context, point) or any(_kinked(context, point, i) for i in on)
     if linear.sliding.matrix is None or point.mode.count("0") > 1 or kinked:
         text = "it rests on several surfaces at once: impacts on one move the others, which is not decided"
         if linear.sliding.matrix is None:

@@ -64,7 +64,7 @@ class Cone:
         return False
 
 
-def touched(context: Context, found: EquilibriumPoint | EquilibriumSet) -> list[int]:
+def surfaces_at(context: Context, found: EquilibriumPoint | EquilibriumSet) -> list[int]:
     """The kinks and surfaces with resets that a point, or a whole set, lies on without sliding there."""
     form = context.form
     put = dict(zip(form.x, found.x, strict=True))
@@ -95,7 +95,7 @@ def cone(
 
     Where it slides they are those of the sliding field on its surfaces; along a set they are those across it.
     """
-    form, on = context.form, touched(context, found)
+    form, on = context.form, surfaces_at(context, found)
     if not on or any(context.system.surfaces[i].kind != "kink" for i in on):
         return None
     put = dict(zip(form.x, found.x, strict=True))
@@ -164,7 +164,7 @@ def set_ends(context: Context, found: EquilibriumSet) -> list[EquilibriumPoint]:
     """The ends of a segment or half line in a smooth mode that lie on surfaces."""
     if found.dimension > 1:
         return []
-    form, ends, along = context.form, [], touched(context, found)
+    form, ends, along = context.form, [], surfaces_at(context, found)
     for edge in found.domain[0]:
         if edge.is_infinite:
             continue
@@ -191,7 +191,7 @@ def end_stability(context: Context, found: EquilibriumSet, end: EquilibriumPoint
 def _rests(context: Context, end: EquilibriumPoint, at: Cone) -> list[Array]:
     """The rays from an end along which another set begins."""
     form, rays = context.form, []
-    modes = modes_beside(context, end.mode, touched(context, end))
+    modes = modes_beside(context, end.mode, surfaces_at(context, end))
     for signs, A in at.sides.items():
         for v in (k * e for e in linalg.null_space(A).T for k in (1, -1)):
             if signs in modes and np.all(at.rows @ v * np.array(signs) > CLEAR):

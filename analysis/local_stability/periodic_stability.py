@@ -13,7 +13,7 @@ from dataclasses import replace
 import sympy
 
 from filippov.analysis.local_stability.floquet import common_period, floquet
-from filippov.analysis.local_stability.kink_stability import touched
+from filippov.analysis.local_stability.kink_stability import surfaces_at
 from filippov.analysis.local_stability.periodic_kinks import on_kinks, on_line
 from filippov.analysis.local_stability.periodic_sliding import periodic_sliding
 from filippov.analysis.local_stability.stability_context import Context
@@ -36,7 +36,7 @@ def with_time(context: Context, item: EquilibriumStability, frozen: float | None
     if frozen is not None and depends_on_time(context.system):
         text = f"frozen at t = {frozen:g}: of the system as it moves with time this says nothing"
         return replace(item, statements=(*item.statements, Statement(text, FROZEN)))
-    kinked = touched(context, item.equilibrium)
+    kinked = surfaces_at(context, item.equilibrium)
     moves = moves or (bool(kinked) and frozen is None and depends_on_time(context.system))
     if not moves and not resetting(context.system):
         return item

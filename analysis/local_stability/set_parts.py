@@ -13,7 +13,7 @@ from dataclasses import replace
 import sympy
 from sympy import Expr
 
-from filippov.analysis.local_stability.kink_stability import modes_beside, touched
+from filippov.analysis.local_stability.kink_stability import modes_beside, surfaces_at
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.steady.branches import short
 from filippov.analysis.steady.equilibrium import EquilibriumSet
@@ -29,7 +29,7 @@ def parts(context: Context, found: EquilibriumSet) -> tuple[EquilibriumSet, ...]
     (c,) = found.free
     borders: list[Expr] = []
     # A set on a kink has the linear parts of all sides.
-    for mode in modes_beside(context, found.mode, touched(context, found)).values():
+    for mode in modes_beside(context, found.mode, surfaces_at(context, found)).values():
         matrix = context.form.jacobian(mode).subs(context.put)
         at = matrix.subs(dict(zip(context.form.x, found.x, strict=True))).applyfunc(short)
         polynomial, zeros = context.without_zeros(characteristic_polynomial(at), 1)

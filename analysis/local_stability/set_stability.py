@@ -23,7 +23,7 @@ from sympy import Expr, Rational, Symbol
 
 from filippov.analysis.algebra.growth import by_excess
 from filippov.analysis.algebra.polynomial import Verdict
-from filippov.analysis.local_stability.kink_stability import kink_stability, touched
+from filippov.analysis.local_stability.kink_stability import kink_stability, surfaces_at
 from filippov.analysis.local_stability.sliding_stability import attraction
 from filippov.analysis.local_stability.stability_context import SMALL, Context
 from filippov.analysis.local_stability.stability_result import (
@@ -72,7 +72,7 @@ def set_stability(
         return EquilibriumStability(
             found, linear, None, None, False, "undecided", (), attracts, (*statements, Statement(text))
         )
-    if attracts != "unstable" and touched(context, found):
+    if attracts != "unstable" and surfaces_at(context, found):
         # Slip at its ends is that of one side of the kink too: what the set does as a whole is left open.
         beside, statement = kink_stability(context, found)
         left: Answer = "unstable" if beside == "unstable" else "undecided"

@@ -10,7 +10,7 @@ from sympy import Expr, Symbol
 
 from filippov.analysis.algebra.polynomial import Verdict
 from filippov.analysis.local_stability import straight_lines
-from filippov.analysis.local_stability.kink_stability import kink_stability, touched
+from filippov.analysis.local_stability.kink_stability import kink_stability, surfaces_at
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import Answer, EquilibriumStability, Statement
 from filippov.analysis.steady.equilibrium import EquilibriumPoint
@@ -51,7 +51,7 @@ def sliding_stability(context: Context, point: EquilibriumPoint) -> EquilibriumS
         if straight_lines.leads_away(context, point):
             answer = "unstable"
             statements.append(Statement(straight_lines.TEXT, straight_lines.SOURCE))
-    elif touched(context, point):
+    elif surfaces_at(context, point):
         # The roots are those of one side.
         answer, statement = kink_stability(context, point)
         statements.append(statement)

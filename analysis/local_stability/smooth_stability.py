@@ -9,7 +9,7 @@ from filippov.analysis.local_stability.kink_stability import (
     end_stability,
     kink_stability,
     set_ends,
-    touched,
+    surfaces_at,
 )
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.local_stability.stability_result import Answer, EquilibriumStability, Statement
@@ -63,7 +63,7 @@ def _interior(
         text = "roots on the imaginary axis, with as many eigenvectors: solutions stay near"
     elif answer == "unstable" and hurwitz is not Verdict.UNSTABLE:
         text = "a repeated root on the imaginary axis with too few eigenvectors: solutions grow like t"
-    elif touched(context, found):
+    elif surfaces_at(context, found):
         where = "in the left half plane" if answer == "asymptotically stable" else "not all on the left"
         text = f"the roots of the linear part on this side lie {where}"
     elif answer == "undecided":
@@ -79,7 +79,7 @@ def _beyond(
     context: Context, found: EquilibriumPoint | EquilibriumSet, interior: Answer
 ) -> tuple[Answer, list[Statement]]:
     """The verdict with what lies on the other sides of the kinks that a point lies on, or a set ends at."""
-    if touched(context, found):
+    if surfaces_at(context, found):
         answer, statement = kink_stability(context, found)
         ended = isinstance(found, EquilibriumSet) and _bordered(context, found)
         if ended and answer == "asymptotically stable":

@@ -21,7 +21,7 @@ from filippov.analysis.sensitivity.saltation import NotDifferentiableError
 from filippov.base.errors import UsageError
 
 if TYPE_CHECKING:
-    from filippov.analysis.maps.scalar_map import ReturnMap
+    from filippov.analysis.maps.scalar_map import ScalarMap
 
 Array = npt.NDArray[np.float64]
 TIGHT, CLOSEST = 1e-12, 1e-5
@@ -97,7 +97,7 @@ def grid(lo: float, hi: float, points: int) -> Array:
     return coordinates(lo, hi, points, CLOSEST)
 
 
-def fixed_points(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tuple[FixedPoint, ...]:
+def fixed_points(event_map: ScalarMap, lo: float, hi: float, points: int = 400) -> tuple[FixedPoint, ...]:
     """All fixed points of the map in [lo, hi], in order, the equilibrium set at 0 among them."""
     d = grid(lo, hi, points)
     fine = event_map.remake(rtol=min(event_map.rtol, TIGHT), atol=min(event_map.atol, TIGHT * 1e-2))
@@ -124,7 +124,7 @@ def fixed_points(event_map: ReturnMap, lo: float, hi: float, points: int = 400) 
     return tuple(sorted(found, key=lambda point: point.d))
 
 
-def _beside_set(event_map: ReturnMap, first: float) -> tuple[ReturnMap, Array, Array]:
+def _beside_set(event_map: ScalarMap, first: float) -> tuple[ScalarMap, Array, Array]:
     """From the grid's coordinate next to the set down to what rounding leaves, evenly in log d."""
     near, least = near_set(event_map, first)
     count = max(2, 1 + int(PER_DECADE * np.log10(max(abs(first) / least, 1.0))))
@@ -153,7 +153,7 @@ def _told(at_set: FixedPoint, d: Array, gap: Array) -> FixedPoint:
     return replace(at_set, note="; ".join(filter(None, (at_set.note, note))), hidden=hidden)
 
 
-def _gap(event_map: ReturnMap) -> Gap:
+def _gap(event_map: ScalarMap) -> Gap:
     """R(d) - d of the one map."""
 
     def gap(d: Array, _: Whole) -> Array:
@@ -162,7 +162,7 @@ def _gap(event_map: ReturnMap) -> Gap:
     return gap
 
 
-def _cycle(event_map: ReturnMap, d: float, left: float) -> FixedPoint:
+def _cycle(event_map: ScalarMap, d: float, left: float) -> FixedPoint:
     """The limit cycle of a fixed point."""
     period = float(sum(each.t_end for each in event_map.orbit(d)))
     try:
@@ -173,13 +173,13 @@ def _cycle(event_map: ReturnMap, d: float, left: float) -> FixedPoint:
     return FixedPoint(d, "limit cycle", slope, verdict, left, period, note)
 
 
-def equilibrium_set(event_map: ReturnMap, reach: float) -> FixedPoint:
+def equilibrium_set(event_map: ScalarMap, reach: float) -> FixedPoint:
     """The fixed point at 0, where the solution rests."""
     slope, error, note = equilibrium_slope(event_map, reach)
     return FixedPoint(0.0, "equilibrium set", slope, by_excess(abs(slope) - 1.0, error), 0.0, 0.0, note)
 
 
-def jumps(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tuple[Jump, ...]:
+def jumps(event_map: ScalarMap, lo: float, hi: float, points: int = 400) -> tuple[Jump, ...]:
     """Places where the map jumps: intervals where it changes more than its slopes explain, halved down."""
     d = grid(lo, hi, points)
     value = event_map(d)
@@ -207,7 +207,7 @@ def jumps(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tupl
     return tuple(out)
 
 
-def basins(event_map: ReturnMap, lo: float, hi: float, points: int = 400) -> tuple[BasinInterval, ...]:
+def basins(event_map: ScalarMap, lo: float, hi: float, points: int = 400) -> tuple[BasinInterval, ...]:
     """Intervals of [lo, hi] between repelling points, each with the attractor its middle goes to."""
     known = fixed_points(event_map, lo, hi, points)
     attractors = [point.d for point in known if point.stable]

@@ -29,7 +29,7 @@ from filippov.base.status import mode_text
 from filippov.model.system import System
 
 if TYPE_CHECKING:
-    from filippov.analysis.maps.scalar_map import ReturnMap
+    from filippov.analysis.maps.scalar_map import ScalarMap
 
 Array = npt.NDArray[np.float64]
 # A constant part below this part of the field's terms is rounding.
@@ -38,7 +38,7 @@ ROUNDING = 1e-11
 NEAR = 1e-3
 
 
-def linear_slope(return_map: ReturnMap, reach: float) -> float | None:
+def linear_slope(return_map: ScalarMap, reach: float) -> float | None:
     """Limit of R(d)/d for d -> 0 on the side of `reach`, for a map of one return.
 
     inf or -inf where the map jumps at 0 or slip grows without end; None where no formula gives it: a system
@@ -86,7 +86,7 @@ def linear_slope(return_map: ReturnMap, reach: float) -> float | None:
     return float(side * return_map.bound.slope(x0) @ linalg.expm(matrix * time) @ y)
 
 
-def _normal(return_map: ReturnMap, mode: tuple[int, ...], x0: Array) -> Array:
+def _normal(return_map: ScalarMap, mode: tuple[int, ...], x0: Array) -> Array:
     """Gradients of the surfaces' h: (m, n)."""
     field, signs = mode_field(return_map.system, mode), np.array([mode], float)
     rows = field.part("hy", np.zeros(1), x0[None], signs, return_map.p)
@@ -131,7 +131,7 @@ def _cases(system: System, mode: tuple[int, ...], i: int) -> tuple[_Case, ...]:
     )
 
 
-def _jumping(return_map: ReturnMap, reach: float) -> float | None:
+def _jumping(return_map: ScalarMap, reach: float) -> float | None:
     """Infinite, with the sign of the map next to 0."""
     value = float(return_map(NEAR * reach))
     return math.copysign(math.inf, value * reach) if math.isfinite(value) and value else None

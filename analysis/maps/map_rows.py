@@ -52,10 +52,10 @@ class MapRows:
         for _ in range(self.order):
             alive = np.nonzero(np.isfinite(image) & (image != 0.0))[0]
             if alive.size:
-                image[alive] = self._turn(every[alive], image[alive])
+                image[alive] = self._first_return(every[alive], image[alive])
         return image.reshape(d.shape)
 
-    def _turn(self, rows: Array, d: Array) -> Array:
+    def _first_return(self, rows: Array, d: Array) -> Array:
         start = self.bound.start(d, rows)
         if self.section.after:
             named = {name: rows[:, k] for k, name in enumerate(self.system.parameters.names)}

@@ -14,7 +14,7 @@ from filippov.solving.solution import Solution
 Array = npt.NDArray[np.float64]
 
 
-class ReturnMap(Protocol):
+class ScalarMap(Protocol):
     """R(d): from coordinate d on a section to that of its next event, or the order-th iterate of this."""
 
     system: System

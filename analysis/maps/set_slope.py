@@ -18,7 +18,7 @@ from filippov.analysis.algebra import linalg
 from filippov.analysis.maps.linear_return import linear_slope
 
 if TYPE_CHECKING:
-    from filippov.analysis.maps.scalar_map import ReturnMap
+    from filippov.analysis.maps.scalar_map import ScalarMap
 
 Array = npt.NDArray[np.float64]
 TIGHT = 1e-12
@@ -40,7 +40,7 @@ class SetSlope(NamedTuple):
     note: str = ""
 
 
-def near_set(event_map: ReturnMap, reach: float) -> tuple[ReturnMap, float]:
+def near_set(event_map: ScalarMap, reach: float) -> tuple[ScalarMap, float]:
     """The map at tolerances for small coordinates, and the smallest coordinate that rounding leaves.
 
     The absolute tolerance is what rounding leaves of the starting states.
@@ -49,7 +49,7 @@ def near_set(event_map: ReturnMap, reach: float) -> tuple[ReturnMap, float]:
     return event_map.remake(rtol=TIGHT * 0.1, atol=2.0 * EPS * size), ROUNDINGS * EPS * size
 
 
-def equilibrium_slope(event_map: ReturnMap, reach: float, side: float = 1.0) -> SetSlope:
+def equilibrium_slope(event_map: ScalarMap, reach: float, side: float = 1.0) -> SetSlope:
     """Limit of R(d)/d for d -> 0 on one side.
 
     It is the product of the limits over the returns of the map, each on the side to which the one before it
@@ -57,7 +57,7 @@ def equilibrium_slope(event_map: ReturnMap, reach: float, side: float = 1.0) -> 
     """
     slope, share, notes = 1.0, 0.0, []
     for _ in range(event_map.order):
-        one, error, note = _one_turn_slope(event_map.remake(order=1), side * reach)
+        one, error, note = _one_return_slope(event_map.remake(order=1), side * reach)
         if not np.isfinite(one):
             return SetSlope(float("nan") if np.isnan(one) else float(np.inf), 0.0, note)
         slope *= one
@@ -67,7 +67,7 @@ def equilibrium_slope(event_map: ReturnMap, reach: float, side: float = 1.0) -> 
     return SetSlope(slope, abs(slope) * share, next((note for note in notes if note), ""))
 
 
-def log_slope(event_map: ReturnMap, reach: float, **parameters: float) -> float:
+def log_slope(event_map: ScalarMap, reach: float, **parameters: float) -> float:
     """log |slope| at the equilibrium set for these parameters: 0 where the set changes stability.
 
     -inf where the slope is 0, inf where it has no bound, NaN where it is not known.
@@ -76,7 +76,7 @@ def log_slope(event_map: ReturnMap, reach: float, **parameters: float) -> float:
     return float(np.log(abs(slope))) if slope else -np.inf
 
 
-def _one_turn_slope(event_map: ReturnMap, reach: float) -> SetSlope:
+def _one_return_slope(event_map: ScalarMap, reach: float) -> SetSlope:
     """Limit of R(d)/d in closed form; else from ratios at reach, reach/2, ..., extrapolated until rounding
     takes over."""
     fine, least = near_set(event_map, reach)
@@ -115,7 +115,7 @@ def _one_turn_slope(event_map: ReturnMap, reach: float) -> SetSlope:
     return SetSlope(best, max(error, CLOSED * abs(best)), note)
 
 
-def _leaving(fine: ReturnMap, least: float) -> str:
+def _leaving(fine: ScalarMap, least: float) -> str:
     """What is seen of a jump of the map at the set, from the smallest coordinates."""
     near, far = fine(np.array([30.0 * least, 60.0 * least]))
     if abs(far / near - 1.0) < 0.01:
@@ -123,7 +123,7 @@ def _leaving(fine: ReturnMap, least: float) -> str:
     return "the slope of the map grows without bound at the equilibrium set"
 
 
-def _fitted(fine: ReturnMap, reach: float, least: float) -> tuple[float, float]:
+def _fitted(fine: ScalarMap, reach: float, least: float) -> tuple[float, float]:
     """Limit of R(d)/d for d -> 0 and its error, from fits in d**gamma over windows above `least`."""
     d = reach * np.geomspace(1.0, min(least / abs(reach), 0.5), 56)
     ratios = fine(d) / d

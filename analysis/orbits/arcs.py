@@ -110,7 +110,7 @@ def arcs_of(solutions: Sequence[Solution]) -> list[Arc]:
         sol = solution.sol
         assert sol is not None
         if out:
-            between = joined(solution.problem.system, out[-1].mode, solution.start_mode)
+            between = joined(out[-1].mode, solution.start_mode)
             if between is None:
                 last = out.pop()
                 begin_t, begin_x = [last.t], [last.x]
@@ -173,7 +173,7 @@ def _ending(solution: Solution, events: list[Event]) -> Ending | None:
     return Ending(event.kind, event.index, first, last, side, event.t)
 
 
-def joined(system: System, before: Mode, after: Mode) -> Ending | None:
+def joined(before: Mode, after: Mode) -> Ending | None:
     """The event between two solutions that are put together: none where the modes agree."""
     changed = [i for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b]
     if not changed:

@@ -289,7 +289,7 @@ def cycle_of_modes(solutions: Sequence[Solution]) -> tuple[str, ...]:
     for before, solution in zip([ends[-1], *ends[:-1]], solutions, strict=True):
         segments = list(solution.segments)
         length = abs(solution.t_end - solution.problem.t_span[0])
-        # A node in sliding is off the surface by what is left of the equations, for as long as that takes.
+        # A node in sliding is off the surface by the residual of the equations, for as long as that takes.
         if len(segments) > 1 and segments[1].mode == before and segments[0].dwell < _AT_NODE * length:
             del segments[0]
         for segment in segments:

@@ -90,7 +90,7 @@ def guess_arcs(solutions: Sequence[Solution], final: tuple[Mode, Array]) -> list
     """
     arcs = arcs_of(solutions)
     last, (mode, state) = arcs[-1], final
-    missing = joined(solutions[0].problem.system, last.mode, mode)
+    missing = joined(last.mode, mode)
     if missing is not None:
         length = float(last.t[-1] - arcs[0].t[0])
         end = float(last.t[-1])

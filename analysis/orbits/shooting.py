@@ -136,7 +136,7 @@ class Shooting:
         return out
 
     def residual(self, u: Array, solutions: Sequence[Solution], p: Array) -> Array:
-        """What is left of the equations: (size,)."""
+        """The residual of the equations: (size,)."""
         nodes, _ = self.split(u, p)
         ends = [*nodes[1:], self.gate @ nodes[0]]
         rows = [solution.x_end - end for solution, end in zip(solutions, ends, strict=True)]

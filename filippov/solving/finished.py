@@ -62,7 +62,7 @@ class Course:
         if solution.sol is not None:
             t, y = self._sampled(solution, solution.sol)
         else:
-            t, y = self._corners(solution) if may_jump(self.problem.system) else self._ends(solution)
+            t, y = self._corners() if may_jump(self.problem.system) else self._ends()
         return {"t": t, "y": y}
 
     def _told(self, solution: Solution) -> str:
@@ -94,7 +94,7 @@ class Course:
             table, coef = map(np.concatenate, zip(*pieces, strict=True))
         return Interpolant(table[:, 0].copy(), table[:, 1].copy(), coef, span)
 
-    def _ends(self, solution: Solution) -> tuple[Array, Array]:
+    def _ends(self) -> tuple[Array, Array]:
         """Start, events and end, where no steps are kept."""
         problem = self.problem
         t, x = self.log.table()
@@ -104,7 +104,7 @@ class Course:
         keep = np.append(True, np.diff(times) != 0)
         return times[keep], states[keep].T.copy()
 
-    def _corners(self, solution: Solution) -> tuple[Array, Array]:
+    def _corners(self) -> tuple[Array, Array]:
         """The same with resets: a jump has the state before and the one after."""
         rows = [(self.problem.t_span[0], self.problem.x0)]
         for event in self.log:

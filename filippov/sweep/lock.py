@@ -1,4 +1,4 @@
-"""One sweep a folder: a file that its process holds locked, and says in it who that is.
+"""One sweep per folder: a file that its process holds locked, and says in it who that is.
 
 The system gives a lock (flock, on Windows LockFileEx) back when the process ends, however it ends, and knows
 it in every container that shares the folder, where the number of the process means nothing. Where the file

@@ -83,7 +83,7 @@ def leading(found: Local, weights: Sequence[Rational]) -> Leading | None:
     degree: Expr = sympy.oo
     parts: dict[Signs, list[tuple[Expr, Expr]]] = {}
     for signs, field in found.fields.items():
-        row = [_lowest_of(f, scale, signs, found) for f in field]
+        row = [_lowest_of(f, scale, found) for f in field]
         if any(p is None for p in row):
             return None
         parts[signs] = [p for p in row if p is not None]
@@ -105,7 +105,7 @@ def leading(found: Local, weights: Sequence[Rational]) -> Leading | None:
     return Leading(tuple(weights), degree, fields, tuple(h))
 
 
-def _lowest_of(f: Expr, scale: Mapping[Symbol, Expr], signs: Signs, found: Local) -> tuple[Expr, Expr] | None:
+def _lowest_of(f: Expr, scale: Mapping[Symbol, Expr], found: Local) -> tuple[Expr, Expr] | None:
     """The lowest power of one component; bases of roots are positive on their side, written as such."""
     roots = {q for q in f.atoms(sympy.Pow) if not q.exp.is_Integer and q.base.free_symbols & set(found.x)}
     put = {}
@@ -118,9 +118,5 @@ def _lowest_of(f: Expr, scale: Mapping[Symbol, Expr], signs: Signs, found: Local
         ):
             return None
         put[q] = EPSILON ** (base[0] * q.exp) * base[1] ** q.exp
-    return lowest(f.xreplace(put).xreplace(scale) if not put else _put(f, put, scale))
-
-
-def _put(f: Expr, put: Mapping[Expr, Expr], scale: Mapping[Symbol, Expr]) -> Expr:
     hidden = {q: sympy.Dummy(positive=True) for q in put}
-    return f.xreplace(hidden).xreplace(scale).xreplace({hidden[q]: put[q] for q in put})
+    return lowest(f.xreplace(hidden).xreplace(scale).xreplace({hidden[q]: put[q] for q in put}))

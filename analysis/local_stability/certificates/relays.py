@@ -59,7 +59,7 @@ def relays(found: Local) -> Certificate | None:
         return None
     weights = _weights(M)
     if weights is None:
-        return _outwards(M, s0)
+        return _outwards(M)
     D = sympy.diag(*weights)
     told = [
         "h' = r + M s to first order, M = " + str(M.tolist()),
@@ -71,7 +71,7 @@ def relays(found: Local) -> Certificate | None:
     text = "all surfaces are reached in finite time"
     if k == n:
         return Certificate("asymptotically stable", text, UTKIN, tuple(told))
-    roots = _sliding_roots(found, c, M, s0)
+    roots = _sliding_roots(found, c, s0)
     if roots is None:
         return None
     told.append(f"roots of the field that slides on all of them: real parts up to {max(roots.real):.6g}")
@@ -105,26 +105,23 @@ def _weights(M: sympy.Matrix) -> Sequence[Expr] | None:
     return None
 
 
-def _outwards(M: sympy.Matrix, s0: sympy.Matrix) -> Certificate | None:
-    k = M.rows
+def _outwards(M: sympy.Matrix) -> Certificate | None:
     if not (M + M.T).is_positive_definite:
         return None
     told = ("h' = r + M s to first order, M = " + str(M.tolist()), "M + M^T is positive definite")
-    del k, s0
     text = "sum |h_i| - s0_i h_i grows on all solutions off the surfaces"
     return Certificate("unstable", text, "Filippov 1988", told)
 
 
-def _sliding_roots(found: Local, c: sympy.Matrix, M: sympy.Matrix, s0: sympy.Matrix) -> np.ndarray | None:
+def _sliding_roots(found: Local, c: sympy.Matrix, s0: sympy.Matrix) -> np.ndarray | None:
     """The roots of the field with h' = 0, but the k that belong to the h themselves."""
-    k, count = len(found.h), len(found.fields)
+    k = len(found.h)
     signs = sympy.symbols(f"s0:{k}")
     # Multi-affine in the signs: the interpolant between the corners of the box.
     field = sympy.zeros(len(found.x), 1)
     for corner, row in found.fields.items():
         share = sympy.Mul(*((1 + a * b) / 2 for a, b in zip(corner, signs, strict=True)))
         field += share * sympy.Matrix(row)
-    del count
     at = dict(zip(signs, s0, strict=True))
     here = dict.fromkeys(found.x, sympy.S.Zero)
     A = field.subs(at).jacobian(found.x).subs(here)

@@ -18,7 +18,7 @@ from sympy import Expr
 from filippov.analysis.algebra.polynomial import exact
 from filippov.analysis.algebra.time_bounds import bounds
 from filippov.analysis.local_stability.certificates.certificate import Certificate
-from filippov.analysis.local_stability.kink_stability import modes_beside, touched
+from filippov.analysis.local_stability.kink_stability import modes_beside, surfaces_at
 from filippov.analysis.local_stability.stability_context import Context
 from filippov.analysis.steady.equilibrium import EquilibriumPoint
 from filippov.analysis.steady.forcing import forcing_period
@@ -37,7 +37,7 @@ def timed(context: Context, point: EquilibriumPoint) -> Certificate | None:
     at = {x: exact(sympy.S(e).subs(values)) for x, e in zip(form.x, point.x, strict=True)}
     if any(not e.is_number for e in at.values()):
         return None
-    on = touched(context, point)
+    on = surfaces_at(context, point)
     if "0" not in point.mode and all(system.surfaces[i].kind == "kink" for i in on):
         modes = modes_beside(context, point.mode, on).values()
         sides = [form.jacobian(mode).subs(values).subs(at).applyfunc(exact) for mode in modes]

@@ -64,7 +64,7 @@ def reset_source(
     sizes: Callable[[set[Symbol]], list[str]],
     assign: Callable[[Sequence[tuple[str, Expr]]], list[str]],
 ) -> list[str]:
-    """The kernel `resets`: one branch a surface, then one a time event; states not named are kept."""
+    """The kernel `resets`: one branch per surface, then one per time event; states not named are kept."""
     lines = [
         "@kernel",
         "def resets(i: int, t: float, x: Vector, p: Vector, m: Vector, out: Vector, ctx: Indices) -> int:",

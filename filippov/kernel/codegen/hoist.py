@@ -1,4 +1,4 @@
-"""Take what depends on the parameters alone out of the field: computed once a run, divisions included."""
+"""Take what depends on the parameters alone out of the field: computed once per run, divisions included."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def couple(first: int, last: int, m: Vector, w: Scratch, iw: Integers) -> None:
 def slide_affine(
     t: float, x: Vector, p: Vector, m: Vector, out: Vector, w: Scratch, iw: Integers, ctx: Indices
 ) -> int:
-    """Fields jointly affine in the signs: a field call a colour and one more, a linear solve a group."""
+    """Fields jointly affine in the signs: a field call per colour and one more, a linear solve per group."""
     if sign_derivatives(t, x, p, m, w, iw, ctx) != 0:
         return 1
     first = 0

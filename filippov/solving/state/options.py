@@ -225,7 +225,7 @@ def check_state(x0: Any, system: System) -> npt.NDArray[np.float64]:
         names = [f"x0: state {name!r}" for name in system.states]
         x0 = [plain(q, unit, name) for q, unit, name in zip(x0, units, names, strict=True)]
     elif is_quantity(x0):
-        raise UsageError(f"x0 is the quantity {x0}, expected one quantity or number a state: x0=(q1, q2).")
+        raise UsageError(f"x0 is the quantity {x0}, expected one quantity or number per state: x0=(q1, q2).")
     array = number_array("x0", x0)
     if array.shape != (system.dimension,):
         raise UsageError(
