@@ -13,6 +13,7 @@ from bank import CASES, FILE
 from jsonschema import Draft202012Validator
 
 from filippov.app.bank import migrate_bank, run_bank, schema
+from filippov.app.bank.build import build
 from filippov.app.bank.case import read_bank
 from filippov.app.bank.case_runs import CaseRuns, Settings
 from filippov.app.bank.measures import GROUPS, QUANTITIES
@@ -140,6 +141,47 @@ def test_13_5_what_is_wrong_is_refused_by_name(change: dict[str, Any], said: str
     assert said in row.message
     (row,) = run_bank([{**RELAY, "n_events": 1, "expected": [{"name": "it", "measure": X_AT, "value": 1}]}])
     assert "unknown key of the case: 'n_events'" in row.message
+
+
+LOOSE = {
+    "states": ["x, v", "x v"], "h": ["v", {"h": "v"}], "t_span": [3], "x0": [{"v": 0, "x": "1"}],
+    "time_events": [{"period": 1, "reset": {"v": "-v"}}], "event_functions": ["x"],
+}
+STRICT = {
+    "states": ["x", "v"], "h": ["v"], "fields": {"+": ["v", "-x-1"], "-": ["v", "-x+1"]}, "x0": ["1", 0],
+    "t_span": [0, 3], "time_events": [{"period": 1, "reset": {"v": "-v"}}], "event_functions": ["x"],
+}
+
+
+@pytest.mark.parametrize(("key", "value"), [(key, value) for key, row in LOOSE.items() for value in row])
+def test_13_5_loose_notation_is_the_same_system(key: str, value: Any) -> None:
+    strict, loose = build(STRICT), build({**STRICT, key: value})
+    assert (loose.x0, loose.t_span, loose.declared) == (strict.x0, strict.t_span, strict.declared)
+    assert loose.fields == strict.fields
+    assert [(s.h, s.kind) for s in loose.system.surfaces] == [(s.h, s.kind) for s in strict.system.surfaces]
+
+
+def test_13_5_one_field_holds_on_every_side() -> None:
+    rows = [build({**STRICT, "fields": fields}).fields for fields in (["v", "-x"], {"*": ["v", "-x"]})]
+    assert rows[0] == rows[1]
+    assert set(rows[0]) == {"+", "-"}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "where"),
+    [
+        ("h", [True], "h[0]"), ("h", [{"h": "v", "width": []}], "h[0].width"), ("states", 5, "states"),
+        ("fields", {"+": ["v", None]}, "fields.+[1]"), ("x0", ["1", {}], "x0[1]"),
+        ("t_span", [0, [3]], "t_span[1]"),
+        ("time_events", [{"period": 1, "times": "1 2"}], "time_events[0].times"), ("options", [], "options"),
+        ("event_functions", [["x"]], "event_functions[0]"), ("params", ["k"], "params"),
+    ],
+)  # fmt: skip
+def test_13_5_a_wrong_part_of_the_system_is_refused_with_its_place(key: str, value: Any, where: str) -> None:
+    for name in ({"name": "x_end", "value": 1, "tol": 1}, {"name": "it", "measure": X_AT, "value": 1}):
+        (row,) = run_bank([{"id": "wrong", **STRICT, key: value, "expected": [name]}])
+        assert row.status == "error"
+        assert f"the case.{where} is" in row.message
 
 
 def test_13_5_automaton_resets_and_static_friction_are_fields() -> None:

@@ -53,7 +53,7 @@ def switch(
                the first unknown that changes, where both go the same way); 0: both
 
     The other options are those of `continuation`. The first point is `special`. Raises UsageError for any
-    other point, NoConvergenceError where the branches cannot be told apart.
+    other point, NoConvergenceError where the branches cannot be separated.
     """
     if special.special not in SWITCHES:
         known = ", ".join(SWITCHES)

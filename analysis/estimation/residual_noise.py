@@ -21,7 +21,7 @@ from scipy.optimize import minimize
 from filippov.analysis.algebra import linalg
 
 Array = npt.NDArray[np.float64]
-# Largest correlation from sample to sample that is told from a drift.
+# Largest correlation from sample to sample that is distinguished from a drift.
 LARGEST = 0.998
 
 

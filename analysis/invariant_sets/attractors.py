@@ -222,9 +222,8 @@ def attractors(
     store        a file that stores the search (npz): an interrupted search of the same system and settings
                  continues from it with the same results; `most` may differ
 
-    Two attractors closer than `reach`, or a basin that is narrower, are not told apart. Angles are not taken
-    modulo 2 pi: a state that rotates forever escapes. Ctrl-C returns what
-    is done. Raises UsageError.
+    Two attractors closer than `reach`, or a basin that is narrower, are not distinguished. Angles are not
+    taken modulo 2 pi: a state that rotates forever escapes. Ctrl-C returns what is done. Raises UsageError.
     """
     low, size = _box(system, box)
     for name, value in (

@@ -18,8 +18,8 @@ Whole = npt.NDArray[np.int64]
 BETWEEN = 12
 # The widest gap of a chain, in parts of an even spacing; how often R is applied to come to rest.
 GAP, ITERATES = 2.5, 60
-# How often the widest gap is looked at: sets apart by (GAP/13)^4 = 0.0014 of two rests' distance are told
-# apart.
+# How often the widest gap is looked at: sets apart by (GAP/13)^4 = 0.0014 of two rests' distance are
+# separated.
 LOOKS = 4
 # Rests through which a tree is laid.
 MOST = 2000

@@ -24,7 +24,7 @@ from filippov.model.symbols import t as time
 
 Array = npt.NDArray[np.float64]
 STEPS, DIRECTIONS, PERIODS = 1024, 720, 12
-# The least change of the logarithm of a length that is told from none.
+# The least change of the logarithm of a length that is distinguished from none.
 CLEAR_LOG = 1e-3
 # How far from a point on a kink of a reset the slopes of its two sides are taken.
 BESIDE = 1e-8

@@ -112,7 +112,7 @@ def _summary(result: StabilityResult, style: Style) -> str:
 
 
 def _title(item: EquilibriumStability, result: StabilityResult, style: Style) -> str:
-    """What an equilibrium is called; those of one kind and mode are told apart by their place."""
+    """What an equilibrium is called; those of one kind and mode are distinguished by their place."""
     named = _kind(item, result, style)
     alike = [other for other in result.items if _kind(other, result, style) == named]
     return named if len(alike) < 2 else f"{named}, {_at(item.equilibrium)}"

@@ -1,7 +1,7 @@
 """Fixed points, jumps and basins of an event map on an interval.
 
 Roots of R(d) - d are bracketed on a grid that is dense near 0 as well, and beside an equilibrium set at 0 on
-one that is even in log d down to rounding. Several between two points of the grid are told apart by the
+one that is even in log d down to rounding. Several between two points of the grid are separated by the
 slopes of R(d) - d there, and each is solved for at a tight tolerance (`filippov.analysis.maps.gap_roots`).
 """
 

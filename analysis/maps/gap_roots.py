@@ -3,7 +3,7 @@ which are fixed points.
 
 A cell of the grid is split as long as its ends and the slopes there do not exclude further roots. A pair
 that is left between two points is found at the extremum of the gap there. A change of sign
-across a jump of the map is no fixed point, and is told apart by what is left of the gap.
+across a jump of the map is no fixed point; the gap that is left there shows it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Whole = npt.NDArray[np.int64]
 Gap = Callable[[Array, Whole], Array]
 # A cell that is not settled is split into PARTS, at most LEVELS times, to MOST samples for each at first.
 PARTS, LEVELS, MOST = 4, 10, 16
-# Cells are told apart down to this share of d.
+# Cells are separated down to this share of d.
 RESOLVED = 1e-8
 # Share of a cell by which tangents reach 0 apart from each other where the gap is but bent.
 APART = 0.02
@@ -93,7 +93,7 @@ def split(gap: Gap, samples: Samples, noise: float) -> Samples:
     those of the cubic through four neighbours, and of the chords beside the cell. What leaves no trace at the
     neighbours is missed.
     """
-    most = MOST * samples.d.size  # a map that folds everywhere is not told apart
+    most = MOST * samples.d.size  # a map that folds everywhere is not resolved
     for _ in range(LEVELS):
         k = np.flatnonzero(_unsettled(samples, noise))
         if not k.size or samples.d.size + (PARTS - 1) * k.size > most:

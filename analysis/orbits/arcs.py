@@ -103,7 +103,7 @@ def _watched(system: System) -> tuple[bool, ...]:
 
 def arcs_of(solutions: Sequence[Solution]) -> list[Arc]:
     """The arcs of solutions that follow each other. Raises WordError where events at one instant cannot be
-    told apart, impacts accumulate, or the mode changes between two solutions as no single event changes it.
+    separated, impacts accumulate, or the mode changes between two solutions as no single event changes it.
     """
     out: list[Arc] = []
     for solution in solutions:

@@ -10,7 +10,7 @@ def pattern(expressions: Sequence[Any], roles: Mapping[Any, Hashable]) -> tuple[
     """What stands in expressions, with every symbol that has a role by its role and its place among them.
 
     Two rows of expressions with equal patterns are the same but for the names of such symbols; all others,
-    parameters with their bounds above all, are told apart.
+    parameters with their bounds above all, are distinguished.
     """
     places: dict[Any, int] = {}
     out: list[Any] = []

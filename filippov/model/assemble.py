@@ -47,7 +47,7 @@ def assemble(
     clocks = [e for event in time_events for e in event.expressions()]
     inputs = as_symbols([*equations.values(), *_expressions(given), *clocks, *outputs])
     if inputs:
-        # While surfaces are told apart an input may have any value, whatever its samples are.
+        # While surfaces are distinguished an input may have any value, whatever its samples are.
         equations = {symbol: f.xreplace(inputs) for symbol, f in equations.items()}
         given = tuple(put_into_source(surface, inputs) for surface in given)
         time_events = [put_into_source(event, inputs) for event in time_events]

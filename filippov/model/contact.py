@@ -39,7 +39,7 @@ UNDERIVED = (KINK, JUMPS, SIGNED, ACROSS, BOTH)
 
 
 def found_contact(form: SymbolicForm, surface: Surface, i: int) -> Contact | str:
-    """The contact on surface i, whatever it is told, or the reason why there is none."""
+    """The contact on surface i, whatever `contact` says, or the reason why there is none."""
     after = form.reset[i] if form.reset else None
     if after is None:
         return "it has no reset"

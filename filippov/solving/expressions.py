@@ -30,7 +30,7 @@ def read_with_signs(system: System, expr: Expr) -> Expr:
     form = system.exact.symbolic
     assert form is not None
     extractor = Extractor()
-    # As in assembling: while surfaces are told apart an input may have any value.
+    # As in assembling: while surfaces are distinguished an input may have any value.
     inputs = as_symbols([expr, *form.h])
     signals = {symbol: node for node, symbol in inputs.items()}
     own: list[Any] = []

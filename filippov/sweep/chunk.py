@@ -1,8 +1,8 @@
 """A chunk: some rows in one file that appears whole or not at all, sealed with its sha256.
 
 It holds the text of the sweep's manifest. Its name begins with the sweep's key and goes on with a digest of
-the numbers of its points: a file that was renamed, or that someone else put there, is told from a chunk of
-this sweep, and no file without such a name is ever replaced or removed.
+the numbers of its points: a file that was renamed, or that someone else put there, is distinguished from a
+chunk of this sweep, and no file without such a name is ever replaced or removed.
 """
 
 from __future__ import annotations

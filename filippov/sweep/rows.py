@@ -63,8 +63,8 @@ class Work(Protocol):
     """Something to be computed point by point; it is sent to other processes.
 
     fields   all that decides the results, by name; two runs mix only where every field agrees
-    unseen   what decides them as well and cannot be told, in words; a run goes on with rows of an earlier one
-             only where it is told to trust them
+    unseen   what decides them as well but cannot be compared, in words; a run goes on with rows of an
+             earlier one only where the caller says that they can be trusted
     names    of the coordinates; points: their values, (N, P), an array or a Grid
     columns  of the results; units: of coordinates and columns, where known
     first    number of points to begin with in one go

@@ -26,7 +26,7 @@ LONGEST_CYCLE, CYCLES = 6, 4
 STEADY, SHRINKING = 0.05, 0.9999
 # The limit by the law may change again by as much as it changed in the last cycles, and a little more.
 MOVES = 2.0
-# The least of many estimates of an error is further too small than a single one.
+# The smallest of many estimates of an error is too small by more than a single one is.
 CHOSEN = 4.0
 
 
@@ -35,7 +35,7 @@ CHOSEN = 4.0
 def shallow(speed: float, scale: float, known: float, length: float) -> int:
     """Whether a cycle of this length is so shallow that the next ones show rounding of h or its accuracy.
 
-    speed: of h at the event; scale: the terms of h; known: a depth that is not told from 0
+    speed: of h at the event; scale: the terms of h; known: a depth that cannot be distinguished from 0
     """
     return 1 if speed * length <= max(GRAINY * EPS * scale, known) else 0
 
@@ -191,13 +191,13 @@ def cycle_limit(
 ) -> int:  # fmt: skip
     """The law of the events of one surface (E9), into out; 0 where their cycles do not shrink steadily.
 
-    times  so many events from the latest half of a history, the last `recent` of them from its latest part
+    times  `count` events from the latter half of a history, the last `recent` of them from its latest part
     rtol   the error of a run over its time, `start`: where that began
-    out    time of the limit, its error, the ratio; the last event of the cycles that tell it, the events of a
-           cycle; by how much the errors are to be taken for larger; the events of the latest cycles; and room
+    out    time of the limit, its error, the ratio; the last event of the cycles that determine it, events per
+           cycle; the factor by which errors are increased; events per cycle of the latest ones; and scratch
 
-    Earlier cycles of the same accumulation give the limit where they know it better: the last ones are short
-    and their states small beside the absolute tolerance.
+    Earlier cycles of the same accumulation give the limit where they determine it more accurately: the last
+    ones are short and their states small beside the absolute tolerance.
     """
     cycle = steady_cycle(times, count - recent, count - 1)
     if cycle == 0:

@@ -148,12 +148,13 @@ class EventCycles(Struct):
 class Past(Struct):
     """The last events of a trajectory, and the limit that they accumulate at (see `limit`).
 
-    count, room  how many there are and how many may be, 0 where none are kept
-    most         among how many of the last ones a law is looked for; earlier ones may know its limit better
-    stops        whether a trajectory ends at an accumulation, with its limit told
+    count, room  number of events kept, and the largest number; 0 where none are kept
+    most         number of the last events that are searched for a law; earlier ones may give a better limit
+    stops        whether a trajectory ends at an accumulation and reports its limit
     times        of each; reached: its surface i (time events follow), -1 - i where that was grazed
     same         the times of those on one surface, `alike` of them; law: as `cycle_limit` leaves it
-    t, error     time of the limit and its error; x_error: of its state; bend: of the way there, off a line
+    t, error     time of the limit and its error; x_error: error of its state; bend: how far the solution up
+                 to it deviates from a straight line
     """
 
     count: int
@@ -276,8 +277,8 @@ class Scratch(Struct):
     error: Vector = part(lambda of: of.kept)
     memory: Memory = part()
     # Of Taylor's method: coefficients and where they were taken, the polynomial's rate at the end of the
-    # step, what it misses the field by inside of it, in a step of which length; whether there are none, and
-    # the stages that stand in for them.
+    # step, by how much it misses the field inside the step and the length of that step; whether there are
+    # no coefficients, and the stages that replace them.
     jet: Vector = part(lambda of: of.stages * (of.n + 2 * of.m) if of.series else 0)
     origin: Origin = part()
     jet_end: Vector = part(lambda of: of.n if of.series else 0)
@@ -351,11 +352,11 @@ class Trajectory(Struct):
 
     x, mode m, multipliers lam of the sliding surfaces; order[i]: how often guard i vanishes at the start,
     ALONG where others hold the solution on it; trigger: the surfaces that are active where the classification
-    is needed; stop: events until a terminal one, a row of STOPS a surface; ticks, instants: time events, with
-    the times of those that list them; rec, rec_coef: steps with their dense output; events, marks: what is
-    kept of events; kinds: how many of each kind a surface had, where events are only counted; past: what
-    accumulations are told by; limit: the last of them, with its error, that of its state, and the
-    state; number: in its batch.
+    is needed; stop: events until a terminal one, a row of STOPS per surface; ticks, instants: time events,
+    and the times of those that list them; rec, rec_coef: steps with their dense output; events, marks:
+    what is kept of events; kinds: how many of each kind a surface had, where events are only counted; past:
+    the events by which accumulations are recognised; limit: the last accumulation, with its error, that of
+    its state, and the state; number: in its batch.
     """
 
     clock: Clock

@@ -1,8 +1,8 @@
 """A run at a two-fold: whether it is one, what can follow, and the first moment of what follows.
 
 Sliding that comes to the end of a multiplier's set close to a two-fold leaves by rounding on either side, or
-passes through; which of them says nothing. Whether it is drawn into the two-fold is told from the linear flow
-of sliding there (`filippov.solving.selection.two_fold`), on the scale of the slide: with sigma the difference
+passes through; which of them says nothing. The linear flow of sliding there decides whether it is drawn into
+the two-fold (`filippov.solving.selection.two_fold`), on the scale of the slide: with sigma the difference
 of the rates over the largest one since the slide began, and rho how fast a deviation from the direction of
 entry grows while that difference falls, a deviation at the beginning of sigma**(1 + max(rho, 0)) would lead
 into it. Up to RESOLUTION this counts as meeting it, whatever the tolerance of the run. So that sigma does not

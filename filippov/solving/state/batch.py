@@ -275,7 +275,7 @@ def _pasts(machine: Machine, count: int) -> tuple[Rows[Past], tuple[npt.NDArray[
     """The pasts of so many trajectories, and the arrays that they lead to; empty where nothing can rest."""
     kind = cast(type[Past], machine.compiled.records["Past"])
     pasts, most = Rows(kind, np.zeros((count, kind.size), dtype=np.int64)), looked_at(machine.m)
-    # What is told by so many is told better by twice as many; the earlier half of all is given up at once.
+    # Twice as many events determine a limit better; the earlier half of all is given up at once.
     room = 4 * most if any(machine.contacts) else 0
     pasts.column("most")[:], pasts.column("room")[:] = most, room
     times, reached = np.zeros((2, count, room)), np.zeros((count, room), dtype=np.int64)

@@ -14,7 +14,7 @@ from filippov.kernel.tables import codes
 from filippov.solving.state.events import Event, Events, Mode
 
 Array = npt.NDArray[np.float64]
-# Roots closer than this part of the time, among the last events, are told apart by rounding.
+# Roots closer than this part of the time, among the last events, are separated by rounding only.
 CROWDED, LOOK_BACK = 1e-9, 8
 MANY_ROOTS = "not resolved: a multiple root, or several next to each other"
 _KINDS = {

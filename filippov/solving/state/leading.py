@@ -1,7 +1,7 @@
 """The first power of time that does not vanish in a guard along the solution of a mode.
 
-What stands out of rounding is told by the terms that a guard and its rate are sums of, never by the size of
-the state: a surface that is reached where the states in it are 0 is as any other.
+What exceeds rounding is decided by the terms that a guard and its rate are sums of, never by the size of the
+state: a surface that is reached where the states in it are 0 is as any other.
 
 Source: Filippov 1988, section 10 (the first non-vanishing derivative decides).
 """

@@ -35,7 +35,7 @@ def affine_parts(
 ) -> int:
     """x' = f + b s of the surfaces solved for, b an array (N, M); the other signs are those of m.
 
-    Signs that share no component of the field are told apart by one call: their colour.
+    Signs that share no component of the field are separated by one call: they have one colour.
     """
     n, surfaces = SIZES[0], SIZES[1]
     s, f1 = shift(w, 0), shift(w, surfaces)
